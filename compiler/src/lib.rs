@@ -2,51 +2,29 @@
 
 #[cfg(feature = "cli")]
 pub mod cli;
-pub mod clock;
-pub mod dcs;
 pub mod diagnostics;
-pub mod discretize;
-pub mod ensemble;
-pub mod explain;
-#[cfg(feature = "plots")]
-pub mod figure;
-pub mod files;
-pub mod golden;
-pub mod hybrid;
-pub mod imports;
-pub mod launch;
-pub mod messages;
+pub mod lowering;
 pub mod model;
-pub mod modes;
-pub mod mpcc;
 pub mod nl;
 pub mod optimize;
-pub mod order;
-pub mod prepared;
 pub mod project;
 pub mod report;
-#[cfg(feature = "cli")]
-mod rerun;
-pub mod run;
 pub mod simulate;
 pub mod source;
-pub mod sweep;
+pub mod study;
 pub mod syntax;
 pub mod system;
-pub mod table;
 #[cfg(test)]
 mod testing;
-pub mod watch;
 
 pub use nsd_expr as expr;
 use nsd_solver::integrate::tableau::Family;
 pub use nsd_solver::runtime::{limit, threads};
 
-pub use self::messages::Messages;
 pub use self::project::Project;
-pub use self::run::{Options, Run};
+pub use crate::diagnostics::messages::Messages;
+pub use crate::project::run::{Options, Run};
 
-use self::clock::Clock;
 use self::diagnostics::Diagnostics;
 use self::expr::{Expr, Exprs};
 use self::model::Model;
@@ -55,7 +33,9 @@ use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::experiment::{ExperimentError, Feature, Method, MethodKind, Settings};
 use self::system::task::{Control, Shape};
-use self::system::{Allowed, Extent, Role, Switch, System, following, freezing};
+use self::system::{Allowed, Extent, Role, Switch, System, freezing};
+use crate::project::clock::Clock;
+use crate::system::algebraic::following;
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
@@ -231,7 +211,7 @@ fn discretizable<'e>(
     diags: &mut Diagnostics,
 ) -> Option<System<'e>> {
     let mut system = match &settings.method {
-        Method::Smoothing(options) => system::smoothing::smooth(&system, options),
+        Method::Smoothing(options) => system::switches::smoothing::smooth(&system, options),
         _ => system,
     };
     let steps = !system.impulsive.is_empty();
@@ -246,7 +226,7 @@ fn discretizable<'e>(
             return None;
         }
     }
-    let lowerings = dcs::check(&system, &settings.lowerings, needs);
+    let lowerings = lowering::dcs::check(&system, &settings.lowerings, needs);
     lowerings.map_err(|error| diags.push(error)).ok()?;
     Some(system)
 }
@@ -372,7 +352,7 @@ fn bends(data: &model::Data, settings: &Settings) -> Result<(), ExperimentError>
         return Ok(());
     };
     let horizon = task.horizon.unwrap_or((settings.horizon, settings.horizon));
-    match discretize::inside(&data.table, horizon, task.intervals) {
+    match lowering::discretize::inside(&data.table, horizon, task.intervals) {
         None => Ok(()),
         Some(time) => Err(ExperimentError::Bends {
             name: data.name.clone(),
@@ -392,7 +372,7 @@ fn frozen<'e>(
     let frozen = freezing::freeze(&system, settings.pace());
     let frozen = frozen.map_err(|error| diags.push(error)).ok()?;
     let needs = settings.method.kind().needs_dcs() || settings.optimize.is_some();
-    let lowerings = dcs::check(&frozen.system, &settings.lowerings, needs);
+    let lowerings = lowering::dcs::check(&frozen.system, &settings.lowerings, needs);
     lowerings.map_err(|error| diags.push(error)).ok()?;
     Some(Compiled {
         model,
@@ -483,7 +463,7 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
             // A lowering that is asked for by name must exist, whatever the method needs.
             let lowerings = &compiled.settings.lowerings;
             if !lowerings.is_empty()
-                && let Err(error) = dcs::lower(&compiled.lowered(), lowerings)
+                && let Err(error) = lowering::dcs::lower(&compiled.lowered(), lowerings)
             {
                 found.push(error);
             }

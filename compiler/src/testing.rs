@@ -1,8 +1,8 @@
 //! What unit tests share.
 
-use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
+use crate::project::clock::Clock;
 use crate::source::SourceMap;
 use crate::syntax::{Item, parse};
 use crate::{Compiled, compile};

@@ -1,9 +1,9 @@
 //! What expectations mean: each is compared with one run and must hold or fail as listed.
 
-use nsdc::clock::Clock;
 use nsdc::compile;
 use nsdc::diagnostics::{Diagnostics, render};
 use nsdc::expr::Exprs;
+use nsdc::project::clock::Clock;
 use nsdc::report::expect::{Check, Findings, Verdict, check, evaluate};
 use nsdc::simulate;
 use nsdc::source::SourceMap;

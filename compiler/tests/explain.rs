@@ -1,15 +1,16 @@
 //! Every page of `nsdc explain` shows a file that gives its code, and one that is right.
 
-use nsdc::clock::Clock;
+use nsdc::diagnostics::explain::{PAGES, examples};
 use nsdc::diagnostics::{Diagnostics, render};
-use nsdc::explain::{PAGES, examples};
 use nsdc::expr::Exprs;
-use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
 use nsdc::nl;
 use nsdc::optimize;
+use nsdc::project::clock::Clock;
 use nsdc::report::Warning;
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
+use nsdc::source::imports;
+use nsdc::source::imports::{Loaded, Loader, NoFiles, NotLoaded};
 use nsdc::syntax::{self, File, Item};
 use nsdc::{check, compile};
 

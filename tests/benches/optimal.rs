@@ -146,7 +146,7 @@ impl mpcc::Observer for Way {
     }
 }
 
-impl nsdc::watch::Watch for Way {}
+impl nsdc::project::watch::Watch for Way {}
 
 impl Problem {
     fn ours(&self) -> Option<(f64, Way)> {

@@ -12,7 +12,7 @@ use nsd_solver::event::Simulator;
 use nsd_solver::hybrid::{HybridSystem, Settings, Status};
 use nsd_tests::with_experiment;
 use nsdc::Compiled;
-use nsdc::hybrid;
+use nsdc::lowering::hybrid;
 use support::{Silent, median, print, simulator, start};
 
 const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");

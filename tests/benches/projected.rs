@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector};
 use nsd_solver::hybrid::Status;
 use nsd_tests::with_experiment;
 use nsdc::Compiled;
-use nsdc::hybrid;
+use nsdc::lowering::hybrid;
 use peers::{Row, Script};
 use records::record;
 use serde_json::{Value, json};

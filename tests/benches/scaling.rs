@@ -5,7 +5,7 @@ mod support;
 
 use criterion::Criterion;
 use nsd_tests::with_experiment;
-use nsdc::hybrid;
+use nsdc::lowering::hybrid;
 use support::{Silent, median, print, simulator, start};
 
 fn main() {

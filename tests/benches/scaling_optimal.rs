@@ -14,9 +14,9 @@ use nsd_solver::optimization::mpcc::{Observer, Program};
 use nsd_tests::with_experiment;
 use nsdc::limit::Limit;
 use nsdc::optimize;
+use nsdc::project::watch::Watch;
 use nsdc::report::{MethodOption, Trajectory};
 use nsdc::simulate::Request;
-use nsdc::watch::Watch;
 use records::record;
 use serde_json::json;
 

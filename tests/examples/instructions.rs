@@ -21,11 +21,12 @@ use nsd_solver::hybrid::Settings;
 use nsd_solver::integrate::tableau::Family;
 use nsd_solver::moreau::{self, Change};
 use nsd_tests::with_experiment;
-use nsdc::hybrid;
+use nsdc::lowering::dcs;
+use nsdc::lowering::hybrid;
 use nsdc::simulate::Request;
 use nsdc::simulate::fesd::complementarity;
 use nsdc::simulate::moreau::stepper;
-use nsdc::{Compiled, dcs, optimize};
+use nsdc::{Compiled, optimize};
 
 /// By how much a count may be above the one that is kept.
 const TOLERANCE: f64 = 0.02;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use nsdc::compile;
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;
-use nsdc::imports;
 use nsdc::source::SourceMap;
+use nsdc::source::imports;
 use nsdc::syntax::{self, DeclKind, Experiment, Item, Model, Stmt};
 use nsdc::system::System;
 

@@ -12,19 +12,21 @@ use std::path::{Path, PathBuf};
 
 pub use examples::for_each_example;
 use nsdc::cli::{self, Exit, Streams};
-use nsdc::clock::Clock;
 use nsdc::diagnostics::{self, Diagnostics};
-use nsdc::ensemble::Source;
 use nsdc::expr::Exprs;
-use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
+use nsdc::lowering::dcs;
 use nsdc::optimize;
+use nsdc::project::clock::Clock;
+use nsdc::project::ensemble::Source;
 use nsdc::report::{EventKind, Status, Trajectory};
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
+use nsdc::source::imports;
+use nsdc::source::imports::{Loaded, Loader, NoFiles, NotLoaded};
 use nsdc::syntax::{self, Item};
 use nsdc::system::Role;
 use nsdc::system::experiment::{FesdOptions, Method};
-use nsdc::{Compiled, compile, dcs};
+use nsdc::{Compiled, compile};
 
 /// Files of data by name, and no others.
 #[derive(Clone, Debug, Default)]

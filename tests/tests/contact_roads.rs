@@ -3,7 +3,8 @@
 
 use nsd_tests::random::Random;
 use nsd_tests::{end, run, times, with_experiment};
-use nsdc::dcs::{self, Formulation, lower_as};
+use nsdc::lowering::dcs;
+use nsdc::lowering::dcs::{Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 const EVENTS: &str = "tolerance 1e-12;";

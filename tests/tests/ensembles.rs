@@ -1,7 +1,8 @@
 //! Many runs of one experiment: seeds, threads, quantiles, and how often errors throw a state out of a layer.
 
 use nsd_tests::with_source;
-use nsdc::ensemble::{self, LEVELS, Seeded};
+use nsdc::project::ensemble;
+use nsdc::project::ensemble::{LEVELS, Seeded};
 use nsdc::report::{Ensemble, Status, Trajectory};
 use nsdc::simulate::{self, Request};
 

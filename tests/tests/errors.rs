@@ -7,8 +7,8 @@ use std::path::Path;
 
 use nsd_tests::DataFolder;
 use nsdc::diagnostics::{Diagnostics, render};
-use nsdc::imports;
 use nsdc::source::SourceMap;
+use nsdc::source::imports;
 use nsdc::{check, syntax};
 
 #[test]

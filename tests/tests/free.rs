@@ -218,6 +218,6 @@ fn the_optimum_tells_their_values() {
     {
         close(*value, exact, 1e-6);
     }
-    let report = nsdc::report::text::write(&found);
+    let report = nsdc::report::forms::text::write(&found);
     assert!(report.contains("p    = 0.25541"), "{report}");
 }

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use nsd_tests::with_experiment;
-use nsdc::dcs::{Dcs, Formulation, Pointwise, lower_as, solve_pointwise};
 use nsdc::expr::Var;
+use nsdc::lowering::dcs::{Dcs, Formulation, Pointwise, lower_as, solve_pointwise};
 use nsdc::optimize;
 use nsdc::system::{Role, System};
 

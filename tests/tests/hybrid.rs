@@ -7,7 +7,7 @@ use std::thread;
 use nsd_solver::event::{Event, Observer, Segment, Simulator};
 use nsd_solver::hybrid::{HybridSystem, Settings, Status};
 use nsd_tests::{for_each_example, with_experiment};
-use nsdc::hybrid;
+use nsdc::lowering::hybrid;
 use nsdc::system::System;
 
 /// Everything that a run says: its events, and its end.

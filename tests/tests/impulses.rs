@@ -2,8 +2,9 @@
 //! event, orders, printed forms, and what is refused.
 
 use nsd_tests::{agrees, run, solved_optimum, times, with_experiment};
-use nsdc::dcs;
-use nsdc::discretize::{self, Grid, discretize};
+use nsdc::lowering::dcs;
+use nsdc::lowering::discretize;
+use nsdc::lowering::discretize::{Grid, discretize};
 use nsdc::report::{EventKind, Failure, Series, Status, Trajectory};
 
 /// The last values of a series.

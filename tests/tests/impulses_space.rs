@@ -2,7 +2,7 @@
 
 use nsd_tests::bodies::Body;
 use nsd_tests::{end, solved, times, with_experiment};
-use nsdc::dcs;
+use nsdc::lowering::dcs;
 use nsdc::report::{EventKind, Trajectory};
 
 fn text(body: &Body, horizon: f64, method: &str) -> String {

@@ -8,8 +8,9 @@
 //! cubic in time.
 
 use nsd_tests::{agrees, end, solved_optimum, with_experiment};
-use nsdc::dcs;
-use nsdc::discretize::{self, Grid, discretize};
+use nsdc::lowering::dcs;
+use nsdc::lowering::discretize;
+use nsdc::lowering::discretize::{Grid, discretize};
 use nsdc::report::{Stationarity, Trajectory};
 
 /// The directions of slip of a scene: along the axes, and turned.

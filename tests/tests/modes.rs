@@ -1,8 +1,8 @@
 //! `nsdc modes`: the sliding modes of nonlinear switches along a line, against closed forms.
 
 use nsd_tests::with_experiment;
-use nsdc::modes::{map, plane, plane_text, text};
 use nsdc::report::{Change, Map, plot, words_of};
+use nsdc::study::modes::{map, plane, plane_text, text};
 
 fn mapped(text: &str, state: &str, from: f64, to: f64) -> Map {
     with_experiment(text, "run", |compiled| {

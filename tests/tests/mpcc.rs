@@ -6,9 +6,11 @@
 use nalgebra::{DMatrix, DVector};
 use nsd_solver::integrate::tableau::{Family, Tableau};
 use nsd_tests::{end, run, with_experiment};
-use nsdc::dcs::{Formulation, lower_as};
-use nsdc::discretize::{Cross, Detection, Equilibration, Form, Grid, Layout, Options, discretize};
-use nsdc::mpcc::{Bounds, Evaluator, Kind, Mpcc};
+use nsdc::lowering::dcs::{Formulation, lower_as};
+use nsdc::lowering::discretize::{
+    Cross, Detection, Equilibration, Form, Grid, Layout, Options, discretize,
+};
+use nsdc::lowering::mpcc::{Bounds, Evaluator, Kind, Mpcc};
 
 const HORIZON: f64 = 2.0;
 

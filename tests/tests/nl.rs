@@ -16,10 +16,12 @@ use std::process::Command;
 
 use nsd_solver::integrate::tableau::Family;
 use nsd_tests::with_experiment;
-use nsdc::dcs::{Formulation, lower_as};
-use nsdc::discretize::{Cross, Detection, Equilibration, Form, Grid, Options, discretize};
 use nsdc::expr::Expr;
-use nsdc::mpcc::{Ampl, Evaluator, Kind, Mpcc, Value};
+use nsdc::lowering::dcs::{Formulation, lower_as};
+use nsdc::lowering::discretize::{
+    Cross, Detection, Equilibration, Form, Grid, Options, discretize,
+};
+use nsdc::lowering::mpcc::{Ampl, Evaluator, Kind, Mpcc, Value};
 
 use reader::{File, read};
 

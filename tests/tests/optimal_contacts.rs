@@ -1,8 +1,9 @@
 //! Optimal control of what jumps, in frozen time: closed forms, agreement with runs from event to event, printed forms.
 
 use nsd_tests::{agrees, solved_optimum, times, with_experiment};
-use nsdc::dcs;
-use nsdc::discretize::{self, Grid, discretize};
+use nsdc::lowering::dcs;
+use nsdc::lowering::discretize;
+use nsdc::lowering::discretize::{Grid, discretize};
 use nsdc::report::{EventKind, Trajectory};
 
 /// The optimum of experiment `o` of a text.

@@ -6,7 +6,7 @@ use nsd_solver::optimization::nl;
 use nsd_solver::optimization::nl::Problem;
 use nsd_solver::optimization::problem::{Mpcc as _, Nlp, Side};
 use nsd_tests::with_experiment;
-use nsdc::mpcc::{Ampl, Evaluator, Kind, Mpcc};
+use nsdc::lowering::mpcc::{Ampl, Evaluator, Kind, Mpcc};
 use nsdc::optimize;
 
 macro_rules! examples {

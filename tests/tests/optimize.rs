@@ -1,15 +1,16 @@
 //! Optimal control against closed forms.
 
 use nsd_tests::{DataFiles, solved_optimum, with_data, with_experiment};
-use nsdc::clock::Clock;
+use nsdc::compile;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
 use nsdc::optimize;
+use nsdc::project::clock::Clock;
+use nsdc::report::forms::text::significant;
 use nsdc::report::{Confirmation, Failure, Stationarity, Status, Trajectory};
 use nsdc::simulate::Request;
 use nsdc::source::SourceMap;
 use nsdc::syntax::{Item, parse};
-use nsdc::{compile, report::text::significant};
 
 /// The result of the last experiment of a text.
 fn solved(text: &str) -> Trajectory {

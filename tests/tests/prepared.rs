@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::hybrid::Status;
 use nsd_tests::{end, run};
-use nsdc::hybrid::Structural;
-use nsdc::prepared::{NotPrepared, NotRun, Prepared};
+use nsdc::lowering::hybrid::Structural;
+use nsdc::project::prepared::{NotPrepared, NotRun, Prepared};
 
 struct Silent;
 

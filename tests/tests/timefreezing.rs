@@ -1,7 +1,7 @@
 //! Time-freezing against closed forms and against runs with jumps: printed forms, both methods, and what it refuses.
 
 use nsd_tests::{end, run, times, with_experiment};
-use nsdc::dcs::{Formulation, lower_as};
+use nsdc::lowering::dcs::{Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 const HEATING: &str = "

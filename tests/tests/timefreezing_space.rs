@@ -2,7 +2,7 @@
 
 use nsd_tests::bodies::Body;
 use nsd_tests::{end, optimum, run, times, with_experiment};
-use nsdc::dcs::{Formulation, lower_as};
+use nsdc::lowering::dcs::{Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 const ROADS: [&str; 2] = [

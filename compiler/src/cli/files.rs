@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use super::{Streams, project};
 use crate::diagnostics::Diagnostics;
-pub use crate::files::FileError;
-use crate::files::{Disk, EXTENSION, Files, WRITE, open};
 use crate::source::SourceMap;
+pub use crate::source::files::FileError;
+use crate::source::files::{Disk, EXTENSION, Files, WRITE, open};
 
 /// Folders below a folder before a walk gives up; a cycle of links would never end.
 const MAX_DEPTH: usize = 64;

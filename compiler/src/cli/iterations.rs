@@ -5,7 +5,7 @@ use std::io::Write;
 use nsd_solver::optimization::ipm::Progress;
 use nsd_solver::optimization::mpcc::{Observer, Program, Solution, Steering};
 
-use crate::report::text::{duration, significant};
+use crate::report::forms::text::{duration, significant};
 use crate::system::experiment::{relaxation_word, steering_word};
 
 /// Writes the lines; what cannot be written is left out.

@@ -9,23 +9,11 @@
 )]
 
 mod args;
-mod check;
-mod completions;
-mod emit;
-mod explain;
+pub mod commands;
 mod files;
-mod fmt;
 mod iterations;
-mod modes;
-mod new;
-mod order;
 mod progress;
 mod project;
-mod run;
-mod solve;
-mod sweep;
-mod test;
-mod verify;
 mod watch;
 
 use std::ffi::OsString;
@@ -66,10 +54,11 @@ pub struct Streams<'a> {
 ///
 /// A reader of the output that stops reading is no mistake of ours.
 pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) -> Exit {
-    let result = match Args::try_parse_from(solve::without_ampl(args.into_iter().collect())) {
-        Ok(args) => dispatch(args, streams),
-        Err(error) => usage(&error, streams),
-    };
+    let result =
+        match Args::try_parse_from(commands::solve::without_ampl(args.into_iter().collect())) {
+            Ok(args) => dispatch(args, streams),
+            Err(error) => usage(&error, streams),
+        };
     let flushed = streams.out.flush();
     match (result, flushed) {
         (Ok(exit), Ok(())) => exit,
@@ -84,19 +73,19 @@ pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) 
 
 fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
     match args.command {
-        Command::Check(args) => check::run(&args, streams),
-        Command::Emit(args) => emit::run(&args, streams),
-        Command::Run(args) => run::run(&args, streams),
-        Command::Test(args) => test::run(&args, streams),
-        Command::Verify(args) => verify::run(&args, streams),
-        Command::Modes(args) => modes::run(&args, streams),
-        Command::Order(args) => order::run(&args, streams),
-        Command::Solve(args) => solve::run(&args, streams),
-        Command::Sweep(args) => sweep::run(&args, streams),
-        Command::Fmt { files, check } => fmt::run(&files, check, streams),
-        Command::New { path } => new::run(&path, streams),
-        Command::Explain { code } => explain::run(code.as_deref(), streams),
-        Command::Completions { shell } => completions::run(shell, streams),
+        Command::Check(args) => commands::check::run(&args, streams),
+        Command::Emit(args) => commands::emit::run(&args, streams),
+        Command::Run(args) => commands::run::run(&args, streams),
+        Command::Test(args) => commands::test::run(&args, streams),
+        Command::Verify(args) => commands::verify::run(&args, streams),
+        Command::Modes(args) => commands::modes::run(&args, streams),
+        Command::Order(args) => commands::order::run(&args, streams),
+        Command::Solve(args) => commands::solve::run(&args, streams),
+        Command::Sweep(args) => commands::sweep::run(&args, streams),
+        Command::Fmt { files, check } => commands::fmt::run(&files, check, streams),
+        Command::New { path } => commands::new::run(&path, streams),
+        Command::Explain { code } => commands::explain::run(code.as_deref(), streams),
+        Command::Completions { shell } => commands::completions::run(shell, streams),
     }
 }
 

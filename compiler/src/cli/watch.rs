@@ -6,7 +6,7 @@ use nsd_solver::optimization::mpcc::{Observer, Program};
 use super::iterations::Iterations;
 use super::progress::Bar;
 use crate::optimize;
-use crate::watch::{Progress, Watch};
+use crate::project::watch::{Progress, Watch};
 
 /// Sees a run of any kind.
 pub struct Watching<'w> {

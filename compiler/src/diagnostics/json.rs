@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{AnyDiagnostic, Diagnostics};
-use crate::messages::Message;
+use crate::diagnostics::messages::Message;
 use crate::source::SourceMap;
 
 /// A message, and the file that was asked about.

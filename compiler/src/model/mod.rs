@@ -17,77 +17,39 @@
 //! - Every state entry is set once: outside regions, or in each region of one partition.
 //! - A region stands in at most one partition; one that only adds stands in none.
 
-mod algebra;
-mod algebraic;
-mod bind;
-mod builtins;
-mod calls;
-mod check;
-mod cones;
-mod connect;
-mod declare;
-mod decompose;
 mod display;
-mod dynamics;
-mod dynamics_error;
-mod error;
-mod fields;
-mod file;
-mod foreign;
-mod given_error;
-mod hidden;
-mod import;
-mod indicators;
-mod jumps;
-mod lookup;
-mod lower;
-mod mechanics;
+pub(crate) mod errors;
+pub(crate) mod expressions;
 mod names;
-mod order;
-mod partition;
-mod parts;
-mod places;
-mod programs;
-mod projections;
-mod reserved;
 mod resolve;
-mod rows;
-mod scope;
-mod switch;
-mod table_error;
-mod tables;
-mod target;
-mod tensor;
+pub mod statements;
 #[cfg(test)]
 mod tests;
-mod text;
 mod units;
-mod unroll;
-mod unsupported;
 
-pub use cones::Cone;
-pub use dynamics_error::DynamicsError;
-pub use error::ModelError;
-pub use file::check_file;
-pub use given_error::GivenError;
-pub use import::find;
-pub use programs::{Multiplier, Program, ProgramRow};
+pub use crate::model::errors::ModelError;
+pub use crate::model::errors::dynamics::DynamicsError;
+pub use crate::model::errors::given::GivenError;
+pub use crate::model::errors::tables::TableError;
+pub use crate::model::errors::unsupported::Unsupported;
+pub use crate::model::expressions::tensor::{Shape, Tensor};
+pub use crate::model::names::file::check_file;
+pub use crate::model::names::import::find;
+pub use crate::model::names::scope::{Hook, Scope};
+pub use crate::model::names::target::{Target, TargetKind};
+pub use crate::model::statements::cones::Cone;
+pub use crate::model::statements::programs::{Multiplier, Program, ProgramRow};
+pub use crate::model::statements::rows::Comparison;
 pub use resolve::resolve;
-pub use rows::Comparison;
-pub use scope::{Hook, Scope};
-pub use table_error::TableError;
-pub use target::{Target, TargetKind};
-pub use tensor::{Shape, Tensor};
 pub use units::UnitError;
 pub(crate) use units::check_experiment;
-pub use unsupported::Unsupported;
 
 use std::sync::Arc;
 
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
+use crate::source::table::Table;
 pub use crate::syntax::Sliding;
-use crate::table::Table;
 
 /// A model with its names resolved.
 pub struct Model<'e> {

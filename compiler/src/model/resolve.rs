@@ -6,16 +6,16 @@
 
 use rustc_hash::FxHashSet;
 
-use super::declare::Declaring;
-use super::lower::Lowering;
 use super::names::{Declared, Item};
-use super::order::{chain, edges, free_names_under, others, topological};
-use super::parts::{Files, Instance};
-use super::{
-    Model, ModelError, algebraic, connect, display, dynamics, import, partition, parts, units,
-};
+use super::{Model, ModelError, display, units};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
+use crate::model::expressions::Lowering;
+use crate::model::names::order::{chain, edges, free_names_under, others, topological};
+use crate::model::names::parts::{Files, Instance};
+use crate::model::names::{connect, import, parts};
+use crate::model::statements::declare::Declaring;
+use crate::model::statements::{algebraic, dynamics, partition};
 use crate::syntax::{self, Bind, Expr, File, Stmt};
 
 /// The meaning of the model called `name`.

@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 
 use super::Report;
-use crate::report::text::{duration, significant};
+use crate::report::forms::text::{duration, significant};
 use crate::report::{Stationarity, Status};
 
 /// What a solved problem may violate.

@@ -21,9 +21,9 @@ pub use error::NlError;
 pub use json::write as json;
 pub use text::{message, write as text};
 
-use crate::clock::Instant;
 use crate::diagnostics::Diagnostics;
 use crate::limit::Over;
+use crate::project::clock::Instant;
 use crate::report::{Stationarity, Stats, Status};
 use crate::source::SourceMap;
 

@@ -4,7 +4,7 @@ use std::fmt::{self, Write};
 
 use super::Report;
 use crate::report::Status;
-use crate::report::text::{counted, duration, significant};
+use crate::report::forms::text::{counted, duration, significant};
 
 /// The report, plain text with a line break at the end.
 pub fn write(report: &Report) -> String {

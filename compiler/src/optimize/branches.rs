@@ -9,11 +9,13 @@ use nsd_solver::integrate::tableau::lagrange;
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution, Status};
 
-use super::{Problem, rehearsal, solved};
+use super::Problem;
 use crate::limit::Limit;
+use crate::optimize::checks::solved;
+use crate::optimize::start::rehearsal;
+use crate::project::watch::Watch;
 use crate::report::Failure;
 use crate::simulate::Rehearsed;
-use crate::watch::Watch;
 
 /// How often a program is solved again.
 const MAX_ROUNDS: usize = 4;

@@ -5,8 +5,8 @@ use nsd_solver::optimization::mpcc::{Class, Solution, Status};
 use nsd_solver::optimization::problem::Nlp;
 
 use super::Problem;
-use crate::discretize::DiscretizeError;
-use crate::mpcc::Source;
+use crate::lowering::discretize::DiscretizeError;
+use crate::lowering::mpcc::Source;
 use crate::report::Failure;
 use crate::source::Span;
 use crate::system::experiment::Settings;

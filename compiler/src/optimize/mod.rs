@@ -1,6 +1,6 @@
 //! Optimal control: a system with a task becomes a program, and its solution a trajectory.
 //!
-//! 1. The complementarity system is discretized ([`crate::discretize`]) and compiled.
+//! 1. The complementarity system is discretized ([`crate::lowering::discretize`]) and compiled.
 //! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::optimization::mpcc`]).
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
 //! 4. Where switches are read nonlinearly, it is brought into the sliding modes of the model (`branches.rs`).
@@ -10,26 +10,15 @@
 //!
 //! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`thaw.rs`).
 
-mod begin;
 mod branches;
-mod check;
-mod confirm;
-mod descent;
+pub mod checks;
 mod duals;
-mod elsewhere;
 mod failure;
-mod guess;
 mod moved;
 mod prepared;
-mod products;
-mod read;
 mod record;
-mod reduced;
-mod rehearsal;
-mod runs;
-mod solved;
+pub(crate) mod start;
 mod thaw;
-mod transfer;
 
 use std::sync::Arc;
 
@@ -38,12 +27,15 @@ use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Class, MultiStart, Solution};
 use nsd_solver::optimization::problem::Nlp;
 
-use crate::clock::Instant;
-use crate::dcs::{self, Dcs};
-use crate::discretize::{self, DiscretizeError, Grid, Layout, discretize};
 use crate::expr::Var;
 use crate::limit::{Limit, Over};
-use crate::mpcc::{Mpcc, Program};
+use crate::lowering::dcs;
+use crate::lowering::dcs::Dcs;
+use crate::lowering::discretize;
+use crate::lowering::discretize::{DiscretizeError, Grid, Layout, discretize};
+use crate::lowering::mpcc::{Mpcc, Program};
+use crate::project::clock::Instant;
+use crate::project::watch::{Counted, Watch};
 use crate::report::{
     Certificate, Confirmation, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats,
     Status, Trajectory, Warning,
@@ -53,15 +45,14 @@ use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
 use crate::system::freezing::{Frozen, freeze};
 use crate::system::task::Task;
-use crate::watch::{Counted, Watch};
 
-use begin::{Begin, Start};
-pub use guess::Sampled;
+use crate::optimize::checks::runs::Runs;
+pub use crate::optimize::start::guess::Sampled;
+use crate::optimize::start::products::products;
+pub use crate::optimize::start::transfer::Point;
+use crate::optimize::start::{Begin, Start};
 use moved::Moved;
 pub use prepared::{PrepareError, Prepared, SolveError};
-use products::products;
-use runs::Runs;
-pub use transfer::Point;
 
 /// A solved task.
 pub struct Solved<'e> {
@@ -96,7 +87,7 @@ enum Given {
 }
 
 /// Everything about one task before it is solved.
-struct Problem<'e> {
+pub(crate) struct Problem<'e> {
     system: System<'e>,
     /// The same in numerical time.
     frozen: Option<Frozen<'e>>,
@@ -162,11 +153,11 @@ fn simulate_again(
 ) {
     match in_other_mode {
         None | Some(Failure::OtherMode { .. }) => {
-            check::simulate(problem, solution, limit, trajectory);
+            checks::simulated::simulate(problem, solution, limit, trajectory);
         }
         Some(failure) if failure.is_over() => {}
         Some(failure) => {
-            let warning = check::unfinished(&problem.settings, Some(failure));
+            let warning = checks::simulated::unfinished(&problem.settings, Some(failure));
             trajectory.warnings.push(warning);
         }
     }
@@ -204,7 +195,7 @@ impl<'e> Problem<'e> {
         let watch: &mut dyn Watch = &mut Counted::new(watch);
         let Begin { options, .. } = &begin;
         let limit = &options.limit;
-        let found = begin::solve(self, &begin, watch);
+        let found = start::solve(self, &begin, watch);
         let best = found
             .best
             .unwrap_or_else(|| least_violated(&found.solutions));
@@ -215,7 +206,7 @@ impl<'e> Problem<'e> {
             false => None,
         };
         let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
-            true => confirm::confirm(self, &mut solution, options, limit, watch),
+            true => checks::confirm::confirm(self, &mut solution, options, limit, watch),
             false => (Confirmation::None, None),
         };
         let seconds = (started.elapsed() - built).as_secs_f64();
@@ -224,9 +215,9 @@ impl<'e> Problem<'e> {
         trajectory
             .warnings
             .extend(unfinished_starts(&self.settings, &begin, &found));
-        trajectory
-            .warnings
-            .extend(elsewhere.map(|objective| check::elsewhere(&self.settings, objective)));
+        trajectory.warnings.extend(
+            elsewhere.map(|objective| checks::simulated::elsewhere(&self.settings, objective)),
+        );
         let values = self.values(solution, options);
         trajectory.optimum = Some(Optimum {
             values,
@@ -250,7 +241,7 @@ impl<'e> Problem<'e> {
         }
         trajectory.failure = failure::of(self, solution)
             .or(in_other_mode)
-            .or(check::confirmation(self, &mut trajectory));
+            .or(checks::simulated::confirmation(self, &mut trajectory));
         if let Some(failure) = &trajectory.failure {
             trajectory.status = failure.status();
         }
@@ -264,7 +255,7 @@ impl<'e> Problem<'e> {
 
     /// A solution as a trajectory, of a system that has nothing left to decide.
     fn described(&self, solution: &Solution) -> (System<'e>, Trajectory) {
-        let mut solved = solved::system(self, &solution.w);
+        let mut solved = checks::solved::system(self, &solution.w);
         // Integrals are no states of the model.
         let integrals = self.system.task.as_ref().map_or(0, |task| task.integrals);
         solved.states.truncate(solved.states.len() - integrals);

@@ -19,9 +19,9 @@ use nsd_solver::integrate::tableau::lagrange;
 use nsd_solver::optimization::problem::{Member, Other};
 use rustc_hash::FxHashMap;
 
-use super::products::Product;
-use crate::discretize::Layout;
-use crate::mpcc::{Conditions, Linearized, Others};
+use crate::lowering::discretize::Layout;
+use crate::lowering::mpcc::{Conditions, Linearized, Others};
+use crate::optimize::start::products::Product;
 
 /// Runs that are so short, as a share of their interval, are none.
 const SHORTEST: f64 = 1e-9;

@@ -29,19 +29,19 @@
 //! assert!(prepared.solve(&[f64::NAN], None, &limit, &mut ()).is_err());
 //! ```
 
-use super::begin::Start;
 use super::{Given, Problem, Sampled, Solved, refused};
-use crate::clock::Instant;
 use crate::diagnostics::Diagnostics;
-use crate::discretize::check_given;
+use crate::diagnostics::messages::Messages;
 use crate::limit::Limit;
-use crate::messages::Messages;
+use crate::lowering::discretize::check_given;
+use crate::optimize::start::Start;
+use crate::project::clock::Instant;
+use crate::project::watch::Watch;
 use crate::report::{Status, Warning};
 use crate::simulate::Consistent;
 use crate::source::SourceMap;
 use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
-use crate::watch::Watch;
 
 /// An optimal control problem that is ready to be solved from other initial states.
 pub struct Prepared<'e> {

@@ -6,7 +6,7 @@ use super::Problem;
 use crate::report::Trajectory;
 use crate::simulate::Elements;
 use crate::system::System;
-use crate::system::following::following;
+use crate::system::algebraic::following::following;
 
 /// Elements that are so short, as a share of the horizon, have no mode of their own.
 const SHORTEST: f64 = 1e-9;

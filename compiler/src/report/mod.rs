@@ -9,35 +9,31 @@
 //! - mode intervals follow each other without gap and hold one side per switch;
 //! - pieces follow each other in time and have one number of rows, switches among them.
 
-mod branches;
-pub mod csv;
 mod dense;
-pub mod difference;
 mod ensemble;
 mod event;
 pub mod expect;
 mod failure;
-pub mod json;
+pub mod forms;
 mod modes;
 pub mod numbers;
 mod optimum;
-mod plane;
 #[cfg(feature = "plots")]
 pub mod plot;
 mod refine;
 pub mod roads;
 #[cfg(test)]
 mod sample;
+pub mod sliding;
 mod status;
-pub mod text;
 
-pub use branches::{Boundary, Change, Map, Sample};
+pub use crate::report::sliding::branches::{Boundary, Change, Map, Sample};
+pub use crate::report::sliding::plane::{Plane, PlaneCurve, words_of};
 pub use dense::{Dense, Piece};
 pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
-pub use plane::{Plane, PlaneCurve, words_of};
 pub use refine::refine;
 pub use status::{Certificate, Stationarity, Stats, Status};
 

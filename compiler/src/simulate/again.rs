@@ -9,10 +9,10 @@ use nsd_solver::event as solver;
 use nsd_solver::event::{Observer, Segment, Simulator};
 use nsd_solver::hybrid::Status;
 
-use crate::hybrid;
 use crate::limit::Limit;
+use crate::lowering::hybrid;
+use crate::source::table::Table;
 use crate::system::System;
-use crate::table::Table;
 
 /// A system that is ready to be run.
 pub(crate) struct Again {

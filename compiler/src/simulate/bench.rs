@@ -8,16 +8,17 @@ use std::time::Duration;
 use nsd_solver::integrate::tableau::Family;
 
 use super::driver::{Accuracy, Ended, Problem, Run};
-use super::modes::ModeNames;
 use super::{methods, outcome, solver_settings};
-use crate::clock::Instant;
-use crate::dcs;
 use crate::limit::Limit;
+use crate::lowering::dcs;
+use crate::project::clock::Instant;
+use crate::simulate::record::modes::ModeNames;
 use crate::system::experiment::{
     EventOptions, FesdOptions, Lowering, Method, Settings, SmoothingOptions, SteppingOptions,
     beside_branches,
 };
-use crate::system::{Role, Switch, System, smoothing};
+use crate::system::switches::smoothing;
+use crate::system::{Role, Switch, System};
 
 /// A method with all of its options.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,15 +9,15 @@ use nsd_solver::hybrid::{Outcome, Status as End};
 
 use super::Request;
 use super::estimate::{Comparison, Estimate, Estimator};
-use super::modes::ModeNames;
 use super::outcome;
-use super::overlooked::{Look, Looking};
 use super::record::Recorder;
-use super::reported::Reported;
 use super::watch::{Progress, Watched};
-use crate::clock::Instant;
 use crate::limit::Limit;
+use crate::project::clock::Instant;
 use crate::report::{Certificate, Failure, Kind, Method, Stats, Status, Trajectory};
+use crate::simulate::outcome::overlooked::{Look, Looking};
+use crate::simulate::record::modes::ModeNames;
+use crate::simulate::record::reported::Reported;
 use crate::system::System;
 use crate::system::experiment::Settings;
 

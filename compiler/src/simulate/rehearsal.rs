@@ -3,11 +3,11 @@
 use nsd_solver::fesd::jumps::CLOSED;
 
 use super::{Plan, Request, run};
-use crate::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
-use crate::discretize::Layout;
 use crate::expr::{Expr, Var};
 use crate::limit::Limit;
-use crate::mpcc::Bounds;
+use crate::lowering::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
+use crate::lowering::discretize::Layout;
+use crate::lowering::mpcc::Bounds;
 use crate::report::{Dense, EventKind, Failure, Piece};
 use crate::system::System;
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};

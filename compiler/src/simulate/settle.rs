@@ -1,6 +1,6 @@
 //! Algebraic states at the start.
 
-use crate::hybrid;
+use crate::lowering::hybrid;
 use nsd_solver::event::Simulator;
 
 use super::outcome;

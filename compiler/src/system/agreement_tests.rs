@@ -2,9 +2,9 @@
 
 use rustc_hash::FxHashMap;
 
-use super::sample::Random;
 use crate::Compiled;
 use crate::expr::{Expr, Var};
+use crate::system::regions::sample::Random;
 use crate::testing::with_last;
 
 /// Off the surfaces, the system has the rates and readings of the model as it is written.

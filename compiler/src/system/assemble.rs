@@ -2,23 +2,24 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::continuity::{classify, is_multiple};
-use super::corners::jumps_somewhere;
-use super::interaction::{positions, subsystems};
-use super::jumps::Lowered;
-use super::limits::Limit;
 use super::lower::Lowering;
-use super::partitions::Regions;
 use super::regions::regions_of;
-use super::relay::at_all_sides;
 use super::{
     Body, Contact, Continuity, Output, Param, Role, State, StateGroup, Switch, System, SystemError,
-    Task, skipped,
+    Task,
 };
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, jacobian, variables_of};
 use crate::model::{self, Data, SwitchKind, TargetKind};
 use crate::source::Span;
+use crate::system::contacts::jumps::Lowered;
+use crate::system::needs::skipped;
+use crate::system::regions::corners::jumps_somewhere;
+use crate::system::regions::partitions::Regions;
+use crate::system::switches::continuity::{classify, is_multiple};
+use crate::system::switches::interaction::{positions, subsystems};
+use crate::system::switches::relay::at_all_sides;
+use crate::system::values::limits::Limit;
 
 /// Rates, algebraic states, which have the last ones, laws of jumps, bodies, and contacts with collected switches.
 type Motion<'e> = (

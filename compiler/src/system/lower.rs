@@ -15,10 +15,6 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::experiment::Settings;
 use super::needs::Needs;
-use super::partitions::Regions;
-use super::reading::check_reading;
-use super::sample::Sampler;
-use super::surface::{Form, Known};
 use super::switches::{Entry, Switches};
 use super::values::Values;
 use super::{NamedReading, Output, System, SystemError, regions};
@@ -26,6 +22,10 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
 use crate::model::{Data, Model, Rate, Sliding, Surface, SwitchKind, TargetKind};
 use crate::source::Span;
+use crate::system::regions::partitions::Regions;
+use crate::system::regions::sample::Sampler;
+use crate::system::switches::reading::check_reading;
+use crate::system::switches::surface::{Form, Known};
 
 /// How much of a model is lowered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -36,69 +36,35 @@
 //!   is 1 minus the others also in corners that no point has. (That exactly one region holds at
 //!   every point is proven by [`lower`], or else checked at samples; see [`Coverage`].)
 
-mod affine;
 #[cfg(test)]
 mod agreement_tests;
-mod algebraic;
-pub mod arrangement;
+pub(crate) mod algebraic;
 mod assemble;
-mod cones;
-mod contacts;
-mod continuity;
-mod corners;
-mod coverage;
-mod directions;
+pub(crate) mod contacts;
 mod display;
-mod effort;
 mod error;
 pub mod experiment;
-pub mod following;
 pub mod freezing;
-mod impulsive;
-mod interaction;
-mod jumps;
-mod limits;
 mod lower;
-mod matching;
-mod mechanics;
-mod needs;
+pub(crate) mod needs;
 #[cfg(test)]
 mod needs_tests;
-mod nonlinear;
-mod partitions;
-mod programs;
-mod projections;
 mod read;
-mod reading;
-mod regions;
-mod relay;
-pub mod roots;
-mod sample;
-mod skipped;
-pub mod smoothing;
-#[cfg(test)]
-mod smoothing_tests;
-mod start;
-mod surface;
-mod switches;
-#[cfg(test)]
-mod switches_tests;
+pub(crate) mod regions;
+pub(crate) mod switches;
 pub mod task;
-mod terms;
 #[cfg(test)]
 mod tests;
-mod unseen;
 pub(crate) mod values;
 mod verify;
-mod words;
 
+pub use crate::system::contacts::mechanics::{Body, Contact, Direction, Friction, Impulsive, Slip};
+pub(crate) use crate::system::switches::interaction::subsystems;
+pub use crate::system::values::limits::{Allowed, Limit};
 pub use display::Structure;
 pub use error::SystemError;
 pub use experiment::ExperimentError;
-pub(crate) use interaction::subsystems;
-pub use limits::{Allowed, Limit};
 pub use lower::{Extent, lower};
-pub use mechanics::{Body, Contact, Direction, Friction, Impulsive, Slip};
 pub use read::Readings;
 pub use task::Task;
 

@@ -2,11 +2,12 @@
 
 use rustc_hash::FxHashMap;
 
-use super::surface::Known;
+use super::System;
 use super::switches::Entry;
-use super::terms::{at_alpha, compared};
-use super::{System, surface};
 use crate::expr::{Expr, Substitution, rewrite};
+use crate::system::switches::surface;
+use crate::system::switches::surface::Known;
+use crate::system::switches::terms::{at_alpha, compared};
 
 /// Where names of the model went.
 #[derive(Clone, Debug, Default)]

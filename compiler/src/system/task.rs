@@ -8,13 +8,13 @@
 use std::fmt;
 
 use super::experiment::Tied;
-use super::limits::Allowed;
 use super::lower::Lowering;
 use super::{Contact, State, System};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Domain, Quantity};
 use crate::source::Span;
+use crate::system::values::limits::Allowed;
 
 pub use super::experiment::{At, Cost, Shape, Term};
 

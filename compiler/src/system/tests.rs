@@ -2,10 +2,10 @@
 
 use insta::assert_snapshot;
 
-use crate::clock::Clock;
 use crate::compile;
 use crate::diagnostics::{Diagnostics, render};
 use crate::expr::Exprs;
+use crate::project::clock::Clock;
 use crate::source::SourceMap;
 use crate::syntax::{Experiment, Item, parse};
 

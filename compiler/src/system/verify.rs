@@ -2,11 +2,11 @@
 
 use rustc_hash::FxHashSet;
 
-use super::affine::is_affine;
-use super::interaction::{positions, subsystems};
 use super::regions::are_weights;
 use super::{Body, Contact, Impulsive, Output, System, Task};
 use crate::expr::{Expr, Node, Var, rewrite, variables_of};
+use crate::system::switches::affine::is_affine;
+use crate::system::switches::interaction::{positions, subsystems};
 
 impl<'e> System<'e> {
     /// Names the first invariant that does not hold.

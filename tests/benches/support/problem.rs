@@ -10,7 +10,8 @@ use std::sync::Arc;
 
 use criterion::Criterion;
 use nsd_solver::hybrid::{HybridSystem, Status};
-use nsdc::{Compiled, hybrid};
+use nsdc::Compiled;
+use nsdc::lowering::hybrid;
 use serde_json::{Value, json};
 
 use peers::{Row, Script};

@@ -1,6 +1,6 @@
 //! Tables in Markdown.
 
-use nsdc::report::text::{duration, significant};
+use nsdc::report::forms::text::{duration, significant};
 use serde_json::Value;
 
 /// A row: names of columns and values.

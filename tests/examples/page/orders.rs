@@ -5,13 +5,14 @@ use std::path::Path;
 use std::time::Duration;
 
 use nsd_tests::DataFolder;
-use nsdc::clock::Clock;
 use nsdc::compile;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
-use nsdc::imports;
-use nsdc::order::{self, Study};
+use nsdc::project::clock::Clock;
 use nsdc::source::SourceMap;
+use nsdc::source::imports;
+use nsdc::study::order;
+use nsdc::study::order::Study;
 use nsdc::syntax::{self, Item};
 use serde_json::json;
 

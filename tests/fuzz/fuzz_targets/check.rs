@@ -3,7 +3,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use nsdc::diagnostics::{Diagnostics, render};
-use nsdc::imports::{self, NoFiles};
+use nsdc::source::imports;
+use nsdc::source::imports::NoFiles;
 use nsdc::source::SourceMap;
 use nsdc::{check, syntax};
 

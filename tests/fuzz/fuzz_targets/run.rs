@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use libfuzzer_sys::fuzz_target;
 use nsdc::limit::Limit;
-use nsdc::clock::Clock;
+use nsdc::project::clock::Clock;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
-use nsdc::imports::{self, NoFiles};
+use nsdc::source::imports;
+use nsdc::source::imports::NoFiles;
 use nsdc::report::Status;
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;

@@ -4,9 +4,9 @@
 //! value, `with`, a vector, a matrix, the bound of a control, or the horizon. The model is then simulated with the
 //! numbers that were found, and with others beside them: the objective is the same, and nowhere smaller.
 
-use nsdc::clock::Clock;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
+use nsdc::project::clock::Clock;
 use nsdc::report::Status;
 use nsdc::simulate::Request;
 use nsdc::source::SourceMap;

@@ -7,7 +7,7 @@ use nsd_solver::event::{Event, Segment};
 use nsd_solver::fesd::{ComplementaritySystem, Observer, Settings, Simulator};
 use nsd_solver::integrate::tableau::Family;
 use nsd_tests::for_each_example;
-use nsdc::dcs;
+use nsdc::lowering::dcs;
 use nsdc::simulate::fesd::complementarity;
 use nsdc::system::System;
 

@@ -23,8 +23,9 @@ use rustc_hash::{FxHashMap, FxHashSet};
 pub use error::UnitError;
 
 use self::dimension::{Dimension, Ratio};
-use super::import::{self, imports};
 use crate::diagnostics::Diagnostics;
+use crate::model::names::import;
+use crate::model::names::import::imports;
 use crate::source::Span;
 use crate::syntax::{
     Bind, Binder, Decl, Experiment, File, Function, Ident, Item, Model, Named, Part, Path, Segment,

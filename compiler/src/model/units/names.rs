@@ -1,9 +1,9 @@
 //! Names of units: the coherent units of the SI (BIPM 2019, tables 2 and 4), and what is meant by others.
 
-use super::super::reserved::did_you_mean;
 use super::UnitError;
 use super::dimension::{Dimension, Ratio};
 use crate::diagnostics::{Applicability, Diagnostics, Help};
+use crate::model::names::reserved::did_you_mean;
 use crate::syntax::{Unit, UnitBase, UnitFactor};
 
 /// Exponents of kg, m, s, A, K, mol, cd.

@@ -12,9 +12,10 @@ mod values;
 pub use error::ExpectError;
 
 use self::values::Run;
-use super::{Status, Trajectory, difference};
+use super::{Status, Trajectory};
 use crate::diagnostics::Diagnostics;
 use crate::model::Model;
+use crate::report::numbers::difference;
 use crate::source::{SourceMap, Span};
 use crate::syntax::{Expect, Expr, ExprKind};
 use crate::system::System;

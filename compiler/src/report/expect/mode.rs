@@ -5,7 +5,7 @@ use super::values::{Run, Words};
 use super::{Subject, Verdict, as_name, relation};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
-use crate::report::text::significant;
+use crate::report::forms::text::significant;
 use crate::report::{ModeInterval, Side, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
 use crate::system::Role;

@@ -7,7 +7,7 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
 use crate::model::{Shape, Tensor};
 use crate::report::Trajectory;
-use crate::report::text::significant;
+use crate::report::forms::text::significant;
 use crate::source::Span;
 use crate::syntax::{self, ExpectOp, ExpectRelation, ExpectWhen};
 

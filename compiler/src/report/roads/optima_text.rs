@@ -4,7 +4,7 @@ use std::fmt::{self, Write};
 
 use super::optima::Verdict;
 use super::{Optima, Road};
-use crate::report::text::duration;
+use crate::report::forms::text::duration;
 use crate::report::{Status, Trajectory};
 
 /// The table.

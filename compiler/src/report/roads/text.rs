@@ -3,7 +3,7 @@
 use std::fmt::{self, Write};
 
 use super::{Road, Roads, times};
-use crate::report::text::duration;
+use crate::report::forms::text::duration;
 
 /// The table of the runs and that of their differences.
 pub fn text(roads: &Roads) -> String {

@@ -3,7 +3,8 @@
 //! α_i is 0 or 1 by the sign of ψ_i wherever the method looks, and nothing locates where it changes.
 //! A second run with a hundredth of the tolerance gives the estimate of the error.
 
-use crate::hybrid::{self, Polynomials, Pulses, data_of, tape, variable};
+use crate::lowering::hybrid;
+use crate::lowering::hybrid::{Polynomials, Pulses, data_of, tape, variable};
 use nsd_solver::hybrid::{Piecewise, write_pieces};
 use std::sync::Arc;
 
@@ -16,10 +17,10 @@ use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::report::{Method, MethodOption, Trajectory, Warning};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::{Estimate, Estimator};
-use crate::simulate::schedule::scheduled;
+use crate::simulate::record::schedule::scheduled;
 use crate::system::System;
 use crate::system::experiment::{MethodKind, Settings};
-use crate::system::roots::Vanishing;
+use crate::system::switches::roots::Vanishing;
 
 /// A system as if it had no switches.
 pub(super) struct Adaptive {

@@ -7,8 +7,8 @@ use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::HybridSystem;
 
 use super::smoothed;
-use crate::hybrid;
 use crate::limit::Limit;
+use crate::lowering::hybrid;
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::Estimator;

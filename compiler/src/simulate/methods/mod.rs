@@ -19,12 +19,12 @@ use frozen::InNumericalTime;
 use moreau::Contacts;
 
 use super::driver::{self, Run};
-use super::reported::Reported;
 use super::{Progress, Request};
 use crate::report::Trajectory;
+use crate::simulate::record::reported::Reported;
+use crate::source::table::Table;
 use crate::system::System;
 use crate::system::experiment::{Lowering, Method, MethodKind, Settings};
-use crate::table::Table;
 
 /// A system that is ready to be run, again and again with other seeds and initial states.
 pub struct Plan<'e> {

@@ -15,7 +15,7 @@ pub use statement::*;
 use std::sync::Arc;
 
 use crate::source::Span;
-use crate::table;
+use crate::source::table;
 
 /// A whole file.
 #[derive(Clone, Debug, PartialEq)]

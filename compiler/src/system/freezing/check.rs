@@ -3,7 +3,7 @@
 use super::contact::{Contact, Slip, refused};
 use super::{Meeting, alpha, fixed, slope};
 use crate::expr::{Expr, Var, variables_of};
-use crate::system::affine::at;
+use crate::system::switches::affine::at;
 use crate::system::{Role, System, SystemError};
 
 /// Entries of a mass below this share of others are rounding.

@@ -3,7 +3,7 @@
 use super::{alpha, fixed, slope};
 use crate::expr::Expr;
 use crate::source::Span;
-use crate::system::affine::at;
+use crate::system::switches::affine::at;
 use crate::system::{self, System, SystemError};
 
 /// A restitution below this is none.

@@ -17,12 +17,12 @@ mod relay;
 mod rest;
 mod start;
 
-use super::affine::at;
 use super::regions::regions_of;
 use super::subsystems;
 use super::{Readings, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
+use crate::system::switches::affine::at;
 
 /// A system in numerical time, and the way back to the one it comes from.
 #[derive(Clone, Debug)]

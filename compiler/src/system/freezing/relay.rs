@@ -17,8 +17,8 @@
 use super::alpha;
 use crate::expr::{Expr, Var};
 use crate::source::Span;
-use crate::system::affine::at;
 use crate::system::regions::conjunction;
+use crate::system::switches::affine::at;
 use crate::system::{Continuity, Coverage, Partition, Region, State, Switch, System};
 
 /// Numerical time in which a relay switches, as a share of the pace.

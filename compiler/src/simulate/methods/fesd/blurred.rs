@@ -4,7 +4,7 @@ use nsd_solver::hybrid::Outcome;
 
 use crate::expr::Expr;
 use crate::report::{Trajectory, Warning};
-use crate::simulate::steepest;
+use crate::simulate::outcome::steepest;
 use crate::system::{Role, System};
 
 /// Within this share of its terms ψ is zero.

@@ -8,9 +8,10 @@ use nsd_solver::fesd::{
 use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
-use crate::dcs::{self, Cause, Dcs, Origin};
 use crate::expr::{self, Expr, Exprs, Substitution, Var, variables_of};
-use crate::hybrid::{Polynomials, data_of};
+use crate::lowering::dcs;
+use crate::lowering::dcs::{Cause, Dcs, Origin};
+use crate::lowering::hybrid::{Polynomials, data_of};
 use crate::system::{self, Role, System};
 
 /// x' = f(t, x, z), 0 = g(t, x, z), 0 <= a ⟂ b >= 0 with the parameters of one experiment, and what functions of it are

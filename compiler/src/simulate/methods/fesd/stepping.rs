@@ -4,11 +4,11 @@ use nsd_solver::event::Observer;
 use nsd_solver::fesd::{ComplementaritySystem, Library, Stepper, SteppingSettings};
 
 use super::lower;
-use crate::hybrid::Pulses;
+use crate::lowering::hybrid::Pulses;
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
-use crate::simulate::schedule::scheduled;
+use crate::simulate::record::schedule::scheduled;
 use crate::system::System;
 use crate::system::experiment::{self, MethodKind, Settings, SteppingOptions};
 

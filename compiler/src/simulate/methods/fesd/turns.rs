@@ -11,7 +11,7 @@ use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::Expr;
 use crate::simulate::estimate::{Touch, Touches};
-use crate::simulate::limits::tape_of;
+use crate::simulate::outcome::limits::tape_of;
 use crate::system::{Role, System};
 
 /// Points of an element at which ψ is looked at first, as parts of it.

@@ -14,13 +14,14 @@ use thaw::{End, Law, drive};
 
 use super::events::{finer, solver_settings};
 use super::fesd::{complementarity, options};
-use crate::dcs::{self, Formulation};
-use crate::hybrid;
+use crate::lowering::dcs;
+use crate::lowering::dcs::Formulation;
+use crate::lowering::hybrid;
 use crate::report::{Failure, Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
-use crate::simulate::modes::ModeNames;
 use crate::simulate::outcome;
+use crate::simulate::record::modes::ModeNames;
 use crate::system::System;
 use crate::system::experiment::{FesdOptions, MethodKind, Settings};
 use crate::system::freezing::{Frozen, freeze};

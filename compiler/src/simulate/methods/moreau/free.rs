@@ -6,7 +6,7 @@ use nsd_solver::moreau;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{self, Expr, variables_of};
-use crate::hybrid::{Pulses, tape};
+use crate::lowering::hybrid::{Pulses, tape};
 use crate::simulate::methods::adaptive::{Inputs, Jumping};
 use crate::system::System;
 

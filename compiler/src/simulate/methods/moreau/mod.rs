@@ -2,8 +2,8 @@
 //!
 //! A second run with twice as many steps gives the estimate of the error.
 
-use crate::hybrid::Pulses;
 use crate::limit::Limit;
+use crate::lowering::hybrid::Pulses;
 mod free;
 mod record;
 mod scene;

@@ -5,7 +5,8 @@ use nsd_solver::moreau::{Body, Family, Scene};
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Substitution, Var};
-use crate::hybrid::{self, Copy, ExprForm, tape, variable};
+use crate::lowering::hybrid;
+use crate::lowering::hybrid::{Copy, ExprForm, tape, variable};
 use crate::simulate::methods::adaptive::Inputs;
 use crate::system::System;
 

@@ -3,7 +3,7 @@
 //! Each step of the grid is the program of an optimal control problem with nothing to control: elements, impulses where
 //! they meet, and complementarity (Nurkanović, Frey, Pozharskiy & Diehl 2024). It is made once for each number of
 //! elements, and started from any instant and state. A run from event to event says which branch of it is solved first,
-//! and in which elements contacts stay closed, where the rates of their gaps vanish at the nodes, too (`dcs/drift.rs`);
+//! and in which elements contacts stay closed, where the rates of their gaps vanish at the nodes, too (`lowering/dcs/drift.rs`);
 //! then the relaxed program is solved, and then one with more elements: a step with r switches and impacts needs r + 1.
 //! Pairs are sums over an element, and lengths are equal where nothing happens between them, whatever `cross` and
 //! `equilibration` say of the printed form: its solutions are the same.
@@ -23,17 +23,20 @@ use rustc_hash::FxHashMap;
 use program::{StepProgram, contacts};
 
 use super::options;
-use crate::dcs::{self, Dcs, solve_pointwise};
-use crate::discretize::{self, Detection, Equilibration, Grid, Layout, check_start};
 use crate::expr::{Expr, Var};
 use crate::limit::Limit;
-use crate::mpcc::Bounds;
+use crate::lowering::dcs;
+use crate::lowering::dcs::{Dcs, solve_pointwise};
+use crate::lowering::discretize;
+use crate::lowering::discretize::{Detection, Grid, Layout, check_start};
+use crate::lowering::mpcc::Bounds;
 use crate::report::{Failure, Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
-use crate::simulate::elements::{Rows, Shape};
 use crate::simulate::estimate::{Comparison, Estimate, Estimator};
+use crate::simulate::record::elements::{Rows, Shape};
 use crate::simulate::{Rehearsed, outcome};
 use crate::system::System;
+use crate::system::experiment::Equilibration;
 use crate::system::experiment::{FesdOptions, MethodKind, Settings};
 use crate::system::task::{Cost, Shape as ControlShape, Task};
 

@@ -6,10 +6,10 @@
 use nsd_solver::fesd::jumps;
 use nsd_solver::fesd::jumps::{Contacts, Element};
 
-use crate::dcs::{Dcs, Impact, Kept};
-use crate::discretize::{Grid, Layout, Options, WINDOW, discretize};
 use crate::expr::{self, Expr, Var};
-use crate::mpcc::Program;
+use crate::lowering::dcs::{Dcs, Impact, Kept};
+use crate::lowering::discretize::{Grid, Layout, Options, WINDOW, discretize};
+use crate::lowering::mpcc::Program;
 use crate::system::System;
 
 /// A program with the way back from its variables.

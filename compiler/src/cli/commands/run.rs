@@ -1,0 +1,282 @@
+//! `nsdc run`
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::args::{Log, RunArgs};
+use crate::cli::files;
+use crate::cli::files::{Sink, is_standard};
+use crate::cli::iterations::Iterations;
+use crate::cli::progress::Bar;
+use crate::cli::project;
+use crate::cli::project::Project;
+use crate::cli::watch::Watching;
+use crate::cli::{Exit, Streams, io};
+use crate::diagnostics::Diagnostics;
+use crate::expr::Exprs;
+use crate::limit::Limit;
+use crate::project::clock::Clock;
+use crate::project::{ensemble, figure, launch};
+use crate::report::forms::{csv, json, text};
+use crate::report::{Status, Trajectory, Warning};
+use crate::simulate::Request;
+use crate::syntax::{Bind, Experiment};
+use crate::{Compiled, compile};
+
+/// Runs experiments and reports what came out.
+pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    let limit = Limit::from(args.time_limit);
+    if let Some(message) = args.targets().misuse() {
+        writeln!(streams.err, "error: {message}")?;
+        return Ok(Exit::Usage);
+    }
+    if !files::foresee(args.targets().all(), streams)? {
+        return Ok(Exit::Wrong);
+    }
+    let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
+        return Ok(Exit::Wrong);
+    };
+    let Some(mut experiments) = project::selected(&project, args.experiment.as_deref(), streams)?
+    else {
+        return Ok(Exit::Wrong);
+    };
+    if let Some(method) = &args.method {
+        let words = format!("method {method}");
+        for experiment in &mut experiments {
+            if project
+                .replace_setting(experiment, "--method", &words)
+                .is_none()
+            {
+                project::print(&project.diags, &project.sources, streams)?;
+                return Ok(Exit::Wrong);
+            }
+        }
+    }
+
+    let mut exit = Exit::Success;
+    let mut outputs = Outputs::new(args, experiments.len() > 1);
+    let mut clock = project.clock.clone();
+    let mut said = Diagnostics::new();
+    let asked = Asked {
+        project: &project,
+        overrides: &overrides,
+        args,
+        limit,
+    };
+    for experiment in &experiments {
+        let mut own = Clock::default();
+        let result = one(&asked, experiment, &mut own, &mut said, streams)?;
+        clock.add(&own);
+        let Some((trajectory, plot)) = result else {
+            exit = exit.max(Exit::Wrong);
+            continue;
+        };
+        if trajectory.status != Status::Solved {
+            exit = exit.max(Exit::Failed);
+        }
+        clock.time("report", || outputs.push(&trajectory, plot.as_deref()));
+    }
+    match outputs.finish(streams) {
+        Ok(true) => {}
+        Ok(false) => exit = exit.max(Exit::Wrong),
+        // Whether the runs went well does not depend on who reads about them.
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {}
+        Err(error) => return Err(error),
+    }
+    if args.time {
+        times(&clock, streams)?;
+    }
+    Ok(exit)
+}
+
+/// What all experiments of a command share.
+struct Asked<'a> {
+    project: &'a Project,
+    overrides: &'a [Bind],
+    args: &'a RunArgs,
+    /// That of the command.
+    limit: Limit,
+}
+
+/// Compiles one experiment and tells what is new about it; with its warnings, `None` after an error.
+fn compiled<'e>(
+    asked: &Asked<'_>,
+    exprs: &'e Exprs,
+    experiment: &Experiment,
+    (clock, said): (&mut Clock, &mut Diagnostics),
+    streams: &mut Streams<'_>,
+) -> io::Result<Option<(Compiled<'e>, Vec<Warning>)>> {
+    let (file, overrides) = (&asked.project.file, asked.overrides);
+    let mut diags = Diagnostics::new();
+    let compiled = compile(exprs, file, experiment, overrides, clock, &mut diags);
+    let warnings = Warning::all(&diags);
+    // Experiments of one model meet the same mistakes.
+    let failed = diags.has_errors();
+    diags.remove_known(said);
+    project::print(&diags, &asked.project.sources, streams)?;
+    said.append(diags);
+    let compiled = compiled.filter(|_| !failed);
+    Ok(compiled.map(|compiled| (compiled, warnings)))
+}
+
+/// Tells what a run warns of, and why it has ended.
+fn tell(trajectory: &Trajectory, project: &Project, streams: &mut Streams<'_>) -> io::Result<()> {
+    project::print(&trajectory.diagnostics(), &project.sources, streams)
+}
+
+/// Compiles and runs one experiment, with its figure where one is asked for; `None` after an error.
+fn one(
+    asked: &Asked<'_>,
+    experiment: &Experiment,
+    clock: &mut Clock,
+    said: &mut Diagnostics,
+    streams: &mut Streams<'_>,
+) -> io::Result<Option<(Trajectory, Option<String>)>> {
+    let Asked {
+        project,
+        overrides,
+        args,
+        limit,
+    } = asked;
+    let exprs = Exprs::new();
+    let compiled = compiled(asked, &exprs, experiment, (clock, said), streams)?;
+    let Some((mut compiled, warnings)) = compiled else {
+        return Ok(None);
+    };
+    let request = Request {
+        dense: args.plot.is_some(),
+        estimate: true,
+        multipliers: args.multipliers,
+        limit: limit.clone(),
+    };
+    let name = &compiled.settings.name;
+    // A log shows how far the run is.
+    let logs = args.log == Log::Iterations && compiled.settings.optimize.is_some();
+    let bar = Bar::new(name, streams.progress && !logs);
+    let mut watching = match logs {
+        false => Watching::new(bar),
+        true => {
+            let out: &mut dyn io::Write = match args.targets().to_standard() {
+                true => &mut *streams.err,
+                false => &mut *streams.out,
+            };
+            writeln!(out, "{name}")?;
+            Watching::logged(bar, Iterations::new(out))
+        }
+    };
+    let source = ensemble::Source {
+        file: &project.file,
+        experiment,
+        overrides,
+    };
+    let launched = clock.time("solve", || {
+        launch::whole(project, source, &mut compiled, &request, &mut watching)
+    });
+    let mut trajectory = match launched {
+        Ok(trajectory) => trajectory,
+        Err(diags) => {
+            drop(watching);
+            project::print(&diags, &project.sources, streams)?;
+            return Ok(None);
+        }
+    };
+    drop(watching);
+    trajectory.stats.compile_s = project.compile_seconds(clock);
+    tell(&trajectory, project, streams)?;
+    trajectory.warnings.splice(0..0, warnings);
+    let plot = args
+        .plot
+        .is_some()
+        .then(|| clock.time("report", || figure::draw(&compiled, &trajectory)));
+    Ok(Some((trajectory, plot)))
+}
+
+/// Where the results of a run go.
+struct Outputs {
+    report: String,
+    /// Whether the short report is printed: not where results take its place, or where silence is asked for.
+    reports: bool,
+    json: Option<Sink>,
+    csv: Option<PathBuf>,
+    plot: Option<PathBuf>,
+    /// Files of one experiment each.
+    sinks: Vec<Sink>,
+    several: bool,
+}
+
+impl Outputs {
+    fn new(args: &RunArgs, several: bool) -> Self {
+        Outputs {
+            report: String::new(),
+            reports: args.log > Log::Off && !args.targets().to_standard(),
+            json: args.json.as_deref().map(Sink::new),
+            csv: args.csv.clone(),
+            plot: args.plot.clone(),
+            sinks: Vec::new(),
+            several,
+        }
+    }
+
+    fn push(&mut self, trajectory: &Trajectory, plot: Option<&str>) {
+        if self.reports {
+            if !self.report.is_empty() {
+                self.report.push('\n');
+            }
+            self.report.push_str(&text::write(trajectory));
+        }
+        if let Some(json) = &mut self.json {
+            json.push(&json::write(trajectory));
+            json.push("\n");
+        }
+        if let Some(path) = &self.csv {
+            let sink = Sink::with(&self.path(path, trajectory), csv::write(trajectory));
+            self.sinks.push(sink);
+        }
+        if let (Some(path), Some(plot)) = (&self.plot, plot) {
+            let sink = Sink::with(&self.path(path, trajectory), plot.to_owned());
+            self.sinks.push(sink);
+        }
+    }
+
+    /// The file of one experiment of several: `figure.svg` becomes `figure-crossing.svg`.
+    fn path(&self, path: &Path, trajectory: &Trajectory) -> PathBuf {
+        if !self.several || is_standard(path) {
+            return path.to_owned();
+        }
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let name = format!("{stem}-{}", trajectory.experiment);
+        match path.extension() {
+            Some(extension) => {
+                path.with_file_name(format!("{name}.{}", extension.to_string_lossy()))
+            }
+            None => path.with_file_name(name),
+        }
+    }
+
+    fn finish(self, streams: &mut Streams<'_>) -> io::Result<bool> {
+        streams.out.write_all(self.report.as_bytes())?;
+        let mut all_written = true;
+        for sink in self.json.into_iter().chain(self.sinks) {
+            all_written &= sink.finish(streams)?;
+        }
+        Ok(all_written)
+    }
+}
+
+/// Where the time went.
+fn times(clock: &Clock, streams: &mut Streams<'_>) -> io::Result<()> {
+    writeln!(streams.err, "time")?;
+    for (phase, seconds) in clock.phases() {
+        let share = 100.0 * seconds / clock.total();
+        writeln!(
+            streams.err,
+            "  {phase:8} {:>10}  {share:5.1} %",
+            text::duration(seconds)
+        )?;
+    }
+    writeln!(
+        streams.err,
+        "  {:8} {:>10}",
+        "total",
+        text::duration(clock.total())
+    )
+}

@@ -1,0 +1,104 @@
+//! One kernel, bound to variables and numbers at many places.
+
+use crate::expr::{Expr, Var, variables_of};
+use crate::lowering::mpcc::{Block, Kernel, Kind, Source, Span, n_places, place_of};
+
+/// A block to whose formal arguments actual ones are bound; what the kernel does not contain is dropped in the end.
+pub(crate) struct Builder<const N: usize> {
+    name: &'static str,
+    ranges: [Span; N],
+    places: Vec<[usize; N]>,
+    variables: Vec<(Var, Vec<u32>)>,
+    numbers: Vec<(Var, Vec<f64>)>,
+    bounds: Vec<(f64, f64)>,
+}
+
+impl<const N: usize> Builder<N> {
+    /// At all places of the ranges.
+    pub fn new(name: &'static str, ranges: [Span; N]) -> Self {
+        let place = |number| {
+            let place = place_of(&ranges, number);
+            std::array::from_fn(|i| place[i])
+        };
+        Builder {
+            name,
+            places: (0..n_places(&ranges)).map(place).collect(),
+            ranges,
+            variables: Vec::new(),
+            numbers: Vec::new(),
+            bounds: Vec::new(),
+        }
+    }
+
+    /// The outputs are between these.
+    pub fn bounds(mut self, bounds: Vec<(f64, f64)>) -> Self {
+        self.bounds = bounds;
+        self
+    }
+
+    /// All places.
+    pub fn places(&self) -> impl Iterator<Item = [usize; N]> + '_ {
+        self.places.iter().copied()
+    }
+
+    /// The argument `formal` is this variable at a place.
+    pub fn variable(mut self, formal: Expr, index: impl Fn([usize; N]) -> usize) -> Self {
+        let index = |&place: &[usize; N]| {
+            u32::try_from(index(place)).expect("a problem has fewer than 2^32 variables")
+        };
+        let actual = self.places.iter().map(index).collect();
+        self.variables.push((variable(formal), actual));
+        self
+    }
+
+    /// The arguments `formals` are consecutive variables from this one on.
+    pub fn vector(self, formals: &[Expr], first: impl Fn([usize; N]) -> usize) -> Self {
+        let numbered = formals.iter().enumerate();
+        numbered.fold(self, |builder, (i, &formal)| {
+            builder.variable(formal, |place| first(place) + i)
+        })
+    }
+
+    /// The argument `formal` is this number at a place.
+    pub fn number(mut self, formal: Expr, value: impl Fn([usize; N]) -> f64) -> Self {
+        let actual = self.places.iter().map(|&place| value(place)).collect();
+        self.numbers.push((variable(formal), actual));
+        self
+    }
+
+    /// The block; its outputs contain what was bound.
+    pub fn finish<'e>(
+        mut self,
+        kind: Kind,
+        outputs: Vec<Expr<'e>>,
+        sources: Vec<Source>,
+        text: String,
+    ) -> Block<'e> {
+        let occurring = variables_of(&outputs);
+        let occurs = |var: &Var| occurring.binary_search(var).is_ok();
+        self.variables.retain(|(var, _)| occurs(var));
+        self.numbers.retain(|(var, _)| occurs(var));
+        let (variables, arguments): (Vec<Var>, Vec<Vec<u32>>) = self.variables.into_iter().unzip();
+        let (numbers, values): (Vec<Var>, Vec<Vec<f64>>) = self.numbers.into_iter().unzip();
+        Block {
+            name: self.name,
+            kind,
+            ranges: self.ranges.to_vec(),
+            text,
+            kernel: Kernel {
+                variables,
+                numbers,
+                outputs,
+            },
+            arguments: arguments.concat(),
+            numbers: values.concat(),
+            bounds: self.bounds,
+            sources,
+        }
+    }
+}
+
+/// What is declared as a variable.
+pub(crate) fn variable(expr: Expr) -> Var {
+    expr.as_variable().expect("arguments are variables")
+}

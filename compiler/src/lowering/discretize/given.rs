@@ -1,0 +1,41 @@
+//! What a program takes from initial values: where it starts from, and what is known before the first element.
+
+use super::{Layout, task};
+use crate::lowering::dcs::Dcs;
+
+impl Layout {
+    /// The variables that are fixed where the first element begins, with their values: x(0) that are not free, and the
+    /// continuous z there, where these are known.
+    pub fn given<'d>(&'d self, dcs: &'d Dcs) -> impl Iterator<Item = (usize, f64)> + 'd {
+        let first = self.before(1, 1);
+        let is_free = |i: usize| {
+            let mut freed = dcs.task.iter().flat_map(|task| &task.initial);
+            freed.any(|free| free.place == i)
+        };
+        let states = (0..self.n_states()).filter(move |&i| !is_free(i));
+        let states = states.map(move |i| (first + i, dcs.states[i].initial));
+        let knows_z = !task::Start::of(dcs).is_free;
+        let z = self.fixed_at_start().filter(move |_| knows_z);
+        states.chain(z.map(|(index, i)| (index, dcs.algebraics[i].guess)))
+    }
+
+    /// What x and z are guessed to be everywhere: x(0), and z there.
+    pub fn guesses<'d>(&'d self, dcs: &'d Dcs) -> impl Iterator<Item = (usize, f64)> + 'd {
+        let states = |first: usize| {
+            let states = dcs.states[..self.n_states()].iter().enumerate();
+            states.map(move |(i, state)| (first + i, state.initial))
+        };
+        let place = move |(k, j, m): (usize, usize, usize)| {
+            let z = dcs.algebraics.iter().enumerate();
+            let z = z.filter_map(move |(i, z)| Some((self.z(k, j, m, i)?, z.guess)));
+            let started = dcs.states[..self.n_states()].iter().enumerate();
+            let started = started.filter(move |_| (j, m) == (1, 0));
+            let started =
+                started.filter_map(move |(i, state)| Some((self.started(k, i)?, state.initial)));
+            states(self.x(k, j, m)).chain(z).chain(started)
+        };
+        let nodes = move |(k, j)| (0..=self.end).flat_map(move |m| place((k, j, m)));
+        let elements = self.all_elements().flat_map(nodes);
+        states(self.before(1, 1)).chain(elements)
+    }
+}

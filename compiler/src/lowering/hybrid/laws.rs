@@ -1,0 +1,60 @@
+//! Laws by which states jump, and impacts, as the simulator sees them.
+
+use nsd_solver::hybrid::{Effect, Guard, Impact, Input, Law, Reset};
+use rustc_hash::FxHashMap;
+
+use super::tape;
+use crate::expr::{self, Expr, Substitution, Var};
+use crate::system::{self, System};
+
+/// Compiles the laws of a system, jumps first and then contacts; `inputs` are what variables stand for, and
+/// `numbers` what takes the place of the others.
+pub(crate) fn compile<'e>(
+    system: &System<'e>,
+    inputs: &FxHashMap<Var, Input>,
+    numbers: &[&Substitution<'e>],
+) -> Vec<Law> {
+    let in_numbers = |e: Expr<'e>| numbers.iter().fold(e, |e, numbers| e.substitute(numbers));
+    let inputs_of = |vars: &[Var]| vars.iter().map(|var| inputs[var]).collect();
+    let jump = |law: &system::Law<'e>| {
+        let guard = in_numbers(law.guard);
+        let alphas = expr::variables_of(&[guard]);
+        let switches = alphas.iter().filter_map(|alpha| match inputs.get(alpha) {
+            Some(Input::Alpha(switch)) => Some(*switch),
+            _ => None,
+        });
+        let values = law.resets.iter().map(|&(_, value)| in_numbers(value));
+        let values: Vec<Expr<'e>> = values.collect();
+        let vars = expr::variables_of(&values);
+        Law {
+            guard: match law.strikes {
+                Some(switch) => Guard::Strikes(switch),
+                None => Guard::Sides {
+                    switches: switches.collect(),
+                    holds: tape(&alphas, &[guard]),
+                },
+            },
+            effect: Effect::Reset(Reset {
+                inputs: inputs_of(&vars),
+                states: law.resets.iter().map(|&(state, _)| state).collect(),
+                values: tape(&vars, &values),
+            }),
+        }
+    };
+    let impact = |contact: &system::Contact<'e>| {
+        let friction = contact.friction.as_ref();
+        let mut numbers = vec![in_numbers(contact.restitution)];
+        numbers.extend(friction.map(|friction| in_numbers(friction.coefficient)));
+        let vars = expr::variables_of(&numbers);
+        Law {
+            guard: Guard::Strikes(contact.switch),
+            effect: Effect::Impact(Impact {
+                inputs: inputs_of(&vars),
+                numbers: tape(&vars, &numbers),
+                slips: contact.slips().iter().map(|slip| slip.switch).collect(),
+            }),
+        }
+    };
+    let jumps = system.laws.iter().map(jump);
+    jumps.chain(system.contacts.iter().map(impact)).collect()
+}

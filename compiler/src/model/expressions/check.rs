@@ -1,0 +1,212 @@
+//! Comparisons as switching functions, and small questions about expressions.
+
+use crate::expr::{Expr, Function, Node, rewrite, variables_of};
+use crate::model::expressions::Lowering;
+use crate::model::names::scope::{Reported, Value};
+use crate::model::{DynamicsError, Shape, Surface, Tensor};
+use crate::syntax::{self, ExprKind, Relation};
+
+/// `1 row`, `2 rows`
+pub(crate) fn plural(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+/// `0` as written.
+pub(crate) fn is_zero_literal(expr: &syntax::Expr) -> bool {
+    matches!(expr.kind, ExprKind::Number(0.0))
+}
+
+/// The name of a variable of some expressions, in backticks.
+pub(crate) fn first_variable(entries: &[Expr<'_>]) -> Option<String> {
+    let exprs = entries.first()?.exprs();
+    variables_of(entries)
+        .first()
+        .map(|&var| format!("`{}`", exprs.name(var)))
+}
+
+/// What to do about a value of another shape.
+pub(crate) fn shape_help(expected: Shape, found: Shape) -> Option<String> {
+    match (expected, found) {
+        (Shape::Scalar, Shape::Vector(n)) => Some(format!(
+            "declare the size in brackets, as in `x[{n}]`, or take one entry"
+        )),
+        (Shape::Scalar, Shape::Matrix(m, n)) => Some(format!(
+            "declare the size in brackets, as in `A[{m},{n}]`, or take one entry"
+        )),
+        (Shape::Vector(n), Shape::Matrix(1, m)) if n == m => Some("transpose the row".to_owned()),
+        _ => None,
+    }
+}
+
+impl<'e> Lowering<'_, 'e> {
+    /// `a < b < c`
+    #[inline(never)]
+    pub fn compare(
+        &mut self,
+        first: &syntax::Expr,
+        rest: &[(Relation, syntax::Expr)],
+    ) -> Result<Value<'e>, Reported> {
+        let mut truth: Option<Expr<'e>> = None;
+        let varied = std::mem::replace(&mut self.varies, false);
+        let mut left = (first, self.scalar(first, "a side of a comparison"));
+        for (relation, member) in rest {
+            let right = self.scalar(member, "a side of a comparison");
+            let one = self.relation((left.0, left.1?), *relation, (member, right?))?;
+            truth = Some(truth.map_or(one, |truth| truth * one));
+            left = (member, right);
+        }
+        self.varies |= varied;
+        Ok(Value::condition(
+            truth.unwrap_or_else(|| self.constant(1.0)),
+        ))
+    }
+
+    /// `a > b` is `step(a - b)`, `a < b` is `1 - step(a - b)`.
+    #[inline(never)]
+    fn relation(
+        &mut self,
+        (left, a): (&syntax::Expr, Expr<'e>),
+        relation: Relation,
+        (right, b): (&syntax::Expr, Expr<'e>),
+    ) -> Result<Expr<'e>, Reported> {
+        let above = matches!(relation, Relation::Greater | Relation::GreaterEqual);
+        let difference = (a - b).cancelled();
+        if let Some(value) = difference.as_constant() {
+            let holds = match relation {
+                Relation::Less => value < 0.0,
+                Relation::LessEqual => value <= 0.0,
+                Relation::Greater => value > 0.0,
+                Relation::GreaterEqual => value >= 0.0,
+                Relation::Equal => value == 0.0,
+            };
+            if self.in_guard {
+                let span = left.span.to(right.span);
+                return self.error(DynamicsError::ConstantComparison { value: holds, span });
+            }
+            // What is made of more than structural constants was meant to switch.
+            if value == 0.0 && self.varies {
+                let (_, name) = self.difference((left, a), (right, b));
+                let (psi, span) = (difference, left.span.to(right.span));
+                self.surfaces.push(Surface { name, psi, span });
+            }
+            return Ok(self.constant(if holds { 1.0 } else { 0.0 }));
+        }
+        // A constant stands behind the minus: the surface of `1 < x` is `x - 1`.
+        let ((psi, name), above) = if a.as_constant().is_some() {
+            (self.difference((right, b), (left, a)), !above)
+        } else {
+            (self.difference((left, a), (right, b)), above)
+        };
+        self.surfaces.push(Surface {
+            name,
+            psi,
+            span: left.span.to(right.span),
+        });
+        Ok(if above { psi.step() } else { 1.0 - psi.step() })
+    }
+
+    /// The switching function that compares two values, and its name.
+    fn difference(
+        &self,
+        (left, a): (&syntax::Expr, Expr<'e>),
+        (right, b): (&syntax::Expr, Expr<'e>),
+    ) -> (Expr<'e>, String) {
+        let text = match b.as_constant() {
+            _ if is_zero_literal(right) => self.whole_text(left),
+            Some(value) if value < 0.0 => format!("{} + {}", self.whole_sum_text(left), -value),
+            _ => format!(
+                "{} - {}",
+                self.whole_sum_text(left),
+                self.whole_operand_text(right)
+            ),
+        };
+        (a - b, text)
+    }
+
+    /// Remembers an argument of `sign` or `step` that is zero though it is made of more than structural constants.
+    pub fn record_zeros(&mut self, arg: &syntax::Expr, value: &Tensor<'e>) {
+        if self.varies && value.data.iter().any(|psi| psi.is_zero()) {
+            let (name, psi) = (self.whole_text(arg), self.constant(0.0));
+            let span = arg.span;
+            self.surfaces.push(Surface { name, psi, span });
+        }
+    }
+
+    /// Remembers how the switching functions in the argument of `sign` and the like are written.
+    pub fn record_surfaces(&mut self, arg: &syntax::Expr, value: &Tensor<'e>) {
+        for (position, &psi) in value.data.iter().enumerate() {
+            if psi.as_constant().is_some() {
+                continue;
+            }
+            let name = match (value.shape, &arg.kind) {
+                (Shape::Scalar, _) => self.whole_text(arg),
+                (_, ExprKind::Matrix(matrix))
+                    if !matrix.semicolons
+                        && matrix.rows.iter().flatten().count() == value.data.len() =>
+                {
+                    matrix
+                        .rows
+                        .iter()
+                        .flatten()
+                        .nth(position)
+                        .map(|entry| self.whole_text(entry))
+                        .unwrap_or_default()
+                }
+                // `x[3]` says more than the first entry of `x[3..4]`.
+                (shape, _) => match psi.as_variable() {
+                    Some(var) => psi.exprs().name(var),
+                    None => shape.entry_name(&self.whole_atom_text(arg), position),
+                },
+            };
+            self.surfaces.push(Surface {
+                name,
+                psi,
+                span: arg.span,
+            });
+        }
+    }
+}
+
+/// True for a condition that holds on no side of the surfaces in it.
+///
+/// It is tried on all sides of up to ten surfaces; with more the answer is no.
+pub(crate) fn corners_are_empty(condition: Expr<'_>) -> bool {
+    let exprs = condition.exprs();
+    let mut sides: Vec<(Expr<'_>, Expr<'_>)> = vec![];
+    let of_sides = rewrite(condition, &mut |node| match node.node() {
+        Node::Unary(Function::Step, psi) => {
+            let (scale, surface) = psi.split_scale();
+            let known = sides
+                .iter()
+                .find(|(other, _)| *other == surface)
+                .map(|&(_, side)| side);
+            let side = known.unwrap_or_else(|| {
+                let side = exprs.variable("side");
+                sides.push((surface, side));
+                side
+            });
+            if scale > 0.0 { side } else { 1.0 - side }
+        }
+        _ => node,
+    });
+    let vars: Vec<_> = sides
+        .iter()
+        .filter_map(|(_, side)| side.as_variable())
+        .collect();
+    let others = variables_of(&[of_sides])
+        .iter()
+        .any(|var| !vars.contains(var));
+    if vars.len() > 10 || others {
+        return false;
+    }
+    (0..1_usize << vars.len()).all(|corner| {
+        let value = of_sides.eval(&|var| {
+            let position = vars
+                .iter()
+                .position(|&other| other == var)
+                .unwrap_or_default();
+            ((corner >> position) & 1) as f64
+        });
+        value.abs() < 0.5
+    })
+}

@@ -1,0 +1,208 @@
+//! Names that come from other files: what a `use` brings in, and which model a path means.
+
+use super::file::{FileNames, declare_name};
+use super::parts::Files;
+use super::reserved::did_you_mean;
+use super::scope::Scope;
+use crate::diagnostics::Diagnostics;
+use crate::model::{Model, ModelError};
+use crate::source::imports::ImportError;
+use crate::syntax::{
+    Const, File, Function, Ident, Item, Link, Model as Definition, Path, Segment, Use, UseSource,
+};
+
+/// The model that a path means, with the file it stands in.
+pub fn find<'f>(
+    file: &'f File,
+    path: &Path,
+    diags: &mut Diagnostics,
+) -> Option<(&'f File, &'f Definition)> {
+    let found = find_silently(file, path);
+    if found.is_none() && !is_broken(file, path) {
+        let text = |name: &str, field: &Ident| format!("{name}.{}", field.name);
+        let name = match &path.rest[..] {
+            [Segment::Field(field)] => text(&path.head.name, field),
+            _ => path.head.name.clone(),
+        };
+        let own = models(file).map(|model| model.name.name.clone());
+        let known = own.chain(uses(file).flat_map(|item| {
+            imports(item).into_iter().flat_map(|import| match import {
+                Import {
+                    local,
+                    name: Some(_),
+                    ..
+                } => vec![local.to_owned()],
+                Import {
+                    local,
+                    file: Some(file),
+                    ..
+                } => models(file).map(|model| text(local, &model.name)).collect(),
+                _ => vec![],
+            })
+        }));
+        let known: Vec<String> = known.collect();
+        let help = did_you_mean(&name, known.iter().map(String::as_str));
+        diags.push(ModelError::UnknownModel {
+            name,
+            span: path.span,
+            help,
+        });
+    }
+    found
+}
+
+/// [`find`] without a word where there is none.
+pub(crate) fn find_silently<'f>(file: &'f File, path: &Path) -> Option<(&'f File, &'f Definition)> {
+    let head = &path.head.name;
+    let model = |file: &'f File, name: &str| {
+        let mut models = models(file);
+        models
+            .find(|model| model.name.name == name)
+            .map(|model| (file, model))
+    };
+    let import = || {
+        uses(file)
+            .flat_map(imports)
+            .find(|import| import.local == *head)
+    };
+    match &path.rest[..] {
+        [] => model(file, head).or_else(|| {
+            let import = import()?;
+            model(import.file?, &import.name?.name)
+        }),
+        [Segment::Field(field)] => {
+            let import = import().filter(|import| import.name.is_none())?;
+            model(import.file?, &field.name)
+        }
+        _ => None,
+    }
+}
+
+/// True for a name from a file that is not there, or that is not in it: both have been reported.
+fn is_broken(file: &File, path: &Path) -> bool {
+    let mut imports = uses(file).flat_map(imports);
+    let found = imports.find(|import| import.local == path.head.name);
+    found.is_some_and(|import| match (import.file, import.name) {
+        (None, _) => true,
+        (Some(file), Some(name)) => !declares(file, &name.name),
+        (Some(_), None) => false,
+    })
+}
+
+fn models(file: &File) -> impl Iterator<Item = &Definition> {
+    file.items.iter().filter_map(|item| match item {
+        Item::Model(model) => Some(model),
+        _ => None,
+    })
+}
+
+fn uses(file: &File) -> impl Iterator<Item = &Use> {
+    file.items.iter().filter_map(|item| match item {
+        Item::Use(item) => Some(item),
+        _ => None,
+    })
+}
+
+/// True where a file itself declares a constant, function or model of that name.
+fn declares(file: &File, name: &str) -> bool {
+    declared(file).any(|known| known == name)
+}
+
+fn declared(file: &File) -> impl Iterator<Item = &str> {
+    file.items.iter().filter_map(|item| match item {
+        Item::Const(Const { name, .. })
+        | Item::Fn(Function { name, .. })
+        | Item::Model(Definition { name, .. }) => Some(&*name.name),
+        _ => None,
+    })
+}
+
+impl Model<'_> {
+    /// Lets experiments in another file see the names of that file, besides those of the model.
+    pub fn see_from(&mut self, file: &File, diags: &mut Diagnostics) {
+        let of_file = Files::new(self.exprs, self.time).scope(file, diags);
+        let scope = &self.scope;
+        let own = scope.names.iter();
+        let own = own.filter(|(name, _)| scope.own(name).is_some());
+        let own: Vec<_> = own
+            .map(|(name, meaning)| (name.clone(), meaning.clone()))
+            .collect();
+        let mut names = of_file.names.clone();
+        names.extend(own);
+        self.scope = Scope {
+            names,
+            prefix: String::new(),
+            forgiving: scope.forgiving || of_file.forgiving,
+            ..of_file
+        };
+    }
+}
+
+/// A name that a `use` brings in.
+pub(crate) struct Import<'f> {
+    pub local: &'f str,
+    /// The name in the other file; none for the file as a whole.
+    pub name: Option<&'f Ident>,
+    /// The other file, where it could be read.
+    pub file: Option<&'f File>,
+}
+
+/// Names that a `use` brings in.
+pub(crate) fn imports(item: &Use) -> Vec<Import<'_>> {
+    let file = match &item.link {
+        Link::File(file) => Some(&**file),
+        Link::Open | Link::Failed => None,
+    };
+    if !item.names.is_empty() {
+        let named = item.names.iter();
+        let named = named.map(|(name, alias)| Import {
+            local: &alias.as_ref().unwrap_or(name).name,
+            name: Some(name),
+            file,
+        });
+        return named.collect();
+    }
+    let whole = match (&item.alias, &item.source) {
+        (Some(alias), _) => Some(alias.name.as_str()),
+        (None, UseSource::Dotted(path)) => path.last().map(|last| last.name.as_str()),
+        (None, UseSource::Relative(path)) => path.name.rsplit('/').next(),
+    };
+    let whole = whole.map(|local| Import {
+        local,
+        name: None,
+        file,
+    });
+    whole.into_iter().collect()
+}
+
+/// Takes the names of a `use`, those that are there.
+pub(crate) fn import<'f>(names: &mut FileNames<'f>, item: &'f Use, diags: &mut Diagnostics) {
+    if item.link == Link::Open {
+        diags.push(ImportError::Missing {
+            path: "..".to_owned(),
+            why: "files are not read here".to_owned(),
+            span: item.span,
+            help: None,
+        });
+    }
+    for import in imports(item) {
+        let span = match (import.name, &item.alias) {
+            (Some(name), _) => name.span,
+            (None, Some(alias)) => alias.span,
+            (None, None) => item.span,
+        };
+        if let (Some(file), Some(name)) = (import.file, import.name)
+            && !declares(file, &name.name)
+            && !file.items.iter().any(|item| matches!(item, Item::Bad(_)))
+        {
+            diags.push(ModelError::NotInFile {
+                name: name.name.clone(),
+                span,
+                help: did_you_mean(&name.name, declared(file)),
+            });
+        }
+        if declare_name(names, import.local, span, "`use`", diags) {
+            names.imports.push(import);
+        }
+    }
+}

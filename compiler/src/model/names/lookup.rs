@@ -1,0 +1,276 @@
+//! Names in expressions: local ones first, then built-in values, then the model's.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use miette::LabeledSpan;
+
+use super::places;
+use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
+use super::scope::{Meaning, Reported, Value};
+use crate::expr::Expr;
+use crate::model::errors::foreign;
+use crate::model::expressions::check::plural;
+use crate::model::expressions::{Lazy, Local, Lowering};
+use crate::model::{ModelError, TargetKind, Tensor};
+use crate::source::Span;
+use crate::syntax::{self, ExprKind, Index};
+
+impl<'a, 'e> Lowering<'a, 'e> {
+    #[inline(never)]
+    pub fn name(&mut self, name: &str, span: Span) -> Result<Value<'e>, Reported> {
+        if let Some(position) = self.locals.iter().rposition(|local| local.name() == name) {
+            return self.local(position, span);
+        }
+        match name {
+            "pi" => return Ok(Tensor::scalar(self.constant(std::f64::consts::PI)).into()),
+            "inf" => return Ok(Tensor::scalar(self.constant(f64::INFINITY)).into()),
+            "true" => return Ok(Value::condition(self.constant(1.0))),
+            "false" => return Ok(Value::condition(self.constant(0.0))),
+            "time" => {
+                self.varies = true;
+                return Ok(Tensor::scalar(self.scope.time).into());
+            }
+            _ => {}
+        }
+        let scope = self.scope;
+        let names = if self.in_function {
+            &*scope.of_file
+        } else {
+            &scope.names
+        };
+        match names.get(name) {
+            Some(Meaning::Value(value, kind)) => {
+                self.varies |= !matches!(kind, TargetKind::Const);
+                Ok(value.clone())
+            }
+            Some(Meaning::Family { binders, members }) => {
+                let indices: Option<Vec<i64>> = binders
+                    .iter()
+                    .map(|binder| self.index_value(binder))
+                    .collect();
+                match indices.and_then(|indices| members.get(&indices)) {
+                    Some((value, _)) => Ok(value.clone()),
+                    None => {
+                        let count = binders.len();
+                        self.needs_indices(name, count, span)
+                    }
+                }
+            }
+            Some(Meaning::Word(kind)) => self.error(ModelError::NotAValue {
+                name: name.to_owned(),
+                kind,
+                span,
+                help: None,
+            }),
+            Some(Meaning::Part(part)) => self.is_a_part(name, part, span),
+            Some(Meaning::Parts(_)) => self.needs_indices(name, 1, span),
+            Some(Meaning::Module(_)) => self.is_a_file(name, span),
+            Some(Meaning::Unusable) => Err(Reported),
+            None if scope.forgiving => Err(Reported),
+            None if FUNCTIONS.contains(&name) || scope.functions.contains_key(name) => {
+                let help = Some(format!("call it: `{name}(..)`"));
+                self.error(ModelError::NotAValue {
+                    name: name.to_owned(),
+                    kind: "function",
+                    span,
+                    help,
+                })
+            }
+            None => {
+                let locals = self.locals.iter().map(Local::name);
+                let known = names.keys().map(String::as_str).chain(VALUES).chain(locals);
+                let help = foreign::value(name).or_else(|| did_you_mean(name, known));
+                self.error(ModelError::UnknownName {
+                    name: name.to_owned(),
+                    span,
+                    help,
+                })
+            }
+        }
+    }
+
+    /// The current value of a loop index.
+    pub fn index_value(&self, binder: &str) -> Option<i64> {
+        self.locals.iter().rev().find_map(|local| match local {
+            Local::Value { name, value, .. } if name == binder => value
+                .tensor
+                .as_scalar()?
+                .as_constant()
+                .map(|value| value as i64),
+            _ => None,
+        })
+    }
+
+    #[inline(never)]
+    fn local(&mut self, position: usize, span: Span) -> Result<Value<'e>, Reported> {
+        let is_fixed = |e: &Expr<'e>| e.as_constant().is_some();
+        self.varies |= match &self.locals[position] {
+            Local::Value { value, .. } => !value.tensor.data.iter().all(is_fixed),
+            Local::Let { .. } => true,
+        };
+        let (statement, frame) = match &self.locals[position] {
+            Local::Value { value, .. } => return Ok(value.clone()),
+            Local::Let {
+                statement,
+                value,
+                frame,
+            } => match value {
+                Lazy::Done(value) => return Ok(value.clone()),
+                Lazy::Failed => return Err(Reported),
+                Lazy::Running => {
+                    let name = statement.name.name.clone();
+                    let chain = format!("{name} -> .. -> {name}");
+                    return self.error(ModelError::Cycle {
+                        what: format!("`{name}`"),
+                        chain,
+                        span,
+                        others: vec![LabeledSpan::new_with_span(
+                            Some("while this is computed".to_owned()),
+                            statement.name.span,
+                        )],
+                    });
+                }
+                Lazy::Waiting => (Rc::clone(statement), *frame),
+            },
+        };
+        // Its expression sees what stands around the `let`, not around its use.
+        self.set_lazy(position, Lazy::Running);
+        let inner = self.locals.split_off(frame.min(self.locals.len()));
+        let value = self.expr(&statement.value);
+        self.locals.extend(inner);
+        self.set_lazy(
+            position,
+            value
+                .as_ref()
+                .map_or(Lazy::Failed, |value| Lazy::Done(value.clone())),
+        );
+        value
+    }
+
+    fn set_lazy(&mut self, position: usize, lazy: Lazy<'e>) {
+        if let Some(Local::Let { value, .. }) = self.locals.get_mut(position) {
+            *value = lazy;
+        }
+    }
+
+    /// The value of a name that no loop, function or hook gives another meaning.
+    fn declared(&self, expr: &syntax::Expr) -> Option<&'a Value<'e>> {
+        let ExprKind::Name(name) = &expr.kind else {
+            return None;
+        };
+        let scope = self.scope;
+        let hidden = self.hook.is_some() || self.in_function;
+        if hidden || self.locals.iter().any(|local| local.name() == name) {
+            return None;
+        }
+        match scope.names.get(name) {
+            Some(Meaning::Value(value, _)) => Some(value),
+            _ => None,
+        }
+    }
+
+    #[inline(never)]
+    pub fn index(
+        &mut self,
+        base: &syntax::Expr,
+        indices: &[Index],
+        span: Span,
+    ) -> Result<Value<'e>, Reported> {
+        if let Some((name, Meaning::Family { binders, members })) = self.meaning(base)? {
+            let indices = self.member_indices(name, binders.len(), indices, span)?;
+            return match members.get(&indices) {
+                Some((value, _)) => Ok(value.clone()),
+                None => self.no_member(name, &indices, members, span),
+            };
+        }
+        // Looked into where it is: a loop over the entries must not copy all of them in every round.
+        let computed;
+        let value = match self.declared(base) {
+            Some(value) => value,
+            None => {
+                computed = self.expr(base)?;
+                &computed
+            }
+        };
+        let what = format!("`{}`", self.text(base));
+        let places = places::select(self, value.tensor.shape, indices, &what, span)?;
+        let data = places
+            .positions
+            .iter()
+            .map(|&position| value.tensor.data[position])
+            .collect();
+        Ok(Value {
+            tensor: Tensor {
+                shape: places.shape,
+                data,
+            },
+            is_condition: value.is_condition,
+        })
+    }
+
+    /// The indices of one of the things declared in a loop.
+    pub fn member_indices(
+        &mut self,
+        name: &str,
+        count: usize,
+        indices: &[Index],
+        span: Span,
+    ) -> Result<Vec<i64>, Reported> {
+        if indices.len() != count {
+            return self.needs_indices(name, count, span);
+        }
+        let mut values = vec![];
+        for index in indices {
+            match index {
+                Index::One(expr) => values.push(self.integer(expr, "an index")?),
+                _ => {
+                    return self.needs_indices(name, count, span);
+                }
+            }
+        }
+        Ok(values)
+    }
+
+    pub fn needs_indices<T>(
+        &mut self,
+        name: &str,
+        count: usize,
+        span: Span,
+    ) -> Result<T, Reported> {
+        let count = plural(count, "index", "indices");
+        let name = name.to_owned();
+        self.error(ModelError::NeedsIndices { name, count, span })
+    }
+
+    /// Reports indices that the loop of a name does not reach.
+    pub fn no_member<T>(
+        &mut self,
+        name: &str,
+        indices: &[i64],
+        members: &BTreeMap<Vec<i64>, (Value<'e>, TargetKind)>,
+        span: Span,
+    ) -> Result<T, Reported> {
+        let list = |indices: &[i64]| {
+            indices
+                .iter()
+                .map(i64::to_string)
+                .collect::<Vec<_>>()
+                .join(",")
+        };
+        let valid = match (members.keys().next(), members.keys().next_back()) {
+            (Some(first), Some(last)) if first.len() == 1 => {
+                format!("{}..{}", list(first), list(last))
+            }
+            (Some(first), Some(last)) => format!("from {} to {}", list(first), list(last)),
+            _ => "none: its loop is empty".to_owned(),
+        };
+        let what = format!("`{name}`");
+        self.error(ModelError::OutOfRange {
+            index: list(indices),
+            what,
+            valid,
+            span,
+        })
+    }
+}

@@ -1,0 +1,166 @@
+//! Names and what they mean, for the model itself and for the expressions of its experiments.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::reserved::{FUNCTIONS, VALUES};
+use super::target;
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Exprs};
+use crate::model::expressions::Lowering;
+use crate::model::{Target, TargetKind, Tensor};
+use crate::syntax;
+
+/// Gives meaning to names and calls that only an experiment knows, as `objective` or `events(..)`.
+pub type Hook<'h, 'e> = dyn Fn(&syntax::Expr) -> Option<Tensor<'e>> + 'h;
+
+/// Marks a mistake that is already among the diagnostics.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reported;
+
+/// A value: numbers, or the truth of a condition as a number in [0, 1].
+#[derive(Clone, Debug)]
+pub(crate) struct Value<'e> {
+    pub tensor: Tensor<'e>,
+    pub is_condition: bool,
+}
+
+/// What a name stands for.
+#[derive(Clone, Debug)]
+pub(crate) enum Meaning<'e> {
+    /// A value, and what declared it.
+    Value(Value<'e>, TargetKind),
+    /// Switches declared in a loop, by the values of the loop's indices.
+    Family {
+        binders: Vec<String>,
+        members: BTreeMap<Vec<i64>, (Value<'e>, TargetKind)>,
+    },
+    /// An instance of a model: what it declares.
+    Part(Rc<Scope<'e>>),
+    /// An array of instances, by index.
+    Parts(BTreeMap<i64, Rc<Scope<'e>>>),
+    /// A word for something that is not a value: a region, a model.
+    Word(&'static str),
+    /// A file that a `use` brings in as a whole.
+    Module(Rc<Scope<'e>>),
+    /// Declared, but wrong or not supported; already reported.
+    Unusable,
+}
+
+/// A function, to be inlined.
+#[derive(Clone, Debug)]
+pub(crate) struct Callable<'e> {
+    pub function: Rc<syntax::Function>,
+    /// The names it sees, where it comes from another file.
+    pub home: Option<Rc<Scope<'e>>>,
+}
+
+/// The names of a model and its file.
+#[derive(Clone, Debug)]
+pub struct Scope<'e> {
+    pub(crate) exprs: &'e Exprs,
+    /// What stands before the names of an instance: `a.floor.`; empty for the model itself.
+    pub(crate) prefix: String,
+    pub(crate) time: Expr<'e>,
+    pub(crate) names: FxHashMap<String, Meaning<'e>>,
+    pub(crate) functions: Rc<FxHashMap<String, Callable<'e>>>,
+    /// Names that the file declares itself: what others can import.
+    pub(crate) declares: Rc<FxHashSet<String>>,
+    /// Names of the file: all that the bodies of functions see.
+    pub(crate) of_file: Rc<FxHashMap<String, Meaning<'e>>>,
+    /// True where a statement could not be read: an unknown name may have stood in it.
+    pub(crate) forgiving: bool,
+    /// Work left, in entries made and expressions visited; none after too much.
+    pub(crate) budget: Rc<Cell<Option<usize>>>,
+}
+
+impl<'e> Scope<'e> {
+    /// The value of an expression over the model; `hook` is asked first about names and calls.
+    pub fn expr(
+        &self,
+        expr: &syntax::Expr,
+        hook: Option<&Hook<'_, 'e>>,
+        diags: &mut Diagnostics,
+    ) -> Option<Tensor<'e>> {
+        Lowering::new(self, hook, diags).numbers(expr).ok()
+    }
+
+    /// The value of an expression, in a shape: itself or a repeated scalar.
+    ///
+    /// `what` names the thing that gets it, as in "initial value of `x`".
+    pub fn expr_as(
+        &self,
+        expr: &syntax::Expr,
+        shape: crate::model::Shape,
+        what: &str,
+        hook: Option<&Hook<'_, 'e>>,
+        diags: &mut Diagnostics,
+    ) -> Option<Tensor<'e>> {
+        Lowering::new(self, hook, diags)
+            .numbers_as(expr, shape, what)
+            .ok()
+    }
+
+    /// A condition as a number in [0, 1].
+    pub fn condition(
+        &self,
+        expr: &syntax::Expr,
+        hook: Option<&Hook<'_, 'e>>,
+        diags: &mut Diagnostics,
+    ) -> Option<Expr<'e>> {
+        Lowering::new(self, hook, diags).condition(expr).ok()
+    }
+
+    /// The entries of an expression without variables: structural constants and numbers only.
+    pub fn constants(
+        &self,
+        expr: &syntax::Expr,
+        what: &str,
+        diags: &mut Diagnostics,
+    ) -> Option<Vec<f64>> {
+        let mut lowering = Lowering::new(self, None, diags);
+        let value = lowering.numbers(expr).ok()?;
+        lowering.as_constants(&value, what, expr.span).ok()
+    }
+
+    /// What a path names: `x`, `x[2]`, `k`, `s.sliding`.
+    pub fn target(&self, path: &syntax::Path, diags: &mut Diagnostics) -> Option<Target> {
+        target::resolve(&mut Lowering::new(self, None, diags), path).ok()
+    }
+
+    /// Whether the file has a function of this name.
+    pub fn has_function(&self, name: &str) -> bool {
+        self.functions.contains_key(name)
+    }
+
+    /// What a name means that the model declares itself, not its file.
+    pub(crate) fn own(&self, name: &str) -> Option<&Meaning<'e>> {
+        let meaning = self.names.get(name)?;
+        (!self.of_file.contains_key(name)).then_some(meaning)
+    }
+
+    /// What a name means that the file declares itself, functions aside.
+    pub(crate) fn declared(&self, name: &str) -> Option<&Meaning<'e>> {
+        self.of_file
+            .get(name)
+            .filter(|_| self.declares.contains(name))
+    }
+
+    /// All names that the model declares itself.
+    pub(crate) fn own_names(&self) -> impl Iterator<Item = &str> {
+        let names = self.names.keys().map(String::as_str);
+        names.filter(|name| !self.of_file.contains_key(*name))
+    }
+
+    /// Every name that can be read, for suggestions and completion.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.names
+            .keys()
+            .map(String::as_str)
+            .chain(VALUES)
+            .chain(FUNCTIONS)
+    }
+}

@@ -1,0 +1,173 @@
+//! Paths on the left of `=`: which entries of what they name.
+
+use super::places;
+use super::reserved::did_you_mean;
+use super::scope::{Meaning, Reported};
+use crate::model::expressions::Lowering;
+use crate::model::{ModelError, Shape};
+use crate::syntax::{Ident, Path, Segment};
+
+/// What a path names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Target {
+    /// What it is.
+    pub kind: TargetKind,
+    /// Positions of the named entries in it.
+    pub entries: Vec<usize>,
+    /// Their shape.
+    pub shape: Shape,
+}
+
+/// A declaration, by its index in the list of the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TargetKind {
+    /// A structural constant.
+    Const,
+    /// [`crate::model::Model::params`]
+    Param(usize),
+    /// [`crate::model::Model::states`]
+    State(usize),
+    /// [`crate::model::Model::algebraics`]
+    Algebraic(usize),
+    /// [`crate::model::Model::controls`]
+    Control(usize),
+    /// [`crate::model::Model::inputs`]
+    Input(usize),
+    /// [`crate::model::Model::signals`]
+    Signal(usize),
+    /// [`crate::model::Model::lets`]
+    Let(usize),
+    /// [`crate::model::Model::outputs`]
+    Output(usize),
+    /// [`crate::model::Model::switches`]
+    Switch(usize),
+    /// `s.sliding` of a switch.
+    Sliding(usize),
+}
+
+impl TargetKind {
+    /// The word of the language for it.
+    pub fn word(self) -> &'static str {
+        match self {
+            TargetKind::Const => "constant",
+            TargetKind::Param(_) => "param",
+            TargetKind::State(_) => "state",
+            TargetKind::Algebraic(_) => "solution of equations",
+            TargetKind::Control(_) => "control",
+            TargetKind::Input(_) => "input",
+            TargetKind::Signal(_) => "signal",
+            TargetKind::Let(_) => "let",
+            TargetKind::Output(_) => "output",
+            TargetKind::Switch(_) | TargetKind::Sliding(_) => "switch",
+        }
+    }
+}
+
+/// The declaration and the entries that a path names.
+pub(crate) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Target, Reported> {
+    let (mut kind, mut shape, rest) = declaration(lowering, path)?;
+    let name = &path.head.name;
+    // All of them, as long as there is no index: a loop over entries must not list the others.
+    let mut entries: Option<Vec<usize>> = None;
+    for segment in rest {
+        match segment {
+            Segment::Field(field) => match (kind, field.name.as_str()) {
+                (TargetKind::Switch(index), "sliding") => kind = TargetKind::Sliding(index),
+                _ => return lowering.error(no_field(name, kind, field)),
+            },
+            Segment::Index(indices) => {
+                let what = format!("`{name}`");
+                let places = places::select(lowering, shape, indices, &what, path.span)?;
+                let among = |entries: Vec<usize>| {
+                    let chosen = places.positions.iter();
+                    chosen.map(|&position| entries[position]).collect()
+                };
+                entries = Some(match entries {
+                    Some(entries) => among(entries),
+                    None => places.positions,
+                });
+                shape = places.shape;
+            }
+        }
+    }
+    Ok(Target {
+        kind,
+        entries: entries.unwrap_or_else(|| (0..shape.len()).collect()),
+        shape,
+    })
+}
+
+/// The declaration that a path leads to, through parts, with its shape, and what follows of the path.
+fn declaration<'p>(
+    lowering: &mut Lowering<'_, '_>,
+    path: &'p Path,
+) -> Result<(TargetKind, Shape, &'p [Segment]), Reported> {
+    let mut scope = lowering.scope;
+    let (mut name, mut span) = (&path.head.name, path.head.span);
+    let mut rest = &path.rest[..];
+    let mut meaning = scope.names.get(name);
+    loop {
+        let inner = match meaning {
+            Some(Meaning::Value(value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
+            Some(Meaning::Family { binders, members }) => {
+                let count = binders.len();
+                let Some(Segment::Index(indices)) = rest.first() else {
+                    return lowering.needs_indices(name, count, path.span);
+                };
+                rest = &rest[1..];
+                let indices = lowering.member_indices(name, count, indices, path.span)?;
+                match members.get(&indices) {
+                    Some((value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
+                    None => return lowering.no_member(name, &indices, members, path.span),
+                }
+            }
+            Some(Meaning::Part(inner)) => inner,
+            Some(Meaning::Parts(members)) => {
+                let Some(Segment::Index(indices)) = rest.first() else {
+                    return lowering.needs_indices(name, 1, path.span);
+                };
+                rest = &rest[1..];
+                lowering.member_part(name, indices, members, path.span)?
+            }
+            Some(Meaning::Word(kind)) => {
+                return lowering.error(ModelError::NotAValue {
+                    name: name.clone(),
+                    kind,
+                    span,
+                    help: None,
+                });
+            }
+            Some(Meaning::Module(_)) => return lowering.is_a_file(name, span),
+            Some(Meaning::Unusable) => return Err(Reported),
+            None if scope.forgiving => return Err(Reported),
+            None => {
+                let help = did_you_mean(name, scope.names.keys().map(String::as_str));
+                return lowering.error(ModelError::UnknownName {
+                    name: name.clone(),
+                    span,
+                    help,
+                });
+            }
+        };
+        let Some(Segment::Field(field)) = rest.first() else {
+            return lowering.is_a_part(name, inner, span);
+        };
+        rest = &rest[1..];
+        meaning = Some(lowering.own(name, inner, field)?);
+        (scope, name, span) = (inner, &field.name, field.span);
+    }
+}
+
+fn no_field(name: &str, kind: TargetKind, field: &Ident) -> ModelError {
+    let help = match kind {
+        TargetKind::Switch(_) => did_you_mean(&field.name, ["sliding"].into_iter())
+            .unwrap_or_else(|| "of a switch, `sliding` can be given".into()),
+        _ => "only parts have fields".into(),
+    };
+    ModelError::NoField {
+        name: name.to_owned(),
+        field: field.name.clone(),
+        span: field.span,
+        help: Some(help),
+    }
+}

@@ -1,0 +1,300 @@
+//! Declarations: variables for what varies, values for what is named.
+
+use rustc_hash::FxHashMap;
+
+use super::programs;
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Var};
+use crate::model::expressions::{Lazy, Local, Lowering};
+use crate::model::names::parts::{Files, Given, Inner};
+use crate::model::names::scope::{Meaning, Reported, Scope, Value};
+use crate::model::names::{Declared, Frame, Item};
+use crate::model::resolve::given;
+use crate::model::{Model, ModelError, Named, Quantity, Shape, TargetKind, Tensor};
+use crate::source::Span;
+use crate::syntax::{self, Bind, DeclKind, NamedKind};
+
+/// A model while its declarations are computed.
+pub(crate) struct Declaring<'d, 'f, 'e> {
+    pub model: Model<'e>,
+    /// The instance whose names are being declared.
+    pub level: Level<'f, 'e>,
+    /// The models around it, with the `part` that leads from each to the next.
+    pub around: Vec<(&'f syntax::Model, Span)>,
+    pub files: Files<'f, 'e>,
+    /// The param that each entry declared so far belongs to.
+    pub param_of: FxHashMap<Var, usize>,
+    pub diags: &'d mut Diagnostics,
+}
+
+/// An instance of a model while its names are declared.
+pub(crate) struct Level<'f, 'e> {
+    pub item: &'f syntax::Model,
+    pub file: &'f syntax::File,
+    pub scope: Scope<'e>,
+    /// Structural constants that are given from outside.
+    pub given: Vec<Given<'e>>,
+    pub parts: Vec<Inner<'f, 'e>>,
+}
+
+impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
+    pub fn new(
+        file: &'f syntax::File,
+        item: &'f syntax::Model,
+        scope: Scope<'e>,
+        files: Files<'f, 'e>,
+        diags: &'d mut Diagnostics,
+    ) -> Self {
+        let model = Model {
+            name: item.name.name.clone(),
+            exprs: scope.exprs,
+            time: scope.time,
+            params: vec![],
+            states: vec![],
+            algebraics: vec![],
+            controls: vec![],
+            inputs: vec![],
+            connected: vec![],
+            signals: vec![],
+            data: vec![],
+            lets: vec![],
+            outputs: vec![],
+            switches: vec![],
+            dynamics: vec![],
+            regions: vec![],
+            partitions: vec![],
+            hidden: vec![],
+            jumps: vec![],
+            bodies: vec![],
+            contacts: vec![],
+            projections: vec![],
+            equations: vec![],
+            complementarities: vec![],
+            multipliers: vec![],
+            programs: vec![],
+            surfaces: vec![],
+            param_order: vec![],
+            scope: scope.clone(),
+            span: item.span,
+        };
+        let level = Level {
+            item,
+            file,
+            scope,
+            given: vec![],
+            parts: vec![],
+        };
+        Declaring {
+            model,
+            level,
+            around: vec![],
+            files,
+            param_of: FxHashMap::default(),
+            diags,
+        }
+    }
+
+    /// Gives a declared name no meaning for now.
+    pub fn unusable(&mut self, declared: &Declared<'_>) {
+        let name = declared.name.name.clone();
+        self.level.scope.names.insert(name, Meaning::Unusable);
+    }
+
+    /// Gives a declared name its meaning. What it needs has one already.
+    pub fn declare(&mut self, declared: &Declared<'f>, with: &[Bind]) {
+        let meaning = match declared.item {
+            Item::Const(item) => self.constant(item, with),
+            Item::Decl(decl) => self.quantity(decl),
+            Item::Program(program) => self.program(program),
+            Item::Named(named) => self.named(named),
+            Item::Switch(switch) => self.switch(switch, &declared.frames),
+            Item::Part(part) => self.part(part, with),
+            Item::Word(kind) => Ok(Meaning::Word(kind)),
+            Item::Unsupported => Ok(Meaning::Unusable),
+        };
+        let name = declared.name.name.clone();
+        let names = &mut self.level.scope.names;
+        names.insert(name, meaning.unwrap_or(Meaning::Unusable));
+    }
+
+    /// The name of the whole for a name of the instance: `a.floor.s`.
+    pub fn whole_name(&self, name: &str) -> String {
+        format!("{}{name}", self.level.scope.prefix)
+    }
+
+    /// Runs `lower` on a fresh lowering over what is declared so far.
+    pub fn lowering<T>(
+        &mut self,
+        lower: impl FnOnce(&mut Lowering<'_, 'e>) -> Result<T, Reported>,
+    ) -> Result<T, Reported> {
+        let mut lowering = Lowering::new(&self.level.scope, None, self.diags);
+        let value = lower(&mut lowering);
+        self.model.surfaces.append(&mut lowering.surfaces);
+        value
+    }
+
+    fn constant(&mut self, item: &syntax::Const, with: &[Bind]) -> Result<Meaning<'e>, Reported> {
+        let name = &item.name.name;
+        let from_outside = self.level.given.iter().find(|given| given.is(name));
+        let from_outside = from_outside.map(|given| (given.value.clone(), given.span));
+        let value = given(item, with);
+        let what = format!("`{name}`");
+        self.lowering(|lowering| {
+            let (lowered, span) = match from_outside {
+                Some(given) => given,
+                None => (lowering.expr(value)?, value.span),
+            };
+            lowering.as_constants(&lowered.tensor, &what, span)?;
+            Ok(Meaning::Value(lowered, TargetKind::Const))
+        })
+    }
+
+    fn quantity(&mut self, decl: &syntax::Decl) -> Result<Meaning<'e>, Reported> {
+        let shape = self.shape(&decl.name.name, &decl.shape, decl.span)?;
+        let name = self.whole_name(&decl.name.name);
+        let vars: Vec<Expr<'e>> = (0..shape.len())
+            .map(|k| self.model.exprs.variable(&shape.entry_name(&name, k)))
+            .collect();
+        let value = Tensor {
+            shape,
+            data: vars.clone(),
+        };
+        let quantity = Quantity {
+            name,
+            shape,
+            vars,
+            value: None,
+            domain: None,
+            span: decl.span,
+        };
+        let (list, kind): (_, fn(usize) -> TargetKind) = match decl.kind {
+            DeclKind::Param => (&mut self.model.params, TargetKind::Param),
+            DeclKind::State => (&mut self.model.states, TargetKind::State),
+            DeclKind::Control => (&mut self.model.controls, TargetKind::Control),
+            DeclKind::Input => (&mut self.model.inputs, TargetKind::Input),
+            DeclKind::Algebraic => (&mut self.model.algebraics, TargetKind::Algebraic),
+        };
+        list.push(quantity);
+        let index = list.len() - 1;
+        if decl.kind == DeclKind::Param {
+            let vars = value.data.iter().filter_map(|var| var.as_variable());
+            self.param_of.extend(vars.map(|var| (var, index)));
+        }
+        Ok(Meaning::Value(value.into(), kind(index)))
+    }
+
+    /// What a program solves for.
+    fn program(&mut self, program: &syntax::Program) -> Result<Meaning<'e>, Reported> {
+        let (name, span) = (&program.name.name, program.span);
+        let shape = self.shape(name, &program.shape, span)?;
+        let name = self.whole_name(name);
+        let entry = |k: usize| self.model.exprs.variable(&shape.entry_name(&name, k));
+        let vars: Vec<Expr<'e>> = (0..shape.len()).map(entry).collect();
+        let value = Tensor {
+            shape,
+            data: vars.clone(),
+        };
+        let list = &mut self.model.algebraics;
+        list.push(programs::unknown(name, shape, vars, span));
+        Ok(Meaning::Value(
+            value.into(),
+            TargetKind::Algebraic(list.len() - 1),
+        ))
+    }
+
+    /// The shape of what is declared with these sizes.
+    fn shape(&mut self, name: &str, sizes: &[syntax::Expr], span: Span) -> Result<Shape, Reported> {
+        self.lowering(|lowering| {
+            let mut lengths = vec![];
+            for size in sizes {
+                lengths.push(lowering.size(size, &format!("the size of `{name}`"))?);
+            }
+            let shape = match lengths[..] {
+                [] => Shape::Scalar,
+                [n] => Shape::Vector(n),
+                [m, n] => Shape::matrix(m, n),
+                _ => {
+                    return lowering.error(ModelError::IndexCount {
+                        what: format!("the size of `{name}`"),
+                        expected: "at most two numbers",
+                        found: lengths.len(),
+                        span,
+                    });
+                }
+            };
+            lowering.spend(shape.len(), span)?;
+            Ok(shape)
+        })
+    }
+
+    fn named(&mut self, named: &'f syntax::Named) -> Result<Meaning<'e>, Reported> {
+        if let Some(args) = syntax::table_of(named) {
+            return self.table(named, args);
+        }
+        let value = self.lowering(|lowering| match named.kind {
+            NamedKind::Let => lowering.expr(&named.value),
+            _ => lowering.numbers(&named.value).map(Value::from),
+        })?;
+        let name = named.name.name.clone();
+        if named.kind == NamedKind::Signal
+            && let Some(cause) = self.depends(&value.tensor.data, true)
+        {
+            self.diags.push(ModelError::SignalDepends {
+                name,
+                cause,
+                span: named.value.span,
+            });
+            return Err(Reported);
+        }
+        let (list, kind): (_, fn(usize) -> TargetKind) = match named.kind {
+            NamedKind::Let => (&mut self.model.lets, TargetKind::Let),
+            NamedKind::Output => (&mut self.model.outputs, TargetKind::Output),
+            NamedKind::Signal => (&mut self.model.signals, TargetKind::Signal),
+        };
+        list.push(Named {
+            name: format!("{}{name}", self.level.scope.prefix),
+            value: value.tensor.clone(),
+            span: named.span,
+        });
+        Ok(Meaning::Value(value, kind(list.len() - 1)))
+    }
+}
+
+/// Runs `body` for all indices of some loops around it, their `let`s in sight.
+pub(crate) fn in_frames<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    frames: &[Frame<'_>],
+    body: &mut dyn FnMut(&mut Lowering<'_, 'e>) -> Result<(), Reported>,
+) -> Result<(), Reported> {
+    let Some((frame, inner)) = frames.split_first() else {
+        return body(lowering);
+    };
+    lowering.for_each(frame.binders, frame.span, &mut |lowering| {
+        let base = lowering.open_frame(&frame.lets);
+        let result = in_frames(lowering, inner, body);
+        lowering.locals.truncate(base);
+        result
+    })
+}
+
+impl<'e> Lowering<'_, 'e> {
+    /// Brings the `let`s of a block in sight; returns how many locals there were.
+    pub fn open_frame(&mut self, lets: &[std::rc::Rc<syntax::Named>]) -> usize {
+        let base = self.locals.len();
+        let frame = base + lets.len();
+        self.locals.extend(lets.iter().map(|statement| Local::Let {
+            statement: std::rc::Rc::clone(statement),
+            value: Lazy::Waiting,
+            frame,
+        }));
+        base
+    }
+
+    /// Current values of the indices of some loops.
+    pub fn indices(&self, frames: &[Frame<'_>]) -> Vec<i64> {
+        let binders = frames.iter().flat_map(|frame| frame.binders);
+        binders
+            .filter_map(|binder| self.index_value(&binder.name.name))
+            .collect()
+    }
+}

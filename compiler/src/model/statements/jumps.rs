@@ -1,0 +1,84 @@
+//! `jump NAME when guard { x := ..; }`: laws by which states jump.
+
+use super::dynamics::Walk;
+use crate::model::expressions::Lowering;
+use crate::model::names::scope::{Meaning, Reported};
+use crate::model::names::target;
+use crate::model::{DynamicsError, Jump, Reset, TargetKind};
+use crate::syntax;
+
+impl<'e> Walk<'e> {
+    /// One law, with everything in it looked at.
+    pub(crate) fn jump(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        jump: &syntax::Jump,
+    ) -> Result<(), Reported> {
+        let guard = self.guard(lowering, &jump.guard);
+        let mut resets: Vec<Reset<'e>> = Vec::new();
+        let mut result = Ok(());
+        for bind in &jump.resets {
+            match self.reset(lowering, bind) {
+                Ok(found) => {
+                    let known = |new: &Reset<'e>| resets.iter().find(|r| r.entry == new.entry);
+                    if let Some(first) = found.iter().find_map(known) {
+                        let name = lowering.path_text(&bind.target);
+                        result = lowering.error(DynamicsError::ResetTwice {
+                            name,
+                            first: first.span,
+                            span: bind.span,
+                        });
+                    }
+                    resets.extend(found);
+                }
+                Err(Reported) => result = Err(Reported),
+            }
+        }
+        let guard = guard?;
+        result?;
+        let name = self.indexed(&jump.name.name);
+        self.jumps.push(Jump {
+            name: format!("{}{name}", lowering.scope.prefix),
+            guard,
+            guard_span: jump.guard.span,
+            resets,
+            span: jump.span,
+        });
+        Ok(())
+    }
+
+    /// `x[2] := ..;`
+    fn reset(
+        &self,
+        lowering: &mut Lowering<'_, 'e>,
+        bind: &syntax::Bind,
+    ) -> Result<Vec<Reset<'e>>, Reported> {
+        let path = &bind.target;
+        let target = match lowering.scope.names.get(&path.head.name) {
+            Some(Meaning::Part(_) | Meaning::Parts(_)) => {
+                let (part, span) = (path.head.name.clone(), path.span);
+                lowering.error(DynamicsError::OfAPart { part, span })
+            }
+            _ => target::resolve(lowering, path),
+        };
+        let target = match target {
+            Ok(target) => target,
+            Err(Reported) => {
+                let _ = lowering.numbers(&bind.value);
+                return Err(Reported);
+            }
+        };
+        let TargetKind::State(state) = target.kind else {
+            return self.not_a_state(lowering, path, target.kind.word());
+        };
+        let what = format!("`{}`", lowering.path_text(path));
+        let value = lowering.numbers_as(&bind.value, target.shape, &what)?;
+        let first = self.offsets[state];
+        let reset = |(&entry, &value): (&usize, &_)| Reset {
+            entry: first + entry,
+            value,
+            span: bind.span,
+        };
+        Ok(target.entries.iter().zip(&value.data).map(reset).collect())
+    }
+}

@@ -1,0 +1,209 @@
+//! A certificate of the control problem, not of its program.
+//!
+//! A program sees what is around a point in the branch that it is in: where a switch meets the end of a control interval
+//! or of the horizon, where slip comes to rest in an element that has no length, other branches describe the same
+//! trajectory. So the free quantities are changed and simulated. Where there is descent, the program is solved again from
+//! the simulation after a step along it.
+
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::{Options, Solution};
+
+use super::descent::{Candidate, Found, LARGE, SMALL, Search};
+use super::reduced::Reduced;
+use crate::limit::Limit;
+use crate::optimize::Problem;
+use crate::optimize::start::rehearsal;
+use crate::project::watch::Watch;
+use crate::report::Confirmation;
+
+/// How often a program is solved again.
+const MAX_ROUNDS: usize = 10;
+/// Decreases of the objective, relative to it, that are none.
+const NO_GAIN: f64 = 1e-8;
+/// A minimum elsewhere is told where it is better by more than this share.
+const WORTH: f64 = 1e-2;
+/// Constraints that are violated by no more are kept.
+const KEPT: f64 = 1e-6;
+/// Simulations are made as long as they take fewer steps than this, times the number of states.
+const MAX_EFFORT: usize = 200_000;
+/// Multipliers of constraints are weighted by so much more.
+const WEIGHT: f64 = 2.0;
+/// Errors of derivatives are so many times those of the objective, at most.
+const DOUBT: f64 = 10.0;
+
+/// Where a better point is looked for, in this order: what curves, and switches that are near, show in larger changes.
+const LOOKS: [Look; 3] = [Look::Around(SMALL), Look::Around(LARGE), Look::Elsewhere];
+
+#[derive(Clone, Copy)]
+enum Look {
+    /// In changes of such a share of the sizes of quantities.
+    Around(f64),
+    /// All over the ranges.
+    Elsewhere,
+}
+
+/// Points that are better or may lead to better ones, the best first.
+struct Better {
+    points: Vec<Candidate>,
+    /// By how much the objective falls per size of a free quantity.
+    rate: f64,
+    /// Whether it falls to first order.
+    is_descent: bool,
+    /// The looks that are left.
+    left: &'static [Look],
+}
+
+/// Confirms a solution by simulations, or replaces it by a better one as long as there is descent. Where a simulation
+/// far away is better and the program does not get there, its objective comes with it.
+pub(crate) fn confirm(
+    problem: &mut Problem,
+    solution: &mut Solution,
+    options: &Options,
+    limit: &Limit,
+    watch: &mut dyn Watch,
+) -> (Confirmation, Option<f64>) {
+    let mut rounds = 0..MAX_ROUNDS;
+    let (mut looks, mut unfollowed) = (&LOOKS[..], None);
+    loop {
+        let better = match look(problem, solution, looks, limit) {
+            Ok(better) => better,
+            Err(confirmation) => return (confirmation, unfollowed),
+        };
+        let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN);
+        let least = solution.objective - gain;
+        let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
+        let found = rounds.next().and_then(|_| {
+            let mut points = better.points.iter();
+            points
+                .find_map(|point| from(problem, &point.w, options, limit, watch).filter(is_better))
+        });
+        if let Some(found) = found {
+            let iterations = solution.stats.iterations;
+            *solution = found;
+            solution.stats.iterations += iterations;
+            (looks, unfollowed) = (&LOOKS[..], None);
+            continue;
+        }
+        if better.is_descent {
+            return (Confirmation::Descent(better.rate), None);
+        }
+        // What is only better at some distance, and keeps the constraints, is another minimum.
+        let worth = solution.objective - WORTH * solution.objective.abs();
+        let kept = better.points.iter().filter(|point| point.excess <= KEPT);
+        let merits = kept.map(|point| point.merit);
+        let best = merits.fold(unfollowed.unwrap_or(worth), f64::min);
+        unfollowed = (best < worth).then_some(best);
+        looks = better.left;
+    }
+}
+
+/// The solution of the program that is found from a simulation with the free quantities of a point.
+fn from(
+    problem: &mut Problem,
+    point: &[f64],
+    options: &Options,
+    limit: &Limit,
+    watch: &mut dyn Watch,
+) -> Option<Solution> {
+    let mut w = point.to_vec();
+    let starts = match problem.frozen {
+        Some(_) => rehearsal::in_numerical_time(problem, &mut w, limit),
+        None => rehearsal::in_modes(problem, &problem.simulated(&w, limit), &mut w),
+    };
+    if !starts {
+        return None;
+    }
+    let options = Options {
+        trusts_start: true,
+        effort: 0,
+        ..options.clone()
+    };
+    Some(mpcc::solve_observed(
+        &mut problem.program,
+        &w,
+        &options,
+        watch,
+    ))
+}
+
+/// A better point by the first of these looks that shows one, or what else simulations say.
+fn look(
+    problem: &Problem,
+    solution: &Solution,
+    looks: &'static [Look],
+    limit: &Limit,
+) -> Result<Better, Confirmation> {
+    let w = &solution.w;
+    let Some(mut reduced) = Reduced::new(problem, w, limit) else {
+        return Err(Confirmation::None);
+    };
+    if reduced.quantities.is_empty() {
+        return Err(Confirmation::Confirmed);
+    }
+    let base = reduced.at(w);
+    let n_states = problem.system.states.len();
+    let steps = base
+        .as_ref()
+        .map_or(problem.layout.steps, |base| base.steps);
+    if 2 * reduced.quantities.len() * steps * n_states > MAX_EFFORT {
+        return Err(Confirmation::TooLong);
+    }
+    let multipliers = &solution.multipliers;
+    let all = (multipliers.rows.iter())
+        .chain(&multipliers.lower)
+        .chain(&multipliers.upper);
+    let largest = all.fold(0.0, |m: f64, y| m.max(y.abs()));
+    let error = base
+        .as_ref()
+        .map_or(0.0, |base| (base.cost - solution.objective).abs());
+    let terminal = base
+        .as_ref()
+        .map_or(0.0, |base| terminal_error(problem, w, &base.end));
+    let mut search = Search {
+        reduced: &mut reduced,
+        w,
+        objective: solution.objective,
+        base: base.as_ref(),
+        weight: WEIGHT * largest.max(1.0),
+        doubt: DOUBT * error,
+        room: largest * terminal,
+    };
+    for (i, look) in looks.iter().enumerate() {
+        let found = match look {
+            Look::Around(change) => search.descent(*change),
+            Look::Elsewhere => search.elsewhere(),
+        };
+        match found {
+            Found::Descent {
+                points,
+                rate,
+                is_first_order,
+            } => {
+                return Ok(Better {
+                    points,
+                    rate,
+                    is_descent: is_first_order,
+                    left: &looks[i + 1..],
+                });
+            }
+            Found::Unknown if matches!(look, Look::Around(SMALL)) => {
+                return Err(Confirmation::Unfinished);
+            }
+            Found::Unknown | Found::Nothing => {}
+        }
+    }
+    Err(Confirmation::Confirmed)
+}
+
+/// How far the end of a simulation is from that of the program.
+fn terminal_error(problem: &Problem, w: &[f64], end: &[f64]) -> f64 {
+    let layout = &problem.layout;
+    // In numerical time the clock and what moves while it stands come behind the states of the model.
+    let n = match &problem.frozen {
+        Some(frozen) => frozen.n_states,
+        None => layout.n_states().min(end.len()),
+    };
+    let planned = &w[layout.x(layout.steps, layout.elements, layout.end)..][..n];
+    let differences = end.iter().zip(planned).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, f64::max)
+}

@@ -1,0 +1,9 @@
+//! What a simulation says about a solution.
+
+pub(crate) mod confirm;
+pub(crate) mod descent;
+pub(crate) mod elsewhere;
+pub(crate) mod reduced;
+pub(crate) mod runs;
+pub(crate) mod simulated;
+pub(crate) mod solved;

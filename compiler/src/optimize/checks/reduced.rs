@@ -1,0 +1,384 @@
+//! The problem of a task in its free quantities alone: controls, free parameters, free initial values and a free T.
+//!
+//! States follow from them by a simulation from event to event, that of the model: elements, nodes and the branches of
+//! a program are not in it.
+
+use rustc_hash::FxHashMap;
+
+use super::solved;
+use crate::expr::{Evaluator, Expr, Var};
+use crate::limit::Limit;
+use crate::optimize::Problem;
+use crate::system::System;
+use crate::system::experiment::At;
+use crate::system::task::Shape;
+
+/// What is free in a task.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quantity {
+    /// The variable of the program.
+    pub index: usize,
+    /// Its bounds.
+    pub lower: f64,
+    /// Its bounds.
+    pub upper: f64,
+    /// What its changes are measured by.
+    pub size: f64,
+    /// Whether it is a control in an interval.
+    pub is_control: bool,
+}
+
+/// lower <= value <= upper at an instant.
+struct Row {
+    /// The number of what is asked.
+    value: usize,
+    lower: f64,
+    upper: f64,
+    /// The number of the instant, or none for the end of the horizon.
+    at: Option<usize>,
+}
+
+/// An instant at which something is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Place {
+    /// As a share of the horizon.
+    share: f64,
+    /// The interval that it is in or ends.
+    k: usize,
+}
+
+/// The objective and the constraints for certain values of the free quantities.
+#[derive(Clone, Debug)]
+pub(crate) struct Values {
+    /// J.
+    pub cost: f64,
+    /// The values of the rows, in order.
+    pub rows: Vec<f64>,
+    /// States, then α, at the end.
+    pub end: Vec<f64>,
+    /// Steps of the simulation.
+    pub steps: usize,
+}
+
+/// The problem in free quantities.
+pub(crate) struct Reduced<'r, 'e> {
+    problem: &'r Problem<'e>,
+    /// What is free.
+    pub quantities: Vec<Quantity>,
+    cost: Evaluator<'e>,
+    places: Vec<Place>,
+    /// What constraints are about.
+    asked: Vec<Evaluator<'e>>,
+    rows: Vec<Row>,
+    /// The rows at each place.
+    at_place: Vec<Vec<usize>>,
+    /// When no more runs begin, and those that go on end.
+    pub limit: Limit,
+}
+
+impl<'r, 'e> Reduced<'r, 'e> {
+    /// The problem near a point, with constraints where its nodes are. None for systems without a task.
+    pub fn new(problem: &'r Problem<'e>, w: &[f64], limit: &Limit) -> Option<Self> {
+        let task = problem.system.task.as_ref()?;
+        problem.run_again(w);
+        let mut reduced = Reduced {
+            problem,
+            quantities: quantities(problem, w),
+            cost: Evaluator::new(task.cost.value),
+            places: Vec::new(),
+            asked: Vec::new(),
+            rows: Vec::new(),
+            at_place: Vec::new(),
+            limit: limit.clone(),
+        };
+        reduced.ask(w);
+        Some(reduced)
+    }
+
+    /// Adds the rows of the task, and bounds of states.
+    fn ask(&mut self, w: &[f64]) {
+        let layout = &self.problem.layout;
+        let Some(task) = &self.problem.system.task else {
+            return;
+        };
+        let horizon = self.problem.horizon(w);
+        let mut ends: Vec<Place> = Vec::new();
+        let mut nodes: Vec<Place> = Vec::new();
+        for (k, j) in layout.all_elements() {
+            let before: f64 = (1..j).map(|j| w[layout.h(k, j)].max(0.0)).sum();
+            let start = (k - 1) as f64 / layout.steps as f64 + before / horizon;
+            let h = w[layout.h(k, j)].max(0.0) / horizon;
+            let place = |c: f64| Place {
+                share: start + c * h,
+                k,
+            };
+            nodes.extend(layout.points[1..=layout.nodes].iter().map(|&c| place(c)));
+            ends.push(place(1.0));
+        }
+        let interval = |k: usize| Place {
+            share: k as f64 / layout.steps as f64,
+            k,
+        };
+        let start = Place { share: 0.0, k: 1 };
+        // A clock in numerical time has no lengths of physical time.
+        let is_frozen = self.problem.frozen.is_some();
+        for row in &task.rows {
+            let places = match row.at {
+                At::Start => vec![start],
+                At::End => {
+                    self.push(row.value, (row.lower, row.upper), [None]);
+                    continue;
+                }
+                At::Intervals => (1..=layout.steps).map(interval).collect(),
+                At::Elements | At::Nodes if is_frozen => (1..=layout.steps).map(interval).collect(),
+                At::Elements => ends.clone(),
+                At::Nodes => nodes.clone(),
+            };
+            self.push(
+                row.value,
+                (row.lower, row.upper),
+                places.into_iter().map(Some),
+            );
+        }
+        for bound in task.bounds.iter().filter(|_| !is_frozen) {
+            let state = self.problem.system.states[bound.place].var;
+            let places = nodes.iter().copied().map(Some);
+            self.push(state, (bound.lower, bound.upper), places);
+        }
+        // Instants are met in order.
+        let mut order: Vec<usize> = (0..self.places.len()).collect();
+        order.sort_by(|&a, &b| self.places[a].share.total_cmp(&self.places[b].share));
+        let mut number = vec![0; order.len()];
+        for (new, &old) in order.iter().enumerate() {
+            number[old] = new;
+        }
+        self.places = order.iter().map(|&old| self.places[old]).collect();
+        for row in &mut self.rows {
+            row.at = row.at.map(|at| number[at]);
+        }
+        self.at_place = vec![Vec::new(); self.places.len()];
+        for (i, row) in self.rows.iter().enumerate() {
+            row.at.into_iter().for_each(|at| self.at_place[at].push(i));
+        }
+    }
+
+    /// Asks for a value at places; none is the end of the horizon.
+    fn push(
+        &mut self,
+        value: Expr<'e>,
+        (lower, upper): (f64, f64),
+        places: impl IntoIterator<Item = Option<Place>>,
+    ) {
+        self.asked.push(Evaluator::new(value));
+        for place in places {
+            let at = place.map(|place| {
+                let known = self.places.iter().rposition(|known| *known == place);
+                known.unwrap_or_else(|| {
+                    self.places.push(place);
+                    self.places.len() - 1
+                })
+            });
+            self.rows.push(Row {
+                value: self.asked.len() - 1,
+                lower,
+                upper,
+                at,
+            });
+        }
+    }
+
+    /// The bounds of the rows.
+    pub fn bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        self.rows.iter().map(|row| (row.lower, row.upper))
+    }
+
+    /// Whether it has other branches.
+    pub fn is_switched(&self) -> bool {
+        !self.problem.system.switches.is_empty()
+    }
+
+    /// A run with the free quantities of a point; none where it does not reach the end in the time that is left, or where
+    /// something is not finite.
+    pub fn at(&mut self, w: &[f64]) -> Option<Values> {
+        let problem = self.problem;
+        let limit = &self.limit;
+        if limit.is_over() {
+            return None;
+        }
+        let horizon = problem.horizon(w);
+        let tables = solved::tables(problem, w);
+        let x0 = initial(problem, w);
+        let instants = self.places.iter().map(|place| place.share * horizon);
+        let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
+        let run = problem.again(w, |runs| {
+            runs.replace_data(problem.system.data.len(), &tables);
+            runs.values(&x0, horizon, &instants, limit)
+        })?;
+        let system = &problem.system;
+        let mut known = Known::new(problem, w);
+        known.set(system, horizon, &run.end);
+        known.decide(problem, w, problem.layout.steps, 1.0);
+        let cost = self.cost.eval(&|var| known.value(var));
+        let mut rows = vec![f64::NAN; self.rows.len()];
+        let value = |row: &Row, known: &Known| self.asked[row.value].eval(&|var| known.value(var));
+        for (i, row) in self
+            .rows
+            .iter()
+            .enumerate()
+            .filter(|(_, row)| row.at.is_none())
+        {
+            rows[i] = value(row, &known);
+        }
+        for (at, place) in self.places.iter().enumerate() {
+            known.set(system, instants[at], &run.at[at]);
+            let share = place.share * problem.layout.steps as f64 - (place.k - 1) as f64;
+            known.decide(problem, w, place.k, share);
+            for &i in &self.at_place[at] {
+                rows[i] = value(&self.rows[i], &known);
+            }
+        }
+        let all_finite = cost.is_finite() && rows.iter().all(|value| value.is_finite());
+        all_finite.then_some(Values {
+            cost,
+            rows,
+            end: run.end,
+            steps: run.steps,
+        })
+    }
+}
+
+/// What the variables of costs and constraints are at an instant.
+struct Known {
+    values: FxHashMap<Var, f64>,
+}
+
+impl Known {
+    fn new(problem: &Problem, w: &[f64]) -> Self {
+        let system = &problem.system;
+        let mut values: FxHashMap<Var, f64> = FxHashMap::default();
+        let params = system.params.iter();
+        values.extend(params.filter_map(|p| Some((p.var.as_variable()?, p.value))));
+        for (i, free) in system
+            .task
+            .iter()
+            .flat_map(|task| task.params.iter().enumerate())
+        {
+            let var = system.params[free.place].var.as_variable();
+            values.extend(var.map(|var| (var, w[problem.layout.p(i)])));
+        }
+        Known { values }
+    }
+
+    /// Time, states, α and data.
+    fn set(&mut self, system: &System, time: f64, row: &[f64]) {
+        let vars = (system.states.iter().map(|state| state.var))
+            .chain(system.switches.iter().map(|switch| switch.alpha));
+        let data = (system.data.iter()).map(|data| (data.var, data.table.value(time)));
+        let all = vars.zip(row.iter().copied()).chain(data);
+        let all = all.chain([(system.time, time)]);
+        (self.values).extend(all.filter_map(|(var, value)| Some((var.as_variable()?, value))));
+    }
+
+    /// Controls in interval k, at a share of it.
+    fn decide(&mut self, problem: &Problem, w: &[f64], k: usize, share: f64) {
+        let layout = &problem.layout;
+        for task in problem.system.task.iter() {
+            for (i, control) in task.controls.iter().enumerate() {
+                let value = match task.shape {
+                    Shape::Constant => w[layout.u(k) + i],
+                    Shape::Linear => {
+                        let [from, to] = [k - 1, k].map(|k| w[layout.u(k) + i]);
+                        from + share.clamp(0.0, 1.0) * (to - from)
+                    }
+                };
+                (self.values).extend(control.var.as_variable().map(|var| (var, value)));
+            }
+        }
+    }
+
+    fn value(&self, var: Var) -> f64 {
+        self.values.get(&var).copied().unwrap_or(f64::NAN)
+    }
+}
+
+fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
+    let system = &problem.system;
+    let mut x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    for free in system.task.iter().flat_map(|task| &task.initial) {
+        x0[free.place] = w[problem.layout.before(1, 1) + free.place];
+    }
+    x0
+}
+
+/// What is free, with bounds and sizes; controls with finite sets of values are not.
+fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
+    let layout = &problem.layout;
+    let bounds = problem.mpcc.bounds();
+    let Some(task) = &problem.system.task else {
+        return Vec::new();
+    };
+    let one_of = |allowed: &Option<crate::system::Allowed>| {
+        matches!(allowed, Some(crate::system::Allowed::OneOf(_)))
+    };
+    let mut found: Vec<(usize, f64)> = Vec::new();
+    let controls = task.controls.iter().enumerate();
+    for (i, _) in controls.filter(|(_, control)| !one_of(&control.allowed)) {
+        let all = || layout.control_instants().map(|(k, _)| layout.u(k) + i);
+        let largest = all().fold(0.0, |m: f64, index| m.max(w[index].abs()));
+        found.extend(all().map(|index| (index, largest)));
+    }
+    let n_controls = found.len();
+    found.extend((0..task.params.len()).map(|i| (layout.p(i), w[layout.p(i)].abs())));
+    let initial = task
+        .initial
+        .iter()
+        .map(|free| layout.before(1, 1) + free.place);
+    found.extend(initial.map(|index| (index, w[index].abs())));
+    found.extend(layout.horizon().map(|index| (index, w[index].abs())));
+    let quantity = |(i, (index, largest)): (usize, (usize, f64))| {
+        let range = bounds[index].upper - bounds[index].lower;
+        let largest = if largest > 0.0 { largest } else { 1.0 };
+        Quantity {
+            index,
+            lower: bounds[index].lower,
+            upper: bounds[index].upper,
+            size: match range.is_finite() {
+                true => 0.5 * range,
+                false => largest,
+            },
+            is_control: i < n_controls,
+        }
+    };
+    let quantities = found.into_iter().enumerate().map(quantity);
+    quantities.filter(|q| q.lower < q.upper).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::{Problem, Reduced};
+    use crate::limit::Limit;
+    use crate::optimize::Given;
+    use crate::testing::with_last;
+
+    #[test]
+    fn no_run_begins_when_the_time_is_over() {
+        let text = "model m { state x = 1; control u in [-1, 1] = 0.5; x' = u*abs(x); }
+                    optimize o of m { horizon 1; intervals 2; minimize final(x); }";
+        with_last(text, |compiled| {
+            let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
+            let problem = Problem::new(&compiled.system, &compiled.settings, task, Given::Numbers);
+            let problem = problem.expect("it has a program");
+            let (w, _) = problem.start(&[], &Limit::default());
+            let hour = Duration::from_secs(3600);
+            let mut reduced =
+                Reduced::new(&problem, &w, &Limit::within(hour)).expect("it has a task");
+            let run = reduced.at(&w).expect("it reaches its end");
+            assert!((run.cost - 0.5_f64.exp()).abs() < 1e-9, "{}", run.cost);
+            // Once the time is over, it is for all runs that follow.
+            reduced.limit = reduced.limit.sooner(Duration::ZERO);
+            assert!(reduced.at(&w).is_none());
+        });
+    }
+}

@@ -1,0 +1,140 @@
+//! The controls that were found, simulated from event to event.
+
+use nsd_solver::optimization::mpcc::Solution;
+
+use super::solved;
+use crate::limit::Limit;
+use crate::optimize::{Problem, failure};
+use crate::project::clock::Instant;
+use crate::report::{Check, Confirmation, Failure, Status, Trajectory, Warning};
+use crate::system::experiment::{Sampling, Settings};
+
+/// How accurate the simulation is, compared with what the result is to be.
+const FINER: f64 = 1e-2;
+const FINEST: f64 = 1e-12;
+/// The code of what a simulation says against a result.
+const DISAGREES: &str = "W0709";
+
+/// Simulates in the time that is left, and says by how much the end and the objective differ.
+pub(crate) fn simulate(
+    problem: &Problem,
+    solution: &Solution,
+    limit: &Limit,
+    trajectory: &mut Trajectory,
+) {
+    let (layout, w) = (&problem.layout, &solution.w);
+    let started = Instant::now();
+    let run = solved::run(problem, w, limit, |settings| {
+        settings.tolerance = (FINER * settings.tolerance).max(FINEST);
+        settings.sampling = Sampling::Method;
+    });
+    if let Some(optimum) = &mut trajectory.optimum {
+        optimum.check_s = started.elapsed().as_secs_f64();
+    }
+    if run.status != Status::Solved {
+        let warning = unfinished(&problem.settings, run.failure.as_ref());
+        return trajectory.warnings.push(warning);
+    }
+    let last = run.time.len() - 1;
+    let x = run.states[0].at(last);
+    let end = layout.x(layout.steps, layout.elements, layout.end);
+    let n = match &problem.frozen {
+        Some(frozen) => frozen.n_states,
+        None => layout.n_states().min(x.len()),
+    };
+    let differences = x[..n].iter().zip(&w[end..end + n]);
+    let terminal = differences.fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
+    let all = (0..run.time.len()).flat_map(|k| &run.states[0].at(k)[..n]);
+    let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
+    let objective = problem.cost(x, w) - solution.objective;
+    let relative = (terminal / size.max(f64::MIN_POSITIVE))
+        .max(objective.abs() / solution.objective.abs().max(1.0));
+    if relative > problem.settings.tolerance {
+        let message = format!(
+            "a simulation with these controls ends {terminal:.1e} away, with an objective that differs by \
+             {:.1e}; more `elements` or nodes are more accurate",
+            objective.abs()
+        );
+        let warning = disagrees(&problem.settings, message);
+        trajectory.warnings.push(warning);
+    }
+    trajectory.error_estimate = Some(relative);
+    if let Some(optimum) = &mut trajectory.optimum {
+        optimum.check = Some(Check {
+            terminal_error: terminal,
+            objective_error: objective,
+        });
+    }
+}
+
+/// What simulations with other free quantities mean for a result: where the one with its own differs, nothing.
+pub(crate) fn confirmation(problem: &Problem, trajectory: &mut Trajectory) -> Option<Failure> {
+    let differs = trajectory.warnings.iter().any(|one| one.code == DISAGREES);
+    let optimum = trajectory.optimum.as_mut()?;
+    let Confirmation::Descent(rate) = optimum.confirmation else {
+        return None;
+    };
+    if differs {
+        optimum.confirmation = Confirmation::Differs;
+        return None;
+    }
+    Some(failure::descends(rate, &problem.settings))
+}
+
+/// That a simulation with the controls does not come to the end.
+pub(crate) fn unfinished(settings: &Settings, failure: Option<&Failure>) -> Warning {
+    let reason = failure.map_or_else(String::new, |failure| format!(": {failure}"));
+    let message = format!("a simulation with these controls does not reach the end{reason}");
+    disagrees(settings, message)
+}
+
+/// That another minimum is better, to which the program does not lead.
+pub(crate) fn elsewhere(settings: &Settings, objective: f64) -> Warning {
+    Warning {
+        code: "W0724".into(),
+        message: format!(
+            "a simulation with other controls has the objective {objective:.6}, and the solver does not get there; another \
+             `guess`, or several `starts`, may"
+        ),
+        span: Some(settings.span),
+    }
+}
+
+fn disagrees(settings: &Settings, message: String) -> Warning {
+    Warning {
+        code: DISAGREES.into(),
+        message,
+        span: Some(settings.span),
+    }
+}
+
+impl Problem<'_> {
+    /// The cost for states, integrals among them, at the end.
+    fn cost(&self, x: &[f64], w: &[f64]) -> f64 {
+        let Some(task) = &self.system.task else {
+            return f64::NAN;
+        };
+        let solved = solved::system(self, w);
+        let horizon = self.horizon(w);
+        // Switches in the cost have the values they have in the program.
+        let (k, j, m) = (self.layout.steps, self.layout.elements, self.layout.nodes);
+        let alphas = self.alphas(w, (k, j, m));
+        task.cost.value.eval(&|var| {
+            let is = |e: crate::expr::Expr| e.as_variable() == Some(var);
+            if is(solved.time) {
+                return horizon;
+            }
+            if let Some(i) = solved.states.iter().position(|state| is(state.var)) {
+                return x[i];
+            }
+            if let Some(i) = solved.switches.iter().position(|switch| is(switch.alpha)) {
+                return alphas[i];
+            }
+            if let Some(data) = solved.data.iter().find(|data| is(data.var)) {
+                return data.table.value(horizon);
+            }
+            let param = solved.params.iter().find(|param| is(param.var));
+            param.map_or(f64::NAN, |param| param.value)
+        })
+    }
+}

@@ -1,0 +1,100 @@
+//! A system with what was found: nothing is left to decide, and controls are functions of time.
+
+use crate::limit::Limit;
+use crate::model::Data;
+use crate::optimize::Problem;
+use crate::report::Trajectory;
+use crate::simulate::Request;
+use crate::source::table::{Fit, Table};
+use crate::system::experiment::{EventOptions, Method, Settings};
+use crate::system::task::Shape;
+use crate::system::{StateGroup, System};
+use std::sync::Arc;
+
+impl Problem<'_> {
+    /// T.
+    pub(crate) fn horizon(&self, w: &[f64]) -> f64 {
+        let free = self.layout.horizon();
+        free.map_or(self.settings.horizon, |index| w[index])
+    }
+
+    /// 0 and the Runge-Kutta nodes of an element of length 1, and its end.
+    pub(crate) fn nodes(&self) -> Vec<f64> {
+        self.layout.points.clone()
+    }
+}
+
+/// A run of the system at a point from event to event, with all states, integrals among them, in one series.
+pub(crate) fn run<'e>(
+    problem: &Problem<'e>,
+    w: &[f64],
+    limit: &Limit,
+    change: impl FnOnce(&mut Settings<'e>),
+) -> Trajectory {
+    let mut system = system(problem, w);
+    system.outputs.clear();
+    system.controls.clear();
+    system.groups = vec![StateGroup {
+        name: "x".into(),
+        shape: vec![system.states.len()],
+        entries: (0..system.states.len()).collect(),
+    }];
+    let mut settings = problem.settings.clone();
+    settings.horizon = problem.horizon(w);
+    settings.method = Method::Event(EventOptions::default());
+    settings.lowerings.clear();
+    (settings.outputs, settings.optimize) = (None, None);
+    change(&mut settings);
+    let request = Request {
+        dense: false,
+        estimate: false,
+        multipliers: false,
+        limit: limit.clone(),
+    };
+    problem.simulate((&system, w), &settings, &request)
+}
+
+/// The system at a point, without its task; integrals are still states.
+pub(crate) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
+    let layout = &problem.layout;
+    let mut system = problem.system.clone();
+    let Some(task) = system.task.take() else {
+        return system;
+    };
+    for (i, free) in task.params.iter().enumerate() {
+        system.params[free.place].value = w[layout.p(i)];
+    }
+    for free in &task.initial {
+        system.states[free.place].initial = w[layout.before(1, 1) + free.place];
+    }
+    for (control, table) in task.controls.iter().zip(tables(problem, w)) {
+        system.data.push(Data {
+            name: control.name.clone(),
+            var: control.var,
+            text: format!("{}: {table}", table.fit),
+            table,
+            span: control.span,
+        });
+    }
+    // Bounds are constraints of the program.
+    system.limits.clear();
+    system
+}
+
+/// The controls at a point as functions of time.
+pub(crate) fn tables(problem: &Problem, w: &[f64]) -> Vec<Arc<Table>> {
+    let layout = &problem.layout;
+    let (horizon, steps) = (problem.horizon(w), layout.steps);
+    let instant = |k: usize| horizon * k as f64 / steps as f64;
+    let task = problem.system.task.iter();
+    let controls = task.flat_map(|task| task.controls.iter().map(|_| task.shape));
+    let table = |(i, shape): (usize, Shape)| {
+        let (fit, times): (Fit, Vec<f64>) = match shape {
+            Shape::Constant => (Fit::Hold, (0..steps).map(instant).collect()),
+            Shape::Linear => (Fit::Linear, (0..=steps).map(instant).collect()),
+        };
+        let values = layout.control_instants().map(|(k, _)| w[layout.u(k) + i]);
+        Arc::new(Table::new(fit, &times, &values.collect::<Vec<f64>>()))
+    };
+    controls.enumerate().map(table).collect()
+}

@@ -1,0 +1,310 @@
+//! A start from controls alone: they are run from event to event.
+//!
+//! Where contacts strike or switches are read nonlinearly, elements end where that run jumps or changes its mode: a guess
+//! that does not know of it begins in the wrong modes. Contacts never close in them, as what stands still at an instant
+//! takes time in the program.
+
+use crate::expr::Var;
+use crate::limit::Limit;
+use crate::lowering::dcs::{directed, solve_in_mode};
+use crate::lowering::discretize::WINDOW;
+use crate::optimize::checks::solved;
+use crate::optimize::{Problem, Sampled};
+use crate::report::{Dense, Status, Trajectory};
+use crate::simulate::{self, Rehearsed, Request, cut};
+use crate::system::experiment::{EventOptions, Method, Sampling};
+use crate::system::task::{Control, Shape};
+use crate::system::{Param, State, System};
+use std::collections::HashMap;
+
+/// Runs in numerical time are so many horizons long, the shorter ones first.
+const LONGER: [f64; 3] = [2.0, 4.0, 16.0];
+/// α that is so close to 0 or 1 is.
+const ROUNDING: f64 = 1e-9;
+/// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
+const INSIDE: f64 = 1e-6;
+
+/// Gives lengths, states and multipliers the values of a run; false where there is none.
+pub(crate) fn rehearse(problem: &Problem, w: &mut [f64], limit: &Limit) -> bool {
+    let (layout, settings) = (&problem.layout, &problem.settings);
+    let Some(task) = &problem.dcs.task else {
+        return false;
+    };
+    if !problem.dcs.branches.is_empty() {
+        return in_modes(problem, &problem.simulated(w, limit), w);
+    }
+    if problem.frozen.is_none() && problem.dcs.impacts.is_empty() {
+        return false;
+    }
+    if problem.frozen.is_some() {
+        return in_numerical_time(problem, w, limit);
+    }
+    let mut system = problem.system.clone();
+    system.task = None;
+    for (i, control) in task.controls.iter().enumerate() {
+        let values: Vec<f64> = layout
+            .control_instants()
+            .map(|(k, _)| w[layout.u(k) + i])
+            .collect();
+        if values.iter().any(|value| *value != values[0]) {
+            return false;
+        }
+        system.params.push(known(control, values[0]));
+    }
+    let rehearsed = Rehearsed::new(&system, settings, limit);
+    follow(problem, &rehearsed, settings.horizon, w);
+    rehearsed.begins()
+}
+
+/// A control that is a number.
+fn known<'e>(control: &Control<'e>, value: f64) -> Param<'e> {
+    Param {
+        name: control.name.clone(),
+        var: control.var,
+        value,
+    }
+}
+
+/// Gives lengths, states and multipliers the values of runs in numerical time with the controls of the point, from one
+/// end of an interval to the next; false where one of them does not come to its end.
+pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit) -> bool {
+    let layout = &problem.layout;
+    let (Some(frozen), Some(task)) = (&problem.frozen, &problem.dcs.task) else {
+        return false;
+    };
+    let mut system = frozen.system.clone();
+    system.task = None;
+    let (n_params, n_states) = (system.params.len(), system.states.len());
+    let clock = system.states[frozen.clock].rate;
+    for (i, free) in task.params.iter().enumerate() {
+        system.params[free.place].value = w[layout.p(i)];
+    }
+    for free in &task.initial {
+        system.states[free.place].initial = w[layout.before(1, 1) + free.place];
+    }
+    let length = problem.horizon(w) / layout.steps as f64;
+    for k in 1..=layout.steps {
+        system.params.truncate(n_params);
+        system.states.truncate(n_states);
+        for (i, control) in task.controls.iter().enumerate() {
+            let to = w[layout.u(k) + i];
+            match task.shape {
+                Shape::Constant => system.params.push(known(control, to)),
+                // A line in the clock.
+                Shape::Linear => {
+                    let from = w[layout.u(k - 1) + i];
+                    system.states.push(State {
+                        name: control.name.clone(),
+                        var: control.var,
+                        initial: from,
+                        rate: clock * ((to - from) / length),
+                        span: control.span,
+                    });
+                }
+            }
+        }
+        let until = (frozen.clock, length, k as f64 * length);
+        let Some((run, end)) = run(problem, &system, until, limit) else {
+            return false;
+        };
+        let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
+        let mut start = 0.0;
+        for (j, h) in (1..).zip(cut(0.0, end, &switches, layout.elements)) {
+            w[layout.h(k, j)] = h;
+            fill(problem, &system, &run.dense, (k, j), (start, h), w);
+            start += h;
+        }
+        let Some(row) = run.dense.at(end) else {
+            return false;
+        };
+        for (state, &value) in system.states.iter_mut().zip(&row) {
+            state.initial = value;
+        }
+    }
+    true
+}
+
+/// The states of a run with the controls of a point, at all nodes; nothing where it does not reach the horizon.
+pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Sampled> {
+    let layout = &problem.layout;
+    let horizon = problem.settings.horizon;
+    let length = horizon / (layout.steps * layout.elements) as f64;
+    let elements = (0..layout.steps * layout.elements).map(|element| element as f64);
+    let nodes = layout.points[1..].iter();
+    let instants = elements.flat_map(|element| nodes.clone().map(move |c| (element + c) * length));
+    let instants = [0.0].into_iter().chain(instants);
+    let instants = instants.map(|t| t.min(horizon)).collect();
+    let run = solved::run(problem, w, limit, |settings| {
+        settings.horizon = horizon;
+        settings.sampling = Sampling::At(instants);
+    });
+    let states = run.states.first()?;
+    let entry = |i: usize| {
+        (0..run.time.len())
+            .map(|point| states.at(point)[i])
+            .collect()
+    };
+    let names = problem.system.states.iter();
+    let names = names.map(|state| state.name.clone());
+    (run.status == Status::Solved).then(|| Sampled {
+        values: names
+            .enumerate()
+            .map(|(i, name)| (name, entry(i)))
+            .collect(),
+        time: run.time.clone(),
+    })
+}
+
+/// Gives lengths, states and multipliers the values of a run to a horizon.
+///
+/// The program has no impacts at gaps below τ (v⁺ + e v⁻), e <= 1, behind the end of an interval. Such a one is at the end.
+fn follow(problem: &Problem, run: &Rehearsed, horizon: f64, w: &mut [f64]) {
+    let layout = &problem.layout;
+    let window = 2.0 * WINDOW * horizon / (layout.steps * layout.elements) as f64;
+    let bounds = problem.mpcc.bounds();
+    for k in 1..=layout.steps {
+        let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
+        let interval = (instant(k - 1), instant(k));
+        run.fill((&problem.dcs, layout, &bounds), k, interval, window, w);
+    }
+}
+
+/// The same with nonlinear switches, and with the controls of the point itself; false where the run ends before.
+pub(crate) fn in_modes(problem: &Problem, run: &Rehearsed, w: &mut [f64]) -> bool {
+    if run.failure.is_some() {
+        return false;
+    }
+    follow(problem, run, problem.horizon(w), w);
+    let layout = &problem.layout;
+    for (k, j) in layout.all_elements() {
+        let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
+            .map(|m| problem.alphas(w, (k, j, m)))
+            .collect();
+        for (i, branch) in problem.dcs.branches.iter().enumerate() {
+            // Only where it slides is its stability bounded.
+            let Some(r) = layout.r(k, j) else { continue };
+            for (side, end) in [0.0, 1.0].into_iter().enumerate() {
+                let is_there = |alphas: &Vec<f64>| (alphas[branch.switch] - end).abs() <= ROUNDING;
+                w[r + 2 * i + side] = f64::from(u8::from(alphas.iter().all(is_there)));
+            }
+        }
+    }
+    true
+}
+
+/// A run in numerical time until its clock shows an instant, and how long it takes.
+fn run<'e>(
+    problem: &Problem<'e>,
+    system: &System<'e>,
+    (clock, length, instant): (usize, f64, f64),
+    limit: &Limit,
+) -> Option<(Trajectory, f64)> {
+    let mut settings = problem.settings.clone();
+    settings.method = Method::Event(EventOptions::default());
+    settings.sampling = Sampling::Method;
+    settings.lowerings.clear();
+    (settings.outputs, settings.optimize) = (None, None);
+    LONGER.iter().find_map(|longer| {
+        let request = Request {
+            dense: true,
+            estimate: false,
+            multipliers: false,
+            limit: limit.clone(),
+        };
+        settings.horizon = longer * length;
+        let run = simulate::run(system, &settings, &request);
+        reached(&run.dense, clock, instant).map(|end| (run, end))
+    })
+}
+
+/// When the clock shows a time first.
+fn reached(dense: &Dense, clock: usize, time: f64) -> Option<f64> {
+    let shows = |t: f64, piece: &crate::report::Piece| piece.at(t)[clock];
+    let number = dense
+        .pieces
+        .partition_point(|piece| shows(piece.to, piece) < time);
+    let piece = dense.pieces.get(number)?;
+    let (mut before, mut behind) = (piece.from, piece.to);
+    while behind - before > f64::EPSILON * piece.to {
+        let middle = 0.5 * (before + behind);
+        match shows(middle, piece) < time {
+            true => before = middle,
+            false => behind = middle,
+        }
+        if middle == before && middle == behind {
+            break;
+        }
+    }
+    Some(behind)
+}
+
+/// States and multipliers of an element.
+fn fill(
+    problem: &Problem,
+    system: &System,
+    dense: &Dense,
+    (k, j): (usize, usize),
+    (start, h): (f64, f64),
+    w: &mut [f64],
+) {
+    let layout = &problem.layout;
+    let bounds = problem.mpcc.bounds();
+    let mut set = |index: usize, value: f64| {
+        if value.is_finite() {
+            w[index] = value.max(bounds[index].lower).min(bounds[index].upper);
+        }
+    };
+    let n = system.states.len();
+    for (m, c) in layout.points.iter().enumerate() {
+        let inside = c.clamp(INSIDE, 1.0 - INSIDE);
+        // Both values of what jumps nowhere are the same at the ends.
+        let (Some(row), Some(within)) = (dense.at(start + c * h), dense.at(start + inside * h))
+        else {
+            continue;
+        };
+        if m > 0 || (k, j) == (1, 1) {
+            for (i, &value) in row[..layout.n_states()].iter().enumerate() {
+                set(layout.x(k, j, m) + i, value);
+            }
+        }
+        let known = |row: &[f64]| {
+            let states = system.states.iter().map(|state| state.var).zip(row);
+            let params = system.params.iter().map(|param| (param.var, &param.value));
+            let known = states.chain(params);
+            let known: HashMap<Var, f64> = known
+                .filter_map(|(var, &value)| Some((var.as_variable()?, value)))
+                .collect();
+            move |var: Var| known.get(&var).copied().unwrap_or(f64::NAN)
+        };
+        let mut alphas = within[n..n + system.switches.len()].to_vec();
+        settle(problem, &mut alphas);
+        directed(system, &mut alphas, &known(&within));
+        let value = known(&row);
+        let found = solve_in_mode(system, &problem.dcs, &alphas, &value);
+        let is_first = (k, j) == (1, 1);
+        for (i, z) in found.algebraics.into_iter().enumerate() {
+            if m == 0 && !is_first && !layout.starts_anew(i) {
+                continue;
+            }
+            if let Some(index) = layout.z(k, j, m, i) {
+                set(index, z);
+            }
+        }
+    }
+}
+
+/// Of a contact that lasts, only the weight of free flight is determined by α of its gap and of its speed: it is all
+/// that of the speed.
+fn settle(problem: &Problem, alphas: &mut [f64]) {
+    let contacts = problem.frozen.iter().flat_map(|frozen| &frozen.contacts);
+    for contact in contacts {
+        let Some(rest) = &contact.rest else {
+            continue;
+        };
+        let (apart, leaves) = (alphas[contact.switch], alphas[rest.speed]);
+        let free = apart + leaves - apart * leaves;
+        if free > ROUNDING && free < 1.0 - ROUNDING {
+            (alphas[contact.switch], alphas[rest.speed]) = (0.0, free);
+        }
+    }
+}

@@ -1,0 +1,230 @@
+//! A solution in terms that no lowering of switches knows, and the way into the program of another one.
+//!
+//! The programs of two lowerings of switches have the same grid, states, controls and impulses, and say with other
+//! multipliers what α of the switches is. So a solution of one is a point of the other: its lengths, states and
+//! controls as they are, and the multipliers that belong to its α. It is feasible there, with the same objective, if
+//! both programs are about the same system.
+
+use rustc_hash::FxHashMap;
+
+use crate::expr::{Expr, Var};
+use crate::lowering::dcs::solve_in_mode;
+use crate::optimize::Problem;
+use crate::system::task::Shape;
+
+/// A solution on its grid.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Point {
+    /// Which programs it is a point of.
+    kind: Kind,
+    /// T.
+    horizon: f64,
+    params: Vec<f64>,
+    /// Interval by interval.
+    controls: Vec<Vec<f64>>,
+    elements: Vec<Element>,
+}
+
+/// What tells apart programs that have no points in common.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Kind {
+    is_frozen: bool,
+    n_impacts: usize,
+    n_states: usize,
+    n_switches: usize,
+    /// Steps, elements and nodes.
+    grid: [usize; 3],
+}
+
+/// What happens in an element.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Element {
+    length: f64,
+    /// When it begins, where the program asks for it.
+    start: Option<f64>,
+    /// States at its nodes, from the left end to the right one.
+    states: Vec<Vec<f64>>,
+    /// The states where it begins, before impulses.
+    before: Vec<f64>,
+    /// States that have other values with the multipliers where an interval begins.
+    started: Vec<Option<f64>>,
+    /// α of the switches of the discretized system at its Runge-Kutta nodes.
+    alphas: Vec<Vec<f64>>,
+    /// What contacts give where it begins.
+    impulses: Vec<f64>,
+}
+
+impl Problem<'_> {
+    fn kind(&self) -> Kind {
+        let layout = &self.layout;
+        Kind {
+            is_frozen: self.frozen.is_some(),
+            n_impacts: self.n_impulses(),
+            n_states: layout.n_states(),
+            n_switches: self.dcs.alphas.len(),
+            grid: [layout.steps, layout.elements, layout.nodes],
+        }
+    }
+
+    /// Impulses and sides of slip where an element begins.
+    fn n_impulses(&self) -> usize {
+        self.dcs.boundary().len()
+    }
+
+    /// A solution of the program.
+    pub(crate) fn point(&self, w: &[f64]) -> Point {
+        let layout = &self.layout;
+        let task = self.dcs.task.as_ref();
+        let n_controls = task.map_or(0, |task| task.controls.len());
+        let n_params = task.map_or(0, |task| task.params.len());
+        let states = |first: usize| w[first..first + layout.n_states()].to_vec();
+        let element = |(k, j): (usize, usize)| Element {
+            length: w[layout.h(k, j)],
+            start: layout.t(k, j).map(|t| w[t]),
+            states: (0..=layout.end)
+                .map(|m| states(layout.x(k, j, m)))
+                .collect(),
+            before: states(layout.before(k, j)),
+            started: (0..layout.n_states())
+                .map(|i| {
+                    let started = layout.started(k, i).filter(|_| j == 1);
+                    started.map(|index| w[index])
+                })
+                .collect(),
+            alphas: (1..=layout.nodes)
+                .map(|m| self.lowered_alphas(w, (k, j, m)))
+                .collect(),
+            impulses: layout.impulses(k, j).map_or_else(Vec::new, |first| {
+                w[first..first + self.n_impulses()].to_vec()
+            }),
+        };
+        Point {
+            kind: self.kind(),
+            horizon: self.horizon(w),
+            params: (0..n_params).map(|i| w[layout.p(i)]).collect(),
+            controls: layout
+                .control_instants()
+                .map(|(k, _)| w[layout.u(k)..layout.u(k) + n_controls].to_vec())
+                .collect(),
+            elements: layout.all_elements().map(element).collect(),
+        }
+    }
+
+    /// The point of this program that means the same; none where it has no such point.
+    pub(crate) fn lifted(&self, point: &Point) -> Option<Vec<f64>> {
+        if self.kind() != point.kind {
+            return None;
+        }
+        let layout = &self.layout;
+        let bounds = self.mpcc.bounds();
+        let mut w: Vec<f64> = bounds.iter().map(|bounds| bounds.guess).collect();
+        let mut set = |index: usize, value: f64| {
+            if value.is_finite() && !bounds[index].is_fixed() {
+                w[index] = value.max(bounds[index].lower).min(bounds[index].upper);
+            }
+        };
+        if let Some(index) = layout.horizon() {
+            set(index, point.horizon);
+        }
+        for (i, &value) in point.params.iter().enumerate() {
+            set(layout.p(i), value);
+        }
+        for ((k, _), values) in layout.control_instants().zip(&point.controls) {
+            for (i, &value) in values.iter().enumerate() {
+                set(layout.u(k) + i, value);
+            }
+        }
+        for ((k, j), element) in layout.all_elements().zip(&point.elements) {
+            set(layout.h(k, j), element.length);
+            if let Some((index, start)) = layout.t(k, j).zip(element.start) {
+                set(index, start);
+            }
+            let first = layout.impulses(k, j);
+            for (i, &value) in element.impulses.iter().enumerate() {
+                first.into_iter().for_each(|first| set(first + i, value));
+            }
+            for (i, &value) in element.before.iter().enumerate() {
+                set(layout.before(k, j) + i, value);
+            }
+            for (i, value) in element.started.iter().enumerate() {
+                let started = layout.started(k, i).filter(|_| j == 1);
+                if let Some((index, &value)) = started.zip(value.as_ref()) {
+                    set(index, value);
+                }
+            }
+            for (m, states) in element.states.iter().enumerate() {
+                for (i, &value) in states.iter().enumerate() {
+                    set(layout.x(k, j, m) + i, value);
+                }
+            }
+        }
+        let mut started = 0.0;
+        for ((k, j), element) in layout.all_elements().zip(&point.elements) {
+            if j == 1 && self.frozen.is_none() {
+                started = point.horizon * (k - 1) as f64 / layout.steps as f64;
+            }
+            for m in 0..=layout.end {
+                let time = started + layout.points[m] * element.length;
+                let z = self.multipliers(point, (k, element), m, time);
+                for (i, z) in z.into_iter().enumerate() {
+                    if let Some(index) = layout.z(k, j, m, i) {
+                        let bounds = &bounds[index];
+                        if z.is_finite() && !bounds.is_fixed() {
+                            w[index] = z.max(bounds.lower).min(bounds.upper);
+                        }
+                    }
+                }
+            }
+            started += element.length;
+        }
+        Some(w)
+    }
+
+    /// z at a node of an element in interval k, from its states and α. At ends that are no nodes α is that of the
+    /// nearest node: there is one mode in an element.
+    fn multipliers(
+        &self,
+        point: &Point,
+        (k, element): (usize, &Element),
+        m: usize,
+        time: f64,
+    ) -> Vec<f64> {
+        let (layout, system) = (&self.layout, self.lowered());
+        let mut known: FxHashMap<Var, f64> = FxHashMap::default();
+        let mut insert = |var: Expr, value: f64| {
+            known.extend(var.as_variable().map(|var| (var, value)));
+        };
+        insert(system.time, time);
+        for data in &system.data {
+            insert(data.var, data.table.value(time));
+        }
+        for param in &system.params {
+            insert(param.var, param.value);
+        }
+        for (i, state) in system.states.iter().enumerate() {
+            let started = element.started.get(i).copied().flatten();
+            let value = element.states[m].get(i).copied().unwrap_or(0.0);
+            insert(state.var, started.filter(|_| m == 0).unwrap_or(value));
+        }
+        if let Some(task) = &self.dcs.task {
+            for (free, &value) in task.params.iter().zip(&point.params) {
+                insert(self.dcs.params[free.place].var, value);
+            }
+            // Straight lines go from the end of one interval to that of the next.
+            let share = time / point.horizon * layout.steps as f64 - (k - 1) as f64;
+            for (i, control) in task.controls.iter().enumerate() {
+                let value = match task.shape {
+                    Shape::Constant => point.controls[k - 1][i],
+                    Shape::Linear => {
+                        let [from, to] = [k - 1, k].map(|k| point.controls[k][i]);
+                        from + share.clamp(0.0, 1.0) * (to - from)
+                    }
+                };
+                insert(control.var, value);
+            }
+        }
+        let node = m.clamp(1, layout.nodes) - 1;
+        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        solve_in_mode(system, &self.dcs, &element.alphas[node], &value).algebraics
+    }
+}

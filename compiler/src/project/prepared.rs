@@ -1,0 +1,400 @@
+//! An experiment that is compiled once and runs many times from event to event, with other parameters and initial values.
+//!
+//! What the parameters that stay open reach is compiled as functions of them: other parameters, initial values, rates,
+//! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out,
+//! and a sign turns sides of surfaces round.
+//!
+//! Runs give what the solver knows: steps and events to an observer, the end, and why it is one. Outputs, bounds of states,
+//! expectations and the second run that estimates the error are those of [`crate::simulate::run`].
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use nsd_solver::event::{Event, Observer, Segment, Status};
+//! use nsdc::prepared::Prepared;
+//!
+//! let text = "model ball {
+//!   param g = 9.81; param e = 0.9;
+//!   state q = 1; state v = 0;
+//!   q' = v; v' = -g;
+//!   jump floor when q <= 0 and v < 0 { v := -e*v; }
+//! }
+//! simulate falls of ball { horizon 1; }";
+//! let prepared = Prepared::from_text(text, "falls", &["g", "e"]).expect("it compiles");
+//! assert_eq!(prepared.states(), ["q", "v"]);
+//!
+//! /// Counts bounces.
+//! struct Bounces(usize);
+//! impl Observer for Bounces {
+//!     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
+//!         ControlFlow::Continue(())
+//!     }
+//!     fn event(&mut self, _: &Event) {
+//!         self.0 += 1;
+//!     }
+//! }
+//!
+//! // 2 m/s², and a second is the time of the first fall: q = 1 - t².
+//! let (mut runs, mut bounces) = (prepared.runs(), Bounces(0));
+//! let outcome = runs.run(&[2.0, 0.5], None, 0.5, &mut bounces).expect("they are in range");
+//! assert_eq!(outcome.status, Status::Solved);
+//! assert!((outcome.x[0] - 0.75).abs() < 1e-12);
+//! // From 1/2 with 9 m/s² it strikes after 1/3 and 2/3 of a second.
+//! let outcome = runs.run(&[9.0, 0.5], Some(&[0.5, 0.0]), 0.7, &mut bounces).expect("they are");
+//! // A zero is another system.
+//! assert!(runs.run(&[0.0, 0.5], None, 0.7, &mut bounces).is_err());
+//! assert_eq!((outcome.status, bounces.0), (Status::Solved, 2));
+//! ```
+
+use std::sync::Arc;
+
+use nsd_solver::event::{Observer, Simulator};
+use nsd_solver::hybrid as solver;
+use nsd_solver::hybrid::{HybridSystem, Outcome};
+use nsd_solver::tape::{Scratch, Tape};
+
+use crate::Compiled;
+use crate::diagnostics::Diagnostics;
+use crate::diagnostics::messages::Messages;
+use crate::expr::{self, Expr, Exprs, Var};
+use crate::limit::Limit;
+use crate::lowering::hybrid;
+use crate::lowering::hybrid::{Structural, variable};
+use crate::project::clock::Clock;
+use crate::project::{Project, bindings};
+use crate::simulate::solver_settings;
+use crate::source::SourceMap;
+use crate::syntax::{Bind, Experiment, File, Path};
+use crate::system::System;
+use crate::system::experiment::Method;
+
+/// An experiment that is ready for runs with other numbers. It is plain data: threads share it.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    system: Arc<HybridSystem>,
+    settings: solver::Settings,
+    horizon: f64,
+    parameters: Vec<Parameter>,
+    states: Vec<String>,
+    /// From the parameters to x(0).
+    start: Arc<Tape>,
+}
+
+/// A parameter that stays open.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Its name, with its index: `k`, `A[1,2]`.
+    pub name: String,
+    /// Its value in the experiment.
+    pub value: f64,
+    /// What it may be: where it was declared to be, on the same side of zero, which is no value of it.
+    pub range: [f64; 2],
+}
+
+impl Parameter {
+    /// Whether it may have a value.
+    pub fn takes(&self, value: f64) -> bool {
+        let [low, high] = self.range;
+        low <= value && value <= high && value != 0.0 && value.is_finite()
+    }
+}
+
+/// Why an experiment is not prepared.
+#[derive(Debug, thiserror::Error)]
+pub enum NotPrepared {
+    /// It does not compile, or what must be known before a run depends on an open parameter.
+    #[error("the experiment does not compile with parameters that stay open: {}", first(.0))]
+    NotCompiled(Diagnostics),
+    /// There is no such experiment, or no value that is named.
+    #[error("{0}")]
+    NotAsked(Messages),
+    /// This is no name of a parameter, or of an entry of one.
+    #[error("`{0}` is no parameter")]
+    NoParameter(String),
+    /// It is not run from event to event.
+    #[error("`{0}` runs with numbers that are compiled in")]
+    Method(&'static str),
+    /// Another value of this parameter is another system.
+    #[error("`{0}` {1}: it has to be compiled for each of its values")]
+    Structural(String, Structural),
+    /// An initial value is not smooth in the parameters.
+    #[error("the initial value of `{0}` is no smooth function of the parameters")]
+    Start(String),
+}
+
+/// Why there is no run with some numbers.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NotRun {
+    /// There are not as many numbers as parameters, or as states.
+    #[error("{found} numbers for {wanted} {what}")]
+    Count {
+        /// How many were given.
+        found: usize,
+        /// How many there are.
+        wanted: usize,
+        /// Of what.
+        what: &'static str,
+    },
+    /// A parameter is where the experiment was not prepared for it.
+    #[error("`{}` = {value} is not within {} and {}, or zero", .of.name, .of.range[0], .of.range[1])]
+    Range {
+        /// The parameter.
+        of: Parameter,
+        /// Its value.
+        value: f64,
+    },
+    /// Behind the end of the experiment nobody has looked where functions of time are narrow.
+    #[error("a horizon of {horizon} is not within 0 and {longest}, that of the experiment")]
+    Horizon {
+        /// That of the run.
+        horizon: f64,
+        /// That of the experiment.
+        longest: f64,
+    },
+}
+
+impl Prepared {
+    /// Compiles an experiment with some parameters open; `overrides` replace what `with` says.
+    ///
+    /// # Errors
+    ///
+    /// Where it has to be compiled for each of their values.
+    pub fn new(
+        file: &File,
+        experiment: &Experiment,
+        overrides: &[Bind],
+        open: &[Path],
+    ) -> Result<Self, NotPrepared> {
+        let exprs = Exprs::new();
+        let mut diags = Diagnostics::new();
+        let mut experiment = experiment.clone();
+        experiment.open = open.to_vec();
+        let clock = &mut Clock::default();
+        let compiled = crate::compile(&exprs, file, &experiment, overrides, clock, &mut diags);
+        match compiled {
+            Some(compiled) if !diags.has_errors() => Self::of(&compiled),
+            _ => Err(NotPrepared::NotCompiled(diags)),
+        }
+    }
+
+    /// An experiment of a text, which uses no other files, with parameters open by their names: `k`, `A[1,2]`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Prepared::new`], and names that are not there.
+    pub fn from_text(text: &str, experiment: &str, open: &[&str]) -> Result<Self, NotPrepared> {
+        Project::from_text("text", text).prepare(experiment, open, &[])
+    }
+
+    /// An experiment that has been compiled with open parameters.
+    fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        if settings.kicks.is_some() {
+            return Err(NotPrepared::Method(settings.method.kind().word()));
+        }
+        let Opened {
+            places,
+            parameters,
+            start,
+        } = Opened::of(compiled)?;
+        let mut chosen = solver_settings(&settings.method, settings.tolerance, Limit::default());
+        chosen.averages = settings.averages;
+        Ok(Prepared {
+            start: Arc::new(start),
+            system: hybrid::lower_open(system, settings.horizon, &places),
+            settings: chosen,
+            horizon: settings.horizon,
+            parameters,
+            states: system
+                .states
+                .iter()
+                .map(|state| state.name.clone())
+                .collect(),
+        })
+    }
+
+    /// The parameters that stay open, in the order in which runs take their values.
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    /// The names of the states, with their indices, in order.
+    pub fn states(&self) -> &[String] {
+        &self.states
+    }
+
+    /// The horizon of the experiment.
+    pub fn horizon(&self) -> f64 {
+        self.horizon
+    }
+
+    /// The system that is run.
+    pub fn system(&self) -> &Arc<HybridSystem> {
+        &self.system
+    }
+
+    /// Runs one after another, which keep what they compile.
+    pub fn runs(&self) -> Runs<'_> {
+        Runs {
+            simulator: Simulator::new(self.system.clone(), self.settings.clone()),
+            scratch: self.start.scratch(),
+            x0: vec![0.0; self.states.len()],
+            prepared: self,
+        }
+    }
+}
+
+/// The parameters of an experiment that stay open.
+pub(crate) struct Opened {
+    /// Their numbers in the system.
+    pub places: Vec<usize>,
+    pub parameters: Vec<Parameter>,
+    /// From them to x(0).
+    pub start: Tape,
+}
+
+impl Opened {
+    /// Those with which an experiment has been compiled, if it runs from event to event for all their values.
+    pub fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let is_run = settings.optimize.is_none() && !settings.freezes();
+        if !is_run || !matches!(settings.method, Method::Auto | Method::Event(_)) {
+            return Err(NotPrepared::Method(settings.method.kind().word()));
+        }
+        let values = &settings.values;
+        let params = system.params.iter().enumerate();
+        let open = params.filter(|(_, param)| values.is_open(param.var));
+        let places: Vec<usize> = open.map(|(at, _)| at).collect();
+        let why = hybrid::structural(system);
+        if let Some((at, why)) = places.iter().find_map(|&at| Some((at, why[at]?))) {
+            return Err(NotPrepared::Structural(system.params[at].name.clone(), why));
+        }
+        if let Some(name) = values.moving_range(&compiled.model) {
+            return Err(NotPrepared::Structural(name, Structural::Range));
+        }
+        let ranges = values.open_ranges(&compiled.model);
+        let parameter = |&at: &usize| {
+            let param = &system.params[at];
+            let range = ranges[&variable(param.var)];
+            Parameter {
+                name: param.name.clone(),
+                value: param.value,
+                range: [range.low, range.high],
+            }
+        };
+        Ok(Opened {
+            parameters: places.iter().map(parameter).collect(),
+            start: start(compiled, &places)?,
+            places,
+        })
+    }
+}
+
+/// Runs of one [`Prepared`] on one thread.
+pub struct Runs<'p> {
+    prepared: &'p Prepared,
+    simulator: Simulator,
+    scratch: Scratch,
+    x0: Vec<f64>,
+}
+
+impl Runs<'_> {
+    /// A run from 0 to a horizon, no longer than that of the experiment, with these values of the parameters, in the order
+    /// of [`Prepared::parameters`], and from an initial state, or the one that they give. A relay that this leaves between
+    /// its thresholds starts as it does in the experiment.
+    ///
+    /// # Errors
+    ///
+    /// For numbers that the experiment was not prepared for.
+    pub fn run(
+        &mut self,
+        parameters: &[f64],
+        x0: Option<&[f64]>,
+        horizon: f64,
+        observer: &mut impl Observer,
+    ) -> Result<Outcome, NotRun> {
+        self.check(parameters, x0, horizon)?;
+        match x0 {
+            Some(x0) => self.x0.copy_from_slice(x0),
+            None => (self.prepared.start).eval(parameters, &mut self.x0, &mut self.scratch),
+        }
+        self.simulator.set_parameters(parameters);
+        Ok(self.simulator.run(0.0, horizon, &self.x0, observer))
+    }
+
+    fn check(&self, parameters: &[f64], x0: Option<&[f64]>, horizon: f64) -> Result<(), NotRun> {
+        let Prepared {
+            parameters: known,
+            states,
+            horizon: longest,
+            ..
+        } = self.prepared;
+        let states = x0.map(|x0| (x0.len(), states.len(), "states"));
+        for (found, wanted, what) in [Some((parameters.len(), known.len(), "parameters")), states]
+            .into_iter()
+            .flatten()
+        {
+            if found != wanted {
+                return Err(NotRun::Count {
+                    found,
+                    wanted,
+                    what,
+                });
+            }
+        }
+        let outside = |(value, of): &(&f64, &Parameter)| !of.takes(**value);
+        if let Some((&value, of)) = parameters.iter().zip(known).find(outside) {
+            let of = of.clone();
+            return Err(NotRun::Range { of, value });
+        }
+        match 0.0 < horizon && horizon <= *longest {
+            true => Ok(()),
+            false => Err(NotRun::Horizon {
+                horizon,
+                longest: *longest,
+            }),
+        }
+    }
+}
+
+/// The first error, with its code.
+fn first(diags: &Diagnostics) -> String {
+    let told = diags.errors().next().map(|error| match error.code() {
+        Some(code) => format!("{code}, {error}"),
+        None => error.to_string(),
+    });
+    told.unwrap_or_default()
+}
+
+/// A name as it stands on the left of `=` in `with`.
+pub(crate) fn path(name: &str, sources: &mut SourceMap) -> Option<Path> {
+    let given = [format!("{name}=0")];
+    let mut binds = bindings((sources, &mut Diagnostics::new()), "open", &given)?;
+    (binds.len() == 1).then(|| binds.remove(0).target)
+}
+
+/// x(0) as a function of the open parameters.
+fn start(compiled: &Compiled<'_>, open: &[usize]) -> Result<Tape, NotPrepared> {
+    let (system, values) = (&compiled.system, &compiled.settings.values);
+    let fixed = hybrid::numbers(system, open);
+    let initial = system.states.iter().map(|state| {
+        let given = values
+            .initial(state.var)
+            .map(|value| value.substitute(&fixed));
+        given.unwrap_or_else(|| system.exprs.constant(state.initial))
+    });
+    let initial: Vec<Expr> = initial.collect();
+    let inputs: Vec<Var> = inputs(system, open);
+    let rough = |_| {
+        let is_rough = |e: &Expr| expr::compile(&inputs, &[*e]).is_err();
+        let mut states = system.states.iter().zip(&initial);
+        let state = states.find(|(_, value)| is_rough(value));
+        NotPrepared::Start(state.map_or_else(String::new, |(state, _)| state.name.clone()))
+    };
+    expr::compile(&inputs, &initial).map_err(rough)
+}
+
+fn inputs(system: &System, open: &[usize]) -> Vec<Var> {
+    open.iter()
+        .map(|&at| variable(system.params[at].var))
+        .collect()
+}

@@ -1,0 +1,265 @@
+//! Runs of the experiments of a [`Project`], for programs: numbers in, numbers out.
+
+use crate::compile;
+use crate::diagnostics::Diagnostics;
+use crate::diagnostics::messages::Messages;
+use crate::expr::Exprs;
+use crate::limit::Limit;
+use crate::optimize::{self, PrepareError};
+use crate::project::clock::Clock;
+use crate::project::prepared;
+use crate::project::prepared::{NotPrepared, Prepared};
+use crate::project::watch::Watch;
+use crate::project::{Project, bindings};
+use crate::project::{ensemble, launch};
+use crate::report::forms::{csv, json, text};
+use crate::report::{Trajectory, Warning};
+use crate::simulate::Request;
+use crate::source::SourceMap;
+use crate::syntax::{Bind, Experiment};
+
+/// What is asked of a run besides what its experiment says.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Values in place of those of the experiment, of parameters and initial values by their names: `k`, `x[2]`.
+    pub values: Vec<(String, f64)>,
+    /// When the run ends, done or not.
+    pub limit: Limit,
+    /// Whether multipliers are kept, where the method has them.
+    pub multipliers: bool,
+    /// Whether a figure is drawn.
+    #[cfg(feature = "plots")]
+    pub figure: bool,
+}
+
+/// What came of an experiment, whether it was solved or not.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// How it ended, and what was reached until then.
+    pub trajectory: Trajectory,
+    /// What it looks like, as SVG, where that was asked for.
+    #[cfg(feature = "plots")]
+    pub figure: Option<String>,
+    sources: SourceMap,
+}
+
+impl Run {
+    /// What there is to say about it: why it has ended before its end, and what it warns of.
+    pub fn messages(&self) -> Messages {
+        Messages::new(self.trajectory.diagnostics(), self.sources.clone())
+    }
+
+    /// All of it as JSON, as `nsdc run --json` writes it.
+    pub fn json(&self) -> String {
+        json::write(&self.trajectory)
+    }
+
+    /// What is reported over time, as a table.
+    pub fn csv(&self) -> String {
+        csv::write(&self.trajectory)
+    }
+
+    /// A short report.
+    pub fn text(&self) -> String {
+        text::write(&self.trajectory)
+    }
+}
+
+impl Project {
+    /// Runs an experiment: what came of it, whether it was solved or not, as [`Trajectory::status`] says.
+    ///
+    /// ```
+    /// use nsdc::report::Status;
+    /// use nsdc::{Options, Project};
+    ///
+    /// let project = Project::from_text("fall.nsd", "
+    ///     model fall { param g = 9.81; state h = 1; state v = 0; h' = v; v' = -g; }
+    ///     simulate short of fall { horizon 0.25; }");
+    /// let values = vec![("g".to_owned(), 2.0), ("v".to_owned(), 0.5)];
+    /// let options = Options { values, ..Options::default() };
+    /// let run = project.run("short", &options, &mut ()).expect("it compiles");
+    /// assert_eq!(run.trajectory.status, Status::Solved);
+    /// // A row of values for each instant, and for each state a column.
+    /// let height = &run.trajectory.states[0];
+    /// let last = run.trajectory.time.len() - 1;
+    /// assert_eq!((height.name.as_str(), height.at(last).len()), ("h", 1));
+    /// assert!((height.at(last)[0] - (1.0 + 0.5 * 0.25 - 0.25 * 0.25)).abs() < 1e-12);
+    /// ```
+    ///
+    /// It ends early when somebody cancels it, here from what it tells on its way:
+    ///
+    /// ```
+    /// use nsdc::limit::{Cancel, Limit};
+    /// use nsdc::report::Status;
+    /// use nsdc::watch::{Progress, Told};
+    /// use nsdc::{Options, Project};
+    ///
+    /// let project = Project::from_text("circle.nsd", "
+    ///     model circle { state x = 1; state y = 0; x' = -y; y' = x; }
+    ///     simulate long of circle { horizon 1e6; }");
+    /// let cancel = Cancel::default();
+    /// let limit = Limit::default().canceled_by(&cancel);
+    /// let options = Options { limit, ..Options::default() };
+    /// let mut told = Told(|progress: &Progress<'_>| {
+    ///     if progress.share() > Some(1e-4) {
+    ///         cancel.cancel();
+    ///     }
+    /// });
+    /// let run = project.run("long", &options, &mut told).expect("it compiles");
+    /// assert_eq!(run.trajectory.status, Status::Canceled);
+    /// assert!(run.trajectory.time.last() > Some(&100.0));
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// Where there is no such experiment, it does not compile, or has no value that is named.
+    pub fn run(
+        &self,
+        experiment: &str,
+        options: &Options,
+        watch: &mut dyn Watch,
+    ) -> Result<Run, Messages> {
+        let asked = self.ask(experiment, &options.values)?;
+        let (exprs, mut clock, mut diags) = (Exprs::new(), Clock::default(), Diagnostics::new());
+        let (file, overrides) = (&self.file, &asked.overrides);
+        let compiled = compile(
+            &exprs,
+            file,
+            asked.experiment,
+            overrides,
+            &mut clock,
+            &mut diags,
+        );
+        let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
+            return Err(Messages::new(diags, asked.sources));
+        };
+        #[cfg(feature = "plots")]
+        let dense = options.figure;
+        #[cfg(not(feature = "plots"))]
+        let dense = false;
+        let request = Request {
+            dense,
+            estimate: true,
+            multipliers: options.multipliers,
+            limit: options.limit.clone(),
+        };
+        let source = ensemble::Source {
+            file,
+            experiment: asked.experiment,
+            overrides,
+        };
+        let found = launch::whole(self, source, &mut compiled, &request, watch);
+        let mut trajectory = match found {
+            Ok(trajectory) => trajectory,
+            Err(diags) => return Err(Messages::new(diags, asked.sources)),
+        };
+        trajectory.stats.compile_s = self.compile_seconds(&clock);
+        trajectory.warnings.splice(0..0, Warning::all(&diags));
+        Ok(Run {
+            #[cfg(feature = "plots")]
+            figure: dense.then(|| crate::project::figure::draw(&compiled, &trajectory)),
+            trajectory,
+            sources: asked.sources,
+        })
+    }
+
+    /// Compiles an experiment once, for many runs from event to event with other values of the parameters that are `open`.
+    ///
+    /// ```
+    /// use nsdc::Project;
+    ///
+    /// let project = Project::from_text("decay.nsd", "
+    ///     model decay { param k = 1; state x = 1; x' = -k*x; }
+    ///     simulate d of decay { horizon 1; }");
+    /// let prepared = project.prepare("d", &["k"], &[]).expect("it compiles");
+    /// let mut runs = prepared.runs();
+    /// for k in [0.5, 1.0, 2.0] {
+    ///     let outcome = runs.run(&[k], None, 1.0, &mut ()).expect("it is in range");
+    ///     assert!((outcome.x[0] - f64::exp(-k)).abs() < 1e-8);
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// Where it has to be compiled for each of their values, or there are none of these names.
+    pub fn prepare(
+        &self,
+        experiment: &str,
+        open: &[&str],
+        values: &[(String, f64)],
+    ) -> Result<Prepared, NotPrepared> {
+        let mut asked = self
+            .ask(experiment, values)
+            .map_err(NotPrepared::NotAsked)?;
+        let paths = open.iter().map(|name| {
+            let path = prepared::path(name, &mut asked.sources);
+            path.ok_or_else(|| NotPrepared::NoParameter((*name).to_owned()))
+        });
+        let paths = paths.collect::<Result<Vec<_>, _>>()?;
+        Prepared::new(&self.file, asked.experiment, &asked.overrides, &paths)
+    }
+
+    /// Compiles an optimal control problem once, to be solved from many initial states: see [`optimize::Prepared`].
+    ///
+    /// # Errors
+    ///
+    /// Where there is no such experiment, it does not compile, or has no value that is named; where it optimizes nothing,
+    /// or in numerical time.
+    pub fn prepare_optimal<'e>(
+        &self,
+        exprs: &'e Exprs,
+        experiment: &str,
+        values: &[(String, f64)],
+    ) -> Result<optimize::Prepared<'e>, PrepareError> {
+        let asked = self.ask(experiment, values);
+        let asked = asked.map_err(PrepareError::NotCompiled)?;
+        let (clock, mut diags) = (&mut Clock::default(), Diagnostics::new());
+        let (of, overrides) = (asked.experiment, &asked.overrides);
+        let compiled = compile(exprs, &self.file, of, overrides, clock, &mut diags);
+        let failed = |diags, sources| PrepareError::NotCompiled(Messages::new(diags, sources));
+        let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
+            return Err(failed(diags, asked.sources));
+        };
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let Some(task) = &settings.optimize else {
+            return Err(PrepareError::NoTask(experiment.to_owned()));
+        };
+        match launch::sampled(self, task, &Request::default()) {
+            Ok(sampled) => {
+                let parts = (system, settings, task);
+                optimize::Prepared::new(parts, sampled, diags, asked.sources)
+            }
+            Err(diags) => Err(failed(diags, asked.sources)),
+        }
+    }
+
+    /// An experiment by its name, with values that replace its own.
+    fn ask(&self, experiment: &str, values: &[(String, f64)]) -> Result<Asked<'_>, Messages> {
+        let mut sources = self.sources.clone();
+        if self.diags.has_errors() {
+            return Err(Messages::new(self.diags.clone(), sources));
+        }
+        let experiment = self.named(experiment).map_err(Messages::of)?;
+        let values = values
+            .iter()
+            .map(|(name, value)| format!("{name}={value:?}"));
+        let values: Vec<String> = values.collect();
+        let mut diags = Diagnostics::new();
+        match bindings((&mut sources, &mut diags), "values", &values) {
+            Some(overrides) => Ok(Asked {
+                experiment,
+                overrides,
+                sources,
+            }),
+            None => Err(Messages::new(diags, sources)),
+        }
+    }
+}
+
+/// What is run.
+struct Asked<'p> {
+    experiment: &'p Experiment,
+    overrides: Vec<Bind>,
+    /// All texts, those of the values with them.
+    sources: SourceMap,
+}

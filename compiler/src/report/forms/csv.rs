@@ -1,0 +1,70 @@
+//! The CSV form: one line per instant, one column per scalar entry.
+//!
+//! Numbers round-trip. Names that hold a comma, such as `R[1,2]`, are quoted.
+
+use crate::report::{Series, Trajectory};
+
+/// Header `time,x[1],x[2],...` and one line per instant: states, outputs, controls.
+pub fn write(trajectory: &Trajectory) -> String {
+    let columns: Vec<&Series> = [
+        &trajectory.states,
+        &trajectory.outputs,
+        &trajectory.controls,
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    let mut text = csv::Writer::from_writer(Vec::new());
+
+    let names = columns.iter().flat_map(|series| series.entry_names());
+    // Writing to memory does not fail and every record has the same length.
+    let _ = text.write_record(std::iter::once("time".to_owned()).chain(names));
+    for (k, time) in trajectory.time.iter().enumerate() {
+        let values = columns.iter().flat_map(|series| series.at(k));
+        // The shortest text that reads back as the same number, with an exponent where it is shorter.
+        let record = std::iter::once(time)
+            .chain(values)
+            .map(|value| format!("{value:?}"));
+        let _ = text.write_record(record);
+    }
+
+    let bytes = text.into_inner().unwrap_or_default();
+    String::from_utf8(bytes).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::write;
+    use crate::report::sample;
+
+    #[test]
+    fn one_column_per_entry_and_one_line_per_instant() {
+        insta::assert_snapshot!(write(&sample::oscillator()), @"
+time,x[1],x[2],c
+0.0,0.36787944117144233,0.0,-0.8646647167633873
+1.0,1.0,0.0,0.0
+1.5,-1.6487212707,0.25,1.7807818284
+");
+    }
+
+    #[test]
+    fn names_with_commas_are_quoted() {
+        insta::assert_snapshot!(write(&sample::shapes()), @r#"
+time,q,"R[1,1]","R[1,2]","R[2,1]","R[2,2]"
+0.0,1.5,1.0,2.0,3.0,4.0
+1.0,2.5,5.0,6.0,7.0,8.0
+"#);
+    }
+
+    #[test]
+    fn numbers_round_trip() {
+        let mut trajectory = sample::shapes();
+        let awkward = [0.1 + 0.2, 1e-300, f64::MAX, -0.0];
+        for value in awkward {
+            trajectory.states[0].values[0] = value;
+            let text = write(&trajectory);
+            let field = text.lines().nth(1).unwrap().split(',').nth(1).unwrap();
+            assert_eq!(field.parse::<f64>().unwrap().to_bits(), value.to_bits());
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! A trajectory as text, CSV and JSON.
+
+pub mod csv;
+pub mod json;
+pub mod text;

@@ -1,0 +1,574 @@
+//! The short report on the terminal.
+
+use std::fmt::{self, Display, Write};
+
+use crate::report::{
+    Bands, Constraint, Event, EventKind, MethodOption, Series, Stationarity, Stats, Status,
+    Trajectory,
+};
+
+/// Rows of a table before the rest is only counted.
+const MAX_ROWS: usize = 12;
+/// Characters of a mode before its switches are counted instead of named.
+const MAX_MODE: usize = 60;
+/// Characters of a switching function without a name before the rest is left out.
+const MAX_NAME: usize = 60;
+/// Entries of a vector before the rest is left out.
+const MAX_ENTRIES: usize = 8;
+
+/// Multipliers below this share of the objective or of the largest of them are rounding; chosen by trial.
+const FELT: f64 = 1e-6;
+
+/// The report, plain text with a line break at the end.
+pub fn write(trajectory: &Trajectory) -> String {
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    let _ = report(trajectory, &mut text);
+    text
+}
+
+fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Trajectory {
+        experiment, model, ..
+    } = trajectory;
+    let status = trajectory.status.as_str();
+    writeln!(text, "{experiment} of {model}: {status}")?;
+    if let Some(failure) = &trajectory.failure {
+        writeln!(text, "  {failure}")?;
+    }
+    if let Some(objective) = trajectory.objective {
+        writeln!(text, "  objective {}", significant(objective, 12))?;
+    }
+    terms(trajectory, text)?;
+    free(trajectory, text)?;
+    constraints(trajectory, text)?;
+    end(trajectory, text)?;
+    events(trajectory, text)?;
+    modes(trajectory, text)?;
+    origin(trajectory, text)?;
+    optimum(trajectory, text)?;
+    ensemble(trajectory, text)?;
+    for skipped in &trajectory.skipped {
+        writeln!(text, "  skipped {skipped}")?;
+    }
+    for warning in &trajectory.warnings {
+        writeln!(text, "  warning {}: {}", warning.code, warning.message)?;
+    }
+    Ok(())
+}
+
+/// Free parameters at an optimum.
+fn free(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let free = trajectory
+        .optimum
+        .iter()
+        .flat_map(|found| &found.values.free);
+    let width = free.clone().map(|(name, _)| chars(name)).max();
+    let Some(width) = width else {
+        return Ok(());
+    };
+    writeln!(text, "\n  free parameters")?;
+    for (name, value) in free {
+        writeln!(text, "    {name:width$} = {}", significant(*value, 12))?;
+    }
+    Ok(())
+}
+
+/// Terms of an objective, where there are several.
+fn terms(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let terms = trajectory
+        .optimum
+        .iter()
+        .flat_map(|found| &found.values.terms);
+    let width = terms.clone().map(|term| chars(&term.text)).max();
+    let Some(width) = width.filter(|_| terms.clone().count() > 1) else {
+        return Ok(());
+    };
+    writeln!(text, "\n  terms of the objective")?;
+    for term in terms {
+        writeln!(
+            text,
+            "    {:width$} = {}",
+            term.text,
+            significant(term.value, 12)
+        )?;
+    }
+    Ok(())
+}
+
+/// Bounds that the objective feels.
+fn constraints(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let all = trajectory
+        .optimum
+        .iter()
+        .flat_map(|found| &found.values.constraints);
+    let sizes = all.clone().filter_map(|one| one.multiplier);
+    let sizes = sizes.chain(trajectory.objective);
+    let largest = sizes.fold(0.0, |m: f64, size| m.max(size.abs()));
+    let is_felt = |multiplier: f64| multiplier.abs() > FELT * largest;
+    let felt = all.filter(|one| one.multiplier.is_none_or(is_felt));
+    let line = |constraint: &Constraint| {
+        let Constraint {
+            value,
+            relation,
+            bound,
+            at,
+            ..
+        } = constraint;
+        let at = at.map_or_else(String::new, |at| format!(" at {at}"));
+        format!("{value} {relation} {}{at}", significant(*bound, 12))
+    };
+    let lines: Vec<(String, Option<f64>)> = felt.map(|one| (line(one), one.multiplier)).collect();
+    let width = lines.iter().map(|(line, _)| chars(line)).max();
+    let Some(width) = width else {
+        return Ok(());
+    };
+    writeln!(
+        text,
+        "\n  multipliers: derivatives of the objective by bounds"
+    )?;
+    for (line, multiplier) in lines.iter().take(MAX_ROWS) {
+        let multiplier = multiplier.map(|multiplier| significant(multiplier, 6));
+        let multiplier = multiplier.as_deref().unwrap_or("not unique");
+        writeln!(text, "    {line:width$}  {multiplier}")?;
+    }
+    rest(text, lines.len())
+}
+
+/// The state at the last instant.
+fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(last) = trajectory.time.len().checked_sub(1) else {
+        return Ok(());
+    };
+    let reached = match trajectory.status {
+        Status::Solved => "at the end",
+        _ => "reached",
+    };
+    let time = significant(trajectory.time[last], 12);
+    writeln!(text, "\n  {reached}, time = {time}")?;
+    let rows = trajectory.states.iter().chain(&trajectory.outputs);
+    let width = rows
+        .clone()
+        .map(|series| chars(&series.name))
+        .max()
+        .unwrap_or(0);
+    for series in rows {
+        writeln!(
+            text,
+            "    {:width$} = {}",
+            series.name,
+            Value {
+                series,
+                instant: last
+            }
+        )?;
+    }
+    Ok(())
+}
+
+fn events(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    if trajectory.events.is_empty() {
+        return Ok(());
+    }
+    let rows = trajectory.events.iter().take(MAX_ROWS).map(|event| {
+        [
+            significant(event.time, 12),
+            event.kind.as_str().to_owned(),
+            shortened(&event.surface),
+            trajectory.change(event, MAX_MODE),
+        ]
+    });
+    writeln!(text, "\n  {}", counted(trajectory.events.len(), "event"))?;
+    table(text, ["time", "kind", "surface", "mode"], rows.collect())?;
+    rest(text, trajectory.events.len())?;
+    sliding_modes(trajectory, text)
+}
+
+/// Where nonlinear switches had several ways to go on.
+fn sliding_modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let told = |event: &&Event| matches!(event.kind, EventKind::Fold | EventKind::Branch);
+    let shown = trajectory.events.iter().take(MAX_ROWS).filter(told);
+    let rows: Vec<[String; 5]> = shown
+        .flat_map(|event| {
+            event.sliding.iter().map(|mode| {
+                let nature = match mode.stability {
+                    s if s < 0.0 => "attracting",
+                    s if s > 0.0 => "repelling",
+                    _ => "fold",
+                };
+                [
+                    significant(event.time, 12),
+                    shortened(&event.surface),
+                    significant(mode.value, 8),
+                    significant(mode.stability, 4),
+                    match mode.taken {
+                        true => format!("{nature}, taken"),
+                        false => nature.to_owned(),
+                    },
+                ]
+            })
+        })
+        .collect();
+    if rows.is_empty() {
+        return Ok(());
+    }
+    writeln!(text, "\n  {}", counted(rows.len(), "sliding mode"))?;
+    table(text, ["time", "switch", "value", "S", ""], rows)
+}
+
+fn modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let modes = &trajectory.modes;
+    if modes.is_empty() || modes.iter().all(|interval| interval.mode.is_empty()) {
+        return Ok(());
+    }
+    let rows = modes.iter().take(MAX_ROWS).map(|interval| {
+        [
+            significant(interval.from, 6),
+            significant(interval.to, 6),
+            trajectory.short_mode(interval, MAX_MODE),
+        ]
+    });
+    writeln!(text, "\n  {}", counted(modes.len(), "mode interval"))?;
+    table(text, ["from", "to", "mode"], rows.collect())?;
+    rest(text, modes.len())
+}
+
+/// Where the numbers came from.
+fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let method = &trajectory.method;
+    write!(text, "\n  method {}", method.name)?;
+    for (name, value) in &method.options {
+        match value {
+            MethodOption::Number(number) => write!(text, ", {name} {}", significant(*number, 6))?,
+            MethodOption::Text(word) => write!(text, ", {name} {word}")?,
+        }
+    }
+    writeln!(text)?;
+    match trajectory.error_estimate {
+        Some(_) if trajectory.stats.steps == 0 => {}
+        Some(_) | None if trajectory.optimum.is_some() => {}
+        Some(error) => writeln!(
+            text,
+            "  error estimate {error:.1e}, relative, largest over the states"
+        )?,
+        None => writeln!(text, "  error estimate: none with this method")?,
+    }
+    let Stats {
+        steps,
+        rhs_evaluations,
+        newton_iterations,
+        ..
+    } = trajectory.stats;
+    write!(text, "  {}", counted(steps as usize, "step"))?;
+    for (count, what) in [
+        (rhs_evaluations, "evaluation"),
+        (newton_iterations, "Newton iteration"),
+    ] {
+        if count > 0 {
+            write!(text, ", {}", counted(count as usize, what))?;
+        }
+    }
+    let seconds = trajectory.stats.solve_s;
+    writeln!(text, ", {}", duration(seconds))
+}
+
+/// Quantiles at the last instant.
+fn ensemble(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(ensemble) = &trajectory.ensemble else {
+        return Ok(());
+    };
+    let last_seed = ensemble.first_seed + ensemble.runs as u64 - 1;
+    let (first_seed, runs) = (ensemble.first_seed, counted(ensemble.runs, "run"));
+    writeln!(
+        text,
+        "\n  {runs} with the seeds {first_seed} to {last_seed}; what is above is the first one"
+    )?;
+    let failed: Vec<String> = (ensemble.failed_seeds.iter())
+        .take(MAX_ROWS)
+        .map(u64::to_string)
+        .collect();
+    if !failed.is_empty() {
+        let count = ensemble.failed_seeds.len();
+        writeln!(
+            text,
+            "  {count} failed, with the seeds {}",
+            failed.join(", ")
+        )?;
+        rest(text, count)?;
+    }
+    writeln!(text, "  quantiles at the end, of those that did not fail")?;
+    let heads = (ensemble.levels).map(|level| format!("{} %", 100.0 * level));
+    let [a, b, c, d, e] = &heads;
+    let row = |bands: &Bands| {
+        let last = |values: &Vec<f64>| values.last().copied().unwrap_or(f64::NAN);
+        let mut cells: Vec<String> = vec![bands.name.clone()];
+        cells.extend((bands.values.iter()).map(|values| significant(last(values), 8)));
+        <[String; 6]>::try_from(cells).ok()
+    };
+    let rows = ensemble.bands.iter().take(MAX_ROWS).filter_map(row);
+    table(text, ["", a, b, c, d, e], rows.collect())?;
+    rest(text, ensemble.bands.len())
+}
+
+/// What is known about an optimum.
+fn optimum(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(optimum) = &trajectory.optimum else {
+        return Ok(());
+    };
+    let certificate = &trajectory.certificate;
+    match certificate.stationarity {
+        Stationarity::None => writeln!(text, "  certificate: none")?,
+        class => write!(text, "  certificate: {}-stationary", class.as_str())?,
+    }
+    if !matches!(
+        certificate.stationarity,
+        Stationarity::S | Stationarity::B | Stationarity::None
+    ) {
+        text.push_str(", descent to first order is not excluded");
+    }
+    match (certificate.stationarity, optimum.branches) {
+        (Stationarity::None, _) => {}
+        (_, 0) => writeln!(text)?,
+        (_, 1) => writeln!(text, ", confirmed in a branch that it is in, too")?,
+        (_, n) => writeln!(text, ", confirmed in {n} branches that it is in, too")?,
+    }
+    if let Some(reason) = optimum.confirmation.reason() {
+        writeln!(
+            text,
+            "  the certificate is that of the program alone: {reason}"
+        )?;
+    }
+    if let Some(check) = &optimum.check {
+        let (end, objective) = (check.terminal_error, check.objective_error.abs());
+        writeln!(
+            text,
+            "  simulated by `event`: end off by {end:.1e}, objective by {objective:.1e}"
+        )?;
+    }
+    if let (2.., Some(spread)) = (optimum.starts, &optimum.spread) {
+        writeln!(
+            text,
+            "  {} starts: {} feasible, {} at the best, objectives {} to {}, median {}, {} each",
+            optimum.starts,
+            spread.n_feasible,
+            spread.n_best,
+            significant(spread.best, 8),
+            significant(spread.worst, 8),
+            significant(spread.median, 8),
+            duration(optimum.median_s),
+        )?;
+    }
+    Ok(())
+}
+
+/// Left-aligned columns under their titles.
+fn table<const N: usize>(
+    text: &mut String,
+    titles: [&str; N],
+    rows: Vec<[String; N]>,
+) -> fmt::Result {
+    let titles = titles.map(str::to_owned);
+    let all = || std::iter::once(&titles).chain(&rows);
+    let widths: [usize; N] =
+        std::array::from_fn(|column| all().map(|row| chars(&row[column])).max().unwrap_or(0));
+    for row in all() {
+        let mut line = String::from("   ");
+        for (cell, &width) in row.iter().zip(&widths) {
+            write!(line, " {cell:width$} ")?;
+        }
+        writeln!(text, "{}", line.trim_end())?;
+    }
+    Ok(())
+}
+
+/// Says how many rows of a table are left out.
+fn rest(text: &mut String, n_rows: usize) -> fmt::Result {
+    match n_rows.checked_sub(MAX_ROWS) {
+        Some(left_out @ 1..) => writeln!(text, "    and {left_out} more"),
+        _ => Ok(()),
+    }
+}
+
+fn chars(text: &str) -> usize {
+    text.chars().count()
+}
+
+/// The beginning of a long name.
+fn shortened(name: &str) -> String {
+    match name.char_indices().nth(MAX_NAME) {
+        Some((end, _)) => format!("{}..", &name[..end]),
+        None => name.to_owned(),
+    }
+}
+
+/// `1 event`, `2 events`; nothing irregular is counted.
+pub fn counted(count: usize, noun: &str) -> String {
+    match count {
+        1 => format!("1 {noun}"),
+        _ => format!("{count} {noun}s"),
+    }
+}
+
+/// A duration in the unit that reads best.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1e-3 => format!("{:.0} us", s * 1e6),
+        s if s < 1.0 => format!("{:.1} ms", s * 1e3),
+        s => format!("{s:.2} s"),
+    }
+}
+
+/// The shortest text of a number rounded to so many significant digits.
+pub fn significant(number: f64, digits: usize) -> String {
+    if !number.is_finite() {
+        return format!("{number}");
+    }
+    let rounded: f64 = format!("{number:.*e}", digits.saturating_sub(1))
+        .parse()
+        .unwrap_or(number);
+    match rounded.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-4..1e9).contains(&size) => format!("{rounded}"),
+        _ => format!("{rounded:e}"),
+    }
+}
+
+/// The value of a series at an instant: a number, a column or rows of a matrix.
+struct Value<'a> {
+    series: &'a Series,
+    instant: usize,
+}
+
+impl Display for Value<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let entries = self.series.at(self.instant);
+        if self.series.shape.is_empty() {
+            return f.write_str(&significant(entries[0], 12));
+        }
+        let n_columns = match self.series.shape[..] {
+            [_, n] => n,
+            _ => usize::MAX,
+        };
+        f.write_str("[")?;
+        for (k, entry) in entries.iter().take(MAX_ENTRIES).enumerate() {
+            let separator = match k {
+                0 => "",
+                k if k % n_columns == 0 => "; ",
+                _ => ", ",
+            };
+            write!(f, "{separator}{}", significant(*entry, 12))?;
+        }
+        if entries.len() > MAX_ENTRIES {
+            write!(f, ", ... {} entries", entries.len())?;
+        }
+        f.write_str("]")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{significant, write};
+    use crate::report::{Failure, Status, sample};
+
+    #[test]
+    fn a_run_that_went_well() {
+        insta::assert_snapshot!(write(&sample::oscillator()), @"
+crossing of oscillator: solved
+
+  at the end, time = 1.5
+    x = [-1.6487212707, 0.25]
+    c = 1.7807818284
+
+  1 event
+    time  kind      surface  mode
+    1     crossing  c        inside -> outside
+
+  2 mode intervals
+    from  to   mode
+    0     1    inside
+    1     1.5  outside
+
+  method event, order 16, tolerance 1e-10
+  error estimate 1.0e-11, relative, largest over the states
+  12 steps, 204 evaluations, 1.0 ms
+  warning W0501: a bound was left
+");
+    }
+
+    #[test]
+    fn long_tables_and_vectors_are_cut() {
+        let mut trajectory = sample::oscillator();
+        trajectory.events = vec![trajectory.events[0].clone(); 20];
+        trajectory.modes.clear();
+        trajectory.states[0].shape = vec![12];
+        trajectory.states[0].values = vec![1.0; 36];
+        insta::assert_snapshot!(write(&trajectory), @"
+crossing of oscillator: solved
+
+  at the end, time = 1.5
+    x = [1, 1, 1, 1, 1, 1, 1, 1, ... 12 entries]
+    c = 1.7807818284
+
+  20 events
+    time  kind      surface  mode
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    and 8 more
+
+  method event, order 16, tolerance 1e-10
+  error estimate 1.0e-11, relative, largest over the states
+  12 steps, 204 evaluations, 1.0 ms
+  warning W0501: a bound was left
+");
+    }
+
+    #[test]
+    fn long_names_of_surfaces_are_cut() {
+        let mut trajectory = sample::oscillator();
+        trajectory.events[0].surface = format!("max({})", "ä + ".repeat(100));
+        let text = write(&trajectory);
+        let longest = text.lines().map(|line| line.chars().count()).max();
+        assert!(longest.is_some_and(|longest| longest < 120), "{text}");
+        assert!(text.contains("ä + ä + .."), "{text}");
+    }
+
+    #[test]
+    fn a_run_that_stopped_says_why_and_where() {
+        let mut trajectory = sample::shapes();
+        trajectory.status = Status::IterationLimit;
+        trajectory.failure = Some(Failure::Limit {
+            time: 1.0,
+            what: "events",
+            terms: Vec::new(),
+        });
+        insta::assert_snapshot!(write(&trajectory), @"
+turn of body: iteration_limit
+  at t = 1, the limit of events was reached
+
+  reached, time = 1
+    q = 2.5
+    R = [5, 6; 7, 8]
+
+  method 
+  error estimate: none with this method
+  0 steps, 0 us
+");
+    }
+
+    #[test]
+    fn numbers_are_rounded_to_significant_digits() {
+        let shown = [1.0 / 3.0, 1e-17, 0.1 + 0.2, 123456789.123, 1e300, f64::NAN];
+        let shown = shown.map(|number| significant(number, 12)).join(" ");
+        insta::assert_snapshot!(shown, @"0.333333333333 1e-17 0.3 123456789.123 1e300 NaN");
+    }
+}

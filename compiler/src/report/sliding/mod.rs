@@ -1,0 +1,4 @@
+//! The sliding modes of a nonlinear switch.
+
+pub(crate) mod branches;
+pub(crate) mod plane;

@@ -1,0 +1,74 @@
+//! Whether the switches of a model are too many to be looked at one by one.
+//!
+//! Continuity, readings and proofs look at every switch in everything it acts on, and at every region
+//! beside all others of its partition. What that comes to is estimated first, and refused where it would
+//! take longer than anybody waits for a check.
+
+use rustc_hash::FxHashMap;
+
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Var, n_nodes_of, variables_of};
+use crate::system::SystemError;
+use crate::system::lower::Lowering;
+use crate::system::switches::Collected;
+
+/// Switches of a system.
+const MAX_SWITCHES: usize = 10_000;
+
+/// Regions of a partition.
+const MAX_REGIONS: usize = 500;
+
+/// Σ over the rates: nodes of the expression times switches in it.
+const MAX_EFFORT: usize = 4_000_000;
+
+impl<'e> Lowering<'_, 'e> {
+    /// Reports too many switches or regions, before anything looks at them.
+    pub(crate) fn check_counts(&self, diags: &mut Diagnostics) {
+        let count = self.switches.list.len();
+        if count > MAX_SWITCHES {
+            diags.push(too_many_switches(count, &self.switches.list[MAX_SWITCHES]));
+        }
+        for partition in self.kept_partitions() {
+            if let Some(&region) = partition.regions.get(MAX_REGIONS) {
+                diags.push(SystemError::TooManyRegions {
+                    count: partition.regions.len(),
+                    limit: MAX_REGIONS,
+                    span: self.model.regions[region].guard_span,
+                });
+            }
+        }
+    }
+
+    /// Reports nonlinear functions of too many switches inside each other.
+    pub(crate) fn check_entangled(&self, diags: &mut Diagnostics) {
+        if let Some((count, span)) = self.switches.entangled() {
+            diags.push(SystemError::EntangledSwitches { count, span });
+        }
+    }
+
+    /// Reports rates in which too many switches act together.
+    pub(crate) fn check_effort(&self, rates: &[Expr<'e>], diags: &mut Diagnostics) {
+        let switches = self.switches.list.iter().enumerate();
+        let place: FxHashMap<Var, usize> = switches.map(|(k, switch)| (switch.alpha, k)).collect();
+        let (mut effort, mut most, mut first) = (0, 0, None);
+        for &rate in rates {
+            let vars = variables_of(&[rate]);
+            let acting = || vars.iter().filter_map(|var| place.get(var));
+            let count = acting().count();
+            effort += count * n_nodes_of(rate);
+            if count > most {
+                (most, first) = (count, acting().min());
+            }
+        }
+        if let (true, Some(&first)) = (effort > MAX_EFFORT, first) {
+            diags.push(too_many_switches(most, &self.switches.list[first]));
+        }
+    }
+}
+
+fn too_many_switches(count: usize, one: &Collected) -> SystemError {
+    SystemError::TooManySwitches {
+        count,
+        span: one.spans.first().copied().unwrap_or(one.origin),
+    }
+}

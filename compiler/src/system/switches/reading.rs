@@ -1,0 +1,140 @@
+//! How switches enter the expressions of the user.
+
+use super::affine::{at, is_affine, is_polynomial, multi_affine};
+use super::continuity::vanishes_at_samples;
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::model::{Model, SwitchKind};
+use crate::source::Span;
+use crate::system::SystemError;
+use crate::system::regions::sample::Sampler;
+use crate::system::switches::Switches;
+
+/// Reports every switch that an expression is not affine in and that has no reading.
+///
+/// What differs from the multi-affine form only off the surface's values, as `sign(x)*abs(x)`
+/// does, needs none.
+pub(crate) fn check_reading<'e>(
+    switches: &Switches<'e>,
+    value: Expr<'e>,
+    entry: Span,
+    sampler: impl Fn() -> Sampler<'e>,
+    model: &Model<'e>,
+) -> Vec<SystemError> {
+    let mut errors = Vec::new();
+    let below = variables_of(&[value]);
+    // A label around another one is hard to read.
+    let beside = |span: Span| -> Option<Span> {
+        let is_inside = entry.start <= span.start && span.end <= entry.end;
+        (!is_inside).then_some(entry)
+    };
+    let strict = switches.strict(value);
+    for k in switches.occurring(value) {
+        let switch = &switches.list[k];
+        let name = || switches.name_of(k);
+        let reads = |value: Expr<'e>, var: Var| {
+            is_hidden_term_zero(value, var, switch.psi, switches, &sampler())
+        };
+        // What is read as it is written needs no agreement.
+        let is_open = !switch.is_nonlinear && !is_affine(strict, switch.alpha);
+        if is_open && !reads(strict, switch.alpha) {
+            let named = switch.named.first().and_then(|reading| {
+                let statement = model
+                    .switches
+                    .iter()
+                    .position(|known| known.name == reading.name)?;
+                Some((reading, statement))
+            });
+            let span = switch
+                .spans
+                .iter()
+                .copied()
+                .find(|span| entry.start <= span.start && span.end <= entry.end);
+            let span = span.or(switch.spans.first().copied()).unwrap_or(entry);
+            errors.push(match named {
+                Some((reading, statement)) => {
+                    let declared = &model.switches[statement];
+                    let alpha = switch.alpha;
+                    let s = model.exprs.variable(&reading.name);
+                    let above = match declared.kind {
+                        SwitchKind::Sign => 0.5 * (s + 1.0),
+                        SwitchKind::Step | SwitchKind::Relay(_) => s,
+                    };
+                    let above = if reading.flipped { 1.0 - above } else { above };
+                    let (linear, nonlinear) =
+                        readings(switches, strict, (alpha, above), &declared.statement());
+                    SystemError::NonlinearSwitch {
+                        name: reading.name.clone(),
+                        linear,
+                        nonlinear,
+                        switch: declared.span,
+                        entry: beside(declared.span),
+                    }
+                }
+                None => {
+                    let statement = format!("switch s = sign({})", name());
+                    let above = 0.5 * (model.exprs.variable("s") + 1.0);
+                    let (linear, nonlinear) =
+                        readings(switches, strict, (switch.alpha, above), &statement);
+                    SystemError::NonlinearSwitch {
+                        name: format!("sign({})", name()),
+                        linear,
+                        nonlinear,
+                        switch: span,
+                        entry: beside(span),
+                    }
+                }
+            });
+        }
+        if let Some(condition) = switches
+            .condition(k)
+            .filter(|var| below.binary_search(var).is_ok())
+            && !is_polynomial(value, condition)
+            && !reads(value, condition)
+        {
+            let span = switch.spans.first().copied().unwrap_or(switch.origin);
+            errors.push(SystemError::NonlinearCondition {
+                name: name(),
+                condition: span,
+                entry: beside(span),
+            });
+        }
+    }
+    errors
+}
+
+/// Both readings of a switch, with what an expression is on the surface under each; `above` is α in the user's words.
+fn readings<'e>(
+    switches: &Switches<'e>,
+    value: Expr<'e>,
+    (alpha, above): (Var, Expr<'e>),
+    statement: &str,
+) -> (String, String) {
+    const LONGEST: usize = 80;
+    let written = |e: Expr<'e>| {
+        let text = switches.written(e.substitute(&Substitution::from_iter([(alpha, above)])));
+        (text.chars().count() <= LONGEST).then(|| format!("which is `{text}` there"))
+    };
+    let between = written(multi_affine(value, &[alpha]));
+    let between =
+        between.unwrap_or_else(|| "with values between those of the two sides".to_owned());
+    let hidden = written(value).unwrap_or_else(|| "the expression as it stands".to_owned());
+    (
+        format!("`{statement} sliding linear;` for Filippov's, {between}"),
+        format!("`{statement} sliding nonlinear;` for hidden dynamics, {hidden}"),
+    )
+}
+
+/// Whether f and its interpolant in `var` agree on the surface, for values of `var` between 0 and 1.
+fn is_hidden_term_zero<'e>(
+    value: Expr<'e>,
+    var: Var,
+    psi: Expr<'e>,
+    switches: &Switches<'e>,
+    sampler: &Sampler<'e>,
+) -> bool {
+    let hidden = value - multi_affine(value, &[var]);
+    [0.3, 0.6].into_iter().all(|inside| {
+        let hidden = switches.merged(at(hidden, var, inside));
+        hidden.is_zero() || vanishes_at_samples(hidden, psi, &sampler.only(&[hidden, psi]))
+    })
+}

@@ -1,0 +1,191 @@
+//! Relays with memory, and comparisons that they decide.
+//!
+//! A relay is a switch of its own: no other has its surface, whatever it watches. What is compared with
+//! nothing but relays and switches of time is decided by their sides:
+//!
+//! step(ψ(α)) -> Σ_corners step(ψ(corner)) Π_i (α_i or 1 - α_i)
+
+use super::surface::Form;
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::model::{NamedSwitch, SwitchKind, Thresholds};
+use crate::source::Span;
+use crate::system::lower::Lowering;
+use crate::system::switches::{Collected, Entry, Refused, Switches};
+use crate::system::{NamedReading, Relay, SystemError};
+
+/// More relays and switches of time than this in one comparison are not enumerated.
+const MOST_ENUMERATED: usize = 8;
+
+impl<'e> Switches<'e> {
+    /// Makes a relay that watches nothing yet; returns its number and the variable that is read.
+    fn relay(&mut self, name: &str, span: Span, reading: NamedReading) -> (usize, Expr<'e>) {
+        let zero = self.exprs().constant(0.0);
+        let alpha = self.exprs().variable("alpha").as_variable();
+        let mut relay = Collected::new(alpha.expect("a fresh variable is one"), zero, span);
+        relay.relay = Some(Relay::default());
+        relay.name = Some(name.to_owned());
+        relay.spans.push(span);
+        relay.named.push(reading);
+        self.list.push(relay);
+        let k = self.list.len() - 1;
+        (k, self.entry_variable(k, Entry::Linear))
+    }
+
+    /// Whether the side of a switch is decided before those of the others.
+    pub fn is_leading(&self, k: usize) -> bool {
+        self.list[k].is_timed || self.list[k].relay.is_some()
+    }
+
+    /// The α of a ψ that depends on nothing but relays and switches of time.
+    pub fn deciding(&self, psi: Expr<'e>) -> Option<Vec<Var>> {
+        let mut alphas = variables_of(&[psi]);
+        alphas.retain(|&var| self.params.fixed(var).is_none());
+        let leads = |var: &Var| self.of_alpha(*var).is_some_and(|k| self.is_leading(k));
+        let all = !alphas.is_empty() && alphas.iter().all(leads);
+        (all && alphas.len() <= MOST_ENUMERATED).then_some(alphas)
+    }
+
+    /// The value of step(ψ) where ψ depends on nothing but switches that are decided before the others.
+    pub fn decided_before(&mut self, psi: Expr<'e>, entry: Entry) -> Option<Expr<'e>> {
+        let alphas = self.deciding(psi)?;
+        let exprs = self.exprs();
+        let mut above = exprs.constant(0.0);
+        for corner in 0..1_usize << alphas.len() {
+            let on = |i: usize| corner >> i & 1 == 1;
+            let value = psi.eval(&|var| match alphas.iter().position(|&alpha| alpha == var) {
+                Some(i) => f64::from(on(i)),
+                None => self.params.fixed(var).unwrap_or(f64::NAN),
+            });
+            if value == 0.0 && entry != Entry::Kink {
+                let (form, span) = (Form::ZeroAtCorner, self.here());
+                self.refused.push(Refused { psi, form, span });
+                return Some(exprs.constant(1.0));
+            }
+            if value > 0.0 {
+                let weight = alphas.iter().enumerate().map(|(i, &alpha)| {
+                    let alpha = exprs.expr(alpha);
+                    if on(i) { alpha } else { 1.0 - alpha }
+                });
+                above = above + exprs.product(weight);
+            }
+        }
+        Some(self.merged(above))
+    }
+}
+
+impl<'e> Lowering<'_, 'e> {
+    /// Makes all relays that are needed, so that whatever reads them can be written.
+    pub fn declare_relays(&mut self) -> Vec<(usize, usize, usize)> {
+        let mut relays = Vec::new();
+        for (s, switch) in self.model.switches.iter().enumerate() {
+            if !matches!(switch.kind, SwitchKind::Relay(_)) {
+                continue;
+            }
+            for (entry, var) in switch.vars.iter().enumerate() {
+                if !self.needs.holds(var.as_variable()) {
+                    continue;
+                }
+                let name = switch.shape.entry_name(&switch.name, entry);
+                let reading = NamedReading {
+                    name: switch.name.clone(),
+                    index: (switch.psi.len() > 1).then_some(entry),
+                    flipped: false,
+                    is_sign: false,
+                };
+                let (k, value) = self.switches.relay(&name, switch.span, reading);
+                if let Some(var) = var.as_variable() {
+                    self.named.insert(var, value);
+                }
+                relays.push((s, entry, k));
+            }
+        }
+        relays
+    }
+
+    /// Says what the relays watch and how they start; each may read those before it.
+    pub fn finish_relays(&mut self, relays: &[(usize, usize, usize)], diags: &mut Diagnostics) {
+        for &(s, entry, k) in relays {
+            let switch = &self.model.switches[s];
+            let SwitchKind::Relay(thresholds) = &switch.kind else {
+                continue;
+            };
+            let y = self.replace(switch.psi[entry], switch.span);
+            let y = self.switches.merged(y);
+            match self.remembered(switch, thresholds, entry, y) {
+                Ok(relay) => {
+                    let alpha = self.model.exprs.expr(self.switches.list[k].alpha);
+                    let Relay { on, off, .. } = relay;
+                    let psi = if on < off {
+                        on + (off - on) * alpha - y
+                    } else {
+                        y - on - (off - on) * alpha
+                    };
+                    let collected = &mut self.switches.list[k];
+                    (collected.psi, collected.relay) = (psi, Some(relay));
+                }
+                Err(error) => diags.push(error),
+            }
+        }
+    }
+
+    fn remembered(
+        &self,
+        switch: &NamedSwitch<'e>,
+        thresholds: &Thresholds<'e>,
+        entry: usize,
+        y: Expr<'e>,
+    ) -> Result<Relay, SystemError> {
+        let span = switch.span;
+        let name = switch.shape.entry_name(&switch.name, entry);
+        let number = |e: Expr<'e>| e.eval(&|var| self.values.numbers[&var]);
+        let (on, off) = (number(thresholds.on[entry]), number(thresholds.off[entry]));
+        if !(on.is_finite() && off.is_finite()) || on == off {
+            return Err(SystemError::Thresholds {
+                name,
+                on,
+                off,
+                span,
+            });
+        }
+        let given = thresholds.start.as_ref().map(|start| number(start[entry]));
+        if let Some(start) = given.filter(|start| *start != 0.0 && *start != 1.0) {
+            return Err(SystemError::RelayStart { name, start, span });
+        }
+        let sampler = self.sampler();
+        let y = sampler.eval(y, &sampler.start());
+        let start = match given {
+            // A value that the thresholds do not allow would be left at once.
+            _ if y < on.min(off) => on < off,
+            _ if y > on.max(off) => on > off,
+            Some(start) => start == 1.0,
+            None => return Err(SystemError::NoStart { name, y, span }),
+        };
+        Ok(Relay { on, off, start })
+    }
+}
+
+/// A function at all values of the relays in it, with another one at the same values.
+pub(crate) fn at_all_sides<'e>(
+    functions: &[Expr<'e>],
+    psi: Expr<'e>,
+    relays: &[Var],
+) -> Option<Vec<(Vec<Expr<'e>>, Expr<'e>)>> {
+    let below = variables_of(&[functions, &[psi]].concat());
+    let inside: Vec<Var> = relays
+        .iter()
+        .copied()
+        .filter(|var| below.binary_search(var).is_ok())
+        .collect();
+    if inside.len() > MOST_ENUMERATED {
+        return None;
+    }
+    let corners = (0..1_usize << inside.len()).map(|corner| {
+        let side =
+            |(i, &var): (usize, &Var)| (var, psi.exprs().constant(f64::from(corner >> i & 1 == 1)));
+        let sides: Substitution<'e> = inside.iter().enumerate().map(side).collect();
+        let at = |e: &Expr<'e>| e.substitute(&sides);
+        (functions.iter().map(at).collect(), at(&psi))
+    });
+    Some(corners.collect())
+}

@@ -1,0 +1,33 @@
+//! What nonsmooth terms are in the α of their switch.
+//!
+//! step(ψ) -> α,  sign(ψ) -> 2α - 1,  abs(y) -> (2α - 1) y with ψ = y,
+//! max(a, b) -> α a + (1 - α) b with ψ = a - b,  min(a, b) -> (1 - α) a + α b.
+
+use crate::expr::{BinaryFunction, Expr, Function, Node};
+use crate::system::switches::Entry;
+
+/// The ψ of a nonsmooth term, and how its switch enters.
+pub(crate) fn compared(e: Expr) -> Option<(Expr, Entry)> {
+    if !e.is_function() {
+        return None;
+    }
+    match e.node() {
+        Node::Unary(Function::Step, psi) => Some((psi, Entry::Condition)),
+        Node::Unary(Function::Sign, psi) => Some((psi, Entry::Term)),
+        Node::Unary(Function::Abs, y) => Some((y, Entry::Kink)),
+        Node::Binary(BinaryFunction::Max | BinaryFunction::Min, a, b) => Some((a - b, Entry::Kink)),
+        _ => None,
+    }
+}
+
+/// A nonsmooth term with this α; others stay as they are.
+pub(crate) fn at_alpha<'e>(e: Expr<'e>, alpha: Expr<'e>) -> Expr<'e> {
+    match e.node() {
+        Node::Unary(Function::Step, _) => alpha,
+        Node::Unary(Function::Sign, _) => 2.0 * alpha - 1.0,
+        Node::Unary(Function::Abs, y) => (2.0 * alpha - 1.0) * y,
+        Node::Binary(BinaryFunction::Max, a, b) => alpha * a + (1.0 - alpha) * b,
+        Node::Binary(BinaryFunction::Min, a, b) => (1.0 - alpha) * a + alpha * b,
+        _ => e,
+    }
+}

@@ -1,0 +1,114 @@
+//! Where states, controls and inputs are meant to stay: `in [lo, hi]`, `in {0, 1}`.
+
+use std::fmt;
+
+use crate::expr::Expr;
+use crate::model::{Domain, Quantity};
+use crate::source::Span;
+use crate::system::lower::Lowering;
+
+/// A scalar that is watched during a run.
+#[derive(Clone, Debug)]
+pub struct Limit<'e> {
+    /// `state`, `control` or `input`.
+    pub kind: &'static str,
+    /// Name with index: `u[2]`.
+    pub name: String,
+    /// Its value in time, parameters, states and α.
+    pub value: Expr<'e>,
+    /// Where it is meant to be.
+    pub allowed: Allowed,
+    /// The declaration.
+    pub span: Span,
+}
+
+/// Numbers that a scalar may have.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Allowed {
+    /// From a lower to an upper bound; bounds may be infinite.
+    Between(f64, f64),
+    /// One of these.
+    OneOf(Vec<f64>),
+}
+
+impl Allowed {
+    /// The domain of an entry of a quantity, where it has one.
+    pub(crate) fn of<'e>(
+        quantity: &Quantity<'e>,
+        entry: usize,
+        number: &impl Fn(Expr<'e>) -> f64,
+    ) -> Option<Self> {
+        Some(match quantity.domain.as_ref()? {
+            Domain::Box(lo, hi) => Allowed::Between(number(lo.data[entry]), number(hi.data[entry])),
+            Domain::Set(values) => Allowed::OneOf(values.iter().map(|&e| number(e)).collect()),
+        })
+    }
+
+    /// The allowed number that is nearest to a value.
+    pub fn nearest(&self, value: f64) -> f64 {
+        match self {
+            Allowed::Between(lo, hi) => value.max(*lo).min(*hi),
+            Allowed::OneOf(values) => {
+                let distance = |x: &f64| (x - value).abs();
+                let nearest = values.iter().copied();
+                let nearest = nearest.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                nearest.unwrap_or(value)
+            }
+        }
+    }
+
+    /// Whether a value is allowed, or misses by `slack` at most.
+    pub fn holds(&self, value: f64, slack: f64) -> bool {
+        match self {
+            Allowed::Between(lo, hi) => lo - slack <= value && value <= hi + slack,
+            Allowed::OneOf(values) => values.iter().any(|other| (value - other).abs() <= slack),
+        }
+    }
+}
+
+/// `[0, 1]` or `{0, 1}`
+impl fmt::Display for Allowed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Allowed::Between(lo, hi) => write!(f, "[{lo}, {hi}]"),
+            Allowed::OneOf(values) => {
+                let values: Vec<String> = values.iter().map(f64::to_string).collect();
+                write!(f, "{{{}}}", values.join(", "))
+            }
+        }
+    }
+}
+
+impl<'e> Lowering<'_, 'e> {
+    /// What is watched of the quantities that are kept.
+    pub(crate) fn limits(&mut self) -> Vec<Limit<'e>> {
+        let model = self.model;
+        let numbers = &self.values.numbers;
+        let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
+        let quantities = (model.states.iter().map(|s| ("state", s)))
+            .chain(model.algebraics.iter().map(|z| ("algebraic state", z)))
+            .chain(model.controls.iter().map(|c| ("control", c)))
+            .chain(model.inputs.iter().map(|i| ("input", i)))
+            .chain(model.connected.iter().map(|c| ("input", c)));
+        let mut limits = Vec::new();
+        for (kind, quantity) in quantities {
+            for (k, &entry) in quantity.vars.iter().enumerate() {
+                let Some(allowed) = Allowed::of(quantity, k, &number) else {
+                    continue;
+                };
+                if !self.needs.holds_all(entry) {
+                    continue;
+                }
+                let value = self.replace(entry, quantity.span);
+                limits.push(Limit {
+                    kind,
+                    name: quantity.shape.entry_name(&quantity.name, k),
+                    value: self.switches.merged(value),
+                    allowed,
+                    span: quantity.span,
+                });
+            }
+        }
+        limits
+    }
+}
