@@ -7,7 +7,8 @@ use super::dynamics::Walk;
 use super::lower::Lowering;
 use super::scope::{Meaning, Reported};
 use super::{
-    Body, Contact, DynamicsError, Rate, Shape, Target, TargetKind, Tensor, algebra, target,
+    Body, Contact, DynamicsError, Rate, Shape, Target, TargetKind, Tensor, algebra, restitution,
+    target,
 };
 use crate::expr::Expr;
 use crate::source::Span;
@@ -106,7 +107,7 @@ impl<'e> Walk<'e> {
         let gap = required(lowering, gap, "gap", span)?;
         let restitution = required(lowering, restitution, "restitution", span)?;
         let gap_value = lowering.scalar(&gap.value, "a gap");
-        let restitution = lowering.scalar(&restitution.value, "a restitution");
+        let restitution = restitution::read(lowering, &restitution.value);
         let friction = friction.map(|friction| {
             let value = lowering.scalar(&friction.value, "a coefficient of friction");
             value.map(|value| (value, friction.value.span))

@@ -51,6 +51,7 @@ mod programs;
 mod projections;
 mod reserved;
 mod resolve;
+mod restitution;
 mod rows;
 mod scope;
 mod switch;
@@ -73,6 +74,7 @@ pub use given_error::GivenError;
 pub use import::find;
 pub use programs::{Multiplier, Program, ProgramRow};
 pub use resolve::resolve;
+pub use restitution::Restitution;
 pub use rows::Comparison;
 pub use scope::{Hook, Scope};
 pub use table_error::TableError;
@@ -360,8 +362,8 @@ pub struct Contact<'e> {
     pub gap: Expr<'e>,
     /// Where c stands.
     pub gap_span: Span,
-    /// e of Newton's law.
-    pub restitution: Expr<'e>,
+    /// What it gives back of an impact.
+    pub restitution: Restitution<'e>,
     /// μ of Coulomb's law, and where it stands.
     pub friction: Option<(Expr<'e>, Span)>,
     /// The velocity along the surface in one direction, or in two at right angles, and where it stands; empty where it
@@ -375,7 +377,7 @@ impl<'e> Contact<'e> {
     /// All its expressions.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         let friction = self.friction.map(|friction| friction.0);
-        [self.gap, self.restitution]
+        [self.gap, self.restitution.coefficient]
             .into_iter()
             .chain(friction)
             .chain(self.slip.0.iter().copied())

@@ -19,7 +19,7 @@ use super::surface::Form;
 use super::{Body, Contact, Direction, Friction, Slip, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
-use crate::model;
+use crate::model::{self, Restitution};
 use crate::source::Span;
 
 /// Beyond this many combinations of sides, coefficients of laws are looked at in runs only.
@@ -166,14 +166,14 @@ impl<'e> Lowering<'_, 'e> {
         }))
     }
 
-    /// e in α.
+    /// The law of restitution with e in α.
     pub(super) fn restitution(
         &mut self,
         contact: &model::Contact<'e>,
-    ) -> Result<Expr<'e>, Box<SystemError>> {
-        let e = self.coefficient(contact.restitution, contact.span)?;
+    ) -> Result<Restitution<'e>, Box<SystemError>> {
+        let e = self.coefficient(contact.restitution.coefficient, contact.span)?;
         if self.at_corners(e, |e| (0.0..=1.0).contains(&e)) {
-            return Ok(e);
+            return Ok(contact.restitution.with(e));
         }
         Err(Box::new(SystemError::NoContact {
             name: contact.name.clone(),

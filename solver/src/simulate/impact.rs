@@ -5,6 +5,8 @@
 //! over all closed contacts that hang together, those at rest too: Newton's law with Coulomb's friction for
 //! impulses (Moreau 1988), the problem of `meeting` with a₀ = (1 + e) J_nᵀv⁻ and b₀ = J_tᵀv⁻.
 
+use serde::{Deserialize, Serialize};
+
 use super::meeting::{Meeting, NoForces, Touch};
 use super::state::State;
 use super::system::{Effect, Guard, Impact, Input};
@@ -12,6 +14,13 @@ use super::{Coefficient, HybridSystem, Note, Side, Simulator, Status};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
+
+/// What the coefficient of restitution e multiplies.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum ImpactLaw {
+    /// The speed of the gap before the impact.
+    Newton,
+}
 
 impl Simulator {
     /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.

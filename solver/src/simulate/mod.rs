@@ -95,6 +95,7 @@ pub use dense::Polynomials;
 pub use form::{Argument, Form, Instance, Partials};
 pub use guide::{Guide, Next, Standing};
 pub use hidden::{Decision, SlidingMode};
+pub use impact::ImpactLaw;
 use jump::Jumps;
 pub use kick::{KickSize, Kicks};
 use mode::Mode;
