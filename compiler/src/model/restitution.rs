@@ -1,6 +1,6 @@
-//! `restitution = e;`, `newton(e)` and `plastic`: what a contact gives back of an impact.
+//! `restitution = e;`, `newton(e)`, `poisson(e)` and `plastic`: what a contact gives back of an impact.
 //!
-//! A number is the e of Newton's law, and `plastic` is e = 0.
+//! A number is the e of Newton's law, and `plastic` is e = 0 of any.
 
 use std::fmt;
 
@@ -15,7 +15,10 @@ use crate::source::Span;
 use crate::syntax::{self, Arg, ExprKind};
 
 /// The laws that have a coefficient, by their words.
-const LAWS: [(&str, ImpactLaw); 1] = [("newton", ImpactLaw::Newton)];
+const LAWS: [(&str, ImpactLaw); 2] = [
+    ("newton", ImpactLaw::Newton),
+    ("poisson", ImpactLaw::Poisson),
+];
 /// The word of e = 0.
 const PLASTIC: &str = "plastic";
 
@@ -39,6 +42,12 @@ impl<'e> Restitution<'e> {
             coefficient,
             ..self
         }
+    }
+
+    /// Whether impacts of both have one law: e = 0 is the same in all.
+    pub fn agrees(self, other: Restitution<'e>) -> bool {
+        let bounce = ![self, other].iter().any(|r| r.coefficient.is_zero());
+        self.law == other.law || !bounce
     }
 
     /// The e of Newton's law, where it is the law.

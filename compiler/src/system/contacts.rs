@@ -172,6 +172,15 @@ impl<'e> Lowering<'_, 'e> {
         contact: &model::Contact<'e>,
     ) -> Result<Restitution<'e>, Box<SystemError>> {
         let e = self.coefficient(contact.restitution.coefficient, contact.span)?;
+        let all = self.model.contacts.iter();
+        let mut before = all.take_while(|other| other.name != contact.name);
+        if let Some(other) = before.find(|other| !other.restitution.agrees(contact.restitution)) {
+            return Err(Box::new(SystemError::NoContact {
+                name: contact.name.clone(),
+                what: format!("its law of restitution is not that of `{}`", other.name),
+                span: contact.span,
+            }));
+        }
         if self.at_corners(e, |e| (0.0..=1.0).contains(&e)) {
             return Ok(contact.restitution.with(e));
         }
