@@ -65,9 +65,10 @@ impl fmt::Display for Restitution<'_> {
     }
 }
 
+/// The word of a law.
 fn word(law: ImpactLaw) -> &'static str {
     let entry = LAWS.iter().find(|(_, known)| *known == law);
-    entry.map_or(PLASTIC, |(word, _)| word)
+    entry.expect("every law has a word").0
 }
 
 /// The law of this word; nothing where it is none.
