@@ -58,6 +58,7 @@ mod piles;
 mod plans;
 mod prepared;
 mod projections;
+mod restitution;
 mod rods;
 mod rolling;
 mod roots;

@@ -62,6 +62,7 @@ const EXAMPLES: &[&str] = &[
     "motor.nsd: shift",
     "newtons_cradle.nsd: apart",
     "newtons_cradle.nsd: clay",
+    "newtons_cradle.nsd: given_back",
     "newtons_cradle.nsd: together",
     "oscillator.nsd: crossing",
     "oscillator.nsd: reversed",

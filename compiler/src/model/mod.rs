@@ -39,6 +39,7 @@ pub use crate::model::names::scope::{Hook, Scope};
 pub use crate::model::names::target::{Target, TargetKind};
 pub use crate::model::statements::cones::Cone;
 pub use crate::model::statements::programs::{Multiplier, Program, ProgramRow};
+pub use crate::model::statements::restitution::Restitution;
 pub use crate::model::statements::rows::Comparison;
 pub use resolve::resolve;
 pub use units::UnitError;
@@ -322,8 +323,8 @@ pub struct Contact<'e> {
     pub gap: Expr<'e>,
     /// Where c stands.
     pub gap_span: Span,
-    /// e of Newton's law.
-    pub restitution: Expr<'e>,
+    /// What it gives back of an impact.
+    pub restitution: Restitution<'e>,
     /// μ of Coulomb's law, and where it stands.
     pub friction: Option<(Expr<'e>, Span)>,
     /// The velocity along the surface in one direction, or in two at right angles, and where it stands; empty where it
@@ -337,7 +338,7 @@ impl<'e> Contact<'e> {
     /// All its expressions.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         let friction = self.friction.map(|friction| friction.0);
-        [self.gap, self.restitution]
+        [self.gap, self.restitution.coefficient]
             .into_iter()
             .chain(friction)
             .chain(self.slip.0.iter().copied())

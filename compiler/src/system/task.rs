@@ -349,7 +349,9 @@ impl<'e> Lowering<'_, 'e> {
         let coefficients = contacts.iter().flat_map(|contact| {
             let friction = contact.friction.as_ref();
             let friction = friction.map(|friction| (friction.coefficient, f64::INFINITY));
-            let both = [(contact.restitution, 1.0)].into_iter().chain(friction);
+            let both = [(contact.restitution.coefficient, 1.0)]
+                .into_iter()
+                .chain(friction);
             both.map(|(value, upper)| (value, upper, contact.span))
         });
         let rows = coefficients.filter_map(|(value, upper, span)| {

@@ -2,7 +2,7 @@
 //!
 //! A contact is at a zero of
 //!
-//! min(λ, a),   β - P(β + ρ b, λ),
+//! min(λ - λ₀, a),   β - P(β + ρ b, λ),
 //!
 //! where P(z, λ) is the point of the disc of radius max(λ, 0) that is nearest to z, an interval where there is one
 //! slip velocity: -b is in the normal cone of the disc at -β, which is Coulomb's law (Alart & Curnier 1991). Both are
@@ -28,8 +28,8 @@ const DAMPING: f64 = 1e-10;
 /// The problem in units of forces and of rates.
 pub(crate) struct Cones<'m> {
     pub meeting: &'m Meeting,
-    /// a and b without forces.
-    pub rates: &'m [Vec<f64>; 2],
+    /// a and b without forces, and λ₀.
+    pub rates: &'m [Vec<f64>; 3],
     /// Of λ and β by contact.
     pub unit: &'m [f64],
 }
@@ -123,12 +123,12 @@ impl Cones<'_> {
         let slopes_of = |at: usize| &slopes[at * size..(at + 1) * size];
         let rate = |at: usize| self.rate(slopes, z, at);
         for i in 0..n {
-            let a = rate(i);
-            if a < z[i] {
+            let (a, above) = (rate(i), z[i] - self.rates[2][i]);
+            if a < above {
                 residual[i] = a;
                 matrix[i * size..(i + 1) * size].copy_from_slice(slopes_of(i));
             } else {
-                residual[i] = z[i];
+                residual[i] = above;
                 matrix[i * size + i] = 1.0;
             }
             let entries = meeting.entries(i);

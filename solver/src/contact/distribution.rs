@@ -85,7 +85,8 @@ impl Cones<'_> {
             let inside = |i: &usize| {
                 let entries = meeting.entries(*i);
                 let forces: Vec<f64> = entries.map(|t| moved(n + t, friction[t])).collect();
-                norm(&forces) <= moved(*i, normal[*i])
+                let pushes = moved(*i, normal[*i]);
+                norm(&forces) <= pushes && self.rates[2][*i] <= pushes
             };
             if sticking.iter().all(inside) {
                 (0..n).for_each(|i| normal[i] = moved(i, normal[i]));

@@ -4,9 +4,23 @@
 //!
 //! over all closed contacts that hang together, those at rest too: Newton's law with Coulomb's friction for
 //! impulses (Moreau 1988), the problem of `meeting` with a₀ = (1 + e) J_nᵀv⁻ and b₀ = J_tᵀv⁻.
+//!
+//! Poisson's law is that problem twice (Glocker & Pfeiffer 1995). Compression is the impact with e = 0,
+//!
+//! v° = v⁻ + D Λ° - T β°,   0 ≤ Λ° ⟂ J_nᵀv° ≥ 0,   β° ∈ Λ° ∂|J_tᵀ v°|,
+//!
+//! and expansion gives back a share of each of its impulses,
+//!
+//! v⁺ = v° + D Λ - T β,   0 ≤ Λ - e Λ° ⟂ J_nᵀv⁺ ≥ 0,   β ∈ Λ ∂|J_tᵀ v⁺|.
+//!
+//! With one e for all contacts no impact adds energy: compression takes E = ½ |v° - v⁻|² at least, in the norm of M, and
+//! expansion gives back e² E at most.
 
-use crate::contact::problem::{Meeting, NoForces, Touch};
+use serde::{Deserialize, Serialize};
+
+use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
 use crate::event::Simulator;
+use crate::expansion::mode::Mode;
 use crate::hybrid::Side;
 use crate::hybrid::state::State;
 use crate::hybrid::status::{Coefficient, Note, Status};
@@ -15,6 +29,15 @@ use crate::hybrid::system::{Effect, Guard, Impact, Input};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
+
+/// What the coefficient of restitution e multiplies.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum ImpactLaw {
+    /// The speed of the gap before the impact.
+    Newton,
+    /// The impulse that stops the gap.
+    Poisson,
+}
 
 impl Simulator {
     /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
@@ -104,34 +127,23 @@ impl Simulator {
         let speeds: Vec<f64> = contacts.iter().map(|c| mode.psi(c.normal)).collect();
         let slips = contacts.iter().flat_map(|c| &c.slips);
         let slips: Vec<f64> = slips.map(|&t| mode.psi(t)).collect();
-        let meeting = Meeting::of(mode, contacts);
-        let rebound = speeds
-            .iter()
-            .zip(&numbers)
-            .map(|(speed, [e, _])| (1.0 + e) * speed);
-        let rebound: Vec<f64> = rebound.collect();
-        let impulses = meeting
-            .solve(&rebound, &slips, &slips)
-            .map_err(|why| match why {
-                NoForces::Paradox(at) => Status::Painleve {
-                    switch: impacts[at].0,
-                },
-                NoForces::NotFound => Status::NoSolution {
-                    switches: switches(),
-                },
-            })?;
+        let mut meeting = Meeting::of(mode, contacts);
+        let e: Vec<f64> = numbers.iter().map(|[e, _]| *e).collect();
+        let is_poisson = impacts.iter().any(|(_, i)| i.law == ImpactLaw::Poisson);
+        let impulses = match is_poisson {
+            true => by_poisson(&mut meeting, &speeds, &slips, &e),
+            false => by_newton(&meeting, &speeds, &slips, &e),
+        };
+        let impulses = impulses.map_err(|why| match why {
+            NoForces::Paradox(at) => Status::Painleve {
+                switch: impacts[at].0,
+            },
+            NoForces::NotFound => Status::NoSolution {
+                switches: switches(),
+            },
+        })?;
         state.complementarity = state.complementarity.max(impulses.residual);
-        for (j, x) in state.x.iter_mut().enumerate() {
-            for (switch, slope) in mode.field.slopes(j) {
-                for (i, touch) in meeting.contacts.iter().enumerate() {
-                    if switch == touch.normal {
-                        *x -= slope * impulses.normal[i];
-                    } else if let Some(k) = touch.slips.iter().position(|&slip| slip == switch) {
-                        *x += 0.5 * slope * impulses.friction[meeting.entries(i).start + k];
-                    }
-                }
-            }
-        }
+        push(&mut state.x, mode, &meeting, &impulses);
         if !state.x.iter().all(|x| x.is_finite()) {
             return Err(Status::NotFinite);
         }
@@ -174,6 +186,55 @@ impl Simulator {
         let mut numbers = impact.numbers.results(registers);
         [numbers.next().unwrap_or(0.0), numbers.next().unwrap_or(0.0)]
     }
+}
+
+/// x⁺ = x⁻ + D Λ - T β
+fn push(x: &mut [f64], mode: &Mode, meeting: &Meeting, impulses: &Forces) {
+    for (j, x) in x.iter_mut().enumerate() {
+        for (switch, slope) in mode.field.slopes(j) {
+            for (i, touch) in meeting.contacts.iter().enumerate() {
+                if switch == touch.normal {
+                    *x -= slope * impulses.normal[i];
+                } else if let Some(k) = touch.slips.iter().position(|&slip| slip == switch) {
+                    *x += 0.5 * slope * impulses.friction[meeting.entries(i).start + k];
+                }
+            }
+        }
+    }
+}
+
+/// Impulses of Newton's law with e, for these speeds of gaps and slips before.
+fn by_newton(
+    meeting: &Meeting,
+    speeds: &[f64],
+    slips: &[f64],
+    e: &[f64],
+) -> Result<Forces, NoForces> {
+    let rebound = speeds.iter().zip(e).map(|(speed, e)| (1.0 + e) * speed);
+    let rebound: Vec<f64> = rebound.collect();
+    meeting.solve(&rebound, slips, slips)
+}
+
+/// The same of Poisson's law: those of compression and expansion together.
+fn by_poisson(
+    meeting: &mut Meeting,
+    speeds: &[f64],
+    slips: &[f64],
+    e: &[f64],
+) -> Result<Forces, NoForces> {
+    let compression = meeting.solve(speeds, slips, slips)?;
+    let given_back = compression.normal.iter().zip(e);
+    meeting.least = given_back.map(|(impulse, e)| e * impulse).collect();
+    let (rates, slips) = (&compression.rates, &compression.slips);
+    let mut both = meeting.solve(rates, slips, slips)?;
+    for (sum, impulse) in both.normal.iter_mut().zip(&compression.normal) {
+        *sum += impulse;
+    }
+    for (sum, impulse) in both.friction.iter_mut().zip(&compression.friction) {
+        *sum += impulse;
+    }
+    both.residual = both.residual.max(compression.residual);
+    Ok(both)
 }
 
 /// The switch and the impact of a law that is one.

@@ -14,3 +14,5 @@ pub(crate) mod slip_onset;
 pub(crate) mod slip_onset_beside;
 pub(crate) mod stabilization;
 pub(crate) mod sustained;
+
+pub use impact::ImpactLaw;

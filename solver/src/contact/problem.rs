@@ -49,6 +49,8 @@ pub(crate) struct Meeting {
     starts: Vec<usize>,
     /// J_nᵀD, J_nᵀT, J_tᵀD and J_tᵀT, row by row.
     blocks: [Vec<f64>; 4],
+    /// λ₀, which λ is not below: a ⟂ λ - λ₀.
+    pub least: Vec<f64>,
 }
 
 /// A solution: by contact, and by entry of all slip velocities.
@@ -110,6 +112,7 @@ impl Meeting {
             effects(&slips, &slips, 0.5),
         ];
         Meeting {
+            least: vec![0.0; contacts.len()],
             contacts,
             starts,
             blocks,
@@ -187,9 +190,13 @@ impl Meeting {
         }
         // Rates of one size, with γ measured as b is: λ is scaled by its own push.
         let unit: Vec<f64> = (0..n).map(|i| 1.0 / self.push(i)).collect();
-        let scale = a.iter().chain(b).fold(0.0_f64, |s, v| s.max(v.abs()));
+        let by_least = self.least.iter().zip(&unit);
+        let by_least: Vec<f64> = by_least.map(|(least, unit)| least / unit).collect();
+        let rates = a.iter().chain(b).chain(&by_least);
+        let scale = rates.fold(0.0_f64, |s, v| s.max(v.abs()));
         let size = if scale > 0.0 { scale } else { 1.0 };
-        let scaled = [a, b].map(|rates| rates.iter().map(|rate| rate / size).collect::<Vec<_>>());
+        let scaled = [a, b, &by_least];
+        let scaled = scaled.map(|rates| rates.iter().map(|rate| rate / size).collect::<Vec<_>>());
         let (mut normal, mut friction, mut residual) = self.by_polygons(&scaled, &unit)?;
         if self.starts.windows(2).any(|range| range[1] - range[0] > 1) {
             let by_cones = Cones {
@@ -230,10 +237,11 @@ impl Meeting {
         })
     }
 
-    /// λ and β in their units, with polygons in place of cones, and the residual of the linear problem.
+    /// λ and β in their units, with polygons in place of cones, and the residual of the linear problem, which is one
+    /// in λ - λ₀.
     fn by_polygons(
         &self,
-        [a, b]: &[Vec<f64>; 2],
+        [a, b, least]: &[Vec<f64>; 3],
         unit: &[f64],
     ) -> Result<(Vec<f64>, Vec<f64>, f64), NoForces> {
         let n = self.contacts.len();
@@ -254,8 +262,9 @@ impl Meeting {
             let of_contact = &row[self.entries(i)];
             of_contact.iter().zip(d).map(|(entry, d)| entry * d).sum()
         };
+        let by_least: Vec<f64> = least.iter().zip(unit).map(|(l, unit)| l * unit).collect();
         for i in 0..n {
-            q[i] = a[i];
+            q[i] = a[i] + self.times(0, i, &by_least);
             for (k, (push, unit)) in self.row(0, i).iter().zip(unit).enumerate() {
                 set(i, k, push * unit);
             }
@@ -265,7 +274,8 @@ impl Meeting {
         }
         for (f, &(i, d)) in facets.iter().enumerate() {
             let entries = || self.entries(i).zip(d);
-            q[n + f] = -entries().map(|(t, d)| b[t] * d).sum::<f64>();
+            let rate = |t: usize| b[t] + self.times(2, t, &by_least);
+            q[n + f] = -entries().map(|(t, d)| rate(t) * d).sum::<f64>();
             for (k, unit) in unit.iter().enumerate() {
                 let effect: f64 = entries().map(|(t, d)| self.row(2, t)[k] * d).sum();
                 set(n + f, k, -effect * unit);
@@ -276,6 +286,7 @@ impl Meeting {
             }
         }
         for (r, &i) in rough.iter().enumerate() {
+            q[n + m + r] = least[i];
             set(n + m + r, i, 1.0);
             for (f, _) in facets.iter().enumerate().filter(|(_, facet)| facet.0 == i) {
                 set(n + f, n + m + r, 1.0);
@@ -295,7 +306,8 @@ impl Meeting {
                 friction[t] += force * d;
             }
         }
-        Ok((z[..n].to_vec(), friction, residual))
+        let normal = z.iter().zip(least).map(|(z, least)| z + least);
+        Ok((normal.collect(), friction, residual))
     }
 
     /// What the rate of a contact is made of by a force λ of its own.

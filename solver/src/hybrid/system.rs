@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Side;
 use super::form::{Argument, Form, Instance};
+use crate::contact::impact::ImpactLaw;
 use crate::hybrid::piecewise::Piecewise;
 use crate::tape::Tape;
 
@@ -250,6 +251,8 @@ pub enum Effect {
 /// The impulses of a contact x' = f + (1 - α_n)(D - Σ (2α_t - 1) T).
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Impact {
+    /// What the coefficient of restitution multiplies.
+    pub law: ImpactLaw,
     /// What the inputs of the tape are.
     pub inputs: Vec<Input>,
     /// To the coefficients of restitution and of friction.

@@ -6,6 +6,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
     vec![
         unequal(extent),
         row(extent),
+        clay_and_steel(extent),
         coupled(extent),
         friction(extent),
     ]
@@ -45,6 +46,33 @@ fn unequal(extent: Extent) -> Family {
         about: "Masses 1 and m collide; closed form, each speed relative to itself.",
         hardness: "m",
         cases: powers(extent).into_iter().flat_map(case).collect(),
+    }
+}
+
+/// The same row with Poisson's law, clay between the first two balls.
+fn clay_and_steel(extent: Extent) -> Family {
+    let case = |power: i32| {
+        let (m, e) = (2.0_f64.powi(power), 0.5);
+        let model = format!(
+            "state q[3] = [-1, 0, 0]; state v[3] = [1, 0, 0]; q' = v;
+             mechanics q, v {{ mass = diag([1, {m:e}, 1]); force = zeros(3); }}
+             contact clay {{ gap = q[2] - q[1]; restitution = plastic; }}
+             contact steel {{ gap = q[3] - q[2]; restitution = poisson({e:?}); }}"
+        );
+        // Compression has the impulse c = 1/(2 + m) between the last two, and leaves all with the speed c.
+        let common = 1.0 / (2.0 + m);
+        let (first, last) = (common * (1.0 - e / (1.0 + m)), common * (1.0 + e));
+        let case = Case::new(format!("2^{power}"), model, 2.0);
+        let case = case.ends_each("v", &[first, first, last], &[1.0, 1.0, last]);
+        let case = case.ends("q", &[first, first, last], 2.5);
+        // Forces are known to rounding of one, and what that moves a light mass by is large.
+        case.conditioned(2.0_f64.powi(power.abs()))
+    };
+    Family {
+        name: "clay and steel",
+        about: "Masses 1, m and 1 that touch are hit by the first one, which is of clay; Poisson's law, closed form.",
+        hardness: "m",
+        cases: powers(extent).into_iter().map(case).collect(),
     }
 }
 

@@ -32,7 +32,7 @@ pub struct Impact<'e> {
     pub impulse: Expr<'e>,
     /// J_nᵀv + ∂gap/∂t in the states on one side.
     pub speed: Expr<'e>,
-    /// e.
+    /// The e of Newton's law.
     pub restitution: Expr<'e>,
     /// M⁻¹J_n, by state.
     pub push: Vec<(usize, Expr<'e>)>,
@@ -125,13 +125,14 @@ pub(crate) fn impacts<'e>(
                 law,
             }
         });
+        let newton = (contact.restitution.newton()).expect("lowerings take Newton's law alone");
         Impact {
             name: contact.name.clone(),
             force: place(contact.switch),
             gap: place(contact.switch) + 1,
             impulse: system.exprs.variable(&format!("{impulse}[{label}]")),
             speed: renamed(contact.speed),
-            restitution: renamed(contact.restitution),
+            restitution: renamed(newton),
             push: pushes(&contact.normal),
             friction,
             span: contact.span,

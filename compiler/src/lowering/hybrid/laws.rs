@@ -43,12 +43,13 @@ pub(crate) fn compile<'e>(
     };
     let impact = |contact: &system::Contact<'e>| {
         let friction = contact.friction.as_ref();
-        let mut numbers = vec![in_numbers(contact.restitution)];
+        let mut numbers = vec![in_numbers(contact.restitution.coefficient)];
         numbers.extend(friction.map(|friction| in_numbers(friction.coefficient)));
         let vars = expr::variables_of(&numbers);
         Law {
             guard: Guard::Strikes(contact.switch),
             effect: Effect::Impact(Impact {
+                law: contact.restitution.law,
                 inputs: inputs_of(&vars),
                 numbers: tape(&vars, &numbers),
                 slips: contact.slips().iter().map(|slip| slip.switch).collect(),

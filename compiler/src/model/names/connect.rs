@@ -81,7 +81,7 @@ pub(crate) fn connect<'e>(
     }
     for contact in &mut model.contacts {
         let friction = contact.friction.as_mut().map(|friction| &mut friction.0);
-        let exprs = [&mut contact.gap, &mut contact.restitution].into_iter();
+        let exprs = [&mut contact.gap, &mut contact.restitution.coefficient].into_iter();
         for e in exprs.chain(friction).chain(&mut contact.slip.0) {
             *e = e.substitute(&connected.values);
         }

@@ -4,6 +4,7 @@
 //! of, for when they are lowered.
 
 use super::dynamics::Walk;
+use super::restitution;
 use crate::expr::Expr;
 use crate::model::expressions::Lowering;
 use crate::model::expressions::algebra;
@@ -106,7 +107,7 @@ impl<'e> Walk<'e> {
         let gap = required(lowering, gap, "gap", span)?;
         let restitution = required(lowering, restitution, "restitution", span)?;
         let gap_value = lowering.scalar(&gap.value, "a gap");
-        let restitution = lowering.scalar(&restitution.value, "a restitution");
+        let restitution = restitution::read(lowering, &restitution.value);
         let friction = friction.map(|friction| {
             let value = lowering.scalar(&friction.value, "a coefficient of friction");
             value.map(|value| (value, friction.value.span))

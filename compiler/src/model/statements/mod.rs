@@ -12,6 +12,7 @@ pub(crate) mod mechanics;
 pub(crate) mod partition;
 pub(crate) mod programs;
 pub(crate) mod projections;
+pub(crate) mod restitution;
 pub(crate) mod rows;
 pub(crate) mod switch;
 pub(crate) mod tables;

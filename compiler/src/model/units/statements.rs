@@ -3,6 +3,7 @@
 use super::dimension::Dimension;
 use super::infer::{factor, is};
 use super::{Checker, Dim, Frame, Thing, UnitError, gives};
+use crate::model::statements::restitution;
 use crate::syntax::{
     Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, OutputWhen, Part,
     ProgramKind, RegionGuard, Row, SettingKind, Stmt,
@@ -125,7 +126,15 @@ impl<'f> Checker<'f, '_> {
                         true => Dim::Known(Dimension::NUMBER),
                         false => Dim::Unknown,
                     };
-                    self.expect(&format!("`{name}`"), one, &option.value, None);
+                    let number = match name {
+                        "friction" => Some(&option.value),
+                        _ => restitution::written(&option.value)
+                            .ok()
+                            .and_then(|(_, e)| e),
+                    };
+                    if let Some(number) = number {
+                        self.expect(&format!("`{name}`"), one, number, None);
+                    }
                 }
                 _ => {
                     self.expr(&option.value);

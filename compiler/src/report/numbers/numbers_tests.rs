@@ -35,7 +35,7 @@ fn what_is_close_enough_stays_as_it_is_written() {
     trajectory.states[0].values[5] += 2e-8;
     let moved = renewed(Some(&text), &trajectory, TOLERANCE);
     assert_eq!(
-        crate::report::numbers::difference::lines(&text, &moved)
+        difference::lines(&text, &moved)
             .iter()
             .filter(|line| !line.starts_with(' '))
             .collect::<Vec<_>>(),

@@ -87,7 +87,7 @@ impl<'e> Lowering<'_, 'e> {
                 ))
             }
         };
-        let numbers = [restitution]
+        let numbers = [restitution.coefficient]
             .into_iter()
             .chain(friction.iter().map(|f: &(Expr, Vec<Expr>)| f.0));
         for e in numbers {

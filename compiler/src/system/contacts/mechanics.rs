@@ -1,6 +1,7 @@
 //! Bodies and their contacts, as a [`System`](crate::system::System) has them.
 
 use crate::expr::Expr;
+use crate::model::Restitution;
 use crate::source::Span;
 
 /// A block of mechanics, M(q) v' = f + Σ J_n λ_n + J_t λ_t.
@@ -18,7 +19,7 @@ pub struct Body<'e> {
     pub span: Span,
 }
 
-/// A contact between bodies: gap ≥ 0 ⟂ λ_n ≥ 0, and at an impact J_nᵀ(v⁺ + e v⁻) ≥ 0 ⟂ Λ_n ≥ 0.
+/// A contact between bodies: gap ≥ 0 ⟂ λ_n ≥ 0, and at an impact what its law of restitution says.
 #[derive(Clone, Debug)]
 pub struct Contact<'e> {
     /// Name in the model.
@@ -29,8 +30,8 @@ pub struct Contact<'e> {
     pub speed: Expr<'e>,
     /// J_n, which may depend on q and t.
     pub normal: Vec<Direction<'e>>,
-    /// e.
-    pub restitution: Expr<'e>,
+    /// What it gives back of an impact.
+    pub restitution: Restitution<'e>,
     /// None where it is smooth.
     pub friction: Option<Friction<'e>>,
     /// The unilateral switch of the gap: λ_n = 1 - α.
@@ -46,8 +47,8 @@ pub struct Impulsive<'e> {
     pub name: String,
     /// What is never negative.
     pub gap: Expr<'e>,
-    /// e.
-    pub restitution: Expr<'e>,
+    /// What it gives back of an impact.
+    pub restitution: Restitution<'e>,
     /// μ, and the one or two entries of the slip velocity, affine in velocities; none where it is smooth.
     pub friction: Option<(Expr<'e>, Vec<Expr<'e>>)>,
     /// The statement.
@@ -99,7 +100,9 @@ impl<'e> Impulsive<'e> {
         let friction =
             friction.flat_map(|(coefficient, slip)| [coefficient].into_iter().chain(slip));
         let friction = friction.copied();
-        [self.gap, self.restitution].into_iter().chain(friction)
+        [self.gap, self.restitution.coefficient]
+            .into_iter()
+            .chain(friction)
     }
 }
 
@@ -118,7 +121,7 @@ impl<'e> Contact<'e> {
             .normal
             .iter()
             .chain(slips().flat_map(|slip| &slip.tangent));
-        [self.gap, self.speed, self.restitution]
+        [self.gap, self.speed, self.restitution.coefficient]
             .into_iter()
             .chain(self.friction.iter().map(|friction| friction.coefficient))
             .chain(slips().map(|slip| slip.velocity))

@@ -21,7 +21,7 @@ use super::lower::Lowering;
 use super::{Body, Contact, Direction, Friction, Slip, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
-use crate::model;
+use crate::model::{self, Restitution};
 use crate::source::Span;
 use crate::system::switches::affine::at;
 use crate::system::switches::reading::check_reading;
@@ -171,14 +171,23 @@ impl<'e> Lowering<'_, 'e> {
         }))
     }
 
-    /// e in α.
+    /// The law of restitution with e in α.
     pub(super) fn restitution(
         &mut self,
         contact: &model::Contact<'e>,
-    ) -> Result<Expr<'e>, Box<SystemError>> {
-        let e = self.coefficient(contact.restitution, contact.span)?;
+    ) -> Result<Restitution<'e>, Box<SystemError>> {
+        let e = self.coefficient(contact.restitution.coefficient, contact.span)?;
+        let all = self.model.contacts.iter();
+        let mut before = all.take_while(|other| other.name != contact.name);
+        if let Some(other) = before.find(|other| !other.restitution.agrees(contact.restitution)) {
+            return Err(Box::new(SystemError::NoContact {
+                name: contact.name.clone(),
+                what: format!("its law of restitution is not that of `{}`", other.name),
+                span: contact.span,
+            }));
+        }
         if self.at_corners(e, |e| (0.0..=1.0).contains(&e)) {
-            return Ok(e);
+            return Ok(contact.restitution.with(e));
         }
         Err(Box::new(SystemError::NoContact {
             name: contact.name.clone(),

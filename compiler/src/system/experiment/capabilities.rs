@@ -11,6 +11,8 @@ use crate::system::{Role, System};
 pub enum Feature {
     /// Contacts of bodies.
     Contacts,
+    /// Contacts with Poisson's law of restitution.
+    Poisson,
     /// Relays with hysteresis, which remember.
     Relays,
     /// State jumps that are no contacts.
@@ -50,10 +52,14 @@ enum Seen<'s, 'e> {
     System(&'s System<'e>),
 }
 
+/// Instead of what does not take Poisson's law.
+const POISSON: &str = "`method event`, which is the default, simulates Poisson's law; elsewhere write Newton's, `restitution = newton(e);`";
+
 impl Feature {
     /// All of them, in the order in which they are told.
-    pub const ALL: [Feature; 10] = [
+    pub const ALL: [Feature; 11] = [
         Feature::Contacts,
+        Feature::Poisson,
         Feature::Relays,
         Feature::Jumps,
         Feature::Projections,
@@ -69,6 +75,7 @@ impl Feature {
     fn title(self) -> &'static str {
         match self {
             Feature::Contacts => "`contact`",
+            Feature::Poisson => "`poisson(e)`",
             Feature::Relays => "`hysteresis`",
             Feature::Jumps => "`jump`",
             Feature::Projections => "`project`",
@@ -86,6 +93,11 @@ impl Feature {
         match (self, seen) {
             (Feature::Contacts, Seen::Model(model)) => {
                 let contact = model.contacts.first()?;
+                Some((contact.name.clone(), contact.span))
+            }
+            (Feature::Poisson, Seen::Model(model)) => {
+                let mut contacts = model.contacts.iter();
+                let contact = contacts.find(|contact| contact.restitution.newton().is_none())?;
                 Some((contact.name.clone(), contact.span))
             }
             (Feature::Jumps, Seen::System(system)) => {
@@ -129,6 +141,12 @@ impl Feature {
                 name,
                 span,
             },
+            Feature::Poisson => ExperimentError::Contact {
+                method: word,
+                help: POISSON,
+                name,
+                span,
+            },
             Feature::Relays if method.needs_dcs() => return None,
             Feature::Relays => ExperimentError::Relay {
                 method: word,
@@ -166,9 +184,16 @@ impl<'e> Settings<'e> {
 
     /// The first thing that the method does not take.
     fn refused(&self, seen: &Seen<'_, '_>) -> Option<ExperimentError> {
-        // What lowerings do not take is refused with them.
-        if self.freezes() || self.takes_impulses() {
-            return None;
+        let mut forms = [Lowering::TimeFreezing, Lowering::Impact].into_iter();
+        if let Some(form) = forms.find(|form| self.lowerings.contains(form)) {
+            // What else they do not take is refused with them.
+            let (_, span) = Feature::Poisson.place(seen, self.span)?;
+            return Some(ExperimentError::Lowering {
+                name: form.word().to_owned(),
+                with: "for Poisson's law of restitution ",
+                help: POISSON,
+                span,
+            });
         }
         let method = self.method.kind();
         let all = Feature::ALL.into_iter();

@@ -76,7 +76,8 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
     for (c, given) in system.contacts.iter().enumerate() {
         let (law, states) = (system.laws.len() + c, given.normal.iter().map(|d| d.state));
         let mut contact = contact(system, law, given.switch, states, given.span);
-        contact.restitution = restitution(system, &contact, given.restitution)?;
+        let newton = (given.restitution.newton()).expect("lowerings take Newton's law alone");
+        contact.restitution = restitution(system, &contact, newton)?;
         contact.friction = given.friction.as_ref().map(|friction| Friction {
             coefficient: friction.coefficient,
             slips: friction.slips.iter().map(slip).collect(),
