@@ -4,6 +4,7 @@ pub(crate) mod algebra;
 pub(crate) mod builtins;
 pub(crate) mod calls;
 pub(crate) mod check;
+pub(crate) mod rows;
 pub(crate) mod tensor;
 pub(crate) mod text;
 pub(crate) mod unroll;

@@ -13,6 +13,5 @@ pub(crate) mod partition;
 pub(crate) mod programs;
 pub(crate) mod projections;
 pub(crate) mod restitution;
-pub(crate) mod rows;
 pub(crate) mod switch;
 pub(crate) mod tables;

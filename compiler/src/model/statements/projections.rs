@@ -3,9 +3,10 @@
 //! Rows become constraints c ≥ 0, one per comparison; what they do to the rates is decided when they are lowered.
 
 use super::dynamics::Walk;
-use super::rows::{self, Comparison};
 use crate::expr::Expr;
 use crate::model::expressions::Lowering;
+use crate::model::expressions::rows;
+use crate::model::expressions::rows::Comparison;
 use crate::model::names::scope::Reported;
 use crate::model::{Constraint, DynamicsError, Projection, Shape};
 use crate::source::Span;
