@@ -10,6 +10,9 @@
 //! constraint with one of its variables, which is a stable pivot where neither is one by itself. For the order a pair is
 //! one node (Schenk & Gärtner 2006, *On fast factorization pivoting methods for sparse symmetric indefinite systems*).
 //!
+//! `tests/benches/kkt.rs` has it beside faer's: columns of L in optimal control have about seven entries, with which
+//! simplicial factors of faer take 1.3 to 3 times as long, and supernodal ones more than four times.
+//!
 use std::ops::Range;
 use std::sync::Arc;
 
