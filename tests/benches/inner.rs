@@ -131,7 +131,7 @@ fn banded() -> (Pattern, Vec<f64>) {
 
 fn sparse(criterion: &mut Criterion) {
     let (pattern, values) = banded();
-    let mut ldl = SparseLdl::new(&pattern);
+    let mut ldl = SparseLdl::new(&pattern, &[]);
     let mut rhs = vec![1.0; pattern.n_rows()];
     criterion.bench_function("sparse LDL', 200 blocks of 5", |bencher| {
         bencher.iter(|| ldl.factor(black_box(&values)).is_ok());

@@ -5,50 +5,36 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::ldl::{self, SparseLdl};
-use super::paired_ldl::{self, PairedLdl};
+use super::ldl::{Analysis, SparseLdl};
 use crate::optimization::problem::Pattern;
 
-/// How much is kept of either kind, in numbers of 4 bytes.
-const MOST_NUMBERS: usize = 1 << 24;
+/// How much is kept, in numbers of 4 bytes.
+const MOST_NUMBERS: usize = 1 << 25;
 
 /// Symbolic factorizations that all who hold this share.
 #[derive(Clone, Debug, Default)]
-pub struct Analyses {
-    sparse: Arc<Mutex<List<ldl::Analysis>>>,
-    paired: Arc<Mutex<List<paired_ldl::Analysis>>>,
-}
+pub struct Analyses(Arc<Mutex<List<Analysis>>>);
 
 impl Analyses {
-    /// Memory for matrices of a pattern, with pivots of one unknown.
-    pub fn sparse(&self, pattern: &Pattern) -> SparseLdl {
-        let mut list = locked(&self.sparse);
-        SparseLdl::of(list.find(pattern, &[], || {
-            let analysis = ldl::Analysis::new(pattern);
-            (analysis.size(), analysis)
-        }))
-    }
-
-    /// The same where these pairs of unknowns are eliminated together.
-    pub fn paired(&self, pattern: &Pattern, pairs: &[[u32; 2]]) -> PairedLdl {
-        let mut list = locked(&self.paired);
-        PairedLdl::of(list.find(pattern, pairs, || {
-            let analysis = paired_ldl::Analysis::new(pattern, pairs);
+    /// Memory for matrices of a pattern, of which these pairs of unknowns are eliminated together.
+    pub fn ldl(&self, pattern: &Pattern, pairs: &[[u32; 2]]) -> SparseLdl {
+        SparseLdl::of(self.list().find(pattern, pairs, || {
+            let analysis = Analysis::new(pattern, pairs);
             (analysis.size(), analysis)
         }))
     }
 
     /// How many have been made.
     pub fn made(&self) -> usize {
-        locked(&self.sparse).made + locked(&self.paired).made
+        self.list().made
+    }
+
+    fn list(&self) -> MutexGuard<'_, List<Analysis>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Those of one kind; what was used last comes last.
+/// What was used last comes last.
 #[derive(Debug)]
 struct List<A> {
     kept: Vec<Kept<A>>,
@@ -127,7 +113,7 @@ mod tests {
         // ( 1 -1) (1) = (0)
         let full = Pattern::new(2, vec![(0, 0), (1, 0), (1, 1)]);
         for scale in [1.0, -3.0] {
-            let mut ldl = analyses.clone().sparse(&full);
+            let mut ldl = analyses.clone().ldl(&full, &[]);
             let matrix = [2.0, 1.0, -1.0].map(|a| scale * a);
             ldl.factor(&matrix).expect("it has pivots");
             let mut x = [3.0 * scale, 0.0];
@@ -135,12 +121,12 @@ mod tests {
             assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-15), "{x:?}");
         }
         assert_eq!(analyses.made(), 1);
-        analyses.paired(&full, &[[0, 1]]);
-        analyses.paired(&full, &[]);
-        analyses.paired(&full, &[[0, 1]]);
+        analyses.ldl(&full, &[[0, 1]]);
+        analyses.ldl(&full, &[]);
+        analyses.ldl(&full, &[[0, 1]]);
+        assert_eq!(analyses.made(), 2);
+        analyses.ldl(&Pattern::new(2, vec![(0, 0), (1, 1)]), &[]);
         assert_eq!(analyses.made(), 3);
-        analyses.sparse(&Pattern::new(2, vec![(0, 0), (1, 1)]));
-        assert_eq!(analyses.made(), 4);
     }
 
     #[test]

@@ -8,7 +8,6 @@ pub mod bunch_kaufman;
 pub mod envelope;
 pub mod ldl;
 pub mod matching;
-pub mod paired_ldl;
 pub mod symmetric;
 
 use nalgebra::ComplexField;

@@ -19,7 +19,6 @@ use crate::linalg::analyses::Analyses;
 use crate::linalg::bunch_kaufman::BunchKaufman;
 use crate::linalg::ldl::SparseLdl;
 use crate::linalg::matching::{self, Weights, matching};
-use crate::linalg::paired_ldl::PairedLdl;
 use crate::linalg::symmetric::{FactorFailure, Inertia, KktSolver};
 use crate::optimization::problem::Pattern;
 use crate::runtime::limit::Limit;
@@ -60,7 +59,7 @@ pub(crate) struct Kkt {
     dense: Option<BunchKaufman>,
     is_dense: bool,
     /// Pivots of a row and a variable, used from where the static order has lost one.
-    paired: Option<PairedLdl>,
+    paired: Option<SparseLdl>,
     pairs_pivots: bool,
     analyses: Analyses,
     pub has_lost_pivots: bool,
@@ -110,7 +109,7 @@ impl Kkt {
             values: vec![0.0; pattern.n_entries()],
             curvature: vec![0.0; n],
             diagonal: vec![0.0; n + m],
-            sparse: options.analyses.sparse(&pattern),
+            sparse: options.analyses.ldl(&pattern, &[]),
             dense: (n + m <= MAX_DENSE).then(|| BunchKaufman::new(&pattern)),
             is_dense: false,
             paired: None,
@@ -259,7 +258,7 @@ impl Kkt {
         }
         // None yet, or entries have become too small for the pairs that there were.
         let pairs = self.partners(form, jacobian);
-        let paired = self.analyses.paired(&self.pattern, &pairs);
+        let paired = self.analyses.ldl(&self.pattern, &pairs);
         let paired = self.paired.insert(paired);
         paired.factor(&self.values)
     }

@@ -140,7 +140,7 @@ impl Newton {
         Newton {
             entries: entries.collect(),
             diagonal: (0..size).map(|i| place((i, i))).collect(),
-            solver: analyses.sparse(&pattern),
+            solver: analyses.ldl(&pattern, &[]),
             matrix: vec![0.0; pattern.n_entries()],
             right: vec![0.0; size as usize],
             jacobian: vec![0.0; jacobian.n_entries()],

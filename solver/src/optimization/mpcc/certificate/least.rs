@@ -48,7 +48,7 @@ impl<'a> LeastNorm<'a> {
         let diagonal = (0..(n + m) as u32).map(|i| (i, i));
         let entries = diagonal.chain(local.jacobian.iter().filter_map(entry));
         let pattern = Pattern::new(n + m, entries.collect());
-        let ldl = analyses.sparse(&pattern);
+        let ldl = analyses.ldl(&pattern, &[]);
         LeastNorm {
             local,
             columns,
