@@ -2,27 +2,11 @@
 
 use super::calls::{Call, arguments, reduce, wrong};
 use super::lower::Lowering;
+use super::reserved::arity;
 use super::scope::Reported;
 use super::{ModelError, Shape, TableError, Tensor, algebra, check};
 use crate::expr::{BinaryFunction, Expr, Function};
 use crate::source::Span;
-
-fn elementary(name: &str) -> Option<Function> {
-    Function::ALL
-        .into_iter()
-        .find(|function| function.name() == name)
-}
-
-/// Least and greatest number of arguments.
-fn arity(name: &str) -> (usize, usize) {
-    match name {
-        "min" | "max" => (1, usize::MAX),
-        "sat" => (1, 3),
-        "deadzone" | "zeros" | "ones" => (1, 2),
-        "atan2" | "dot" | "cross" | "solve" | "grad" | "jacobian" => (2, 2),
-        _ => (1, 1),
-    }
-}
 
 /// The value of a call of a built-in function.
 #[inline(never)]
@@ -79,7 +63,7 @@ fn apply<'e>(
 ) -> Result<Tensor<'e>, Reported> {
     let first = values[0].clone();
     lowering.spend(first.data.len(), call.span)?;
-    if let Some(function) = elementary(call.name) {
+    if let Some(function) = Function::of_name(call.name) {
         if function.is_nonsmooth() {
             lowering.record_surfaces(call.args[0], &first);
         }

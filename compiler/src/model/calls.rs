@@ -2,7 +2,7 @@
 
 use super::check::plural;
 use super::lower::{Local, Lowering};
-use super::reserved::{FUNCTIONS, did_you_mean};
+use super::reserved::{did_you_mean, function_names, is_function};
 use super::scope::{Callable, Meaning, Reported, Scope, Value};
 use super::{ModelError, Tensor, builtins, foreign};
 use crate::expr::Expr;
@@ -83,7 +83,7 @@ fn callee<'a, 'c, 'e>(
         let home = callable.home.as_deref().unwrap_or(scope);
         return Ok((name, Some((callable, home))));
     }
-    if FUNCTIONS.contains(&name.as_str()) {
+    if is_function(name) {
         return Ok((name, None));
     }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
@@ -94,8 +94,7 @@ fn callee<'a, 'c, 'e>(
         return Err(Reported);
     } else {
         let declared = scope.functions.keys().map(String::as_str);
-        foreign::function(name)
-            .or_else(|| did_you_mean(name, FUNCTIONS.into_iter().chain(declared)))
+        foreign::function(name).or_else(|| did_you_mean(name, function_names().chain(declared)))
     };
     let name = name.clone();
     lowering.error(ModelError::UnknownFunction { name, span, help })

@@ -231,7 +231,7 @@ pub(super) fn function(name: &str) -> Option<Help> {
         return find(&FUNCTIONS, name);
     };
     // A function of a library, as in `np.sin`, is meant by its own name.
-    let help = match super::reserved::FUNCTIONS.contains(&own) {
+    let help = match super::reserved::is_function(own) {
         true => Help::edit(format!("write `{own}(..)`"), own, Safe),
         false => find(&FUNCTIONS, own)?,
     };

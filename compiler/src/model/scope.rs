@@ -7,7 +7,7 @@ use std::rc::Rc;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::lower::Lowering;
-use super::reserved::{FUNCTIONS, VALUES};
+use super::reserved::{VALUES, function_names};
 use super::{Target, TargetKind, Tensor, target};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
@@ -160,6 +160,6 @@ impl<'e> Scope<'e> {
             .keys()
             .map(String::as_str)
             .chain(VALUES)
-            .chain(FUNCTIONS)
+            .chain(function_names())
     }
 }

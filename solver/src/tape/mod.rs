@@ -14,6 +14,7 @@ mod ball;
 mod builder;
 mod bulk;
 mod derivative;
+mod elementary;
 mod hiding;
 mod jet;
 mod lanes;
@@ -37,6 +38,7 @@ pub(crate) use ball::Ball;
 pub use builder::{TapeBuilder, Value};
 pub(crate) use bulk::fill_all;
 pub use derivative::Derivative;
+pub use elementary::Elementary;
 pub use jet::Jet;
 pub(crate) use jet::{Depends, Recurrences, Row, UNBOUNDED, weights};
 pub use lanes::{Lane, LaneScratch};
@@ -77,17 +79,11 @@ pub(crate) enum Op {
     Power(Slot, f64),
     /// A variable power of a variable base.
     Pow(Slot, Slot),
-    Exp(Slot),
-    Log(Slot),
+    Apply(Elementary, Slot),
     /// Two results: sine, cosine.
     SinCos(Slot),
     /// Two results: hyperbolic sine, hyperbolic cosine.
     SinhCosh(Slot),
-    Tan(Slot),
-    Tanh(Slot),
-    Asin(Slot),
-    Acos(Slot),
-    Atan(Slot),
     /// `atan2(y, x)`.
     Atan2(Slot, Slot),
 }
@@ -213,8 +209,7 @@ impl Tape {
                 Op::Sqrt(a) => at(a).sqrt(),
                 Op::Power(a, c) => at(a).pow(L::splat(c)),
                 Op::Pow(a, b) => at(a).pow(at(b)),
-                Op::Exp(a) => at(a).exp(),
-                Op::Log(a) => at(a).log(),
+                Op::Apply(f, a) => at(a).apply(f),
                 Op::SinCos(a) | Op::SinhCosh(a) => {
                     let circular = matches!(op, Op::SinCos(_));
                     let pair = if circular {
@@ -230,11 +225,6 @@ impl Tape {
                     }
                     pair.0
                 }
-                Op::Tan(a) => at(a).tan(),
-                Op::Tanh(a) => at(a).tanh(),
-                Op::Asin(a) => at(a).asin(),
-                Op::Acos(a) => at(a).acos(),
-                Op::Atan(a) => at(a).atan(),
                 Op::Atan2(y, x) => at(y).atan2(at(x)),
             };
             r[out as usize] = result;
@@ -261,15 +251,9 @@ impl Op {
             Self::Sqrt(a) => Self::Sqrt(f(a)),
             Self::Power(a, c) => Self::Power(f(a), c),
             Self::Pow(a, b) => Self::Pow(f(a), f(b)),
-            Self::Exp(a) => Self::Exp(f(a)),
-            Self::Log(a) => Self::Log(f(a)),
+            Self::Apply(function, a) => Self::Apply(function, f(a)),
             Self::SinCos(a) => Self::SinCos(f(a)),
             Self::SinhCosh(a) => Self::SinhCosh(f(a)),
-            Self::Tan(a) => Self::Tan(f(a)),
-            Self::Tanh(a) => Self::Tanh(f(a)),
-            Self::Asin(a) => Self::Asin(f(a)),
-            Self::Acos(a) => Self::Acos(f(a)),
-            Self::Atan(a) => Self::Atan(f(a)),
             Self::Atan2(y, x) => Self::Atan2(f(y), f(x)),
         }
     }
@@ -291,15 +275,9 @@ impl Op {
             | Self::Recip(a)
             | Self::Square(a)
             | Self::Sqrt(a)
-            | Self::Exp(a)
-            | Self::Log(a)
+            | Self::Apply(_, a)
             | Self::SinCos(a)
-            | Self::SinhCosh(a)
-            | Self::Tan(a)
-            | Self::Tanh(a)
-            | Self::Asin(a)
-            | Self::Acos(a)
-            | Self::Atan(a) => ([a, UNUSED], 0.0),
+            | Self::SinhCosh(a) => ([a, UNUSED], 0.0),
         }
     }
 
@@ -312,9 +290,13 @@ impl Op {
 impl fmt::Display for Tape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for Instruction { op, out, second } in &self.values {
-            match *second {
-                UNUSED => writeln!(f, "v{out} = {op:?}")?,
-                _ => writeln!(f, "v{out}, v{second} = {op:?}")?,
+            write!(f, "v{out}")?;
+            if *second != UNUSED {
+                write!(f, ", v{second}")?;
+            }
+            match op {
+                Op::Apply(function, a) => writeln!(f, " = {function:?}({a})")?,
+                _ => writeln!(f, " = {op:?}")?,
             }
         }
         let outputs: Vec<String> = self

@@ -1,0 +1,164 @@
+//! The table of elementary functions w = f(a), each with the differential equation that it satisfies.
+//!
+//! Derivatives, Taylor coefficients, enclosures and where a series hides something follow from that equation.
+
+use serde::{Deserialize, Serialize};
+
+use super::term::Term;
+use super::{TapeBuilder, Value};
+
+/// The equation of a function w of a.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Rate {
+    /// w' = w a'
+    Exponential,
+    /// a w' = a'
+    Logarithm,
+    /// w' = q a' with q = 1 + s w²
+    Riccati(f64),
+    /// q w' = a' with q = 1 + s a²
+    Rational(f64),
+    /// q w' = r a' with q² = p = c + s a²
+    Root { c: f64, s: f64, r: f64 },
+}
+
+macro_rules! elementary {
+    ($($(#[$doc:meta])* $Name:ident $method:ident: $value:expr, $rate:expr, $opcode:literal;)*) => {
+        /// A function of one number; the names are the functions.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        pub enum Elementary {
+            $($(#[$doc])* $Name,)*
+        }
+
+        impl Elementary {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$Name),*];
+
+            /// The function of numbers.
+            pub fn value(self) -> fn(f64) -> f64 {
+                match self {
+                    $(Self::$Name => $value,)*
+                }
+            }
+
+            /// The differential equation.
+            pub(crate) fn rate(self) -> Rate {
+                match self {
+                    $(Self::$Name => $rate,)*
+                }
+            }
+
+            /// The number of the operator in AMPL files (Gay 2005, table 2).
+            pub(crate) fn opcode(self) -> i64 {
+                match self {
+                    $(Self::$Name => $opcode,)*
+                }
+            }
+        }
+
+        impl TapeBuilder {
+            $($(#[$doc])* pub fn $method(&mut self, a: Value) -> Value {
+                self.apply(Elementary::$Name, a)
+            })*
+        }
+    };
+}
+
+elementary! {
+    /// The exponential.
+    Exp exp: f64::exp, Rate::Exponential, 44;
+    /// The natural logarithm.
+    Log log: f64::ln, Rate::Logarithm, 43;
+    /// The tangent.
+    Tan tan: f64::tan, Rate::Riccati(1.0), 38;
+    /// The hyperbolic tangent.
+    Tanh tanh: f64::tanh, Rate::Riccati(-1.0), 37;
+    /// The inverse sine.
+    Asin asin: f64::asin, Rate::Root { c: 1.0, s: -1.0, r: 1.0 }, 51;
+    /// The inverse cosine.
+    Acos acos: f64::acos, Rate::Root { c: 1.0, s: -1.0, r: -1.0 }, 53;
+    /// The inverse tangent.
+    Atan atan: f64::atan, Rate::Rational(1.0), 49;
+}
+
+/// c + s x² where c and s are ±1; differences of squares are products, in which nothing cancels.
+fn quadratic(c: f64, s: f64, x: f64) -> f64 {
+    match c == s {
+        true => c + s * (x * x),
+        false => c * ((1.0 - x) * (1.0 + x)),
+    }
+}
+
+fn quadratic_term(c: f64, s: f64, x: Term, b: &mut TapeBuilder) -> Term {
+    let one = Term::ONE;
+    if c == s {
+        return x.square(b).add(one, b).times(c);
+    }
+    let (below, above) = (one.sub(x, b), one.add(x, b));
+    below.mul(above, b).times(c)
+}
+
+impl Rate {
+    /// q at a, where w is the value.
+    pub fn helper(self, a: f64, w: f64) -> Option<f64> {
+        match self {
+            Self::Exponential | Self::Logarithm => None,
+            Self::Riccati(s) => Some(quadratic(1.0, s, w)),
+            Self::Rational(s) => Some(quadratic(1.0, s, a)),
+            Self::Root { c, s, .. } => Some(quadratic(c, s, a).sqrt()),
+        }
+    }
+
+    /// First and second derivative of v = f(x).
+    pub fn derivatives(self, v: Term, x: Term, b: &mut TapeBuilder) -> [Term; 2] {
+        match self {
+            Self::Exponential => [v, v],
+            Self::Logarithm => {
+                let r = x.recip(b);
+                [r, r.square(b).neg()]
+            }
+            Self::Riccati(s) => {
+                let slope = quadratic_term(1.0, s, v, b);
+                [slope, v.mul(slope, b).times(2.0 * s)]
+            }
+            Self::Rational(s) => {
+                let slope = quadratic_term(1.0, s, x, b).recip(b);
+                [slope, x.mul(slope.square(b), b).times(-2.0 * s)]
+            }
+            Self::Root { c, s, r } => {
+                let square = quadratic_term(c, s, x, b);
+                let slope = square.sqrt(b).recip(b).times(r);
+                [slope, x.mul(slope, b).div(square, b).times(-s)]
+            }
+        }
+    }
+
+    /// Where the function is defined.
+    pub fn domain(self) -> [f64; 2] {
+        match self {
+            Self::Logarithm => [0.0, f64::INFINITY],
+            Self::Root { c: -1.0, .. } => [1.0, f64::INFINITY],
+            Self::Rational(-1.0) | Self::Root { s: -1.0, .. } => [-1.0, 1.0],
+            _ => [f64::NEG_INFINITY, f64::INFINITY],
+        }
+    }
+
+    /// The largest absolute value of the derivative.
+    pub fn steepest(self) -> f64 {
+        match self {
+            Self::Riccati(-1.0) | Self::Rational(1.0) | Self::Root { c: 1.0, s: 1.0, .. } => 1.0,
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// The divisor q, or p, of the derivative at a, and its least value where |a| is in a range; 1 where there is none.
+    pub fn divisor(self, a: f64, [least, most]: [f64; 2]) -> [f64; 2] {
+        let (c, s) = match self {
+            Self::Rational(s) => (1.0, s),
+            Self::Root { c, s, .. } => (c, s),
+            _ => return [1.0; 2],
+        };
+        let nearest = if s > 0.0 { least } else { most };
+        [a, nearest].map(|a| quadratic(c, s, a))
+    }
+}
