@@ -135,6 +135,13 @@ fn cases() -> Vec<Case> {
             1.0
         ),
         case!(
+            "asinh",
+            |b, t| b.asinh(t),
+            |x| x.asinh(),
+            [0.0, 1.0, -4.0],
+            1.0
+        ),
+        case!(
             "atan2",
             |b, t| {
                 let x = b.offset(0.5, t);

@@ -214,6 +214,17 @@ functions! {
         steep: Steep::Flank,
         unit: Unit::Number,
     }
+    /// The inverse hyperbolic sine.
+    Asinh asinh {
+        value: f64::asinh,
+        slope: |_, a| 1.0 / (1.0 + a * a).sqrt(),
+        image: |a| a.rising(Interval::ALL, f64::asinh),
+        code: Some(TapeBuilder::asinh),
+        opcode: Some(50),
+        tex: tex!("operatorname{arsinh}"),
+        steep: Steep::Flank,
+        unit: Unit::Number,
+    }
     /// The hyperbolic sine.
     Sinh sinh {
         value: f64::sinh,

@@ -260,12 +260,6 @@ pub(super) fn apply(operator: Operator, operands: &[Term], b: &mut TapeBuilder) 
         Operator::Log10 => x.log(b).times(std::f64::consts::LOG10_E),
         Operator::Atan2 => x.atan2(y, b),
         Operator::Atanh => atanh(x, b),
-        // 2 artanh(x / (1 + √(1 + x²))): nothing cancels on either side of zero.
-        Operator::Asinh => {
-            let root = x.square(b).add(one, b).sqrt(b);
-            let half = x.div(root.add(one, b), b);
-            atanh(half, b).times(2.0)
-        }
         // log(x + √((x - 1) (x + 1)))
         Operator::Acosh => {
             let (below, above) = (x.sub(one, b), x.add(one, b));

@@ -79,6 +79,8 @@ elementary! {
     Acos acos: f64::acos, Rate::Root { c: 1.0, s: -1.0, r: -1.0 }, 53;
     /// The inverse tangent.
     Atan atan: f64::atan, Rate::Rational(1.0), 49;
+    /// The inverse hyperbolic sine.
+    Asinh asinh: f64::asinh, Rate::Root { c: 1.0, s: 1.0, r: 1.0 }, 50;
 }
 
 /// c + s x² where c and s are ±1; differences of squares are products, in which nothing cancels.

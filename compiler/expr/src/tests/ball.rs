@@ -107,6 +107,7 @@ impl Dual {
             Function::Asin => (number(1.0) + minus(x * x)).map(|q| q.sqrt().recip()),
             Function::Acos => (number(1.0) + minus(x * x)).map(|q| -q.sqrt().recip()),
             Function::Atan => (number(1.0) + x * x).recip(),
+            Function::Asinh => (number(1.0) + x * x).map(|q| q.sqrt().recip()),
             Function::Sinh => x.map(f64::cosh),
             Function::Cosh => x.map(f64::sinh),
             Function::Tanh => number(1.0) + minus(value * value),
