@@ -141,6 +141,7 @@ fn cases() -> Vec<Case> {
             [0.0, 1.0, -4.0],
             1.0
         ),
+        case!("acosh", |b, t| b.acosh(t), |x| x.acosh(), [2.0, 4.0], 1.0),
         case!(
             "atan2",
             |b, t| {

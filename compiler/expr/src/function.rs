@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nsd_solver::tape::{TapeBuilder, Value};
+use nsd_solver::tape::{Elementary, TapeBuilder, Value};
 
 use super::{Expr, Interval};
 
@@ -102,6 +102,12 @@ macro_rules! tex {
 /// The numbers from 0 on.
 const POSITIVE: Interval = Interval {
     low: 0.0,
+    high: f64::INFINITY,
+};
+
+/// The numbers from 1 on.
+const BEYOND_ONE: Interval = Interval {
+    low: 1.0,
     high: f64::INFINITY,
 };
 
@@ -223,6 +229,17 @@ functions! {
         opcode: Some(50),
         tex: tex!("operatorname{arsinh}"),
         steep: Steep::Flank,
+        unit: Unit::Number,
+    }
+    /// The inverse hyperbolic cosine.
+    Acosh acosh {
+        value: |a| Elementary::Acosh.value()(a),
+        slope: |_, a| 1.0 / ((a - 1.0) * (a + 1.0)).sqrt(),
+        image: |a| a.rising(BEYOND_ONE, Elementary::Acosh.value()).above(0.0),
+        code: Some(TapeBuilder::acosh),
+        opcode: Some(52),
+        tex: tex!("operatorname{arcosh}"),
+        steep: Steep::At(&[1.0]),
         unit: Unit::Number,
     }
     /// The hyperbolic sine.

@@ -276,7 +276,8 @@ mod tests {
         for k in 0..1000 {
             let x = 0.05 + 0.9 * noise(k);
             let interval = Interval::new(x, x);
-            for &function in Function::ALL {
+            let is_number = |function: &&Function| !function.value(x).is_nan();
+            for &function in Function::ALL.iter().filter(is_number) {
                 let found = interval.unary(function);
                 assert!(found.width() < 1e-13, "{function:?} of {x}: {found:?}");
             }

@@ -46,7 +46,6 @@ pub(super) enum Operator {
     Cos,
     Atanh,
     Atan2,
-    Acosh,
     Logistic,
 }
 
@@ -195,7 +194,6 @@ impl Operator {
             46 => (Self::Cos, one),
             47 => (Self::Atanh, one),
             48 => (Self::Atan2, two),
-            52 => (Self::Acosh, one),
             54 => (Self::Sum, Arity::Counted),
             77 => (Self::Square, one),
             79 => (Self::Logistic, one),

@@ -260,12 +260,6 @@ pub(super) fn apply(operator: Operator, operands: &[Term], b: &mut TapeBuilder) 
         Operator::Log10 => x.log(b).times(std::f64::consts::LOG10_E),
         Operator::Atan2 => x.atan2(y, b),
         Operator::Atanh => atanh(x, b),
-        // log(x + √((x - 1) (x + 1)))
-        Operator::Acosh => {
-            let (below, above) = (x.sub(one, b), x.add(one, b));
-            let root = below.mul(above, b).sqrt(b);
-            x.add(root, b).log(b)
-        }
         // 1 / (1 + exp(-x))
         Operator::Logistic => {
             let exp = x.neg().function(Elementary::Exp, b);

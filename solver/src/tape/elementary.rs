@@ -81,6 +81,14 @@ elementary! {
     Atan atan: f64::atan, Rate::Rational(1.0), 49;
     /// The inverse hyperbolic sine.
     Asinh asinh: f64::asinh, Rate::Root { c: 1.0, s: 1.0, r: 1.0 }, 50;
+    /// The inverse hyperbolic cosine.
+    Acosh acosh: acosh, Rate::Root { c: -1.0, s: 1.0, r: 1.0 }, 52;
+}
+
+/// log(1 + d + √(d (d + 2))) with d = a - 1: no digit is lost near 1, and no square overflows.
+fn acosh(a: f64) -> f64 {
+    let d = a - 1.0;
+    (d + d.sqrt() * (d + 2.0).sqrt()).ln_1p()
 }
 
 /// c + s x² where c and s are ±1; differences of squares are products, in which nothing cancels.

@@ -108,6 +108,7 @@ impl Dual {
             Function::Acos => (number(1.0) + minus(x * x)).map(|q| -q.sqrt().recip()),
             Function::Atan => (number(1.0) + x * x).recip(),
             Function::Asinh => (number(1.0) + x * x).map(|q| q.sqrt().recip()),
+            Function::Acosh => (x * x + number(-1.0)).map(|q| q.sqrt().recip()),
             Function::Sinh => x.map(f64::cosh),
             Function::Cosh => x.map(f64::sinh),
             Function::Tanh => number(1.0) + minus(value * value),
