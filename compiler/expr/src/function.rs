@@ -242,6 +242,17 @@ functions! {
         steep: Steep::At(&[1.0]),
         unit: Unit::Number,
     }
+    /// The inverse hyperbolic tangent.
+    Atanh atanh {
+        value: |a| Elementary::Atanh.value()(a),
+        slope: |_, a| 1.0 / ((1.0 - a) * (1.0 + a)),
+        image: |a| a.rising(UNIT, Elementary::Atanh.value()),
+        code: Some(TapeBuilder::atanh),
+        opcode: Some(47),
+        tex: tex!("operatorname{artanh}"),
+        steep: Steep::At(&[-1.0, 1.0]),
+        unit: Unit::Number,
+    }
     /// The hyperbolic sine.
     Sinh sinh {
         value: f64::sinh,

@@ -8,7 +8,7 @@ use crate::diagnostics::{
 };
 
 /// Functions of MATLAB, Modelica, Python, Julia and C that are not built in, with what to write instead.
-pub(super) const FUNCTIONS: [(&str, &str); 95] = [
+pub(super) const FUNCTIONS: [(&str, &str); 94] = [
     ("ln", "write `log(x)`, the natural logarithm"),
     ("log10", "write `log(x)/log(10)`"),
     ("log2", "write `log(x)/log(2)`"),
@@ -70,8 +70,7 @@ pub(super) const FUNCTIONS: [(&str, &str); 95] = [
     ("angle", "write `atan2(y, x)`"),
     ("arcsinh", "write `asinh(x)`"),
     ("arccosh", "write `acosh(x)`"),
-    ("atanh", "write `log((1 + x)/(1 - x))/2`"),
-    ("arctanh", "write `log((1 + x)/(1 - x))/2`"),
+    ("arctanh", "write `atanh(x)`"),
     ("sec", "write `1/cos(x)`"),
     ("csc", "write `1/sin(x)`"),
     ("cot", "write `1/tan(x)`"),
@@ -164,7 +163,7 @@ pub(super) const VALUES: [(&str, &str); 22] = [
 
 /// Functions and values that go by another name and are the same in all else; a name that may well be meant for
 /// something else is not replaced unseen.
-const SAME: [(&str, &str, Applicability); 50] = [
+const SAME: [(&str, &str, Applicability); 51] = [
     ("ln", "log", Safe),
     ("clip", "sat", Safe),
     ("clamp", "sat", Safe),
@@ -192,6 +191,7 @@ const SAME: [(&str, &str, Applicability); 50] = [
     ("arctan2", "atan2", Safe),
     ("arcsinh", "asinh", Safe),
     ("arccosh", "acosh", Safe),
+    ("arctanh", "atanh", Safe),
     ("gradient", "grad", Suggestion),
     ("length", "len", Suggestion),
     ("size", "len", Suggestion),

@@ -44,7 +44,6 @@ pub(super) enum Operator {
     Log10,
     Cosh,
     Cos,
-    Atanh,
     Atan2,
     Logistic,
 }
@@ -192,7 +191,6 @@ impl Operator {
             42 => (Self::Log10, one),
             45 => (Self::Cosh, one),
             46 => (Self::Cos, one),
-            47 => (Self::Atanh, one),
             48 => (Self::Atan2, two),
             54 => (Self::Sum, Arity::Counted),
             77 => (Self::Square, one),

@@ -259,7 +259,6 @@ pub(super) fn apply(operator: Operator, operands: &[Term], b: &mut TapeBuilder) 
         Operator::Cos => x.apply(b, f64::cos, |b, x| b.sin_cos(x).1),
         Operator::Log10 => x.log(b).times(std::f64::consts::LOG10_E),
         Operator::Atan2 => x.atan2(y, b),
-        Operator::Atanh => atanh(x, b),
         // 1 / (1 + exp(-x))
         Operator::Logistic => {
             let exp = x.neg().function(Elementary::Exp, b);
@@ -269,10 +268,4 @@ pub(super) fn apply(operator: Operator, operands: &[Term], b: &mut TapeBuilder) 
             unreachable!("kinks have been rewritten")
         }
     }
-}
-
-/// ½ log((1 + x) / (1 - x))
-fn atanh(x: Term, b: &mut TapeBuilder) -> Term {
-    let (above, below) = (Term::ONE.add(x, b), Term::ONE.sub(x, b));
-    above.div(below, b).log(b).times(0.5)
 }

@@ -83,12 +83,20 @@ elementary! {
     Asinh asinh: f64::asinh, Rate::Root { c: 1.0, s: 1.0, r: 1.0 }, 50;
     /// The inverse hyperbolic cosine.
     Acosh acosh: acosh, Rate::Root { c: -1.0, s: 1.0, r: 1.0 }, 52;
+    /// The inverse hyperbolic tangent.
+    Atanh atanh: atanh, Rate::Rational(-1.0), 47;
 }
 
 /// log(1 + d + √(d (d + 2))) with d = a - 1: no digit is lost near 1, and no square overflows.
 fn acosh(a: f64) -> f64 {
     let d = a - 1.0;
     (d + d.sqrt() * (d + 2.0).sqrt()).ln_1p()
+}
+
+/// ½ log(1 + 2|a| / (1 - |a|)), with the sign of a: no digit is lost near 0 and ±1.
+fn atanh(a: f64) -> f64 {
+    let size = a.abs();
+    (0.5 * (2.0 * size / (1.0 - size)).ln_1p()).copysign(a)
 }
 
 /// c + s x² where c and s are ±1; differences of squares are products, in which nothing cancels.
