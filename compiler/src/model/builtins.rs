@@ -20,7 +20,7 @@ pub(super) fn builtin<'e>(
     }
     let varied = std::mem::replace(&mut lowering.varies, false);
     let mut values = lowering.all_numbers(call.args.iter().copied())?;
-    if matches!(call.name, "sign" | "step" | "abs") {
+    if matches!(call.name, "sign" | "step" | "abs" | "cbrt") {
         values[0] = values[0].map(Expr::cancelled);
     }
     if matches!(call.name, "sign" | "step") {
@@ -91,6 +91,10 @@ fn apply<'e>(
             };
             fold(lowering, call, values, function)
         }
+        "cbrt" => {
+            lowering.record_surfaces(call.args[0], &first);
+            Ok(first.map(cube_root))
+        }
         "atan2" => fold(lowering, call, values, BinaryFunction::Atan2),
         "sat" => {
             let (lo, hi) = match values.get(1..) {
@@ -115,6 +119,15 @@ fn apply<'e>(
         )),
         "len" => length(lowering, call, &first),
         _ => of_arrays(lowering, call, &first, &values[1..]),
+    }
+}
+
+/// sign(x) |x|^(1/3): a root with a switch at zero, unless x is a number.
+fn cube_root(x: Expr) -> Expr {
+    let number = |value| x.exprs().constant(value);
+    match x.as_constant() {
+        Some(value) => number(value.cbrt()),
+        None => x.sign() * x.abs().powf(number(1.0 / 3.0)),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::diagnostics::{
 };
 
 /// Functions of MATLAB, Modelica, Python, Julia and C that are not built in, with what to write instead.
-pub(super) const FUNCTIONS: [(&str, &str); 94] = [
+pub(super) const FUNCTIONS: [(&str, &str); 93] = [
     ("ln", "write `log(x)`, the natural logarithm"),
     ("log10", "write `log(x)/log(10)`"),
     ("log2", "write `log(x)/log(2)`"),
@@ -18,7 +18,6 @@ pub(super) const FUNCTIONS: [(&str, &str); 94] = [
     ("power", "write `x^n`"),
     ("square", "write `x^2`"),
     ("sqr", "write `x^2`"),
-    ("cbrt", "write `sign(x)*abs(x)^(1/3)`"),
     ("nthroot", "write `x^(1/n)` for a positive `x`"),
     ("hypot", "write `norm([x, y])`, or `sqrt(x^2 + y^2)`"),
     ("mod", MODULO),

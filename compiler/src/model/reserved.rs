@@ -7,7 +7,8 @@ use crate::expr::Function;
 pub(super) const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
 
 /// Built-in functions beside the elementary ones, with their least and greatest number of arguments.
-const FUNCTIONS: [(&str, usize, usize); 20] = [
+const FUNCTIONS: [(&str, usize, usize); 21] = [
+    ("cbrt", 1, 1),
     ("atan2", 2, 2),
     ("min", 1, usize::MAX),
     ("max", 1, usize::MAX),

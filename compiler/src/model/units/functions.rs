@@ -33,6 +33,7 @@ impl<'f> Checker<'f, '_> {
                 self.agree("the input of `hysteresis` and its thresholds", compared);
                 Dim::PURE
             }
+            "cbrt" => self.root(3, &values),
             "norm" | "sum" | "transpose" | "diag" => self.first(&values),
             "min" => self.agree("the arguments of `min`", values),
             "max" => self.agree("the arguments of `max`", values),
