@@ -286,6 +286,17 @@ functions! {
         steep: Steep::Flank,
         unit: Unit::Number,
     }
+    /// The largest integer that is not above it.
+    Floor floor {
+        value: f64::floor,
+        slope: |w, _| 0.0 * w,
+        image: |a| Interval::new(a.low.floor(), a.high.floor()),
+        code: None,
+        opcode: None,
+        tex: ("\\left\\lfloor ", "\\right\\rfloor"),
+        steep: Steep::Nowhere,
+        unit: Unit::Number,
+    }
     /// 0 for negative, 1 for positive values; set-valued at 0, where a number has 1/2.
     Step step {
         value: |x| 0.5 + 0.5 * signum(x),

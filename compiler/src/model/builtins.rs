@@ -64,8 +64,10 @@ fn apply<'e>(
     let first = values[0].clone();
     lowering.spend(first.data.len(), call.span)?;
     if let Some(function) = Function::of_name(call.name) {
-        if function.is_nonsmooth() {
-            lowering.record_surfaces(call.args[0], &first);
+        match function {
+            Function::Floor => lowering.record_rounded(&first, None, call.span),
+            _ if function.is_nonsmooth() => lowering.record_surfaces(call.args[0], &first),
+            _ => {}
         }
         return Ok(first.map(|entry| entry.apply(function)));
     }
@@ -96,6 +98,7 @@ fn apply<'e>(
             Ok(first.map(cube_root))
         }
         "atan2" => fold(lowering, call, values, BinaryFunction::Atan2),
+        "mod" => remainder(lowering, call, values),
         "sat" => {
             let (lo, hi) = match values.get(1..) {
                 Some([lo, hi]) => (lo.clone(), hi.clone()),
@@ -120,6 +123,26 @@ fn apply<'e>(
         "len" => length(lowering, call, &first),
         _ => of_arrays(lowering, call, &first, &values[1..]),
     }
+}
+
+/// u - T floor(u/T), which is in [0, T) for a period T > 0.
+fn remainder<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    values: &[Tensor<'e>],
+) -> Result<Tensor<'e>, Reported> {
+    let mut periods = values[1]
+        .data
+        .iter()
+        .filter_map(|period| period.as_constant());
+    if let Some(period) = periods.find(|period| !(*period > 0.0 && period.is_finite())) {
+        return wrong(lowering, call, "a positive period", &period.to_string());
+    }
+    let quotients = fold_with(lowering, call, values, |u, period| u / period)?;
+    lowering.record_rounded(&quotients, Some(&values[1]), call.span);
+    fold_with(lowering, call, values, |u, period| {
+        u - period * (u / period).floor()
+    })
 }
 
 /// sign(x) |x|^(1/3): a root with a switch at zero, unless x is a number.

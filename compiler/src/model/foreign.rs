@@ -8,7 +8,7 @@ use crate::diagnostics::{
 };
 
 /// Functions of MATLAB, Modelica, Python, Julia and C that are not built in, with what to write instead.
-pub(super) const FUNCTIONS: [(&str, &str); 93] = [
+pub(super) const FUNCTIONS: [(&str, &str); 91] = [
     ("ln", "write `log(x)`, the natural logarithm"),
     ("log10", "write `log(x)/log(10)`"),
     ("log2", "write `log(x)/log(2)`"),
@@ -20,12 +20,10 @@ pub(super) const FUNCTIONS: [(&str, &str); 93] = [
     ("sqr", "write `x^2`"),
     ("nthroot", "write `x^(1/n)` for a positive `x`"),
     ("hypot", "write `norm([x, y])`, or `sqrt(x^2 + y^2)`"),
-    ("mod", MODULO),
     ("fmod", MODULO),
     ("rem", MODULO),
-    ("floor", ROUNDING),
-    ("ceil", ROUNDING),
-    ("round", ROUNDING),
+    ("ceil", "write `-floor(-x)`, of time and numbers"),
+    ("round", "write `floor(x + 1/2)`, of time and numbers"),
     ("trunc", ROUNDING),
     ("fix", ROUNDING),
     ("int", ROUNDING),
@@ -125,9 +123,8 @@ pub(super) const FUNCTIONS: [(&str, &str); 93] = [
     ("random", CHANCE),
 ];
 
-const MODULO: &str = "there is no remainder: give it a state, and put it back with `jump wrap when x > n { x := x - n; }`";
-const ROUNDING: &str =
-    "there is no rounding: write a sum of steps, `sum(step(x - i) for i in 1..n)`";
+const MODULO: &str = "write `mod(u, T)`, of time and numbers; put a state back with `jump wrap when x > n { x := x - n; }`";
+const ROUNDING: &str = "write `floor(u)`, of time and numbers, and of states a sum of steps, `sum(step(x - i) for i in 1..n)`";
 const DERIVATIVE: &str = "write the rate of a state as `x' = ..;`";
 const CHOICE: &str = "write `if x > 0 then a else b`";
 const MEMORY: &str = "write a statement: `switch h = hysteresis(x, on = 1, off = -1, start = 0);`";

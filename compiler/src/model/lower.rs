@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use super::scope::{Hook, Reported, Scope, Value};
-use super::{ModelError, Shape, Surface, Tensor, algebra, calls, check};
+use super::{ModelError, Rounded, Shape, Surface, Tensor, algebra, calls, check};
 use crate::diagnostics::{Diagnostics, Fixable};
 use crate::expr::Expr;
 use crate::source::Span;
@@ -54,6 +54,8 @@ pub(super) struct Lowering<'a, 'e> {
     pub varies: bool,
     /// Switching functions met so far.
     pub surfaces: Vec<Surface<'e>>,
+    /// Calls of `floor` and `mod` met so far.
+    pub rounded: Vec<Rounded<'e>>,
     depth: usize,
 }
 
@@ -72,6 +74,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             in_guard: false,
             varies: false,
             surfaces: vec![],
+            rounded: vec![],
             depth: 0,
         }
     }

@@ -7,11 +7,12 @@ use crate::expr::Function;
 pub(super) const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
 
 /// Built-in functions beside the elementary ones, with their least and greatest number of arguments.
-const FUNCTIONS: [(&str, usize, usize); 21] = [
+const FUNCTIONS: [(&str, usize, usize); 22] = [
     ("cbrt", 1, 1),
     ("atan2", 2, 2),
     ("min", 1, usize::MAX),
     ("max", 1, usize::MAX),
+    ("mod", 2, 2),
     ("sat", 1, 3),
     ("deadzone", 1, 2),
     ("dot", 2, 2),
@@ -49,9 +50,13 @@ pub(super) fn arity(name: &str) -> (usize, usize) {
     known.map_or((1, 1), |&(_, least, most)| (least, most))
 }
 
-/// True for a name that cannot be declared. `table` is a word of `signal` only.
+/// Functions whose names may be declared, and then are what they are declared to be: `table` is a word of `signal`
+/// only, and the others are words of models, too.
+const FREE: [&str; 7] = ["table", "floor", "mod", "cbrt", "asinh", "acosh", "atanh"];
+
+/// True for a name that cannot be declared.
 pub(super) fn is_builtin(name: &str) -> bool {
-    VALUES.contains(&name) || (name != "table" && is_function(name))
+    VALUES.contains(&name) || is_function(name) && !FREE.contains(&name)
 }
 
 /// The candidate that was probably meant.

@@ -73,6 +73,7 @@ mod reading;
 mod regions;
 mod relay;
 pub mod roots;
+mod rounding;
 mod sample;
 mod skipped;
 pub mod smoothing;

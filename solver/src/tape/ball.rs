@@ -272,9 +272,11 @@ mod tests {
             let (acos, angle) = (tape.acos(cosine), tape.atan2(a, b));
             let (power, powers) = (tape.power(b, -1.5), tape.pow(b, a));
             let cubic = tape.power(b, 1.0 / 3.0);
+            let beyond = tape.offset(1.0, square);
+            let inverses = (tape.asinh(a), tape.acosh(beyond), tape.atanh(sine));
             let outputs = [
                 product, quotient, root, log, exp, tanh, atan, scaled, recip, sinh, cosh, tan, asin, acos, angle, power,
-                powers, cubic,
+                powers, cubic, inverses.0, inverses.1, inverses.2,
             ];
             let tape = tape.finish(&outputs);
 

@@ -113,7 +113,7 @@ impl Dual {
             Function::Sinh => x.map(f64::cosh),
             Function::Cosh => x.map(f64::sinh),
             Function::Tanh => number(1.0) + minus(value * value),
-            Function::Step | Function::Sign | Function::Abs => number(f64::NAN),
+            Function::Floor | Function::Step | Function::Sign | Function::Abs => number(f64::NAN),
         };
         Self {
             value,

@@ -37,6 +37,7 @@ impl<'f> Checker<'f, '_> {
             "norm" | "sum" | "transpose" | "diag" => self.first(&values),
             "min" => self.agree("the arguments of `min`", values),
             "max" => self.agree("the arguments of `max`", values),
+            "mod" => self.agree("the arguments of `mod`", values),
             "sat" => self.agree("the arguments of `sat`", values),
             "deadzone" => self.agree("the arguments of `deadzone`", values),
             "dot" | "cross" => {
