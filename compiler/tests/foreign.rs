@@ -5,17 +5,16 @@ use std::path::Path;
 use crate::terminal::{folder, nsdc_with_input};
 
 /// Expressions with what their help names.
-const EXPRESSIONS: [(&str, &str); 63] = [
+const EXPRESSIONS: [(&str, &str); 62] = [
     ("ln(x)", "write `log(x)`"),
     ("log10(x)", "write `log(x)/log(10)`"),
     ("log2(x)", "write `log(x)/log(2)`"),
     ("pow(x, 2)", "write `x^n`"),
     ("x**2", "write `^`"),
-    ("mod(x, 2)", "there is no remainder"),
-    ("fmod(x, 2)", "there is no remainder"),
-    ("floor(x)", "there is no rounding"),
-    ("ceil(x)", "there is no rounding"),
-    ("round(x)", "there is no rounding"),
+    ("fmod(x, 2)", "write `mod(u, T)`"),
+    ("trunc(x)", "write `floor(u)`"),
+    ("ceil(x)", "write `-floor(-x)`"),
+    ("round(x)", "write `floor(x + 1/2)`"),
     ("clip(x, 0, 1)", "write `sat(x, low, high)`"),
     ("clamp(x, 0, 1)", "write `sat(x, low, high)`"),
     ("saturate(x)", "write `sat(x, low, high)`"),
@@ -27,8 +26,8 @@ const EXPRESSIONS: [(&str, &str); 63] = [
     ("arcsin(x)", "write `asin(x)`"),
     ("arccos(x)", "write `acos(x)`"),
     ("arctan(x)", "write `atan(x)`"),
-    ("asinh(x)", "write `log(x + sqrt(x^2 + 1))`"),
-    ("cbrt(x)", "write `sign(x)*abs(x)^(1/3)`"),
+    ("arcsinh(x)", "write `asinh(x)`"),
+    ("arctanh(x)", "write `atanh(x)`"),
     ("hypot(x, 1)", "write `norm([x, y])`"),
     ("fmax(x, 1)", "write `max(x, y)`"),
     ("minimum(x, 1)", "write `min(x, y)`"),

@@ -135,6 +135,21 @@ fn cases() -> Vec<Case> {
             1.0
         ),
         case!(
+            "asinh",
+            |b, t| b.asinh(t),
+            |x| x.asinh(),
+            [0.0, 1.0, -4.0],
+            1.0
+        ),
+        case!("acosh", |b, t| b.acosh(t), |x| x.acosh(), [2.0, 4.0], 1.0),
+        case!(
+            "atanh",
+            |b, t| b.atanh(t),
+            |x| x.atanh(),
+            [0.0, 0.3, -0.4],
+            0.6
+        ),
+        case!(
             "atan2",
             |b, t| {
                 let x = b.offset(0.5, t);

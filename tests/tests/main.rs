@@ -26,6 +26,7 @@ mod fesd;
 mod forms;
 mod free;
 mod friction_in_space;
+mod functions;
 mod goldens;
 mod hidden;
 mod hidden_optimal;

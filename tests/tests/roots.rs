@@ -97,6 +97,23 @@ fn transversal_zeros_are_crossed() {
 }
 
 #[test]
+fn cube_roots_are_odd() {
+    // 3/4 (2^(4/3) - 1)
+    let crossed = by_events("state x = -1; state y = 0; x' = 1; y' = cbrt(x);", 3.0);
+    let exact = 0.75 * (2.0_f64.powf(4.0 / 3.0) - 1.0);
+    close(end(&crossed, "y")[0], exact, 1e-12);
+    // |x|^(2/3) = 4 - 2/3 t from either side, and rest.
+    for start in ["8", "cbrt(-512)"] {
+        let model = format!("state x = {start}; x' = -cbrt(x);");
+        let early = by_events(&model, 4.5);
+        close(end(&early, "x")[0].abs(), 1.0, 1e-12);
+        let late = by_events(&model, 7.0);
+        close(end(&late, "x")[0], 0.0, 1e-12);
+        close(times(&late, EventKind::EnterSliding)[0], 6.0, 1e-7);
+    }
+}
+
+#[test]
 fn roots_of_time_and_norms_pass_through_zero() {
     let root = by_events("state x = 0; x' = sqrt(time);", 3.0);
     close(end(&root, "x")[0], 2.0 * 3.0_f64.sqrt(), 1e-12);
@@ -116,7 +133,7 @@ fn what_starts_at_rest_in_the_zero_leaves_it() {
 
 #[test]
 fn a_root_that_repels_has_several_solutions() {
-    for law in ["sqrt(abs(x))", "sqrt(max(x, 0))", "abs(x)^(2/3)"] {
+    for law in ["sqrt(abs(x))", "sqrt(max(x, 0))", "abs(x)^(2/3)", "cbrt(x)"] {
         let text =
             format!("model m {{ state x = 0; x' = {law}; }} simulate run of m {{ horizon 1; }}");
         let run = run(&text, "run");

@@ -143,24 +143,10 @@ impl Compiler<'_> {
         function: Function,
         a: Id,
     ) -> Result<Value, CompileError> {
-        let a = self.values[&a];
-        Ok(match function {
-            Function::Sqrt => builder.sqrt(a),
-            Function::Exp => builder.exp(a),
-            Function::Log => builder.log(a),
-            Function::Sin => builder.sin_cos(a).0,
-            Function::Cos => builder.sin_cos(a).1,
-            Function::Tan => builder.tan(a),
-            Function::Asin => builder.asin(a),
-            Function::Acos => builder.acos(a),
-            Function::Atan => builder.atan(a),
-            Function::Sinh => builder.sinh_cosh(a).0,
-            Function::Cosh => builder.sinh_cosh(a).1,
-            Function::Tanh => builder.tanh(a),
-            Function::Step | Function::Sign | Function::Abs => {
-                return Err(CompileError::Nonsmooth(function.name()));
-            }
-        })
+        match function.definition().code {
+            Some(code) => Ok(code(builder, self.values[&a])),
+            None => Err(CompileError::Nonsmooth(function.name())),
+        }
     }
 
     fn binary(

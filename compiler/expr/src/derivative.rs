@@ -7,7 +7,7 @@
 use rustc_hash::FxHashMap;
 
 use super::arena::Id;
-use super::{BinaryFunction, Expr, Function, Node, Var};
+use super::{BinaryFunction, Expr, Node, Var};
 
 /// The entries of a Jacobian that are not structurally zero.
 #[derive(Clone, Debug, PartialEq)]
@@ -191,7 +191,7 @@ impl<'e> Expr<'e> {
                 .filter(|(_, (factor, _))| wanted(*factor))
                 .map(|(i, &(factor, _))| (factor, self.product_partial(&factors, i)))
                 .collect(),
-            Node::Unary(function, a) => vec![(a, self.unary_partial(function, a))],
+            Node::Unary(function, a) => vec![(a, (function.definition().slope)(self, a))],
             Node::Binary(function, a, b) => {
                 let (by_a, by_b) = self.binary_partials(function, a, b);
                 vec![(a, by_a), (b, by_b)]
@@ -212,25 +212,6 @@ impl<'e> Expr<'e> {
                 factors.iter().enumerate().map(power),
             )
         })
-    }
-
-    fn unary_partial(self, function: Function, a: Expr<'e>) -> Expr<'e> {
-        match function {
-            Function::Sqrt => 0.5 / self,
-            Function::Exp => self,
-            Function::Log => 1.0 / a,
-            Function::Sin => a.cos(),
-            Function::Cos => -a.sin(),
-            Function::Tan => 1.0 + self * self,
-            Function::Asin => 1.0 / (1.0 - a * a).sqrt(),
-            Function::Acos => -1.0 / (1.0 - a * a).sqrt(),
-            Function::Atan => 1.0 / (1.0 + a * a),
-            Function::Sinh => a.cosh(),
-            Function::Cosh => a.sinh(),
-            Function::Tanh => 1.0 - self * self,
-            Function::Step | Function::Sign => self.exprs.constant(0.0),
-            Function::Abs => a.sign(),
-        }
     }
 
     fn binary_partials(

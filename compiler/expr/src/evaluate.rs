@@ -1,9 +1,54 @@
 //! Values of expressions, also of those that are not smooth.
 
 use std::cell::RefCell;
+use std::ops::{Add, Mul};
 
 use super::arena::{Data, Id};
-use super::{Expr, Var};
+use super::{BinaryFunction, Expr, Function, Interval, Var};
+
+/// What an expression is evaluated in.
+trait Number: Copy + Add<Output = Self> + Mul<Output = Self> {
+    fn of(number: f64) -> Self;
+    fn powi(self, power: i32) -> Self;
+    fn unary(self, function: Function) -> Self;
+    fn binary(self, function: BinaryFunction, other: Self) -> Self;
+}
+
+impl Number for f64 {
+    fn of(number: f64) -> Self {
+        number
+    }
+
+    fn powi(self, power: i32) -> Self {
+        f64::powi(self, power)
+    }
+
+    fn unary(self, function: Function) -> Self {
+        function.value(self)
+    }
+
+    fn binary(self, function: BinaryFunction, other: Self) -> Self {
+        function.value(self, other)
+    }
+}
+
+impl Number for Interval {
+    fn of(number: f64) -> Self {
+        Interval::rounded(number)
+    }
+
+    fn powi(self, power: i32) -> Self {
+        Interval::powi(self, power)
+    }
+
+    fn unary(self, function: Function) -> Self {
+        Interval::unary(self, function)
+    }
+
+    fn binary(self, function: BinaryFunction, other: Self) -> Self {
+        Interval::binary(self, function, other)
+    }
+}
 
 /// An expression to be evaluated at many points: what is below it is listed once.
 #[derive(Clone, Debug)]
@@ -39,32 +84,47 @@ impl<'e> Evaluator<'e> {
 
     /// The value. At 0, `sign` is 0 and `step` is 1/2.
     pub fn eval(&self, value: &impl Fn(Var) -> f64) -> f64 {
-        let arena = self.expr.exprs.arena.borrow();
         let mut values = self.values.borrow_mut();
+        self.run(value, &mut values);
+        values.last().copied().unwrap_or(f64::NAN)
+    }
+
+    /// An enclosure of the values where variables are within intervals: every number where a part of the expression
+    /// has no bound, as next to a pole.
+    pub fn enclose(&self, within: &impl Fn(Var) -> Interval) -> Interval {
+        let mut values = Vec::with_capacity(self.nodes.len());
+        self.run(within, &mut values);
+        match values.iter().all(|value| value.magnitude().is_finite()) {
+            true => values.last().copied().unwrap_or(Interval::ALL),
+            false => Interval::ALL,
+        }
+    }
+
+    fn run<N: Number>(&self, value: &impl Fn(Var) -> N, values: &mut Vec<N>) {
+        let arena = self.expr.exprs.arena.borrow();
         values.clear();
         let mut children = self.children.iter();
         for &id in &self.nodes {
-            let mut next = || children.next().map_or(f64::NAN, |&place| values[place]);
+            let mut next = || values[*children.next().expect("every child has a place")];
             let result = match arena.data(id) {
-                Data::Constant(number) => number,
+                Data::Constant(number) => N::of(number),
                 Data::Variable(var) => value(var),
                 Data::Sum {
                     constant,
                     start,
                     len,
                 } => (arena.terms(start, len).iter())
-                    .fold(constant, |total, &(_, c)| total + c * next()),
+                    .fold(N::of(constant), |total, &(_, c)| total + N::of(c) * next()),
                 Data::Product { start, len } => (arena.factors(start, len).iter())
-                    .fold(1.0, |total, &(_, power)| total * next().powi(power)),
-                Data::Unary(function, _) => function.value(next()),
+                    .fold(N::of(1.0), |total, &(_, power)| total * next().powi(power)),
+                Data::Unary(function, _) => next().unary(function),
                 Data::Binary(function, ..) => {
                     let (a, b) = (next(), next());
-                    function.value(a, b)
+                    a.binary(function, b)
                 }
             };
             values.push(result);
         }
-        values.last().copied().unwrap_or(f64::NAN)
     }
 
     /// A bound on how far rounding takes the value from that of exact arithmetic: each operation passes on the errors of
@@ -135,7 +195,28 @@ impl Expr<'_> {
 #[cfg(test)]
 mod tests {
     use super::Evaluator;
-    use crate::Exprs;
+    use crate::{Exprs, Interval};
+
+    #[test]
+    fn enclosures_hold_values_and_have_no_bound_at_poles() {
+        let e = Exprs::new();
+        let x = e.variable("x");
+        let function = x.sin() * x + x.powi(3) / (1.0 + x.powi(2)) - x.max(e.constant(1.5)).floor();
+        let evaluator = Evaluator::new(function);
+        for k in 0..50 {
+            let low = -3.0 + 0.12 * f64::from(k);
+            let within = evaluator.enclose(&|_| Interval::new(low, low + 0.25));
+            for share in 0..=10 {
+                let value = evaluator.eval(&|_| low + 0.025 * f64::from(share));
+                assert!(within.contains(value), "{low} {share}: {value} {within:?}");
+            }
+            assert!(within.width() < 3.0, "{low}: {within:?}");
+        }
+        for pole in [x.tan(), (1.0 / (x - 1.5)).atan(), (x - 1.5).log()] {
+            let within = Evaluator::new(pole).enclose(&|_| Interval::new(1.4, 1.6));
+            assert_eq!(within, Interval::ALL, "{pole}");
+        }
+    }
 
     #[test]
     fn what_cancels_is_no_larger_than_its_running_error() {

@@ -81,14 +81,14 @@ impl Interval {
     }
 
     /// A function that rises where it is defined; every number where that is nowhere.
-    fn rising(self, domain: Interval, f: impl Fn(f64) -> f64) -> Self {
+    pub(crate) fn rising(self, domain: Interval, f: impl Fn(f64) -> f64) -> Self {
         match self.within(domain) {
             Some(inside) => Interval::outwards(f(inside.low), f(inside.high), ULPS),
             None => Interval::ALL,
         }
     }
 
-    fn neg(self) -> Self {
+    pub(crate) fn neg(self) -> Self {
         Interval::new(-self.high, -self.low)
     }
 
@@ -125,7 +125,7 @@ impl Interval {
     }
 
     /// sin, whose largest values are at π/2 + 2πk.
-    fn sin(self) -> Self {
+    pub(crate) fn sin(self) -> Self {
         let full = Interval::new(-1.0, 1.0);
         // Far out the distance to the next extremum is not known well.
         if self.width() >= 2.0 * PI || self.magnitude() > 1e8 {
@@ -143,49 +143,24 @@ impl Interval {
         Interval::new(low.max(-1.0), high.min(1.0))
     }
 
+    /// cos a = sin(a + π/2)
+    pub(crate) fn cos(self) -> Self {
+        (self + Interval::outwards(FRAC_PI_2, FRAC_PI_2, 1.0)).sin()
+    }
+
+    pub(crate) fn abs(self) -> Self {
+        let (least, most) = (self.low.abs().min(self.high.abs()), self.magnitude());
+        Interval::new(if self.contains(0.0) { 0.0 } else { least }, most)
+    }
+
+    /// The same without what rounding leaves below a number that no value is below.
+    pub(crate) fn above(self, least: f64) -> Self {
+        Interval::new(self.low.max(least), self.high)
+    }
+
     /// An enclosure of a function.
     pub fn unary(self, function: Function) -> Self {
-        let unit = Interval::new(-1.0, 1.0);
-        let positive = Interval::new(0.0, f64::INFINITY);
-        match function {
-            Function::Sqrt => {
-                let root = self.rising(positive, f64::sqrt);
-                Interval::new(root.low.max(0.0), root.high)
-            }
-            Function::Exp => {
-                let e = self.rising(Interval::ALL, f64::exp);
-                Interval::new(e.low.max(0.0), e.high)
-            }
-            Function::Log => self.rising(positive, f64::ln),
-            Function::Sin => self.sin(),
-            Function::Cos => (self + Interval::outwards(FRAC_PI_2, FRAC_PI_2, 1.0)).sin(),
-            Function::Tan => {
-                let cos = self.unary(Function::Cos);
-                match cos.contains(0.0) || self.width() >= PI {
-                    true => Interval::ALL,
-                    false => self.rising(Interval::ALL, f64::tan),
-                }
-            }
-            Function::Asin => self.rising(unit, f64::asin),
-            Function::Acos => self.neg().rising(unit, |x| (-x).acos()),
-            Function::Atan => self.rising(Interval::ALL, f64::atan),
-            Function::Sinh => self.rising(Interval::ALL, f64::sinh),
-            Function::Cosh => {
-                let far = self.unary(Function::Abs).rising(Interval::ALL, f64::cosh);
-                Interval::new(far.low.max(1.0), far.high)
-            }
-            Function::Tanh => self.rising(Interval::ALL, f64::tanh),
-            Function::Step => Interval::new(
-                Function::Step.value(self.low),
-                Function::Step.value(self.high),
-            ),
-            Function::Sign => Interval::new(
-                Function::Sign.value(self.low),
-                Function::Sign.value(self.high),
-            ),
-            Function::Abs if self.contains(0.0) => Interval::new(0.0, self.magnitude()),
-            Function::Abs => Interval::new(self.low.abs().min(self.high.abs()), self.magnitude()),
-        }
+        (function.definition().image)(self)
     }
 
     /// An enclosure of a function of two arguments.
@@ -276,7 +251,7 @@ mod tests {
                     "{what:?}: {value} of {interval:?} {other:?} not in {found:?}"
                 );
             };
-            for function in Function::ALL {
+            for &function in Function::ALL {
                 holds(interval.unary(function), function.value(x), &function);
             }
             for power in -4..=5 {
@@ -301,7 +276,8 @@ mod tests {
         for k in 0..1000 {
             let x = 0.05 + 0.9 * noise(k);
             let interval = Interval::new(x, x);
-            for function in Function::ALL {
+            let is_number = |function: &&Function| !function.value(x).is_nan();
+            for &function in Function::ALL.iter().filter(is_number) {
                 let found = interval.unary(function);
                 assert!(found.width() < 1e-13, "{function:?} of {x}: {found:?}");
             }

@@ -34,7 +34,7 @@ use arena::{Arena, Data, Id};
 pub use compile::{CompileError, compile};
 pub use derivative::{SparseJacobian, gradient, hessian, jacobian};
 pub use evaluate::Evaluator;
-pub use function::{BinaryFunction, Function};
+pub use function::{BinaryFunction, Definition, Function, Steep, Unit};
 pub use interval::Interval;
 pub use operators::{dot, sum};
 pub use rewrite::{Reach, Substitution, n_nodes_of, rewrite, rewrite_all, transform, variables_of};

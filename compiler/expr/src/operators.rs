@@ -102,49 +102,6 @@ pub fn dot<'e>(a: &[Expr<'e>], b: &[Expr<'e>]) -> Expr<'e> {
     first.exprs.dot(a, b)
 }
 
-macro_rules! functions {
-    ($($(#[$doc:meta])* $method:ident => $Function:ident;)*) => {
-        impl<'e> Expr<'e> {
-            $($(#[$doc])* pub fn $method(self) -> Expr<'e> {
-                self.apply(Function::$Function)
-            })*
-        }
-    };
-}
-
-functions! {
-    /// The square root.
-    sqrt => Sqrt;
-    /// The exponential.
-    exp => Exp;
-    /// The natural logarithm.
-    log => Log;
-    /// The sine.
-    sin => Sin;
-    /// The cosine.
-    cos => Cos;
-    /// The tangent.
-    tan => Tan;
-    /// The inverse sine.
-    asin => Asin;
-    /// The inverse cosine.
-    acos => Acos;
-    /// The inverse tangent.
-    atan => Atan;
-    /// The hyperbolic sine.
-    sinh => Sinh;
-    /// The hyperbolic cosine.
-    cosh => Cosh;
-    /// The hyperbolic tangent.
-    tanh => Tanh;
-    /// 0 for negative, 1 for positive values; set-valued at 0.
-    step => Step;
-    /// -1 for negative, 1 for positive values; set-valued at 0.
-    sign => Sign;
-    /// The absolute value.
-    abs => Abs;
-}
-
 impl<'e> Expr<'e> {
     /// `function(self)`.
     pub fn apply(self, function: Function) -> Expr<'e> {

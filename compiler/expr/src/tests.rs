@@ -39,7 +39,8 @@ where
     let mut values = inputs.to_vec();
     for &(op, i, j, c) in program {
         let (x, y) = (values[i % values.len()], values[j % values.len()]);
-        values.push(match op % 36 {
+        let n_smooth = Function::ALL.iter().filter(|f| !f.is_nonsmooth()).count();
+        values.push(match usize::from(op) % (24 + n_smooth) {
             0..=3 => x + y,
             4..=7 => x - y,
             8..=12 => x * y,
@@ -50,7 +51,7 @@ where
             22 => -x,
             23 => x * x * x,
             // The smooth ones come first.
-            op => apply(x, Function::ALL[usize::from(op) - 24]),
+            op => apply(x, Function::ALL[op - 24]),
         });
     }
     values[values.len() - 1]

@@ -108,6 +108,8 @@ pub struct Model<'e> {
     pub programs: Vec<Program<'e>>,
     /// Every switching function with the name users know it by.
     pub surfaces: Vec<Surface<'e>>,
+    /// Calls of `floor` and `mod`, inner ones first.
+    pub rounded: Vec<Rounded<'e>>,
     /// Params in an order in which their defaults can be evaluated.
     pub param_order: Vec<usize>,
     /// Names, for the expressions of an experiment.
@@ -414,6 +416,17 @@ pub struct Surface<'e> {
     /// Its value: positive above the surface.
     pub psi: Expr<'e>,
     /// Where it stands.
+    pub span: Span,
+}
+
+/// A call of `floor`, or of `mod`: the floor of a quotient by a period.
+#[derive(Clone, Copy, Debug)]
+pub struct Rounded<'e> {
+    /// u in floor(u).
+    pub argument: Expr<'e>,
+    /// T in mod(u, T).
+    pub period: Option<Expr<'e>>,
+    /// The call.
     pub span: Span,
 }
 

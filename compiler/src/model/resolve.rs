@@ -98,6 +98,7 @@ fn walk<'e>(
         let mut lowering = Lowering::new(&instance.scope, None, diags);
         walk.block(&mut lowering, &instance.item.body);
         model.surfaces.append(&mut lowering.surfaces);
+        model.rounded.append(&mut lowering.rounded);
         let inner = instance.parts.iter().map(|inner| &inner.instance);
         open.extend(inner.rev());
     }

@@ -420,6 +420,58 @@ pub enum SystemError {
         run: Span,
     },
 
+    /// The floor of what is not a function of time alone.
+    #[error("`{text}` depends on `{on}`, which is not known before the run")]
+    #[diagnostic(
+        code(E0423),
+        help(
+            "fix it before the run; what states count is a state, `state n = 0;` with `jump up when x > n + 1 {{ n := n + 1; }}`, or `hysteresis` between two levels"
+        )
+    )]
+    Rounded {
+        text: String,
+        on: String,
+        #[label("of time, numbers and fixed parameters only")]
+        span: Span,
+    },
+
+    /// More jumps of a floor than a run looks at.
+    #[error("`{text}` jumps more than {limit} times on [0, {horizon}]")]
+    #[diagnostic(
+        code(E0423),
+        help("shorten the horizon, or count with a state and a `jump`")
+    )]
+    TooManyInstants {
+        text: String,
+        horizon: f64,
+        limit: usize,
+        #[label("too many instants")]
+        span: Span,
+    },
+
+    /// Jumps of a floor that cannot be told apart from touches.
+    #[error("where `{text}` passes an integer is not known")]
+    #[diagnostic(
+        code(E0423),
+        help(
+            "its argument is flat at an integer, jumps or has a pole: write the steps one by one, `step(time - 1)`"
+        )
+    )]
+    UnknownInstants {
+        text: String,
+        #[label("of this function of time")]
+        span: Span,
+    },
+
+    /// A remainder by nothing.
+    #[error("the period of `mod` is {period}")]
+    #[diagnostic(code(E0423), help("a period is a number above zero"))]
+    Period {
+        period: f64,
+        #[label("called here")]
+        span: Span,
+    },
+
     /// More switches than can be looked at one by one in what they act on.
     #[error("{count} switches act together")]
     #[diagnostic(

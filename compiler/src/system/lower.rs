@@ -26,6 +26,7 @@ use crate::system::regions::partitions::Regions;
 use crate::system::regions::sample::Sampler;
 use crate::system::switches::reading::check_reading;
 use crate::system::switches::surface::{Form, Known};
+use crate::system::values::rounding::Held;
 
 /// How much of a model is lowered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +47,10 @@ pub fn lower<'e>(
     let errors_before = diags.errors().count();
     let needs = Needs::of(model, settings, extent);
     let mut lowering = Lowering::new(model, settings, needs);
+    lowering.hold_roundings(diags);
+    if diags.errors().count() > errors_before {
+        return None;
+    }
     let sampled = lowering.check_programs(diags);
     let implicit = lowering.solve_algebraics(diags);
     if diags.errors().count() > errors_before {
@@ -90,6 +95,7 @@ pub fn lower<'e>(
     let algebraics = lowering.keep_algebraics(&implicit, &mut rates, diags);
     let bodies = lowering.bodies();
     lowering.report_refused(diags);
+    lowering.report_held(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
@@ -121,6 +127,8 @@ pub(super) struct Lowering<'m, 'e> {
     pub named: Substitution<'e>,
     /// ψ to the user's text and span.
     pub texts: FxHashMap<Expr<'e>, (String, Span)>,
+    /// What is rounded.
+    pub held: Held<'e>,
 }
 
 impl<'m, 'e> Lowering<'m, 'e> {
@@ -153,12 +161,14 @@ impl<'m, 'e> Lowering<'m, 'e> {
             switches,
             named: Substitution::new(),
             texts: FxHashMap::default(),
+            held: Held::default(),
         }
     }
 
     /// An expression of the model in entry variables.
     pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
         let e = e.substitute(&self.given).substitute(&self.named);
+        let e = self.held(e, span);
         self.switches.replace(e, span)
     }
 
@@ -399,9 +409,10 @@ impl<'m, 'e> Lowering<'m, 'e> {
     }
 
     /// The data that is kept.
-    pub fn kept_data(&self) -> impl Iterator<Item = &'m Data<'e>> {
+    pub fn kept_data(&self) -> impl Iterator<Item = &Data<'e>> {
         let data = self.model.data.iter();
-        data.filter(|data| self.needs.holds(data.var.as_variable()))
+        let data = data.filter(|data| self.needs.holds(data.var.as_variable()));
+        data.chain(&self.held.data)
     }
 
     /// Samples around the initial point with these switches.

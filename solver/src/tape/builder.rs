@@ -1,12 +1,12 @@
 //! Building a tape: equal operations are shared, unneeded ones are dropped.
 
 use std::cell::Cell;
-use std::mem::discriminant;
 
 use rustc_hash::FxHashMap;
 
 use super::allocate::allocate;
-use super::{Instruction, Op, Slot, Tape, UNUSED};
+use super::taylor::steps::Kind;
+use super::{Elementary, Instruction, Op, Slot, Tape, UNUSED};
 
 /// A value of the tape under construction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -18,7 +18,7 @@ impl Value {
     }
 }
 
-type Key = (std::mem::Discriminant<Op>, [Slot; 2], u64);
+type Key = (Kind, [Slot; 2], u64);
 
 /// Collects operations; every method gives the value of its result.
 #[derive(Clone, Debug)]
@@ -153,6 +153,11 @@ impl TapeBuilder {
         self.push(Op::Pow(a.0, b.0))
     }
 
+    /// `f(a)`.
+    pub fn apply(&mut self, f: Elementary, a: Value) -> Value {
+        self.push(Op::Apply(f, a.0))
+    }
+
     /// The angle of the point `(x, y)`.
     pub fn atan2(&mut self, y: Value, x: Value) -> Value {
         self.push(Op::Atan2(y.0, x.0))
@@ -179,20 +184,6 @@ impl TapeBuilder {
         square => Square;
         /// The square root.
         sqrt => Sqrt;
-        /// The exponential.
-        exp => Exp;
-        /// The natural logarithm.
-        log => Log;
-        /// The tangent.
-        tan => Tan;
-        /// The hyperbolic tangent.
-        tanh => Tanh;
-        /// The inverse sine.
-        asin => Asin;
-        /// The inverse cosine.
-        acos => Acos;
-        /// The inverse tangent.
-        atan => Atan;
     }
 
     /// The tape with these outputs.
@@ -299,7 +290,7 @@ impl TapeBuilder {
         let next = slot(self.n_values);
         let known = self
             .known
-            .entry((discriminant(&op), operands, c.to_bits()))
+            .entry((Kind::of(op), operands, c.to_bits()))
             .or_insert(next);
         if *known == next {
             let pair = matches!(op, Op::SinCos(_) | Op::SinhCosh(_));

@@ -7,7 +7,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use wide::{f64x4, f64x8};
 
-use super::Tape;
+use super::{Elementary, Tape};
 
 /// A number, or several numbers that are computed with at once.
 pub trait Lane:
@@ -36,13 +36,9 @@ pub trait Lane:
     fn sqrt(self) -> Self {
         self.map(f64::sqrt)
     }
-    /// The exponential.
-    fn exp(self) -> Self {
-        self.map(f64::exp)
-    }
-    /// The natural logarithm.
-    fn log(self) -> Self {
-        self.map(f64::ln)
+    /// An elementary function.
+    fn apply(self, f: Elementary) -> Self {
+        self.map(f.value())
     }
     /// The sine and the cosine.
     fn sin_cos(self) -> (Self, Self) {
@@ -51,26 +47,6 @@ pub trait Lane:
     /// The hyperbolic sine and cosine.
     fn sinh_cosh(self) -> (Self, Self) {
         (self.map(f64::sinh), self.map(f64::cosh))
-    }
-    /// The tangent.
-    fn tan(self) -> Self {
-        self.map(f64::tan)
-    }
-    /// The hyperbolic tangent.
-    fn tanh(self) -> Self {
-        self.map(f64::tanh)
-    }
-    /// The inverse sine.
-    fn asin(self) -> Self {
-        self.map(f64::asin)
-    }
-    /// The inverse cosine.
-    fn acos(self) -> Self {
-        self.map(f64::acos)
-    }
-    /// The inverse tangent.
-    fn atan(self) -> Self {
-        self.map(f64::atan)
     }
     /// The angle of the point `(x, self)`.
     fn atan2(self, x: Self) -> Self {

@@ -12,6 +12,7 @@
 mod allocate;
 mod builder;
 mod derivative;
+mod elementary;
 pub mod enclosures;
 mod lanes;
 mod partial;
@@ -36,6 +37,7 @@ pub(crate) use crate::tape::taylor::jet::{Depends, Recurrences, Row, UNBOUNDED, 
 pub(crate) use crate::tape::taylor::steps::{Step, advance_all, start_all};
 pub use builder::{TapeBuilder, Value};
 pub use derivative::Derivative;
+pub use elementary::Elementary;
 pub use lanes::{Lane, LaneScratch};
 pub use specialize::Linear;
 pub(crate) use sums::{Sum, Sums};
@@ -71,17 +73,11 @@ pub(crate) enum Op {
     Power(Slot, f64),
     /// A variable power of a variable base.
     Pow(Slot, Slot),
-    Exp(Slot),
-    Log(Slot),
+    Apply(Elementary, Slot),
     /// Two results: sine, cosine.
     SinCos(Slot),
     /// Two results: hyperbolic sine, hyperbolic cosine.
     SinhCosh(Slot),
-    Tan(Slot),
-    Tanh(Slot),
-    Asin(Slot),
-    Acos(Slot),
-    Atan(Slot),
     /// `atan2(y, x)`.
     Atan2(Slot, Slot),
 }
@@ -207,8 +203,7 @@ impl Tape {
                 Op::Sqrt(a) => at(a).sqrt(),
                 Op::Power(a, c) => at(a).pow(L::splat(c)),
                 Op::Pow(a, b) => at(a).pow(at(b)),
-                Op::Exp(a) => at(a).exp(),
-                Op::Log(a) => at(a).log(),
+                Op::Apply(f, a) => at(a).apply(f),
                 Op::SinCos(a) | Op::SinhCosh(a) => {
                     let circular = matches!(op, Op::SinCos(_));
                     let pair = if circular {
@@ -224,11 +219,6 @@ impl Tape {
                     }
                     pair.0
                 }
-                Op::Tan(a) => at(a).tan(),
-                Op::Tanh(a) => at(a).tanh(),
-                Op::Asin(a) => at(a).asin(),
-                Op::Acos(a) => at(a).acos(),
-                Op::Atan(a) => at(a).atan(),
                 Op::Atan2(y, x) => at(y).atan2(at(x)),
             };
             r[out as usize] = result;
@@ -255,15 +245,9 @@ impl Op {
             Self::Sqrt(a) => Self::Sqrt(f(a)),
             Self::Power(a, c) => Self::Power(f(a), c),
             Self::Pow(a, b) => Self::Pow(f(a), f(b)),
-            Self::Exp(a) => Self::Exp(f(a)),
-            Self::Log(a) => Self::Log(f(a)),
+            Self::Apply(function, a) => Self::Apply(function, f(a)),
             Self::SinCos(a) => Self::SinCos(f(a)),
             Self::SinhCosh(a) => Self::SinhCosh(f(a)),
-            Self::Tan(a) => Self::Tan(f(a)),
-            Self::Tanh(a) => Self::Tanh(f(a)),
-            Self::Asin(a) => Self::Asin(f(a)),
-            Self::Acos(a) => Self::Acos(f(a)),
-            Self::Atan(a) => Self::Atan(f(a)),
             Self::Atan2(y, x) => Self::Atan2(f(y), f(x)),
         }
     }
@@ -285,15 +269,9 @@ impl Op {
             | Self::Recip(a)
             | Self::Square(a)
             | Self::Sqrt(a)
-            | Self::Exp(a)
-            | Self::Log(a)
+            | Self::Apply(_, a)
             | Self::SinCos(a)
-            | Self::SinhCosh(a)
-            | Self::Tan(a)
-            | Self::Tanh(a)
-            | Self::Asin(a)
-            | Self::Acos(a)
-            | Self::Atan(a) => ([a, UNUSED], 0.0),
+            | Self::SinhCosh(a) => ([a, UNUSED], 0.0),
         }
     }
 
@@ -306,9 +284,13 @@ impl Op {
 impl fmt::Display for Tape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for Instruction { op, out, second } in &self.values {
-            match *second {
-                UNUSED => writeln!(f, "v{out} = {op:?}")?,
-                _ => writeln!(f, "v{out}, v{second} = {op:?}")?,
+            write!(f, "v{out}")?;
+            if *second != UNUSED {
+                write!(f, ", v{second}")?;
+            }
+            match op {
+                Op::Apply(function, a) => writeln!(f, " = {function:?}({a})")?,
+                _ => writeln!(f, " = {op:?}")?,
             }
         }
         let outputs: Vec<String> = self

@@ -32,8 +32,7 @@ pub(super) fn replay(op: Op, at: impl Fn(Slot) -> Term, b: &mut TapeBuilder) -> 
         Op::Sqrt(x) => at(x).sqrt(b),
         Op::Power(x, c) => at(x).power(c, b),
         Op::Pow(x, y) => at(x).pow(at(y), b),
-        Op::Exp(x) => at(x).apply(b, f64::exp, TapeBuilder::exp),
-        Op::Log(x) => at(x).log(b),
+        Op::Apply(f, x) => at(x).function(f, b),
         Op::SinCos(x) => {
             let sine = at(x).apply(b, f64::sin, |b, x| b.sin_cos(x).0);
             return [sine, at(x).apply(b, f64::cos, |b, x| b.sin_cos(x).1)];
@@ -42,11 +41,6 @@ pub(super) fn replay(op: Op, at: impl Fn(Slot) -> Term, b: &mut TapeBuilder) -> 
             let sine = at(x).apply(b, f64::sinh, |b, x| b.sinh_cosh(x).0);
             return [sine, at(x).apply(b, f64::cosh, |b, x| b.sinh_cosh(x).1)];
         }
-        Op::Tan(x) => at(x).apply(b, f64::tan, TapeBuilder::tan),
-        Op::Tanh(x) => at(x).apply(b, f64::tanh, TapeBuilder::tanh),
-        Op::Asin(x) => at(x).apply(b, f64::asin, TapeBuilder::asin),
-        Op::Acos(x) => at(x).apply(b, f64::acos, TapeBuilder::acos),
-        Op::Atan(x) => at(x).apply(b, f64::atan, TapeBuilder::atan),
         Op::Atan2(y, x) => at(y).atan2(at(x), b),
     };
     [result, Term::ZERO]
@@ -94,36 +88,14 @@ impl Partials {
                 curved(slope, at(x).power(c - 2.0, b).times(c * (c - 1.0)))
             }
             Op::Pow(x, y) => pow(v, at(x), at(y), b),
-            Op::Exp(_) => curved(v, v),
-            Op::Log(x) => {
-                let r = at(x).recip(b);
-                curved(r, r.square(b).neg())
+            Op::Apply(f, x) => {
+                let [slope, second] = f.rate().derivatives(v, at(x), b);
+                curved(slope, second)
             }
             // (s, c)' = (c, -s)
             Op::SinCos(_) if second => curved(other.neg(), v.neg()),
             Op::SinCos(_) => curved(other, v.neg()),
             Op::SinhCosh(_) => curved(other, v),
-            Op::Tan(_) => {
-                let slope = v.square(b).add(one, b);
-                curved(slope, v.mul(slope, b).times(2.0))
-            }
-            Op::Tanh(_) => {
-                let (below, above) = (one.sub(v, b), one.add(v, b));
-                let slope = below.mul(above, b);
-                curved(slope, v.mul(slope, b).times(-2.0))
-            }
-            Op::Asin(x) | Op::Acos(x) => {
-                let (below, above) = (one.sub(at(x), b), one.add(at(x), b));
-                let square = below.mul(above, b);
-                let sign = if let Op::Asin(_) = op { 1.0 } else { -1.0 };
-                let slope = square.sqrt(b).recip(b).times(sign);
-                let second = at(x).mul(slope, b).div(square, b);
-                curved(slope, second)
-            }
-            Op::Atan(x) => {
-                let slope = at(x).square(b).add(one, b).recip(b);
-                curved(slope, at(x).mul(slope.square(b), b).times(-2.0))
-            }
             Op::Atan2(y, x) => {
                 let (y, x) = (at(y), at(x));
                 let (yy, xx) = (y.square(b), x.square(b));

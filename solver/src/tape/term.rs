@@ -1,6 +1,6 @@
 //! Arithmetic on the values of a tape under construction that knows zero, one and other numbers.
 
-use super::{TapeBuilder, Value};
+use super::{Elementary, TapeBuilder, Value};
 
 /// A number, or a multiple of a value: factors are collected and multiplied once.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,7 +107,12 @@ impl Term {
     }
 
     pub(crate) fn log(self, b: &mut TapeBuilder) -> Self {
-        self.apply(b, f64::ln, TapeBuilder::log)
+        self.function(Elementary::Log, b)
+    }
+
+    /// An elementary function of it.
+    pub(crate) fn function(self, f: Elementary, b: &mut TapeBuilder) -> Self {
+        self.apply(b, f.value(), |b, value| b.apply(f, value))
     }
 
     /// A function, as one of numbers and as one of values.

@@ -107,10 +107,13 @@ impl Dual {
             Function::Asin => (number(1.0) + minus(x * x)).map(|q| q.sqrt().recip()),
             Function::Acos => (number(1.0) + minus(x * x)).map(|q| -q.sqrt().recip()),
             Function::Atan => (number(1.0) + x * x).recip(),
+            Function::Asinh => (number(1.0) + x * x).map(|q| q.sqrt().recip()),
+            Function::Acosh => (x * x + number(-1.0)).map(|q| q.sqrt().recip()),
+            Function::Atanh => (number(1.0) + minus(x * x)).recip(),
             Function::Sinh => x.map(f64::cosh),
             Function::Cosh => x.map(f64::sinh),
             Function::Tanh => number(1.0) + minus(value * value),
-            Function::Step | Function::Sign | Function::Abs => number(f64::NAN),
+            Function::Floor | Function::Step | Function::Sign | Function::Abs => number(f64::NAN),
         };
         Self {
             value,

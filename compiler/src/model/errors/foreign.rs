@@ -8,7 +8,7 @@ use crate::diagnostics::{
 };
 
 /// Functions of MATLAB, Modelica, Python, Julia and C that are not built in, with what to write instead.
-pub(crate) const FUNCTIONS: [(&str, &str); 97] = [
+pub(crate) const FUNCTIONS: [(&str, &str); 91] = [
     ("ln", "write `log(x)`, the natural logarithm"),
     ("log10", "write `log(x)/log(10)`"),
     ("log2", "write `log(x)/log(2)`"),
@@ -18,15 +18,12 @@ pub(crate) const FUNCTIONS: [(&str, &str); 97] = [
     ("power", "write `x^n`"),
     ("square", "write `x^2`"),
     ("sqr", "write `x^2`"),
-    ("cbrt", "write `sign(x)*abs(x)^(1/3)`"),
     ("nthroot", "write `x^(1/n)` for a positive `x`"),
     ("hypot", "write `norm([x, y])`, or `sqrt(x^2 + y^2)`"),
-    ("mod", MODULO),
     ("fmod", MODULO),
     ("rem", MODULO),
-    ("floor", ROUNDING),
-    ("ceil", ROUNDING),
-    ("round", ROUNDING),
+    ("ceil", "write `-floor(-x)`, of time and numbers"),
+    ("round", "write `floor(x + 1/2)`, of time and numbers"),
     ("trunc", ROUNDING),
     ("fix", ROUNDING),
     ("int", ROUNDING),
@@ -68,12 +65,9 @@ pub(crate) const FUNCTIONS: [(&str, &str); 97] = [
     ("arctan2", "write `atan2(y, x)`"),
     ("arg", "write `atan2(y, x)`"),
     ("angle", "write `atan2(y, x)`"),
-    ("asinh", "write `log(x + sqrt(x^2 + 1))`"),
-    ("arcsinh", "write `log(x + sqrt(x^2 + 1))`"),
-    ("acosh", "write `log(x + sqrt(x^2 - 1))`"),
-    ("arccosh", "write `log(x + sqrt(x^2 - 1))`"),
-    ("atanh", "write `log((1 + x)/(1 - x))/2`"),
-    ("arctanh", "write `log((1 + x)/(1 - x))/2`"),
+    ("arcsinh", "write `asinh(x)`"),
+    ("arccosh", "write `acosh(x)`"),
+    ("arctanh", "write `atanh(x)`"),
     ("sec", "write `1/cos(x)`"),
     ("csc", "write `1/sin(x)`"),
     ("cot", "write `1/tan(x)`"),
@@ -129,9 +123,8 @@ pub(crate) const FUNCTIONS: [(&str, &str); 97] = [
     ("random", CHANCE),
 ];
 
-const MODULO: &str = "there is no remainder: give it a state, and put it back with `jump wrap when x > n { x := x - n; }`";
-const ROUNDING: &str =
-    "there is no rounding: write a sum of steps, `sum(step(x - i) for i in 1..n)`";
+const MODULO: &str = "write `mod(u, T)`, of time and numbers; put a state back with `jump wrap when x > n { x := x - n; }`";
+const ROUNDING: &str = "write `floor(u)`, of time and numbers, and of states a sum of steps, `sum(step(x - i) for i in 1..n)`";
 const DERIVATIVE: &str = "write the rate of a state as `x' = ..;`";
 const CHOICE: &str = "write `if x > 0 then a else b`";
 const MEMORY: &str = "write a statement: `switch h = hysteresis(x, on = 1, off = -1, start = 0);`";
@@ -166,7 +159,7 @@ pub(crate) const VALUES: [(&str, &str); 22] = [
 
 /// Functions and values that go by another name and are the same in all else; a name that may well be meant for
 /// something else is not replaced unseen.
-const SAME: [(&str, &str, Applicability); 48] = [
+const SAME: [(&str, &str, Applicability); 51] = [
     ("ln", "log", Safe),
     ("clip", "sat", Safe),
     ("clamp", "sat", Safe),
@@ -192,6 +185,9 @@ const SAME: [(&str, &str, Applicability); 48] = [
     ("arccos", "acos", Safe),
     ("arctan", "atan", Safe),
     ("arctan2", "atan2", Safe),
+    ("arcsinh", "asinh", Safe),
+    ("arccosh", "acosh", Safe),
+    ("arctanh", "atanh", Safe),
     ("gradient", "grad", Suggestion),
     ("length", "len", Suggestion),
     ("size", "len", Suggestion),
@@ -231,7 +227,7 @@ pub(crate) fn function(name: &str) -> Option<Help> {
         return find(&FUNCTIONS, name);
     };
     // A function of a library, as in `np.sin`, is meant by its own name.
-    let help = match crate::model::names::reserved::FUNCTIONS.contains(&own) {
+    let help = match crate::model::names::reserved::is_function(own) {
         true => Help::edit(format!("write `{own}(..)`"), own, Safe),
         false => find(&FUNCTIONS, own)?,
     };

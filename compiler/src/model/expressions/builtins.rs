@@ -4,26 +4,10 @@ use super::calls::{Call, arguments, reduce, wrong};
 use super::{algebra, check};
 use crate::expr::{BinaryFunction, Expr, Function};
 use crate::model::expressions::Lowering;
+use crate::model::names::reserved::arity;
 use crate::model::names::scope::Reported;
 use crate::model::{ModelError, Shape, TableError, Tensor};
 use crate::source::Span;
-
-fn elementary(name: &str) -> Option<Function> {
-    Function::ALL
-        .into_iter()
-        .find(|function| function.name() == name)
-}
-
-/// Least and greatest number of arguments.
-fn arity(name: &str) -> (usize, usize) {
-    match name {
-        "min" | "max" => (1, usize::MAX),
-        "sat" => (1, 3),
-        "deadzone" | "zeros" | "ones" => (1, 2),
-        "atan2" | "dot" | "cross" | "solve" | "grad" | "jacobian" => (2, 2),
-        _ => (1, 1),
-    }
-}
 
 /// The value of a call of a built-in function.
 #[inline(never)]
@@ -37,7 +21,7 @@ pub(crate) fn builtin<'e>(
     }
     let varied = std::mem::replace(&mut lowering.varies, false);
     let mut values = lowering.all_numbers(call.args.iter().copied())?;
-    if matches!(call.name, "sign" | "step" | "abs") {
+    if matches!(call.name, "sign" | "step" | "abs" | "cbrt") {
         values[0] = values[0].map(Expr::cancelled);
     }
     if matches!(call.name, "sign" | "step") {
@@ -80,9 +64,11 @@ fn apply<'e>(
 ) -> Result<Tensor<'e>, Reported> {
     let first = values[0].clone();
     lowering.spend(first.data.len(), call.span)?;
-    if let Some(function) = elementary(call.name) {
-        if function.is_nonsmooth() {
-            lowering.record_surfaces(call.args[0], &first);
+    if let Some(function) = Function::of_name(call.name) {
+        match function {
+            Function::Floor => lowering.record_rounded(&first, None, call.span),
+            _ if function.is_nonsmooth() => lowering.record_surfaces(call.args[0], &first),
+            _ => {}
         }
         return Ok(first.map(|entry| entry.apply(function)));
     }
@@ -108,7 +94,12 @@ fn apply<'e>(
             };
             fold(lowering, call, values, function)
         }
+        "cbrt" => {
+            lowering.record_surfaces(call.args[0], &first);
+            Ok(first.map(cube_root))
+        }
         "atan2" => fold(lowering, call, values, BinaryFunction::Atan2),
+        "mod" => remainder(lowering, call, values),
         "sat" => {
             let (lo, hi) = match values.get(1..) {
                 Some([lo, hi]) => (lo.clone(), hi.clone()),
@@ -132,6 +123,35 @@ fn apply<'e>(
         )),
         "len" => length(lowering, call, &first),
         _ => of_arrays(lowering, call, &first, &values[1..]),
+    }
+}
+
+/// u - T floor(u/T), which is in [0, T) for a period T > 0.
+fn remainder<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    values: &[Tensor<'e>],
+) -> Result<Tensor<'e>, Reported> {
+    let mut periods = values[1]
+        .data
+        .iter()
+        .filter_map(|period| period.as_constant());
+    if let Some(period) = periods.find(|period| !(*period > 0.0 && period.is_finite())) {
+        return wrong(lowering, call, "a positive period", &period.to_string());
+    }
+    let quotients = fold_with(lowering, call, values, |u, period| u / period)?;
+    lowering.record_rounded(&quotients, Some(&values[1]), call.span);
+    fold_with(lowering, call, values, |u, period| {
+        u - period * (u / period).floor()
+    })
+}
+
+/// sign(x) |x|^(1/3): a root with a switch at zero, unless x is a number.
+fn cube_root(x: Expr) -> Expr {
+    let number = |value| x.exprs().constant(value);
+    match x.as_constant() {
+        Some(value) => number(value.cbrt()),
+        None => x.sign() * x.abs().powf(number(1.0 / 3.0)),
     }
 }
 

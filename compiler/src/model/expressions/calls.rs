@@ -5,7 +5,7 @@ use super::check::plural;
 use crate::expr::Expr;
 use crate::model::errors::foreign;
 use crate::model::expressions::{Local, Lowering};
-use crate::model::names::reserved::{FUNCTIONS, did_you_mean};
+use crate::model::names::reserved::{did_you_mean, function_names, is_function};
 use crate::model::names::scope::{Callable, Meaning, Reported, Scope, Value};
 use crate::model::{ModelError, Tensor};
 use crate::source::Span;
@@ -85,7 +85,7 @@ fn callee<'a, 'c, 'e>(
         let home = callable.home.as_deref().unwrap_or(scope);
         return Ok((name, Some((callable, home))));
     }
-    if FUNCTIONS.contains(&name.as_str()) {
+    if is_function(name) {
         return Ok((name, None));
     }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
@@ -96,8 +96,7 @@ fn callee<'a, 'c, 'e>(
         return Err(Reported);
     } else {
         let declared = scope.functions.keys().map(String::as_str);
-        foreign::function(name)
-            .or_else(|| did_you_mean(name, FUNCTIONS.into_iter().chain(declared)))
+        foreign::function(name).or_else(|| did_you_mean(name, function_names().chain(declared)))
     };
     let name = name.clone();
     lowering.error(ModelError::UnknownFunction { name, span, help })

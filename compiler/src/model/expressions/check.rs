@@ -3,7 +3,8 @@
 use crate::expr::{Expr, Function, Node, rewrite, variables_of};
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Reported, Value};
-use crate::model::{DynamicsError, Shape, Surface, Tensor};
+use crate::model::{DynamicsError, Rounded, Shape, Surface, Tensor};
+use crate::source::Span;
 use crate::syntax::{self, ExprKind, Relation};
 
 /// `1 row`, `2 rows`
@@ -130,6 +131,17 @@ impl<'e> Lowering<'_, 'e> {
             let span = arg.span;
             self.surfaces.push(Surface { name, psi, span });
         }
+    }
+
+    /// Remembers where values are rounded down, those of quotients by periods.
+    pub fn record_rounded(&mut self, value: &Tensor<'e>, periods: Option<&Tensor<'e>>, span: Span) {
+        let periods = periods.map_or(&[][..], |periods| &periods.data);
+        let calls = value.data.iter().enumerate();
+        self.rounded.extend(calls.map(|(k, &argument)| Rounded {
+            argument,
+            period: periods.get(k).or(periods.last()).copied(),
+            span,
+        }));
     }
 
     /// Remembers how the switching functions in the argument of `sign` and the like are written.

@@ -10,7 +10,7 @@ pub(crate) mod text;
 pub(crate) mod unroll;
 use std::rc::Rc;
 
-use super::{ModelError, Shape, Surface, Tensor};
+use super::{ModelError, Rounded, Shape, Surface, Tensor};
 use crate::diagnostics::{Diagnostics, Fixable};
 use crate::expr::Expr;
 use crate::model::names::scope::{Hook, Reported, Scope, Value};
@@ -62,6 +62,8 @@ pub(crate) struct Lowering<'a, 'e> {
     pub varies: bool,
     /// Switching functions met so far.
     pub surfaces: Vec<Surface<'e>>,
+    /// Calls of `floor` and `mod` met so far.
+    pub rounded: Vec<Rounded<'e>>,
     depth: usize,
 }
 
@@ -80,6 +82,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             in_guard: false,
             varies: false,
             surfaces: vec![],
+            rounded: vec![],
             depth: 0,
         }
     }

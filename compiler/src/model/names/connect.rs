@@ -105,6 +105,10 @@ pub(crate) fn connect<'e>(
             reset.value = reset.value.substitute(&connected.values);
         }
     }
+    for rounded in &mut model.rounded {
+        rounded.argument = rounded.argument.substitute(&connected.values);
+        rounded.period = (rounded.period).map(|period| period.substitute(&connected.values));
+    }
     for surface in &mut model.surfaces {
         surface.psi = surface.psi.substitute(&connected.values);
     }

@@ -8,7 +8,7 @@ use rustc_hash::FxHashMap;
 use super::import::{Import, import};
 use super::order::{chain, edges, free_names, free_names_under, others, topological};
 use super::parts::Files;
-use super::reserved::{FUNCTIONS, VALUES, did_you_mean, is_builtin};
+use super::reserved::{VALUES, did_you_mean, function_names, is_builtin, is_function};
 use super::scope::{Callable, Meaning, Scope};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
@@ -281,7 +281,7 @@ fn check_function(file: &FileNames<'_>, function: &Function, diags: &mut Diagnos
         let known = file.forgiving
             || file.names.contains_key(name.as_str())
             || VALUES.contains(&name.as_str())
-            || FUNCTIONS.contains(&name.as_str());
+            || is_function(&name);
         if !known {
             let params = function.params.iter().map(|param| param.name.as_str());
             let all = file
@@ -289,7 +289,7 @@ fn check_function(file: &FileNames<'_>, function: &Function, diags: &mut Diagnos
                 .keys()
                 .copied()
                 .chain(VALUES)
-                .chain(FUNCTIONS)
+                .chain(function_names())
                 .chain(params);
             let known = foreign::function(&name).or_else(|| foreign::value(&name));
             let close = known.or_else(|| did_you_mean(&name, all));

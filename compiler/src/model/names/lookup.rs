@@ -6,7 +6,7 @@ use std::rc::Rc;
 use miette::LabeledSpan;
 
 use super::places;
-use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
+use super::reserved::{VALUES, did_you_mean, is_function};
 use super::scope::{Meaning, Reported, Value};
 use crate::expr::Expr;
 use crate::model::errors::foreign;
@@ -68,7 +68,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             Some(Meaning::Module(_)) => self.is_a_file(name, span),
             Some(Meaning::Unusable) => Err(Reported),
             None if scope.forgiving => Err(Reported),
-            None if FUNCTIONS.contains(&name) || scope.functions.contains_key(name) => {
+            None if is_function(name) || scope.functions.contains_key(name) => {
                 let help = Some(format!("call it: `{name}(..)`"));
                 self.error(ModelError::NotAValue {
                     name: name.to_owned(),

@@ -1,52 +1,62 @@
 //! Names that the language gives and nobody may redeclare.
 
 use crate::diagnostics::Help;
+use crate::expr::Function;
 
 /// Built-in values.
 pub(crate) const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
 
-/// Built-in functions.
-pub(crate) const FUNCTIONS: [&str; 35] = [
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "atan2",
-    "sinh",
-    "cosh",
-    "tanh",
-    "exp",
-    "log",
-    "sqrt",
-    "sign",
-    "step",
-    "abs",
-    "min",
-    "max",
-    "sat",
-    "deadzone",
-    "dot",
-    "cross",
-    "norm",
-    "sum",
-    "len",
-    "transpose",
-    "inv",
-    "solve",
-    "eye",
-    "zeros",
-    "ones",
-    "diag",
-    "grad",
-    "jacobian",
-    "table",
+/// Built-in functions beside the elementary ones, with their least and greatest number of arguments.
+const FUNCTIONS: [(&str, usize, usize); 22] = [
+    ("cbrt", 1, 1),
+    ("atan2", 2, 2),
+    ("min", 1, usize::MAX),
+    ("max", 1, usize::MAX),
+    ("mod", 2, 2),
+    ("sat", 1, 3),
+    ("deadzone", 1, 2),
+    ("dot", 2, 2),
+    ("cross", 2, 2),
+    ("norm", 1, 1),
+    ("sum", 1, 1),
+    ("len", 1, 1),
+    ("transpose", 1, 1),
+    ("inv", 1, 1),
+    ("solve", 2, 2),
+    ("eye", 1, 1),
+    ("zeros", 1, 2),
+    ("ones", 1, 2),
+    ("diag", 1, 1),
+    ("grad", 2, 2),
+    ("jacobian", 2, 2),
+    ("table", 0, usize::MAX),
 ];
 
-/// True for a name that cannot be declared. `table` is a word of `signal` only.
+/// The names of all built-in functions.
+pub(crate) fn function_names<'n>() -> impl Iterator<Item = &'n str> {
+    let elementary = Function::ALL.iter().map(|function| function.name());
+    elementary.chain(FUNCTIONS.iter().map(|&(name, ..)| name))
+}
+
+/// True for the name of a built-in function.
+pub(crate) fn is_function(name: &str) -> bool {
+    function_names().any(|known| known == name)
+}
+
+/// The least and the greatest number of arguments of a built-in function.
+pub(crate) fn arity(name: &str) -> (usize, usize) {
+    let mut functions = FUNCTIONS.iter();
+    let known = functions.find(|(known, ..)| *known == name);
+    known.map_or((1, 1), |&(_, least, most)| (least, most))
+}
+
+/// Functions whose names may be declared, and then are what they are declared to be: `table` is a word of `signal`
+/// only, and the others are words of models, too.
+const FREE: [&str; 7] = ["table", "floor", "mod", "cbrt", "asinh", "acosh", "atanh"];
+
+/// True for a name that cannot be declared.
 pub(crate) fn is_builtin(name: &str) -> bool {
-    VALUES.contains(&name) || (name != "table" && FUNCTIONS.contains(&name))
+    VALUES.contains(&name) || is_function(name) && !FREE.contains(&name)
 }
 
 /// The candidate that was probably meant.

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::reserved::{FUNCTIONS, VALUES};
+use super::reserved::{VALUES, function_names};
 use super::target;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
@@ -161,6 +161,6 @@ impl<'e> Scope<'e> {
             .keys()
             .map(String::as_str)
             .chain(VALUES)
-            .chain(FUNCTIONS)
+            .chain(function_names())
     }
 }

@@ -73,6 +73,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             multipliers: vec![],
             programs: vec![],
             surfaces: vec![],
+            rounded: vec![],
             param_order: vec![],
             scope: scope.clone(),
             span: item.span,
@@ -130,6 +131,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         let mut lowering = Lowering::new(&self.level.scope, None, self.diags);
         let value = lower(&mut lowering);
         self.model.surfaces.append(&mut lowering.surfaces);
+        self.model.rounded.append(&mut lowering.rounded);
         value
     }
 

@@ -9,7 +9,7 @@ use nsd_solver::contact::ImpactLaw;
 use crate::expr::Expr;
 use crate::model::DynamicsError;
 use crate::model::expressions::Lowering;
-use crate::model::names::reserved::{FUNCTIONS, VALUES, closest};
+use crate::model::names::reserved::{VALUES, closest, is_function};
 use crate::model::names::scope::Reported;
 use crate::source::Span;
 use crate::syntax::{self, Arg, ExprKind};
@@ -146,10 +146,10 @@ pub(crate) fn read<'e>(
 }
 
 /// Whether the model gives a name a meaning, as a function or as a value.
-fn is_declared(lowering: &Lowering<'_, '_>, name: &str, is_function: bool) -> bool {
+fn is_declared(lowering: &Lowering<'_, '_>, name: &str, is_called: bool) -> bool {
     let scope = lowering.scope;
-    if is_function {
-        return FUNCTIONS.contains(&name) || scope.functions.contains_key(name);
+    if is_called {
+        return is_function(name) || scope.functions.contains_key(name);
     }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
     is_local || VALUES.contains(&name) || scope.names.contains_key(name)

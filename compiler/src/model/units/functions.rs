@@ -2,6 +2,7 @@
 
 use super::dimension::{Dimension, Ratio};
 use super::{Checker, Dim};
+use crate::expr::{Function, Unit};
 use crate::syntax::{Arg, Expr};
 
 impl<'f> Checker<'f, '_> {
@@ -13,25 +14,12 @@ impl<'f> Checker<'f, '_> {
                 Arg::Positional(value, _) | Arg::Named(_, value) => value,
             })
             .collect();
+        if let Some(function) = Function::of_name(name) {
+            return self.elementary(function, &values);
+        }
         match name {
-            "sin" | "cos" | "tan" | "asin" | "acos" | "atan" | "sinh" | "cosh" | "tanh" | "exp"
-            | "log" => {
-                let what = format!("the argument of `{name}`");
-                let dims: Vec<Dim> = values
-                    .iter()
-                    .map(|value| self.pure_dim(&what, value))
-                    .collect();
-                match dims[..] {
-                    [Dim::Number] => Dim::Number,
-                    _ => Dim::PURE,
-                }
-            }
             "atan2" => {
                 self.agree("the arguments of `atan2`", values);
-                Dim::PURE
-            }
-            "sign" | "step" => {
-                self.each(&values);
                 Dim::PURE
             }
             "hysteresis" => {
@@ -45,15 +33,13 @@ impl<'f> Checker<'f, '_> {
                 self.agree("the input of `hysteresis` and its thresholds", compared);
                 Dim::PURE
             }
-            "abs" | "norm" | "sum" | "transpose" | "diag" => self.first(&values),
+            "cbrt" => self.root(3, &values),
+            "norm" | "sum" | "transpose" | "diag" => self.first(&values),
             "min" => self.agree("the arguments of `min`", values),
             "max" => self.agree("the arguments of `max`", values),
+            "mod" => self.agree("the arguments of `mod`", values),
             "sat" => self.agree("the arguments of `sat`", values),
             "deadzone" => self.agree("the arguments of `deadzone`", values),
-            "sqrt" => match Ratio::new(1, 2) {
-                Some(half) => self.first(&values).power(half),
-                None => Dim::Unknown,
-            },
             "dot" | "cross" => {
                 let dims = self.each(&values);
                 dims.into_iter().fold(Dim::Number, Dim::multiply)
@@ -81,6 +67,37 @@ impl<'f> Checker<'f, '_> {
                 self.each(&values);
                 Dim::Unknown
             }
+        }
+    }
+
+    /// The dimension of a function of one argument.
+    fn elementary(&mut self, function: Function, values: &[&'f Expr]) -> Dim {
+        match function.definition().unit {
+            Unit::Number => {
+                let what = format!("the argument of `{}`", function.name());
+                let dims: Vec<Dim> = values
+                    .iter()
+                    .map(|value| self.pure_dim(&what, value))
+                    .collect();
+                match dims[..] {
+                    [Dim::Number] => Dim::Number,
+                    _ => Dim::PURE,
+                }
+            }
+            Unit::Dropped => {
+                self.each(values);
+                Dim::PURE
+            }
+            Unit::Kept => self.first(values),
+            Unit::SquareRoot => self.root(2, values),
+        }
+    }
+
+    /// The dimension of the n-th root of the first value.
+    fn root(&mut self, n: i64, values: &[&'f Expr]) -> Dim {
+        match Ratio::new(1, n) {
+            Some(power) => self.first(values).power(power),
+            None => Dim::Unknown,
         }
     }
 

@@ -154,6 +154,11 @@ impl<'e> Switches<'e> {
         }
     }
 
+    /// Adds a function of time.
+    pub fn give(&mut self, var: Expr<'e>) {
+        self.given.extend(var.as_variable());
+    }
+
     /// Replaces the nonsmooth terms of an expression that stands at `span` by entry variables.
     pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
         self.here = span;

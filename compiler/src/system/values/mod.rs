@@ -1,6 +1,7 @@
 //! Numbers of one experiment: parameters, initial values, controls and inputs.
 
 pub(crate) mod limits;
+pub(crate) mod rounding;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::ExperimentError;

@@ -2,6 +2,7 @@
 
 use super::scan::Scanner;
 use super::{Error, Fault};
+use crate::tape::Elementary;
 
 /// The number of a node; operands come before what contains them.
 pub(crate) type Id = u32;
@@ -36,23 +37,14 @@ pub(crate) enum Operator {
     Minimum,
     Maximum,
     Absolute,
-    Tanh,
-    Tan,
+    Apply(Elementary),
     Sqrt,
     Sinh,
     Sin,
     Log10,
-    Log,
-    Exp,
     Cosh,
     Cos,
-    Atanh,
     Atan2,
-    Atan,
-    Asinh,
-    Asin,
-    Acosh,
-    Acos,
     Logistic,
 }
 
@@ -193,27 +185,23 @@ impl Operator {
             12 => (Self::Maximum, Arity::Counted),
             15 => (Self::Absolute, one),
             16 => (Self::Negate, one),
-            37 => (Self::Tanh, one),
-            38 => (Self::Tan, one),
             39 => (Self::Sqrt, one),
             40 => (Self::Sinh, one),
             41 => (Self::Sin, one),
             42 => (Self::Log10, one),
-            43 => (Self::Log, one),
-            44 => (Self::Exp, one),
             45 => (Self::Cosh, one),
             46 => (Self::Cos, one),
-            47 => (Self::Atanh, one),
             48 => (Self::Atan2, two),
-            49 => (Self::Atan, one),
-            50 => (Self::Asinh, one),
-            51 => (Self::Asin, one),
-            52 => (Self::Acosh, one),
-            53 => (Self::Acos, one),
             54 => (Self::Sum, Arity::Counted),
             77 => (Self::Square, one),
             79 => (Self::Logistic, one),
-            _ => return Err(refused(number)),
+            _ => {
+                let mut functions = Elementary::ALL.iter();
+                match functions.find(|function| function.opcode() == number) {
+                    Some(&function) => (Self::Apply(function), one),
+                    None => return Err(refused(number)),
+                }
+            }
         })
     }
 }

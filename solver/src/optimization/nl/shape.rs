@@ -6,7 +6,7 @@
 
 use super::expression::{Id, Node, Nodes, Operator};
 use super::segments::Function;
-use crate::tape::{TapeBuilder, Term};
+use crate::tape::{Elementary, TapeBuilder, Term};
 
 /// A function as a shape with its variables and numbers.
 #[derive(Clone, Debug, Default)]
@@ -251,46 +251,21 @@ pub(crate) fn apply(operator: Operator, operands: &[Term], b: &mut TapeBuilder) 
             }
             total
         }
-        Operator::Tanh => x.apply(b, f64::tanh, TapeBuilder::tanh),
-        Operator::Tan => x.apply(b, f64::tan, TapeBuilder::tan),
+        Operator::Apply(f) => x.function(f, b),
         Operator::Sqrt => x.sqrt(b),
         Operator::Sinh => x.apply(b, f64::sinh, |b, x| b.sinh_cosh(x).0),
         Operator::Cosh => x.apply(b, f64::cosh, |b, x| b.sinh_cosh(x).1),
         Operator::Sin => x.apply(b, f64::sin, |b, x| b.sin_cos(x).0),
         Operator::Cos => x.apply(b, f64::cos, |b, x| b.sin_cos(x).1),
-        Operator::Log => x.log(b),
         Operator::Log10 => x.log(b).times(std::f64::consts::LOG10_E),
-        Operator::Exp => x.apply(b, f64::exp, TapeBuilder::exp),
-        Operator::Atan => x.apply(b, f64::atan, TapeBuilder::atan),
-        Operator::Asin => x.apply(b, f64::asin, TapeBuilder::asin),
-        Operator::Acos => x.apply(b, f64::acos, TapeBuilder::acos),
         Operator::Atan2 => x.atan2(y, b),
-        Operator::Atanh => atanh(x, b),
-        // 2 artanh(x / (1 + √(1 + x²))): nothing cancels on either side of zero.
-        Operator::Asinh => {
-            let root = x.square(b).add(one, b).sqrt(b);
-            let half = x.div(root.add(one, b), b);
-            atanh(half, b).times(2.0)
-        }
-        // log(x + √((x - 1) (x + 1)))
-        Operator::Acosh => {
-            let (below, above) = (x.sub(one, b), x.add(one, b));
-            let root = below.mul(above, b).sqrt(b);
-            x.add(root, b).log(b)
-        }
         // 1 / (1 + exp(-x))
         Operator::Logistic => {
-            let exp = x.neg().apply(b, f64::exp, TapeBuilder::exp);
+            let exp = x.neg().function(Elementary::Exp, b);
             exp.add(one, b).recip(b)
         }
         Operator::Absolute | Operator::Minimum | Operator::Maximum => {
             unreachable!("kinks have been rewritten")
         }
     }
-}
-
-/// ½ log((1 + x) / (1 - x))
-fn atanh(x: Term, b: &mut TapeBuilder) -> Term {
-    let (above, below) = (Term::ONE.add(x, b), Term::ONE.sub(x, b));
-    above.div(below, b).log(b).times(0.5)
 }

@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::tape::Lane;
+use crate::tape::{Elementary, Lane};
 
 /// All numbers within `radius` of `middle`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,21 +136,18 @@ impl Lane for Ball {
         Ball::new(root, root - self.low().max(0.0).sqrt()).only_if(self.low() > 0.0)
     }
 
-    fn exp(self) -> Self {
-        let middle = self.middle.exp();
-        let largest = self.high().exp();
-        // Where the middle underflows, the upper end may not.
-        let radius = if middle.is_normal() {
-            (middle * self.radius.exp_m1()).min(largest)
-        } else {
-            largest
-        };
-        Ball::new(middle, radius)
-    }
-
-    fn log(self) -> Self {
-        let ratio = self.radius / self.middle;
-        Ball::new(self.middle.ln(), -(-ratio).ln_1p()).only_if(self.low() > 0.0)
+    fn apply(self, f: Elementary) -> Self {
+        match f {
+            Elementary::Exp => self.exp(),
+            Elementary::Log => self.log(),
+            Elementary::Tan => {
+                // Poles lie between the branches.
+                let branch = |u: f64| (u / PI + 0.5).floor();
+                let is_one = branch(self.low()) == branch(self.high());
+                self.monotone(f).only_if(is_one)
+            }
+            _ => self.monotone(f),
+        }
     }
 
     fn sin_cos(self) -> (Self, Self) {
@@ -161,14 +158,6 @@ impl Lane for Ball {
             self.image(sine, (cosine.abs() + curved).min(1.0), 2.0),
             self.image(cosine, (sine.abs() + curved).min(1.0), 2.0),
         )
-    }
-
-    fn tanh(self) -> Self {
-        self.image(self.middle.tanh(), 1.0, self.reach(f64::tanh))
-    }
-
-    fn atan(self) -> Self {
-        self.image(self.middle.atan(), 1.0, self.reach(f64::atan))
     }
 
     fn sinh_cosh(self) -> (Self, Self) {
@@ -183,26 +172,11 @@ impl Lane for Ball {
         (sine, Ball::new(middle, self.reach(f64::cosh).max(below)))
     }
 
-    fn tan(self) -> Self {
-        // Poles lie between the branches.
-        let branch = |u: f64| (u / PI + 0.5).floor();
-        let is_one = branch(self.low()) == branch(self.high());
-        Ball::new(self.middle.tan(), self.reach(f64::tan)).only_if(is_one)
-    }
-
-    fn asin(self) -> Self {
-        Ball::new(self.middle.asin(), self.reach(f64::asin)).only_if(self.is_sine())
-    }
-
-    fn acos(self) -> Self {
-        Ball::new(self.middle.acos(), self.reach(f64::acos)).only_if(self.is_sine())
-    }
-
     fn atan2(self, x: Self) -> Self {
         let middle = self.middle.atan2(x.middle);
         let angle = match x.low() > 0.0 {
-            true => (self / x).atan(),
-            false => (x / self).atan(),
+            true => (self / x).apply(Elementary::Atan),
+            false => (x / self).apply(Elementary::Atan),
         };
         let is_smooth = x.low() > 0.0 || self.excludes_zero();
         Ball::new(middle, angle.radius).only_if(is_smooth)
@@ -233,9 +207,29 @@ impl Ball {
         Ball::new(self.middle, if known { self.radius } else { f64::INFINITY })
     }
 
-    /// Whether it lies between -1 and 1.
-    fn is_sine(self) -> bool {
-        self.low() >= -1.0 && self.high() <= 1.0
+    /// The image by a function that is monotone where it is defined.
+    fn monotone(self, f: Elementary) -> Self {
+        let (rate, value) = (f.rate(), f.value());
+        let [least, most] = rate.domain();
+        let image = self.image(value(self.middle), rate.steepest(), self.reach(value));
+        image.only_if(least <= self.low() && self.high() <= most)
+    }
+
+    fn exp(self) -> Self {
+        let middle = self.middle.exp();
+        let largest = self.high().exp();
+        // Where the middle underflows, the upper end may not.
+        let radius = if middle.is_normal() {
+            (middle * self.radius.exp_m1()).min(largest)
+        } else {
+            largest
+        };
+        Ball::new(middle, radius)
+    }
+
+    fn log(self) -> Self {
+        let ratio = self.radius / self.middle;
+        Ball::new(self.middle.ln(), -(-ratio).ln_1p()).only_if(self.low() > 0.0)
     }
 }
 
@@ -248,12 +242,12 @@ mod tests {
 
     #[test]
     fn a_pulse_is_flat_far_from_its_middle() {
-        let pulse = Ball::new(-1e6, 9e5).exp();
+        let pulse = Ball::new(-1e6, 9e5).apply(Elementary::Exp);
         assert_eq!(pulse, Ball::new(0.0, 0.0));
         // e^(-800) is zero, e^(-100) is not.
-        let flank = Ball::new(-800.0, 700.0).exp();
+        let flank = Ball::new(-800.0, 700.0).apply(Elementary::Exp);
         assert!(flank.high() >= (-100.0_f64).exp(), "{flank:?}");
-        let edge = Ball::new(-1e3, 9e2).tanh();
+        let edge = Ball::new(-1e3, 9e2).apply(Elementary::Tanh);
         assert_eq!(edge, Ball::new(-1.0, 0.0));
     }
 
@@ -278,9 +272,11 @@ mod tests {
             let (acos, angle) = (tape.acos(cosine), tape.atan2(a, b));
             let (power, powers) = (tape.power(b, -1.5), tape.pow(b, a));
             let cubic = tape.power(b, 1.0 / 3.0);
+            let beyond = tape.offset(1.0, square);
+            let inverses = (tape.asinh(a), tape.acosh(beyond), tape.atanh(sine));
             let outputs = [
                 product, quotient, root, log, exp, tanh, atan, scaled, recip, sinh, cosh, tan, asin, acos, angle, power,
-                powers, cubic,
+                powers, cubic, inverses.0, inverses.1, inverses.2,
             ];
             let tape = tape.finish(&outputs);
 

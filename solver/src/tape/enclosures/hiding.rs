@@ -4,6 +4,7 @@
 //! at the start of a step know nothing of it. Whether u rises, or v falls towards zero, within the step is seen from
 //! their own series; polynomials and sines hide nothing, but their high powers do.
 
+use crate::tape::elementary::Rate;
 use std::ops::Range;
 
 use super::tame::{FEW, SATURATED, VANISHED};
@@ -38,8 +39,9 @@ impl Kind {
     fn can_hide(self, factors: f64) -> bool {
         match self {
             Kind::Mul | Kind::Square => factors > f64::from(FEW),
-            Kind::Div | Kind::Recip | Kind::Sqrt | Kind::Power | Kind::Pow | Kind::Exp => true,
-            Kind::Log | Kind::SinhCosh | Kind::Tanh | Kind::Atan | Kind::Atan2 => true,
+            Kind::Div | Kind::Recip | Kind::Sqrt | Kind::Power | Kind::Pow => true,
+            Kind::SinhCosh | Kind::Atan2 => true,
+            Kind::Apply(f) => f.rate() != Rate::Riccati(1.0),
             _ => false,
         }
     }
@@ -112,9 +114,8 @@ impl Step {
                 let is_slow = growth(self.a) + growth(other) <= RISE;
                 !is_slow
             }
-            Kind::Exp => rises(self.a, RISE),
             Kind::Div => nears(self.b, 1.0),
-            Kind::Recip | Kind::Sqrt | Kind::Log => nears(self.a, 1.0),
+            Kind::Recip | Kind::Sqrt => nears(self.a, 1.0),
             Kind::Power if self.c > 0.0 => {
                 let is_slow = self.c * growth(self.a) <= RISE;
                 nears(self.a, 1.0) || !is_slow
@@ -126,19 +127,23 @@ impl Step {
                 let is_slow = most - data[self.a].abs() <= RISE;
                 !is_slow
             }
-            // 1 - tanh u falls off as exp(-2 |u|).
-            Kind::Tanh => {
-                let [least, _] = distances(row(self.a), h);
-                let is_slow = least >= SATURATED || 2.0 * (data[self.a].abs() - least) <= RISE;
-                !is_slow
-            }
-            // The derivative of atan u is 1/(1 + u²).
-            Kind::Atan => {
-                let [least, _] = distances(row(self.a), h);
-                let weight = |u: f64| 1.0 + u * u;
-                let is_slow = (weight(data[self.a]) / weight(least)).ln() <= GROWTH;
-                !is_slow
-            }
+            Kind::Apply(f) => match f.rate() {
+                Rate::Exponential => rises(self.a, RISE),
+                Rate::Logarithm => nears(self.a, 1.0),
+                // 1 - tanh u falls off as exp(-2 |u|).
+                Rate::Riccati(-1.0) => {
+                    let [least, _] = distances(row(self.a), h);
+                    let is_slow = least >= SATURATED || 2.0 * (data[self.a].abs() - least) <= RISE;
+                    !is_slow
+                }
+                Rate::Riccati(_) => false,
+                rate => {
+                    let range = distances(row(self.a), h);
+                    let [now, worst] = rate.divisor(data[self.a], range);
+                    let is_slow = (now / worst).ln() <= GROWTH;
+                    !is_slow
+                }
+            },
             // [a² + b²]
             Kind::Atan2 => nears(self.out + stride, 1.0),
             _ => false,

@@ -12,7 +12,7 @@ use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::runtime::random::mix;
-use crate::tape::{Ball, Lane};
+use crate::tape::{Ball, Elementary, Lane};
 
 /// Evaluations with other roundings.
 const DISTURBED: usize = 4;
@@ -162,12 +162,8 @@ impl Lane for Rounded {
         self.unary(self.bound.sqrt(), f64::sqrt)
     }
 
-    fn exp(self) -> Self {
-        self.unary(self.bound.exp(), f64::exp)
-    }
-
-    fn log(self) -> Self {
-        self.unary(self.bound.log(), f64::ln)
+    fn apply(self, f: Elementary) -> Self {
+        self.unary(self.bound.apply(f), f.value())
     }
 
     fn sin_cos(self) -> (Self, Self) {
@@ -178,26 +174,6 @@ impl Lane for Rounded {
     fn sinh_cosh(self) -> (Self, Self) {
         let (sine, cosine) = self.bound.sinh_cosh();
         (self.unary(sine, f64::sinh), self.unary(cosine, f64::cosh))
-    }
-
-    fn tan(self) -> Self {
-        self.unary(self.bound.tan(), f64::tan)
-    }
-
-    fn tanh(self) -> Self {
-        self.unary(self.bound.tanh(), f64::tanh)
-    }
-
-    fn asin(self) -> Self {
-        self.unary(self.bound.asin(), f64::asin)
-    }
-
-    fn acos(self) -> Self {
-        self.unary(self.bound.acos(), f64::acos)
-    }
-
-    fn atan(self) -> Self {
-        self.unary(self.bound.atan(), f64::atan)
     }
 
     fn atan2(self, x: Self) -> Self {

@@ -7,7 +7,8 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::tape::{Ball, Lane};
+use crate::tape::elementary::Rate;
+use crate::tape::{Ball, Elementary, Lane};
 
 /// Below e to this a number adds nothing to any other that a model has.
 pub(crate) const VANISHED: f64 = -100.0;
@@ -194,13 +195,24 @@ impl Lane for Tame {
         self.becomes(self.ball.sqrt(), self.ball.keeps_distance())
     }
 
-    fn exp(self) -> Self {
-        let is_tame = self.ball.radius <= RISE || self.ball.high() <= VANISHED;
-        self.becomes(self.ball.exp().above(self.ball.low().exp()), is_tame)
-    }
-
-    fn log(self) -> Self {
-        self.becomes(self.ball.log(), self.ball.keeps_distance())
+    fn apply(self, f: Elementary) -> Self {
+        let (ball, rate) = (self.ball, f.rate());
+        let image = ball.apply(f);
+        let is_tame = match rate {
+            Rate::Exponential => ball.radius <= RISE || ball.high() <= VANISHED,
+            Rate::Logarithm => ball.keeps_distance(),
+            // 1 - tanh u falls off as exp(-2 |u|).
+            Rate::Riccati(-1.0) => 2.0 * ball.radius <= RISE || ball.least() >= SATURATED,
+            Rate::Riccati(_) => image.radius.is_finite(),
+            Rate::Rational(_) | Rate::Root { .. } => {
+                let [middle, worst] = rate.divisor(ball.middle, [ball.least(), ball.most()]);
+                worst >= FALL * middle
+            }
+        };
+        match rate {
+            Rate::Exponential => self.becomes(image.above(ball.low().exp()), is_tame),
+            _ => self.becomes(image, is_tame),
+        }
     }
 
     fn sin_cos(self) -> (Self, Self) {
@@ -213,32 +225,6 @@ impl Lane for Tame {
         let (is_tame, least) = (self.ball.radius <= RISE, self.ball.least().sinh());
         let becomes = |ball: Ball| self.becomes(ball.above(least), is_tame);
         (becomes(sine), becomes(cosine))
-    }
-
-    fn tan(self) -> Self {
-        let tan = self.ball.tan();
-        self.becomes(tan, tan.radius.is_finite())
-    }
-
-    fn tanh(self) -> Self {
-        // 1 - tanh u falls off as exp(-2 |u|).
-        let is_tame = 2.0 * self.ball.radius <= RISE || self.ball.least() >= SATURATED;
-        self.becomes(self.ball.tanh(), is_tame)
-    }
-
-    fn asin(self) -> Self {
-        self.becomes(self.ball.asin(), true)
-    }
-
-    fn acos(self) -> Self {
-        self.becomes(self.ball.acos(), true)
-    }
-
-    fn atan(self) -> Self {
-        // Its derivative is 1/(1 + u²).
-        let weight = |u: f64| 1.0 + u * u;
-        let is_tame = weight(self.ball.least()) >= FALL * weight(self.ball.middle);
-        self.becomes(self.ball.atan(), is_tame)
     }
 
     fn atan2(self, x: Self) -> Self {

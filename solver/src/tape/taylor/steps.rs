@@ -3,7 +3,8 @@
 use super::jet::{Row, UNBOUNDED};
 use super::recurrence::{convolve, convolve_weighted, square};
 use crate::runtime::limit::work;
-use crate::tape::Op;
+use crate::tape::elementary::Rate;
+use crate::tape::{Elementary, Op};
 
 /// Order 0 of all steps: the values themselves.
 pub(crate) fn start_all(steps: &[Step], data: &mut [f64], stride: usize) {
@@ -56,7 +57,7 @@ pub(crate) struct Step {
 }
 
 /// [`Op`] without its operands. Rows behind `out` that a recurrence needs are named in brackets.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Kind {
     Constant,
     Neg,
@@ -74,22 +75,12 @@ pub(crate) enum Kind {
     Power,
     /// [log a, b log a]
     Pow,
-    Exp,
-    Log,
+    /// [q]
+    Apply(Elementary),
     /// [cos a]
     SinCos,
     /// [cosh a]
     SinhCosh,
-    /// [1 + w²]
-    Tan,
-    /// [1 - w²]
-    Tanh,
-    /// [√(1 - a²)]
-    Asin,
-    /// [√(1 - a²)]
-    Acos,
-    /// [1 + a²]
-    Atan,
     /// [a² + b²]
     Atan2,
 }
@@ -161,27 +152,14 @@ pub(crate) fn start(step: &Step, data: &mut [f64], stride: usize) {
             open[stride] = a.ln();
             open[2 * stride] = b * open[stride];
         }
-        Kind::Exp => *w = a.exp(),
-        Kind::Log => *w = a.ln(),
+        Kind::Apply(f) => {
+            *w = f.value()(a);
+            if let Some(q) = f.rate().helper(a, *w) {
+                open[stride] = q;
+            }
+        }
         Kind::SinCos => (open[0], open[stride]) = (a.sin(), a.cos()),
         Kind::SinhCosh => (open[0], open[stride]) = (a.sinh(), a.cosh()),
-        Kind::Tan => {
-            *w = a.tan();
-            open[stride] = 1.0 + open[0] * open[0];
-        }
-        Kind::Tanh => {
-            *w = a.tanh();
-            open[stride] = (1.0 - open[0]) * (1.0 + open[0]);
-        }
-        Kind::Asin | Kind::Acos => {
-            *w = if let Kind::Asin = step.kind {
-                a.asin()
-            } else {
-                a.acos()
-            };
-            open[stride] = ((1.0 - a) * (1.0 + a)).sqrt();
-        }
-        Kind::Atan => (open[0], open[stride]) = (a.atan(), 1.0 + a * a),
         Kind::Atan2 => (open[0], open[stride]) = (a.atan2(b), a * a + b * b),
     }
 }
@@ -231,33 +209,25 @@ pub(crate) fn advance(step: &Step, data: &mut [f64], weights: &[f64], k: usize, 
             exponent[k] = convolve(power, &log[..=k]);
             w[k] = convolve_weighted(&weights[1..=k], &exponent[1..=k], &w[..k]) / order;
         }
-        // w' = w a'
-        Kind::Exp => w[k] = chain(w) / order,
-        // a w' = a'
-        Kind::Log => w[k] = (done[a + k] - inner(w, row(a)) / order) / done[a],
+        Kind::Apply(f) => match f.rate() {
+            Rate::Exponential => w[k] = chain(w) / order,
+            Rate::Logarithm => w[k] = (done[a + k] - inner(w, row(a)) / order) / done[a],
+            Rate::Riccati(s) => {
+                w[k] = chain(helpers) / order;
+                helpers[k] = s * square(&w[..=k]);
+            }
+            Rate::Rational(s) => {
+                helpers[k] = s * square(row(a));
+                w[k] = (done[a + k] - inner(w, helpers) / order) / helpers[0];
+            }
+            Rate::Root { s, r, .. } => {
+                helpers[k] = (s * square(row(a)) - square(&helpers[1..k])) / (2.0 * helpers[0]);
+                w[k] = (r * done[a + k] - inner(w, helpers) / order) / helpers[0];
+            }
+        },
         // s' = c a',  c' = -s a'
         Kind::SinCos => (w[k], helpers[k]) = (chain(helpers) / order, -chain(w) / order),
         Kind::SinhCosh => (w[k], helpers[k]) = (chain(helpers) / order, chain(w) / order),
-        // w' = q a',  q = 1 ± w²
-        Kind::Tan => {
-            w[k] = chain(helpers) / order;
-            helpers[k] = square(&w[..=k]);
-        }
-        Kind::Tanh => {
-            w[k] = chain(helpers) / order;
-            helpers[k] = -square(&w[..=k]);
-        }
-        // q w' = ± a',  q² = 1 - a²
-        Kind::Asin | Kind::Acos => {
-            let sign = [-1.0, 1.0][usize::from(matches!(step.kind, Kind::Asin))];
-            helpers[k] = (-square(row(a)) - square(&helpers[1..k])) / (2.0 * helpers[0]);
-            w[k] = (sign * done[a + k] - inner(w, helpers) / order) / helpers[0];
-        }
-        // q w' = a',  q = 1 + a²
-        Kind::Atan => {
-            helpers[k] = square(row(a));
-            w[k] = (done[a + k] - inner(w, helpers) / order) / helpers[0];
-        }
         // q w' = b a' - a b',  q = a² + b²
         Kind::Atan2 => {
             let (y, x) = (row(a), row(b));
@@ -303,15 +273,9 @@ impl Kind {
             Op::Sqrt(_) => Self::Sqrt,
             Op::Power(..) => Self::Power,
             Op::Pow(..) => Self::Pow,
-            Op::Exp(_) => Self::Exp,
-            Op::Log(_) => Self::Log,
+            Op::Apply(f, _) => Self::Apply(f),
             Op::SinCos(_) => Self::SinCos,
             Op::SinhCosh(_) => Self::SinhCosh,
-            Op::Tan(_) => Self::Tan,
-            Op::Tanh(_) => Self::Tanh,
-            Op::Asin(_) => Self::Asin,
-            Op::Acos(_) => Self::Acos,
-            Op::Atan(_) => Self::Atan,
             Op::Atan2(..) => Self::Atan2,
         }
     }
@@ -320,8 +284,11 @@ impl Kind {
     pub(crate) fn n_helpers(self) -> usize {
         match self {
             Self::Pow => 2,
-            Self::SinCos | Self::SinhCosh | Self::Tan | Self::Tanh => 1,
-            Self::Asin | Self::Acos | Self::Atan | Self::Atan2 => 1,
+            Self::SinCos | Self::SinhCosh | Self::Atan2 => 1,
+            Self::Apply(f) => match f.rate() {
+                Rate::Exponential | Rate::Logarithm => 0,
+                Rate::Riccati(_) | Rate::Rational(_) | Rate::Root { .. } => 1,
+            },
             _ => 0,
         }
     }

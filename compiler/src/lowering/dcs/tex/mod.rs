@@ -5,7 +5,7 @@ mod names;
 
 use std::collections::HashMap;
 
-use crate::expr::{BinaryFunction, Expr, Function, Node, rewrite};
+use crate::expr::{BinaryFunction, Expr, Node, rewrite};
 
 use super::{Dcs, DcsError, auto};
 use crate::system::System;
@@ -147,15 +147,13 @@ fn piece(expr: Expr, pieces: &HashMap<Expr, Piece>) -> Piece {
         },
         Node::Sum { constant, terms } => sum(constant, &terms, pieces),
         Node::Product(factors) => product(1.0, &factors, pieces),
-        Node::Unary(Function::Sqrt, a) => Piece {
-            text: format!("\\sqrt{{{}}}", pieces[&a].text),
-            binding: Binding::Atom,
-        },
-        Node::Unary(Function::Abs, a) => Piece {
-            text: format!("\\left|{}\\right|", pieces[&a].text),
-            binding: Binding::Atom,
-        },
-        Node::Unary(function, a) => call(operator(function.name()), &[&pieces[&a]]),
+        Node::Unary(function, a) => {
+            let (before, behind) = function.definition().tex;
+            Piece {
+                text: format!("{before}{}{behind}", pieces[&a].text),
+                binding: Binding::Atom,
+            }
+        }
         Node::Binary(BinaryFunction::Pow, a, b) => Piece {
             text: format!(
                 "{}^{{{}}}",
@@ -180,12 +178,7 @@ fn call(operator: String, arguments: &[&Piece]) -> Piece {
 
 fn operator(name: &str) -> String {
     match name {
-        "asin" => "\\arcsin".to_owned(),
-        "acos" => "\\arccos".to_owned(),
-        "atan" => "\\arctan".to_owned(),
-        "sin" | "cos" | "tan" | "sinh" | "cosh" | "tanh" | "exp" | "log" | "min" | "max" => {
-            format!("\\{name}")
-        }
+        "min" | "max" => format!("\\{name}"),
         _ => format!("\\operatorname{{{name}}}"),
     }
 }

@@ -3,7 +3,7 @@
 use rustc_hash::FxHashSet;
 
 use super::Pulse;
-use crate::expr::{self, BinaryFunction, Evaluator, Expr, Function, Node, Var};
+use crate::expr::{self, BinaryFunction, Evaluator, Expr, Function, Node, Steep, Var};
 
 /// Places in the horizon where a function is looked at.
 const SAMPLES: usize = 4096;
@@ -102,21 +102,23 @@ impl Search {
     }
 
     fn look_at(&mut self, function: Function, argument: Expr) {
-        match function {
-            Function::Exp => {
+        match function.definition().steep {
+            Steep::Nowhere => {}
+            Steep::Exponential => {
                 self.turns(argument, Measure::Difference);
                 self.layers(argument);
             }
-            Function::Sinh | Function::Cosh => self.turns(argument, Measure::Difference),
-            Function::Sqrt | Function::Log => {
-                self.turns(argument, Measure::Ratio(1.0));
-                self.balances(argument);
+            Steep::Hyperbolic => self.turns(argument, Measure::Difference),
+            Steep::At(places) => {
+                for &place in places {
+                    self.turns(argument - place, Measure::Ratio(1.0));
+                    self.balances(argument - place);
+                }
             }
-            Function::Tanh | Function::Atan => {
+            Steep::Flank => {
                 self.turns(argument, Measure::Difference);
                 self.vanishes(argument);
             }
-            _ => {}
         }
     }
 

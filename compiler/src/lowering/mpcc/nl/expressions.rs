@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use rustc_hash::FxHashMap;
 
-use crate::expr::{BinaryFunction, Expr, Function, Node, Var, rewrite_all};
+use crate::expr::{BinaryFunction, Expr, Node, Var, rewrite_all};
 
 /// Writes expressions; what occurs several times is a defined variable.
 pub(crate) struct Writer<'e> {
@@ -108,7 +108,11 @@ impl<'e> Writer<'e> {
                     push_product(&below, pieces);
                 }
             }
-            Node::Unary(function, a) => pieces.extend([operator(unary(function)), Piece::Expr(a)]),
+            Node::Unary(function, a) => {
+                let code = function.definition().opcode;
+                let code = code.expect("the kernels of an Mpcc are smooth");
+                pieces.extend([operator(code), Piece::Expr(a)]);
+            }
             Node::Binary(function, a, b) => {
                 pieces.extend([operator(binary(function)), Piece::Expr(a), Piece::Expr(b)]);
             }
@@ -183,26 +187,6 @@ fn children(e: Expr<'_>) -> Vec<Expr<'_>> {
 }
 
 /// The code of a function (Gay 2005).
-fn unary(function: Function) -> u32 {
-    match function {
-        Function::Tanh => 37,
-        Function::Tan => 38,
-        Function::Sqrt => 39,
-        Function::Sinh => 40,
-        Function::Sin => 41,
-        Function::Log => 43,
-        Function::Exp => 44,
-        Function::Cosh => 45,
-        Function::Cos => 46,
-        Function::Atan => 49,
-        Function::Asin => 51,
-        Function::Acos => 53,
-        Function::Step | Function::Sign | Function::Abs => {
-            unreachable!("the kernels of an Mpcc are smooth")
-        }
-    }
-}
-
 fn binary(function: BinaryFunction) -> u32 {
     match function {
         BinaryFunction::Pow => 5,

@@ -1,0 +1,394 @@
+//! floor(u) of a function of time u -> a value that is held between the instants at which u passes an integer.
+//!
+//! floor(u(t)) = k where k ≤ u(t) < k + 1, the same as data that is held: y(t) = k_i for t_i ≤ t < t_{i+1}.
+//!
+//! Crossings are enclosed. Over an interval whose enclosure of u holds no integer there is none; where that of u' has
+//! one sign, there is one for every integer between the values at its ends, and bisection finds it; all else is
+//! halved. So no crossing is passed over, however long the horizon.
+
+use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
+
+use crate::diagnostics::Diagnostics;
+use crate::expr::{
+    BinaryFunction, Evaluator, Expr, Function, Interval, Node, Var, transform, variables_of,
+};
+use crate::model::Data;
+use crate::source::Span;
+use crate::source::table::{Fit, Table};
+use crate::system::SystemError;
+use crate::system::lower::Lowering;
+
+/// Instants at which one function jumps, at most.
+const MOST_INSTANTS: usize = 10_000;
+
+/// Intervals that are looked at, at most.
+const MOST_INTERVALS: usize = 20 * MOST_INSTANTS;
+
+/// Intervals shorter than this share of the horizon are not halved.
+const SHORTEST: f64 = 1e-13;
+
+/// What touches an integer is one to rounding for no more than this share of the horizon.
+const TOUCHES: f64 = 1e-6;
+
+/// What is an integer to rounding this share of the horizon beside a jump is so flat that its instant is not known.
+const FLAT: f64 = 1e-10;
+
+/// Instants closer to each other than this share of the horizon are one.
+const TOGETHER: f64 = 8.0 * f64::EPSILON;
+
+/// Roundings of time functions: what stands for each of them, and what was wrong.
+#[derive(Default)]
+pub(crate) struct Held<'e> {
+    /// floor(u) by u.
+    values: FxHashMap<Expr<'e>, Expr<'e>>,
+    /// The functions that are held.
+    pub data: Vec<Data<'e>>,
+    pub errors: Vec<SystemError>,
+}
+
+/// Why no instants are known.
+enum Fault {
+    /// u depends on this.
+    Depends(String),
+    /// There are too many.
+    Many,
+    /// Whether u passes an integer is not known.
+    Unknown,
+}
+
+impl<'e> Lowering<'_, 'e> {
+    /// Takes the roundings of the model, so that errors stand at their calls.
+    pub fn hold_roundings(&mut self, diags: &mut Diagnostics) {
+        for rounded in &self.model.rounded {
+            if !self.needs.holds_all(rounded.argument) {
+                continue;
+            }
+            if let Some(period) = rounded.period
+                && let Ok(numbers) = self.numbers(period)
+                && let period = period.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
+                && !(period > 0.0 && period.is_finite())
+            {
+                let span = rounded.span;
+                self.held.errors.push(SystemError::Period { period, span });
+                continue;
+            }
+            let argument = rounded.argument.substitute(&self.given);
+            self.held(argument.apply(Function::Floor), rounded.span);
+        }
+        self.report_held(diags);
+    }
+
+    /// Reports what was wrong with roundings.
+    pub fn report_held(&mut self, diags: &mut Diagnostics) {
+        for error in self.held.errors.drain(..) {
+            diags.push(error);
+        }
+    }
+
+    /// An expression with its roundings replaced.
+    pub fn held(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+        transform(&[e], &mut |_, e| match e.is_function().then(|| e.node()) {
+            Some(Node::Unary(Function::Floor, u)) => self.floor(e, u, span),
+            _ => e,
+        })[0]
+    }
+
+    fn floor(&mut self, e: Expr<'e>, u: Expr<'e>, span: Span) -> Expr<'e> {
+        if let Some(&known) = self.held.values.get(&u) {
+            return known;
+        }
+        let value = self.steps(u).map(|steps| match steps[..] {
+            [(_, value)] => e.exprs().constant(value),
+            _ => self.hold(e, &steps, span),
+        });
+        let value = value.unwrap_or_else(|fault| {
+            let text = e.to_string();
+            let horizon = self.settings.horizon;
+            self.held.errors.push(match fault {
+                Fault::Depends(on) => SystemError::Rounded { text, on, span },
+                Fault::Many => SystemError::TooManyInstants {
+                    text,
+                    horizon,
+                    limit: MOST_INSTANTS,
+                    span,
+                },
+                Fault::Unknown => SystemError::UnknownInstants { text, span },
+            });
+            e.exprs().constant(0.5)
+        });
+        self.held.values.insert(u, value);
+        value
+    }
+
+    /// The variable that stands for a function that is held.
+    fn hold(&mut self, e: Expr<'e>, steps: &[(f64, f64)], span: Span) -> Expr<'e> {
+        let (times, values): (Vec<f64>, Vec<f64>) = steps.iter().copied().unzip();
+        let table = Table::new(Fit::Hold, &times, &values);
+        let name = e.to_string();
+        let var = e.exprs().variable(&name);
+        self.switches.give(var);
+        self.held.data.push(Data {
+            text: table.to_string(),
+            name,
+            var,
+            table: Arc::new(table),
+            span,
+        });
+        var
+    }
+
+    /// The values of the parameters in an expression.
+    fn numbers(&self, e: Expr<'e>) -> Result<FxHashMap<Var, f64>, Fault> {
+        let vars = variables_of(&[e]).into_iter();
+        let known = vars.filter(|&var| !self.is_given(var));
+        let number = |var: Var| match self.values.fixed(var).filter(|_| self.is_param(var)) {
+            Some(value) => Ok((var, value)),
+            None => Err(Fault::Depends(e.exprs().name(var))),
+        };
+        known.map(number).collect()
+    }
+
+    fn is_param(&self, var: Var) -> bool {
+        let params = self.model.params.iter().flat_map(|param| &param.vars);
+        params
+            .filter_map(|param| param.as_variable())
+            .any(|param| param == var)
+    }
+
+    /// Whether a variable is time, or data that is held.
+    fn is_given(&self, var: Var) -> bool {
+        let data = self.kept_data().filter(|data| data.table.fit == Fit::Hold);
+        let mut given = data.map(|data| data.var).chain([self.model.time]);
+        given.any(|given| given.as_variable() == Some(var))
+    }
+
+    /// From when on floor(u) has which value.
+    fn steps(&self, u: Expr<'e>) -> Result<Vec<(f64, f64)>, Fault> {
+        let time = self.model.time.as_variable().expect("time is a variable");
+        let vars = variables_of(&[u]);
+        let data = self.kept_data();
+        let data = data.filter_map(|data| Some((data.var.as_variable()?, data.table.clone())));
+        let mut search = Search {
+            time,
+            horizon: self.settings.horizon,
+            value: Evaluator::new(u),
+            slope: Evaluator::new(u.diff(time)),
+            jumps: has_jumps(u),
+            moves: vars.contains(&time),
+            numbers: self.numbers(u)?,
+            data: data.filter(|(var, _)| vars.contains(var)).collect(),
+            found: Vec::new(),
+            n_intervals: 0,
+        };
+        search.run()
+    }
+}
+
+/// Where the pieces of data begin.
+fn starts(table: &Table) -> impl Iterator<Item = f64> {
+    let pieces = std::iter::successors(Some(table.piece(0.0)), |piece| {
+        piece.end.is_finite().then(|| table.piece(piece.end))
+    });
+    pieces.map(|piece| piece.start)
+}
+
+/// Whether an expression may jump where its derivative shows nothing.
+fn has_jumps(e: Expr) -> bool {
+    let mut jumps = false;
+    transform(&[e], &mut |_, e| {
+        jumps |= matches!(
+            e.node(),
+            Node::Unary(Function::Sign | Function::Step, _)
+                | Node::Binary(BinaryFunction::Atan2, ..)
+        );
+        e
+    });
+    jumps
+}
+
+/// The search for the crossings of one function.
+struct Search<'e> {
+    time: Var,
+    horizon: f64,
+    value: Evaluator<'e>,
+    slope: Evaluator<'e>,
+    jumps: bool,
+    /// Whether u depends on time.
+    moves: bool,
+    /// Parameters, and data within the present piece of it.
+    numbers: FxHashMap<Var, f64>,
+    data: Vec<(Var, Arc<Table>)>,
+    found: Vec<f64>,
+    n_intervals: usize,
+}
+
+impl Search<'_> {
+    fn run(&mut self) -> Result<Vec<(f64, f64)>, Fault> {
+        let mut ends: Vec<f64> = (self.data.iter())
+            .flat_map(|(_, table)| starts(table))
+            .chain([0.0, self.horizon])
+            .filter(|&t| 0.0 <= t && t <= self.horizon)
+            .collect();
+        ends.sort_by(f64::total_cmp);
+        ends.dedup();
+        for piece in ends.windows(2) {
+            self.enter(0.5 * (piece[0] + piece[1]));
+            self.cross(piece[0], piece[1])?;
+            self.found.push(piece[1]);
+        }
+        let slack = TOGETHER * self.horizon;
+        let mut starts = vec![0.0];
+        for &t in &self.found {
+            if t - starts[starts.len() - 1] > slack && self.horizon - t > slack {
+                starts.push(t);
+            }
+        }
+        let ends = starts[1..].iter().copied().chain([self.horizon]);
+        let mut steps: Vec<(f64, f64)> = Vec::with_capacity(starts.len());
+        for (&start, end) in starts.iter().zip(ends) {
+            if let Some(value) = self.between(start, end)? {
+                match steps.last() {
+                    None => steps.push((0.0, value)),
+                    Some(&(_, before)) if before != value => steps.push((start, value)),
+                    Some(_) => {}
+                }
+            }
+        }
+        let is_sharp = |search: &mut Self, t: f64| {
+            let beside = [t - FLAT * search.horizon, t + FLAT * search.horizon];
+            beside
+                .iter()
+                .all(|&t| matches!(search.rounded(t), Ok(Some(_))))
+        };
+        match steps.is_empty() || !steps[1..].iter().all(|&(t, _)| is_sharp(self, t)) {
+            true => Err(Fault::Unknown),
+            false => Ok(steps),
+        }
+    }
+
+    /// floor(u) between two crossings; none where u touches an integer, and is one to rounding for a while.
+    fn between(&mut self, start: f64, end: f64) -> Result<Option<f64>, Fault> {
+        let mut known = None;
+        for share in [0.5, 0.382, 0.618, 0.146, 0.854] {
+            let here = self.rounded(start + share * (end - start))?;
+            match known == here || known.is_none() || here.is_none() {
+                true => known = known.or(here),
+                false => return Err(Fault::Unknown),
+            }
+        }
+        match known.is_none() && end - start > TOUCHES * self.horizon {
+            true => Err(Fault::Unknown),
+            false => Ok(known),
+        }
+    }
+
+    /// Puts in the data that holds at an instant.
+    fn enter(&mut self, t: f64) {
+        for (var, table) in &self.data {
+            self.numbers.insert(*var, table.value(t));
+        }
+    }
+
+    /// floor(u), none where u moves and is an integer to rounding; a constant that is one to rounding is one.
+    fn rounded(&mut self, t: f64) -> Result<Option<f64>, Fault> {
+        self.enter(t);
+        let at = |var: Var| self.number(var, t);
+        let (value, error) = (self.value.eval(&at), self.value.running_error(&at));
+        if !value.is_finite() || error >= 0.5 {
+            return Err(Fault::Unknown);
+        }
+        let nearest = value.round();
+        Ok(match (value - nearest).abs() <= error {
+            true => (!self.moves).then_some(nearest),
+            false => Some(value.floor()),
+        })
+    }
+
+    fn number(&self, var: Var, t: f64) -> f64 {
+        match var == self.time {
+            true => t,
+            false => self.numbers.get(&var).copied().unwrap_or(f64::NAN),
+        }
+    }
+
+    fn at(&self, t: f64) -> f64 {
+        self.value.eval(&|var| self.number(var, t))
+    }
+
+    fn enclose(&self, of: &Evaluator, from: f64, to: f64) -> Interval {
+        of.enclose(&|var| match (var == self.time, self.numbers.get(&var)) {
+            (true, _) => Interval::new(from, to),
+            (false, Some(&number)) => Interval::rounded(number),
+            (false, None) => Interval::ALL,
+        })
+    }
+
+    /// Finds the crossings between two instants.
+    fn cross(&mut self, from: f64, to: f64) -> Result<(), Fault> {
+        let mut open = vec![(from, to)];
+        while let Some((from, to)) = open.pop() {
+            self.n_intervals += 1;
+            if self.n_intervals > MOST_INTERVALS {
+                return Err(Fault::Unknown);
+            }
+            let u = self.enclose(&self.value, from, to);
+            if u.low.floor() == u.high.floor() {
+                continue;
+            }
+            let slope = self.enclose(&self.slope, from, to);
+            // Without bounds on both, u may have a pole, and jump.
+            let is_bounded = u.magnitude().is_finite() && slope.magnitude().is_finite();
+            let moves = slope.low > 0.0 || slope.high < 0.0;
+            if is_bounded && moves && !self.jumps {
+                self.levels(from, to, slope.low > 0.0)?;
+                continue;
+            }
+            let rests = slope == Interval::ZERO && !self.jumps;
+            let middle = 0.5 * (from + to);
+            if !rests && to - from > SHORTEST * self.horizon {
+                open.extend([(middle, to), (from, middle)]);
+            } else if !(self.at(from).is_finite() && self.at(to).is_finite()) {
+                return Err(Fault::Unknown);
+            } else if self.at(from).floor() != self.at(to).floor() {
+                self.found.push(to);
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds the crossing of every integer between two instants, where u rises or falls throughout.
+    fn levels(&mut self, from: f64, to: f64, rises: bool) -> Result<(), Fault> {
+        let (first, last) = (self.at(from).floor(), self.at(to).floor());
+        let count = (last - first).abs();
+        if !count.is_finite() || count > 0.0 && (last > first) != rises {
+            return Err(Fault::Unknown);
+        }
+        if self.found.len() as f64 + count > MOST_INSTANTS as f64 {
+            return Err(Fault::Many);
+        }
+        let mut below = from;
+        for k in 0..count as usize {
+            // The integer that u reaches from below, or leaves downwards.
+            let is_past = |value: f64| match rises {
+                true => value >= first + 1.0 + k as f64,
+                false => value < first - k as f64,
+            };
+            let (mut low, mut high) = (below, to);
+            loop {
+                let middle = 0.5 * (low + high);
+                if middle <= low || middle >= high {
+                    break;
+                }
+                match is_past(self.at(middle)) {
+                    true => high = middle,
+                    false => low = middle,
+                }
+            }
+            self.found.push(high);
+            below = high;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,164 @@
+//! Functions of one argument, and floors and remainders of time, against closed forms.
+
+use nsd_tests::{end, solved, times};
+use nsdc::report::{EventKind, Trajectory};
+
+const METHODS: [&str; 3] = [
+    "tolerance 1e-12;",
+    "tolerance 1e-11; method fesd { steps = 40; }",
+    "tolerance 1e-11; method fesd { steps = 40; } lower step;",
+];
+
+fn by(settings: &str, model: &str, horizon: f64) -> Trajectory {
+    let text = format!(
+        "model m {{ {model} }}
+         simulate run of m {{ {settings} horizon {horizon:?}; }}"
+    );
+    solved(&text, "run")
+}
+
+fn close(found: f64, exact: f64, within: f64, what: &str) {
+    assert!(
+        (found - exact).abs() <= within,
+        "{what}: {found}, not {exact}"
+    );
+}
+
+/// Each undoes what drives its argument: x = sinh t, cosh(1 + t), tanh t; y' = t, 1 + t, t.
+#[test]
+fn inverses_of_hyperbolic_functions_undo_them() {
+    let cases = [
+        ("asinh", "0", "sqrt(1 + x^2)", 4.5),
+        ("asinh", "sinh(-5)", "sqrt(1 + x^2)", -10.5),
+        ("acosh", "cosh(1)", "sqrt(x^2 - 1)", 7.5),
+        ("atanh", "0", "1 - x^2", 4.5),
+        ("atanh", "tanh(-2)", "1 - x^2", -1.5),
+    ];
+    for settings in METHODS {
+        for (function, start, rate, exact) in cases {
+            let model = format!("state x = {start}; state y = 0; x' = {rate}; y' = {function}(x);");
+            let found = end(&by(settings, &model, 3.0), "y")[0];
+            close(found, exact, 1e-8, &format!("{function} {settings}"));
+        }
+    }
+}
+
+/// x' = asinh(x), x' = 1/(1 + acosh(x)) and x' = -atanh(x)/(1 + x²): roots of ∫ dx/x' = 2 by quadrature in 30 digits
+/// (mpmath).
+#[test]
+fn rates_with_them_follow_their_integrals() {
+    let cases = [ASINH, ACOSH, ATANH];
+    for settings in METHODS {
+        for (rate, start, exact) in cases {
+            let model = format!("state x = {start}; x' = {rate};");
+            let found = end(&by(settings, &model, 2.0), "x")[0];
+            close(found, exact, 1e-9, rate);
+        }
+    }
+}
+
+const ASINH: (&str, f64, f64) = ("asinh(x)", 0.5, 2.613_552_553_852_069);
+const ACOSH: (&str, f64, f64) = ("1/(1 + acosh(x))", 1.5, 2.381_871_259_763_606);
+const ATANH: (&str, f64, f64) = ("-atanh(x)/(1 + x^2)", 0.9, 0.144_902_940_985_639_6);
+
+/// Near ±1 a step of the argument is a leap of the result: 1 - |u| = 1e-4 at the middle of a step is not passed over.
+#[test]
+fn narrow_places_of_inverses_are_seen() {
+    // ∫ atanh(0.9999 sech(20 (t - 1))) over [0, 2] by quadrature in 30 digits (mpmath).
+    let model = "state x = -1; state y = 0; x' = 1; y' = atanh(0.9999/cosh(20*x));";
+    let found = end(&by("tolerance 1e-10;", model, 2.0), "y")[0];
+    close(found, PEAK, 1e-8, "atanh");
+}
+
+const PEAK: f64 = 0.244_518_649_633_536_5;
+
+/// ∫ mod(t, 0.3) over n periods and a rest r is n 0.045 + r²/2.
+#[test]
+fn sawtooth_drives_integrate_exactly() {
+    let methods = METHODS.into_iter().chain([
+        "tolerance 1e-10; method timestepping { steps = 400; }",
+        "method adaptive;",
+        "method smoothing { epsilon = 1e-3; }",
+    ]);
+    for settings in methods {
+        let run = by(
+            settings,
+            "param T = 0.3; state x = 0; x' = mod(time, T);",
+            2.0,
+        );
+        close(end(&run, "x")[0], 6.0 * 0.045 + 0.02, 1e-9, settings);
+    }
+    // Falling, shifted, and a period with a unit.
+    let run = by(
+        METHODS[0],
+        "param T : s = 0.4; state x = 0; state y : s^2 = 0; x' = mod(0.1 - time, 0.3); y' = mod(time, T);",
+        1.0,
+    );
+    // From 0.1 down to 0 at 0.1, then three ramps from 0.3 to 0.
+    close(end(&run, "x")[0], 0.005 + 3.0 * 0.045, 1e-12, "falling");
+}
+
+/// x' = 1 for a share d of each period and -1 else.
+#[test]
+fn pulse_widths_are_exact() {
+    for settings in METHODS {
+        let model = "param T = 0.25; param d = 0.3; state x = 0; x' = -sign(mod(time, T) - d*T);";
+        let run = by(settings, model, 1.6);
+        // Six periods lose 0.4 T each, and the rest of 0.1 has 0.075 up and 0.025 down.
+        close(end(&run, "x")[0], -6.0 * 0.1 + 0.05, 1e-9, settings);
+    }
+}
+
+/// floor(u) of functions that rise, fall, turn and touch.
+#[test]
+fn floors_jump_where_their_argument_passes_integers() {
+    // 2 sin passes 1 at π/6 and 5π/6, and touches 2.
+    let model = "state x = 0; x' = floor(2*sin(time));";
+    let run = by(METHODS[0], model, std::f64::consts::PI);
+    close(
+        end(&run, "x")[0],
+        2.0 * std::f64::consts::PI / 3.0,
+        1e-12,
+        "sine",
+    );
+    // Of a floor: mod(floor(t), 3) is 0, 1, 2, 0, ...
+    let run = by(
+        METHODS[0],
+        "state x = 0; x' = mod(floor(time), 3) + floor(-time/49*49);",
+        7.0,
+    );
+    close(end(&run, "x")[0], 6.0 - 28.0, 1e-12, "nested");
+    // Counts of seven sevenths are whole.
+    let run = by(METHODS[0], "state x = 0; x' = floor(floor(time)/49);", 50.0);
+    close(end(&run, "x")[0], 1.0, 1e-12, "sevenths");
+    let run = by(METHODS[0], "state x = 0; x' = floor(abs(time - 1.5));", 4.0);
+    close(end(&run, "x")[0], 0.5 + 1.0 + 2.0 * 0.5, 1e-12, "kink");
+}
+
+/// Relays on a staircase switch where it steps.
+#[test]
+fn relays_follow_staircases() {
+    for settings in METHODS {
+        let model = "state x = 0.5; x' = -3*sign(x - floor(2*time));";
+        let run = by(settings, model, 2.0);
+        close(end(&run, "x")[0], 3.0, 1e-8, settings);
+    }
+    let run = by(
+        METHODS[0],
+        "state x = 0; x' = if floor(time) > 0.5 then 1 else 0;",
+        3.0,
+    );
+    close(end(&run, "x")[0], 2.0, 1e-12, "condition");
+    assert_eq!(times(&run, EventKind::Crossing).len(), 1);
+}
+
+/// Names that models had before the functions mean what the model declares.
+#[test]
+fn names_of_models_stay_theirs() {
+    let text = "fn cbrt(x) = x^2;
+        model m { state mod = 1; state floor = 0; mod' = mod(time, 2); floor' = cbrt(3) + floor(2.5); }
+        simulate run of m { horizon 1; }";
+    let run = solved(text, "run");
+    close(end(&run, "mod")[0], 1.5, 1e-9, "mod");
+    close(end(&run, "floor")[0], 11.0, 1e-9, "floor");
+}
