@@ -67,7 +67,6 @@ pub(super) struct Length {
 }
 
 /// Sizes of members, of states, and of rates of members.
-#[derive(Clone, Copy)]
 struct Sizes<'s> {
     members: &'s [f64],
     states: &'s [f64],
