@@ -23,6 +23,14 @@ pub(crate) struct Contents {
     pub end: Place,
 }
 
+impl Contents {
+    /// What is wrong with all of it.
+    pub fn wrong(&self, fault: Fault) -> Error {
+        let place = self.end;
+        Error { place, fault }
+    }
+}
+
 /// A nonlinear expression plus linear terms.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Function {
