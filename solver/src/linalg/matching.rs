@@ -45,12 +45,10 @@ impl Ord for Length {
 
 /// The column of every row, or [`NONE`].
 pub fn matching(matrix: &Weights<'_>) -> Vec<u32> {
-    let costs = matrix.costs();
-    let (mut matched, free) = Matched::at_no_cost(matrix, &costs);
-    let mut paths = Paths::new(matrix.n_columns);
-    let mut work = PASSES * costs.len();
+    let (mut matched, free) = Matched::at_no_cost(matrix);
+    let mut paths = Paths::new(matrix);
     for start in free {
-        if let Some((end, length)) = paths.find(matrix, &costs, &matched, start, &mut work) {
+        if let Some((end, length)) = paths.find(&matched, start) {
             matched.reprice(&paths, start, length);
             matched.augment(&paths, start, end);
         }
@@ -83,16 +81,19 @@ impl Weights<'_> {
 
 /// Rows and columns that have each other, and potentials: costs less those of row and column are at least zero, and
 /// zero where matched.
-struct Matched {
+struct Matched<'m> {
+    matrix: &'m Weights<'m>,
+    costs: Vec<f64>,
     column_of: Vec<u32>,
     row_of: Vec<u32>,
     of_rows: Vec<f64>,
     of_columns: Vec<f64>,
 }
 
-impl Matched {
+impl<'m> Matched<'m> {
     /// Gives each row in turn a free column that costs nothing; those that find none are left.
-    fn at_no_cost(matrix: &Weights<'_>, costs: &[f64]) -> (Self, Vec<usize>) {
+    fn at_no_cost(matrix: &'m Weights<'m>) -> (Self, Vec<usize>) {
+        let costs = matrix.costs();
         let n_rows = matrix.starts.len() - 1;
         let mut column_of = vec![NONE; n_rows];
         let mut row_of = vec![NONE; matrix.n_columns];
@@ -109,6 +110,8 @@ impl Matched {
             }
         }
         let matched = Matched {
+            matrix,
+            costs,
             column_of,
             row_of,
             of_rows: vec![0.0; n_rows],
@@ -154,35 +157,37 @@ struct Paths {
     /// Columns with a length.
     touched: Vec<u32>,
     heap: BinaryHeap<(Reverse<Length>, u32)>,
+    /// How many entries may still be looked at.
+    work: usize,
 }
 
 impl Paths {
-    fn new(n_columns: usize) -> Self {
+    fn new(matrix: &Weights<'_>) -> Self {
         Paths {
-            length: vec![f64::INFINITY; n_columns],
-            from: vec![NONE; n_columns],
-            is_done: vec![false; n_columns],
+            length: vec![f64::INFINITY; matrix.n_columns],
+            from: vec![NONE; matrix.n_columns],
+            is_done: vec![false; matrix.n_columns],
             touched: Vec::new(),
             heap: BinaryHeap::new(),
+            work: PASSES * matrix.columns.len(),
         }
     }
 
     /// The nearest column that no row has, and how far it is; none where there is none, or no work left.
-    fn find(
-        &mut self,
-        matrix: &Weights<'_>,
-        costs: &[f64],
-        matched: &Matched,
-        start: usize,
-        work: &mut usize,
-    ) -> Option<(u32, f64)> {
+    fn find(&mut self, matched: &Matched<'_>, start: usize) -> Option<(u32, f64)> {
+        let Matched {
+            matrix,
+            costs,
+            of_rows,
+            of_columns,
+            ..
+        } = matched;
         let (mut row, mut reached) = (start, 0.0);
         loop {
-            *work = work.saturating_sub(matrix.row(row).len());
+            self.work = self.work.saturating_sub(matrix.row(row).len());
             for entry in matrix.row(row) {
                 let column = matrix.columns[entry] as usize;
-                let along =
-                    reached + costs[entry] - matched.of_rows[row] - matched.of_columns[column];
+                let along = reached + costs[entry] - of_rows[row] - of_columns[column];
                 if !self.is_done[column] && along < self.length[column] {
                     if self.length[column] == f64::INFINITY {
                         self.touched.push(column as u32);
@@ -192,7 +197,7 @@ impl Paths {
                     self.heap.push((Reverse(Length(along)), column as u32));
                 }
             }
-            let (column, along) = self.nearest().filter(|_| *work > 0)?;
+            let (column, along) = self.nearest().filter(|_| self.work > 0)?;
             self.is_done[column as usize] = true;
             let owner = matched.row_of[column as usize];
             if owner == NONE {
