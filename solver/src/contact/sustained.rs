@@ -42,6 +42,20 @@ struct Found {
     near: f64,
 }
 
+impl Found {
+    /// Whether a contact on these sides, closed and with friction in two directions, starts to slip.
+    fn sets_off(&self, candidate: &[Sides]) -> bool {
+        let meeting = &self.meeting;
+        candidate
+            .iter()
+            .enumerate()
+            .any(|(i, &(of_normal, of_slip))| {
+                let rubs = meeting.entries(i).len() > 1 && meeting.resistance(i) > 0.0;
+                of_normal == Side::Slide && of_slip != Side::Slide && rubs
+            })
+    }
+}
+
 impl Simulator {
     /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
     /// projections, acts on their rate itself.
@@ -65,22 +79,15 @@ impl Simulator {
         state: &mut State,
         group: &[usize],
     ) -> Result<Choices, Status> {
-        let found = loop {
+        let mut found = loop {
             self.meet(state, group);
             let found = self.contact_forces(state, group)?;
             if !self.shut_bent(state, &found) {
                 break found;
             }
         };
-        let Found {
-            meeting,
-            forces,
-            leaves,
-            mut alpha,
-            near,
-        } = found;
-        let options: Vec<Vec<Sides>> = (0..meeting.contacts.len())
-            .map(|i| options(&meeting, &forces, i, near))
+        let options: Vec<Vec<Sides>> = (0..found.meeting.contacts.len())
+            .map(|i| options(&found.meeting, &found.forces, i, found.near))
             .collect();
         let mut choices = Choices {
             found: Vec::new(),
@@ -91,60 +98,69 @@ impl Simulator {
             let held = candidate
                 .iter()
                 .map(|(of_normal, of_slip)| (*of_normal == Side::Slide, *of_slip == Side::Slide));
-            if meeting.keeps_slipping_one(&held.collect::<Vec<_>>()) {
+            if found.meeting.keeps_slipping_one(&held.collect::<Vec<_>>()) {
                 continue;
             }
-            let mut sides = vec![Side::Plus; group.len()];
-            let mut set = |switch: usize, side: Side, value: f64| {
-                if let Ok(at) = group.binary_search(&switch) {
-                    sides[at] = side;
-                }
-                alpha[switch] = value;
-            };
-            let alpha_on = |side: Side, sliding: f64| match side {
-                Side::Minus => 0.0,
-                Side::Slide => sliding,
-                Side::Plus => 1.0,
-            };
-            for &i in &leaves {
-                set(i, Side::Plus, 1.0);
-                for slip in self.slips_among(group, i) {
-                    set(slip, Side::Plus, 1.0);
-                }
-            }
-            for (i, &(of_normal, of_slip)) in candidate.iter().enumerate() {
-                let Touch { normal, slips } = &meeting.contacts[i];
-                let force = forces.normal[i];
-                set(*normal, of_normal, alpha_on(of_normal, 1.0 - force));
-                if slips.len() > 1 && of_slip != Side::Slide {
-                    // The direction in which it slips.
-                    for (&slip, d) in slips.iter().zip(direction(&meeting, &forces, i)) {
-                        set(slip, of_slip, 0.5 + 0.5 * d);
-                    }
-                    continue;
-                }
-                let drags = &forces.friction[meeting.entries(i)];
-                for (&slip, drag) in slips.iter().zip(drags) {
-                    let share = if force > 0.0 { drag / force } else { 0.0 };
-                    set(slip, of_slip, alpha_on(of_slip, 0.5 + 0.5 * share));
-                }
-            }
+            let sides = self.propose(group, &mut found, &candidate);
             self.enter_surfaces(state, group, &sides);
-            let found = self.refine(group, &sides, &alpha);
-            choices.singular |= found.is_none();
-            let sets_off = |i: usize| {
-                let (of_normal, of_slip) = candidate[i];
-                let rubs = meeting.entries(i).len() > 1 && meeting.resistance(i) > 0.0;
-                of_normal == Side::Slide && of_slip != Side::Slide && rubs
-            };
+            let choice = self.refine(group, &sides, &found.alpha);
+            choices.singular |= choice.is_none();
             // When it does depends on what each of them has taken, which nothing determines.
-            if found.is_some() && (0..candidate.len()).any(sets_off) && meeting.wedges(&forces) {
+            if choice.is_some() && found.sets_off(&candidate) && found.meeting.wedges(&found.forces)
+            {
                 let switches = group.to_vec();
                 return Err(Status::Undetermined { switches });
             }
-            choices.found.extend(found);
+            choices.found.extend(choice);
         }
         Ok(choices)
+    }
+
+    /// The sides of a group where the contacts that meet are on these, and α from their forces.
+    fn propose(&self, group: &[usize], found: &mut Found, candidate: &[Sides]) -> Vec<Side> {
+        let Found {
+            meeting,
+            forces,
+            leaves,
+            alpha,
+            ..
+        } = found;
+        let mut sides = vec![Side::Plus; group.len()];
+        let mut set = |switch: usize, side: Side, value: f64| {
+            if let Ok(at) = group.binary_search(&switch) {
+                sides[at] = side;
+            }
+            alpha[switch] = value;
+        };
+        let alpha_on = |side: Side, sliding: f64| match side {
+            Side::Minus => 0.0,
+            Side::Slide => sliding,
+            Side::Plus => 1.0,
+        };
+        for &i in &*leaves {
+            set(i, Side::Plus, 1.0);
+            for slip in self.slips_among(group, i) {
+                set(slip, Side::Plus, 1.0);
+            }
+        }
+        for (i, &(of_normal, of_slip)) in candidate.iter().enumerate() {
+            let Touch { normal, slips } = &meeting.contacts[i];
+            let force = forces.normal[i];
+            set(*normal, of_normal, alpha_on(of_normal, 1.0 - force));
+            if slips.len() > 1 && of_slip != Side::Slide {
+                // The direction in which it slips.
+                for (&slip, d) in slips.iter().zip(direction(meeting, forces, i)) {
+                    set(slip, of_slip, 0.5 + 0.5 * d);
+                }
+                continue;
+            }
+            let drags = &forces.friction[meeting.entries(i)];
+            for (&slip, drag) in slips.iter().zip(drags) {
+                let share = if force > 0.0 { drag / force } else { 0.0 };
+                set(slip, of_slip, alpha_on(of_slip, 0.5 + 0.5 * share));
+            }
+        }
+        sides
     }
 
     /// Lets contacts meet that others were closed against: their rates are negative by less than what that took away.

@@ -86,58 +86,27 @@ impl RootFinder {
         if self.low_terms_decide(level) {
             return None;
         }
-        // b_j = Σ_k C(j, k) / C(degree, k) c_k
-        let scaled = &self.scaled;
-        self.weighted.clear();
-        let over = scaled.iter().zip(&self.binomials[degree]);
-        self.weighted.extend(over.map(|(c, binomial)| c / binomial));
-        let (weighted, binomials) = (&self.weighted, &self.binomials);
-        let coefficient = |j: usize| -> f64 {
-            let terms = binomials[j].iter().zip(weighted);
-            terms.map(|(binomial, c)| binomial * c).sum()
-        };
+        self.write_bernstein(degree);
         self.stack.clear();
-        self.bernstein.clear();
-        self.bernstein.extend((0..=degree).map(coefficient));
         self.stack.push(Interval {
             start: 0.0,
             width: 1.0,
         });
         while let Some(interval) = self.stack.pop() {
             let place = self.bernstein.len() - (degree + 1);
-            let mut changes = sign_changes(&self.bernstein[place..]);
-            if changes == 0 {
-                let at = match turn(&self.bernstein[place..], level) {
-                    Turn::None => None,
-                    Turn::Start => Some(interval.start),
-                    Turn::End => Some(interval.start + interval.width),
-                    Turn::Several if interval.width > NARROW => {
-                        changes = 2;
-                        None
-                    }
-                    Turn::Inside | Turn::Several => {
-                        let end = interval.start + interval.width;
-                        Some(lowest(scaled, interval.start, end))
-                    }
-                };
-                let is_close = |s: &f64| series::value(scaled, *s).abs() <= level;
-                let tau = at.filter(is_close).map(|s| h * s);
-                // A turn where two intervals meet belongs to both.
-                let before = self.close.last().copied();
-                let is_new = |tau: &f64| before.is_none_or(|before| tau - before > 1e-6 * h);
-                self.close.extend(tau.filter(is_new));
-            }
+            let changes = match sign_changes(&self.bernstein[place..]) {
+                0 if self.turns_repeatedly(place, interval, h, level) => 2,
+                changes => changes,
+            };
             match changes {
                 0 => self.bernstein.truncate(place),
                 1 => {
-                    let s = refine(scaled, interval.start, interval.start + interval.width);
-                    let (s, crosses) = match touching(scaled, s) {
-                        Some(extremum) => (extremum, false),
-                        None => (s, true),
-                    };
+                    let end = interval.start + interval.width;
+                    let s = refine(&self.scaled, interval.start, end);
+                    let extremum = touching(&self.scaled, s);
                     return Some(Root {
-                        tau: h * s,
-                        crosses,
+                        tau: h * extremum.unwrap_or(s),
+                        crosses: extremum.is_none(),
                     });
                 }
                 _ if interval.width < NARROWEST => {
@@ -146,26 +115,56 @@ impl RootFinder {
                         crosses: false,
                     });
                 }
-                _ => {
-                    // The right half takes the place of the whole, the left half comes on top.
-                    let width = 0.5 * interval.width;
-                    split(&mut self.bernstein, degree + 1);
-                    self.stack.push(Interval {
-                        start: interval.start + width,
-                        width,
-                    });
-                    self.stack.push(Interval {
-                        start: interval.start,
-                        width,
-                    });
-                }
+                _ => self.halve(interval, degree),
             }
         }
         None
     }
-}
 
-impl RootFinder {
+    /// The Bernstein form on [0, 1]: b_j = Σ_k C(j, k) / C(degree, k) c_k.
+    fn write_bernstein(&mut self, degree: usize) {
+        self.weighted.clear();
+        let over = self.scaled.iter().zip(&self.binomials[degree]);
+        self.weighted.extend(over.map(|(c, binomial)| c / binomial));
+        let (weighted, binomials) = (&self.weighted, &self.binomials);
+        let coefficient = |j: usize| -> f64 {
+            let terms = binomials[j].iter().zip(weighted);
+            terms.map(|(binomial, c)| binomial * c).sum()
+        };
+        self.bernstein.clear();
+        self.bernstein.extend((0..=degree).map(coefficient));
+    }
+
+    /// Notes where the polynomial turns back close to zero in an interval without a root, whose coefficients begin
+    /// at `place`; true where several turns are still to be told apart.
+    fn turns_repeatedly(&mut self, place: usize, interval: Interval, h: f64, level: f64) -> bool {
+        let end = interval.start + interval.width;
+        let s = match turn(&self.bernstein[place..], level) {
+            Turn::None => return false,
+            Turn::Start => interval.start,
+            Turn::End => end,
+            Turn::Several if interval.width > NARROW => return true,
+            Turn::Inside | Turn::Several => lowest(&self.scaled, interval.start, end),
+        };
+        let tau = h * s;
+        // A turn where two intervals meet belongs to both.
+        let before = self.close.last();
+        let is_new = before.is_none_or(|before| tau - before > 1e-6 * h);
+        if is_new && series::value(&self.scaled, s).abs() <= level {
+            self.close.push(tau);
+        }
+        false
+    }
+
+    /// The right half of an interval takes the place of the whole, the left half comes on top.
+    fn halve(&mut self, Interval { start, width }: Interval, degree: usize) {
+        let width = 0.5 * width;
+        split(&mut self.bernstein, degree + 1);
+        let middle = start + width;
+        let halves = [middle, start].map(|start| Interval { start, width });
+        self.stack.extend(halves);
+    }
+
     /// True when the lowest terms stay away from zero, as their own Bernstein form shows, by more than
     /// all others add up to.
     fn low_terms_decide(&self, level: f64) -> bool {

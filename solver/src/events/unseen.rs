@@ -107,7 +107,7 @@ impl Unseen {
             }
         }
         for &i in mode.watched.iter().chain(&mode.sliding) {
-            if mode.surfaces.may_hide(i, memory, length, n) {
+            if mode.surfaces.now(i).may_hide(memory, length, n) {
                 self.suspects.push(Suspect::Surface(i));
             }
         }
@@ -198,7 +198,7 @@ impl Unseen {
                 !is_known
             }
             Suspect::Surface(i) => {
-                let psi = mode.surfaces.examine(i, input, registers);
+                let psi = mode.surfaces.now(i).examine(input, registers);
                 let is_off = |psi: &Tame| {
                     let side = Side::of(psi.ball.middle);
                     psi.ball.excludes_zero() && side == mode.sides[i]

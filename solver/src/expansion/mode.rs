@@ -304,7 +304,7 @@ impl Mode {
             let slopes = self.field.slopes(state).filter(move |(j, _)| *j == alpha);
             slopes.map(move |(_, slope)| g * slope)
         });
-        by_alpha.sum::<f64>() + self.surfaces.mixed(switch, alpha, &self.field.f)
+        by_alpha.sum::<f64>() + self.surfaces.now(switch).mixed(alpha, &self.field.f)
     }
 
     /// (j, ∂ψ/∂x_j), where it was last linearized.

@@ -1,10 +1,10 @@
 //! One ψ, compiled for the sides of the switches inside it.
 
-use super::field::gather;
+use super::field::{gather, run_balls};
 use super::layout::Memory;
 use crate::hybrid::form::{Affine, Smooth, Surface};
 use crate::hybrid::system::Input;
-use crate::tape::{self, Recurrences, Step, Tape};
+use crate::tape::{self, Ball, Lane, Recurrences, Rounded, Step, Tame, Tape};
 
 /// ψ for certain sides inside it.
 pub(crate) struct Compiled {
@@ -189,6 +189,86 @@ impl Compiled {
                 }
             }
         }
+    }
+
+    /// Computes the coefficient of order k ≥ 1 again, after that of the states has changed.
+    pub(crate) fn correct(&self, memory: &mut Memory, k: usize) {
+        if let Form::Smooth(tapes) = &self.form
+            && let Some(series) = &tapes.series
+        {
+            let Memory {
+                rows,
+                weights,
+                stride,
+                ..
+            } = memory;
+            tape::advance_all(&series.moving, rows, weights, k, *stride);
+        }
+    }
+
+    /// What α of a continuous switch changes in the rate φ through ∇ψ: Σ ∂²ψ/∂x∂α f + ∂²ψ/∂t∂α.
+    pub(crate) fn mixed(&self, alpha: usize, f: &[f64]) -> f64 {
+        let Form::Smooth(tapes) = &self.form else {
+            return 0.0;
+        };
+        let of_alpha = tapes.mixed.iter().filter(|entry| entry.1 == alpha);
+        let rate = |place: Option<usize>| place.map_or(1.0, |at| f[self.gradient[at].0]);
+        of_alpha.map(|&(place, _, value)| value * rate(place)).sum()
+    }
+
+    /// How far rounding may take ψ from what exact arithmetic gives; 0 where ψ is affine, or no bound is known.
+    pub(crate) fn running_error(&self, values: &[f64], registers: &mut Vec<Rounded>) -> f64 {
+        let Form::Smooth(tapes) = &self.form else {
+            return 0.0;
+        };
+        let tape = &tapes.functions.psi;
+        let input = |slot: usize| Ball::splat(values[slot]);
+        run_balls(tape, &tapes.gather, input, registers);
+        let error = tape.results(registers).next();
+        let error = error.map_or(0.0, |psi| psi.ball().radius);
+        if error.is_finite() { error } else { 0.0 }
+    }
+
+    /// The same of ∂ψ/∂x and ∂ψ/∂t: calls `see` with the state, or none for time, and its error.
+    pub(crate) fn running_errors_of_gradient(
+        &self,
+        values: &[f64],
+        registers: &mut Vec<Rounded>,
+        mut see: impl FnMut(Option<usize>, f64),
+    ) {
+        let Form::Smooth(tapes) = &self.form else {
+            return;
+        };
+        let tape = &tapes.functions.gradient.tape;
+        let input = |slot: usize| Ball::splat(values[slot]);
+        run_balls(tape, &tapes.gather, input, registers);
+        for (place, slope) in tapes.places.iter().zip(tape.results(registers)) {
+            let state = place.map(|place| self.gradient[place].0);
+            see(state, slope.ball().radius);
+        }
+    }
+
+    /// Whether ψ may hide what it does within a step h, from the first `n` coefficients of what it reads.
+    pub(crate) fn may_hide(&self, memory: &Memory, h: f64, n: usize) -> bool {
+        let Form::Smooth(tapes) = &self.form else {
+            return false;
+        };
+        let mut hiding = tapes.hiding.iter();
+        hiding.any(|step| step.may_hide(&memory.rows, h, n, memory.stride))
+    }
+
+    /// Encloses ψ where its inputs are in balls, by their places among the values; none where it is affine.
+    pub(crate) fn examine(
+        &self,
+        input: impl Fn(usize) -> Ball,
+        registers: &mut Vec<Tame>,
+    ) -> Option<Tame> {
+        let Form::Smooth(tapes) = &self.form else {
+            return None;
+        };
+        let psi = &tapes.functions.psi;
+        run_balls(psi, &tapes.gather, input, registers);
+        psi.results(registers).next()
     }
 }
 

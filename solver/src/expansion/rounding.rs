@@ -100,7 +100,7 @@ impl Mode {
     /// How far rounding may take ψ of a switch from what it is, where the point is.
     pub(crate) fn running_error(&mut self, switch: usize) -> f64 {
         let registers = &mut self.rounding.registers;
-        (self.surfaces).running_error(switch, &self.memory.values, registers)
+        (self.surfaces.now(switch)).running_error(&self.memory.values, registers)
     }
 
     /// How far rounding of the gradient of ψ of a switch may take its rate, with rates of these sizes.
@@ -117,7 +117,8 @@ impl Mode {
         let see = |state: Option<usize>, radius: f64| {
             error += radius * state.map_or(1.0, &size);
         };
-        (self.surfaces).running_errors_of_gradient(switch, &self.memory.values, registers, see);
+        let psi = self.surfaces.now(switch);
+        psi.running_errors_of_gradient(&self.memory.values, registers, see);
         if error.is_finite() { error } else { 0.0 }
     }
 

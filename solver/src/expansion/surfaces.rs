@@ -2,13 +2,12 @@
 
 use rustc_hash::FxHashMap;
 
-use super::field::run_balls;
 use super::layout::Memory;
 use super::psi::{Compiled, Form, run};
 use crate::hybrid::Side;
 use crate::hybrid::form::{Library, Smooth};
 use crate::hybrid::system::HybridSystem;
-use crate::tape::{self, Ball, Lane, Rounded, Tame};
+use crate::tape::{Ball, Lane};
 
 pub(crate) struct Surfaces {
     /// All ψ, and behind them the derivatives of those of higher relative degree.
@@ -224,7 +223,8 @@ impl Surfaces {
             && (a.terms.iter().zip(&b.terms)).all(|(x, y)| x.0 == y.0 && same(x.1, y.1))
     }
 
-    fn now(&self, switch: usize) -> &Compiled {
+    /// What stands for a switch, for the sides inside it.
+    pub(crate) fn now(&self, switch: usize) -> &Compiled {
         self.surfaces[self.slot[switch]].now()
     }
 
@@ -243,47 +243,6 @@ impl Surfaces {
                 let mut results = tapes.functions.psi.results(&self.registers);
                 results.next().unwrap_or(f64::NAN)
             }
-        }
-    }
-
-    /// How far rounding may take ψ from what exact arithmetic gives; 0 where ψ is affine, or no bound is known.
-    pub(crate) fn running_error(
-        &self,
-        switch: usize,
-        values: &[f64],
-        registers: &mut Vec<Rounded>,
-    ) -> f64 {
-        let Form::Smooth(tapes) = &self.now(switch).form else {
-            return 0.0;
-        };
-        let tape = &tapes.functions.psi;
-        let input = |slot: usize| Ball::splat(values[slot]);
-        run_balls(tape, &tapes.gather, input, registers);
-        let error = tape.results(registers).next();
-        let error = error.map_or(0.0, |psi| psi.ball().radius);
-        if error.is_finite() { error } else { 0.0 }
-    }
-
-    /// The same of ∂ψ/∂x and ∂ψ/∂t: calls `see` with the state, or none for time, and its error.
-    pub(crate) fn running_errors_of_gradient(
-        &self,
-        switch: usize,
-        values: &[f64],
-        registers: &mut Vec<Rounded>,
-        mut see: impl FnMut(Option<usize>, f64),
-    ) {
-        let compiled = self.now(switch);
-        let Form::Smooth(tapes) = &compiled.form else {
-            return;
-        };
-        let tape = &tapes.functions.gradient.tape;
-        let input = |slot: usize| Ball::splat(values[slot]);
-        run_balls(tape, &tapes.gather, input, registers);
-        for (place, slope) in tapes.places.iter().zip(tape.results(registers)) {
-            see(
-                place.map(|place| compiled.gradient[place].0),
-                slope.ball().radius,
-            );
         }
     }
 
@@ -322,17 +281,6 @@ impl Surfaces {
         self.now(switch).by_time
     }
 
-    /// What α of a continuous switch changes in the rate φ through ∇ψ: Σ ∂²ψ/∂x∂α f + ∂²ψ/∂t∂α.
-    pub(crate) fn mixed(&self, switch: usize, alpha: usize, f: &[f64]) -> f64 {
-        let compiled = self.now(switch);
-        let Form::Smooth(tapes) = &compiled.form else {
-            return 0.0;
-        };
-        let of_alpha = tapes.mixed.iter().filter(|entry| entry.1 == alpha);
-        let rate = |place: Option<usize>| place.map_or(1.0, |at| f[compiled.gradient[at].0]);
-        of_alpha.map(|&(place, _, value)| value * rate(place)).sum()
-    }
-
     /// Computes the coefficient of order k of ψ along the series of the states, from all lower ones.
     pub(crate) fn advance(&mut self, switch: usize, memory: &mut Memory, k: usize) {
         let local = &mut self.surfaces[self.slot[switch]];
@@ -343,21 +291,6 @@ impl Surfaces {
     pub(crate) fn expand(&mut self, switch: usize, memory: &mut Memory, n: usize) {
         let local = &mut self.surfaces[self.slot[switch]];
         local.known[local.now].expand(memory, n);
-    }
-
-    /// Computes the coefficient of order k ≥ 1 again, after that of the states has changed.
-    pub(crate) fn correct(&self, switch: usize, memory: &mut Memory, k: usize) {
-        if let Form::Smooth(tapes) = &self.now(switch).form
-            && let Some(series) = &tapes.series
-        {
-            let Memory {
-                rows,
-                weights,
-                stride,
-                ..
-            } = memory;
-            tape::advance_all(&series.moving, rows, weights, k, *stride);
-        }
     }
 
     /// Where the series of ψ starts, after `advance`.
@@ -389,30 +322,6 @@ impl Surfaces {
         let differences = perturbed.map(|values| (self.value(switch, values) - psi).abs());
         let size = differences[0].max(differences[1]) / share;
         if size.is_finite() { size } else { 0.0 }
-    }
-
-    /// Whether ψ may hide what it does within a step h, from the first `n` coefficients of what it reads.
-    pub(crate) fn may_hide(&self, switch: usize, memory: &Memory, h: f64, n: usize) -> bool {
-        let Form::Smooth(tapes) = &self.now(switch).form else {
-            return false;
-        };
-        let mut hiding = tapes.hiding.iter();
-        hiding.any(|step| step.may_hide(&memory.rows, h, n, memory.stride))
-    }
-
-    /// Encloses ψ where its inputs are in balls, by their places among the values; none where it is affine.
-    pub(crate) fn examine(
-        &self,
-        switch: usize,
-        input: impl Fn(usize) -> Ball,
-        registers: &mut Vec<Tame>,
-    ) -> Option<Tame> {
-        let Form::Smooth(tapes) = &self.now(switch).form else {
-            return None;
-        };
-        let psi = &tapes.functions.psi;
-        run_balls(psi, &tapes.gather, input, registers);
-        psi.results(registers).next()
     }
 
     /// True when ψ cannot vanish within a step h in which no state moves by more than its `reach`.

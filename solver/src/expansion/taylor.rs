@@ -93,7 +93,7 @@ impl Mode {
                     self.surfaces.advance(i, &mut self.memory, 0);
                     self.surfaces.advance(i, &mut self.memory, 1);
                 }
-                _ => self.surfaces.correct(i, &mut self.memory, k),
+                _ => self.surfaces.now(i).correct(&mut self.memory, k),
             }
             self.surfaces.advance(i, &mut self.memory, k + 1);
             let psi = self.memory.rows[self.surfaces.row(i) + k + 1];

@@ -66,6 +66,13 @@ pub(super) struct Length {
     pub target: Option<(f64, f64)>,
 }
 
+/// Sizes of members, of states, and of rates of members.
+struct Sizes<'s> {
+    members: &'s [f64],
+    states: &'s [f64],
+    rates: f64,
+}
+
 /// An element that has been solved, and what has ended it.
 struct Solved {
     event: Option<usize>,
@@ -213,24 +220,24 @@ impl Simulator<'_> {
         Ok(solved.event)
     }
 
-    /// The member that vanishes first in an element of length h, which then ends there; states and members have sizes.
+    /// The member that vanishes first in an element of length h, which then ends there.
     fn first_member(
         &mut self,
         mode: &mut Mode,
         h: f64,
         starts: &[Start],
-        (sizes, scale, rates): (&[f64], &[f64], f64),
+        sizes: Sizes,
     ) -> Result<Option<usize>, Unsolved> {
         let (scheme, element, hidden) = (&self.scheme, &mut mode.element, &mut mode.hidden);
         self.values.evaluate(scheme, element, hidden)?;
-        let verdict = (self.values).judge(scheme, starts, (sizes, rates), &mut self.roots);
-        match verdict {
+        let scales = (sizes.members, sizes.rates);
+        match (self.values).judge(scheme, starts, scales, &mut self.roots) {
             Verdict::Stays => Ok(None),
             Verdict::Wrong { .. } => Err(Unsolved::Diverged),
             Verdict::Leaves { sigma, member } => {
                 element.shorten(scheme, sigma);
-                let zero = (member, BAND * sizes[member]);
-                let taken = element.solve_to(scheme, hidden, zero, scale)?;
+                let zero = (member, BAND * sizes.members[member]);
+                let taken = element.solve_to(scheme, hidden, zero, sizes.states)?;
                 if !(taken > 0.0 && taken <= h * (1.0 + 1e-9)) {
                     return Err(Unsolved::Diverged);
                 }
@@ -284,8 +291,12 @@ impl Simulator<'_> {
             mode.element.guess(&rates, &unknowns);
             let scheme = &self.scheme;
             let solved = mode.element.solve(scheme, sigma, h, &x0, &scale);
-            let scales = (&sizes[..], &scale[..], run.rate_scale * h * ahead.speed);
-            let event = solved.and_then(|()| self.first_member(mode, h, &starts, scales));
+            let sizes = Sizes {
+                members: &sizes,
+                states: &scale,
+                rates: run.rate_scale * h * ahead.speed,
+            };
+            let event = solved.and_then(|()| self.first_member(mode, h, &starts, sizes));
             let Ok(event) = event else {
                 h *= 0.5;
                 continue;

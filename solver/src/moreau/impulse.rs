@@ -94,6 +94,12 @@ impl<'p> Island<'p> {
             .iter()
             .map(move |&c| (c as usize, &contacts[c as usize]))
     }
+
+    /// The same of one place.
+    pub fn contact(&self, i: usize) -> (usize, &'p Contact) {
+        let c = self.contacts[i] as usize;
+        (c, &self.linear.contacts[c])
+    }
 }
 
 impl Impulses {

@@ -300,14 +300,7 @@ impl Simulator {
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
         mode.measure_terms(state);
-        mode.watched.clear();
-        for &i in group {
-            if sides[i] == Side::Slide || mode.is_idle(i, &sides) || sets_off(i) {
-                continue;
-            }
-            mode.expand_psi(i, state);
-            mode.watched.push(i);
-        }
+        mode.watch_sides(state, group, &sides, sets_off);
         let mut longest = t1 - state.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
             longest = longest.min(mode.sight(&self.system));
@@ -359,6 +352,23 @@ impl Simulator {
 }
 
 impl Mode {
+    /// Watches the ψ of those of a group that are off their surfaces, and do not set off from rest.
+    fn watch_sides(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        sides: &[Side],
+        sets_off: impl Fn(usize) -> bool,
+    ) {
+        self.watched.clear();
+        for &i in group {
+            if sides[i] != Side::Slide && !self.is_idle(i, sides) && !sets_off(i) {
+                self.expand_psi(i, state);
+                self.watched.push(i);
+            }
+        }
+    }
+
     /// Whether the series of a sliding switch keep it on its surface for a time h: an α within a tie of its bound goes
     /// inward.
     fn keeps_sliding(&self, switch: usize, h: f64, tie: f64) -> bool {

@@ -245,12 +245,6 @@ impl TapeBuilder {
         allocate(inputs.len(), values, outputs, &wanted)
     }
 
-    /// Where the instructions stand whose results begin with a value of at least this number.
-    pub(super) fn from(&self, number: Slot) -> usize {
-        self.instructions
-            .partition_point(|instruction| instruction.out < number)
-    }
-
     /// All instructions, in order.
     pub(super) fn instructions(&self) -> &[Instruction] {
         &self.instructions

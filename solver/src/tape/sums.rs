@@ -134,7 +134,7 @@ impl Sums {
                 }
                 None => {
                     // A second result stands behind the first one.
-                    let maker = self.builder.from(number + 1) - 1;
+                    let maker = self.made_from(number + 1) - 1;
                     if makers.insert(maker) {
                         stack.extend(self.builder.instructions()[maker].op.operands());
                     }
@@ -150,9 +150,15 @@ impl Sums {
         }
     }
 
+    /// Where the instructions stand whose results begin with a value of at least this number.
+    fn made_from(&self, number: Slot) -> usize {
+        let instructions = self.builder.instructions();
+        instructions.partition_point(|instruction| instruction.out < number)
+    }
+
     /// Notes what new values depend on.
     fn follow(&mut self) {
-        let first = self.builder.from(slot(self.reads.len()));
+        let first = self.made_from(slot(self.reads.len()));
         for instruction in &self.builder.instructions()[first..] {
             let mut reads: Vec<Slot> = Vec::new();
             for operand in instruction.op.operands() {

@@ -98,19 +98,18 @@ impl Directional {
         self.inputs[first..].copy_from_slice(numbers);
     }
 
-    /// The active sets that go on from (t, x), where the system is at z with the set `zeros`.
+    /// The active sets that go on from the present point, where the system is at z with the set `zeros`.
     /// `bands` are the values of each pair's continuous member below which it is zero; rates are zero
     /// next to `least` in any case.
     pub fn choices(
         &mut self,
         system: &ComplementaritySystem,
-        (t, x, z): (f64, &[f64], &[f64]),
         zeros: &[Zero],
+        z: &[f64],
         bands: &[f64],
         least: f64,
     ) -> Found {
         let open = open_pairs(system, z, bands);
-        self.set(t, x, z);
         let each = |directional: &mut Self| directional.each(system, zeros, z, &open, bands);
         let (found, scale, complete) = if open.len() <= MAX_OPEN {
             (self.all(system, zeros, z, &open), 0.0, true)

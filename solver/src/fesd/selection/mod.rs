@@ -218,15 +218,13 @@ impl Simulator<'_> {
 
     fn select_from(&mut self, run: &mut Run, bands: &[f64], length: f64) -> Result<(), Status> {
         self.rest(run, bands);
-        let point = (run.t, &run.x[..], &run.z[..]);
         // Where a force balances the rates, no choice has a rate that shows the size of their terms: what
         // moves a gap by no more than rounding within a step is none.
         let gaps = self.system.pairs.iter().zip(bands);
         let gaps = gaps.filter(|(pair, _)| !pair.is_bounded);
         let least = gaps.fold(0.0_f64, |size, (_, band)| size.max(band / BAND)) / length;
-        let found = self
-            .directional
-            .choices(self.system, point, &run.zeros, bands, least);
+        self.directional.set(run.t, &run.x, &run.z);
+        let found = (self.directional).choices(self.system, &run.zeros, &run.z, bands, least);
         // Choices with the same rates are one solution.
         let sizes = sizes_of_rates(run, &found, length);
         let mut classes: Vec<Vec<Choice>> = Vec::new();

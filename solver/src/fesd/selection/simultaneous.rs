@@ -79,10 +79,10 @@ impl Simulator<'_> {
 
     /// The one set that goes on where members below these bands are zero.
     fn only(&mut self, run: &Run, bands: &[f64], length: f64) -> Option<Choice> {
-        let point = (run.t, &run.x[..], &run.z[..]);
         let least = bands.iter().fold(0.0_f64, |size, band| size.max(*band)) / (BAND * length);
         let least = least.max(0.0) * f64::EPSILON;
-        let found = (self.directional).choices(self.system, point, &run.zeros, bands, least);
+        self.directional.set(run.t, &run.x, &run.z);
+        let found = (self.directional).choices(self.system, &run.zeros, &run.z, bands, least);
         let mut choices = found.choices.into_iter().filter(|choice| choice.strict);
         let first = choices.next()?;
         let is_same =

@@ -103,8 +103,10 @@ impl ComplementaritySystem {
         let alphas = shown.sums.take(&self.full.alphas, &shown.inputs);
         let sides = self.sides(&alphas, zeros, &idle);
         let kept = self.kept_on(&sides);
+        // Followers stay what they were at the start.
+        let is_kept = |pair: usize| kept.iter().any(|&(i, _)| self.switches_of[pair] == [i]);
         let both = watched.into_iter().zip(members);
-        let both = both.filter(|(watched, _)| !self.is_kept(watched, &kept));
+        let both = both.filter(|(watched, _)| !is_kept(watched.pair));
         let (watched, members): (Vec<Watched>, Vec<Sum>) = both.unzip();
         let sliding = sliding(&alphas, &sides);
         let members = shown.sums.tape(&members, &inputs);
@@ -163,12 +165,6 @@ impl ComplementaritySystem {
         followers
             .filter(|&(i, j)| slides(j) && !slides(i))
             .collect()
-    }
-
-    /// Whether a member stays what it was at the start.
-    fn is_kept(&self, watched: &Watched, kept: &[(usize, usize)]) -> bool {
-        let is_of = |i: usize| self.switches_of[watched.pair] == [i];
-        kept.iter().any(|&(i, _)| is_of(i))
     }
 
     /// The followers and what they follow.

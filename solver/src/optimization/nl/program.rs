@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use super::expression::{Id, Node, Operator};
-use super::lift::lift;
+use super::lift::{Lifted, lift};
 use super::segments::{Contents, Function, Linear, RowBound, Sense};
 use super::shape::{Shape, Word, Writer, compile};
 use super::{Error, Fault, FileRow, Problem, Sizes};
@@ -46,175 +46,185 @@ struct Row {
     bounds: (f64, f64),
 }
 
+impl Row {
+    fn new(nonlinear: Option<Id>, linear: Linear, bounds: (f64, f64)) -> Self {
+        Row {
+            factor: 1.0,
+            nonlinear,
+            linear,
+            bounds,
+        }
+    }
+}
+
+/// The rows of a file, then those of kinks and complementarities.
+struct Rows {
+    rows: Vec<Row>,
+    pairs: Vec<(Side, Side)>,
+    /// Lower bounds and initial values of the variables behind those of the file; none is bounded above.
+    added: Vec<(f64, f64)>,
+}
+
 /// Builds the program of a file.
 pub(crate) fn build(mut contents: Contents) -> Result<Problem, Error> {
-    let n = contents.header.n_variables;
-    let n_rows = contents.header.n_rows;
-    let mut lifted = lift(&mut contents);
-    let mut rows: Vec<Row> = Vec::with_capacity(n_rows);
-    for function in &mut contents.rows {
-        rows.push(Row {
-            factor: 1.0,
-            nonlinear: function.nonlinear,
-            linear: merged(std::mem::take(&mut function.linear)),
-            bounds: (f64::NEG_INFINITY, f64::INFINITY),
-        });
-    }
-    let mut pairs = Vec::new();
-    let n_kinks = lifted.pairs.len();
-    pairs.extend((lifted.pairs.iter()).map(|&(p, n)| (Side::Variable(p), Side::Variable(n))));
-    rows.extend(lifted.equations.iter().map(|&equation| Row {
-        factor: 1.0,
-        nonlinear: Some(equation),
-        linear: Vec::new(),
-        bounds: (0.0, 0.0),
-    }));
+    let lifted = lift(&mut contents);
+    let mut rows = Rows::of(&mut contents, lifted);
+    let n_kinks = rows.pairs.len();
+    let n_complements = rows.bound(&contents)?;
+    rows.complement_binaries(&contents)?;
+    let Rows { rows, pairs, added } = rows;
 
-    let infinity = f64::INFINITY;
-    let fail = |fault| {
-        let place = contents.end;
-        Err(Error { place, fault })
-    };
-    let bounds = &contents.variable_bounds;
-    // The row u - x >= 0, as -x >= -u.
-    let below = |rows: &mut Vec<Row>, variable: u32| {
-        rows.push(Row {
-            factor: 1.0,
-            nonlinear: None,
-            linear: vec![(variable, -1.0)],
-            bounds: (-bounds[variable as usize].1, infinity),
-        });
-        Side::Row((rows.len() - 1) as u32)
-    };
-    let mut n_complements = 0;
-    for (row, bound) in contents.row_bounds.iter().enumerate() {
-        let (variable, lower, upper) = match *bound {
-            RowBound::Between(lower, upper) => {
-                rows[row].bounds = (lower, upper);
-                continue;
-            }
-            RowBound::Complements {
-                variable,
-                lower,
-                upper,
-            } => (variable, lower, upper),
-        };
-        let (l, u) = bounds[variable as usize];
-        for (asked, value, bound) in [(lower, l, "lower"), (upper, u, "upper")] {
-            if asked && !value.is_finite() {
-                return fail(Fault::Unbounded {
-                    row,
-                    variable,
-                    bound,
-                });
-            }
-        }
-        n_complements += usize::from(lower) + usize::from(upper);
-        let body = Side::Row(row as u32);
-        match (lower, upper) {
-            (false, false) => rows[row].bounds = (0.0, 0.0),
-            (true, false) => {
-                rows[row].bounds = (0.0, infinity);
-                pairs.push((body, Side::Variable(variable)));
-            }
-            (false, true) => {
-                rows[row].factor = -1.0;
-                rows[row].bounds = (0.0, infinity);
-                let distance = below(&mut rows, variable);
-                pairs.push((body, distance));
-            }
-            // body = p - n with p ⟂ x - l and n ⟂ u - x.
-            (true, true) => {
-                let first = (n + lifted.variables.len()) as u32;
-                lifted.variables.extend([(0.0, 0.0); 2]);
-                rows[row].linear.extend([(first, -1.0), (first + 1, 1.0)]);
-                rows[row].bounds = (0.0, 0.0);
-                let distance = below(&mut rows, variable);
-                pairs.push((Side::Variable(first), Side::Variable(variable)));
-                pairs.push((Side::Variable(first + 1), distance));
-            }
-        }
-    }
-    // 0 <= x ⟂ 1 - x >= 0: a binary variable.
-    let first_binary = n - contents.header.n_binary;
-    for (variable, &bounds) in bounds.iter().enumerate().skip(first_binary) {
-        match bounds {
-            (l, u) if l == u && (l == 0.0 || l == 1.0) => {}
-            (0.0, 1.0) => {
-                let distance = below(&mut rows, variable as u32);
-                pairs.push((Side::Variable(variable as u32), distance));
-            }
-            _ => return fail(Fault::Binary(variable)),
-        }
-    }
-
-    let added = &lifted.variables;
-    let lower: Vec<f64> = (bounds.iter().map(|b| b.0))
-        .chain(added.iter().map(|v| v.0))
-        .collect();
-    let upper: Vec<f64> = (bounds.iter().map(|b| b.1))
-        .chain(added.iter().map(|_| infinity))
-        .collect();
-    let start = contents.start.iter().copied();
-    let start: Vec<f64> = start.chain(added.iter().map(|v| v.1)).collect();
-    let mut program = Program::builder(&lower, &upper, &start);
-
+    let mut program = variables(&contents, &added);
+    let n_all = contents.variable_bounds.len() + added.len();
     let mut functions = Functions {
-        writer: Writer::new(&contents.nodes, &contents.defined, lower.len()),
+        writer: Writer::new(&contents.nodes, &contents.defined, n_all),
         left: MAX_OPERATIONS,
         curvature: 0,
         contents: &contents,
     };
-    let mut groups = Groups::default();
-    for (number, row) in rows.iter().enumerate() {
-        let user = || format!("row {number}");
-        let shape = functions.shape(row.factor, row.nonlinear, &row.linear, user)?;
-        if shape.variables.len() > MANY_VARIABLES
-            && let Some(nonlinear) = row.nonlinear
-        {
-            let mut terms = Terms::default();
-            terms.collect_expression(&contents, 1.0, nonlinear);
-            for (factor, term) in terms.nonlinear {
-                let shape = functions.shape(factor, Some(term), &[], user)?;
-                functions.count(&shape, user)?;
-            }
-        }
-        groups.add(shape, row.bounds, number);
-    }
-    let mut file_rows = vec![0; rows.len()];
-    for group in groups.groups {
-        let members = group.members.clone();
-        let places = group.place(&mut program);
-        for (&member, place) in members.iter().zip(places) {
-            file_rows[member] = place as u32;
-        }
-    }
+    let places = functions.rows(&rows, &mut program)?;
     let sense = functions.objective(&mut program)?;
     for (a, b) in &pairs {
         let [a, b] = [a, b].map(|&side| match side {
-            Side::Row(row) => Side::Row(file_rows[row as usize]),
+            Side::Row(row) => Side::Row(places[row as usize]),
             variable => variable,
         });
         program.pair(Pair { a, b });
     }
-    let file_rows = (0..n_rows).map(|row| FileRow {
-        row: file_rows[row],
-        negated: rows[row].factor < 0.0,
+    let file_rows = places.iter().zip(&rows).map(|(&place, row)| FileRow {
+        row: place,
+        negated: row.factor < 0.0,
     });
-    let file_rows = file_rows.collect();
     Ok(Problem {
         program: program.finish(),
         sizes: Sizes {
-            variables: n,
-            rows: n_rows,
+            variables: contents.header.n_variables,
+            rows: contents.header.n_rows,
             complementarities: n_complements,
             kinks: n_kinks,
             binaries: contents.header.n_binary,
         },
-        rows: file_rows,
+        rows: file_rows.take(contents.header.n_rows).collect(),
         sense,
         header: contents.header,
     })
+}
+
+impl Rows {
+    /// Those of a file, without bounds, and what kinks add.
+    fn of(contents: &mut Contents, lifted: Lifted) -> Self {
+        let unbounded = (f64::NEG_INFINITY, f64::INFINITY);
+        let own = contents.rows.iter_mut().map(|function| {
+            let linear = merged(std::mem::take(&mut function.linear));
+            Row::new(function.nonlinear, linear, unbounded)
+        });
+        let equations = lifted.equations.into_iter();
+        let equations = equations.map(|equation| Row::new(Some(equation), Vec::new(), (0.0, 0.0)));
+        let pairs = lifted.pairs.into_iter();
+        Rows {
+            rows: own.chain(equations).collect(),
+            pairs: pairs
+                .map(|(p, n)| (Side::Variable(p), Side::Variable(n)))
+                .collect(),
+            added: lifted.variables,
+        }
+    }
+
+    /// Takes the bounds of the rows of a file, and complementarities, which it counts.
+    fn bound(&mut self, contents: &Contents) -> Result<usize, Error> {
+        let mut n_complements = 0;
+        for (row, bound) in contents.row_bounds.iter().enumerate() {
+            match *bound {
+                RowBound::Between(lower, upper) => self.rows[row].bounds = (lower, upper),
+                RowBound::Complements {
+                    variable,
+                    lower,
+                    upper,
+                } => {
+                    let (l, u) = contents.variable_bounds[variable as usize];
+                    for (asked, value, bound) in [(lower, l, "lower"), (upper, u, "upper")] {
+                        if asked && !value.is_finite() {
+                            return Err(contents.wrong(Fault::Unbounded {
+                                row,
+                                variable,
+                                bound,
+                            }));
+                        }
+                    }
+                    n_complements += usize::from(lower) + usize::from(upper);
+                    self.complement(contents, row, variable, (lower, upper));
+                }
+            }
+        }
+        Ok(n_complements)
+    }
+
+    /// Lets a row complement a variable at its lower bound, its upper bound, both or none.
+    fn complement(
+        &mut self,
+        contents: &Contents,
+        row: usize,
+        variable: u32,
+        (lower, upper): (bool, bool),
+    ) {
+        let body = Side::Row(row as u32);
+        let own = &mut self.rows[row];
+        own.bounds = (0.0, if lower == upper { 0.0 } else { f64::INFINITY });
+        match (lower, upper) {
+            (false, false) => {}
+            (true, false) => self.pairs.push((body, Side::Variable(variable))),
+            (false, true) => {
+                own.factor = -1.0;
+                let distance = self.below(contents, variable);
+                self.pairs.push((body, distance));
+            }
+            // body = p - n with p ⟂ x - l and n ⟂ u - x.
+            (true, true) => {
+                let first = (contents.header.n_variables + self.added.len()) as u32;
+                self.added.extend([(0.0, 0.0); 2]);
+                own.linear.extend([(first, -1.0), (first + 1, 1.0)]);
+                let distance = self.below(contents, variable);
+                let pairs = [(first, Side::Variable(variable)), (first + 1, distance)];
+                let pairs = pairs.map(|(part, side)| (Side::Variable(part), side));
+                self.pairs.extend(pairs);
+            }
+        }
+    }
+
+    /// Adds the row u - x >= 0, as -x >= -u.
+    fn below(&mut self, contents: &Contents, variable: u32) -> Side {
+        let (_, upper) = contents.variable_bounds[variable as usize];
+        let bounds = (-upper, f64::INFINITY);
+        self.rows
+            .push(Row::new(None, vec![(variable, -1.0)], bounds));
+        Side::Row((self.rows.len() - 1) as u32)
+    }
+
+    /// 0 <= x ⟂ 1 - x >= 0 for binary variables.
+    fn complement_binaries(&mut self, contents: &Contents) -> Result<(), Error> {
+        let first = contents.header.n_variables - contents.header.n_binary;
+        for (variable, &bounds) in contents.variable_bounds.iter().enumerate().skip(first) {
+            match bounds {
+                (l, u) if l == u && (l == 0.0 || l == 1.0) => {}
+                (0.0, 1.0) => {
+                    let distance = self.below(contents, variable as u32);
+                    self.pairs.push((Side::Variable(variable as u32), distance));
+                }
+                _ => return Err(contents.wrong(Fault::Binary(variable))),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A program of the variables of a file and added ones.
+fn variables(contents: &Contents, added: &[(f64, f64)]) -> ProgramBuilder {
+    let bounds = contents.variable_bounds.iter().copied();
+    let more = added.iter().map(|&(lower, _)| (lower, f64::INFINITY));
+    let (lower, upper): (Vec<f64>, Vec<f64>) = bounds.chain(more).unzip();
+    let start = contents.start.iter().copied();
+    let start: Vec<f64> = start.chain(added.iter().map(|v| v.1)).collect();
+    Program::builder(&lower, &upper, &start)
 }
 
 /// Terms by ascending variables, each once, none zero.
@@ -253,14 +263,11 @@ impl Functions<'_> {
                 self.left = self.left.saturating_sub(shape.code.len());
                 Ok(shape)
             }
-            None => Err(Error {
-                place: self.contents.end,
-                fault: Fault::Large {
-                    user: user(),
-                    what: "operations",
-                    limit: MAX_OPERATIONS,
-                },
-            }),
+            None => Err(self.contents.wrong(Fault::Large {
+                user: user(),
+                what: "operations",
+                limit: MAX_OPERATIONS,
+            })),
         }
     }
 
@@ -271,16 +278,41 @@ impl Functions<'_> {
             self.curvature += n * (n + 1) / 2;
         }
         if self.curvature > MAX_CURVATURE {
-            return Err(Error {
-                place: self.contents.end,
-                fault: Fault::Large {
-                    user: user(),
-                    what: "second derivatives",
-                    limit: MAX_CURVATURE,
-                },
-            });
+            return Err(self.contents.wrong(Fault::Large {
+                user: user(),
+                what: "second derivatives",
+                limit: MAX_CURVATURE,
+            }));
         }
         Ok(())
+    }
+
+    /// Adds rows, shape by shape; where each of them is.
+    fn rows(&mut self, rows: &[Row], program: &mut ProgramBuilder) -> Result<Vec<u32>, Error> {
+        let mut groups = Groups::default();
+        for (number, row) in rows.iter().enumerate() {
+            let user = || format!("row {number}");
+            let shape = self.shape(row.factor, row.nonlinear, &row.linear, user)?;
+            if shape.variables.len() > MANY_VARIABLES
+                && let Some(nonlinear) = row.nonlinear
+            {
+                let mut terms = Terms::default();
+                terms.collect_expression(self.contents, 1.0, nonlinear);
+                for (factor, term) in terms.nonlinear {
+                    let shape = self.shape(factor, Some(term), &[], user)?;
+                    self.count(&shape, user)?;
+                }
+            }
+            groups.add(shape, row.bounds, number);
+        }
+        let mut places = vec![0; rows.len()];
+        for group in groups.groups {
+            let members = group.members.clone();
+            for (&member, place) in members.iter().zip(group.place(program)) {
+                places[member] = place as u32;
+            }
+        }
+        Ok(places)
     }
 
     /// Adds the first objective, term by term; less is better from here on.

@@ -23,6 +23,14 @@ pub(crate) struct Contents {
     pub end: Place,
 }
 
+impl Contents {
+    /// What is wrong with all of it.
+    pub fn wrong(&self, fault: Fault) -> Error {
+        let place = self.end;
+        Error { place, fault }
+    }
+}
+
 /// A nonlinear expression plus linear terms.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Function {
@@ -104,41 +112,8 @@ impl Reader<'_> {
         let header = &self.contents.header;
         let (n, m) = (header.n_variables, header.n_rows);
         match letter {
-            b'C' => {
-                let row = self.scanner.index("row", m)?;
-                let place = Some(self.scanner.place());
-                let expression = self.expression("row", row)?;
-                let function = &mut self.contents.rows[row];
-                once(
-                    &self.scanner,
-                    &mut function.nonlinear,
-                    expression,
-                    "row",
-                    row,
-                )?;
-                function.place = place;
-            }
-            b'O' => {
-                let objective = self
-                    .scanner
-                    .index("objective", self.contents.objectives.len())?;
-                let sense = match self.scanner.integer("the sense of an objective")? {
-                    0 => Sense::Minimize,
-                    _ => Sense::Maximize,
-                };
-                let expression = self.expression("objective", objective)?;
-                let place = Some(self.scanner.place());
-                let (known, function) = &mut self.contents.objectives[objective];
-                let scanner = &self.scanner;
-                once(
-                    scanner,
-                    &mut function.nonlinear,
-                    expression,
-                    "objective",
-                    objective,
-                )?;
-                (*known, function.place) = (sense, place);
-            }
+            b'C' => self.row()?,
+            b'O' => self.objective()?,
             b'V' => self.definition()?,
             b'J' => {
                 let row = self.scanner.index("row", m)?;
@@ -186,6 +161,35 @@ impl Reader<'_> {
                 });
             }
         }
+        Ok(())
+    }
+
+    /// `C0`: the nonlinear expression of a row.
+    fn row(&mut self) -> Done {
+        let row = (self.scanner).index("row", self.contents.header.n_rows)?;
+        let place = Some(self.scanner.place());
+        let expression = self.expression("row", row)?;
+        let function = &mut self.contents.rows[row];
+        let nonlinear = &mut function.nonlinear;
+        once(&self.scanner, nonlinear, expression, "row", row)?;
+        function.place = place;
+        Ok(())
+    }
+
+    /// `O0 1`: number, sense, and the nonlinear expression.
+    fn objective(&mut self) -> Done {
+        let what = "objective";
+        let objective = self.scanner.index(what, self.contents.objectives.len())?;
+        let sense = match self.scanner.integer("the sense of an objective")? {
+            0 => Sense::Minimize,
+            _ => Sense::Maximize,
+        };
+        let expression = self.expression(what, objective)?;
+        let place = Some(self.scanner.place());
+        let (known, function) = &mut self.contents.objectives[objective];
+        let nonlinear = &mut function.nonlinear;
+        once(&self.scanner, nonlinear, expression, what, objective)?;
+        (*known, function.place) = (sense, place);
         Ok(())
     }
 

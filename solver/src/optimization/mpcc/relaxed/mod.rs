@@ -95,11 +95,7 @@ impl<'l, 'p> Relaxed<'l, 'p> {
     pub fn new(lifted: &'l mut Lifted<'p>, form: Form, sigma: f64, start: &[f64]) -> Self {
         let n = lifted.n_variables();
         let n_pairs = lifted.pairs().len();
-        let n_steering = match form.steering {
-            Steering::Direct => 0,
-            Steering::L1 => n_pairs,
-            Steering::LInfinity => usize::from(n_pairs > 0),
-        };
+        let n_steering = form.steering.n_variables(n_pairs);
         let n_rows = form.relaxation.n_rows();
 
         let bounds = lifted.variable_bounds();
@@ -114,11 +110,7 @@ impl<'l, 'p> Relaxed<'l, 'p> {
         let row_lower = [bounds.lower, &vec![limit; n_all]].concat();
         let row_upper = [bounds.upper, &vec![0.0; n_all]].concat();
 
-        let steering = |pair: usize| match form.steering {
-            Steering::Direct => None,
-            Steering::L1 => Some((n + pair) as u32),
-            Steering::LInfinity => Some(n as u32),
-        };
+        let steering = |pair: usize| Some(form.steering.variable(n, pair)? as u32);
         let mut jacobian = lifted.jacobian_pattern().clone();
         let mut second = Vec::new();
         for (pair, &[a, b]) in lifted.pairs().iter().enumerate() {
@@ -206,12 +198,8 @@ impl<'l, 'p> Relaxed<'l, 'p> {
 
     /// The parameter of a pair at a point: σ, or its steering variable.
     fn parameter(&self, pair: usize, w: &[f64]) -> f64 {
-        let n = self.lifted.n_variables();
-        match self.form.steering {
-            Steering::Direct => self.sigma,
-            Steering::L1 => w[n + pair],
-            Steering::LInfinity => w[n],
-        }
+        let place = (self.form.steering).variable(self.lifted.n_variables(), pair);
+        place.map_or(self.sigma, |i| w[i])
     }
 
     /// Φ of a row of a pair with its derivatives.

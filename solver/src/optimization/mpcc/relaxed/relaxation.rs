@@ -46,6 +46,26 @@ pub enum Steering {
     LInfinity,
 }
 
+impl Steering {
+    /// How many variables are behind the others.
+    pub(crate) fn n_variables(self, n_pairs: usize) -> usize {
+        match self {
+            Steering::Direct => 0,
+            Steering::L1 => n_pairs,
+            Steering::LInfinity => usize::from(n_pairs > 0),
+        }
+    }
+
+    /// The one of a pair, behind `n` others.
+    pub(crate) fn variable(self, n: usize, pair: usize) -> Option<usize> {
+        match self {
+            Steering::Direct => None,
+            Steering::L1 => Some(n + pair),
+            Steering::LInfinity => Some(n),
+        }
+    }
+}
+
 impl Relaxation {
     /// All of them.
     pub const ALL: [Relaxation; 10] = [
