@@ -17,8 +17,7 @@ mod relay;
 mod rest;
 mod start;
 
-use super::regions::regions_of;
-use super::subsystems;
+use super::regions::subsystems_of;
 use super::{Readings, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
@@ -241,10 +240,7 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
         .iter()
         .filter_map(|s| s.alpha.as_variable())
         .collect();
-    whole.subsystems = subsystems(&rates, &alphas);
-    for subsystem in &mut whole.subsystems {
-        subsystem.regions = regions_of(subsystem, &partitions, &rates, &alphas);
-    }
+    whole.subsystems = subsystems_of(&rates, &alphas, &partitions);
     (whole.switches, whole.partitions) = (switches, partitions);
     // What is recorded, watched and read is that of the original.
     (whole.outputs, whole.controls, whole.limits) = (Vec::new(), Vec::new(), Vec::new());
