@@ -18,7 +18,7 @@ use super::experiment::Settings;
 use super::needs::Needs;
 use super::switches::{Entry, Switches};
 use super::values::Values;
-use super::{NamedReading, Output, System, SystemError, regions};
+use super::{NamedReading, Output, System, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
 use crate::model::{Data, Model, Rate, Sliding, Surface, SwitchKind, TargetKind};
@@ -372,13 +372,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
 
     /// What a guard says about the switches inside it, as values of their variables.
     fn implied(&self, weight: Expr<'e>) -> Substitution<'e> {
-        let alphas: Vec<Var> = self
-            .switches
-            .list
-            .iter()
-            .map(|switch| switch.alpha)
-            .collect();
-        let literals = regions::conjunction(weight, &alphas).unwrap_or_default();
+        let literals = self.literals(weight).unwrap_or_default();
         let number = |on: bool| self.model.exprs.constant(f64::from(on));
         literals
             .into_iter()

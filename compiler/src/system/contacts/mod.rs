@@ -96,27 +96,7 @@ impl<'e> Lowering<'_, 'e> {
         if !contact.exprs().all(|e| self.needs.holds_all(e)) {
             return Ok(None);
         }
-        let name = &contact.name;
-        let wrong = |what: &str, span| {
-            let (name, what) = (name.clone(), what.to_owned());
-            Box::new(SystemError::NoContact { name, what, span })
-        };
-        let gap = self.in_alphas(contact.gap, contact.gap_span);
-        let speed = self.along(gap, free, places);
-        let is_smooth = |e: Expr<'e>, of: &Self| of.switches.alphas_of(e).is_empty();
-        if !is_smooth(gap, self) || !is_smooth(speed, self) {
-            let what = "its gap, or the rate of it, has a switching term";
-            return Err(wrong(what, contact.gap_span));
-        }
-        let vars = variables_of(&[gap]);
-        if vars.iter().any(|var| places.velocities.contains_key(var)) {
-            return Err(wrong("its gap depends on velocities", contact.gap_span));
-        }
-        let normal = self.directions(speed, places);
-        if normal.is_empty() {
-            let what = "its gap does not depend on positions of a `mechanics` block";
-            return Err(wrong(what, contact.gap_span));
-        }
+        let (gap, speed, normal) = self.gap(contact, free, places)?;
         let restitution = self.restitution(contact)?;
         let friction = match contact.friction {
             None => None,
@@ -125,7 +105,8 @@ impl<'e> Lowering<'_, 'e> {
                 Some((friction, self.tangents(contact, &normal, places)?))
             }
         };
-        let switch = (self.switches.unilateral(gap, name, contact.span)).map_err(|form| {
+        let switch = self.switches.unilateral(gap, &contact.name, contact.span);
+        let switch = switch.map_err(|form| {
             let what = match form {
                 Form::Definite(sign) if sign > 0.0 => {
                     "its gap is never negative: no side of its zeros is inside the body"
@@ -134,33 +115,16 @@ impl<'e> Lowering<'_, 'e> {
                 Form::OddPower(_) => "its gap is a power, with a slope of zero where it is zero",
                 _ => "its gap is compared elsewhere too, or is that of another contact",
             };
-            wrong(what, contact.gap_span)
+            wrong_gap(contact, what)
         })?;
         let force = 1.0 - self.model.exprs.expr(self.switches.list[switch].alpha);
         for direction in &normal {
             let rate = &mut rates[direction.state];
             *rate = *rate + direction.push * force;
         }
-        let friction = friction.map(|(coefficient, tangents)| {
-            let mut slips = Vec::new();
-            for (velocity, tangent) in tangents {
-                let switch = self.switches.keep(velocity, name, contact.span);
-                let alpha = self.model.exprs.expr(self.switches.list[switch].alpha);
-                let sign = 2.0 * alpha - 1.0;
-                for direction in &tangent {
-                    let rate = &mut rates[direction.state];
-                    *rate = *rate - coefficient * direction.push * force * sign;
-                }
-                slips.push(Slip {
-                    velocity,
-                    tangent,
-                    switch,
-                });
-            }
-            Friction { coefficient, slips }
-        });
+        let friction = friction.map(|friction| self.rub(contact, friction, force, rates));
         Ok(Some(Contact {
-            name: name.clone(),
+            name: contact.name.clone(),
             gap,
             speed,
             normal,
@@ -169,6 +133,58 @@ impl<'e> Lowering<'_, 'e> {
             switch,
             span: contact.span,
         }))
+    }
+
+    /// The gap with its rate in free motion and what a force along J_n does.
+    fn gap(
+        &mut self,
+        contact: &model::Contact<'e>,
+        free: &[Expr<'e>],
+        places: &Places<'e>,
+    ) -> Result<(Expr<'e>, Expr<'e>, Vec<Direction<'e>>), Box<SystemError>> {
+        let gap = self.in_alphas(contact.gap, contact.gap_span);
+        let speed = self.along(gap, free, places);
+        let is_smooth = |e: Expr<'e>| self.switches.alphas_of(e).is_empty();
+        if !is_smooth(gap) || !is_smooth(speed) {
+            let what = "its gap, or the rate of it, has a switching term";
+            return Err(wrong_gap(contact, what));
+        }
+        let vars = variables_of(&[gap]);
+        if vars.iter().any(|var| places.velocities.contains_key(var)) {
+            return Err(wrong_gap(contact, "its gap depends on velocities"));
+        }
+        let normal = self.directions(speed, places);
+        if normal.is_empty() {
+            let what = "its gap does not depend on positions of a `mechanics` block";
+            return Err(wrong_gap(contact, what));
+        }
+        Ok((gap, speed, normal))
+    }
+
+    /// Adds friction -μ λ_n (2α_t - 1) along every entry of the slip velocity.
+    fn rub(
+        &mut self,
+        contact: &model::Contact<'e>,
+        (coefficient, tangents): (Expr<'e>, Vec<Tangent<'e>>),
+        force: Expr<'e>,
+        rates: &mut [Expr<'e>],
+    ) -> Friction<'e> {
+        let mut slips = Vec::new();
+        for (velocity, tangent) in tangents {
+            let switch = (self.switches).keep(velocity, &contact.name, contact.span);
+            let alpha = self.model.exprs.expr(self.switches.list[switch].alpha);
+            let sign = 2.0 * alpha - 1.0;
+            for direction in &tangent {
+                let rate = &mut rates[direction.state];
+                *rate = *rate - coefficient * direction.push * force * sign;
+            }
+            slips.push(Slip {
+                velocity,
+                tangent,
+                switch,
+            });
+        }
+        Friction { coefficient, slips }
     }
 
     /// The law of restitution with e in α.
@@ -452,4 +468,12 @@ impl<'e> Lowering<'_, 'e> {
         };
         contacts.into_iter().filter_map(finish).collect()
     }
+}
+
+fn wrong_gap(contact: &model::Contact<'_>, what: &str) -> Box<SystemError> {
+    Box::new(SystemError::NoContact {
+        name: contact.name.clone(),
+        what: what.to_owned(),
+        span: contact.gap_span,
+    })
 }
