@@ -15,7 +15,7 @@ use crate::source::Span;
 use crate::system::contacts::jumps::Lowered;
 use crate::system::needs::skipped;
 use crate::system::regions::partitions::Regions;
-use crate::system::switches::entered::Entered;
+use crate::system::switches::continuity::Entered;
 use crate::system::values::limits::Limit;
 
 /// What moves, in α of collected switches.

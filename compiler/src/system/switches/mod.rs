@@ -8,7 +8,6 @@
 
 pub(crate) mod affine;
 pub(crate) mod continuity;
-pub(crate) mod entered;
 pub(crate) mod interaction;
 pub(crate) mod nonlinear;
 pub(crate) mod reading;
