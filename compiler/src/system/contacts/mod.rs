@@ -115,7 +115,7 @@ impl<'e> Lowering<'_, 'e> {
                 Form::OddPower(_) => "its gap is a power, with a slope of zero where it is zero",
                 _ => "its gap is compared elsewhere too, or is that of another contact",
             };
-            wrong_gap(contact, what)
+            no_contact(contact, what, contact.gap_span)
         })?;
         let force = 1.0 - self.model.exprs.expr(self.switches.list[switch].alpha);
         for direction in &normal {
@@ -147,16 +147,17 @@ impl<'e> Lowering<'_, 'e> {
         let is_smooth = |e: Expr<'e>| self.switches.alphas_of(e).is_empty();
         if !is_smooth(gap) || !is_smooth(speed) {
             let what = "its gap, or the rate of it, has a switching term";
-            return Err(wrong_gap(contact, what));
+            return Err(no_contact(contact, what, contact.gap_span));
         }
         let vars = variables_of(&[gap]);
         if vars.iter().any(|var| places.velocities.contains_key(var)) {
-            return Err(wrong_gap(contact, "its gap depends on velocities"));
+            let what = "its gap depends on velocities";
+            return Err(no_contact(contact, what, contact.gap_span));
         }
         let normal = self.directions(speed, places);
         if normal.is_empty() {
             let what = "its gap does not depend on positions of a `mechanics` block";
-            return Err(wrong_gap(contact, what));
+            return Err(no_contact(contact, what, contact.gap_span));
         }
         Ok((gap, speed, normal))
     }
@@ -196,20 +197,14 @@ impl<'e> Lowering<'_, 'e> {
         let all = self.model.contacts.iter();
         let mut before = all.take_while(|other| other.name != contact.name);
         if let Some(other) = before.find(|other| !other.restitution.agrees(contact.restitution)) {
-            return Err(Box::new(SystemError::NoContact {
-                name: contact.name.clone(),
-                what: format!("its law of restitution is not that of `{}`", other.name),
-                span: contact.span,
-            }));
+            let what = format!("its law of restitution is not that of `{}`", other.name);
+            return Err(no_contact(contact, &what, contact.span));
         }
         if self.at_corners(e, |e| (0.0..=1.0).contains(&e)) {
             return Ok(contact.restitution.with(e));
         }
-        Err(Box::new(SystemError::NoContact {
-            name: contact.name.clone(),
-            what: "its restitution is not in [0, 1]".to_owned(),
-            span: contact.span,
-        }))
+        let what = "its restitution is not in [0, 1]";
+        Err(no_contact(contact, what, contact.span))
     }
 
     /// μ in α.
@@ -222,11 +217,7 @@ impl<'e> Lowering<'_, 'e> {
         if self.at_corners(friction, |mu| mu >= 0.0) {
             return Ok(friction);
         }
-        Err(Box::new(SystemError::NoContact {
-            name: contact.name.clone(),
-            what: "its friction is negative".to_owned(),
-            span,
-        }))
+        Err(no_contact(contact, "its friction is negative", span))
     }
 
     /// A coefficient of a law in α, whose switches are read as those of rates are.
@@ -286,9 +277,8 @@ impl<'e> Lowering<'_, 'e> {
                 return Err(Box::new(self.slip_that_switches(name, &alphas, span)));
             }
             if tangent.is_empty() || !tangent.iter().all(is_linear) {
-                let what = "its slip is not linear in velocities of a `mechanics` block".to_owned();
-                let (name, span) = (name(), *span);
-                return Err(Box::new(SystemError::NoContact { name, what, span }));
+                let what = "its slip is not linear in velocities of a `mechanics` block";
+                return Err(no_contact(contact, what, *span));
             }
             tangents.push((slip, tangent));
         }
@@ -470,10 +460,8 @@ impl<'e> Lowering<'_, 'e> {
     }
 }
 
-fn wrong_gap(contact: &model::Contact<'_>, what: &str) -> Box<SystemError> {
-    Box::new(SystemError::NoContact {
-        name: contact.name.clone(),
-        what: what.to_owned(),
-        span: contact.gap_span,
-    })
+/// Why a contact is none.
+fn no_contact(contact: &model::Contact<'_>, what: &str, span: Span) -> Box<SystemError> {
+    let (name, what) = (contact.name.clone(), what.to_owned());
+    Box::new(SystemError::NoContact { name, what, span })
 }
