@@ -3,79 +3,136 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::lower::Lowering;
-use super::regions::regions_of;
+use super::regions::subsystems_of;
 use super::{
     Body, Contact, Continuity, Output, Param, Role, State, StateGroup, Switch, System, SystemError,
     Task,
 };
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Var, jacobian, variables_of};
+use crate::expr::{Expr, Var, variables_of};
 use crate::model::{self, Data, SwitchKind, TargetKind};
 use crate::source::Span;
 use crate::system::contacts::jumps::Lowered;
 use crate::system::needs::skipped;
-use crate::system::regions::corners::jumps_somewhere;
 use crate::system::regions::partitions::Regions;
-use crate::system::switches::continuity::{classify, is_multiple};
-use crate::system::switches::interaction::{positions, subsystems};
-use crate::system::switches::relay::at_all_sides;
+use crate::system::switches::continuity::Entered;
 use crate::system::values::limits::Limit;
 
-/// Rates, algebraic states, which have the last ones, laws of jumps, bodies, and contacts with collected switches.
-type Motion<'e> = (
-    Vec<Expr<'e>>,
-    Vec<State<'e>>,
-    Vec<Lowered<'e>>,
-    Vec<Body<'e>>,
-    Vec<Contact<'e>>,
-);
+/// What moves, in α of collected switches.
+pub(super) struct Motion<'e> {
+    /// Those of algebraic states are the last ones.
+    pub rates: Vec<Expr<'e>>,
+    pub algebraics: Vec<State<'e>>,
+    pub laws: Vec<Lowered<'e>>,
+    pub bodies: Vec<Body<'e>>,
+    pub contacts: Vec<Contact<'e>>,
+}
+
+impl<'e> Motion<'e> {
+    fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        (self.rates.iter().copied())
+            .chain(self.laws.iter().flat_map(Lowered::reads))
+            .chain(self.contacts.iter().flat_map(Contact::exprs))
+            .chain(self.bodies.iter().flat_map(Body::exprs))
+    }
+}
+
+/// What is recorded or watched.
+pub(super) struct Recorded<'e> {
+    pub outputs: Vec<Output<'e>>,
+    pub controls: Vec<Output<'e>>,
+    pub limits: Vec<Limit<'e>>,
+}
+
+impl<'e> Recorded<'e> {
+    fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        let outputs = self.outputs.iter().chain(&self.controls);
+        let outputs = outputs.flat_map(|output| output.exprs.iter().copied());
+        outputs.chain(self.limits.iter().map(|limit| limit.value))
+    }
+}
 
 impl<'e> Lowering<'_, 'e> {
     /// Keeps the switches that matter, and finishes their description.
     pub(super) fn assemble(
         self,
-        (rates, algebraics, laws, bodies, contacts): Motion<'e>,
-        (outputs, controls, limits): (Vec<Output<'e>>, Vec<Output<'e>>, Vec<Limit<'e>>),
+        motion: Motion<'e>,
+        recorded: Recorded<'e>,
         task: Option<Task<'e>>,
         named: &[Expr<'e>],
         regions: Regions<'e>,
         diags: &mut Diagnostics,
     ) -> System<'e> {
         let model = self.model;
-        let recorded = outputs
-            .iter()
-            .chain(&controls)
-            .flat_map(|output| output.exprs.iter().copied())
-            .chain(limits.iter().map(|limit| limit.value))
-            .chain(task.iter().flat_map(Task::exprs));
-        let roots: Vec<Expr<'e>> = rates
-            .iter()
-            .chain(&regions.weights)
-            .chain(&regions.guards)
-            .copied()
-            .chain(recorded)
-            .chain(named.iter().copied())
-            .chain(laws.iter().flat_map(Lowered::reads))
-            .chain(contacts.iter().flat_map(Contact::exprs))
-            .chain(bodies.iter().flat_map(Body::exprs))
+        let guards = regions.weights.iter().chain(&regions.guards);
+        let roots: Vec<Expr<'e>> = (motion.exprs())
+            .chain(recorded.exprs())
+            .chain(task.iter().flat_map(Task::exprs))
+            .chain(guards.chain(named).copied())
             .collect();
         let (kept, dropped) = self.used(&roots);
-        for (place, &k) in kept.iter().enumerate() {
-            model.exprs.rename(
-                self.switches.list[k].alpha,
-                &format!("alpha[{}]", place + 1),
-            );
+        let mut switches = self.kept_switches(&kept, &motion.contacts);
+        let alphas: Vec<Var> = kept.iter().map(|&k| self.switches.list[k].alpha).collect();
+        let on = |psi: fn(&Switch<'e>) -> Expr<'e>, switches: &[Switch<'e>]| {
+            let surfaces = alphas.iter().copied().zip(switches.iter().map(psi));
+            surfaces.collect::<Vec<_>>()
+        };
+        let sampler = self.sampler_of(on(|switch| switch.psi, &switches));
+        let (collected, rates) = (&self.switches, &motion.rates);
+        let entered = Entered::new(collected, (&kept, &alphas), rates, &switches, &sampler);
+        let frame = self.frame(on(Switch::surface, &switches));
+        entered.classify(&mut switches, &frame);
+        entered.check_surfaces(&switches, diags);
+
+        let states = self.states(rates, motion.algebraics);
+        let partitions = self.partitions(
+            &regions, rates, &switches, &alphas, &sampler, &states, diags,
+        );
+        let subsystems = subsystems_of(rates, &alphas, &partitions);
+        let skipped = self.skipped(&switches, &motion.laws, dropped);
+        let readings = collected.readings(&kept, self.given.clone(), self.named_readings());
+        System {
+            exprs: model.exprs,
+            name: model.name.clone(),
+            time: model.time,
+            clock: None,
+            data: self.data(diags),
+            params: self.params(),
+            states,
+            groups: self.groups(),
+            switches,
+            laws: self.finished_laws(motion.laws, &kept),
+            bodies: motion.bodies,
+            contacts: self.finished_contacts(motion.contacts, &kept),
+            impulsive: Vec::new(),
+            partitions,
+            outputs: recorded.outputs,
+            controls: recorded.controls,
+            limits: recorded.limits,
+            task,
+            subsystems,
+            skipped,
+            sampled: Vec::new(),
+            readings,
         }
+    }
+
+    /// The switches of the system, which refer to each other by their places in it, with α[1], α[2], …
+    fn kept_switches(&self, kept: &[usize], contacts: &[Contact<'e>]) -> Vec<Switch<'e>> {
+        for (place, &k) in kept.iter().enumerate() {
+            let alpha = self.switches.list[k].alpha;
+            (self.model.exprs).rename(alpha, &format!("alpha[{}]", place + 1));
+        }
+        let place = |k: usize| kept.binary_search(&k).ok();
         let mut switches: Vec<Switch<'e>> = kept.iter().map(|&k| self.finished(k)).collect();
         for switch in &mut switches {
             if let Role::Member(other) = switch.role
-                && let Ok(place) = kept.binary_search(&other)
+                && let Some(other) = place(other)
             {
-                switch.role = Role::Member(place);
+                switch.role = Role::Member(other);
             }
         }
-        for contact in &contacts {
-            let place = |k: usize| kept.binary_search(&k).ok();
+        for contact in contacts {
             let slips = contact.slips().iter().filter_map(|slip| place(slip.switch));
             let slips: Vec<usize> = slips.collect();
             for &slip in &slips {
@@ -83,154 +140,39 @@ impl<'e> Lowering<'_, 'e> {
                 switches[slip].across = slips.iter().copied().find(|&other| other != slip);
             }
         }
-        let alphas: Vec<Var> = kept.iter().map(|&k| self.switches.list[k].alpha).collect();
-        let sampler = self.sampler_of(
-            switches
-                .iter()
-                .zip(&alphas)
-                .map(|(switch, &alpha)| (alpha, switch.psi))
-                .collect(),
-        );
+        switches
+    }
 
-        // The functions each α enters: rates and the ψ of other switches, but for kinks that are continuous by form.
-        let functions: Vec<Expr<'e>> = rates
-            .iter()
-            .copied()
-            .chain(switches.iter().map(|switch| switch.psi))
-            .collect();
-        let kinks = (0..alphas.len()).filter(|&k| self.switches.is_kink(kept[k]));
-        let (kinks, kink_alphas): (Vec<usize>, Vec<Var>) = kinks.map(|k| (k, alphas[k])).unzip();
-        let slopes = jacobian(&functions, &kink_alphas).entries.into_iter();
-        let continuous: FxHashSet<(usize, usize)> = slopes
-            .map(|(f, j, slope)| (f, kinks[j], slope))
-            .filter(|&(_, k, slope)| is_multiple(slope, (alphas[k], switches[k].psi)))
-            .map(|(f, k, _)| (f, k))
-            .collect();
-        let mut entered: Vec<Vec<Expr<'e>>> = vec![Vec::new(); alphas.len()];
-        for (number, &f) in functions.iter().enumerate() {
-            for k in positions(f, &alphas) {
-                if !continuous.contains(&(number, k)) {
-                    entered[k].push(f);
-                }
-            }
-        }
-        let relays: Vec<Var> = (switches.iter().zip(&alphas))
-            .filter_map(|(switch, &alpha)| switch.relay.map(|_| alpha))
-            .collect();
-        // A relay has either value on any surface, and the worse one counts.
-        let across = |functions: &[Expr<'e>], (alpha, psi), is_kink| {
-            let Some(sides) = at_all_sides(functions, psi, &relays) else {
-                return Continuity::Discontinuous;
-            };
-            let classes = (sides.iter())
-                .map(|(functions, psi)| classify(functions, (alpha, *psi), is_kink, &sampler));
-            classes.max().unwrap_or(Continuity::Discontinuous)
-        };
-        let surfaces: Vec<(Var, Expr<'e>)> = switches
-            .iter()
-            .map(Switch::surface)
-            .zip(&alphas)
-            .map(|(psi, &alpha)| (alpha, psi))
-            .collect();
-        let frame = self.frame(surfaces);
-        for (k, switch) in switches.iter_mut().enumerate() {
-            // A hidden term needs no jump to slide by.
-            if switch.relay.is_some()
-                || switch.is_nonlinear && !entered[k].is_empty()
-                || switch.unilateral
-                || switch.slip_of.is_some()
-                || switch.role != Role::Step
-            {
-                continue;
-            }
-            let is_kink = self.switches.is_kink(kept[k]);
-            let known = across(&entered[k], (alphas[k], switch.psi), is_kink);
-            let jumps =
-                known == Continuity::Sampled && jumps_somewhere(&entered[k], k, &frame, &sampler);
-            switch.continuity = if jumps {
-                Continuity::Discontinuous
-            } else {
-                known
-            };
-        }
-        for outer in &switches {
-            for inner in positions(outer.psi, &alphas) {
-                if self.switches.is_leading(kept[inner]) || !entered[inner].contains(&outer.psi) {
-                    continue;
-                }
-                // What the rates do there is another matter.
-                let is_kink = self.switches.is_kink(kept[inner]);
-                let surface = (alphas[inner], switches[inner].psi);
-                if across(&[outer.psi], surface, is_kink) == Continuity::Discontinuous {
-                    diags.push(SystemError::DiscontinuousSurface {
-                        outer: outer.name.clone(),
-                        inner: switches[inner].name.clone(),
-                        outer_span: outer.spans[0],
-                        inner_span: switches[inner].spans[0],
-                    });
-                }
-            }
-        }
-
-        let states = self.states(&rates, algebraics);
-        let partitions = self.partitions(
-            &regions, &rates, &switches, &alphas, &sampler, &states, diags,
-        );
-        let mut subsystems = subsystems(&rates, &alphas);
-        for subsystem in &mut subsystems {
-            subsystem.regions = regions_of(subsystem, &partitions, &rates, &alphas);
-        }
-        // What else the guard of a contact compares follows from its gap.
+    /// What the experiment does without. What else the guard of a contact compares follows from its gap.
+    fn skipped(
+        &self,
+        switches: &[Switch<'e>],
+        laws: &[Lowered<'e>],
+        dropped: Vec<usize>,
+    ) -> Vec<String> {
         let guards = laws.iter().map(|law| law.guard);
         let watched: Vec<usize> = guards.flat_map(|e| self.switches.occurring(e)).collect();
-        let dropped: Vec<(String, Expr<'e>)> = dropped
-            .into_iter()
+        let dropped = (dropped.into_iter())
             .filter(|k| !watched.contains(k))
             .map(|k| (self.switches.name_of(k), self.switches.list[k].psi))
             .collect();
-        let skipped = skipped::describe(model, &self.needs, &switches, dropped);
-        let (params, groups) = (self.params(), self.groups());
-        let data = self.data(diags);
-        let named = model.switches.iter().flat_map(|switch| {
-            switch
-                .vars
-                .iter()
-                .zip(&switch.psi)
-                .filter_map(|(var, &psi)| {
-                    let symbol = var.as_variable()?;
-                    let direct = match switch.kind {
-                        SwitchKind::Sign => psi.sign(),
-                        SwitchKind::Step => psi.step(),
-                        SwitchKind::Relay(_) => *var,
-                    };
-                    Some((symbol, self.named.get(symbol)?, direct))
-                })
-        });
-        let readings = self.switches.readings(&kept, self.given.clone(), named);
-        System {
-            exprs: model.exprs,
-            name: model.name.clone(),
-            time: model.time,
-            clock: None,
-            data,
-            params,
-            states,
-            groups,
-            switches,
-            laws: self.finished_laws(laws, &kept),
-            bodies,
-            contacts: self.finished_contacts(contacts, &kept),
-            impulsive: Vec::new(),
-            partitions,
-            outputs,
-            controls,
-            limits,
-            task,
-            subsystems,
-            skipped,
-            sampled: Vec::new(),
-            readings,
-        }
+        skipped::describe(self.model, &self.needs, switches, dropped)
+    }
+
+    /// Named switches with their values in α, and as functions of ψ.
+    fn named_readings(&self) -> impl Iterator<Item = (Var, Expr<'e>, Expr<'e>)> + '_ {
+        self.model.switches.iter().flat_map(|switch| {
+            let entries = switch.vars.iter().zip(&switch.psi);
+            entries.filter_map(|(var, &psi)| {
+                let symbol = var.as_variable()?;
+                let direct = match switch.kind {
+                    SwitchKind::Sign => psi.sign(),
+                    SwitchKind::Step => psi.step(),
+                    SwitchKind::Relay(_) => *var,
+                };
+                Some((symbol, self.named.get(symbol)?, direct))
+            })
+        })
     }
 
     /// The switches that the expressions reach, also through ψ, in the order of the source with

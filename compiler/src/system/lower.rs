@@ -13,11 +13,12 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::assemble::{Motion, Recorded};
 use super::experiment::Settings;
 use super::needs::Needs;
 use super::switches::{Entry, Switches};
 use super::values::Values;
-use super::{NamedReading, Output, System, SystemError, regions};
+use super::{NamedReading, Output, System, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
 use crate::model::{Data, Model, Rate, Sliding, Surface, SwitchKind, TargetKind};
@@ -83,11 +84,10 @@ pub fn lower<'e>(
     let limits = lowering.limits();
     let mut task = lowering.task(diags);
     lowering.find_contacts(&mut laws, &mut rates, &regions, (&outputs, &limits), diags);
-    let (mut contacts, mut impulsive) = (Vec::new(), Vec::new());
-    match settings.steps_through_contacts() {
-        true => impulsive = lowering.impulsive(&rates, diags),
-        false => contacts = lowering.contacts(&mut rates, diags),
-    }
+    let (contacts, impulsive) = match settings.steps_through_contacts() {
+        true => (Vec::new(), lowering.impulsive(&rates, diags)),
+        false => (lowering.contacts(&mut rates, diags), Vec::new()),
+    };
     if let Some(task) = &mut task {
         task.rows.extend(lowering.coefficient_rows(&contacts));
     }
@@ -99,8 +99,18 @@ pub fn lower<'e>(
     if diags.errors().count() > errors_before {
         return None;
     }
-    let recorded = (outputs, controls, limits);
-    let motion = (rates, algebraics, laws, bodies, contacts);
+    let recorded = Recorded {
+        outputs,
+        controls,
+        limits,
+    };
+    let motion = Motion {
+        rates,
+        algebraics,
+        laws,
+        bodies,
+        contacts,
+    };
     let mut system = lowering.assemble(motion, recorded, task, &named, regions, diags);
     (system.impulsive, system.sampled) = (impulsive, sampled);
     system.check_start(diags);
@@ -362,13 +372,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
 
     /// What a guard says about the switches inside it, as values of their variables.
     fn implied(&self, weight: Expr<'e>) -> Substitution<'e> {
-        let alphas: Vec<Var> = self
-            .switches
-            .list
-            .iter()
-            .map(|switch| switch.alpha)
-            .collect();
-        let literals = regions::conjunction(weight, &alphas).unwrap_or_default();
+        let literals = self.literals(weight).unwrap_or_default();
         let number = |on: bool| self.model.exprs.constant(f64::from(on));
         literals
             .into_iter()

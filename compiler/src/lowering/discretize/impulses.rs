@@ -118,166 +118,193 @@ impl Layout {
     }
 }
 
-impl<'e> Problem<'_, 'e> {
-    /// Jumps, what jumps with states, and the laws of impulses.
-    pub(crate) fn impulses(&self, mpcc: &mut Mpcc<'e>) {
-        let (dcs, layout) = (self.dcs, &self.layout);
-        if layout.boundaries.is_none() {
+/// Where elements begin, with formal arguments for h, x⁺ and x⁻.
+struct LeftEnds<'s, 'p, 'e> {
+    problem: &'s Problem<'p, 'e>,
+    h: Expr<'e>,
+    states: Vec<Expr<'e>>,
+    before: Vec<Expr<'e>>,
+}
+
+impl<'s, 'e> LeftEnds<'s, '_, 'e> {
+    fn builder(&self, name: &'static str) -> Builder<2> {
+        let problem = self.problem;
+        let (dcs, layout) = (problem.dcs, &problem.layout);
+        let block = Builder::new(name, [problem.steps(), problem.elements()])
+            .vector(&self.states, |[k, j]| layout.x(k, j, 0))
+            .vector(&self.before, |[k, j]| layout.before(k, j))
+            .vector(&dcs.boundary(), |[k, j]| layout.impulses(k, j).unwrap_or(0))
+            .variable(self.h, |[k, j]| layout.h(k, j))
+            .number(problem.node, |_| 0.0);
+        let z = layout.continuous.iter();
+        let block = z.fold(block, |block, &i| {
+            let index = |[k, j]: [usize; 2]| layout.z(k, j, 0, i);
+            block.variable(dcs.algebraics[i].var, |place| {
+                index(place).expect("what is continuous is there at left ends")
+            })
+        });
+        let block = match layout.t(1, 1) {
+            Some(_) => block.variable(dcs.time, |[k, j]| layout.t(k, j).unwrap_or(0)),
+            None => block,
+        };
+        problem.decided(block, |[k, _]| k)
+    }
+
+    /// Adds a block of rows, if there are any.
+    fn push(
+        &self,
+        mpcc: &mut Mpcc<'e>,
+        (name, kind): (&'static str, Kind),
+        rows: &[Expr<'e>],
+        origins: Vec<Source>,
+        text: &str,
+    ) {
+        if rows.is_empty() {
             return;
         }
-        let exprs = mpcc.exprs;
-        let (states, h) = (self.states(), exprs.variable("h"));
-        let before = exprs.variables("before", states.len());
-        let at_left = |name: &'static str| {
-            let block = Builder::new(name, [self.steps(), self.elements()])
-                .vector(&states, |[k, j]| layout.x(k, j, 0))
-                .vector(&before, |[k, j]| layout.before(k, j))
-                .vector(&dcs.boundary(), |[k, j]| layout.impulses(k, j).unwrap_or(0))
-                .variable(h, |[k, j]| layout.h(k, j))
-                .number(self.node, |_| 0.0);
-            let z = layout.continuous.iter();
-            let block = z.fold(block, |block, &i| {
-                let index = |[k, j]: [usize; 2]| layout.z(k, j, 0, i);
-                block.variable(dcs.algebraics[i].var, |place| {
-                    index(place).expect("what is continuous is there at left ends")
-                })
-            });
-            let block = match layout.t(1, 1) {
-                Some(_) => block.variable(dcs.time, |[k, j]| layout.t(k, j).unwrap_or(0)),
-                None => block,
-            };
-            self.decided(block, |[k, _]| k)
-        };
+        let rows = self.problem.timed(rows, self.h);
+        let block = self.builder(name);
+        mpcc.blocks
+            .push(block.finish(kind, rows, origins, text.to_owned()));
+    }
 
-        // x⁺ - x⁻ = r y
+    /// x⁺ - x⁻ = r y
+    fn jumps(&self, mpcc: &mut Mpcc<'e>) {
+        let (dcs, exprs) = (self.problem.dcs, mpcc.exprs);
         let jumps = dcs.jumps();
         let row = |(i, (&after, &before)): (usize, (&Expr<'e>, &Expr<'e>))| {
             let jump = jumps.iter().find(|(state, _)| *state == i);
             let by = jump.map_or(exprs.constant(0.0), |&(_, by)| by);
             after - before - by
         };
-        let rows: Vec<Expr> = states.iter().zip(&before).enumerate().map(row).collect();
-        let text = "0 = x[k,j,0] - before(x)[k,j] - r(x[k,j,0], y[k,j])".to_owned();
+        let sides = self.states.iter().zip(&self.before).enumerate();
+        let rows: Vec<Expr> = sides.map(row).collect();
+        let text = "0 = x[k,j,0] - before(x)[k,j] - r(x[k,j,0], y[k,j])";
         let origins = sources(&dcs.origins.rates);
-        let block = at_left("jump");
-        let rows = self.timed(&rows, h);
-        mpcc.blocks
-            .push(block.finish(Kind::Equation, rows, origins, text));
+        self.push(mpcc, ("jump", Kind::Equation), &rows, origins, text);
+    }
 
+    /// The equations of what jumps with states.
+    fn equations(&self, mpcc: &mut Mpcc<'e>) {
+        let dcs = self.problem.dcs;
         let (_, equations) = jumping(dcs);
-        if !equations.is_empty() {
-            let rows: Vec<Expr> = equations.iter().map(|&row| dcs.equations[row]).collect();
-            let origins: Vec<_> = equations
-                .iter()
-                .map(|&row| dcs.origins.equations[row])
-                .collect();
-            let g = self.arguments("t[k,j]", "x[k,j,0]", "z[k,j,0]");
-            let block = at_left("left");
-            let rows = self.timed(&rows, h);
-            let text = format!("0 = g{g}, where states jump");
-            mpcc.blocks
-                .push(block.finish(Kind::Equation, rows, sources(&origins), text));
-        }
+        let rows: Vec<Expr> = equations.iter().map(|&row| dcs.equations[row]).collect();
+        let origins = equations.iter().map(|&row| dcs.origins.equations[row]);
+        let origins = sources(&origins.collect::<Vec<_>>());
+        let g = self.problem.arguments("t[k,j]", "x[k,j,0]", "z[k,j,0]");
+        let text = format!("0 = g{g}, where states jump");
+        self.push(mpcc, ("left", Kind::Equation), &rows, origins, &text);
+    }
 
-        let sides = states
-            .iter()
-            .map(|&x| variable(x))
-            .zip(before.iter().copied());
-        let sides: Substitution = sides.collect();
-        let Grid { horizon, steps, .. } = self.grid;
-        let window = WINDOW * horizon / (steps * layout.elements) as f64;
-        let gap = |impact: &Impact<'e>| dcs.algebraics[impact.gap].var;
-        let law = |impact: &Impact<'e>| {
-            let before = impact.speed.substitute(&sides);
-            gap(impact) / window + impact.speed + impact.restitution * before
-        };
-        let impulses = dcs.impacts.iter().map(|impact| impact.impulse);
-        let rubbing = |takes: fn(&SlipLaw) -> bool| {
-            let rubbing = dcs.impacts.iter().filter_map(move |impact| {
-                let friction = impact.friction.as_ref()?;
-                takes(&friction.law).then(|| (friction, self.origin(impact)))
-            });
-            rubbing.collect::<Vec<(&Friction<'e>, Source)>>()
-        };
-        let intervals = rubbing(|law| matches!(law, SlipLaw::Interval(_)));
-        let discs = rubbing(|law| matches!(law, SlipLaw::Disc { .. }));
-        let multiplier = |which: usize| {
-            let places = intervals
-                .iter()
-                .filter_map(move |(friction, _)| match friction.law {
-                    SlipLaw::Interval(multipliers) => Some(multipliers[which]),
-                    SlipLaw::Disc { .. } => None,
-                });
-            places.map(|place| dcs.algebraics[place].var)
-        };
-        let sides = || {
-            intervals
-                .iter()
-                .map(|(friction, _)| friction.tangents[0].side)
-        };
-        let others = sides().map(|side| 1.0 - side);
-        let contacts: Vec<Source> = dcs.impacts.iter().map(|i| self.origin(i)).collect();
-        let rubbing: Vec<Source> = intervals.iter().map(|(_, origin)| *origin).collect();
+    /// Friction, with where it comes from.
+    fn frictions(&self) -> impl Iterator<Item = (&'s Friction<'e>, Source)> {
+        let problem = self.problem;
+        let friction =
+            |impact: &'s Impact<'e>| Some((impact.friction.as_ref()?, problem.origin(impact)));
+        problem.dcs.impacts.iter().filter_map(friction)
+    }
 
-        // 0 = w⁺ - γ⁺ u⁺,  0 = 1 - |u⁺|² - β⁺
-        let of_disc = |(friction, _): &(&Friction<'e>, Source)| match friction.law {
-            SlipLaw::Interval(_) => None,
-            SlipLaw::Disc { disc, stick } => Some((dcs.algebraics[disc.slip].var, stick)),
-        };
-        let rows = discs.iter().filter_map(|disc| Some((disc, of_disc(disc)?)));
-        let rows = rows.flat_map(|((friction, origin), (slip, stick))| {
+    /// Friction in discs with γ⁺ and β⁺, and where it comes from.
+    fn discs(&self) -> impl Iterator<Item = (&'s Friction<'e>, [Expr<'e>; 2], Source)> {
+        let dcs = self.problem.dcs;
+        self.frictions()
+            .filter_map(|(friction, origin)| match friction.law {
+                SlipLaw::Interval(_) => None,
+                SlipLaw::Disc { disc, stick } => {
+                    Some((friction, [dcs.algebraics[disc.slip].var, stick], origin))
+                }
+            })
+    }
+
+    /// 0 = w⁺ - γ⁺ u⁺,  0 = 1 - |u⁺|² - β⁺
+    fn directions(&self, mpcc: &mut Mpcc<'e>) {
+        let rows = self.discs().flat_map(|(friction, [slip, stick], origin)| {
             let tangents = friction.tangents.iter();
             let tangents = tangents.map(move |t| t.velocity - slip * (2.0 * t.side - 1.0));
             let rows = tangents.chain([friction.edge() - stick]);
-            rows.map(|row| (row, *origin))
+            rows.map(move |row| (row, origin))
         });
         let (rows, origins): (Vec<Expr>, Vec<Source>) = rows.unzip();
-        if !rows.is_empty() {
-            let rows = self.timed(&rows, h);
-            let text = "0 = after(w) - slip[k,j,0]*u[k,j], 0 = 1 - |u[k,j]|^2 - side_stick[k,j]";
-            let block = at_left("disc").finish(Kind::Equation, rows, origins, text.to_owned());
-            mpcc.blocks.push(block);
-        }
-        let mut pair = |name, a: Vec<Expr<'e>>, b: Vec<Expr<'e>>, origins: Vec<Source>, text| {
-            if a.is_empty() {
-                return;
-            }
-            let outputs = self.timed(&[a, b].concat(), h);
-            let block = at_left(name).finish(Kind::Pair, outputs, origins, text);
-            mpcc.blocks.push(block);
+        let text = "0 = after(w) - slip[k,j,0]*u[k,j], 0 = 1 - |u[k,j]|^2 - side_stick[k,j]";
+        self.push(mpcc, ("disc", Kind::Equation), &rows, origins, text);
+    }
+
+    /// 0 <= Λ ⟂ gap >= 0, and Newton's law.
+    fn contacts(&self, mpcc: &mut Mpcc<'e>) {
+        let (dcs, layout) = (self.problem.dcs, &self.problem.layout);
+        let gap = |impact: &Impact<'e>| dcs.algebraics[impact.gap].var;
+        let impulses = dcs.impacts.iter().map(|impact| impact.impulse);
+        let origins = dcs.impacts.iter().map(|i| self.problem.origin(i));
+        let origins: Vec<Source> = origins.collect();
+        let gaps = dcs.impacts.iter().map(gap);
+        let rows: Vec<Expr> = impulses.clone().chain(gaps).collect();
+        let text = "0 <= impulse[k,j] perp gap[k,j,0] >= 0";
+        self.push(mpcc, ("impulse", Kind::Pair), &rows, origins.clone(), text);
+
+        let sides = self.states.iter().zip(&self.before);
+        let sides: Substitution = sides.map(|(&x, &before)| (variable(x), before)).collect();
+        let Grid { horizon, steps, .. } = self.problem.grid;
+        let window = WINDOW * horizon / (steps * layout.elements) as f64;
+        let laws = dcs.impacts.iter().map(|impact| {
+            let before = impact.speed.substitute(&sides);
+            gap(impact) / window + impact.speed + impact.restitution * before
+        });
+        let rows: Vec<Expr> = impulses.chain(laws).collect();
+        let text = format!(
+            "0 <= impulse[k,j] perp gap[k,j,0]/{window} + after(speed) + e*before(speed) >= 0"
+        );
+        self.push(mpcc, ("restitution", Kind::Pair), &rows, origins, &text);
+    }
+
+    /// 0 <= λⁿ ⟂ α⁺ >= 0, 0 <= λᵖ ⟂ 1 - α⁺ >= 0; of discs 0 <= γ⁺ ⟂ β⁺ >= 0.
+    fn slips(&self, mpcc: &mut Mpcc<'e>) {
+        let dcs = self.problem.dcs;
+        let intervals = self
+            .frictions()
+            .filter_map(|(friction, origin)| match friction.law {
+                SlipLaw::Interval(places) => Some((places, friction.tangents[0].side, origin)),
+                SlipLaw::Disc { .. } => None,
+            });
+        let intervals: Vec<([usize; 2], Expr<'e>, Source)> = intervals.collect();
+        let multiplier = |which: usize| {
+            let places = intervals.iter().map(move |slip| slip.0[which]);
+            places.map(|place| dcs.algebraics[place].var)
         };
-        pair(
-            "impulse",
-            impulses.clone().collect(),
-            dcs.impacts.iter().map(gap).collect(),
-            contacts.clone(),
-            "0 <= impulse[k,j] perp gap[k,j,0] >= 0".to_owned(),
-        );
-        pair(
-            "restitution",
-            impulses.collect(),
-            dcs.impacts.iter().map(law).collect(),
-            contacts,
-            format!(
-                "0 <= impulse[k,j] perp gap[k,j,0]/{window} + after(speed) + e*before(speed) >= 0"
-            ),
-        );
-        pair(
-            "impulse_friction",
-            multiplier(1).chain(multiplier(0)).collect(),
-            sides().chain(others).collect(),
-            rubbing.repeat(2),
-            "0 <= lambda_n[k,j,0] perp side[k,j] >= 0, 0 <= lambda_p[k,j,0] perp 1 - side[k,j] >= 0"
-                .to_owned(),
-        );
-        let (slips, sticks) = discs.iter().filter_map(of_disc).unzip();
-        pair(
-            "impulse_disc",
-            slips,
-            sticks,
-            discs.iter().map(|(_, origin)| *origin).collect(),
-            "0 <= slip[k,j,0] perp side_stick[k,j] >= 0".to_owned(),
-        );
+        let sides = intervals.iter().map(|slip| slip.1);
+        let others = sides.clone().map(|side| 1.0 - side);
+        let multipliers = multiplier(1).chain(multiplier(0));
+        let rows: Vec<Expr> = multipliers.chain(sides).chain(others).collect();
+        let origins: Vec<Source> = intervals.iter().map(|slip| slip.2).collect();
+        let (name, origins) = (("impulse_friction", Kind::Pair), origins.repeat(2));
+        let text = "0 <= lambda_n[k,j,0] perp side[k,j] >= 0, 0 <= lambda_p[k,j,0] perp 1 - side[k,j] >= 0";
+        self.push(mpcc, name, &rows, origins, text);
+
+        let member = |which: usize| self.discs().map(move |(_, pair, _)| pair[which]);
+        let rows: Vec<Expr> = member(0).chain(member(1)).collect();
+        let origins = self.discs().map(|(_, _, origin)| origin).collect();
+        let text = "0 <= slip[k,j,0] perp side_stick[k,j] >= 0";
+        self.push(mpcc, ("impulse_disc", Kind::Pair), &rows, origins, text);
+    }
+}
+
+impl<'e> Problem<'_, 'e> {
+    /// Jumps, what jumps with states, and the laws of impulses.
+    pub(crate) fn impulses(&self, mpcc: &mut Mpcc<'e>) {
+        if self.layout.boundaries.is_none() {
+            return;
+        }
+        let (states, h) = (self.states(), mpcc.exprs.variable("h"));
+        let left = LeftEnds {
+            problem: self,
+            h,
+            before: mpcc.exprs.variables("before", states.len()),
+            states,
+        };
+        left.jumps(mpcc);
+        left.equations(mpcc);
+        left.directions(mpcc);
+        left.contacts(mpcc);
+        left.slips(mpcc);
     }
 
     /// Where the pair of a contact comes from.

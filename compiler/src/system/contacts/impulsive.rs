@@ -8,7 +8,7 @@ use rustc_hash::FxHashSet;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model;
-use crate::system::contacts::Places;
+use crate::system::contacts::{Places, no_contact};
 use crate::system::lower::Lowering;
 use crate::system::{Impulsive, SystemError};
 
@@ -55,23 +55,20 @@ impl<'e> Lowering<'_, 'e> {
         if !contact.exprs().all(|e| self.needs.holds_all(e)) {
             return Ok(None);
         }
-        let wrong = |what: &str, span| {
-            let (name, what) = (contact.name.clone(), what.to_owned());
-            Err(Box::new(SystemError::NoContact { name, what, span }))
-        };
         let gap = self.in_alphas(contact.gap, contact.gap_span);
         if !self.switches.alphas_of(gap).is_empty() {
             let what = "its gap, or the rate of it, has a switching term";
-            return wrong(what, contact.gap_span);
+            return Err(no_contact(contact, what, contact.gap_span));
         }
         let vars = variables_of(&[gap]);
         let velocities = &known.places.velocities;
         if vars.iter().any(|var| velocities.contains_key(var)) {
-            return wrong("its gap depends on velocities", contact.gap_span);
+            let what = "its gap depends on velocities";
+            return Err(no_contact(contact, what, contact.gap_span));
         }
         if !vars.iter().any(|var| known.positions.contains(var)) {
             let what = "its gap does not depend on positions of a `mechanics` block";
-            return wrong(what, contact.gap_span);
+            return Err(no_contact(contact, what, contact.gap_span));
         }
         let restitution = self.restitution(contact)?;
         let friction = match contact.friction {
@@ -92,10 +89,8 @@ impl<'e> Lowering<'_, 'e> {
             .chain(friction.iter().map(|f: &(Expr, Vec<Expr>)| f.0));
         for e in numbers {
             if !self.switches.alphas_of(e).is_empty() {
-                return wrong(
-                    "its restitution or friction has a switching term",
-                    contact.span,
-                );
+                let what = "its restitution or friction has a switching term";
+                return Err(no_contact(contact, what, contact.span));
             }
         }
         Ok(Some(Impulsive {

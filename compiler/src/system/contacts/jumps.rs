@@ -129,13 +129,42 @@ impl<'e> Lowering<'_, 'e> {
         places: &FxHashMap<usize, usize>,
         elsewhere: &[Expr<'e>],
     ) -> Option<Contact<'e>> {
-        let alphas: Vec<Var> = self
-            .switches
-            .list
+        let (switch, gap) = self.struck(law.guard, rates)?;
+        let alpha = self.switches.list[switch].alpha;
+        let shared = |e: &Expr<'e>| variables_of(&[*e]).contains(&alpha);
+        let relay = self.switches.list[switch].relay.is_some();
+        if relay || elsewhere.iter().any(shared) {
+            return None;
+        }
+        let speed = self.rate_of(gap, rates);
+        if !self.switches.alphas_of(speed).is_empty() || !self.switches.alphas_of(gap).is_empty() {
+            return None;
+        }
+        let direction = self.direction(law, (gap, speed), places)?;
+        // 1 + e
+        let gain = direction
             .iter()
-            .map(|switch| switch.alpha)
-            .collect();
-        let literals = conjunction(law.guard, &alphas)?;
+            .map(|&(entry, d)| self.slope(speed, entry) * d);
+        let gain = self.model.exprs.sum(gain);
+        if !self.at_samples(gain, |gain| gain >= 1.0 - 1e-9) {
+            return None;
+        }
+        Some(Contact {
+            switch,
+            gap,
+            direction,
+        })
+    }
+
+    /// The comparisons of a guard that is a conjunction, as switches with their sides.
+    pub(crate) fn literals(&self, guard: Expr<'e>) -> Option<Vec<(usize, bool)>> {
+        let alphas = self.switches.list.iter().map(|switch| switch.alpha);
+        conjunction(guard, &alphas.collect::<Vec<Var>>())
+    }
+
+    /// c with its switch, where a guard is c < 0, or c < 0 and ċ < 0.
+    fn struck(&self, guard: Expr<'e>, rates: &[Expr<'e>]) -> Option<(usize, Expr<'e>)> {
+        let literals = self.literals(guard)?;
         // The guard says that these are negative.
         let negative: Vec<(usize, Expr<'e>)> = (literals.iter())
             .map(|&(k, on)| {
@@ -148,24 +177,22 @@ impl<'e> Lowering<'_, 'e> {
             let ((a, e), (b, of)) = (e.split_scale(), of.split_scale());
             e == of && a * b > 0.0
         };
-        let (switch, gap) = match negative[..] {
-            [only] => only,
-            [a, b] if is_multiple(b.1, self.rate_of(a.1, rates)) => a,
-            [a, b] if is_multiple(a.1, self.rate_of(b.1, rates)) => b,
-            _ => return None,
-        };
-        let alpha = alphas[switch];
-        let shared = |e: &Expr<'e>| variables_of(&[*e]).contains(&alpha);
-        let relay = self.switches.list[switch].relay.is_some();
-        if relay || elsewhere.iter().any(shared) {
-            return None;
+        match negative[..] {
+            [only] => Some(only),
+            [a, b] if is_multiple(b.1, self.rate_of(a.1, rates)) => Some(a),
+            [a, b] if is_multiple(a.1, self.rate_of(b.1, rates)) => Some(b),
+            _ => None,
         }
-        let speed = self.rate_of(gap, rates);
-        if !self.switches.alphas_of(speed).is_empty() || !self.switches.alphas_of(gap).is_empty() {
-            return None;
-        }
+    }
+
+    /// d = -∂Δ/∂ċ, along the gradient of ċ by what the law sets.
+    fn direction(
+        &self,
+        law: &Lowered<'e>,
+        (gap, speed): (Expr<'e>, Expr<'e>),
+        places: &FxHashMap<usize, usize>,
+    ) -> Option<Vec<(usize, Expr<'e>)>> {
         let vars: Vec<Expr<'e>> = self.model.state_vars().collect();
-        // d = -∂Δ/∂ċ, along the gradient of ċ by what the law sets.
         let slopes: Vec<Expr<'e>> = law
             .resets
             .iter()
@@ -192,30 +219,12 @@ impl<'e> Lowering<'_, 'e> {
             }
             direction.push((entry, d));
         }
-        // 1 + e
-        let gain = direction
-            .iter()
-            .map(|&(entry, d)| self.slope(speed, entry) * d);
-        let gain = self.model.exprs.sum(gain);
-        if !self.at_samples(gain, |gain| gain >= 1.0 - 1e-9) {
-            return None;
-        }
-        Some(Contact {
-            switch,
-            gap,
-            direction,
-        })
+        Some(direction)
     }
 
     /// Whether every comparison of a guard and its rate are the same after the jump, up to positive factors.
     fn stays(&self, law: &Lowered<'e>, rates: &[Expr<'e>]) -> bool {
-        let alphas: Vec<Var> = self
-            .switches
-            .list
-            .iter()
-            .map(|switch| switch.alpha)
-            .collect();
-        let Some(literals) = conjunction(law.guard, &alphas) else {
+        let Some(literals) = self.literals(law.guard) else {
             return false;
         };
         let vars: Vec<Expr<'e>> = self.model.state_vars().collect();

@@ -96,27 +96,7 @@ impl<'e> Lowering<'_, 'e> {
         if !contact.exprs().all(|e| self.needs.holds_all(e)) {
             return Ok(None);
         }
-        let name = &contact.name;
-        let wrong = |what: &str, span| {
-            let (name, what) = (name.clone(), what.to_owned());
-            Box::new(SystemError::NoContact { name, what, span })
-        };
-        let gap = self.in_alphas(contact.gap, contact.gap_span);
-        let speed = self.along(gap, free, places);
-        let is_smooth = |e: Expr<'e>, of: &Self| of.switches.alphas_of(e).is_empty();
-        if !is_smooth(gap, self) || !is_smooth(speed, self) {
-            let what = "its gap, or the rate of it, has a switching term";
-            return Err(wrong(what, contact.gap_span));
-        }
-        let vars = variables_of(&[gap]);
-        if vars.iter().any(|var| places.velocities.contains_key(var)) {
-            return Err(wrong("its gap depends on velocities", contact.gap_span));
-        }
-        let normal = self.directions(speed, places);
-        if normal.is_empty() {
-            let what = "its gap does not depend on positions of a `mechanics` block";
-            return Err(wrong(what, contact.gap_span));
-        }
+        let (gap, speed, normal) = self.gap(contact, free, places)?;
         let restitution = self.restitution(contact)?;
         let friction = match contact.friction {
             None => None,
@@ -125,7 +105,8 @@ impl<'e> Lowering<'_, 'e> {
                 Some((friction, self.tangents(contact, &normal, places)?))
             }
         };
-        let switch = (self.switches.unilateral(gap, name, contact.span)).map_err(|form| {
+        let switch = self.switches.unilateral(gap, &contact.name, contact.span);
+        let switch = switch.map_err(|form| {
             let what = match form {
                 Form::Definite(sign) if sign > 0.0 => {
                     "its gap is never negative: no side of its zeros is inside the body"
@@ -134,33 +115,16 @@ impl<'e> Lowering<'_, 'e> {
                 Form::OddPower(_) => "its gap is a power, with a slope of zero where it is zero",
                 _ => "its gap is compared elsewhere too, or is that of another contact",
             };
-            wrong(what, contact.gap_span)
+            no_contact(contact, what, contact.gap_span)
         })?;
         let force = 1.0 - self.model.exprs.expr(self.switches.list[switch].alpha);
         for direction in &normal {
             let rate = &mut rates[direction.state];
             *rate = *rate + direction.push * force;
         }
-        let friction = friction.map(|(coefficient, tangents)| {
-            let mut slips = Vec::new();
-            for (velocity, tangent) in tangents {
-                let switch = self.switches.keep(velocity, name, contact.span);
-                let alpha = self.model.exprs.expr(self.switches.list[switch].alpha);
-                let sign = 2.0 * alpha - 1.0;
-                for direction in &tangent {
-                    let rate = &mut rates[direction.state];
-                    *rate = *rate - coefficient * direction.push * force * sign;
-                }
-                slips.push(Slip {
-                    velocity,
-                    tangent,
-                    switch,
-                });
-            }
-            Friction { coefficient, slips }
-        });
+        let friction = friction.map(|friction| self.rub(contact, friction, force, rates));
         Ok(Some(Contact {
-            name: name.clone(),
+            name: contact.name.clone(),
             gap,
             speed,
             normal,
@@ -169,6 +133,59 @@ impl<'e> Lowering<'_, 'e> {
             switch,
             span: contact.span,
         }))
+    }
+
+    /// The gap with its rate in free motion and what a force along J_n does.
+    fn gap(
+        &mut self,
+        contact: &model::Contact<'e>,
+        free: &[Expr<'e>],
+        places: &Places<'e>,
+    ) -> Result<(Expr<'e>, Expr<'e>, Vec<Direction<'e>>), Box<SystemError>> {
+        let gap = self.in_alphas(contact.gap, contact.gap_span);
+        let speed = self.along(gap, free, places);
+        let is_smooth = |e: Expr<'e>| self.switches.alphas_of(e).is_empty();
+        if !is_smooth(gap) || !is_smooth(speed) {
+            let what = "its gap, or the rate of it, has a switching term";
+            return Err(no_contact(contact, what, contact.gap_span));
+        }
+        let vars = variables_of(&[gap]);
+        if vars.iter().any(|var| places.velocities.contains_key(var)) {
+            let what = "its gap depends on velocities";
+            return Err(no_contact(contact, what, contact.gap_span));
+        }
+        let normal = self.directions(speed, places);
+        if normal.is_empty() {
+            let what = "its gap does not depend on positions of a `mechanics` block";
+            return Err(no_contact(contact, what, contact.gap_span));
+        }
+        Ok((gap, speed, normal))
+    }
+
+    /// Adds friction -μ λ_n (2α_t - 1) along every entry of the slip velocity.
+    fn rub(
+        &mut self,
+        contact: &model::Contact<'e>,
+        (coefficient, tangents): (Expr<'e>, Vec<Tangent<'e>>),
+        force: Expr<'e>,
+        rates: &mut [Expr<'e>],
+    ) -> Friction<'e> {
+        let mut slips = Vec::new();
+        for (velocity, tangent) in tangents {
+            let switch = (self.switches).keep(velocity, &contact.name, contact.span);
+            let alpha = self.model.exprs.expr(self.switches.list[switch].alpha);
+            let sign = 2.0 * alpha - 1.0;
+            for direction in &tangent {
+                let rate = &mut rates[direction.state];
+                *rate = *rate - coefficient * direction.push * force * sign;
+            }
+            slips.push(Slip {
+                velocity,
+                tangent,
+                switch,
+            });
+        }
+        Friction { coefficient, slips }
     }
 
     /// The law of restitution with e in α.
@@ -180,20 +197,14 @@ impl<'e> Lowering<'_, 'e> {
         let all = self.model.contacts.iter();
         let mut before = all.take_while(|other| other.name != contact.name);
         if let Some(other) = before.find(|other| !other.restitution.agrees(contact.restitution)) {
-            return Err(Box::new(SystemError::NoContact {
-                name: contact.name.clone(),
-                what: format!("its law of restitution is not that of `{}`", other.name),
-                span: contact.span,
-            }));
+            let what = format!("its law of restitution is not that of `{}`", other.name);
+            return Err(no_contact(contact, &what, contact.span));
         }
         if self.at_corners(e, |e| (0.0..=1.0).contains(&e)) {
             return Ok(contact.restitution.with(e));
         }
-        Err(Box::new(SystemError::NoContact {
-            name: contact.name.clone(),
-            what: "its restitution is not in [0, 1]".to_owned(),
-            span: contact.span,
-        }))
+        let what = "its restitution is not in [0, 1]";
+        Err(no_contact(contact, what, contact.span))
     }
 
     /// μ in α.
@@ -206,11 +217,7 @@ impl<'e> Lowering<'_, 'e> {
         if self.at_corners(friction, |mu| mu >= 0.0) {
             return Ok(friction);
         }
-        Err(Box::new(SystemError::NoContact {
-            name: contact.name.clone(),
-            what: "its friction is negative".to_owned(),
-            span,
-        }))
+        Err(no_contact(contact, "its friction is negative", span))
     }
 
     /// A coefficient of a law in α, whose switches are read as those of rates are.
@@ -270,9 +277,8 @@ impl<'e> Lowering<'_, 'e> {
                 return Err(Box::new(self.slip_that_switches(name, &alphas, span)));
             }
             if tangent.is_empty() || !tangent.iter().all(is_linear) {
-                let what = "its slip is not linear in velocities of a `mechanics` block".to_owned();
-                let (name, span) = (name(), *span);
-                return Err(Box::new(SystemError::NoContact { name, what, span }));
+                let what = "its slip is not linear in velocities of a `mechanics` block";
+                return Err(no_contact(contact, what, *span));
             }
             tangents.push((slip, tangent));
         }
@@ -452,4 +458,10 @@ impl<'e> Lowering<'_, 'e> {
         };
         contacts.into_iter().filter_map(finish).collect()
     }
+}
+
+/// Why a contact is none.
+fn no_contact(contact: &model::Contact<'_>, what: &str, span: Span) -> Box<SystemError> {
+    let (name, what) = (contact.name.clone(), what.to_owned());
+    Box::new(SystemError::NoContact { name, what, span })
 }

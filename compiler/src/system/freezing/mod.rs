@@ -17,9 +17,9 @@ mod relay;
 mod rest;
 mod start;
 
-use super::regions::regions_of;
-use super::subsystems;
-use super::{Readings, State, Switch, System, SystemError, Task};
+use self::contact::Contact;
+use super::regions::subsystems_of;
+use super::{Partition, Readings, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
 use crate::system::switches::affine::at;
@@ -90,37 +90,53 @@ pub struct Rest<'e> {
 /// The frozen system; what moves while the clock stands still takes a share of `pace`, a time.
 pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemError> {
     check::check(system)?;
-    let exprs = system.exprs;
     let contacts = contact::contacts(system)?;
     let meeting = check::together(system, &contacts)?;
+    // Integrals of a cost stay behind all other states.
+    let integrals = system.task.as_ref().map_or(0, |task| task.integrals);
+    let n_states = system.states.len() - integrals;
+    let (places, switches) = lasting_switches(system);
+    let mut motion = Motion {
+        system,
+        pace,
+        n_states,
+        rates: free_rates(system, &contacts),
+        partitions: lasting_partitions(system, &places),
+        switches,
+        added: Vec::new(),
+    };
     let relays = (0..system.switches.len()).filter(|&k| system.switches[k].relay.is_some());
-    let relays: Vec<usize> = relays.collect();
+    let relays: Vec<Memory> = relays.map(|k| motion.relay(k)).collect();
+    let contacts = motion.contacts(&contacts);
+    Ok(Frozen {
+        system: motion.finished(&relays),
+        n_states,
+        clock: n_states,
+        places,
+        relays,
+        contacts,
+        meeting,
+    })
+}
 
-    // Motion without contact, then the rate of the clock.
+/// Motion without contact, then the rate of the clock.
+fn free_rates<'e>(system: &System<'e>, contacts: &[Contact<'e>]) -> Vec<Expr<'e>> {
     let open = |rate: Expr<'e>| {
         let apart = contacts.iter().map(|contact| alpha(system, contact.switch));
         apart.fold(rate, |rate, alpha| at(rate, alpha, 1.0))
     };
     let mut rates: Vec<Expr<'e>> = system.states.iter().map(|s| open(s.rate)).collect();
-    rates.push(exprs.constant(1.0));
+    rates.push(system.exprs.constant(1.0));
+    rates
+}
 
-    // Integrals of a cost stay behind all other states.
-    let integrals = system.task.as_ref().map_or(0, |task| task.integrals);
-    let n_states = system.states.len() - integrals;
-    let mut frozen = Frozen {
-        system: system.clone(),
-        n_states,
-        clock: n_states,
-        places: vec![None; system.switches.len()],
-        relays: Vec::new(),
-        contacts: Vec::new(),
-        meeting,
-    };
+/// The switches that are neither relays nor contacts, and where they are.
+fn lasting_switches<'e>(system: &System<'e>) -> (Vec<Option<usize>>, Vec<Switch<'e>>) {
+    let mut places = vec![None; system.switches.len()];
     let mut switches: Vec<Switch<'e>> = Vec::new();
     for (k, switch) in system.switches.iter().enumerate() {
-        let is_kept = switch.relay.is_none() && !switch.unilateral;
-        if is_kept {
-            frozen.places[k] = Some(switches.len());
+        if switch.relay.is_none() && !switch.unilateral {
+            places[k] = Some(switches.len());
             switches.push(Switch {
                 slip_of: None,
                 ..switch.clone()
@@ -128,135 +144,152 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
         }
     }
     for switch in &mut switches {
-        let other = switch.across.and_then(|other| frozen.places[other]);
-        switch.across = other;
+        switch.across = switch.across.and_then(|other| places[other]);
     }
-    let mut added: Vec<State<'e>> = Vec::new();
+    (places, switches)
+}
+
+/// The partitions that no relay decides.
+fn lasting_partitions<'e>(system: &System<'e>, places: &[Option<usize>]) -> Vec<Partition<'e>> {
     let mut partitions = system.partitions.clone();
     partitions.retain(|partition| {
         let weights: Vec<Expr<'e>> = partition.regions.iter().map(|r| r.weight).collect();
         let inside = variables_of(&weights);
-        !relays.iter().any(|&k| inside.contains(&alpha(system, k)))
+        let mut switches = system.switches.iter().enumerate();
+        !switches.any(|(k, s)| s.relay.is_some() && inside.contains(&alpha(system, k)))
     });
     for partition in &mut partitions {
-        let place = |k: usize| frozen.places[k];
-        partition.switches = partition
-            .switches
-            .iter()
-            .filter_map(|&k| place(k))
-            .collect();
+        let switches = partition.switches.iter();
+        partition.switches = switches.filter_map(|&k| places[k]).collect();
         for region in &mut partition.regions {
             for literal in region.literals.iter_mut().flatten() {
                 literal.0 =
-                    place(literal.0).expect("relays and contacts are in no guard that is kept");
+                    places[literal.0].expect("relays and contacts are in no guard that is kept");
             }
         }
     }
-    for &k in &relays {
-        let first = switches.len();
-        let cells = relay::cells(system, k, pace, first);
-        let read = alpha(system, k);
-        for rate in &mut rates {
+    partitions
+}
+
+/// Motion in numerical time, to which relays and contacts are added.
+struct Motion<'s, 'e> {
+    /// The original.
+    system: &'s System<'e>,
+    pace: f64,
+    n_states: usize,
+    /// Of the states of the original, and of the clock.
+    rates: Vec<Expr<'e>>,
+    switches: Vec<Switch<'e>>,
+    partitions: Vec<Partition<'e>>,
+    /// What moves while the clock stands still.
+    added: Vec<State<'e>>,
+}
+
+impl<'e> Motion<'_, 'e> {
+    /// A relay becomes a memory.
+    fn relay(&mut self, k: usize) -> Memory {
+        let cells = relay::cells(self.system, k, self.pace, self.switches.len());
+        let read = alpha(self.system, k);
+        for rate in &mut self.rates {
             *rate = at(*rate, read, 0.0) * cells.off + at(*rate, read, 1.0) * cells.on;
         }
-        frozen.relays.push(Memory {
-            relay: k,
-            state: n_states + 1 + added.len(),
-        });
-        switches.extend(cells.switches);
-        added.push(cells.memory);
-        partitions.push(cells.partition);
+        let state = self.n_states + 1 + self.added.len();
+        self.switches.extend(cells.switches);
+        self.added.push(cells.memory);
+        self.partitions.push(cells.partition);
+        Memory { relay: k, state }
     }
-    let speeds = bounce::speeds(system, &contacts, pace);
-    let mut forces = vec![exprs.constant(0.0); rates.len()];
-    for (contact, expected) in contacts.iter().zip(speeds) {
-        let switch = switches.len();
-        let strength;
-        let rest = if contact.is_inelastic() {
-            let rest = rest::rest(system, contact, pace, (&mut rates, &mut forces));
-            switches.extend(rest.switches);
-            strength = exprs.constant(rest.strength);
-            Some(Rest {
-                speed: switch + 1,
-                cone: rest.cone,
-            })
+
+    /// Contacts become forces.
+    fn contacts(&mut self, contacts: &[Contact<'e>]) -> Vec<Impact<'e>> {
+        let speeds = bounce::speeds(self.system, contacts, self.pace);
+        let mut forces = vec![self.system.exprs.constant(0.0); self.rates.len()];
+        let contacts = contacts.iter().zip(speeds);
+        let impacts = contacts.map(|(contact, speed)| self.contact(contact, speed, &mut forces));
+        let impacts = impacts.collect();
+        for (rate, force) in self.rates.iter_mut().zip(forces) {
+            *rate = *rate + force;
+        }
+        impacts
+    }
+
+    /// Adds the force of a contact that is expected to close with a speed.
+    fn contact(
+        &mut self,
+        contact: &Contact<'e>,
+        expected: f64,
+        forces: &mut [Expr<'e>],
+    ) -> Impact<'e> {
+        let (system, pace, switch) = (self.system, self.pace, self.switches.len());
+        let motion = (&mut self.rates[..], forces);
+        let (strength, rest) = if contact.is_inelastic() {
+            let rest = rest::rest(system, contact, pace, motion);
+            self.switches.extend(rest.switches);
+            let (speed, cone) = (switch + 1, rest.cone);
+            let strength = system.exprs.constant(rest.strength);
+            (strength, Some(Rest { speed, cone }))
         } else {
-            let bounce =
-                bounce::bounce(system, contact, (expected, pace), (&mut rates, &mut forces));
-            switches.push(bounce.switch);
-            added.push(bounce.state);
-            strength = bounce.strength;
-            None
+            let bounce = bounce::bounce(system, contact, (expected, pace), motion);
+            self.switches.push(bounce.switch);
+            self.added.push(bounce.state);
+            (bounce.strength, None)
         };
-        frozen.contacts.push(Impact {
+        let friction = contact.friction.as_ref();
+        Impact {
             contact: contact.switch,
             law: contact.law,
             switch,
             strength,
-            friction: contact
-                .friction
-                .as_ref()
-                .map(|friction| friction.coefficient),
+            friction: friction.map(|friction| friction.coefficient),
             rest,
+        }
+    }
+
+    /// The system of this motion, with the clock behind the states of the original.
+    fn finished(mut self, relays: &[Memory]) -> System<'e> {
+        let (mut whole, clock) = (self.system.clone(), self.n_states);
+        let rate = self.rates[whole.states.len()];
+        for (state, rate) in whole.states.iter_mut().zip(self.rates) {
+            state.rate = rate;
+        }
+        // While time passes a relay is what it remembers.
+        let memories = relays.iter().zip(&self.added);
+        let memories = memories.map(|(known, state)| (alpha(self.system, known.relay), state.var));
+        let memories: Substitution = memories.collect();
+        whole.task = whole.task.map(|task| Task {
+            clock: Some(clock),
+            ..task.map(|e| e.substitute(&memories))
         });
+        let last = whole.states.split_off(clock);
+        whole.states.push(State {
+            name: "time".to_owned(),
+            var: whole.time,
+            initial: 0.0,
+            rate,
+            span: Span::default(),
+        });
+        whole.states.extend(self.added);
+        whole.states.extend(last);
+        for partition in self.partitions.iter_mut().filter(|p| p.states.is_empty()) {
+            partition.states = (0..whole.states.len()).collect();
+        }
+        whole.time = whole.exprs.variable("tau");
+        whole.clock = Some(clock);
+        (whole.switches, whole.partitions) = (self.switches, self.partitions);
+        let rates: Vec<Expr<'e>> = whole.states.iter().map(|state| state.rate).collect();
+        whole.subsystems = subsystems_of(&rates, &whole.alphas(), &whole.partitions);
+        // What is recorded, watched and read is that of the original.
+        (whole.outputs, whole.controls, whole.limits) = (Vec::new(), Vec::new(), Vec::new());
+        (whole.groups, whole.skipped) = (Vec::new(), Vec::new());
+        (whole.laws, whole.contacts, whole.bodies) = (Vec::new(), Vec::new(), Vec::new());
+        whole.readings = Readings::default();
+        debug_assert_eq!(
+            whole.verify(),
+            Ok(()),
+            "freezing keeps the invariants of `System`"
+        );
+        whole
     }
-
-    for (rate, force) in rates.iter_mut().zip(forces) {
-        *rate = *rate + force;
-    }
-
-    let clock = State {
-        name: "time".to_owned(),
-        var: system.time,
-        initial: 0.0,
-        rate: rates[system.states.len()],
-        span: Span::default(),
-    };
-    let task = system.task.as_ref();
-    // While time passes a relay is what it remembers.
-    let memories = relays.iter().zip(&added);
-    let memories = memories.map(|(&k, memory)| (alpha(system, k), memory.var));
-    let memories: Substitution = memories.collect();
-    let task = task.map(|task| Task {
-        clock: Some(n_states),
-        ..task.map(|e| e.substitute(&memories))
-    });
-    let whole = &mut frozen.system;
-    for (state, rate) in whole.states.iter_mut().zip(&rates) {
-        state.rate = *rate;
-    }
-    let last = whole.states.split_off(n_states);
-    whole.states.push(clock);
-    whole.states.extend(added);
-    whole.states.extend(last);
-    whole.task = task;
-    let set: Vec<usize> = (0..whole.states.len()).collect();
-    for partition in partitions.iter_mut().filter(|p| p.states.is_empty()) {
-        partition.states.clone_from(&set);
-    }
-    whole.time = exprs.variable("tau");
-    whole.clock = Some(n_states);
-    let rates: Vec<Expr<'e>> = whole.states.iter().map(|state| state.rate).collect();
-    let alphas: Vec<Var> = switches
-        .iter()
-        .filter_map(|s| s.alpha.as_variable())
-        .collect();
-    whole.subsystems = subsystems(&rates, &alphas);
-    for subsystem in &mut whole.subsystems {
-        subsystem.regions = regions_of(subsystem, &partitions, &rates, &alphas);
-    }
-    (whole.switches, whole.partitions) = (switches, partitions);
-    // What is recorded, watched and read is that of the original.
-    (whole.outputs, whole.controls, whole.limits) = (Vec::new(), Vec::new(), Vec::new());
-    (whole.groups, whole.skipped) = (Vec::new(), Vec::new());
-    (whole.laws, whole.contacts, whole.bodies) = (Vec::new(), Vec::new(), Vec::new());
-    whole.readings = Readings::default();
-    debug_assert_eq!(
-        whole.verify(),
-        Ok(()),
-        "freezing keeps the invariants of `System`"
-    );
-    Ok(frozen)
 }
 
 /// α of a switch.

@@ -11,7 +11,7 @@ use crate::source::Span;
 use crate::system::regions::coverage::Proof;
 use crate::system::regions::sample::{Point, Sampler};
 use crate::system::switches::affine::at;
-use crate::system::switches::interaction::positions;
+use crate::system::switches::interaction::{positions, subsystems};
 
 /// More switches than this in one guard are not enumerated.
 const MOST_ENUMERATED: usize = 8;
@@ -181,9 +181,22 @@ pub(super) fn decide_all(
         })
 }
 
+/// The subsystems of switches that rates multiply, with the regions that they decide.
+pub(super) fn subsystems_of(
+    rates: &[Expr<'_>],
+    alphas: &[Var],
+    partitions: &[Partition<'_>],
+) -> Vec<Subsystem> {
+    let mut subsystems = subsystems(rates, alphas);
+    for subsystem in &mut subsystems {
+        subsystem.regions = regions_of(subsystem, partitions, rates, alphas);
+    }
+    subsystems
+}
+
 /// The partition whose regions are all there is to a subsystem: disjoint conjunctions that cover
 /// every corner, with rates that depend on the subsystem's α through the region only.
-pub(super) fn regions_of(
+fn regions_of(
     subsystem: &Subsystem,
     partitions: &[Partition<'_>],
     rates: &[Expr<'_>],

@@ -22,68 +22,16 @@ pub(crate) fn check_reading<'e>(
 ) -> Vec<SystemError> {
     let mut errors = Vec::new();
     let below = variables_of(&[value]);
-    // A label around another one is hard to read.
-    let beside = |span: Span| -> Option<Span> {
-        let is_inside = entry.start <= span.start && span.end <= entry.end;
-        (!is_inside).then_some(entry)
-    };
     let strict = switches.strict(value);
     for k in switches.occurring(value) {
         let switch = &switches.list[k];
-        let name = || switches.name_of(k);
         let reads = |value: Expr<'e>, var: Var| {
             is_hidden_term_zero(value, var, switch.psi, switches, &sampler())
         };
         // What is read as it is written needs no agreement.
         let is_open = !switch.is_nonlinear && !is_affine(strict, switch.alpha);
         if is_open && !reads(strict, switch.alpha) {
-            let named = switch.named.first().and_then(|reading| {
-                let statement = model
-                    .switches
-                    .iter()
-                    .position(|known| known.name == reading.name)?;
-                Some((reading, statement))
-            });
-            let span = switch
-                .spans
-                .iter()
-                .copied()
-                .find(|span| entry.start <= span.start && span.end <= entry.end);
-            let span = span.or(switch.spans.first().copied()).unwrap_or(entry);
-            errors.push(match named {
-                Some((reading, statement)) => {
-                    let declared = &model.switches[statement];
-                    let alpha = switch.alpha;
-                    let s = model.exprs.variable(&reading.name);
-                    let above = match declared.kind {
-                        SwitchKind::Sign => 0.5 * (s + 1.0),
-                        SwitchKind::Step | SwitchKind::Relay(_) => s,
-                    };
-                    let above = if reading.flipped { 1.0 - above } else { above };
-                    let (linear, nonlinear) =
-                        readings(switches, strict, (alpha, above), &declared.statement());
-                    SystemError::NonlinearSwitch {
-                        name: reading.name.clone(),
-                        linear,
-                        nonlinear,
-                        switch: declared.span,
-                        entry: beside(declared.span),
-                    }
-                }
-                None => {
-                    let statement = format!("switch s = sign({})", name());
-                    let above = 0.5 * (model.exprs.variable("s") + 1.0);
-                    let (linear, nonlinear) =
-                        readings(switches, strict, (switch.alpha, above), &statement);
-                    SystemError::NonlinearSwitch {
-                        name: format!("sign({})", name()),
-                        linear,
-                        nonlinear,
-                        switch: span,
-                        entry: beside(span),
-                    }
-                }
-            });
+            errors.push(nonlinear_switch(switches, k, strict, entry, model));
         }
         if let Some(condition) = switches
             .condition(k)
@@ -93,13 +41,66 @@ pub(crate) fn check_reading<'e>(
         {
             let span = switch.spans.first().copied().unwrap_or(switch.origin);
             errors.push(SystemError::NonlinearCondition {
-                name: name(),
+                name: switches.name_of(k),
                 condition: span,
-                entry: beside(span),
+                entry: beside(span, entry),
             });
         }
     }
     errors
+}
+
+/// A label around another one is hard to read.
+fn beside(span: Span, entry: Span) -> Option<Span> {
+    (!is_inside(span, entry)).then_some(entry)
+}
+
+fn is_inside(span: Span, entry: Span) -> bool {
+    entry.start <= span.start && span.end <= entry.end
+}
+
+/// Asks for a reading of a switch: by its statement, or else by one that could be written.
+fn nonlinear_switch<'e>(
+    switches: &Switches<'e>,
+    k: usize,
+    value: Expr<'e>,
+    entry: Span,
+    model: &Model<'e>,
+) -> SystemError {
+    let switch = &switches.list[k];
+    let named = switch.named.first().and_then(|reading| {
+        let mut statements = model.switches.iter();
+        Some((reading, statements.find(|s| s.name == reading.name)?))
+    });
+    let (name, statement, above, span) = match named {
+        Some((reading, declared)) => {
+            let s = model.exprs.variable(&reading.name);
+            let above = match declared.kind {
+                SwitchKind::Sign => 0.5 * (s + 1.0),
+                SwitchKind::Step | SwitchKind::Relay(_) => s,
+            };
+            let above = if reading.flipped { 1.0 - above } else { above };
+            let name = reading.name.clone();
+            (name, declared.statement(), above, declared.span)
+        }
+        None => {
+            let name = format!("sign({})", switches.name_of(k));
+            let statement = format!("switch s = {name}");
+            let above = 0.5 * (model.exprs.variable("s") + 1.0);
+            let spans = &switch.spans;
+            let span = spans.iter().find(|&&span| is_inside(span, entry));
+            let span = span.or(spans.first()).copied().unwrap_or(entry);
+            (name, statement, above, span)
+        }
+    };
+    let (linear, nonlinear) = readings(switches, value, (switch.alpha, above), &statement);
+    SystemError::NonlinearSwitch {
+        name,
+        linear,
+        nonlinear,
+        switch: span,
+        entry: beside(span, entry),
+    }
 }
 
 /// Both readings of a switch, with what an expression is on the surface under each; `above` is α in the user's words.

@@ -3,8 +3,8 @@
 use rustc_hash::FxHashMap;
 
 use super::expressions::{Writer, line, number};
-use super::{Ampl, Linear, Program, RowKind};
-use crate::expr::{Expr, Var};
+use super::{Ampl, Linear, Program, Row, RowKind};
+use crate::expr::Expr;
 
 /// The name of the objective.
 const OBJECTIVE: &str = "cost";
@@ -12,8 +12,66 @@ const OBJECTIVE: &str = "cost";
 impl<'e> Program<'e> {
     /// Orders variables and rows, and writes the file.
     pub(crate) fn write(self) -> Ampl {
-        let in_rows = self.nonlinear_in(self.rows.iter().map(|row| &row.body));
-        let in_objective = self.nonlinear_in([&self.objective].into_iter());
+        let ordered = Ordered::new(&self);
+        let writer = ordered.writer();
+        let row_names = ordered.rows().map(|row| row.name.clone());
+        let row_names: Vec<String> = row_names.chain([OBJECTIVE.to_owned()]).collect();
+        let column_names = ordered.columns.iter().map(|&v| self.names[v].clone());
+        let column_names: Vec<String> = column_names.collect();
+        let longest = |names: &[String]| names.iter().map(String::len).max().unwrap_or(0);
+        let longest = [longest(&row_names), longest(&column_names)];
+        let mut out = String::new();
+        for text in ordered.header(longest, writer.n_defined()) {
+            line(&mut out, &text);
+        }
+        writer.definitions(&mut out);
+        ordered.nonlinear(&writer, &mut out);
+        ordered.bounds(&mut out);
+        ordered.gradients(&mut out);
+        let Ordered { columns, rows, .. } = ordered;
+        Ampl {
+            text: out,
+            columns,
+            rows,
+            column_names,
+            row_names,
+        }
+    }
+
+    /// The linear terms of a row by column, and 0 for what is in nonlinear ones.
+    fn gradient(&self, part: &Linear<'e>, place: &[usize]) -> Gradient {
+        let mut entries: FxHashMap<usize, f64> = part.linear.clone();
+        for variable in self.nonlinear_in([part].into_iter()) {
+            entries.entry(variable).or_insert(0.0);
+        }
+        let placed = entries.into_iter();
+        let mut placed: Gradient = placed.map(|(variable, c)| (place[variable], c)).collect();
+        placed.sort_by_key(|&(column, _)| column);
+        placed
+    }
+}
+
+/// Coefficients by column.
+type Gradient = Vec<(usize, f64)>;
+
+/// A program in the order of the format.
+struct Ordered<'p, 'e> {
+    program: &'p Program<'e>,
+    /// How many variables are nonlinear in rows and the objective, in rows alone, and in the objective alone.
+    classes: [usize; 3],
+    columns: Vec<usize>,
+    rows: Vec<usize>,
+    /// The column of every variable.
+    place: Vec<usize>,
+    jacobian: Vec<Gradient>,
+    /// The gradient of the objective.
+    objective: Gradient,
+}
+
+impl<'p, 'e> Ordered<'p, 'e> {
+    fn new(program: &'p Program<'e>) -> Self {
+        let in_rows = program.nonlinear_in(program.rows.iter().map(|row| &row.body));
+        let in_objective = program.nonlinear_in([&program.objective].into_iter());
         let class = |variable: &usize| match (
             in_rows.contains(variable),
             in_objective.contains(variable),
@@ -23,207 +81,156 @@ impl<'e> Program<'e> {
             (false, true) => 2,
             (false, false) => 3,
         };
-        let mut columns: Vec<usize> = (0..self.bounds.len()).collect();
+        let mut columns: Vec<usize> = (0..program.bounds.len()).collect();
         columns.sort_by_key(class);
-        let is_linear = |row: &usize| self.rows[*row].body.nonlinear.is_empty();
-        let mut rows: Vec<usize> = (0..self.rows.len()).collect();
-        rows.sort_by_key(is_linear);
-
+        let mut rows: Vec<usize> = (0..program.rows.len()).collect();
+        rows.sort_by_key(|&row| program.rows[row].body.nonlinear.is_empty());
         let mut place = vec![0; columns.len()];
         for (column, &variable) in columns.iter().enumerate() {
             place[variable] = column;
         }
-        let columns_of: FxHashMap<Var, usize> = (self.numbers.iter())
-            .map(|(&var, &variable)| (var, place[variable]))
-            .collect();
-        let parts = self
-            .rows
-            .iter()
-            .map(|row| &row.body)
-            .chain([&self.objective]);
+        let count = |wanted: usize| columns.iter().filter(|v| class(v) == wanted).count();
+        let jacobian = rows.iter().map(|&row| &program.rows[row].body);
+        Ordered {
+            program,
+            classes: [0, 1, 2].map(count),
+            jacobian: jacobian
+                .map(|body| program.gradient(body, &place))
+                .collect(),
+            objective: program.gradient(&program.objective, &place),
+            columns,
+            rows,
+            place,
+        }
+    }
+
+    fn rows(&self) -> impl Iterator<Item = &'p Row<'e>> {
+        let program = self.program;
+        self.rows.iter().map(|&row| &program.rows[row])
+    }
+
+    /// The writer of all nonlinear terms.
+    fn writer(&self) -> Writer<'e> {
+        let program = self.program;
+        let numbers = program.numbers.iter();
+        let columns = numbers.map(|(&var, &variable)| (var, self.place[variable]));
+        let parts = program.rows.iter().map(|row| &row.body);
+        let parts = parts.chain([&program.objective]);
         let terms = parts.flat_map(|part| part.nonlinear.iter().map(|&(_, term)| term));
-        let writer = Writer::new(columns_of, &terms.collect::<Vec<Expr>>());
+        Writer::new(columns.collect(), &terms.collect::<Vec<Expr>>())
+    }
 
-        // The linear terms of a row, and 0 for what is in nonlinear ones.
-        let gradient = |part: &Linear<'e>| -> Vec<(usize, f64)> {
-            let mut entries: FxHashMap<usize, f64> = part.linear.clone();
-            for variable in self.nonlinear_in([part].into_iter()) {
-                entries.entry(variable).or_insert(0.0);
-            }
-            let placed = entries
-                .into_iter()
-                .map(|(variable, c)| (place[variable], c));
-            let mut placed: Vec<(usize, f64)> = placed.collect();
-            placed.sort_by_key(|&(column, _)| column);
-            placed
-        };
-        let jacobian: Vec<Vec<(usize, f64)>> = rows
-            .iter()
-            .map(|&row| gradient(&self.rows[row].body))
-            .collect();
-        let objective = gradient(&self.objective);
-
-        let mut out = String::new();
-        let n_nonlinear = rows.iter().filter(|row| !is_linear(row)).count();
-        let complementary = |linear: bool| {
-            let is_pair = |row: &&super::Row| matches!(row.kind, RowKind::Complements(_));
-            let pairs = self.rows.iter().filter(is_pair);
-            pairs
-                .filter(|row| row.body.nonlinear.is_empty() == linear)
-                .count()
-        };
-        let (linear_pairs, nonlinear_pairs) = (complementary(true), complementary(false));
-        let between = |is_one: fn(f64, f64) -> bool| {
-            let is_one = |row: &&super::Row| match row.kind {
-                RowKind::Between(lower, upper) => is_one(lower, upper),
+    /// How much there is of what, with the longest names of rows and columns.
+    fn header(&self, [row_name, column_name]: [usize; 2], n_defined: usize) -> [String; 10] {
+        let count = |holds: &dyn Fn(&Row<'e>) -> bool| self.rows().filter(|row| holds(row)).count();
+        let is_linear = |row: &Row<'e>| row.body.nonlinear.is_empty();
+        let is_pair = |row: &Row<'e>| matches!(row.kind, RowKind::Complements(_));
+        let n_nonlinear = count(&|row| !is_linear(row));
+        let linear_pairs = count(&|row| is_pair(row) && is_linear(row));
+        let nonlinear_pairs = count(&|row| is_pair(row) && !is_linear(row));
+        let between = |holds: fn(f64, f64) -> bool| {
+            count(&|row| match row.kind {
+                RowKind::Between(lower, upper) => holds(lower, upper),
                 RowKind::Complements(_) => false,
-            };
-            self.rows.iter().filter(is_one).count()
+            })
         };
         let equations = between(|lower, upper| lower == upper);
         let ranges =
             between(|lower, upper| lower != upper && lower.is_finite() && upper.is_finite());
-        let count = |wanted: usize| {
-            columns
-                .iter()
-                .filter(|variable| class(variable) == wanted)
-                .count()
-        };
-        let (both, only_rows, only_objective) = (count(0), count(1), count(2));
+        let [both, only_rows, only_objective] = self.classes;
+        let in_rows = both + only_rows;
         // Variables of objectives alone come behind those of rows, which are then counted too.
         let objectives = match only_objective {
             0 => both,
-            n => both + only_rows + n,
+            n => in_rows + n,
         };
-        let nonzeros: usize = jacobian.iter().map(Vec::len).sum();
-        line(&mut out, &format!("g3 1 1 0\t# problem {}", self.name));
-        line(
-            &mut out,
-            &format!(
-                " {} {} 1 {ranges} {equations}\t# vars, constraints, objectives, ranges, eqns",
-                columns.len(),
-                rows.len()
+        let nonlinear_objectives = usize::from(!self.program.objective.nonlinear.is_empty());
+        let (n_columns, n_rows) = (self.columns.len(), self.rows.len());
+        let nonzeros: usize = self.jacobian.iter().map(Vec::len).sum();
+        let gradients = self.objective.len();
+        [
+            format!("g3 1 1 0\t# problem {}", self.program.name),
+            format!(
+                " {n_columns} {n_rows} 1 {ranges} {equations}\t# vars, constraints, objectives, ranges, eqns"
             ),
-        );
-        line(
-            &mut out,
-            &format!(
-                " {n_nonlinear} {} {linear_pairs} {nonlinear_pairs} 0 0\t# nonlinear constrs, objs; ccons: lin, nonlin, nd, nzlb",
-                usize::from(!self.objective.nonlinear.is_empty())
+            format!(
+                " {n_nonlinear} {nonlinear_objectives} {linear_pairs} {nonlinear_pairs} 0 0\t# nonlinear constrs, objs; ccons: lin, nonlin, nd, nzlb"
             ),
-        );
-        line(&mut out, " 0 0\t# network constraints: nonlinear, linear");
-        line(
-            &mut out,
-            &format!(
-                " {} {objectives} {both}\t# nonlinear vars in constraints, objectives, both",
-                both + only_rows
+            " 0 0\t# network constraints: nonlinear, linear".to_owned(),
+            format!(
+                " {in_rows} {objectives} {both}\t# nonlinear vars in constraints, objectives, both"
             ),
-        );
-        line(
-            &mut out,
-            " 0 0 0 1\t# linear network variables; functions; arith, flags",
-        );
-        line(
-            &mut out,
-            " 0 0 0 0 0\t# discrete variables: binary, integer, nonlinear (b,c,o)",
-        );
-        line(
-            &mut out,
-            &format!(
-                " {nonzeros} {}\t# nonzeros in Jacobian, gradients",
-                objective.len()
-            ),
-        );
-        let row_names = rows.iter().map(|&row| self.rows[row].name.clone());
-        let row_names: Vec<String> = row_names.chain([OBJECTIVE.to_owned()]).collect();
-        let column_names = columns.iter().map(|&variable| self.names[variable].clone());
-        let column_names: Vec<String> = column_names.collect();
-        let longest = |names: &[String]| names.iter().map(String::len).max().unwrap_or(0);
-        line(
-            &mut out,
-            &format!(
-                " {} {}\t# max name lengths: constraints, variables",
-                longest(&row_names),
-                longest(&column_names)
-            ),
-        );
-        line(
-            &mut out,
-            &format!(
-                " {} 0 0 0 0\t# common exprs: b,c,o,c1,o1",
-                writer.n_defined()
-            ),
-        );
+            " 0 0 0 1\t# linear network variables; functions; arith, flags".to_owned(),
+            " 0 0 0 0 0\t# discrete variables: binary, integer, nonlinear (b,c,o)".to_owned(),
+            format!(" {nonzeros} {gradients}\t# nonzeros in Jacobian, gradients"),
+            format!(" {row_name} {column_name}\t# max name lengths: constraints, variables"),
+            format!(" {n_defined} 0 0 0 0\t# common exprs: b,c,o,c1,o1"),
+        ]
+    }
 
-        writer.definitions(&mut out);
-        for (i, &row) in rows.iter().enumerate() {
-            let row = &self.rows[row];
+    /// The nonlinear parts of the rows and the objective.
+    fn nonlinear(&self, writer: &Writer<'e>, out: &mut String) {
+        for (i, row) in self.rows().enumerate() {
             // The constant of an equation is its right-hand side.
             let constant = match row.kind {
                 RowKind::Complements(_) => row.body.constant,
                 RowKind::Between(..) => 0.0,
             };
-            line(&mut out, &format!("C{i}"));
-            writer.sum(constant, &row.body.nonlinear, &mut out);
+            line(out, &format!("C{i}"));
+            writer.sum(constant, &row.body.nonlinear, out);
         }
-        line(&mut out, "O0 0");
-        writer.sum(self.objective.constant, &self.objective.nonlinear, &mut out);
-        line(&mut out, &format!("x{}", columns.len()));
-        for (column, &variable) in columns.iter().enumerate() {
-            line(
-                &mut out,
-                &format!("{column} {}", number(self.bounds[variable].guess)),
-            );
+        let objective = &self.program.objective;
+        line(out, "O0 0");
+        writer.sum(objective.constant, &objective.nonlinear, out);
+    }
+
+    /// Guesses of variables, and bounds of rows and variables.
+    fn bounds(&self, out: &mut String) {
+        let columns = self.columns.iter().map(|&v| self.program.bounds[v]);
+        line(out, &format!("x{}", self.columns.len()));
+        for (column, bounds) in columns.clone().enumerate() {
+            line(out, &format!("{column} {}", number(bounds.guess)));
         }
-        line(&mut out, "r");
-        for &row in &rows {
-            let row = &self.rows[row];
-            line(
-                &mut out,
-                &match row.kind {
-                    RowKind::Complements(variable) => format!("5 1 {}", place[variable] + 1),
-                    RowKind::Between(lower, upper) => {
-                        let constant = row.body.constant;
-                        between_text(0.0 - constant + lower, 0.0 - constant + upper)
-                    }
-                },
-            );
+        line(out, "r");
+        for row in self.rows() {
+            let constant = row.body.constant;
+            let text = match row.kind {
+                RowKind::Complements(variable) => format!("5 1 {}", self.place[variable] + 1),
+                RowKind::Between(lower, upper) => {
+                    between_text(0.0 - constant + lower, 0.0 - constant + upper)
+                }
+            };
+            line(out, &text);
         }
-        line(&mut out, "b");
-        for &variable in &columns {
-            let bounds = self.bounds[variable];
-            line(&mut out, &between_text(bounds.lower, bounds.upper));
+        line(out, "b");
+        for bounds in columns {
+            line(out, &between_text(bounds.lower, bounds.upper));
         }
-        let mut per_column = vec![0; columns.len()];
-        for &(column, _) in jacobian.iter().flatten() {
+    }
+
+    /// The Jacobian and the gradient of the objective, behind the ends of the columns of the Jacobian.
+    fn gradients(&self, out: &mut String) {
+        let mut per_column = vec![0; self.columns.len()];
+        for &(column, _) in self.jacobian.iter().flatten() {
             per_column[column] += 1;
         }
-        line(&mut out, &format!("k{}", columns.len().saturating_sub(1)));
+        let n_ends = self.columns.len().saturating_sub(1);
+        line(out, &format!("k{n_ends}"));
         let mut total = 0;
-        for n in per_column.iter().take(columns.len().saturating_sub(1)) {
+        for n in per_column.iter().take(n_ends) {
             total += n;
-            line(&mut out, &total.to_string());
+            line(out, &total.to_string());
         }
-        let segments = jacobian
-            .iter()
-            .enumerate()
-            .map(|(i, entries)| (format!("J{i}"), entries));
-        for (head, entries) in segments.chain([("G0".to_owned(), &objective)]) {
+        let segments = self.jacobian.iter().enumerate();
+        let segments = segments.map(|(i, entries)| (format!("J{i}"), entries));
+        for (head, entries) in segments.chain([("G0".to_owned(), &self.objective)]) {
             if entries.is_empty() {
                 continue;
             }
-            line(&mut out, &format!("{head} {}", entries.len()));
+            line(out, &format!("{head} {}", entries.len()));
             for &(column, coefficient) in entries {
-                line(&mut out, &format!("{column} {}", number(coefficient)));
+                line(out, &format!("{column} {}", number(coefficient)));
             }
-        }
-        Ampl {
-            text: out,
-            columns,
-            rows,
-            column_names,
-            row_names,
         }
     }
 }
