@@ -2,7 +2,10 @@
 
 use std::fmt;
 
-use super::{Domain, Model, Named, Quantity, Rate, Shape, SwitchKind, Tensor, Thresholds};
+use super::{
+    Contact, Domain, Model, Named, NamedSwitch, Quantity, Rate, Shape, SwitchKind, Tensor,
+    Thresholds,
+};
 use crate::expr::Expr;
 use crate::syntax::Sliding;
 
@@ -29,34 +32,9 @@ impl<'e> fmt::Display for Model<'e> {
             }
         }
         write_named(f, "let", &self.lets)?;
-        for switch in &self.switches {
-            let tensor = |data: &[Expr<'e>]| Tensor {
-                shape: switch.shape,
-                data: data.to_vec(),
-            };
-            let psi = tensor(&switch.psi);
-            let sliding = match switch.sliding {
-                Some(Sliding::Linear) => " sliding linear",
-                Some(Sliding::Nonlinear) => " sliding nonlinear",
-                None => "",
-            };
-            let name = &switch.name;
-            match &switch.kind {
-                SwitchKind::Sign => writeln!(f, "switch {name} = sign({psi}){sliding}")?,
-                SwitchKind::Step => writeln!(f, "switch {name} = step({psi}){sliding}")?,
-                SwitchKind::Relay(Thresholds { on, off, start }) => {
-                    let (on, off) = (tensor(on), tensor(off));
-                    write!(
-                        f,
-                        "switch {name} = hysteresis({psi}, on = {on}, off = {off}"
-                    )?;
-                    if let Some(start) = start {
-                        write!(f, ", start = {}", tensor(start))?;
-                    }
-                    writeln!(f, ")")?;
-                }
-            }
-        }
+        self.switches
+            .iter()
+            .try_for_each(|switch| write_switch(f, switch))?;
         self.write_rates(f, "", &self.dynamics)?;
         for region in &self.regions {
             write!(f, "region {} ", region.name)?;
@@ -72,29 +50,10 @@ impl<'e> fmt::Display for Model<'e> {
             self.write_rates(f, "  ", &hidden.rates)?;
         }
         self.write_decompositions(f)?;
-        for contact in &self.contacts {
-            writeln!(f, "contact {} {} >= 0", contact.name, contact.gap)?;
-            writeln!(f, "  restitution {}", contact.restitution)?;
-            if let Some((friction, _)) = contact.friction {
-                writeln!(f, "  friction {friction}")?;
-            }
-            let slips: Vec<String> = contact.slip.0.iter().map(ToString::to_string).collect();
-            if !slips.is_empty() {
-                writeln!(f, "  slip {}", slips.join(", "))?;
-            }
-        }
-        for projection in &self.projections {
-            let entries = projection.entries.iter();
-            let names: Vec<String> = entries.map(|&entry| self.entry_name(entry)).collect();
-            writeln!(f, "project {}", names.join(", "))?;
-            for row in &projection.constraints {
-                writeln!(f, "  {} >= 0", row.c)?;
-            }
-            if let Some(metric) = &projection.metric {
-                let entries: Vec<String> = metric.iter().map(ToString::to_string).collect();
-                writeln!(f, "  metric [{}]", entries.join(", "))?;
-            }
-        }
+        self.contacts
+            .iter()
+            .try_for_each(|contact| write_contact(f, contact))?;
+        self.write_projections(f)?;
         for equation in &self.equations {
             writeln!(f, "0 = {}", equation.residual)?;
         }
@@ -130,6 +89,56 @@ impl Model<'_> {
         }
         Ok(())
     }
+
+    fn write_projections(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for projection in &self.projections {
+            let entries = projection.entries.iter();
+            let names: Vec<String> = entries.map(|&entry| self.entry_name(entry)).collect();
+            writeln!(f, "project {}", names.join(", "))?;
+            for row in &projection.constraints {
+                writeln!(f, "  {} >= 0", row.c)?;
+            }
+            if let Some(metric) = &projection.metric {
+                writeln!(f, "  metric [{}]", list(metric))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn write_switch(f: &mut fmt::Formatter<'_>, switch: &NamedSwitch<'_>) -> fmt::Result {
+    let tensor = |data: &[Expr<'_>]| switch.shape.text(data);
+    let (name, psi) = (&switch.name, tensor(&switch.psi));
+    let sliding = match switch.sliding {
+        Some(Sliding::Linear) => " sliding linear",
+        Some(Sliding::Nonlinear) => " sliding nonlinear",
+        None => "",
+    };
+    match &switch.kind {
+        SwitchKind::Sign => writeln!(f, "switch {name} = sign({psi}){sliding}"),
+        SwitchKind::Step => writeln!(f, "switch {name} = step({psi}){sliding}"),
+        SwitchKind::Relay(Thresholds { on, off, start }) => {
+            let (on, off) = (tensor(on), tensor(off));
+            write!(f, "switch {name} = hysteresis({psi}")?;
+            write!(f, ", on = {on}, off = {off}")?;
+            if let Some(start) = start {
+                write!(f, ", start = {}", tensor(start))?;
+            }
+            writeln!(f, ")")
+        }
+    }
+}
+
+fn write_contact(f: &mut fmt::Formatter<'_>, contact: &Contact<'_>) -> fmt::Result {
+    writeln!(f, "contact {} {} >= 0", contact.name, contact.gap)?;
+    writeln!(f, "  restitution {}", contact.restitution)?;
+    if let Some((friction, _)) = contact.friction {
+        writeln!(f, "  friction {friction}")?;
+    }
+    match contact.slip.0.is_empty() {
+        true => Ok(()),
+        false => writeln!(f, "  slip {}", list(&contact.slip.0)),
+    }
 }
 
 fn write_quantity(f: &mut fmt::Formatter<'_>, word: &str, quantity: &Quantity<'_>) -> fmt::Result {
@@ -148,8 +157,7 @@ fn write_quantity(f: &mut fmt::Formatter<'_>, word: &str, quantity: &Quantity<'_
             write!(f, " in [{}, {}]", uniform(lower), uniform(upper))?;
         }
         Some(Domain::Set(values)) => {
-            let values: Vec<String> = values.iter().map(ToString::to_string).collect();
-            write!(f, " in {{{}}}", values.join(", "))?;
+            write!(f, " in {{{}}}", list(values))?;
         }
         None => {}
     }
@@ -172,24 +180,29 @@ fn write_named(f: &mut fmt::Formatter<'_>, word: &str, list: &[Named<'_>]) -> fm
         .try_for_each(|named| writeln!(f, "{word} {} = {}", named.name, named.value))
 }
 
-impl fmt::Display for Tensor<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let list = |entries: &[Expr<'_>]| {
-            entries
-                .iter()
-                .map(Expr::to_string)
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
-        match self.shape {
-            Shape::Scalar => write!(f, "{}", list(&self.data)),
-            Shape::Vector(_) => write!(f, "[{}]", list(&self.data)),
-            Shape::Matrix(1, _) => write!(f, "[{};]", list(&self.data)),
+fn list(entries: &[impl ToString]) -> String {
+    let entries: Vec<String> = entries.iter().map(ToString::to_string).collect();
+    entries.join(", ")
+}
+
+impl Shape {
+    /// Entries of this shape, as they are written in a model.
+    fn text(self, entries: &[Expr<'_>]) -> String {
+        match self {
+            Shape::Scalar => list(entries),
+            Shape::Vector(_) => format!("[{}]", list(entries)),
+            Shape::Matrix(1, _) => format!("[{};]", list(entries)),
             Shape::Matrix(_, columns) => {
-                let rows: Vec<String> = self.data.chunks(columns.max(1)).map(list).collect();
-                write!(f, "[{}]", rows.join("; "))
+                let rows: Vec<String> = entries.chunks(columns.max(1)).map(list).collect();
+                format!("[{}]", rows.join("; "))
             }
         }
+    }
+}
+
+impl fmt::Display for Tensor<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.shape.text(&self.data))
     }
 }
 

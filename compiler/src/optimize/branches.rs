@@ -59,7 +59,7 @@ impl<'e> Problem<'e> {
                 continue;
             };
             let nodes: Vec<Vec<f64>> = (1..=layout.nodes)
-                .map(|m| self.alphas(w, (k, j, m)))
+                .map(|m| self.alphas(w, k, j, m))
                 .collect();
             let differs = self.dcs.branches.iter().find_map(|branch| {
                 let switch = branch.switch;

@@ -207,7 +207,7 @@ impl Moved {
                         direction.extend(places.map(|place| (place, sign * change)));
                     }
                     for (j, m) in nodes() {
-                        self.follow((k, j, m), w, &mut direction);
+                        self.follow(k, j, m, w, &mut direction);
                     }
                     if near.change(&direction) <= SAME_RATES {
                         others.push(Change::Mode {
@@ -227,7 +227,9 @@ impl Moved {
     /// Adds how products at a node change.
     fn follow(
         &self,
-        (k, j, m): (usize, usize, usize),
+        k: usize,
+        j: usize,
+        m: usize,
         w: &[f64],
         direction: &mut FxHashMap<usize, f64>,
     ) {
@@ -372,12 +374,12 @@ impl Moved {
             point.zeros.extend(pairs.map(|pair| (pair, zero)));
         }
         for (m, c) in layout.points.iter().enumerate().skip(1) {
-            self.node((k, j, m), run, start + c * length, point);
+            self.node(k, j, m, run, start + c * length, point);
         }
     }
 
     /// Fills a node: at an instant of the interval the polynomials of the element that the instant is in.
-    fn node(&self, (k, j, m): (usize, usize, usize), run: &Run, at: f64, point: &mut Point) {
+    fn node(&self, k: usize, j: usize, m: usize, run: &Run, at: f64, point: &mut Point) {
         let layout = &self.layout;
         let (from, first, behind) = run.from;
         // A run of no length is where it touches the one that its mode comes from.
@@ -423,18 +425,12 @@ impl Moved {
             }
         }
         if let Some((opens, closes)) = run.swap {
-            self.swap((k, j, m), opens, closes, point);
+            self.swap(k, j, m, opens, closes, point);
         }
     }
 
     /// Gives what a member has to another one, at a node.
-    fn swap(
-        &self,
-        (k, j, m): (usize, usize, usize),
-        opens: usize,
-        closes: usize,
-        point: &mut Point,
-    ) {
+    fn swap(&self, k: usize, j: usize, m: usize, opens: usize, closes: usize, point: &mut Point) {
         let jumps = self.jumps();
         let [(from, slope), (to, other_slope)] = [jumps[closes], jumps[opens]];
         let place = |i| self.layout.z(k, j, m, i);

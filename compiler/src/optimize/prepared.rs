@@ -109,7 +109,9 @@ impl<'e> Prepared<'e> {
     ///
     /// Where it has no program that takes initial values.
     pub(crate) fn new(
-        (system, settings, task): (&System<'e>, &Settings<'e>, &Optimize<'e>),
+        system: &System<'e>,
+        settings: &Settings<'e>,
+        task: &Optimize<'e>,
         sampled: Vec<Sampled>,
         mut diags: Diagnostics,
         sources: SourceMap,

@@ -50,7 +50,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
             _ => &w[layout.x(k, j, m)..][..n],
         };
         let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
-            .map(|m| problem.alphas(w, (k, j, m)))
+            .map(|m| problem.alphas(w, k, j, m))
             .collect();
         let before = &w[layout.before(k, j)..][..n];
         let before = if follows.contains(&true) {
@@ -84,7 +84,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     if let Some((before, laws)) = stopped.filter(|(_, laws)| !laws.is_empty()) {
         let (k, j, m) = (layout.steps, layout.elements, layout.end);
         let x = &w[layout.x(k, j, m)..][..n];
-        let alphas = problem.alphas(w, (k, j, layout.nodes));
+        let alphas = problem.alphas(w, k, j, layout.nodes);
         elements.jump(horizon, laws, [&before, x], &alphas);
     }
     elements.finish(&problem.settings, horizon)

@@ -47,7 +47,7 @@ impl<'e> Problem<'e> {
             return Vec::new();
         };
         let n = self.layout.nodes;
-        let nodes: Vec<Vec<f64>> = (1..=n).map(|m| self.lowered_alphas(w, (k, j, m))).collect();
+        let nodes: Vec<Vec<f64>> = (1..=n).map(|m| self.lowered_alphas(w, k, j, m)).collect();
         let is_below = |switch: usize| {
             let sum: f64 = nodes.iter().map(|alphas| alphas[switch]).sum();
             sum < 0.5 * n as f64
@@ -63,12 +63,11 @@ impl<'e> Problem<'e> {
     }
 
     /// α of the switches of the model at a node; of a contact, 1 - λ_n.
-    pub(super) fn alphas(&self, w: &[f64], place: (usize, usize, usize)) -> Vec<f64> {
-        let lowered = self.lowered_alphas(w, place);
+    pub(super) fn alphas(&self, w: &[f64], k: usize, j: usize, m: usize) -> Vec<f64> {
+        let lowered = self.lowered_alphas(w, k, j, m);
         let Some(frozen) = &self.frozen else {
             return lowered;
         };
-        let (k, j, m) = place;
         let x = &w[self.layout.x(k, j, m)..];
         let known = frozen
             .places
@@ -102,7 +101,7 @@ impl<'e> Problem<'e> {
     }
 
     /// α of the switches of the system that is discretized.
-    pub(super) fn lowered_alphas(&self, w: &[f64], (k, j, m): (usize, usize, usize)) -> Vec<f64> {
+    pub(super) fn lowered_alphas(&self, w: &[f64], k: usize, j: usize, m: usize) -> Vec<f64> {
         let dcs = &self.dcs;
         let known = dcs
             .algebraics

@@ -226,8 +226,7 @@ impl Project {
         };
         match launch::sampled(self, task, &Request::default()) {
             Ok(sampled) => {
-                let parts = (system, settings, task);
-                optimize::Prepared::new(parts, sampled, diags, asked.sources)
+                optimize::Prepared::new(system, settings, task, sampled, diags, asked.sources)
             }
             Err(diags) => Err(failed(diags, asked.sources)),
         }

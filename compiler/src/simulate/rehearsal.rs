@@ -175,7 +175,8 @@ impl<'e> Rehearsed<'e> {
     /// follows its start within a `window` is at its start.
     pub fn fill(
         &self,
-        (dcs, layout, bounds): (&Dcs<'e>, &Layout, &[Bounds]),
+        (dcs, layout): (&Dcs<'e>, &Layout),
+        bounds: &[Bounds],
         k: usize,
         (mut start, end): (f64, f64),
         window: f64,

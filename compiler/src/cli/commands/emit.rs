@@ -14,7 +14,7 @@ use crate::project::clock::Clock;
 use crate::project::launch;
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, Item};
-use crate::system::experiment::{ExperimentError, FesdOptions, Method};
+use crate::system::experiment::{ExperimentError, FesdOptions, Method, Settings};
 use crate::{Compiled, compile, model, optimize};
 
 /// Steps of a grid that the experiment does not say.
@@ -183,6 +183,40 @@ struct Refused {
     help: &'static str,
 }
 
+impl From<DiscretizeError> for Refused {
+    fn from(error: DiscretizeError) -> Self {
+        let help = match error {
+            DiscretizeError::TooLarge { .. } => {
+                "take fewer steps or elements, or add up pairs with `cross = sum_both`"
+            }
+            DiscretizeError::NoValue { .. } => {
+                "take a scheme whose last node is the end, such as `radau_iia`, or state it `at nodes`"
+            }
+            DiscretizeError::Start { .. } => "start where all functions have values",
+        };
+        let fact = error.to_string();
+        Refused { fact, help }
+    }
+}
+
+/// The grid of an experiment, and how its program is made on it.
+fn discretization(settings: &Settings<'_>) -> (Grid, discretize::Options) {
+    let (steps, options) = match (&settings.optimize, &settings.method) {
+        (Some(task), _) => (Some(task.intervals), discretize::Options::optimize(task)),
+        (None, Method::Fesd(options)) => (options.steps, discretize::Options::fesd(options)),
+        (None, Method::Timestepping(options)) => {
+            (Some(options.steps), discretize::Options::stepping(options))
+        }
+        _ => (None, discretize::Options::fesd(&FesdOptions::default())),
+    };
+    let grid = Grid {
+        start: 0.0,
+        horizon: settings.horizon,
+        steps: steps.unwrap_or(STEPS),
+    };
+    (grid, options)
+}
+
 /// A form behind the lowering of switches; `None` after an error.
 fn lowered(
     project: &Project,
@@ -209,36 +243,10 @@ fn lowered(
         });
         return None;
     }
-    let (steps, options) = match (&settings.optimize, &settings.method) {
-        (Some(task), _) => (Some(task.intervals), discretize::Options::optimize(task)),
-        (None, Method::Fesd(options)) => (options.steps, discretize::Options::fesd(options)),
-        (None, Method::Timestepping(options)) => {
-            (Some(options.steps), discretize::Options::stepping(options))
-        }
-        _ => (None, discretize::Options::fesd(&FesdOptions::default())),
-    };
-    let grid = Grid {
-        start: 0.0,
-        horizon: settings.horizon,
-        steps: steps.unwrap_or(STEPS),
-    };
+    let (grid, options) = discretization(settings);
     let program = match discretize(&dcs, grid, &options) {
         Ok((program, _)) => program,
-        Err(error) => {
-            let help = match error {
-                DiscretizeError::TooLarge { .. } => {
-                    "take fewer steps or elements, or add up pairs with `cross = sum_both`"
-                }
-                DiscretizeError::NoValue { .. } => {
-                    "take a scheme whose last node is the end, such as `radau_iia`, or state it `at nodes`"
-                }
-                DiscretizeError::Start { .. } => "start where all functions have values",
-            };
-            return Some(Err(Refused {
-                fact: error.to_string(),
-                help,
-            }));
-        }
+        Err(error) => return Some(Err(error.into())),
     };
     if ir == Ir::Fesd {
         return Some(Ok(Printed::of(program)));

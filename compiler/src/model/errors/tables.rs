@@ -162,14 +162,7 @@ impl TableError {
                 "values too large, or rows too close together".into(),
                 "give the data in other units",
             ),
-            Fault::NoColumn { known } => TableError::Column {
-                what: format!("`{path}` has no column `{column}`"),
-                why: "not in its first line".into(),
-                span: at.column,
-                help: did_you_mean(column, known.iter().map(String::as_str))
-                    .map(|help| help.written(|name| format!("\"{name}\"")))
-                    .or_else(|| Some(listed(&known).into())),
-            },
+            Fault::NoColumn { known } => TableError::no_column(path, column, &known, at.column),
             Fault::TwoColumns { places: [a, b] } => TableError::Column {
                 what: format!("`{path}` has two columns `{column}`"),
                 why: format!("columns {a} and {b}"),
@@ -190,6 +183,17 @@ impl TableError {
                 fit,
                 span: at.fit,
             },
+        }
+    }
+
+    fn no_column(path: &str, column: &str, known: &[String], span: Span) -> Self {
+        let close = did_you_mean(column, known.iter().map(String::as_str));
+        let close = close.map(|help| help.written(|name| format!("\"{name}\"")));
+        TableError::Column {
+            what: format!("`{path}` has no column `{column}`"),
+            why: "not in its first line".into(),
+            span,
+            help: close.or_else(|| Some(listed(known).into())),
         }
     }
 }

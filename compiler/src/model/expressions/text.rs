@@ -123,16 +123,18 @@ fn write(expr: &Expr, at_least: Level, local: &dyn Fn(&str) -> Option<String>) -
 
 fn plain(expr: &Expr, local: &dyn Fn(&str) -> Option<String>) -> (String, Level) {
     let sub = |e: &Expr, level| write(e, level, local);
+    let join = |members: &[Expr], word: &str, level| {
+        let members = members.iter().map(|member| sub(member, level));
+        members.collect::<Vec<_>>().join(word)
+    };
     match &expr.kind {
         ExprKind::Number(value) => (format!("{value}"), Level::Atom),
         ExprKind::String(value) => (format!("{value:?}"), Level::Atom),
         ExprKind::Name(name) => match local(name) {
             Some(text) => {
-                let simple = text
-                    .chars()
-                    .all(|c| c.is_alphanumeric() || "_[],.".contains(c));
-                let level = if simple { Level::Atom } else { Level::Any };
-                (text, level)
+                let is_name = |c: char| c.is_alphanumeric() || "_[],.".contains(c);
+                let simple = text.chars().all(is_name);
+                (text, if simple { Level::Atom } else { Level::Any })
             }
             None => (name.clone(), Level::Atom),
         },
@@ -152,43 +154,25 @@ fn plain(expr: &Expr, local: &dyn Fn(&str) -> Option<String>) -> (String, Level)
             )
         }
         ExprKind::Matrix(matrix) => {
-            let row = |row: &Vec<Expr>| {
-                row.iter()
-                    .map(|e| sub(e, Level::Any))
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            };
-            let rows: Vec<String> = matrix.rows.iter().map(row).collect();
-            let end = if matrix.semicolons && rows.len() == 1 {
-                ";"
-            } else {
-                ""
-            };
+            let rows = matrix.rows.iter();
+            let rows: Vec<String> = rows.map(|row| join(row, ", ", Level::Any)).collect();
+            let is_row = matrix.semicolons && rows.len() == 1;
+            let end = if is_row { ";" } else { "" };
             (format!("[{}{end}]", rows.join("; ")), Level::Atom)
         }
-        ExprKind::Comprehension(body, binders) => (
-            format!(
-                "[{} for {}]",
-                sub(body, Level::Any),
-                binders_text(binders, local)
-            ),
-            Level::Atom,
-        ),
+        ExprKind::Comprehension(body, binders) => {
+            let (body, binders) = (sub(body, Level::Any), binders_text(binders, local));
+            (format!("[{body} for {binders}]"), Level::Atom)
+        }
         ExprKind::Negate(inner) => (format!("-{}", sub(inner, Level::Power)), Level::Unary),
         ExprKind::Binary(op, left, right) => {
-            let text = format!(
-                "{}{}{}",
-                sub(left, Level::Atom),
-                symbol(*op),
-                sub(right, Level::Power)
-            );
-            (text, Level::Power)
+            let (left, right) = (sub(left, Level::Atom), sub(right, Level::Power));
+            (format!("{left}{}{right}", symbol(*op)), Level::Power)
         }
         ExprKind::Chain(first, rest) => {
-            let additive = rest
-                .iter()
-                .all(|(op, _)| matches!(op, BinaryOp::Add | BinaryOp::Sub));
-            let (level, above) = match additive {
+            let mut operators = rest.iter().map(|(op, _)| op);
+            let is_sum = operators.all(|op| matches!(op, BinaryOp::Add | BinaryOp::Sub));
+            let (level, above) = match is_sum {
                 true => (Level::Sum, Level::Product),
                 false => (Level::Product, Level::Unary),
             };
@@ -208,20 +192,8 @@ fn plain(expr: &Expr, local: &dyn Fn(&str) -> Option<String>) -> (String, Level)
             (text, Level::Compare)
         }
         ExprKind::Not(inner) => (format!("not {}", sub(inner, Level::Not)), Level::Not),
-        ExprKind::And(members) => {
-            let members: Vec<String> = members
-                .iter()
-                .map(|member| sub(member, Level::Not))
-                .collect();
-            (members.join(" and "), Level::And)
-        }
-        ExprKind::Or(members) => {
-            let members: Vec<String> = members
-                .iter()
-                .map(|member| sub(member, Level::And))
-                .collect();
-            (members.join(" or "), Level::Or)
-        }
+        ExprKind::And(members) => (join(members, " and ", Level::Not), Level::And),
+        ExprKind::Or(members) => (join(members, " or ", Level::And), Level::Or),
         ExprKind::If(c, a, b) => {
             let (c, a, b) = (sub(c, Level::Any), sub(a, Level::Any), sub(b, Level::Any));
             (format!("if {c} then {a} else {b}"), Level::Any)

@@ -43,79 +43,33 @@ pub(crate) fn connect<'e>(
     let controls = std::mem::take(&mut model.controls);
     model.controls = connected.split(controls, TargetKind::Control, model);
 
-    for named in model.lets.iter_mut().chain(&mut model.outputs) {
-        connected.replace(&mut named.value.data);
-    }
-    for switch in &mut model.switches {
-        connected.replace(&mut switch.psi);
-    }
-    let in_regions = model
-        .regions
-        .iter_mut()
-        .flat_map(|region| &mut region.rates);
-    let hidden = model.hidden.iter_mut().flat_map(|hidden| &mut hidden.rates);
-    for rate in model.dynamics.iter_mut().chain(in_regions).chain(hidden) {
-        rate.value = rate.value.substitute(&connected.values);
-    }
+    connected.put_into(model);
     for hidden in &mut model.hidden {
-        hidden.switch = switch_order
-            .iter()
-            .position(|&old| old == hidden.switch)
-            .unwrap_or(hidden.switch);
-    }
-    let mut fine = true;
-    for region in &mut model.regions {
-        region.guard = region.guard.substitute(&connected.values);
-        if let Some(value) = region.guard.as_constant().filter(|_| !region.is_else) {
-            fine = false;
-            diags.push(DynamicsError::ConstantComparison {
-                value: value > 0.5,
-                span: region.guard_span,
-            });
-        }
-    }
-    for body in &mut model.bodies {
-        connected.replace(&mut body.mass);
-        connected.replace(&mut body.inverse);
-        connected.replace(&mut body.force);
-    }
-    for contact in &mut model.contacts {
-        let friction = contact.friction.as_mut().map(|friction| &mut friction.0);
-        let exprs = [&mut contact.gap, &mut contact.restitution.coefficient].into_iter();
-        for e in exprs.chain(friction).chain(&mut contact.slip.0) {
-            *e = e.substitute(&connected.values);
-        }
-    }
-    for projection in &mut model.projections {
-        let constraints = projection.constraints.iter_mut().map(|row| &mut row.c);
-        for e in constraints.chain(projection.metric.iter_mut().flatten()) {
-            *e = e.substitute(&connected.values);
-        }
-    }
-    for jump in &mut model.jumps {
-        jump.guard = jump.guard.substitute(&connected.values);
-        if let Some(value) = jump.guard.as_constant() {
-            fine = false;
-            diags.push(DynamicsError::ConstantComparison {
-                value: value > 0.5,
-                span: jump.guard_span,
-            });
-        }
-        for reset in &mut jump.resets {
-            reset.value = reset.value.substitute(&connected.values);
-        }
-    }
-    for rounded in &mut model.rounded {
-        rounded.argument = rounded.argument.substitute(&connected.values);
-        rounded.period = (rounded.period).map(|period| period.substitute(&connected.values));
-    }
-    for surface in &mut model.surfaces {
-        surface.psi = surface.psi.substitute(&connected.values);
+        let mut places = switch_order.iter();
+        let place = places.position(|&old| old == hidden.switch);
+        hidden.switch = place.unwrap_or(hidden.switch);
     }
     model
         .surfaces
         .retain(|surface| surface.psi.is_zero() || surface.psi.as_constant().is_none());
     model.scope = connected.scope(&model.scope);
+    check_guards(model, diags)
+}
+
+/// Reports the guards that are true or false at all times; false where there are any.
+fn check_guards(model: &Model<'_>, diags: &mut Diagnostics) -> bool {
+    let regions = model.regions.iter().filter(|region| !region.is_else);
+    let regions = regions.map(|region| (region.guard, region.guard_span));
+    let jumps = model.jumps.iter();
+    let guards = regions.chain(jumps.map(|jump| (jump.guard, jump.guard_span)));
+    let mut fine = true;
+    for (guard, span) in guards {
+        if let Some(value) = guard.as_constant() {
+            fine = false;
+            let value = value > 0.5;
+            diags.push(DynamicsError::ConstantComparison { value, span });
+        }
+    }
     fine
 }
 
@@ -192,6 +146,52 @@ impl<'e> Connected<'e> {
     fn replace(&self, entries: &mut [Expr<'e>]) {
         let values = self.values.apply(entries);
         entries.copy_from_slice(&values);
+    }
+
+    fn replace_each<'a>(&self, exprs: impl Iterator<Item = &'a mut Expr<'e>>)
+    where
+        'e: 'a,
+    {
+        exprs.for_each(|e| *e = e.substitute(&self.values));
+    }
+
+    /// Puts the values into everything that a model says.
+    fn put_into(&self, model: &mut Model<'e>) {
+        for named in model.lets.iter_mut().chain(&mut model.outputs) {
+            self.replace(&mut named.value.data);
+        }
+        for switch in &mut model.switches {
+            self.replace(&mut switch.psi);
+        }
+        let in_regions = model.regions.iter_mut();
+        let in_regions = in_regions.flat_map(|region| &mut region.rates);
+        let hidden = model.hidden.iter_mut().flat_map(|hidden| &mut hidden.rates);
+        let rates = model.dynamics.iter_mut().chain(in_regions).chain(hidden);
+        self.replace_each(rates.map(|rate| &mut rate.value));
+        self.replace_each(model.regions.iter_mut().map(|region| &mut region.guard));
+        for body in &mut model.bodies {
+            self.replace(&mut body.mass);
+            self.replace(&mut body.inverse);
+            self.replace(&mut body.force);
+        }
+        for contact in &mut model.contacts {
+            let friction = contact.friction.as_mut().map(|friction| &mut friction.0);
+            let exprs = [&mut contact.gap, &mut contact.restitution.coefficient].into_iter();
+            self.replace_each(exprs.chain(friction).chain(&mut contact.slip.0));
+        }
+        for projection in &mut model.projections {
+            let constraints = projection.constraints.iter_mut().map(|row| &mut row.c);
+            self.replace_each(constraints.chain(projection.metric.iter_mut().flatten()));
+        }
+        for jump in &mut model.jumps {
+            let values = jump.resets.iter_mut().map(|reset| &mut reset.value);
+            self.replace_each([&mut jump.guard].into_iter().chain(values));
+        }
+        for rounded in &mut model.rounded {
+            let argument = [&mut rounded.argument].into_iter();
+            self.replace_each(argument.chain(&mut rounded.period));
+        }
+        self.replace_each(model.surfaces.iter_mut().map(|surface| &mut surface.psi));
     }
 
     fn reorder_switches(&mut self, model: &mut Model<'e>, order: &[usize]) {

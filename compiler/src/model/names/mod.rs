@@ -22,7 +22,8 @@ use crate::model::names::file::FileNames;
 use crate::model::names::reserved::is_builtin;
 use crate::source::Span;
 use crate::syntax::{
-    Binder, Const, Decl, Ident, Model, Named, NamedKind, Part, Program, Region, Stmt, Switch,
+    Binder, Const, Contact, Decl, Ident, Model, Named, NamedKind, Part, Program, Region, Stmt,
+    Switch,
 };
 
 /// A loop around a declaration, with the `let`s that stand in it.
@@ -95,6 +96,7 @@ struct Collector<'c, 'f> {
 impl<'f> Collector<'_, 'f> {
     /// Declarations of a block; `place` says which block, unless it is the model itself.
     fn block(&mut self, body: &'f [Stmt], place: Option<&'static str>) {
+        let outside_loops = place.filter(|&place| place != "a loop");
         for stmt in body {
             match stmt {
                 Stmt::Const(item) => {
@@ -121,24 +123,10 @@ impl<'f> Collector<'_, 'f> {
                 Stmt::Jump(jump) => {
                     self.in_loops(&jump.name, Item::Word("jump"), "a `jump`", place, jump.span)
                 }
-                Stmt::Contact(contact) => {
-                    self.in_loops(
-                        &contact.name,
-                        Item::Word("contact"),
-                        "a `contact`",
-                        place,
-                        contact.span,
-                    );
-                }
+                Stmt::Contact(contact) => self.contact(contact, place),
                 Stmt::Mechanics(mechanics) => {
                     for contact in &mechanics.contacts {
-                        self.in_loops(
-                            &contact.name,
-                            Item::Word("contact"),
-                            "a `contact`",
-                            place,
-                            contact.span,
-                        );
+                        self.contact(contact, place);
                     }
                 }
                 Stmt::Program(program) => {
@@ -156,40 +144,28 @@ impl<'f> Collector<'_, 'f> {
                     self.frames.pop();
                 }
                 Stmt::Hidden(hidden) => {
-                    self.misplaced(
-                        "a `hidden` block",
-                        place.filter(|&place| place != "a loop"),
-                        hidden.span,
-                    );
+                    self.misplaced("a `hidden` block", outside_loops, hidden.span);
                     self.block(&hidden.body, Some("a `hidden` block"));
                 }
                 Stmt::Project(project) => {
-                    self.misplaced(
-                        "a projection",
-                        place.filter(|&place| place != "a loop"),
-                        project.span,
-                    );
+                    self.misplaced("a projection", outside_loops, project.span);
                 }
                 Stmt::Equation { span, .. } | Stmt::Complementarity { span, .. } => {
-                    self.misplaced(
-                        "an equation",
-                        place.filter(|&place| place != "a loop"),
-                        *span,
-                    );
+                    self.misplaced("an equation", outside_loops, *span);
                 }
                 Stmt::Dynamics(_) | Stmt::Bad(_) => {}
             }
         }
     }
 
+    fn contact(&mut self, contact: &'f Contact, place: Option<&'static str>) {
+        let item = Item::Word("contact");
+        self.in_loops(&contact.name, item, "a `contact`", place, contact.span);
+    }
+
     fn region(&mut self, region: &'f Region, place: Option<&'static str>) {
-        self.in_loops(
-            &region.name,
-            Item::Word("region"),
-            "a `region`",
-            place,
-            region.span,
-        );
+        let item = Item::Word("region");
+        self.in_loops(&region.name, item, "a `region`", place, region.span);
         self.block(&region.body, Some("a region"));
     }
 

@@ -93,54 +93,11 @@ impl<'e> Walk<'e> {
                 (map, None, bounds(&z, (&lo, lower.span), (&hi, upper.span)))
             }
         };
-        let mut stationary: Vec<Expr<'e>> = map.clone();
+        let mut stationary = map.clone();
         let mut multipliers = Vec::new();
-        for (k, row) in rows.iter().enumerate() {
-            let name = format!(
-                "{}{}.multiplier[{}]",
-                lowering.scope.prefix,
-                program.name.name,
-                k + 1
-            );
-            if let Some(cone) = &row.cone {
-                let program = format!("{}{}", lowering.scope.prefix, program.name.name);
-                let of_row = cone.conditions(&program, k + 1, row.span);
-                let (along, across) = of_row.dual;
-                for (sum, &var) in stationary.iter_mut().zip(&vars) {
-                    let across = cone.entries.iter().zip(&across);
-                    let across = across.map(|(p, &q)| q * p.diff(var));
-                    let forces = across.chain([along * cone.radius.diff(var)]);
-                    *sum = *sum - z.data[0].exprs().sum(forces);
-                }
-                multipliers.push(of_row.multipliers.iter().map(|m| m.var).collect());
-                self.multipliers.extend(of_row.multipliers);
-                self.equations.extend(of_row.equations);
-                self.complementarities.extend(of_row.complementarities);
-                continue;
-            }
-            let multiplier = z.data[0].exprs().variable(&name);
-            for (sum, &var) in stationary.iter_mut().zip(&vars) {
-                *sum = *sum - multiplier * row.value.diff(var);
-            }
-            multipliers.push(vec![multiplier]);
-            self.multipliers.push(Multiplier {
-                var: multiplier,
-                name,
-                guess: 0.0,
-                span: row.span,
-            });
-            if row.is_equation {
-                self.equations.push(Equation {
-                    residual: row.value,
-                    span: row.span,
-                });
-            } else {
-                self.complementarities.push(Complementarity {
-                    members: [multiplier, row.value],
-                    spans: [row.span, row.span],
-                    span: row.span,
-                });
-            }
+        let name = format!("{}{}", lowering.scope.prefix, program.name.name);
+        for (k, row) in (1..).zip(&rows) {
+            multipliers.push(self.conditions(&name, k, row, &vars, &mut stationary));
         }
         let span = objective.map_or(program.span, |(_, span)| span);
         self.equations.extend(
@@ -156,6 +113,55 @@ impl<'e> Walk<'e> {
             multipliers,
         });
         Ok(())
+    }
+
+    /// Adds the conditions of the k-th row, and takes ∇H μ from ∇F; returns μ, or that and more of a cone.
+    fn conditions(
+        &mut self,
+        program: &str,
+        k: usize,
+        row: &ProgramRow<'e>,
+        vars: &[Var],
+        stationary: &mut [Expr<'e>],
+    ) -> Vec<Expr<'e>> {
+        let (value, span) = (row.value, row.span);
+        if let Some(cone) = &row.cone {
+            let of_row = cone.conditions(program, k, span);
+            let (along, across) = of_row.dual;
+            for (sum, &var) in stationary.iter_mut().zip(vars) {
+                let across = cone.entries.iter().zip(&across);
+                let across = across.map(|(p, &q)| q * p.diff(var));
+                let forces = across.chain([along * cone.radius.diff(var)]);
+                *sum = *sum - value.exprs().sum(forces);
+            }
+            let multipliers = of_row.multipliers.iter().map(|m| m.var).collect();
+            self.multipliers.extend(of_row.multipliers);
+            self.equations.extend(of_row.equations);
+            self.complementarities.extend(of_row.complementarities);
+            return multipliers;
+        }
+        let name = format!("{program}.multiplier[{k}]");
+        let multiplier = value.exprs().variable(&name);
+        for (sum, &var) in stationary.iter_mut().zip(vars) {
+            *sum = *sum - multiplier * value.diff(var);
+        }
+        self.multipliers.push(Multiplier {
+            var: multiplier,
+            name,
+            guess: 0.0,
+            span,
+        });
+        if row.is_equation {
+            let residual = value;
+            self.equations.push(Equation { residual, span });
+        } else {
+            self.complementarities.push(Complementarity {
+                members: [multiplier, value],
+                spans: [span, span],
+                span,
+            });
+        }
+        vec![multiplier]
     }
 
     fn map(

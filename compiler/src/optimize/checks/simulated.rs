@@ -117,8 +117,8 @@ impl Problem<'_> {
         let solved = solved::system(self, w);
         let horizon = self.horizon(w);
         // Switches in the cost have the values they have in the program.
-        let (k, j, m) = (self.layout.steps, self.layout.elements, self.layout.nodes);
-        let alphas = self.alphas(w, (k, j, m));
+        let layout = &self.layout;
+        let alphas = self.alphas(w, layout.steps, layout.elements, layout.nodes);
         task.cost.value.eval(&|var| {
             let is = |e: crate::expr::Expr| e.as_variable() == Some(var);
             if is(solved.time) {

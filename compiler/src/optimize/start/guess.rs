@@ -87,19 +87,13 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
     };
     for (i, free) in decided.params.iter().enumerate() {
         let param = &dcs.params[free.place];
-        set(
-            &mut w,
-            layout.p(i),
-            known.value(param.var, &param.name, 0.0),
-        );
+        let value = known.value(param.var, &param.name, 0.0);
+        set(&mut w, layout.p(i), value);
     }
     for (i, control) in decided.controls.iter().enumerate() {
         for (k, share) in layout.control_instants() {
-            set(
-                &mut w,
-                layout.u(k) + i,
-                known.value(control.var, &control.name, share),
-            );
+            let value = known.value(control.var, &control.name, share);
+            set(&mut w, layout.u(k) + i, value);
         }
     }
     let system = problem.lowered();
@@ -119,7 +113,7 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
             }
             if m == 0 && !begins {
                 if restarts && is_moved {
-                    known.multipliers(&mut w, (k, j, m), share, &bounds);
+                    known.multipliers(&mut w, k, j, m, share, &bounds);
                 }
                 continue;
             }
@@ -136,7 +130,7 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
                 }
             }
             if is_moved {
-                known.multipliers(&mut w, (k, j, m), share, &bounds);
+                known.multipliers(&mut w, k, j, m, share, &bounds);
             }
         }
     }
@@ -179,7 +173,9 @@ impl Known<'_, '_> {
     fn multipliers(
         &self,
         w: &mut [f64],
-        (k, j, m): (usize, usize, usize),
+        k: usize,
+        j: usize,
+        m: usize,
         share: f64,
         bounds: &[crate::lowering::mpcc::Bounds],
     ) {

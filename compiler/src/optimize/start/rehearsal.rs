@@ -103,8 +103,8 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
                 }
             }
         }
-        let until = (frozen.clock, length, k as f64 * length);
-        let Some((run, end)) = run(problem, &system, until, limit) else {
+        let instant = k as f64 * length;
+        let Some((run, end)) = run(problem, &system, frozen.clock, length, instant, limit) else {
             return false;
         };
         let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
@@ -165,7 +165,7 @@ fn follow(problem: &Problem, run: &Rehearsed, horizon: f64, w: &mut [f64]) {
     for k in 1..=layout.steps {
         let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
         let interval = (instant(k - 1), instant(k));
-        run.fill((&problem.dcs, layout, &bounds), k, interval, window, w);
+        run.fill((&problem.dcs, layout), &bounds, k, interval, window, w);
     }
 }
 
@@ -178,7 +178,7 @@ pub(crate) fn in_modes(problem: &Problem, run: &Rehearsed, w: &mut [f64]) -> boo
     let layout = &problem.layout;
     for (k, j) in layout.all_elements() {
         let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
-            .map(|m| problem.alphas(w, (k, j, m)))
+            .map(|m| problem.alphas(w, k, j, m))
             .collect();
         for (i, branch) in problem.dcs.branches.iter().enumerate() {
             // Only where it slides is its stability bounded.
@@ -196,7 +196,9 @@ pub(crate) fn in_modes(problem: &Problem, run: &Rehearsed, w: &mut [f64]) -> boo
 fn run<'e>(
     problem: &Problem<'e>,
     system: &System<'e>,
-    (clock, length, instant): (usize, f64, f64),
+    clock: usize,
+    length: f64,
+    instant: f64,
     limit: &Limit,
 ) -> Option<(Trajectory, f64)> {
     let mut settings = problem.settings.clone();

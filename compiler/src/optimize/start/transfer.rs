@@ -92,7 +92,7 @@ impl Problem<'_> {
                 })
                 .collect(),
             alphas: (1..=layout.nodes)
-                .map(|m| self.lowered_alphas(w, (k, j, m)))
+                .map(|m| self.lowered_alphas(w, k, j, m))
                 .collect(),
             impulses: layout.impulses(k, j).map_or_else(Vec::new, |first| {
                 w[first..first + self.n_impulses()].to_vec()

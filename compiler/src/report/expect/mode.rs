@@ -10,6 +10,21 @@ use crate::report::{ModeInterval, Side, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
 use crate::system::Role;
 
+/// All sides of surfaces, in the order in which messages name them.
+const SIDES: [Side; 11] = [
+    Side::Sliding,
+    Side::Above,
+    Side::Below,
+    Side::On,
+    Side::Off,
+    Side::Open,
+    Side::Closed,
+    Side::Stick,
+    Side::Slip,
+    Side::Active,
+    Side::Inactive,
+];
+
 /// Finds the mistakes in the description of a mode.
 pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnostics) {
     let regions = all_regions(subject);
@@ -76,85 +91,10 @@ fn holds(
             )
         }
         ExprKind::Not(part) => Ok(!holds(subject, part, interval)?),
-        ExprKind::Call(word, args) => {
-            let word = as_name(word).unwrap_or_default();
-            let wanted = match word {
-                "sliding" => Side::Sliding,
-                "above" => Side::Above,
-                "below" => Side::Below,
-                "on" => Side::On,
-                "off" => Side::Off,
-                "open" => Side::Open,
-                "closed" => Side::Closed,
-                "stick" => Side::Stick,
-                "slip" => Side::Slip,
-                "active" => Side::Active,
-                "inactive" => Side::Inactive,
-                _ => return Err(not_a_mode(subject, mode)),
-            };
-            if wanted == Side::Sliding
-                && let Some(set) = indicated(subject, args)
-            {
-                return Ok(interval.between.contains(&set));
-            }
-            let mut all = !args.is_empty();
-            for arg in args {
-                let Arg::Positional(surface, binders) = arg else {
-                    return Err(not_a_mode(subject, mode));
-                };
-                if !binders.is_empty() {
-                    return Err(not_a_mode(subject, mode));
-                }
-                if let Some(contact) = impulsive(subject, surface) {
-                    let held = interval.contacts.iter().find(|(k, _)| *k == contact);
-                    let side = held.map_or(Side::Open, |(_, side)| *side);
-                    let is_rough = subject.system.impulsive[contact].friction.is_some();
-                    all &= match wanted {
-                        Side::Closed => side != Side::Open,
-                        Side::Open => side == Side::Open,
-                        Side::Stick | Side::Slip if is_rough => side == wanted,
-                        _ => {
-                            let name = subject.sources.text(surface.span);
-                            return Err(ExpectError::WrongWord {
-                                word: word.to_owned(),
-                                name: name.to_owned(),
-                                help: format!("write `closed({name})`, for example"),
-                                span: surface.span,
-                            });
-                        }
-                    };
-                    continue;
-                }
-                for (mut switch, flipped) in switches_of(subject, surface)? {
-                    let mut is_closed = true;
-                    if matches!(wanted, Side::Stick | Side::Slip) {
-                        let side = interval.sides.get(switch).copied();
-                        is_closed = side != Some(Side::Open);
-                        let mut slips = subject.system.switches.iter();
-                        switch = slips
-                            .position(|s| s.slip_of == Some(switch))
-                            .unwrap_or(switch);
-                    }
-                    let words = words_of(subject, switch);
-                    if !words.contains(&word) {
-                        let (name, span) = (subject.sources.text(surface.span), surface.span);
-                        return Err(ExpectError::WrongWord {
-                            word: word.to_owned(),
-                            name: name.to_owned(),
-                            help: format!("write `{}({name})`, for example", words[0]),
-                            span,
-                        });
-                    }
-                    let side = interval.sides.get(switch).copied().unwrap_or(Side::Sliding);
-                    let side = if flipped { opposite(side) } else { side };
-                    all &= is_closed && side == wanted;
-                }
-            }
-            match args.is_empty() {
-                true => Err(not_a_mode(subject, mode)),
-                false => Ok(all),
-            }
-        }
+        ExprKind::Call(word, args) => match as_name(word).and_then(side_of) {
+            Some(wanted) if !args.is_empty() => are_on(subject, mode, args, wanted, interval),
+            _ => Err(not_a_mode(subject, mode)),
+        },
         // A region, `inside` or `pair[1,2]`.
         _ => {
             let name: String = subject.sources.text(mode.span).split_whitespace().collect();
@@ -164,6 +104,92 @@ fn holds(
             }
         }
     }
+}
+
+/// The side that a word names.
+fn side_of(word: &str) -> Option<Side> {
+    SIDES.into_iter().find(|side| side.as_str() == word)
+}
+
+/// Whether the surfaces in `sliding(s)`, `closed(C, D)` and the like are all on that side.
+fn are_on(
+    subject: &Subject<'_, '_>,
+    mode: &syntax::Expr,
+    surfaces: &[Arg],
+    wanted: Side,
+    interval: &ModeInterval,
+) -> Result<bool, ExpectError> {
+    if wanted == Side::Sliding
+        && let Some(set) = indicated(subject, surfaces)
+    {
+        return Ok(interval.between.contains(&set));
+    }
+    let mut all = true;
+    for arg in surfaces {
+        let surface = match arg {
+            Arg::Positional(surface, binders) if binders.is_empty() => surface,
+            _ => return Err(not_a_mode(subject, mode)),
+        };
+        let wrong = |fitting: &str| {
+            let name = subject.sources.text(surface.span).to_owned();
+            ExpectError::WrongWord {
+                word: wanted.as_str().to_owned(),
+                help: format!("write `{fitting}({name})`, for example"),
+                name,
+                span: surface.span,
+            }
+        };
+        if let Some(contact) = impulsive(subject, surface) {
+            let is_on = contact_is_on(subject, contact, wanted, interval);
+            all &= is_on.ok_or_else(|| wrong("closed"))?;
+            continue;
+        }
+        for switch in switches_of(subject, surface)? {
+            let is_on = switch_is_on(subject, switch, wanted, interval);
+            all &= is_on.map_err(|words| wrong(words[0]))?;
+        }
+    }
+    Ok(all)
+}
+
+/// Whether a contact of steps of time is on a side; `None` where it never is.
+fn contact_is_on(
+    subject: &Subject<'_, '_>,
+    contact: usize,
+    wanted: Side,
+    interval: &ModeInterval,
+) -> Option<bool> {
+    let held = interval.contacts.iter().find(|(k, _)| *k == contact);
+    let side = held.map_or(Side::Open, |(_, side)| *side);
+    let is_rough = subject.system.impulsive[contact].friction.is_some();
+    match wanted {
+        Side::Closed => Some(side != Side::Open),
+        Side::Open => Some(side == Side::Open),
+        Side::Stick | Side::Slip if is_rough => Some(side == wanted),
+        _ => None,
+    }
+}
+
+/// Whether a switch, or one that is flipped, is on a side; where it never is, what it may be.
+fn switch_is_on(
+    subject: &Subject<'_, '_>,
+    (k, flipped): (usize, bool),
+    wanted: Side,
+    interval: &ModeInterval,
+) -> Result<bool, &'static [&'static str]> {
+    let (mut switch, mut is_closed) = (k, true);
+    if matches!(wanted, Side::Stick | Side::Slip) {
+        is_closed = interval.sides.get(k) != Some(&Side::Open);
+        let mut slips = subject.system.switches.iter();
+        switch = slips.position(|s| s.slip_of == Some(k)).unwrap_or(k);
+    }
+    let words = words_of(subject, switch);
+    if !words.contains(&wanted.as_str()) {
+        return Err(words);
+    }
+    let side = interval.sides.get(switch).copied().unwrap_or(Side::Sliding);
+    let side = if flipped { opposite(side) } else { side };
+    Ok(is_closed && side == wanted)
 }
 
 /// The contact of steps of time that a name means.
@@ -289,17 +315,9 @@ fn not_a_mode(subject: &Subject<'_, '_>, mode: &syntax::Expr) -> ExpectError {
         .iter()
         .map(|name| format!("`{name}`"))
         .collect();
-    known.extend([
-        "`sliding(..)`".into(),
-        "`above(..)`".into(),
-        "`below(..)`".into(),
-        "`on(..)`".into(),
-        "`off(..)`".into(),
-        "`open(..)`".into(),
-        "`closed(..)`".into(),
-        "`stick(..)`".into(),
-        "`slip(..)`".into(),
-    ]);
+    let sides = SIDES.iter();
+    let sides = sides.filter(|side| !matches!(side, Side::Active | Side::Inactive));
+    known.extend(sides.map(|side| format!("`{}(..)`", side.as_str())));
     ExpectError::NotAMode {
         text: subject.sources.text(mode.span).to_owned(),
         span: mode.span,

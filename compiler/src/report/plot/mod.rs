@@ -110,7 +110,7 @@ pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
             INK,
         );
         if let Some(plane) = &plane {
-            plane.draw(canvas, trajectory, (curves_end, top, bottom));
+            plane.draw(canvas, trajectory, curves_end, (top, bottom));
         }
     })
 }

@@ -87,7 +87,8 @@ impl Plane {
         &self,
         canvas: &Canvas<'_>,
         trajectory: &Trajectory,
-        (left, top, bottom): (f64, f64, f64),
+        left: f64,
+        (top, bottom): (f64, f64),
     ) {
         let start = left + self.left_space();
         let [x, y] = self.axes.clone();

@@ -127,18 +127,20 @@ impl Builder<'_> {
                 let right = self.expr(parts.one(Rule::arith));
                 Stmt::Complementarity { left, right, span }
             }
-            Rule::dynamics => {
-                let target = self.path(parts.one(Rule::path));
-                let operator = parts.one(Rule::dynamics_op);
-                Stmt::Dynamics(Dynamics {
-                    target,
-                    adds: operator.as_str() == "+=",
-                    operator: self.span(&operator),
-                    value: self.expr(parts.one(Rule::expr)),
-                    span,
-                })
-            }
+            Rule::dynamics => Stmt::Dynamics(self.dynamics(parts, span)),
             rule => unreachable!("grammar: {rule:?} is no statement"),
+        }
+    }
+
+    fn dynamics(&mut self, mut parts: Parts, span: Span) -> Dynamics {
+        let target = self.path(parts.one(Rule::path));
+        let operator = parts.one(Rule::dynamics_op);
+        Dynamics {
+            target,
+            adds: operator.as_str() == "+=",
+            operator: self.span(&operator),
+            value: self.expr(parts.one(Rule::expr)),
+            span,
         }
     }
 

@@ -17,19 +17,7 @@ impl Printer {
         match statement {
             Stmt::Const(stmt) => self.line(format!("const {} = {};", stmt.name, stmt.value)),
             Stmt::Decl(stmt) => self.line(decl(stmt)),
-            Stmt::Named(stmt) => {
-                let word = match stmt.kind {
-                    NamedKind::Let => "let",
-                    NamedKind::Output => "output",
-                    NamedKind::Signal => "signal",
-                };
-                self.line(format!(
-                    "{word} {}{} = {};",
-                    stmt.name,
-                    unit(&stmt.unit),
-                    stmt.value
-                ));
-            }
+            Stmt::Named(stmt) => self.line(named(stmt)),
             Stmt::Switch(stmt) => {
                 let sliding = match stmt.sliding {
                     None => "",
@@ -38,21 +26,7 @@ impl Printer {
                 };
                 self.line(format!("switch {} = {}{sliding};", stmt.name, stmt.value));
             }
-            Stmt::Part(stmt) => {
-                let index = stmt.binder.as_ref();
-                let index =
-                    index.map(|binder| format!("[{}]", binders(std::slice::from_ref(binder))));
-                let head = format!(
-                    "part {}{} = {}",
-                    stmt.name,
-                    index.unwrap_or_default(),
-                    stmt.model
-                );
-                match stmt.binds.is_empty() {
-                    true => self.line(format!("{head};")),
-                    false => self.block(head, "", |printer| printer.binds(&stmt.binds, "=")),
-                }
-            }
+            Stmt::Part(stmt) => self.part(stmt),
             Stmt::Region(stmt) => {
                 let guard = match &stmt.guard {
                     RegionGuard::Where(guard) => format!("where {guard}"),
@@ -108,6 +82,17 @@ impl Printer {
                 self.line(format!("{}' {operator} {};", stmt.target, stmt.value));
             }
             Stmt::Bad(_) => self.bad(),
+        }
+    }
+
+    fn part(&mut self, stmt: &Part) {
+        let binder = stmt.binder.as_ref().map(std::slice::from_ref);
+        let index = binder.map(|binder| format!("[{}]", binders(binder)));
+        let index = index.unwrap_or_default();
+        let head = format!("part {}{index} = {}", stmt.name, stmt.model);
+        match stmt.binds.is_empty() {
+            true => self.line(format!("{head};")),
+            false => self.block(head, "", |printer| printer.binds(&stmt.binds, "=")),
         }
     }
 
@@ -197,6 +182,16 @@ fn decl(stmt: &Decl) -> String {
         domain(&stmt.domain),
         value.unwrap_or_default()
     )
+}
+
+fn named(stmt: &Named) -> String {
+    let word = match stmt.kind {
+        NamedKind::Let => "let",
+        NamedKind::Output => "output",
+        NamedKind::Signal => "signal",
+    };
+    let unit = unit(&stmt.unit);
+    format!("{word} {}{unit} = {};", stmt.name, stmt.value)
 }
 
 fn sizes(shape: &[Expr]) -> String {

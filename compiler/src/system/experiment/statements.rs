@@ -53,7 +53,7 @@ impl<'m, 'e> Statements<'m, 'e> {
             SettingKind::Expect(expect) => self.expects.push((expect.clone(), span)),
             SettingKind::Horizon { free, range, value } => {
                 reader.once("`horizon`", span);
-                self.horizon(reader, (*free, range.as_ref(), value.as_ref()), span);
+                self.horizon(reader, *free, range.as_ref(), value.as_ref(), span);
             }
             SettingKind::Value { name, value } if name.name == "tolerance" => {
                 reader.once("`tolerance`", span);
@@ -129,11 +129,9 @@ impl<'m, 'e> Statements<'m, 'e> {
     fn horizon(
         &mut self,
         reader: &mut Reader<'_, 'e>,
-        (free, range, value): (
-            bool,
-            Option<&(syntax::Expr, syntax::Expr)>,
-            Option<&syntax::Expr>,
-        ),
+        free: bool,
+        range: Option<&(syntax::Expr, syntax::Expr)>,
+        value: Option<&syntax::Expr>,
         span: Span,
     ) {
         match (&mut self.draft, free) {

@@ -14,7 +14,7 @@ impl<'e> Reader<'_, 'e> {
             let first = rows.len();
             let pairs = comparison.members.windows(2).zip(&comparison.relations);
             for (pair, &relation) in pairs {
-                let Some(row) = self.row((pair[0], relation, pair[1]), comparison, *at) else {
+                let Some(row) = self.row(pair[0], relation, pair[1], comparison, *at) else {
                     continue;
                 };
                 let known = rows[first..]
@@ -41,7 +41,9 @@ impl<'e> Reader<'_, 'e> {
 
     fn row(
         &mut self,
-        (left, relation, right): (Expr<'e>, Relation, Expr<'e>),
+        left: Expr<'e>,
+        relation: Relation,
+        right: Expr<'e>,
         comparison: &Comparison<'e>,
         at: At,
     ) -> Option<Row<'e>> {

@@ -374,8 +374,8 @@ impl<'s, 'e> OnGrid<'s, 'e> {
             let bounds = bounds.lower.iter().zip(bounds.upper).zip(&w);
             let bounds = bounds.map(|((&l, &u), &w)| Bounds::between(l, u, w));
             let bounds: Vec<Bounds> = bounds.collect();
-            let of = (&*self.dcs, &made.layout, &bounds[..]);
-            rehearsed.fill(of, 1, interval, 0.0, &mut w);
+            let of = (&*self.dcs, &made.layout);
+            rehearsed.fill(of, &bounds, 1, interval, 0.0, &mut w);
         }
         let w = (self.stepper).solve(&mut made.step, &w, start, self.limit)?;
         Some(Step { elements, w })
