@@ -21,21 +21,22 @@ pub use nsd_expr as expr;
 use nsd_solver::integrate::tableau::Family;
 pub use nsd_solver::runtime::{limit, threads};
 
-pub use self::project::Project;
-pub use crate::diagnostics::messages::Messages;
-pub use crate::project::run::{Options, Run};
+pub use self::diagnostics::messages::Messages;
+pub use self::project::run::{Options, Run};
+pub use self::project::{Project, prepared, watch};
+pub use self::source::files;
 
 use self::diagnostics::Diagnostics;
 use self::expr::{Expr, Exprs};
 use self::model::Model;
+use self::project::clock::Clock;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
+use self::system::algebraic::following;
 use self::system::experiment::{ExperimentError, Feature, Method, MethodKind, Settings};
 use self::system::task::{Control, Shape};
 use self::system::{Allowed, Extent, Role, Switch, System, freezing};
-use crate::project::clock::Clock;
-use crate::system::algebraic::following;
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
