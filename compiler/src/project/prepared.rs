@@ -9,7 +9,8 @@
 //!
 //! ```
 //! use std::ops::ControlFlow;
-//! use nsd_solver::event::{Event, Observer, Segment, Status};
+//! use nsd_solver::event::{Event, Observer, Segment};
+//! use nsd_solver::hybrid::Status;
 //! use nsdc::prepared::Prepared;
 //!
 //! let text = "model ball {
