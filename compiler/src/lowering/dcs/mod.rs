@@ -73,7 +73,7 @@ pub struct Dcs<'e> {
     pub params: Vec<Param<'e>>,
     /// Scalar states x.
     pub states: Vec<State<'e>>,
-    /// The states that follow at once what is decided, see [`crate::system::algebraic::following`].
+    /// The states that follow at once what is decided, as `system/algebraic/following.rs` finds them.
     pub following: Vec<Expr<'e>>,
     /// f: the rate of every state.
     pub rates: Vec<Expr<'e>>,
