@@ -51,6 +51,8 @@ pub(super) struct Arena {
     /// The latest node of every hash, and for every node the previous one with its hash.
     latest: FxHashMap<u64, Id>,
     previous: Vec<Id>,
+    /// Functions of one argument that occur, as bits.
+    functions: u32,
     names: Vec<String>,
     variables: Vec<Id>,
     /// Memory of walks.
@@ -93,6 +95,10 @@ impl Arena {
 
     pub fn data(&self, id: Id) -> Data {
         self.nodes[id as usize]
+    }
+
+    pub fn applies(&self, function: Function) -> bool {
+        self.functions >> function as u32 & 1 == 1
     }
 
     pub fn as_variable(&self, id: Id) -> Option<Var> {
@@ -151,6 +157,7 @@ impl Arena {
         let hash = hash_of(|h| (1u8, function, a).hash(h));
         let same =
             |data: Data, _: &Self| matches!(data, Data::Unary(f, x) if f == function && x == a);
+        self.functions |= 1 << function as u32;
         self.intern(hash, same, |_| Data::Unary(function, a))
     }
 

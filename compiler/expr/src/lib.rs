@@ -128,6 +128,11 @@ impl Exprs {
         self.arena.borrow().n_variables()
     }
 
+    /// Whether any expression so far applies this function.
+    pub fn applies(&self, function: Function) -> bool {
+        self.arena.borrow().applies(function)
+    }
+
     /// The number of nodes so far: what all expressions together cost.
     pub fn n_nodes(&self) -> usize {
         self.arena.borrow().len()

@@ -12,7 +12,7 @@
 //!
 //! `tests/benches/kkt.rs` has it beside faer's: columns of L in optimal control have about seven entries, with which
 //! simplicial factors of faer take 1.3 to 3 times as long, and supernodal ones more than four times.
-//!
+
 use std::ops::Range;
 use std::sync::Arc;
 

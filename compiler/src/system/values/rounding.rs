@@ -89,6 +89,9 @@ impl<'e> Lowering<'_, 'e> {
 
     /// An expression with its roundings replaced.
     pub fn held(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+        if !e.exprs().applies(Function::Floor) {
+            return e;
+        }
         transform(&[e], &mut |_, e| match e.is_function().then(|| e.node()) {
             Some(Node::Unary(Function::Floor, u)) => self.floor(e, u, span),
             _ => e,
