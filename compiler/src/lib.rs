@@ -246,8 +246,8 @@ fn refused_impulses(system: &System, settings: &Settings) -> Option<ExperimentEr
     let is_run = settings.optimize.is_none();
     if let Some(data) = system.data.first().filter(|_| is_run) {
         return Some(refused(
-            "for a run with signals from tables ",
-            "write the signal as a formula in `time`, or leave out `lower impact` and the method",
+            "for a run with signals from tables or with `floor` ",
+            "write it as a formula in `time` without `floor` and `mod`, or leave out `lower impact` and the method",
             data.span,
         ));
     }

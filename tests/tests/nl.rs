@@ -10,7 +10,7 @@
 
 mod reader;
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::process::Command;
 
@@ -142,103 +142,138 @@ struct Expected {
     jacobian: Vec<HashMap<usize, f64>>,
 }
 
-/// Values and derivatives of the rows of the file by our own evaluation.
-fn expected(mpcc: &Mpcc, ampl: &Ampl, w: &[f64], columns: &[f64], file: &File) -> Expected {
-    let mut evaluator = Evaluator::new(mpcc).expect("kernels are smooth");
-    let pattern = evaluator.pattern().clone();
-    let (mut values, mut entries) = (vec![0.0; mpcc.n_rows()], vec![0.0; pattern.columns.len()]);
-    evaluator.values(w, &mut values);
-    evaluator.jacobian(w, &mut entries);
-    let column_of: HashMap<usize, usize> = (ampl.columns.iter().enumerate())
-        .map(|(column, &variable)| (variable, column))
-        .collect();
-    let gradient = |row: usize| -> HashMap<usize, f64> {
-        let places = pattern.starts[row]..pattern.starts[row + 1];
-        let variables = pattern.row(row).iter().zip(&entries[places]);
-        variables
-            .map(|(&variable, &entry)| (column_of[&(variable as usize)], entry))
-            .collect()
-    };
+/// Values and gradients of all rows of a program at a point.
+struct Evaluated<'m> {
+    mpcc: &'m Mpcc<'m>,
+    values: Vec<f64>,
+    /// By column of the file.
+    gradients: Vec<HashMap<usize, f64>>,
+    /// The column of a variable, slacks behind all others.
+    column_of: HashMap<usize, usize>,
+}
 
-    // The number of each row, or of both members of each pair, in the order of the flat rows.
-    let mut numbers = Vec::new();
-    let (mut objective, mut objective_gradient) = (0.0, HashMap::new());
-    for (block, rows) in mpcc.rows() {
-        let (n, half) = (block.n_places(), block.n_rows() / 2);
-        for (place, source) in (0..n).flat_map(|p| (0..block.sources.len()).map(move |s| (p, s))) {
-            let row = rows.start + source * n + place;
-            match block.kind {
-                Kind::Equation | Kind::Inequality | Kind::Conditional => numbers.push((row, None)),
-                Kind::Pair => numbers.push((row, Some(row + half))),
-                Kind::Objective | Kind::Steering => {
-                    objective += values[row];
-                    for (column, entry) in gradient(row) {
-                        *objective_gradient.entry(column).or_insert(0.0) += entry;
-                    }
+impl<'m> Evaluated<'m> {
+    fn at(mpcc: &'m Mpcc<'m>, ampl: &Ampl, w: &[f64]) -> Self {
+        let mut evaluator = Evaluator::new(mpcc).expect("kernels are smooth");
+        let pattern = evaluator.pattern().clone();
+        let (mut values, mut entries) =
+            (vec![0.0; mpcc.n_rows()], vec![0.0; pattern.columns.len()]);
+        evaluator.values(w, &mut values);
+        evaluator.jacobian(w, &mut entries);
+        let column_of: HashMap<usize, usize> = (ampl.columns.iter().enumerate())
+            .map(|(column, &variable)| (variable, column))
+            .collect();
+        let gradient = |row: usize| -> HashMap<usize, f64> {
+            let places = pattern.starts[row]..pattern.starts[row + 1];
+            let variables = pattern.row(row).iter().zip(&entries[places]);
+            variables
+                .map(|(&variable, &entry)| (column_of[&(variable as usize)], entry))
+                .collect()
+        };
+        Evaluated {
+            mpcc,
+            gradients: (0..mpcc.n_rows()).map(gradient).collect(),
+            values,
+            column_of,
+        }
+    }
+
+    /// Rows in the order of the flat ones with their kinds, those of pairs with their other members.
+    fn rows(&self) -> Vec<(Kind, usize, usize)> {
+        let mut found = Vec::new();
+        for (block, rows) in self.mpcc.rows() {
+            let (n, half) = (block.n_places(), block.n_rows() / 2);
+            let sources = 0..block.sources.len();
+            let places = (0..n).flat_map(|p| sources.clone().map(move |s| rows.start + s * n + p));
+            found.extend(places.map(|row| (block.kind, row, row + half)));
+        }
+        found
+    }
+
+    /// The objective with its gradient.
+    fn objective(&self) -> (f64, HashMap<usize, f64>) {
+        let (mut objective, mut gradient) = (0.0, HashMap::new());
+        for (kind, row, _) in self.rows() {
+            if matches!(kind, Kind::Objective | Kind::Steering) {
+                objective += self.values[row];
+                for (&column, entry) in &self.gradients[row] {
+                    *gradient.entry(column).or_insert(0.0) += entry;
                 }
             }
         }
+        (objective, gradient)
     }
+
+    /// The number of each row, or of both members of each pair.
+    fn numbers(&self) -> Vec<(usize, Option<usize>)> {
+        let rows = self.rows().into_iter();
+        rows.filter_map(|(kind, row, other)| match kind {
+            Kind::Equation | Kind::Inequality | Kind::Conditional => Some((row, None)),
+            Kind::Pair => Some((row, Some(other))),
+            Kind::Objective | Kind::Steering => None,
+        })
+        .collect()
+    }
+}
+
+/// Which row of the program stands in a row of the file that may complement a variable, and whether a slack stands for the
+/// other member of its pair.
+fn body(
+    row: Value,
+    (a, b): (usize, Option<usize>),
+    complement: Option<usize>,
+    variable: impl Fn(Expr) -> Option<usize>,
+) -> (usize, bool) {
+    match (row, b, complement) {
+        (Value::Pair(_, right), Some(_), Some(of)) if variable(right) == Some(of) => (a, false),
+        (Value::Pair(left, _), Some(b), Some(of)) if variable(left) == Some(of) => (b, false),
+        (Value::Pair(..), Some(_), Some(_)) => (a, true),
+        (_, None, None) => (a, false),
+        _ => panic!("a pair on one side alone"),
+    }
+}
+
+/// Values and derivatives of the rows of the file by our own evaluation.
+fn expected(mpcc: &Mpcc, ampl: &Ampl, w: &[f64], columns: &[f64], file: &File) -> Expected {
+    let evaluated = Evaluated::at(mpcc, ampl, w);
+    let (objective, objective_gradient) = evaluated.objective();
+    let numbers = evaluated.numbers();
     let flat = mpcc.flat();
-    let rows = flat
-        .rows
-        .iter()
-        .filter(|row| !matches!(row.value, Value::Objective(_)));
+    let rows = flat.rows.iter();
+    let rows = rows.filter(|row| !matches!(row.value, Value::Objective(_)));
     let members: Vec<Value> = rows.map(|row| row.value).collect();
     let variable = |member: Expr| {
-        flat.variables
-            .iter()
-            .position(|&variable| variable == member)
+        let mut variables = flat.variables.iter();
+        variables.position(|&variable| variable == member)
     };
 
-    let mut jacobian = Vec::new();
-    let mut found = Vec::new();
+    let mut found = BTreeMap::new();
     let mut with_slack: Vec<usize> = Vec::new();
-    for (row, &id) in ampl.rows.iter().enumerate() {
+    let of_rows = ampl.rows.iter().enumerate();
+    let (of_program, of_slacks): (Vec<_>, Vec<_>) =
+        of_rows.partition(|(_, id)| **id < numbers.len());
+    for (row, &id) in of_program {
         let complement = file.complement(row).map(|column| ampl.columns[column]);
-        let Some(&(a, b)) = numbers.get(id) else {
-            continue;
-        };
-        let body = match (members[id], b, complement) {
-            (Value::Pair(left, right), Some(b), Some(variable_of)) => {
-                if variable(right) == Some(variable_of) {
-                    a
-                } else if variable(left) == Some(variable_of) {
-                    b
-                } else {
-                    with_slack.push(id);
-                    a
-                }
-            }
-            (_, None, None) => a,
-            _ => panic!("row {row} is a pair on one side alone"),
-        };
-        found.push((row, values[body]));
-        jacobian.push((row, gradient(body)));
+        let (body, has_slack) = body(members[id], numbers[id], complement, variable);
+        with_slack.extend(has_slack.then_some(id));
+        let gradient = evaluated.gradients[body].clone();
+        found.insert(row, (evaluated.values[body], gradient));
     }
     with_slack.sort_unstable();
-    for (row, &id) in ampl
-        .rows
-        .iter()
-        .enumerate()
-        .filter(|(_, id)| **id >= numbers.len())
-    {
+    for (row, &id) in of_slacks {
         let pair = with_slack[id - numbers.len()];
         let b = numbers[pair].1.expect("only pairs have slacks");
         let slack = mpcc.n_variables() + id - numbers.len();
-        let column = column_of[&slack];
-        found.push((row, values[b] - columns[column]));
-        let mut gradient = gradient(b);
+        let column = evaluated.column_of[&slack];
+        let mut gradient = evaluated.gradients[b].clone();
         gradient.insert(column, -1.0);
-        jacobian.push((row, gradient));
+        found.insert(row, (evaluated.values[b] - columns[column], gradient));
     }
-    found.sort_by_key(|&(row, _)| row);
-    jacobian.sort_by_key(|&(row, _)| row);
     assert_eq!(found.len(), ampl.rows.len());
-    let mut jacobian: Vec<_> = jacobian.into_iter().map(|(_, gradient)| gradient).collect();
+    let (rows, mut jacobian): (Vec<_>, Vec<_>) = found.into_values().unzip();
     jacobian.push(objective_gradient);
     Expected {
-        rows: found.into_iter().map(|(_, value)| value).collect(),
+        rows,
         objective,
         jacobian,
     }

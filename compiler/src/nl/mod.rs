@@ -9,11 +9,10 @@ mod error;
 mod json;
 mod text;
 
-use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::Class;
-use nsd_solver::optimization::nl;
 use nsd_solver::optimization::nl::{Code, Named, Problem, Quality};
 use nsd_solver::optimization::problem::Nlp;
+use nsd_solver::optimization::{mpcc, nl};
 
 pub use ampl::{BadOption, Settings, tolerance};
 pub use benchmark::{Known, Peer, Record, Table, read_known};

@@ -29,11 +29,10 @@ use nsd_solver::optimization::problem::Nlp;
 
 use crate::expr::Var;
 use crate::limit::{Limit, Over};
-use crate::lowering::dcs;
 use crate::lowering::dcs::Dcs;
-use crate::lowering::discretize;
 use crate::lowering::discretize::{DiscretizeError, Grid, Layout, discretize};
 use crate::lowering::mpcc::{Mpcc, Program};
+use crate::lowering::{dcs, discretize};
 use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{

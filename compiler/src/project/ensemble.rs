@@ -5,8 +5,6 @@
 
 use std::ops::Range;
 
-use crate::Compiled;
-use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::limit::Cancel;
@@ -16,6 +14,7 @@ use crate::simulate::{Plan, Request};
 use crate::syntax::{Bind, Experiment, File};
 use crate::system::experiment::{Sampling, Settings};
 use crate::threads::{self, Share};
+use crate::{Compiled, compile};
 
 /// Shares of the runs below the quantiles that are reported.
 pub const LEVELS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];

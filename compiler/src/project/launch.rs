@@ -3,17 +3,15 @@
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::optimize::{self, Sampled};
-use crate::project::Project;
 use crate::project::clock::Clock;
-use crate::project::ensemble;
 use crate::project::watch::{Progress, Watch};
+use crate::project::{Project, ensemble};
 use crate::report::Trajectory;
 use crate::simulate::{self, Request};
 use crate::source::Span;
 use crate::syntax::{GuessSource, Path};
 use crate::system::experiment::{ExperimentError, Optimize};
-use crate::threads;
-use crate::{Compiled, compile};
+use crate::{Compiled, compile, threads};
 
 /// Largest file of guesses that is read, in bytes.
 const MAX_BYTES: usize = 1 << 28;

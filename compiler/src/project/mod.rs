@@ -19,9 +19,8 @@ use miette::Diagnostic;
 use crate::diagnostics::messages::Messages;
 use crate::diagnostics::{Diagnostics, Fixable};
 use crate::project::clock::Clock;
-use crate::source::SourceMap;
 use crate::source::files::{Disk, FileError, Files, Imports, Memory};
-use crate::source::imports;
+use crate::source::{SourceMap, imports};
 use crate::syntax::{self, Bind, Experiment, ExperimentSetting, File, Item, SettingKind};
 
 /// A file that has been read and parsed.

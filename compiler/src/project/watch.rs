@@ -5,8 +5,7 @@ use std::fmt;
 use nsd_solver::optimization::ipm;
 use nsd_solver::optimization::mpcc::{Observer, Program};
 
-use crate::optimize;
-use crate::simulate;
+use crate::{optimize, simulate};
 
 /// How far a run is; as text, what it is doing.
 #[derive(Clone, Copy, Debug)]

@@ -7,11 +7,10 @@ use nsd_solver::event::Observer;
 use nsd_solver::fesd::NEGLIGIBLE;
 use nsd_solver::hybrid::{Outcome, Status as End};
 
-use super::Request;
 use super::estimate::{Comparison, Estimate, Estimator};
-use super::outcome;
 use super::record::Recorder;
 use super::watch::{Progress, Watched};
+use super::{Request, outcome};
 use crate::limit::Limit;
 use crate::project::clock::Instant;
 use crate::report::{Certificate, Failure, Kind, Method, Stats, Status, Trajectory};

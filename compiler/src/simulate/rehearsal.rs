@@ -2,6 +2,8 @@
 
 use nsd_solver::fesd::jumps::CLOSED;
 
+use std::collections::HashMap;
+
 use super::{Plan, Request, run};
 use crate::expr::{Expr, Var};
 use crate::limit::Limit;
@@ -11,7 +13,6 @@ use crate::lowering::mpcc::Bounds;
 use crate::report::{Dense, EventKind, Failure, Piece};
 use crate::system::System;
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
-use std::collections::HashMap;
 
 /// Instants closer than this, as a share of an interval, are one.
 const CLOSEST: f64 = 1e-9;

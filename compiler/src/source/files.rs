@@ -1,10 +1,9 @@
 //! Where files come from: folders of a disk, or a list of names with what is in them.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fmt;
-use std::fs;
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
+use std::{fmt, fs};
 
 use miette::Diagnostic;
 

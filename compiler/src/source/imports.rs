@@ -13,9 +13,8 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use thiserror::Error;
 
 use crate::diagnostics::{Applicability, Diagnostics, Fix, Fixable, Help};
-use crate::source::table;
 use crate::source::table::Source;
-use crate::source::{SourceMap, Span};
+use crate::source::{SourceMap, Span, table};
 use crate::syntax::{self, File, Ident, Item, Link, Use, UseSource};
 
 /// The standard library: names of modules and their texts.

@@ -23,8 +23,7 @@ pub use format::format;
 mod tests;
 
 use crate::diagnostics::Diagnostics;
-use crate::source::table;
-use crate::source::{SourceFile, Span};
+use crate::source::{SourceFile, Span, table};
 
 /// Deepest nesting of brackets, blocks and operators that is accepted.
 pub const MAX_DEPTH: usize = 128;

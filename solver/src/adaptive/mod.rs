@@ -16,8 +16,7 @@ use std::ops::ControlFlow;
 
 use crate::event::{Event, Observer, Segment};
 use crate::expansion::dense::ElementSeries;
-use crate::hybrid::status::{Stats, Status};
-use crate::hybrid::{Outcome, Side};
+use crate::hybrid::{Outcome, Side, Stats, Status};
 use crate::runtime::limit::Limit;
 use control::{Control, Verdict};
 use extrapolation::Extrapolation;

@@ -4,8 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{Field, Settings, Simulator};
 use crate::event::{Event, Observer, Segment};
-use crate::hybrid::Side;
-use crate::hybrid::status::Status;
+use crate::hybrid::{Side, Status};
 
 /// A field with one sign at most.
 struct Given<F, P> {

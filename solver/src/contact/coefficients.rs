@@ -13,11 +13,8 @@ use crate::expansion::dense::Dense;
 use crate::expansion::layout::Memory;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::{Coefficient, Status};
-use crate::hybrid::system::HybridSystem;
-use crate::hybrid::system::{Effect, Guard, Impact, Input};
+use crate::hybrid::{Coefficient, Effect, Guard, HybridSystem, Impact, Input, Side, Status};
 use crate::tape::{self, Ball, Recurrences};
 
 /// Below zero by less than this is rounding: coefficients have no unit, and one is large.

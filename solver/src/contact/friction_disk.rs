@@ -14,9 +14,8 @@ use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::system::HybridSystem;
+use crate::hybrid::{HybridSystem, Side};
 use crate::integrate::step::Step;
 use crate::selector::select::BAND;
 

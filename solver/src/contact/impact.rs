@@ -21,11 +21,8 @@ use serde::{Deserialize, Serialize};
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
 use crate::event::Simulator;
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::{Coefficient, Note, Status};
-use crate::hybrid::system::HybridSystem;
-use crate::hybrid::system::{Effect, Guard, Impact, Input};
+use crate::hybrid::{Coefficient, Effect, Guard, HybridSystem, Impact, Input, Note, Side, Status};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;

@@ -7,9 +7,8 @@
 
 use super::impact::impact_of;
 use crate::event::Simulator;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::{Note, Status};
+use crate::hybrid::{Note, Side, Status};
 use crate::selector::select::BAND;
 
 /// Roundings of their terms by which equal gaps differ.

@@ -4,9 +4,8 @@
 //! moves what does not move. Of contacts that touch and do not push, only what grows less is taken for a motion.
 
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::system::HybridSystem;
+use crate::hybrid::{HybridSystem, Side};
 use crate::selector::judge::TIE;
 
 /// What rounding grows by, at most.

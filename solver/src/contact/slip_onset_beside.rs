@@ -10,10 +10,8 @@
 
 use crate::event::Simulator;
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
-use crate::hybrid::system::Role;
+use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::selector::candidates::{FAR, MAX_ENUMERATED, Search, alternatives};
 use crate::selector::select::{Choice, Choices};

@@ -12,8 +12,8 @@
 use crate::contact::redundancy::eliminate;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::Sliding;
+use crate::hybrid::HybridSystem;
 use crate::hybrid::state::State;
-use crate::hybrid::system::HybridSystem;
 
 /// What mending takes.
 #[derive(Default)]

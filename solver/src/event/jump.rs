@@ -21,10 +21,8 @@
 
 use super::Simulator;
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
-use crate::hybrid::system::{Effect, Guard, Input, Law};
+use crate::hybrid::{Effect, Guard, Input, Law, Side, Status};
 use crate::selector::select::BAND;
 
 /// Jumps at one instant before they count as endless.

@@ -8,8 +8,7 @@ use std::ops::ControlFlow;
 
 use super::observer::{Event, Observer, Segment};
 use crate::fesd;
-use crate::hybrid::Outcome;
-use crate::hybrid::status::Status;
+use crate::hybrid::{Outcome, Status};
 
 /// A clock with a smaller rate stands still.
 const STANDS: f64 = 1e-6;

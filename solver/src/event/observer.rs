@@ -2,10 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use crate::expansion::dense::Polynomials;
-use crate::expansion::series;
+use crate::expansion::{Polynomials, series};
 use crate::hybrid::Side;
-use crate::selector::nonlinear::Decision;
+use crate::selector::Decision;
 
 /// A change of mode, or a jump of the state.
 #[derive(Clone, Debug)]

@@ -1,8 +1,8 @@
 //! Unmodelled errors: random vectors that are added to the state at equal intervals of time.
 
 use super::Simulator;
+use crate::hybrid::Status;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
 use crate::optimization::mpcc::deviate;
 
 /// Random vectors d_k, added to the state at k times a period, k = 1, 2, ..

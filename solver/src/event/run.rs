@@ -2,12 +2,10 @@
 
 use super::jump::Met;
 use super::{Event, Observer, Segment, Simulator};
-use crate::events::grazing::Approach;
-use crate::events::{chattering, zeno};
+use crate::events::{Approach, chattering, zeno};
 use crate::expansion::dense::Dense;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
-use crate::hybrid::{Outcome, Side};
+use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::step::Step;
 
 /// Events in a row without progress in time that count as an accumulation.

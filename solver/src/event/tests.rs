@@ -5,10 +5,9 @@ use std::ops::ControlFlow;
 use proptest::prelude::*;
 
 use super::{Event, Observer, Segment, Simulator};
-use crate::hybrid::settings::Settings;
-use crate::hybrid::status::Status;
-use crate::hybrid::system::{Block, HybridSystem, Input, Switch, SwitchKind};
-use crate::hybrid::{Outcome, Side};
+use crate::hybrid::{
+    Block, HybridSystem, Input, Outcome, Settings, Side, Status, Switch, SwitchKind,
+};
 use crate::tape::Tape;
 
 struct Planes {

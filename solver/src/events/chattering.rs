@@ -9,9 +9,8 @@
 //! finite sum: no mode comes after them, and their number at a time to come is known long before.
 
 use crate::event::Simulator;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::{Note, Status};
+use crate::hybrid::{Note, Side, Status};
 
 /// Events of a cycle, at most.
 const MAX_CYCLE: usize = 12;

@@ -5,10 +5,9 @@
 //! unless it differs as much at a few other points, as it does where a step is long beside smooth functions. A ψ has
 //! been passed over where its side in the middle of a part is that of neither end.
 
-use crate::event::observer::Segment;
+use crate::event::Segment;
 use crate::expansion::series;
-use crate::hybrid::Side;
-use crate::hybrid::status::{Function, Note};
+use crate::hybrid::{Function, Note, Side};
 use crate::tape::{Ball, Tame, Tape};
 
 /// Parts of a step that are enclosed at most.

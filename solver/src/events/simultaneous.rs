@@ -7,9 +7,8 @@
 
 use crate::event::Simulator;
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Note;
+use crate::hybrid::{Note, Side};
 
 /// Roundings of its terms below which ψ is zero.
 const ROUNDINGS: f64 = 64.0;

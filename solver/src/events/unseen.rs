@@ -10,9 +10,8 @@
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::{Function, Note};
+use crate::hybrid::{Function, Note, Side};
 use crate::integrate::radau::Radau;
 use crate::tape::{Ball, Tame};
 

@@ -11,13 +11,11 @@
 
 use super::mode::Mode;
 use crate::event::Simulator;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::{Note, Status};
-use crate::hybrid::system::Role;
+use crate::hybrid::{Note, Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::optimization::lcp::lemke;
-use crate::selector::select::Candidate;
+use crate::selector::Candidate;
 
 /// Up to this many pairs all choices are solved, which shows whether there is one solution.
 const MAX_PAIRS: usize = 8;

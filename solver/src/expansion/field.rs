@@ -6,10 +6,8 @@ use rustc_hash::FxHashMap;
 use wide::f64x4;
 
 use super::layout::Memory;
-use crate::hybrid::Side;
-use crate::hybrid::form::{Library, Partials};
-use crate::hybrid::system::HybridSystem;
-use crate::hybrid::system::{Block, Input};
+use crate::hybrid::form::Library;
+use crate::hybrid::{Block, HybridSystem, Input, Partials, Side};
 use crate::tape::{Ball, Lane, Recurrences, Step, Tape};
 
 pub(crate) struct Field {

@@ -4,8 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::hybrid::piecewise::{Piecewise, write_pieces};
-use crate::hybrid::system::{HybridSystem, Input};
+use crate::hybrid::{HybridSystem, Input, Piecewise, write_pieces};
 use crate::tape::{self, Depends, Row, UNBOUNDED};
 
 /// The order to which ψ is needed beyond that of α, which follows from it.

@@ -16,10 +16,9 @@ use super::surfaces::Surfaces;
 use crate::contact::friction_disk::Discs;
 use crate::expansion::step_size::Probed;
 use crate::expansion::unobserved;
-use crate::hybrid::Side;
 use crate::hybrid::form::Library;
 use crate::hybrid::state::State;
-use crate::hybrid::system::{HybridSystem, Role};
+use crate::hybrid::{HybridSystem, Role, Side};
 use crate::integrate::implicit::Workspace;
 use crate::linalg::Singular;
 

@@ -2,8 +2,8 @@
 
 use super::field::{gather, run_balls};
 use super::layout::Memory;
+use crate::hybrid::Input;
 use crate::hybrid::form::{Affine, Smooth, Surface};
-use crate::hybrid::system::Input;
 use crate::tape::{self, Ball, Lane, Recurrences, Rounded, Step, Tame, Tape};
 
 /// ψ for certain sides inside it.

@@ -4,9 +4,8 @@ use rustc_hash::FxHashMap;
 
 use super::layout::Memory;
 use super::psi::{Compiled, Form, run};
-use crate::hybrid::Side;
 use crate::hybrid::form::{Library, Smooth};
-use crate::hybrid::system::HybridSystem;
+use crate::hybrid::{HybridSystem, Side};
 use crate::tape::{Ball, Lane};
 
 pub(crate) struct Surfaces {

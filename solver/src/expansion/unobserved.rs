@@ -6,9 +6,8 @@
 
 use super::mode::Mode;
 use crate::event::Simulator;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::system::{Effect, Guard, HybridSystem, Input, Role};
+use crate::hybrid::{Effect, Guard, HybridSystem, Input, Role, Side};
 
 /// Steps as short as this share of the longest one are not taken for an output.
 const LEAST: f64 = 1e-6;

@@ -9,7 +9,7 @@ use super::emit::Observer;
 use super::fold::Length;
 use super::watch::BAND;
 use super::{Grid, Run, Simulator};
-use crate::hybrid::status::Status;
+use crate::hybrid::Status;
 
 /// A hundredth of the global aim, which the growth of errors along well-conditioned runs does not
 /// use up.

@@ -11,7 +11,7 @@
 use super::system::{ComplementaritySystem, Reduced, Watched, Zero};
 use crate::fesd::system::active::{Active, sides, sliding};
 use crate::fesd::system::full::partials;
-use crate::hybrid::form::Partials;
+use crate::hybrid::Partials;
 use crate::tape::Sum;
 
 impl ComplementaritySystem {

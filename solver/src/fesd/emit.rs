@@ -7,8 +7,7 @@ use super::watch::{BAND, Start};
 use super::{Run, Simulator};
 use crate::event::Segment;
 use crate::expansion::series;
-use crate::hybrid::Side;
-use crate::hybrid::status::Status;
+use crate::hybrid::{Side, Status};
 
 /// z at the points of an element.
 pub struct Multipliers<'a> {

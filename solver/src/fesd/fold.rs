@@ -20,8 +20,7 @@ use super::{Element, Mode, Run, Simulator};
 use crate::event::Segment;
 use crate::expansion::series;
 use crate::fesd::system::hidden::Hidden;
-use crate::hybrid::Side;
-use crate::hybrid::status::Status;
+use crate::hybrid::{Side, Status};
 use crate::integrate::tableau::monomials;
 
 /// α is the independent variable where a fold is no farther than this, as ∂φ/∂α shows it.

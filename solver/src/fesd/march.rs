@@ -5,8 +5,7 @@ use super::emit::Observer;
 use super::fold::Length;
 use super::watch::{BAND, Verdict};
 use super::{Run, Simulator};
-use crate::hybrid::Side;
-use crate::hybrid::status::Status;
+use crate::hybrid::{Side, Status};
 
 /// Below this share of the largest state one may be rounding of terms that cancel.
 const SMALL: f64 = 1e-8;

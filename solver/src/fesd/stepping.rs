@@ -14,8 +14,7 @@ use crate::fesd::element::nodes::{Nodes, Step};
 use crate::fesd::element::scheme::Scheme;
 use crate::fesd::system::library::Library;
 use crate::fesd::system::pointwise::Point;
-use crate::hybrid::status::{Stats, Status};
-use crate::hybrid::{Outcome, Side};
+use crate::hybrid::{Outcome, Side, Stats, Status};
 use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
 

@@ -11,7 +11,7 @@ use super::element::Element;
 use super::system::{ComplementaritySystem, Zero, measure};
 use crate::fesd::element::scheme::{Scheme, WIDTH};
 use crate::fesd::system::library::Library;
-use crate::hybrid::status::Stats;
+use crate::hybrid::Stats;
 
 /// Members above this are not negative.
 pub(super) const SLACK: f64 = -1e-10;

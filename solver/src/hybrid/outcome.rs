@@ -2,7 +2,7 @@
 
 use super::side::Side;
 use super::status::{Note, Stats, Status};
-use crate::events::grazing::Approach;
+use crate::events::Approach;
 
 /// The end of a run.
 #[derive(Clone, Debug)]

@@ -2,13 +2,13 @@
 
 use super::Side;
 use crate::contact::slip_onset::Departure;
-use crate::events::grazing::Approach;
+use crate::events::Approach;
 use crate::events::grazing::Pending;
 use crate::hybrid::status::{Note, Stats};
 use crate::integrate::radau::{Radau, Start};
 use crate::runtime::limit::Limit;
+use crate::selector::Decision;
 use crate::selector::fold::Fold;
-use crate::selector::nonlinear::Decision;
 
 /// From which α a nonlinear switch goes on where it is on its surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -2,7 +2,7 @@
 
 use crate::integrate::radau::Radau;
 use crate::runtime::limit::Over;
-use crate::selector::select::Candidate;
+use crate::selector::Candidate;
 
 /// How a run ended.
 #[derive(Clone, PartialEq, Debug)]

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Side;
 use super::form::{Argument, Form, Instance};
-use crate::contact::impact::ImpactLaw;
+use crate::contact::ImpactLaw;
 use crate::hybrid::piecewise::Piecewise;
 use crate::tape::Tape;
 

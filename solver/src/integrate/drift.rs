@@ -1,8 +1,8 @@
 //! The drift off the surfaces that a mode slides on, projected away after each step.
 
 use crate::expansion::mode::Mode;
+use crate::hybrid::HybridSystem;
 use crate::hybrid::state::State;
-use crate::hybrid::system::HybridSystem;
 use crate::linalg::Singular;
 
 /// Rounds of Newton's method.

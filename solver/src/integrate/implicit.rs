@@ -11,11 +11,9 @@ use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::Side;
 use crate::hybrid::breakpoints::is_at_end;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
-use crate::hybrid::system::HybridSystem;
+use crate::hybrid::{HybridSystem, Side, Status};
 use crate::selector::judge::ROUNDINGS;
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.

@@ -14,9 +14,8 @@ use crate::event::Simulator;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::step_size::SMALLEST;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
+use crate::hybrid::{Side, Status};
 
 /// What the error of a straight step is of h times the change of f: 1/(1 + p) - 1/2ᵖ is no larger for 0 < p ≤ 1.
 const SHARE: f64 = 0.1;

@@ -18,9 +18,8 @@ use super::step::Step;
 use crate::event::Simulator;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
+use crate::hybrid::{Side, Status};
 use crate::selector::select::BAND;
 
 /// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.

@@ -6,9 +6,9 @@ use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
+use crate::hybrid::Status;
 use crate::hybrid::breakpoints::is_at_end;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
 use crate::selector::fold::Fold;
 use crate::selector::select::BAND;
 

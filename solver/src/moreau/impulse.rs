@@ -12,13 +12,11 @@
 
 use super::islands::Islands;
 use super::rows::{Bodies, Contact, Linear, Pair, Rows};
-use crate::moreau::solvers::cone;
 use crate::moreau::solvers::cone::Cone;
-use crate::moreau::solvers::convex;
 use crate::moreau::solvers::direct::Direct;
 use crate::moreau::solvers::newton::Newton;
-use crate::moreau::solvers::pivoting;
 use crate::moreau::solvers::pivoting::Pivoting;
+use crate::moreau::solvers::{cone, convex, pivoting};
 
 /// Residual that is accepted where sweeps and equations get no further.
 const ACCEPTED: f64 = 1e-6;

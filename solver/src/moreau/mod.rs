@@ -41,8 +41,7 @@ pub use scene::{Body, Family, Free, Scene};
 
 use crate::event::Segment;
 use crate::expansion::dense::ElementSeries;
-use crate::hybrid::status::{Stats, Status};
-use crate::hybrid::{Outcome, Side};
+use crate::hybrid::{Outcome, Side, Stats, Status};
 use crate::runtime::limit::Limit;
 use crate::tape::LaneScratch;
 use energy::Energy;

@@ -2,7 +2,7 @@
 
 use super::scene::Free;
 use super::{Failed, SOLVED, Stepper, TOUCH, Velocities};
-use crate::hybrid::status::{Coefficient, Status};
+use crate::hybrid::{Coefficient, Status};
 
 /// A speed below this share of the largest is rounding.
 const ROUNDING: f64 = 1e-15;

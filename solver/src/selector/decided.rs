@@ -8,10 +8,8 @@
 
 use crate::event::Simulator;
 use crate::expansion::series;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
-use crate::hybrid::system::Role;
+use crate::hybrid::{Role, Side, Status};
 
 /// The switches on another side.
 fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {

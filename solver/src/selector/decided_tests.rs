@@ -2,10 +2,7 @@
 
 use crate::event::Simulator;
 use crate::event::tests::Times;
-use crate::hybrid::Side;
-use crate::hybrid::settings::Settings;
-use crate::hybrid::status::Status;
-use crate::hybrid::system::{HybridSystem, Input, Switch, SwitchKind};
+use crate::hybrid::{HybridSystem, Input, Settings, Side, Status, Switch, SwitchKind};
 use crate::tape::Tape;
 
 /// x' = 1, ψ = c + (x, 0) + Bα with own terms on the diagonal: two relays.

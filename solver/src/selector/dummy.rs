@@ -8,9 +8,8 @@
 use super::judge::TIE;
 use super::select::Choice;
 use crate::event::Simulator;
-use crate::hybrid::Side;
 use crate::hybrid::state::{Entry, State};
-use crate::hybrid::status::Status;
+use crate::hybrid::{Side, Status};
 use crate::selector::nonlinear::{Decision, SlidingMode};
 
 /// How the dummy system starts.

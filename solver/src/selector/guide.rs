@@ -6,9 +6,8 @@
 
 use super::fold::{Fold, Turn};
 use crate::event::Simulator;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::status::Status;
+use crate::hybrid::{Side, Status};
 use crate::selector::nonlinear::Decision;
 
 /// Where a method stands that asks.

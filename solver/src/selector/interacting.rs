@@ -8,10 +8,8 @@
 use super::judge::TIE;
 use super::select::{Candidate, Choice};
 use crate::event::Simulator;
-use crate::hybrid::Side;
 use crate::hybrid::state::{Entry, State};
-use crate::hybrid::status::Status;
-use crate::hybrid::system::Role;
+use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::selector::nonlinear::Decision;
 

@@ -11,9 +11,8 @@ use crate::contact::slip_onset::Departure;
 use crate::event::Simulator;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::hybrid::system::Role;
+use crate::hybrid::{Role, Side};
 use crate::linalg::DenseLu;
 
 /// Rates and distances to a bound below this fraction of their scale are ties.

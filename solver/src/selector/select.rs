@@ -9,11 +9,8 @@ use super::judge::{Check, Verdict};
 use crate::event::Simulator;
 use crate::event::jump::{Met, TOUCH};
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
-use crate::hybrid::settings::Settings;
 use crate::hybrid::state::{Entry, State};
-use crate::hybrid::status::{Note, Status};
-use crate::hybrid::system::Role;
+use crate::hybrid::{Note, Role, Settings, Side, Status};
 use crate::integrate::singular_rates::Settling;
 
 /// One way to go on: the sides of the switches that meet.

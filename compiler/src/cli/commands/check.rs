@@ -3,11 +3,9 @@
 use std::path::Path;
 
 use crate::cli::args::CheckArgs;
-use crate::cli::files;
 use crate::cli::files::{FileError, Sink, Terminal, is_standard};
-use crate::cli::project;
 use crate::cli::project::Project;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::{self, AnyDiagnostic, Applicability, Diagnostics, Fix, json};
 use crate::syntax::Item;
 

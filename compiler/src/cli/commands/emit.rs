@@ -2,14 +2,12 @@
 
 use crate::cli::args::{EmitArgs, Ir};
 use crate::cli::files::{Sink, is_standard};
-use crate::cli::project;
 use crate::cli::project::Project;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, io, project};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::lowering::dcs;
-use crate::lowering::discretize;
 use crate::lowering::discretize::{DiscretizeError, Grid, discretize};
+use crate::lowering::{dcs, discretize};
 use crate::project::clock::Clock;
 use crate::project::launch;
 use crate::simulate::Request;

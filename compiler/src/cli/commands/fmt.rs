@@ -2,10 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::files;
 use crate::cli::files::is_standard;
-use crate::cli::project;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::Diagnostics;
 use crate::source::SourceMap;
 use crate::syntax;

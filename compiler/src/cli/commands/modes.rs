@@ -3,10 +3,8 @@
 use std::ops::Range;
 
 use crate::cli::args::ModesArgs;
-use crate::cli::files;
 use crate::cli::files::Sink;
-use crate::cli::project;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, files, io, project};
 use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;

@@ -3,12 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::args::OrderArgs;
-use crate::cli::files;
 use crate::cli::files::{Sink, is_standard};
 use crate::cli::progress::Bar;
-use crate::cli::project;
 use crate::cli::project::Project;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::project::clock::Clock;

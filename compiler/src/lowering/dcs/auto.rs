@@ -4,7 +4,7 @@
 //! regular where several surfaces slide at once and Stewart's θ is not unique.
 
 use crate::expr::Substitution;
-use crate::system::experiment::Lowering;
+use crate::system::experiment::{Lowering, POISSON};
 use crate::system::switches::roots::Vanishing;
 use crate::system::{Role, System};
 
@@ -102,10 +102,13 @@ fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
         });
     }
     // Laws come first: what is left are contacts.
+    let mut contacts = system.contacts.iter();
+    let is_poisson = contacts.any(|contact| contact.restitution.newton().is_none());
     if let Some((name, span)) = system.first_jump().filter(|_| takes == Takes::Rates) {
         return Err(DcsError::Contact {
             name: name.to_owned(),
             help: match &system.task {
+                _ if is_poisson => POISSON,
                 None => {
                     "with `method fesd`, `lower impact;` has them where elements meet, and `lower timefreezing;` makes \
                      motion of them; `method event` needs no lowering"

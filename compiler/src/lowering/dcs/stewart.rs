@@ -18,10 +18,9 @@ use crate::expr::{Expr, Exprs, Substitution, Var, variables_of};
 use crate::source::Span;
 use crate::system::System;
 
-use super::labels;
 use super::pointwise::Sides;
 use super::signs::{Row, row_name, rows, sign};
-use super::{Cause, Dcs, DcsError, Formulation, Origin};
+use super::{Cause, Dcs, DcsError, Formulation, Origin, labels};
 use nsd_solver::fesd::{Rule, Rules};
 
 /// θ of a subsystem with its rows.

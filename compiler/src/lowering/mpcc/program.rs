@@ -9,10 +9,9 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
-use nsd_solver::optimization::kernels;
 use nsd_solver::optimization::kernels::ProgramBuilder;
-use nsd_solver::optimization::problem;
 use nsd_solver::optimization::problem::{Member, Nlp, Other, Pair, Pattern, Side};
+use nsd_solver::optimization::{kernels, problem};
 use rustc_hash::FxHashMap;
 
 use super::conditions::Conditions;

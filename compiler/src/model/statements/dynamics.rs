@@ -5,9 +5,8 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::hidden::{self, Range};
 use crate::expr::{Expr, Var};
 use crate::model::expressions::Lowering;
-use crate::model::names::local_lets;
 use crate::model::names::scope::{Meaning, Reported};
-use crate::model::names::target;
+use crate::model::names::{local_lets, target};
 use crate::model::{
     Body, Complementarity, Contact, DynamicsError, Equation, Hidden, Jump, Model, Multiplier,
     Program, Projection, Rate, Region, TargetKind,

@@ -10,9 +10,8 @@ use rustc_hash::FxHashMap;
 use super::dynamics::{Sink, Walk};
 use crate::expr::{Expr, Interval, Node, Var, transform, variables_of};
 use crate::model::expressions::Lowering;
-use crate::model::names::local_lets;
 use crate::model::names::scope::Reported;
-use crate::model::names::target;
+use crate::model::names::{local_lets, target};
 use crate::model::{Domain, DynamicsError, Hidden, Model, Rate, SwitchKind, TargetKind};
 use crate::syntax;
 

@@ -6,8 +6,7 @@
 use super::dynamics::Walk;
 use super::restitution;
 use crate::expr::Expr;
-use crate::model::expressions::Lowering;
-use crate::model::expressions::algebra;
+use crate::model::expressions::{Lowering, algebra};
 use crate::model::names::scope::{Meaning, Reported};
 use crate::model::names::target;
 use crate::model::{Body, Contact, DynamicsError, Rate, Shape, Target, TargetKind, Tensor};

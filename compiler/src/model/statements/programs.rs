@@ -8,8 +8,7 @@
 use super::cones::Cone;
 use super::dynamics::Walk;
 use crate::expr::{Expr, Function, Node, Var, rewrite};
-use crate::model::expressions::Lowering;
-use crate::model::expressions::rows;
+use crate::model::expressions::{Lowering, rows};
 use crate::model::names::scope::{Meaning, Reported};
 use crate::model::{Complementarity, DynamicsError, Equation, Quantity, Shape, TargetKind, Tensor};
 use crate::source::Span;

@@ -4,9 +4,8 @@
 
 use super::dynamics::Walk;
 use crate::expr::Expr;
-use crate::model::expressions::Lowering;
-use crate::model::expressions::rows;
 use crate::model::expressions::rows::Comparison;
+use crate::model::expressions::{Lowering, rows};
 use crate::model::names::scope::Reported;
 use crate::model::{Constraint, DynamicsError, Projection, Shape};
 use crate::source::Span;

@@ -1,5 +1,7 @@
 //! A system with what was found: nothing is left to decide, and controls are functions of time.
 
+use std::sync::Arc;
+
 use crate::limit::Limit;
 use crate::model::Data;
 use crate::optimize::Problem;
@@ -9,7 +11,6 @@ use crate::source::table::{Fit, Table};
 use crate::system::experiment::{EventOptions, Method, Settings};
 use crate::system::task::Shape;
 use crate::system::{StateGroup, System};
-use std::sync::Arc;
 
 impl Problem<'_> {
     /// T.

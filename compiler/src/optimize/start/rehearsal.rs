@@ -4,6 +4,8 @@
 //! that does not know of it begins in the wrong modes. Contacts never close in them, as what stands still at an instant
 //! takes time in the program.
 
+use std::collections::HashMap;
+
 use crate::expr::Var;
 use crate::limit::Limit;
 use crate::lowering::dcs::{directed, solve_in_mode};
@@ -15,7 +17,6 @@ use crate::simulate::{self, Rehearsed, Request, cut};
 use crate::system::experiment::{EventOptions, Method, Sampling};
 use crate::system::task::{Control, Shape};
 use crate::system::{Param, State, System};
-use std::collections::HashMap;
 
 /// Runs in numerical time are so many horizons long, the shorter ones first.
 const LONGER: [f64; 3] = [2.0, 4.0, 16.0];

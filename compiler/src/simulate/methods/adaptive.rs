@@ -3,10 +3,11 @@
 //! α_i is 0 or 1 by the sign of ψ_i wherever the method looks, and nothing locates where it changes.
 //! A second run with a hundredth of the tolerance gives the estimate of the error.
 
+use std::sync::Arc;
+
 use crate::lowering::hybrid;
 use crate::lowering::hybrid::{Polynomials, Pulses, data_of, tape, variable};
 use nsd_solver::hybrid::{Piecewise, write_pieces};
-use std::sync::Arc;
 
 use nsd_solver::adaptive::{self, Field, Simulator};
 use nsd_solver::event::Observer;

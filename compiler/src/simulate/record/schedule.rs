@@ -5,10 +5,11 @@
 //! Where ψ of other switches jump with α_i, a method that does not look for switches has a point on either side of the
 //! jump in one step. With data in its place steps end there, and each has the piece that holds in it.
 
-use crate::lowering::hybrid;
-use crate::lowering::hybrid::variable;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+
+use crate::lowering::hybrid;
+use crate::lowering::hybrid::variable;
 
 use nsd_solver::event::{Event, Observer, Segment, Simulator};
 use nsd_solver::hybrid::{Settings, Side, Status};

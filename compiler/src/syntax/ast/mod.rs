@@ -14,8 +14,7 @@ pub use statement::*;
 
 use std::sync::Arc;
 
-use crate::source::Span;
-use crate::source::table;
+use crate::source::{Span, table};
 
 /// A whole file.
 #[derive(Clone, Debug, PartialEq)]

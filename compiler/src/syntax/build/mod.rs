@@ -20,8 +20,7 @@ use unicode_normalization::UnicodeNormalization;
 use super::ast::*;
 use super::scan::Scan;
 use super::{MAX_ERRORS, SyntaxError};
-use crate::source::table;
-use crate::source::{SourceFile, Span};
+use crate::source::{SourceFile, Span, table};
 use recover::Place;
 
 /// Builds the abstract syntax of a scanned file and reports what is wrong in it.

@@ -37,7 +37,7 @@ fn decided(system: &System, task: &Task) -> [(&'static str, Vec<Var>); 4] {
         ("controls", vars(task.controls.iter().map(|u| u.var))),
         ("free parameters", vars(params)),
         ("free initial values", freed(system, task)),
-        ("signals from tables", vars(data)),
+        ("signals from tables and `floor`", vars(data)),
     ]
 }
 

@@ -60,7 +60,8 @@ pub fn beside_branches(system: &System) -> Option<(&'static str, Span)> {
         var.is_some_and(|var| inside.contains(&var))
     };
     let data = || system.data.iter().find(is_watched);
-    beside_forces(system).or_else(|| Some(("switches on signals from tables", data()?.span)))
+    beside_forces(system)
+        .or_else(|| Some(("switches on signals from tables and `floor`", data()?.span)))
 }
 
 /// What keeps its surface in another way than by α between 0 and 1, and where it stands.

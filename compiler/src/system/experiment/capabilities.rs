@@ -53,13 +53,13 @@ enum Seen<'s, 'e> {
 }
 
 /// Instead of what does not take Poisson's law.
-const POISSON: &str = "`method event`, which is the default, simulates Poisson's law; elsewhere write Newton's, `restitution = newton(e);`";
+pub(crate) const POISSON: &str = "`method event`, which is the default, simulates Poisson's law; elsewhere write Newton's, `restitution = newton(e);`";
 
 impl Feature {
     /// All of them, in the order in which they are told.
     pub const ALL: [Feature; 11] = [
-        Feature::Contacts,
         Feature::Poisson,
+        Feature::Contacts,
         Feature::Relays,
         Feature::Jumps,
         Feature::Projections,

@@ -417,7 +417,7 @@ pub enum ExperimentError {
     },
 
     /// Data where a discretized form is printed.
-    #[error("discretized forms do not hold signals from tables yet")]
+    #[error("discretized forms do not hold signals from tables and `floor` yet")]
     #[diagnostic(
         code(E0522),
         help(

@@ -24,6 +24,7 @@ use crate::source::Span;
 use crate::syntax::{self, Bind, Expect, OutputWhen, SettingKind, Sliding};
 
 pub use branches::beside_branches;
+pub(crate) use capabilities::POISSON;
 pub use capabilities::{Feature, table};
 pub use error::ExperimentError;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};

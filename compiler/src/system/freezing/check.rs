@@ -12,7 +12,7 @@ const ROUNDING: f64 = 1e-12;
 /// Refuses what auxiliary dynamics would change.
 pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
     if let Some(data) = system.data.first() {
-        let what = format!("`{}`, a signal from a table", data.name);
+        let what = format!("`{}`, which is held or fitted data", data.name);
         return Err(refused(system, what, data.span));
     }
     let alphas = system.alphas();

@@ -9,7 +9,7 @@
 use super::scheme::Scheme;
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::uniform::SLACK;
-use crate::hybrid::status::Stats;
+use crate::hybrid::Stats;
 use crate::linalg::DenseLu;
 use crate::runtime::limit::Limit;
 use crate::tape::Tape;

@@ -1,7 +1,7 @@
 //! What must hold of a step of contacts besides its equations.
 
 use super::{Program, SHORTEST, StepProgram, Stepper, largest};
-use crate::hybrid::status::Coefficient;
+use crate::hybrid::Coefficient;
 use crate::integrate::tableau::lagrange;
 
 /// Impulses below this are rounding.

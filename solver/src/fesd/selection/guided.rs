@@ -9,9 +9,8 @@ use super::independent::rate_scale;
 use crate::fesd::system::{ComplementaritySystem, Zero};
 use crate::fesd::watch::BAND;
 use crate::fesd::{Member, Pair, Run, Simulator};
-use crate::hybrid::Side;
-use crate::hybrid::status::Status;
-use crate::selector::guide::{Next, Standing};
+use crate::hybrid::{Side, Status};
+use crate::selector::{Next, Standing};
 
 /// How far α of the directional equations may be from the α that was named.
 const SAME: f64 = 1e-7;

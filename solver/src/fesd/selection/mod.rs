@@ -14,9 +14,8 @@ use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
 use crate::fesd::selection::directional::{Choice, Found};
 use crate::fesd::system::pointwise::Point;
-use crate::hybrid::Side;
-use crate::hybrid::status::{Note, Status};
-use crate::selector::select::Candidate;
+use crate::hybrid::{Note, Side, Status};
+use crate::selector::Candidate;
 
 /// Length of the first trial element, relative to that of a step, and of every other to the one before.
 const TRIAL: f64 = 1e-3;

@@ -7,7 +7,7 @@
 use super::directional::Choice;
 use crate::fesd::watch::BAND;
 use crate::fesd::{Grid, Run, Simulator};
-use crate::hybrid::status::Note;
+use crate::hybrid::Note;
 
 /// Roundings of a member that is zero, and of a rate.
 const ROUNDINGS: f64 = 8.0 * f64::EPSILON;

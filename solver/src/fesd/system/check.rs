@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::pointwise::{Rule, Rules};
 use crate::fesd::system::ComplementaritySystem;
-use crate::hybrid::form::Partials;
+use crate::hybrid::Partials;
 use crate::tape::Tape;
 
 /// Why something is no system.

@@ -6,7 +6,7 @@
 //! 0 = g(t, x, z)   ->   0 = ∂g/∂t + Σ ∂g/∂x_i f_i + Σ ∂g/∂z_i u_i
 
 use crate::fesd::system::{Disc, Full};
-use crate::hybrid::form::Partials;
+use crate::hybrid::Partials;
 use crate::tape::{Sum, Sums, Tape};
 
 /// Below this the square of a slip velocity has no direction.

@@ -22,9 +22,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::fesd::system::pointwise::Surfaces;
-use crate::hybrid::Side;
-use crate::hybrid::form::Partials;
-use crate::hybrid::piecewise::{Piecewise, write_pieces};
+use crate::hybrid::{Partials, Piecewise, Side, write_pieces};
 use crate::tape::Tape;
 
 /// A complementarity system. All of it is known before a run: what an active set needs of its functions is made of them

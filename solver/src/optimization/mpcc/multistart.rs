@@ -4,9 +4,8 @@ use super::solution::{Solution, Status};
 use super::{Options, solve_from};
 use crate::optimization::problem::Mpcc;
 use crate::runtime::limit::Cancel;
-use crate::runtime::random;
-use crate::runtime::threads;
 use crate::runtime::threads::Share;
+use crate::runtime::{random, threads};
 
 /// What came of many starts.
 #[derive(Clone, Debug)]

@@ -344,10 +344,17 @@ fn kinks_are_pairs_that_start_where_they_hold() {
     );
 }
 
+/// Each text is refused with the message beside it.
+fn refused(cases: impl IntoIterator<Item = (String, &'static str)>) {
+    for (text, message) in cases {
+        assert_eq!(fault(&text), message);
+    }
+}
+
 #[test]
 fn what_cannot_be_solved_is_refused_by_name() {
     let one = |expression: &str| header(1, 1, 0, "0 0") + "C0\n" + expression + "\nr\n3\nb\n3\n";
-    let cases = [
+    refused([
         (
             one("o13\nv0"),
             "line 12: `floor` in row 0 is not differentiable",
@@ -368,6 +375,12 @@ fn what_cannot_be_solved_is_refused_by_name() {
             header(1, 1, 0, "0 0") + "C0\no0\nv0\n",
             "line 13: the file ends where an operator, a variable or a number should be",
         ),
+    ]);
+}
+
+#[test]
+fn segments_that_are_wrong_are_refused_by_name() {
+    refused([
         (
             header(1, 1, 0, "0 0") + "b\n3\n",
             "line 12: the file has no bounds of rows (`r`)",
@@ -400,6 +413,12 @@ fn what_cannot_be_solved_is_refused_by_name() {
             header(1, 0, 0, "0 0") + "b\n3\nb\n3\n",
             "line 13: a second segment of bounds of variables (`b`)",
         ),
+    ]);
+}
+
+#[test]
+fn what_a_header_announces_is_refused_by_name() {
+    refused([
         (header(1, 0, 0, "0 2"), "line 7: 2 variables are integer"),
         (
             header(1, 0, 0, "0 0") + "S0 1 sosno\n0 1\n",
@@ -425,10 +444,7 @@ fn what_cannot_be_solved_is_refused_by_name() {
             "g3 1 1 0\n".to_owned(),
             "line 1: the file ends where variables, constraints, objectives, ranges, equations should be",
         ),
-    ];
-    for (text, message) in cases {
-        assert_eq!(fault(&text), message);
-    }
+    ]);
 }
 
 #[test]

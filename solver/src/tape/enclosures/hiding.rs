@@ -4,10 +4,10 @@
 //! at the start of a step know nothing of it. Whether u rises, or v falls towards zero, within the step is seen from
 //! their own series; polynomials and sines hide nothing, but their high powers do.
 
-use crate::tape::elementary::Rate;
 use std::ops::Range;
 
 use super::tame::{FEW, SATURATED, VANISHED};
+use crate::tape::elementary::Rate;
 use crate::tape::taylor::steps::{Kind, Step};
 use crate::tape::{Slot, Tape, UNUSED};
 

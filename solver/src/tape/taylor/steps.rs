@@ -58,6 +58,8 @@ pub(crate) struct Step {
 
 /// [`Op`] without its operands. Rows behind `out` that a recurrence needs are named in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+// One byte says which it is, whatever its function: all orders of all steps ask.
+#[repr(u8)]
 pub(crate) enum Kind {
     Constant,
     Neg,

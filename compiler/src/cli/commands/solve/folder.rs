@@ -8,10 +8,9 @@ use std::thread;
 
 use super::{EXTENSION, name_of, solve};
 use crate::cli::args::{Log, SolveArgs};
-use crate::cli::files;
 use crate::cli::files::{Sink, is_standard};
 use crate::cli::progress::Bar;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, files, io};
 use crate::diagnostics::Diagnostics;
 use crate::nl::{self, Known, Record, Settings, Table};
 use crate::report::plot::profile;

@@ -9,11 +9,9 @@ use std::time::Instant;
 use nsd_solver::optimization::mpcc::Observer;
 
 use crate::cli::args::{Log, SolveArgs};
-use crate::cli::files;
 use crate::cli::files::{Sink, is_standard};
 use crate::cli::iterations::Iterations;
-use crate::cli::project;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::Diagnostics;
 use crate::nl::{self, Names, Report, Settings};
 use crate::report::Status;

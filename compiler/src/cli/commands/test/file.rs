@@ -21,8 +21,7 @@ use crate::simulate::Request;
 use crate::source::Span;
 use crate::study::order;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
-use crate::threads;
-use crate::{Compiled, compile};
+use crate::{Compiled, compile, threads};
 
 /// How files are tested.
 pub struct Options<'o> {

@@ -15,10 +15,9 @@ use std::thread;
 use self::case::{Case, Missed, Outcome};
 use self::file::{Options, Tested};
 use crate::cli::args::TestArgs;
-use crate::cli::files;
 use crate::cli::files::{Sink, is_standard};
 use crate::cli::progress::Bar;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, files, io};
 use crate::threads;
 
 /// Of a thread that tests files, in bytes: as much as the main thread has.

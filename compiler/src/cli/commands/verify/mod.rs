@@ -4,10 +4,8 @@ mod optimum;
 mod simulation;
 
 use crate::cli::args::VerifyArgs;
-use crate::cli::files;
 use crate::cli::files::{Sink, is_standard};
-use crate::cli::project;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::Diagnostics;
 use crate::limit::Limit;
 use crate::report::roads::Refusal;

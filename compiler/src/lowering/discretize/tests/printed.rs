@@ -81,8 +81,7 @@ fn relay() {
     ");
 }
 
-#[test]
-fn gauss() {
+fn gauss() -> Options {
     let detection = Detection {
         elements: 3,
         cross: Cross::SumBoth,
@@ -92,7 +91,12 @@ fn gauss() {
         },
         spread: 0.5,
     };
-    let options = options((Family::GaussLegendre, 2), detection);
+    options((Family::GaussLegendre, 2), detection)
+}
+
+#[test]
+fn gauss_by_stewart() {
+    let options = gauss();
     assert_snapshot!(printed(fixtures::open_sign, Formulation::Stewart, &options), @"
     // stewart
     // gauss(2), integral form, 10 steps of 3 elements to T = 1, pairs of sums
@@ -131,6 +135,11 @@ fn gauss() {
       complementarity[k in 1..10, j in 1..3]: 0 <= sum(a(z[k,j,m]), m in 1..2) perp sum(b(z[k,j,l]), l in 0..3) >= 0
     // 907 variables (7 fixed), 610 equations, 120 pairs
     ");
+}
+
+#[test]
+fn gauss_by_step() {
+    let options = gauss();
     assert_snapshot!(printed(fixtures::open_sign, Formulation::Step, &options), @"
     // step
     // gauss(2), integral form, 10 steps of 3 elements to T = 1, pairs of sums

@@ -22,10 +22,9 @@ use nsd_solver::integrate::tableau::Family;
 pub use complementarity::complementarity;
 use turns::{Turned, Turns};
 
-use crate::lowering::dcs;
 use crate::lowering::dcs::Dcs;
-use crate::lowering::hybrid;
 use crate::lowering::hybrid::Pulses;
+use crate::lowering::{dcs, hybrid};
 use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::{Estimate, Estimator};

@@ -14,9 +14,8 @@ use thaw::{End, Law, drive};
 
 use super::events::{finer, solver_settings};
 use super::fesd::{complementarity, options};
-use crate::lowering::dcs;
 use crate::lowering::dcs::Formulation;
-use crate::lowering::hybrid;
+use crate::lowering::{dcs, hybrid};
 use crate::report::{Failure, Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;

@@ -4,9 +4,10 @@ mod pivots;
 mod program;
 mod shapes;
 
+use std::ops::ControlFlow;
+
 use super::{Options, Progress, Solution, solve};
 use crate::optimization::problem::Nlp;
-use std::ops::ControlFlow;
 
 /// Solves from the problem's own start.
 fn run(nlp: &mut dyn Nlp) -> Solution {

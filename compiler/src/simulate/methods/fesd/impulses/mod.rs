@@ -25,19 +25,17 @@ use program::{StepProgram, contacts};
 use super::options;
 use crate::expr::{Expr, Var};
 use crate::limit::Limit;
-use crate::lowering::dcs;
 use crate::lowering::dcs::{Dcs, solve_pointwise};
-use crate::lowering::discretize;
 use crate::lowering::discretize::{Detection, Grid, Layout, check_start};
 use crate::lowering::mpcc::Bounds;
+use crate::lowering::{dcs, discretize};
 use crate::report::{Failure, Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::{Comparison, Estimate, Estimator};
 use crate::simulate::record::elements::{Rows, Shape};
 use crate::simulate::{Rehearsed, outcome};
 use crate::system::System;
-use crate::system::experiment::Equilibration;
-use crate::system::experiment::{FesdOptions, MethodKind, Settings};
+use crate::system::experiment::{Equilibration, FesdOptions, MethodKind, Settings};
 use crate::system::task::{Cost, Shape as ControlShape, Task};
 
 /// Steps where the experiment does not say how many.
