@@ -1,11 +1,12 @@
 //! Other minima, far away, by simulations.
 //!
 //! Points all over the ranges of the free quantities are simulated. Where switches act and nothing but ranges constrains,
-//! the best of those inside the ranges are followed downhill by a compass search (Kolda, Lewis, Torczon 2003): x⁺ = x ± s eᵢ
-//! where J is smaller there, and half of s where no eᵢ leads to a smaller one. It asks for no slopes: where a switch meets
-//! the end of an interval J has a kink, and steps along gradients come to rest beside it. Where an impact meets the end of
-//! the horizon J jumps, and a compass search comes to rest beside the edge: ends of descents that are almost as good as the
-//! solution, and not near it, are worth a program of their own.
+//! the best of those inside the ranges are followed downhill by a pattern search (Kolda, Lewis, Torczon 2003): x⁺ = x ± s d
+//! where J is smaller there, and half of s where no d of a basis leads to a smaller one. It asks for no slopes: where a
+//! switch meets the end of an interval J has a kink, and steps along gradients come to rest beside it. Where an impact meets
+//! the end of the horizon J jumps, and the axes lead across its edge and not along it: where they fail, the columns of
+//! H = I - 2 v vᵀ are polled, with another v each time (Abramson, Audet, Dennis, Le Digabel 2009, *OrthoMADS*, section 3).
+//! Ends of descents that are almost as good as the solution, and not near it, are worth a program of their own.
 
 use std::ops::Range;
 
@@ -17,10 +18,10 @@ const LEVELS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// How many points are taken inside the ranges, and how many of them are followed.
 const SPREAD: u32 = 32;
 const FOLLOWED: usize = 16;
-/// The first and the last s, in sizes of the quantities, and how often all quantities are changed by one s.
+/// The first and the last s, in sizes of the quantities, and how often the directions of a basis are followed by one s.
 const FIRST: f64 = 0.25;
 const LAST: f64 = 0.002;
-const MOST_SWEEPS: usize = 20;
+const MOST_SWEEPS: u32 = 20;
 /// How many simulations all descents together may take.
 const MOST_RUNS: usize = 6000;
 /// From this s on one has to gain such a share of what is missing.
@@ -109,15 +110,14 @@ impl Search<'_, '_, '_> {
         points
     }
 
-    /// All quantities at the points of a Kronecker sequence: multiples of g⁻¹, g⁻², .. without their integers, with
-    /// gⁿ⁺¹ = g + 1.
+    /// All quantities at points of a Kronecker sequence.
     fn inside(&self) -> Vec<Vec<f64>> {
         let bounded = self.bounded();
-        let n = bounded.len();
-        let g = (0..50).fold(2.0_f64, |g, _| (1.0 + g).powf(1.0 / (n as f64 + 1.0)));
-        let share = |k: u32, i: usize| (0.5 + f64::from(k) * g.powi(-1 - i as i32)).fract();
-        let points = (1..=SPREAD).map(|k| self.moved(&bounded, |i| share(k, i)));
-        points.collect()
+        let point = |k| {
+            let shares = kronecker(k, bounded.len());
+            self.moved(&bounded, |i| shares[i])
+        };
+        (1..=SPREAD).map(point).collect()
     }
 
     /// The best ends of descents from a point and from those inside the ranges: below `target` or promising.
@@ -165,11 +165,17 @@ impl Search<'_, '_, '_> {
         target: f64,
         runs: &mut Range<usize>,
     ) -> Candidate {
+        let axes = axes(self.bounded().len());
         let mut step = FIRST;
         while step >= LAST {
             let before = point.merit;
-            let mut sweeps = 0..MOST_SWEEPS;
-            while sweeps.next().is_some() && self.sweep(&mut point, step, runs) {}
+            for sweep in 1..=MOST_SWEEPS {
+                if !self.poll(&mut point, &axes, step, runs)
+                    && !self.poll(&mut point, &reflected(sweep, &axes), step, runs)
+                {
+                    break;
+                }
+            }
             if step < FREE && before - point.merit < LEAST_GAIN * (point.merit - target) {
                 break;
             }
@@ -178,18 +184,22 @@ impl Search<'_, '_, '_> {
         point
     }
 
-    /// Changes every quantity by a step where the merit is smaller behind it; whether there was one.
-    fn sweep(&mut self, point: &mut Candidate, step: f64, runs: &mut Range<usize>) -> bool {
+    /// Moves along every direction of a basis by a step where the merit is smaller behind it; whether there was one.
+    fn poll(
+        &mut self,
+        point: &mut Candidate,
+        basis: &[Vec<f64>],
+        step: f64,
+        runs: &mut Range<usize>,
+    ) -> bool {
         let before = point.merit;
-        for quantity in self.bounded() {
-            let value = point.w[quantity.index];
-            let ends = [step, -step].map(|change| value + change * quantity.size);
-            let ends = ends.map(|end| end.max(quantity.lower).min(quantity.upper));
-            let mut ends = ends.into_iter().filter(|end| *end != value);
-            let better = ends.find_map(|end| {
+        for direction in basis {
+            let better = [step, -step].into_iter().find_map(|step| {
+                let w = self.along(&point.w, direction, step);
+                if w == point.w {
+                    return None;
+                }
                 runs.next()?;
-                let mut w = point.w.clone();
-                w[quantity.index] = end;
                 self.simulated(w).filter(|next| next.merit < point.merit)
             });
             if let Some(better) = better {
@@ -198,4 +208,41 @@ impl Search<'_, '_, '_> {
         }
         point.merit < before
     }
+
+    /// w + s d, with s in sizes of the quantities, inside their ranges.
+    fn along(&self, w: &[f64], direction: &[f64], step: f64) -> Vec<f64> {
+        let mut next = w.to_vec();
+        for (quantity, d) in self.bounded().iter().zip(direction) {
+            let value = w[quantity.index] + step * d * quantity.size;
+            next[quantity.index] = value.max(quantity.lower).min(quantity.upper);
+        }
+        next
+    }
+}
+
+/// Point k of a Kronecker sequence in [0, 1]ⁿ: multiples of g⁻¹, g⁻², .. without their integers, with gⁿ⁺¹ = g + 1.
+fn kronecker(k: u32, n: usize) -> Vec<f64> {
+    let g = (0..50).fold(2.0_f64, |g, _| (1.0 + g).powf(1.0 / (n as f64 + 1.0)));
+    let share = |i: usize| (0.5 + f64::from(k) * g.powi(-1 - i as i32)).fract();
+    (0..n).map(share).collect()
+}
+
+/// e₁, .., eₙ.
+fn axes(n: usize) -> Vec<Vec<f64>> {
+    let axis = |i| (0..n).map(|j| f64::from(u8::from(i == j))).collect();
+    (0..n).map(axis).collect()
+}
+
+/// The columns of H = I - 2 v vᵀ, v the direction of point k of a Kronecker sequence in [-1, 1]ⁿ.
+fn reflected(k: u32, axes: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let v: Vec<f64> = (kronecker(k, axes.len()).iter())
+        .map(|share| 2.0 * share - 1.0)
+        .collect();
+    let square: f64 = v.iter().map(|v| v * v).sum();
+    let reflect = |axis: &Vec<f64>| {
+        let along: f64 = axis.iter().zip(&v).map(|(e, v)| e * v).sum();
+        let reflect = |(e, v): (&f64, &f64)| e - 2.0 * along / square * v;
+        axis.iter().zip(&v).map(reflect).collect()
+    };
+    axes.iter().map(reflect).collect()
 }
