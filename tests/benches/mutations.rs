@@ -1,4 +1,4 @@
-//! Puts each fault of the table in README.md into a copy of the sources, and runs the test that is to catch it.
+//! Puts each fault of `faults.csv` into a copy of the sources, and runs the test that is to catch it.
 //!
 //! `cargo bench --profile dev -p nsd-tests --bench mutations -- TEXT` takes those whose file or test contains the text. The copy and
 //! its builds stay in the target folder. Fails unless every fault that is put in is caught.

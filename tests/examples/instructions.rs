@@ -5,7 +5,7 @@
 //! cargo run --profile dist -p nsd-tests --example instructions -- --accept  # writes it
 //! ```
 //!
-//! Each workload runs in two processes, once and several times; the difference is what one run takes, without start and
+//! Each workload runs in two processes, once and twice; the difference is what one run takes, without start and
 //! compilation. Counts are those of a compiler and a profile, which the file names: with others nothing is compared.
 //! Without Valgrind nothing is counted. Both are said, and are no failure.
 
@@ -14,6 +14,7 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
+use std::thread;
 
 use nsd_solver::event::{Event, Observer, Segment, Simulator};
 use nsd_solver::fesd::{self, Grid};
@@ -30,8 +31,6 @@ use nsdc::{Compiled, optimize};
 
 /// By how much a count may be above the one that is kept.
 const TOLERANCE: f64 = 0.02;
-/// Runs beyond the first, whose mean counts.
-const RUNS: usize = 4;
 
 /// What is run again and again: compiled once, then called so many times.
 type Work = fn(usize);
@@ -116,8 +115,8 @@ fn compare(accept: bool) -> ExitCode {
         "{:<24} {:>14} {:>14} {:>8}",
         "workload", "instructions", "kept", "change"
     ));
-    for (name, _) in WORKLOADS {
-        let Some(count) = count(name) else {
+    for (name, count) in counts() {
+        let Some(count) = count else {
             print(&format!("{name:<24} failed under Valgrind"));
             failed = true;
             continue;
@@ -154,11 +153,15 @@ fn compare(accept: bool) -> ExitCode {
     }
 }
 
-/// Instructions of one run of a workload.
-fn count(name: &str) -> Option<f64> {
-    let once = instructions(name, 1)?;
-    let several = instructions(name, 1 + RUNS)?;
-    Some((several - once) / RUNS as f64)
+/// Instructions of one run of each workload; of both processes at the same time, which changes no count.
+fn counts() -> Vec<(&'static str, Option<f64>)> {
+    let count = |(name, _): (&'static str, Work)| {
+        let once = thread::spawn(move || instructions(name, 1));
+        let twice = instructions(name, 2);
+        let once = once.join().ok().flatten();
+        (name, once.zip(twice).map(|(once, twice)| twice - once))
+    };
+    WORKLOADS.into_iter().map(count).collect()
 }
 
 /// Instructions of a process.

@@ -1,16 +1,17 @@
-//! Deliberate faults of one line each, and the test that catches each of them: the table in `README.md`.
+//! Deliberate faults of one line each, and the test that catches each of them: the table `faults.csv`.
 //!
-//! | file | line as it stands | becomes | caught by |
-//! | --- | --- | --- | --- |
-//! | `solver/src/optimization/lcp.rs` | `row[i] = 1.0;` | `row[i] = -1.0;` | nsd-solver lib: `lcp::tests::name` |
+//! ```csv
+//! file,line,becomes,package,target,test
+//! solver/src/optimization/lcp.rs,row[i] = 1.0;,row[i] = -1.0;,nsd-solver,lib,lcp::tests::name
+//! ```
 //!
-//! Lines are written without what they are indented by; `\|` stands for a bar. What becomes nothing is left out.
+//! Lines are written without what they are indented by. What becomes nothing is left out.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The heading of the section.
-const HEADING: &str = "## Faults that the suite must catch";
+/// The columns of the table.
+const HEADER: [&str; 6] = ["file", "line", "becomes", "package", "target", "test"];
 
 /// One row of the table.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,45 +45,33 @@ pub fn root() -> &'static Path {
 
 /// The rows of the table, or what is wrong with one of them.
 pub fn table() -> Result<Vec<Fault>, String> {
-    read(include_str!("../README.md"))
+    read(include_str!("../faults.csv"))
 }
 
 fn read(text: &str) -> Result<Vec<Fault>, String> {
-    let section = text.lines().skip_while(|line| *line != HEADING).skip(1);
-    let section = section.take_while(|line| !line.starts_with("## "));
-    let rows = section.filter(|line| line.starts_with("| `"));
-    rows.map(|line| row(line).ok_or_else(|| format!("this row cannot be read:\n{line}")))
-        .collect()
+    let told = |error: csv::Error| format!("faults.csv: {error}");
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    if *reader.headers().map_err(told)? != HEADER[..] {
+        return Err(format!("faults.csv: the columns are {}", HEADER.join(",")));
+    }
+    let rows = reader.deserialize::<[String; 6]>();
+    rows.map(|row| row.map(Fault::from).map_err(told)).collect()
 }
 
-fn row(line: &str) -> Option<Fault> {
-    const BAR: &str = "\u{0}";
-    let line = line.replace("\\|", BAR);
-    let cells = line.strip_prefix('|')?.strip_suffix('|')?.split('|');
-    let cells: Vec<String> = cells.map(|cell| cell.trim().replace(BAR, "|")).collect();
-    let [file, line, becomes, test] = &cells[..] else {
-        return None;
-    };
-    let (target, name) = test.split_once(": ")?;
-    let (package, target) = target.split_once(' ')?;
-    Some(Fault {
-        file: code(file)?,
-        line: code(line)?,
-        becomes: if becomes.is_empty() {
-            String::new()
-        } else {
-            code(becomes)?
-        },
-        test: Test {
-            package: package.to_owned(),
-            target: target.to_owned(),
-            name: code(name)?,
-        },
-    })
-}
-
-fn code(cell: &str) -> Option<String> {
-    Some(cell.strip_prefix('`')?.strip_suffix('`')?.to_owned())
+impl From<[String; 6]> for Fault {
+    fn from([file, line, becomes, package, target, name]: [String; 6]) -> Self {
+        let test = Test {
+            package,
+            target,
+            name,
+        };
+        Fault {
+            file,
+            line,
+            becomes,
+            test,
+        }
+    }
 }
 
 impl Fault {
@@ -163,16 +152,10 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
 mod tests {
     use super::{Fault, Test, read};
 
-    const TEXT: &str = r"
-| `not.rs` | `a` | `b` | nsdc lib: `c` |
-## Faults that the suite must catch
-| file | line | becomes | caught by |
-| --- | --- | --- | --- |
-| `a/b.rs` | `map(\|x\| x)` | `map(\|x\| -x)` | nsd-tests goldens: `name` |
-| `a/b.rs` | `skip();` | | nsd-solver lib: `a::tests::name` |
-## Others
-| `not.rs` | `a` | `b` | nsdc lib: `c` |
-";
+    const TEXT: &str = r#"file,line,becomes,package,target,test
+a/b.rs,"f(|x| x, ""1"")","f(|x| -x, ""1"")",nsd-tests,goldens,name
+a/b.rs,skip();,,nsd-solver,lib,a::tests::name
+"#;
 
     fn test(package: &str, target: &str, name: &str) -> Test {
         let [package, target, name] = [package, target, name].map(str::to_owned);
@@ -194,16 +177,16 @@ mod tests {
     }
 
     #[test]
-    fn the_rows_of_the_section_are_read() {
+    fn the_rows_are_read() {
         let goldens = test("nsd-tests", "goldens", "name");
         let lib = test("nsd-solver", "lib", "a::tests::name");
         let expected = [
-            fault("map(|x| x)", "map(|x| -x)", goldens),
+            fault("f(|x| x, \"1\")", "f(|x| -x, \"1\")", goldens),
             fault("skip();", "", lib),
         ];
         assert_eq!(read(TEXT).unwrap(), expected);
-        let torn = TEXT.replace(" | nsd-tests goldens: `name` |", " |");
-        assert!(read(&torn).is_err());
+        assert!(read(&TEXT.replace(",goldens,name", ",goldens")).is_err());
+        assert!(read(&TEXT.replace("becomes", "name")).is_err());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The table of faults in README.md fits the code. `cargo bench --bench mutations` puts them in, one after the other.
+//! The table of faults, `faults.csv`, fits the code. `cargo bench --bench mutations` puts them in, one after the other.
 
 use std::collections::HashSet;
 use std::fs;
