@@ -10,11 +10,11 @@
 
 use crate::contact::slip_onset::Departure;
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::state::State;
 use crate::hybrid::{HybridSystem, Side};
 use crate::integrate::step::Step;
 use crate::selector::select::BAND;
@@ -108,7 +108,7 @@ impl Mode {
 
     /// Whether |ψ| where the point is is below its band, of two entries both.
     pub(crate) fn is_near(&mut self, switch: usize, state: &State) -> bool {
-        let is_near = |mode: &mut Mode, i: usize| mode.psi(i).abs() <= state.band[i];
+        let is_near = |mode: &mut Mode, i: usize| mode.psi(i).abs() <= state.bands.width[i];
         let other = self.other(switch);
         is_near(self, switch) && other.is_none_or(|other| is_near(self, other))
     }
@@ -189,7 +189,7 @@ impl Mode {
         let mut most = 0.0_f64;
         for i in 0..self.discs.of.len() {
             if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
-                let terms = state.terms[i].max(state.terms[other]);
+                let terms = state.bands.terms[i].max(state.bands.terms[other]);
                 most = most.max(terms / self.psi(i).hypot(self.psi(other)));
             }
         }
@@ -220,7 +220,9 @@ impl Mode {
             if let Some(disc) = &mut self.discs.of[i]
                 && (std::mem::replace(&mut disc.slipped, slips) || slips)
             {
-                disc.states.iter().for_each(|&j| state.activity[j] = 0.0);
+                disc.states
+                    .iter()
+                    .for_each(|&j| state.scales.activity[j] = 0.0);
             }
         }
     }
@@ -284,11 +286,11 @@ impl Mode {
     /// The end of what slips in two directions and is all but at rest, where it still turns: no step gets there.
     pub(crate) fn comes_to_rest(&mut self, state: &mut State) -> Option<Step> {
         let slowing = |mode: &mut Mode, state: &mut State, i: usize| {
-            if state.armed[i] || !mode.slips_by(i) {
+            if state.bands.armed[i] || !mode.slips_by(i) {
                 return false;
             }
             mode.expand_psi(i, state);
-            let slows = |w: &[f64]| w[0] <= STOPS * state.band[i] && w[1] < 0.0;
+            let slows = |w: &[f64]| w[0] <= STOPS * state.bands.width[i] && w[1] < 0.0;
             mode.series_along(i).is_some_and(slows)
         };
         let switch = (0..self.sides.len()).find(|&i| slowing(self, state, i))?;
@@ -299,7 +301,7 @@ impl Mode {
     /// small next to the states may turn w.
     pub(crate) fn leaves_rest(&self, tolerance: f64, state: &State, h: f64) -> f64 {
         self.watched.iter().fold(h, |h, &i| {
-            let lost = state.band[i] * STOPS.max(TURNS * tolerance / BAND);
+            let lost = state.bands.width[i] * STOPS.max(TURNS * tolerance / BAND);
             match self.series_along(i) {
                 Some([speed, rate, ..]) if *rate > 0.0 && *speed <= lost => {
                     h.min(AWAY * speed / rate)
@@ -317,7 +319,7 @@ impl Mode {
             let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
                 continue;
             };
-            let lost = state.band[i] * STOPS.max(TURNS * tolerance / BAND);
+            let lost = state.bands.width[i] * STOPS.max(TURNS * tolerance / BAND);
             if self.psi(i).hypot(self.psi(other)) <= lost {
                 self.expand_psi(i, state);
                 shorter = self.step_size_of_slip([i, other], KNOWN, shorter);
@@ -330,7 +332,8 @@ impl Mode {
     pub(crate) fn stops_short(&self, state: &State, switch: usize, tau: f64) -> Option<f64> {
         let speed = self.series_along(switch)?[0];
         let length = tau * (1.0 - LEFT);
-        let far = speed > STOPS * state.band[switch] && state.t + (length + state.t_low) > state.t;
+        let far = speed > STOPS * state.bands.width[switch]
+            && state.point.t + (length + state.point.t_low) > state.point.t;
         far.then_some(length)
     }
 }
@@ -421,16 +424,16 @@ impl Simulator {
             direction,
         } = departure;
         let mode = &mut self.mode;
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         switches.iter().for_each(|&i| alpha[i] = 0.5);
-        mode.eval(state.t, x, &alpha);
+        mode.eval(state.point.t, x, &alpha);
         mode.linearize_impulses(&switches);
-        let sizes = switches.map(|i| mode.weigh(i, |j| state.size(j)));
+        let sizes = switches.map(|i| mode.weigh(i, |j| state.scales.size(j)));
         // Where nothing has moved yet, what the forces would make of it.
-        let last = if state.longest_step > 0.0 {
-            state.longest_step
+        let last = if state.scales.longest_step > 0.0 {
+            state.scales.longest_step
         } else {
-            t1 - state.t
+            t1 - state.point.t
         };
         let rates = switches.map(|i| mode.phi(i) * last);
         let speed = DEPARTS * BAND * sizes.into_iter().fold(rates[0].hypot(rates[1]), f64::max);

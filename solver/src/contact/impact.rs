@@ -20,8 +20,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::hybrid::{Coefficient, Effect, Guard, HybridSystem, Impact, Input, Note, Side, Status};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
@@ -51,7 +51,7 @@ impl Simulator {
             .collect();
         self.note_order(state, &struck, &near);
         self.strike_together(state, &struck, &near)?;
-        for (scale, x) in state.scale.iter_mut().zip(&state.x) {
+        for (scale, x) in state.scales.largest.iter_mut().zip(&state.point.x) {
             *scale = scale.max(x.abs());
         }
         Ok(())
@@ -96,17 +96,18 @@ impl Simulator {
         };
         let contacts: Vec<Touch> = impacts.iter().map(touch).collect();
         let switches = || impacts.iter().map(|&(normal, _)| normal).collect();
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for touch in &contacts {
             sides[touch.normal] = Side::Slide;
-            state.alpha[touch.normal] = 0.0;
+            state.point.alpha[touch.normal] = 0.0;
             for &slip in &touch.slips {
                 sides[slip] = Side::Slide;
-                state.alpha[slip] = 0.5;
+                state.point.alpha[slip] = 0.5;
             }
         }
         self.mode.enter(&self.system, &sides);
-        self.mode.eval(state.t, &state.x, &state.alpha);
+        self.mode
+            .eval(state.point.t, &state.point.x, &state.point.alpha);
         let numbers: Vec<[f64; 2]> = impacts.iter().map(|(_, i)| self.numbers(i)).collect();
         for (&[e, mu], &(switch, _)) in numbers.iter().zip(impacts) {
             if let Some((coefficient, value)) = Coefficient::outside(e, mu) {
@@ -139,13 +140,13 @@ impl Simulator {
                 switches: switches(),
             },
         })?;
-        state.complementarity = state.complementarity.max(impulses.residual);
-        push(&mut state.x, mode, &meeting, &impulses);
-        if !state.x.iter().all(|x| x.is_finite()) {
+        state.report.complementarity = state.report.complementarity.max(impulses.residual);
+        push(&mut state.point.x, mode, &meeting, &impulses);
+        if !state.point.x.iter().all(|x| x.is_finite()) {
             return Err(Status::NotFinite);
         }
         // ½ (v⁺ + v⁻)ᵀ M (v⁺ - v⁻), impulse by impulse.
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         let (mut gain, mut exchanged) = (0.0, 0.0);
         for (i, touch) in meeting.contacts.iter().enumerate() {
             let speed = mode.psi(touch.normal) + speeds[i];
@@ -158,8 +159,8 @@ impl Simulator {
             }
         }
         if gain > GAIN * exchanged {
-            state.note(Note::EnergyGained {
-                time: state.t,
+            state.report.note(Note::EnergyGained {
+                time: state.point.t,
                 switches: switches(),
             });
         }

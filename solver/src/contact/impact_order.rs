@@ -7,7 +7,7 @@
 
 use super::impact::impact_of;
 use crate::event::Simulator;
-use crate::hybrid::state::State;
+use crate::event::state::State;
 use crate::hybrid::{Note, Side, Status};
 use crate::selector::select::BAND;
 
@@ -28,15 +28,15 @@ impl Simulator {
         let normals = laws.filter_map(|law| impact_of(&self.system, law));
         let normals: Vec<usize> = normals.map(|(normal, _)| normal).collect();
         let mut gaps: Vec<(usize, f64)> = Vec::new();
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.move_to(&state.point);
         for i in normals {
-            let is_open = state.sides[i] != Side::Slide && !self.jumps.grazed.contains(&i);
+            let is_open = state.point.sides[i] != Side::Slide && !self.jumps.grazed.contains(&i);
             if is_open && let Some(gap) = self.gap(state, i) {
                 gaps.push((i, gap));
             }
         }
         if gaps.len() < 2 {
-            self.mode.enter(&self.system, &state.sides);
+            self.mode.enter(&self.system, &state.point.sides);
             return;
         }
         let mut all: Vec<usize> = near
@@ -63,13 +63,13 @@ impl Simulator {
             if are_one || members.len() > MOST || !self.order_matters(state, &members, near) {
                 continue;
             }
-            state.note(Note::Together {
-                time: state.t,
+            state.report.note(Note::Together {
+                time: state.point.t,
                 switches: members,
             });
         }
-        self.mode.enter(&self.system, &state.sides);
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.enter(&self.system, &state.point.sides);
+        self.mode.move_to(&state.point);
     }
 
     /// The gap of a contact that is approached where the point is, relative to the size of its terms, if that is within
@@ -77,7 +77,7 @@ impl Simulator {
     fn gap(&mut self, state: &State, switch: usize) -> Option<f64> {
         let mode = &mut self.mode;
         mode.surfaces.stand_for(switch, 0);
-        let gap = mode.psi(switch).abs() * BAND / state.band[switch];
+        let gap = mode.psi(switch).abs() * BAND / state.bands.width[switch];
         let is_near = gap <= self.settings.tolerance;
         (is_near && mode.closing_speed(state, switch).is_some()).then_some(gap)
     }
@@ -85,23 +85,28 @@ impl Simulator {
     /// Whether velocities are others where one of these contacts is struck before the rest.
     fn order_matters(&mut self, state: &mut State, members: &[usize], near: &[usize]) -> bool {
         let kept = (
-            state.x.clone(),
-            state.alpha.clone(),
-            state.complementarity,
-            state.notes.clone(),
+            state.point.x.clone(),
+            state.point.alpha.clone(),
+            state.report.complementarity,
+            state.report.notes.clone(),
         );
         let mut ends: Vec<Vec<f64>> = Vec::new();
         for &first in members {
             let struck = self.strike_in_turn(state, first, members, near);
-            let end = std::mem::replace(&mut state.x, kept.0.clone());
+            let end = std::mem::replace(&mut state.point.x, kept.0.clone());
             ends.extend(struck.is_ok().then_some(end));
         }
         let matters = ends.iter().any(|end| {
             end.iter().zip(&ends[0]).enumerate().any(|(j, (a, b))| {
-                (a - b).abs() > self.settings.tolerance * state.scale[j].max(a.abs())
+                (a - b).abs() > self.settings.tolerance * state.scales.largest[j].max(a.abs())
             })
         });
-        (state.x, state.alpha, state.complementarity, state.notes) = kept;
+        (
+            state.point.x,
+            state.point.alpha,
+            state.report.complementarity,
+            state.report.notes,
+        ) = kept;
         matters
     }
 
@@ -120,7 +125,7 @@ impl Simulator {
         met.extend(members);
         for _ in 0..MAX_ROUNDS {
             let mode = &mut self.mode;
-            mode.set(state.t, &state.x, &state.alpha);
+            mode.move_to(&state.point);
             let mut next = members.to_vec();
             next.retain(|&i| mode.closing_speed(state, i).is_some());
             if next.is_empty() {

@@ -3,8 +3,8 @@
 //! Bodies may rest on each other as a pencil rests on its tip: rounding grows like exp(|∂f/∂x| t), and after a while
 //! moves what does not move. Of contacts that touch and do not push, only what grows less is taken for a motion.
 
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::hybrid::{HybridSystem, Side};
 use crate::selector::judge::TIE;
 
@@ -42,11 +42,11 @@ impl Mode {
 
     /// True where a contact touches and does not push, open or closed.
     pub(crate) fn has_idle_contact(&self, state: &State) -> bool {
-        let idles = |i: usize| match state.sides[i] {
-            Side::Slide => (1.0 - state.alpha[i]).abs() <= TIE,
-            _ => state.armed[i],
+        let idles = |i: usize| match state.point.sides[i] {
+            Side::Slide => (1.0 - state.point.alpha[i]).abs() <= TIE,
+            _ => state.bands.armed[i],
         };
-        let mut all = 0..state.sides.len();
+        let mut all = 0..state.point.sides.len();
         all.any(|i| self.is_contact(i) && idles(i))
     }
 }

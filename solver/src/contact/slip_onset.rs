@@ -15,11 +15,11 @@
 use crate::contact::friction_disk;
 use crate::contact::friction_disk::{RIM, STOPS, STRAIGHT};
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::Side;
-use crate::hybrid::state::State;
 use crate::integrate::step::{Step, Watch, first_event};
 use crate::linalg::DenseLu;
 use crate::selector::select::Choice;
@@ -121,7 +121,7 @@ impl Mode {
         longest: f64,
     ) -> Option<Vec<Leaving>> {
         let mut held = alpha.to_vec();
-        self.expand(state.t, &state.x, &mut held).ok()?;
+        self.expand(state.point.t, &state.point.x, &mut held).ok()?;
         let places = 0..self.sliding.len();
         let is_shared = |at: usize| self.equations.tie(at).is_some() || self.equations.is_held(at);
         if places.into_iter().any(is_shared) {
@@ -164,7 +164,7 @@ impl Mode {
             }
         }
         self.direct(state, alpha, leaving)?;
-        self.start_series(state.t, &state.x, alpha);
+        self.start_series(state.point.t, &state.point.x, alpha);
         for k in 1..=self.order {
             self.advance_field(k);
             self.raise_states(k);
@@ -204,7 +204,7 @@ impl Mode {
             one.rho.push(f64::NAN);
         }
         for _ in 0..ROUNDS {
-            self.eval(state.t, &state.x, alpha);
+            self.eval(state.point.t, &state.point.x, alpha);
             self.linearize_surfaces();
             self.factor().ok()?;
             for at in 0..self.sliding.len() {
@@ -237,7 +237,7 @@ impl Mode {
                 }
             }
         }
-        self.eval(state.t, &state.x, alpha);
+        self.eval(state.point.t, &state.point.x, alpha);
         self.linearize_surfaces();
         self.factor().ok()?;
         self.equations.expand_here();
@@ -292,7 +292,7 @@ impl Mode {
         };
         let [first, second] = [switch, other].map(|i| {
             self.surfaces.linearize(i, &self.memory.values);
-            let size = self.weigh(i, |j| state.size(j));
+            let size = self.weigh(i, |j| state.scales.size(j));
             (
                 self.psi(i),
                 2.0 * self.memory.values[1 + self.n + i] - 1.0,
@@ -315,7 +315,7 @@ impl Simulator {
         choice: &Choice,
     ) -> Vec<Departure> {
         let mut found = Vec::new();
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for (&i, &side) in group.iter().zip(&choice.sides) {
             sides[i] = side;
         }
@@ -359,9 +359,9 @@ impl Simulator {
     /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
     /// that is rounding.
     pub(crate) fn departure_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Option<Step> {
-        let mut departures = std::mem::take(&mut state.departures);
-        self.mode.set(state.t, &state.x, &state.alpha);
-        let (sides, band) = (&state.sides, &state.band);
+        let mut departures = std::mem::take(&mut state.selection.departures);
+        self.mode.move_to(&state.point);
+        let (sides, band) = (&state.point.sides, &state.bands.width);
         departures.retain(|one| {
             let rubs = self.rubs(one.switches[0], sides);
             let mut slips =
@@ -371,14 +371,14 @@ impl Simulator {
         if departures.is_empty() {
             return None;
         }
-        self.hold(&state.sides, &departures);
+        self.hold(&state.point.sides, &departures);
         let step = self.set_off(state, &departures, goal, t1);
         self.mode.departing.clear();
         if step.is_none() {
-            let mut x = state.x.clone();
+            let mut x = state.point.x.clone();
             self.depart(state, &mut x, &departures, t1);
-            state.x = x;
-            self.mode.enter(&self.system, &state.sides);
+            state.point.x = x;
+            self.mode.enter(&self.system, &state.point.sides);
         }
         step
     }
@@ -391,15 +391,15 @@ impl Simulator {
         t1: f64,
     ) -> Option<Step> {
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
-        let remaining = (goal - state.t) - state.t_low;
+        let remaining = state.point.remaining(goal);
         let mode = &mut self.mode;
         mode.blind.clear();
-        let longest = t1 - state.t;
-        if !mode.expand_departures(state, &state.alpha, departures, tolerance, longest) {
+        let longest = t1 - state.point.t;
+        if !mode.expand_departures(state, &state.point.alpha, departures, tolerance, longest) {
             return None;
         }
         mode.measure_terms(state);
-        state.stats.rhs_evaluations += 2 * order;
+        state.report.stats.rhs_evaluations += 2 * order;
         mode.departing = departures.iter().flat_map(|one| one.switches).collect();
         let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
         let h = mode.step_size(tolerance, state, remaining);
@@ -410,7 +410,7 @@ impl Simulator {
         let h = mode.watch(tolerance, state, h);
         let mut h = self.coefficients.expand(mode, tolerance, h);
         for _ in 0..MAX_HALVINGS {
-            if h < remaining && state.t + h <= state.t {
+            if h < remaining && state.point.t + h <= state.point.t {
                 return None;
             }
             // What happens on the way is left to the steps behind this one.
@@ -418,9 +418,9 @@ impl Simulator {
             let event = first_event(&mut self.roots, dense, state, h, self.settings.tolerance);
             // What leaves its rim at the same instant sets off together with this.
             if let Some((root, watch @ Watch::Disc(_))) = event
-                && state.t + root.tau <= state.t
+                && state.point.t + root.tau <= state.point.t
             {
-                state.departures = departures.to_vec();
+                state.selection.departures = departures.to_vec();
                 return Some(Step {
                     departs: true,
                     ..Step::at_once(watch.switch())
@@ -434,16 +434,16 @@ impl Simulator {
             let passes = event.is_none() && left.is_none() && is_accurate && is_seen && looked;
             if passes && is_shown {
                 let dense = Dense::Taylor(mode);
-                dense.states_at(h, &mut state.next);
-                if !state.next.iter().all(|x| x.is_finite()) {
+                dense.states_at(h, &mut state.trial.x);
+                if !state.trial.x.iter().all(|x| x.is_finite()) {
                     return None;
                 }
-                std::mem::swap(&mut state.x, &mut state.next);
-                dense.alphas_at(h, &mut state.alpha);
+                std::mem::swap(&mut state.point.x, &mut state.trial.x);
+                dense.alphas_at(h, &mut state.point.alpha);
                 for &i in &mode.departing {
-                    state.alpha[i] = 1.0;
+                    state.point.alpha[i] = 1.0;
                 }
-                state.last_step = h;
+                state.scales.last_step = h;
                 return Some(Step {
                     length: h,
                     reaches_end: h >= remaining,
@@ -455,7 +455,7 @@ impl Simulator {
                 });
             }
             is_shown |= passes;
-            state.stats.rejected += 1;
+            state.report.stats.rejected += 1;
             h *= 0.5;
         }
         None

@@ -9,8 +9,8 @@
 //! from directions all around: φ is affine in u, and there are at most four on a circle.
 
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::selector::candidates::{FAR, MAX_ENUMERATED, Search, alternatives};
@@ -60,8 +60,8 @@ impl Simulator {
             all: open <= MAX_ENUMERATED,
         };
         for candidate in alternatives(&options) {
-            state.limit.check()?;
-            let mut all = state.sides.clone();
+            self.settings.limit.check()?;
+            let mut all = state.point.sides.clone();
             for (&i, &side) in items.iter().zip(&candidate) {
                 all[i] = side;
                 if let Some(other) = self.mode.other(i) {
@@ -92,16 +92,16 @@ impl Simulator {
     /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest
     /// they are decided together.
     pub(crate) fn wake_free(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
-        for i in 0..state.sides.len() {
+        for i in 0..state.point.sides.len() {
             let Some(other) = self.mode.other(i) else {
                 continue;
             };
             let frees = &self.mode.idle_above[i];
             let changes = triggers.iter().any(|trigger| frees.contains(trigger));
-            if !changes || !self.mode.is_free(i, &state.sides) {
+            if !changes || !self.mode.is_free(i, &state.point.sides) {
                 continue;
             }
-            self.measure_bands(state, &[i, other], t1 - state.t);
+            self.measure_bands(state, &[i, other], t1 - state.point.t);
             if self.mode.is_near(i, state) {
                 triggers.push(i);
             }
@@ -117,7 +117,7 @@ impl Simulator {
         leaving: &[usize],
         choices: &mut Choices,
     ) -> Search {
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         let mut sliding = Vec::new();
         for (&i, &side) in group.iter().zip(sides) {
             alpha[i] = match side {

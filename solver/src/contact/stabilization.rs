@@ -10,10 +10,10 @@
 //! rounding, and measured by that a body may turn by any angle for a gap of 1e-17.
 
 use crate::contact::redundancy::eliminate;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::Sliding;
 use crate::hybrid::HybridSystem;
-use crate::hybrid::state::State;
 
 /// What mending takes.
 #[derive(Default)]
@@ -98,7 +98,7 @@ impl Mode {
         if !self.sliding.iter().any(|&i| is_left(self, i)) {
             return 0.0;
         }
-        self.set(state.t, &state.x, &state.alpha);
+        self.move_to(&state.point);
         for at in 0..self.sliding.len() {
             let i = self.sliding[at];
             // Forces have no friction in them where α_t is ½, and those of friction do not vanish where α_n is 0.
@@ -132,7 +132,7 @@ impl Mode {
             match left {
                 Left::Gaps => self.shift_positions(system, state, &mut mend, placed),
                 Left::Rates => mend.pushed.iter().for_each(|&j| {
-                    state.x[j] -= std::mem::take(&mut mend.push[j]);
+                    state.point.x[j] -= std::mem::take(&mut mend.push[j]);
                 }),
             }
         }
@@ -157,7 +157,7 @@ impl Mode {
                 .stand_for(i, if left == Left::Gaps { 0 } else { highest });
             self.surfaces.linearize(i, &self.memory.values);
             let psi = self.psi(i);
-            let size = self.weigh(i, |j| state.size(j));
+            let size = self.weigh(i, |j| state.scales.size(j));
             is_off |= psi.abs() > f64::EPSILON * size;
             if size > 0.0 {
                 worst = worst.max(psi.abs() / size);
@@ -226,7 +226,7 @@ impl Mode {
             let values = &self.memory.values;
             let moves = |of: usize, by: usize, value: f64| {
                 if placed[of] {
-                    state.x[of] -= value * mend.push[by];
+                    state.point.x[of] -= value * mend.push[by];
                 }
             };
             let functions = (system, &mut self.library);

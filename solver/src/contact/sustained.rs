@@ -7,8 +7,8 @@
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch, norm};
 use crate::event::Simulator;
 use crate::event::jump::{Bent, ROUNDING};
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::hybrid::{Guard, Law, Role, Side, Status};
 use crate::selector::candidates::{Zeros, product};
 use crate::selector::judge::TIE;
@@ -169,22 +169,22 @@ impl Simulator {
         let open: Vec<usize> = normals.iter().copied().filter(is_open).collect();
         // Where forces hold bodies at rest, what they hold shows how fast gaps bend. What closes one of them acts on
         // the others.
-        let mut free = state.alpha.clone();
+        let mut free = state.point.alpha.clone();
         normals.iter().for_each(|&i| free[i] = 1.0);
         let mut bend = 0.0_f64;
         open.iter().for_each(|&i| mode.surfaces.stand_for(i, 1));
-        for alpha in [&free, &state.alpha] {
-            mode.eval(state.t, &state.x, alpha);
+        for alpha in [&free, &state.point.alpha] {
+            mode.eval(state.point.t, &state.point.x, alpha);
             mode.linearize(&normals);
             let terms = normals.iter().map(|&i| mode.terms_of_phi(i));
             bend = terms.fold(bend, f64::max);
         }
         for i in open {
             let speed = mode.psi(i);
-            let meets = speed < 0.0 && speed * speed <= SHARE * state.band[i] * bend;
+            let meets = speed < 0.0 && speed * speed <= SHARE * state.bands.width[i] * bend;
             mode.surfaces.stand_for(i, usize::from(meets));
         }
-        mode.focus(state.t, &state.x, &state.alpha, group);
+        mode.focus(state.point.t, &state.point.x, &state.point.alpha, group);
     }
 
     /// The entries of the slip velocity of a contact, among these.
@@ -206,7 +206,7 @@ impl Simulator {
             slips: self.slips_among(group, normal),
         };
         let contacts: Vec<Touch> = meets.iter().map(touch).collect();
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         for &i in group {
             alpha[i] = if system.is_unilateral(i) { 1.0 } else { 0.5 };
         }
@@ -243,7 +243,7 @@ impl Simulator {
                 switches: group.to_vec(),
             },
         })?;
-        state.complementarity = state.complementarity.max(forces.residual);
+        state.report.complementarity = state.report.complementarity.max(forces.residual);
         Ok(Found {
             meeting,
             forces,
@@ -310,7 +310,7 @@ impl Simulator {
 impl Mode {
     /// Σ |∇ψ_j| times the terms of f_j, which may cancel.
     fn activity_of_phi(&self, state: &State, switch: usize) -> f64 {
-        self.weigh(switch, |j| state.activity[j])
+        self.weigh(switch, |j| state.scales.activity[j])
     }
 
     /// True for a switch that is never below its surface.

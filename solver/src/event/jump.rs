@@ -20,8 +20,8 @@
 //! until nothing jumps.
 
 use super::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::hybrid::{Effect, Guard, Input, Law, Side, Status};
 use crate::selector::select::BAND;
 
@@ -67,7 +67,7 @@ impl Jumps {
     /// than rounding, what was taken away from the states is an error.
     pub(crate) fn limit(&self, state: &mut State) -> Option<f64> {
         if self.end.is_none() {
-            for (moved, closed) in state.moved.iter_mut().zip(&self.closed) {
+            for (moved, closed) in state.window.moved.iter_mut().zip(&self.closed) {
                 *moved += closed * closed;
             }
         }
@@ -109,11 +109,11 @@ impl Mode {
         let speed = -self.psi(switch);
         // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
         // within a step make others seem small.
-        let share = match speed > FAST * self.weigh(switch, |j| state.scale[j]) {
+        let share = match speed > FAST * self.weigh(switch, |j| state.scales.largest[j]) {
             true => ROUNDINGS * f64::EPSILON,
             false => BAND,
         };
-        (speed > share * self.weigh(switch, |j| state.size(j))).then_some(speed)
+        (speed > share * self.weigh(switch, |j| state.scales.size(j))).then_some(speed)
     }
 }
 
@@ -148,7 +148,7 @@ impl Simulator {
                     && self.close(state)
                     && let Met::Surfaces(on) = &mut met
                 {
-                    *on = self.place_kept(state, t1 - state.t)?;
+                    *on = self.place_kept(state, t1 - state.point.t)?;
                 }
                 match met {
                     Met::Surfaces(on) if on.is_empty() => {}
@@ -175,7 +175,7 @@ impl Simulator {
             if moves {
                 self.jumps.kept.clear();
             }
-            let on = self.place_kept(state, t1 - state.t)?;
+            let on = self.place_kept(state, t1 - state.point.t)?;
             if moves {
                 self.find_near(state, &on, t1);
             }
@@ -188,25 +188,25 @@ impl Simulator {
     /// Looks again at the slip velocities of contacts that are met, which nobody has watched while they were
     /// open.
     fn wake(&mut self, state: &mut State, on: &mut Vec<usize>, t1: f64) {
-        for slip in 0..state.sides.len() {
+        for slip in 0..state.point.sides.len() {
             let Some(contact) = self.system.slip_of(slip) else {
                 continue;
             };
-            if state.sides[contact] == Side::Slide || !on.contains(&contact) {
+            if state.point.sides[contact] == Side::Slide || !on.contains(&contact) {
                 continue;
             }
             let other = self.system.across(slip);
             let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
-            self.measure_bands(state, &entries, t1 - state.t);
+            self.measure_bands(state, &entries, t1 - state.point.t);
             let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
-            let mut sides = state.sides.clone();
+            let mut sides = state.point.sides.clone();
             sides[slip] = match other {
                 Some(_) => Side::Plus,
                 None => Side::of(speeds[0]),
             };
-            state.set_sides(sides);
+            state.point.set_sides(sides);
             let mut all = entries.iter().zip(&speeds);
-            if all.all(|(&i, speed)| speed.abs() <= state.band[i]) && !on.contains(&slip) {
+            if all.all(|(&i, speed)| speed.abs() <= state.bands.width[i]) && !on.contains(&slip) {
                 on.push(slip);
             }
         }
@@ -226,14 +226,15 @@ impl Simulator {
         let kept = &mut self.jumps.kept;
         kept.clear();
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         near.retain(|&(_, switch)| {
-            let closed = state.sides[switch] == Side::Slide;
+            let closed = state.point.sides[switch] == Side::Slide;
             kept.extend(closed.then_some(switch));
-            state.band[switch] = mode.band(switch, state, t1 - state.t);
+            state.bands.width[switch] = mode.band(switch, state, t1 - state.point.t);
             // What is met has no gap, even where projection has moved the state since.
-            let is_near =
-                closed || met.contains(&switch) || mode.psi(switch) <= TOUCH * state.band[switch];
+            let is_near = closed
+                || met.contains(&switch)
+                || mode.psi(switch) <= TOUCH * state.bands.width[switch];
             mode.surfaces.stand_for(switch, usize::from(closed));
             is_near
         });
@@ -245,9 +246,9 @@ impl Simulator {
         let mut struck = Vec::new();
         let mut speeds = Vec::new();
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         for &(l, switch) in &self.jumps.near {
-            let closed = state.sides[switch] == Side::Slide;
+            let closed = state.point.sides[switch] == Side::Slide;
             if let Some(speed) = mode.closing_speed(state, switch) {
                 struck.push(l);
                 speeds.push((switch, speed));
@@ -260,7 +261,7 @@ impl Simulator {
             let Some(switch) = self.system.laws[law].closes() else {
                 return true;
             };
-            let grazes = state.sides[switch] != Side::Slide && self.grazes(state, switch);
+            let grazes = state.point.sides[switch] != Side::Slide && self.grazes(state, switch);
             if grazes {
                 self.jumps.grazed.push(switch);
             }
@@ -275,20 +276,20 @@ impl Simulator {
     /// Whether a contact that is approached turns back before its ψ is known to be negative.
     fn grazes(&mut self, state: &mut State, switch: usize) -> bool {
         let Bent { speed, bend, .. } = self.bent(state, switch);
-        self.mode.enter(&self.system, &state.sides);
-        bend > 0.0 && speed * speed <= 0.25 * bend * state.band[switch]
+        self.mode.enter(&self.system, &state.point.sides);
+        bend > 0.0 && speed * speed <= 0.25 * bend * state.bands.width[switch]
     }
 
     /// How a contact moves on without a force of its own.
     fn bent(&mut self, state: &mut State, switch: usize) -> Bent {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
         self.mode.enter(&self.system, &sides);
         let mode = &mut self.mode;
         mode.surfaces.stand_for(switch, 1);
-        let alpha = std::mem::replace(&mut state.alpha[switch], 1.0);
-        mode.eval(state.t, &state.x, &state.alpha);
-        state.alpha[switch] = alpha;
+        let alpha = std::mem::replace(&mut state.point.alpha[switch], 1.0);
+        mode.eval(state.point.t, &state.point.x, &state.point.alpha);
+        state.point.alpha[switch] = alpha;
         mode.linearize(&[switch]);
         Bent {
             speed: mode.psi(switch),
@@ -301,7 +302,7 @@ impl Simulator {
         let mut any = false;
         for at in 0..self.jumps.near.len() {
             let (_, switch) = self.jumps.near[at];
-            state.alpha[switch] = 1.0;
+            state.point.alpha[switch] = 1.0;
             let bent = self.bent(state, switch);
             any |= self.shut(state, switch, bent);
         }
@@ -312,8 +313,8 @@ impl Simulator {
     /// direction in which its force acts. True where it did.
     pub(crate) fn shut(&mut self, state: &mut State, switch: usize, bent: Bent) -> bool {
         let Bent { speed, bend } = bent;
-        let rounding = ROUNDING * bend.abs() * state.last_step.powi(2);
-        let least = 2.0 * state.band[switch].max(rounding);
+        let rounding = ROUNDING * bend.abs() * state.scales.last_step.powi(2);
+        let least = 2.0 * state.bands.width[switch].max(rounding);
         let opens = speed > 0.0 && bend < 0.0;
         if !opens || speed * speed > 2.0 * bend.abs() * least {
             return false;
@@ -321,11 +322,11 @@ impl Simulator {
         let mode = &mut self.mode;
         let known = self.jumps.struck.iter().find(|struck| struck.0 == switch);
         let ratio = known.map_or(1.0, |(_, before)| speed / before);
-        let size = mode.weigh(switch, |j| state.size(j));
+        let size = mode.weigh(switch, |j| state.scales.size(j));
         // Where nothing bounces, what is left of a speed is rounding.
         let bounces = ratio < 1.0 && speed > BAND * size;
         if bounces {
-            let end = state.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
+            let end = state.point.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
             self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
         }
         let gradient = self.mode.gradient(switch).to_vec();
@@ -335,14 +336,16 @@ impl Simulator {
         if bounces && self.mode.slip_of.contains(&Some(switch)) {
             let rough = self.slopes_of_push(state, switch, true);
             let rough_push = along(&rough);
-            self.jumps.owed.0.resize(state.x.len(), 0.0);
+            self.jumps.owed.0.resize(state.point.x.len(), 0.0);
             self.jumps.owed.1.push(switch);
             for (at, owed) in self.jumps.owed.0.iter_mut().enumerate() {
                 *owed += speed * (slopes[at] / push - rough[at] / rough_push);
             }
         }
-        self.jumps.closed.resize(state.x.len(), 0.0);
-        for ((x, closed), slope) in (state.x.iter_mut().zip(&mut self.jumps.closed)).zip(slopes) {
+        self.jumps.closed.resize(state.point.x.len(), 0.0);
+        for ((x, closed), slope) in
+            (state.point.x.iter_mut().zip(&mut self.jumps.closed)).zip(slopes)
+        {
             let change = slope * speed / push;
             *x -= change;
             *closed += change;
@@ -359,13 +362,14 @@ impl Simulator {
         let (owed, contacts) = &self.jumps.owed;
         let slips = |contact: &usize| {
             let of_contact = |i: &usize| self.system.slip_of(*i) == Some(*contact);
-            let mut slips = (0..state.sides.len()).filter(of_contact);
-            state.sides[*contact] == Side::Slide && slips.all(|i| state.sides[i] != Side::Slide)
+            let mut slips = (0..state.point.sides.len()).filter(of_contact);
+            state.point.sides[*contact] == Side::Slide
+                && slips.all(|i| state.point.sides[i] != Side::Slide)
         };
         if !contacts.iter().all(slips) {
             return;
         }
-        for (x, owed) in state.x.iter_mut().zip(owed) {
+        for (x, owed) in state.point.x.iter_mut().zip(owed) {
             *x += owed;
         }
     }
@@ -400,7 +404,7 @@ impl Simulator {
             let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
             slopes.map(|(_, slope)| slope).sum()
         };
-        let slopes = (0..state.x.len()).map(slope).collect();
+        let slopes = (0..state.point.x.len()).map(slope).collect();
         for (place, alpha) in alphas {
             mode.memory.values[place] = alpha;
         }
@@ -427,7 +431,7 @@ impl Simulator {
             let registers = &mut self.jumps.registers;
             registers.resize(holds.n_registers().max(switches.len()), 0.0);
             for (register, &switch) in registers.iter_mut().zip(switches) {
-                *register = 0.5 + 0.5 * state.sides[switch].sign();
+                *register = 0.5 + 0.5 * state.point.sides[switch].sign();
             }
             holds.run(registers);
             if holds.results(registers).next().is_some_and(|v| v > 0.75) {
@@ -440,9 +444,9 @@ impl Simulator {
     /// Lets laws jump together.
     fn apply(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
         if self.jumps.fired.is_empty() {
-            self.jumps.before.clone_from(&state.x);
+            self.jumps.before.clone_from(&state.point.x);
         }
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.move_to(&state.point);
         let Jumps {
             registers, values, ..
         } = &mut self.jumps;
@@ -478,8 +482,8 @@ impl Simulator {
             if !value.is_finite() {
                 return Err(Status::NotFinite);
             }
-            state.x[i] = value;
-            state.scale[i] = state.scale[i].max(value.abs());
+            state.point.x[i] = value;
+            state.scales.largest[i] = state.scales.largest[i].max(value.abs());
         }
         self.jumps.fired.extend_from_slice(laws);
         Ok(())

@@ -15,6 +15,7 @@ pub(crate) mod numerical_time;
 pub(crate) mod observer;
 pub(crate) mod perturbation;
 mod run;
+pub(crate) mod state;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -26,11 +27,11 @@ use crate::runtime::limit::Limit;
 use crate::contact::coefficients::Coefficients;
 pub use crate::event::numerical_time::{Clock, Clocked};
 pub use crate::event::perturbation::{KickSize, Kicks};
+use crate::event::state::State;
 use crate::events::roots::RootFinder;
 use crate::events::unseen::Unseen;
 use crate::expansion::mode::Mode;
 use crate::hybrid::breakpoints::Pieces;
-use crate::hybrid::state::State;
 use crate::integrate::stiffness::Stiffness;
 use jump::Jumps;
 pub use observer::{Event, Observer, Segment};

@@ -1,8 +1,8 @@
 //! Unmodelled errors: random vectors that are added to the state at equal intervals of time.
 
 use super::Simulator;
+use crate::event::state::State;
 use crate::hybrid::Status;
-use crate::hybrid::state::State;
 use crate::optimization::mpcc::deviate;
 
 /// Random vectors d_k, added to the state at k times a period, k = 1, 2, ..
@@ -71,10 +71,10 @@ impl Simulator {
     pub(crate) fn kick(&mut self, state: &mut State, instant: f64, t1: f64) -> Result<(), Status> {
         if let Some(kicks) = &self.settings.kicks {
             let number = (instant / kicks.every).round();
-            kicks.apply(number as u64, &mut state.x);
+            kicks.apply(number as u64, &mut state.point.x);
         }
         self.stiffness.after_event();
-        let on = self.place(state, t1 - state.t, &[])?;
+        let on = self.place(state, t1 - state.point.t, &[])?;
         self.enter(state, on, t1)
     }
 }

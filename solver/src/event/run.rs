@@ -2,9 +2,9 @@
 
 use super::jump::Met;
 use super::{Event, Observer, Segment, Simulator};
+use crate::event::state::State;
 use crate::events::{Approach, chattering, zeno};
 use crate::expansion::dense::Dense;
-use crate::hybrid::state::State;
 use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::step::Step;
 
@@ -32,6 +32,10 @@ struct History {
     drift: f64,
     defect: f64,
     pace: Pace,
+    /// Events in a row without progress in time.
+    stalled: usize,
+    /// Functions taken up when the clock was looked at.
+    functions: usize,
 }
 
 /// What a step meets at its end besides its triggers.
@@ -47,7 +51,6 @@ impl Simulator {
         let known = self.mode.n_functions();
         let mut state = std::mem::take(&mut self.state);
         state.begin(t0, x0, self.system.n_switches());
-        state.limit = self.settings.limit.clone();
         self.stiffness.reset();
         let mut history = History::default();
         let status = match self.begin(&mut state, [t0, t1], observer) {
@@ -58,7 +61,7 @@ impl Simulator {
                 }
             },
         };
-        state.stats.functions = self.mode.n_functions() - known;
+        state.report.stats.functions = self.mode.n_functions() - known;
         let outcome = outcome(&mut state, &history, t0, status);
         self.state = state;
         outcome
@@ -73,19 +76,19 @@ impl Simulator {
     ) -> Result<(), Status> {
         let started = self.start(state, t1 - t0);
         if started.is_ok() && !self.jumps.fired.is_empty() {
-            state.stats.events += 1;
+            state.report.stats.events += 1;
             observer.event(&Event {
-                time: state.t,
-                x: &state.x,
-                before: self.jumps.before(&state.x),
+                time: state.point.t,
+                x: &state.point.x,
+                before: self.jumps.before(&state.point.x),
                 jumps: &self.jumps.fired,
                 decisions: &[],
-                from: &state.sides,
-                to: &state.sides,
+                from: &state.point.sides,
+                to: &state.point.sides,
                 accumulates: false,
             });
         }
-        state.begun = true;
+        state.selection.begun = true;
         started
     }
 
@@ -97,15 +100,15 @@ impl Simulator {
         [t0, t1]: [f64; 2],
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        if !state.pending.is_empty() {
+        if !state.approaches.pending.is_empty() {
             self.look_behind(state);
         }
-        if state.t >= t1 {
+        if state.point.t >= t1 {
             return Err(Status::Solved);
         }
-        if let Some(status) = self.limit(state) {
+        if let Some(status) = self.limit(state, history) {
             return Err(match status {
-                Status::EventLimit => history.chatter.at_limit(t1 - state.t),
+                Status::EventLimit => history.chatter.at_limit(t1 - state.point.t),
                 status => status,
             });
         }
@@ -114,8 +117,8 @@ impl Simulator {
         }
 
         // Find the solution in the current mode and cut it at its first event.
-        self.mode.enter(&self.system, &state.sides);
-        let kick = self.next_kick(state.t);
+        self.mode.enter(&self.system, &state.point.sides);
+        let kick = self.next_kick(state.point.t);
         let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
         let goal = goal.min(self.pieces.until).min(kick);
         let mut step = self.step(state, goal, t1)?;
@@ -125,18 +128,22 @@ impl Simulator {
         // At an event, the rates on all surfaces that meet decide the next mode.
         self.disarm(state);
         let meets = Meets {
-            breakpoint: state.t >= self.pieces.until && state.t < t1,
-            kick: (state.t >= kick && state.t < t1).then_some(kick),
+            breakpoint: state.point.t >= self.pieces.until && state.point.t < t1,
+            kick: (state.point.t >= kick && state.point.t < t1).then_some(kick),
         };
         if step.triggers.is_empty() && !meets.breakpoint && meets.kick.is_none() {
             return Ok(());
         }
-        self.locate(state, &mut step, meets, [t0, t1])?;
-        let (from, length) = (state.sides.clone(), step.length);
+        self.locate(state, history, &mut step, meets, [t0, t1])?;
+        let (from, length) = (state.point.sides.clone(), step.length);
         self.next_mode(state, step.triggers, meets, t1)?;
         let jumped = !self.jumps.fired.is_empty();
-        let folded = state.decisions.iter().any(|decision| decision.folds);
-        if from == state.sides && !jumped && !folded {
+        let folded = state
+            .selection
+            .decisions
+            .iter()
+            .any(|decision| decision.folds);
+        if from == state.point.sides && !jumped && !folded {
             return Ok(());
         }
         self.record(state, history, from, [length, t1], observer)
@@ -155,29 +162,29 @@ impl Simulator {
         if !step.implicit {
             self.mode.close_window(state);
         }
-        state.window = 0.0;
-        let start = state.t;
+        state.window.length = 0.0;
+        let start = state.point.t;
         if step.reaches_end {
-            (state.t, state.t_low) = (goal, 0.0);
+            (state.point.t, state.point.t_low) = (goal, 0.0);
         } else {
-            state.advance(step.length);
+            state.point.advance(step.length);
         }
         if !step.departs {
             history.drift = f64::max(history.drift, self.mode.project(&self.system, state));
         }
-        state.record(step.length);
-        state.stats.steps += 1;
+        state.scales.record(&state.point.x, step.length);
+        state.report.stats.steps += 1;
         // What sets off is expanded in the mode in which it sticks, and slips.
         let sides = match step.departs {
-            true => &state.sides,
+            true => &state.point.sides,
             false => &self.mode.sides,
         };
         let segment = Segment {
             start,
             length: step.length,
-            until: state.t,
+            until: state.point.t,
             sides,
-            end: &state.x,
+            end: &state.point.x,
             dense: &self.dense(step.implicit),
         };
         if step.length > 0.0 && observer.segment(&segment).is_break() {
@@ -188,7 +195,7 @@ impl Simulator {
             return Err(status);
         }
         if history.chatter.is_last() {
-            let mut x = state.x.clone();
+            let mut x = state.point.x.clone();
             self.dense(step.implicit)
                 .states_at(0.5 * step.length, &mut x);
             let middle = (start + 0.5 * step.length, &x[..]);
@@ -213,13 +220,13 @@ impl Simulator {
             self.repay(state);
         }
         observer.event(&Event {
-            time: state.t,
-            x: &state.x,
-            before: &state.x,
+            time: state.point.t,
+            x: &state.point.x,
+            before: &state.point.x,
             jumps: &[],
             decisions: &[],
             from: &from,
-            to: &state.sides,
+            to: &state.point.sides,
             accumulates: true,
         });
     }
@@ -228,6 +235,7 @@ impl Simulator {
     fn locate(
         &mut self,
         state: &mut State,
+        history: &mut History,
         step: &mut Step,
         meets: Meets,
         [t0, t1]: [f64; 2],
@@ -242,8 +250,9 @@ impl Simulator {
         if !step.implicit && !meets.breakpoint {
             self.mode.open_window(state, step.length, &step.triggers);
         }
-        state.count_event(step.length, t1 - t0);
-        match state.stalled > MAX_STALLED {
+        let progresses = step.length > 1e-14 * (t1 - t0);
+        history.stalled = if progresses { 0 } else { history.stalled + 1 };
+        match history.stalled > MAX_STALLED {
             true => Err(Status::Accumulation),
             false => Ok(()),
         }
@@ -257,7 +266,7 @@ impl Simulator {
         meets: Meets,
         t1: f64,
     ) -> Result<(), Status> {
-        state.decisions.clear();
+        state.selection.decisions.clear();
         if self.has_jumps() {
             let met = match meets.breakpoint {
                 true => Met::Breakpoint(triggers),
@@ -272,7 +281,7 @@ impl Simulator {
         if let Some(kick) = meets.kick {
             self.kick(state, kick, t1)?;
         }
-        state.fold = None;
+        state.selection.fold = None;
         Ok(())
     }
 
@@ -286,35 +295,39 @@ impl Simulator {
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
         self.stiffness.after_event();
-        state.stats.events += 1;
+        state.report.stats.events += 1;
         let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
-        let more = slides(&state.sides) > slides(&from);
-        if from != state.sides {
-            history.events.record(state.t, &from);
-            history.chatter.record(state.t, &state.x, &from);
+        let more = slides(&state.point.sides) > slides(&from);
+        if from != state.point.sides {
+            history.events.record(state.point.t, &from);
+            history.chatter.record(state.point.t, &state.point.x, &from);
             self.average(&mut history.chatter, state, t1)?;
         }
         let jumped = !self.jumps.fired.is_empty();
         let end = match jumped {
             true => self.jumps.limit(state),
-            false => history.events.limit(&state.sides),
+            false => history.events.limit(&state.point.sides),
         };
         let end = end.filter(|end| more && *end < t1);
-        let waits = end.filter(|end| *end > state.t);
+        let waits = end.filter(|end| *end > state.point.t);
         if jumped || waits.is_none() {
             observer.event(&Event {
-                time: state.t,
-                x: &state.x,
-                before: self.jumps.before(&state.x),
+                time: state.point.t,
+                x: &state.point.x,
+                before: self.jumps.before(&state.point.x),
                 jumps: &self.jumps.fired,
-                decisions: &state.decisions,
+                decisions: &state.selection.decisions,
                 from: &from,
-                to: if waits.is_some() { &from } else { &state.sides },
+                to: if waits.is_some() {
+                    &from
+                } else {
+                    &state.point.sides
+                },
                 accumulates: end.is_some() && waits.is_none(),
             });
             self.displace(state, length, observer);
         }
-        let undisturbed = t1.min(self.pieces.until).min(self.next_kick(state.t));
+        let undisturbed = t1.min(self.pieces.until).min(self.next_kick(state.point.t));
         if let Some(status) = self.chatters(&history.chatter, state, undisturbed) {
             if !self.settings.averages {
                 return Err(status);
@@ -330,12 +343,16 @@ impl Simulator {
         if !observer.displaces() {
             return;
         }
-        let before = self.jumps.before(&state.x);
+        let before = self.jumps.before(&state.point.x);
         // What laws count is whole, and exact.
-        let jumps = |i: usize| state.x[i] != before[i] && state.x[i].fract() != 0.0;
+        let jumps = |i: usize| state.point.x[i] != before[i] && state.point.x[i].fract() != 0.0;
         let moves = |i: usize| self.mode.x_series(i)[1] != 0.0 || jumps(i);
         let rests = |i: usize| self.mode.is_algebraic[i] || !moves(i);
-        let size = |i: usize| state.x[i].abs().max(state.activity[i] * length);
+        let size = |i: usize| {
+            state.point.x[i]
+                .abs()
+                .max(state.scales.activity[i] * length)
+        };
         let rounding = |i: usize| {
             if rests(i) {
                 0.0
@@ -343,23 +360,23 @@ impl Simulator {
                 f64::EPSILON * size(i)
             }
         };
-        let roundings: Vec<f64> = (0..state.x.len()).map(rounding).collect();
-        observer.displace(&mut state.x, &roundings);
+        let roundings: Vec<f64> = (0..state.point.x.len()).map(rounding).collect();
+        observer.displace(&mut state.point.x, &roundings);
     }
 
-    fn limit(&self, state: &mut State) -> Option<Status> {
-        if state.stats.steps >= self.settings.max_steps {
+    fn limit(&self, state: &State, history: &mut History) -> Option<Status> {
+        if state.report.stats.steps >= self.settings.max_steps {
             return Some(Status::StepLimit);
         }
-        if state.stats.events >= self.settings.max_events {
+        if state.report.stats.events >= self.settings.max_events {
             return Some(Status::EventLimit);
         }
         // A look at the clock costs as much as a small step; functions may take long to compile.
         let known = self.mode.n_functions();
-        let compiled = std::mem::replace(&mut state.functions, known) < known;
-        let over = match compiled || state.stats.steps.is_multiple_of(16) {
-            true => state.limit.over(),
-            false => state.limit.canceled(),
+        let compiled = std::mem::replace(&mut history.functions, known) < known;
+        let over = match compiled || state.report.stats.steps.is_multiple_of(16) {
+            true => self.settings.limit.over(),
+            false => self.settings.limit.canceled(),
         };
         over.map(Status::Over)
     }
@@ -372,17 +389,17 @@ impl Simulator {
             steps,
             events,
         } = *pace;
-        let taken = state.stats.steps - steps;
-        let is_uneventful = state.stats.events == events;
+        let taken = state.report.stats.steps - steps;
+        let is_uneventful = state.report.stats.events == events;
         if is_uneventful && taken < PACED {
             return false;
         }
         *pace = Pace {
-            time: state.t,
-            steps: state.stats.steps,
-            events: state.stats.events,
+            time: state.point.t,
+            steps: state.report.stats.steps,
+            events: state.report.stats.events,
         };
-        let left = (t1 - state.t) / (state.t - time) * taken as f64;
+        let left = (t1 - state.point.t) / (state.point.t - time) * taken as f64;
         is_uneventful && left > self.settings.max_steps as f64
     }
 
@@ -396,14 +413,14 @@ impl Simulator {
 
     /// A surface left tangentially is watched again once it is outside its band.
     fn disarm(&mut self, state: &mut State) {
-        let left = |i: usize| state.armed[i] && state.sides[i] != Side::Slide;
-        if !(0..state.armed.len()).any(left) {
+        let left = |i: usize| state.bands.armed[i] && state.point.sides[i] != Side::Slide;
+        if !(0..state.bands.armed.len()).any(left) {
             return;
         }
-        self.mode.set(state.t, &state.x, &state.alpha);
-        for i in 0..state.armed.len() {
-            if state.armed[i] && state.sides[i] != Side::Slide {
-                state.armed[i] = self.mode.is_near(i, state) || self.mode.is_rounding(i);
+        self.mode.move_to(&state.point);
+        for i in 0..state.bands.armed.len() {
+            if state.bands.armed[i] && state.point.sides[i] != Side::Slide {
+                state.bands.armed[i] = self.mode.is_near(i, state) || self.mode.is_rounding(i);
             }
         }
     }
@@ -412,21 +429,35 @@ impl Simulator {
 /// Where a run from `t0` has ended, and how.
 fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Outcome {
     let by_time = |a: &Approach, b: &Approach| a.time.total_cmp(&b.time);
-    state.approaches.sort_by(by_time);
-    let elapsed = if state.t > t0 { state.t - t0 } else { 1.0 };
+    state.approaches.known.sort_by(by_time);
+    let elapsed = if state.point.t > t0 {
+        state.point.t - t0
+    } else {
+        1.0
+    };
     Outcome {
         status,
-        time: state.t,
-        x: state.x.clone(),
-        sides: state.sides.to_vec(),
-        alpha: state.alpha.clone(),
-        activity: state.work.iter().map(|work| work / elapsed).collect(),
-        moved: state.moved.iter().map(|squares| squares.sqrt()).collect(),
+        time: state.point.t,
+        x: state.point.x.clone(),
+        sides: state.point.sides.to_vec(),
+        alpha: state.point.alpha.clone(),
+        activity: state
+            .scales
+            .work
+            .iter()
+            .map(|work| work / elapsed)
+            .collect(),
+        moved: state
+            .window
+            .moved
+            .iter()
+            .map(|squares| squares.sqrt())
+            .collect(),
         drift: history.drift,
         defect: history.defect,
-        complementarity: state.complementarity,
-        notes: std::mem::take(&mut state.notes),
-        approaches: std::mem::take(&mut state.approaches),
-        stats: state.stats,
+        complementarity: state.report.complementarity,
+        notes: std::mem::take(&mut state.report.notes),
+        approaches: std::mem::take(&mut state.approaches.known),
+        stats: state.report.stats,
     }
 }

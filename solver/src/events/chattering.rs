@@ -9,7 +9,7 @@
 //! finite sum: no mode comes after them, and their number at a time to come is known long before.
 
 use crate::event::Simulator;
-use crate::hybrid::state::State;
+use crate::event::state::State;
 use crate::hybrid::{Note, Side, Status};
 
 /// Events of a cycle, at most.
@@ -150,9 +150,9 @@ impl Simulator {
         }
         let trend = chatter.trend()?;
         let left = trend.doubling * (most as f64 / count as f64).log2();
-        let lasts = left + trend.doubling * BEYOND.log2() < goal - state.t;
+        let lasts = left + trend.doubling * BEYOND.log2() < goal - state.point.t;
         let found = (lasts && !self.others_switch(chatter, &trend, state, left))
-            .then(|| chatter.ends(goal - state.t));
+            .then(|| chatter.ends(goal - state.point.t));
         found.flatten()
     }
 
@@ -161,8 +161,8 @@ impl Simulator {
         let Some(last) = &mut chatter.last else {
             return;
         };
-        for (t, x) in [middle, (state.t, &state.x)] {
-            self.mode.set(t, x, &state.alpha);
+        for (t, x) in [middle, (state.point.t, &state.point.x)] {
+            self.mode.set(t, x, &state.point.alpha);
             for (height, &i) in last.heights.iter_mut().zip(&last.switches) {
                 *height = height.max(self.mode.psi(i).abs());
             }
@@ -180,24 +180,33 @@ impl Simulator {
         let Some(last) = chatter.last.take_if(|last| last.until <= chatter.count) else {
             return Ok(());
         };
-        let ends = chatter.ends(t1 - state.t).unwrap_or(Status::EventLimit);
-        let (time, x, mut sides) = (state.t, state.x.clone(), state.sides.clone());
+        let ends = chatter
+            .ends(t1 - state.point.t)
+            .unwrap_or(Status::EventLimit);
+        let (time, x, mut sides) = (
+            state.point.t,
+            state.point.x.clone(),
+            state.point.sides.clone(),
+        );
         last.switches.iter().for_each(|&i| sides[i] = Side::Slide);
-        state.set_sides(sides);
-        self.mode.enter(&self.system, &state.sides);
-        let solved = self.mode.solve_alpha(time, &x, &mut state.alpha);
+        state.point.set_sides(sides);
+        self.mode.enter(&self.system, &state.point.sides);
+        let solved = self.mode.solve_alpha(time, &x, &mut state.point.alpha);
         let mut slides = solved.is_ok() && self.is_affine(state);
         if slides {
             self.mode.project(&self.system, state);
             let on = self.place(state, t1 - time, &[])?;
             self.enter(state, on, t1)?;
-            slides = last.switches.iter().all(|&i| state.sides[i] == Side::Slide);
+            slides = last
+                .switches
+                .iter()
+                .all(|&i| state.point.sides[i] == Side::Slide);
         }
         if !slides {
-            state.x = x;
+            state.point.x = x;
             return Err(ends);
         }
-        state.note(Note::Averaged {
+        state.report.note(Note::Averaged {
             time,
             switches: last.switches,
             heights: last.heights,
@@ -210,10 +219,10 @@ impl Simulator {
     fn is_affine(&mut self, state: &State) -> bool {
         let sliding = self.mode.sliding.clone();
         let mut rates = |values: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            let mut alpha = state.alpha.clone();
+            let mut alpha = state.point.alpha.clone();
             let of_sliding = sliding.iter().enumerate();
             of_sliding.for_each(|(k, &i)| alpha[i] = values(k));
-            self.mode.eval(state.t, &state.x, &alpha);
+            self.mode.eval(state.point.t, &state.point.x, &alpha);
             self.mode.f().to_vec()
         };
         // Of a product of two α, these shares leave something.
@@ -222,7 +231,7 @@ impl Simulator {
         let found = rates(&share);
         let mut expected = below.clone();
         let mut size: Vec<f64> = below.iter().map(|f| f.abs()).collect();
-        for k in 0..state.alpha.len().min(sliding.len()) {
+        for k in 0..state.point.alpha.len().min(sliding.len()) {
             let above = rates(&|other| f64::from(other == k));
             for (i, (above, below)) in above.iter().zip(&below).enumerate() {
                 expected[i] += share(k) * (above - below);
@@ -245,13 +254,14 @@ impl Simulator {
         left: f64,
     ) -> bool {
         let acting = chatter.switches();
-        let others = |i: &usize| !acting.contains(i) && state.sides[*i] != Side::Slide;
-        let others: Vec<usize> = (0..state.sides.len()).filter(others).collect();
+        let others = |i: &usize| !acting.contains(i) && state.point.sides[*i] != Side::Slide;
+        let others: Vec<usize> = (0..state.point.sides.len()).filter(others).collect();
         let mut signs = |share: f64| -> Vec<bool> {
             let onward = share * left / (3.0 * trend.doubling);
-            let moved = state.x.iter().zip(trend.before);
+            let moved = state.point.x.iter().zip(trend.before);
             let x: Vec<f64> = moved.map(|(x, before)| x + (x - before) * onward).collect();
-            self.mode.set(state.t + share * left, &x, &state.alpha);
+            self.mode
+                .set(state.point.t + share * left, &x, &state.point.alpha);
             others.iter().map(|&i| self.mode.psi(i) > 0.0).collect()
         };
         let now = signs(0.0);

@@ -8,11 +8,11 @@
 
 use super::roots::Root;
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::Side;
-use crate::hybrid::state::State;
 
 /// A surface that came close.
 #[derive(Clone, Debug)]
@@ -61,6 +61,16 @@ pub(crate) struct Pending {
     alpha: Vec<f64>,
     /// It ended the step.
     is_event: bool,
+}
+
+/// Surfaces that came close in a run.
+#[derive(Default)]
+pub(crate) struct Approaches {
+    /// Switches whose ψ turns back close to zero in a step, and when after its start.
+    pub close: Vec<(usize, f64)>,
+    /// Those in the last step, and all that came close in the run.
+    pub pending: Vec<Pending>,
+    pub known: Vec<Approach>,
 }
 
 /// Derivatives of ψ that are looked at.
@@ -114,10 +124,10 @@ impl Mode {
             return 0.0;
         }
         // Before the first step, a state that starts at zero has no size but that of its motion.
-        let motion = if state.last_step > 0.0 { 0.0 } else { h };
-        let size = |j: usize| state.scale[j].max(state.activity[j] * motion);
+        let motion = if state.scales.last_step > 0.0 { 0.0 } else { h };
+        let size = |j: usize| state.scales.largest[j].max(state.scales.activity[j] * motion);
         let past = self.weigh(switch, size);
-        let terms = state.terms[switch];
+        let terms = state.bands.terms[switch];
         // The series of what is no affine function has an error of its own.
         let cut = if self.surfaces.is_affine(switch) {
             0.0
@@ -137,15 +147,15 @@ impl Mode {
         event: Option<(usize, Root)>,
         tolerance: f64,
     ) {
-        let mut close = std::mem::take(&mut state.close);
+        let mut close = std::mem::take(&mut state.approaches.close);
         for (switch, tau) in close.drain(..).filter(|(_, tau)| *tau <= length) {
             self.note_approach(dense, state, switch, tau, None);
         }
-        state.close = close;
+        state.approaches.close = close;
         let Some((switch, root)) = event else {
             return;
         };
-        if self.continuous[switch] || state.armed[switch] {
+        if self.continuous[switch] || state.bands.armed[switch] {
             return;
         }
         let c = dense.psi(switch);
@@ -165,12 +175,12 @@ impl Mode {
         tau: f64,
         event: Option<bool>,
     ) {
-        let time = state.t + tau;
+        let time = state.point.t + tau;
         let again = |last: &Pending| {
             let apart = (last.approach.time - time).abs();
-            last.approach.switch == switch && apart <= 1e-6 * tau.max(state.last_step)
+            last.approach.switch == switch && apart <= 1e-6 * tau.max(state.scales.last_step)
         };
-        if state.pending.last().is_some_and(again) {
+        if state.approaches.pending.last().is_some_and(again) {
             return;
         }
         let (c, side) = (dense.psi(switch), self.sides[switch].sign());
@@ -183,17 +193,17 @@ impl Mode {
             side * series::value(c, tau)
         };
         let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-        let past = self.weigh(switch, |j| state.scale[j]);
+        let past = self.weigh(switch, |j| state.scales.largest[j]);
         let (mut x, mut alpha) = (vec![0.0; self.n], vec![0.0; self.sides.len()]);
         dense.states_at(tau, &mut x);
         dense.alphas_at(tau, &mut alpha);
-        state.pending.push(Pending {
+        state.approaches.pending.push(Pending {
             approach: Approach {
                 switch,
                 time,
                 x,
                 distance,
-                rounding: ROUNDINGS * f64::EPSILON * state.terms[switch].max(sizes).max(past),
+                rounding: ROUNDINGS * f64::EPSILON * state.bands.terms[switch].max(sizes).max(past),
                 gradient: Vec::new(),
                 jump: (0..self.n)
                     .map(|i| -series::slope(dense.x(i), tau))
@@ -214,7 +224,7 @@ impl Mode {
 impl Simulator {
     /// Looks behind the surfaces that came close in the last step.
     pub(crate) fn look_behind(&mut self, state: &mut State) {
-        let mut pending = std::mem::take(&mut state.pending);
+        let mut pending = std::mem::take(&mut state.approaches.pending);
         for Pending {
             mut approach,
             mut sides,
@@ -228,8 +238,8 @@ impl Simulator {
             let is_there = match approach.crosses {
                 // A contact is struck or grazed, and above its surface afterwards in any case.
                 _ if strikes => true,
-                true => state.sides[switch] == other,
-                false => !is_event || state.sides[switch] == side,
+                true => state.point.sides[switch] == other,
+                false => !is_event || state.point.sides[switch] == side,
             };
             if !is_there {
                 continue;
@@ -262,25 +272,32 @@ impl Simulator {
             }
             if strikes {
                 // What is closer than this is taken for a graze (`jump.rs`).
-                approach.rounding = approach.rounding.max(GRAZED * state.band[switch]);
+                approach.rounding = approach.rounding.max(GRAZED * state.bands.width[switch]);
                 // α = 0 is a force of one.
                 let push = 2.0 * (approach.behind[1] - approach.along[1]);
                 approach.jump.iter_mut().for_each(|jump| *jump /= push);
             }
-            state.keep_approach(approach);
+            state.approaches.keep(approach);
         }
-        state.pending = pending;
+        state.approaches.pending = pending;
     }
 }
 
-impl State {
-    fn keep_approach(&mut self, approach: Approach) {
-        if self.approaches.len() < MOST {
-            self.approaches.push(approach);
+impl Approaches {
+    /// Those of a run, of which none is known.
+    pub(crate) fn begin(&mut self) {
+        self.close.clear();
+        self.pending.clear();
+        self.known.clear();
+    }
+
+    fn keep(&mut self, approach: Approach) {
+        if self.known.len() < MOST {
+            self.known.push(approach);
             return;
         }
         let distance = |a: &Approach| a.distance.abs();
-        let farthest = self.approaches.iter_mut();
+        let farthest = self.known.iter_mut();
         let farthest = farthest.max_by(|a, b| distance(a).total_cmp(&distance(b)));
         if let Some(farthest) = farthest.filter(|other| distance(other) > distance(&approach)) {
             *farthest = approach;

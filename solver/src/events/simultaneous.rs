@@ -6,8 +6,8 @@
 //! step, and where rounding does not say which is first, the run says so.
 
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::hybrid::{Note, Side};
 
 /// Roundings of its terms below which ψ is zero.
@@ -38,10 +38,10 @@ impl Simulator {
             return;
         }
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         let mut is_ahead = |i: usize| {
-            let psi = mode.psi(i) * state.sides[i].sign();
-            psi > ROUNDINGS * f64::EPSILON * state.terms[i]
+            let psi = mode.psi(i) * state.point.sides[i].sign();
+            psi > ROUNDINGS * f64::EPSILON * state.bands.terms[i]
         };
         let (later, now): (Vec<usize>, Vec<usize>) = triggers.iter().partition(|&&i| is_ahead(i));
         let apart = !later.is_empty() && !now.is_empty();
@@ -67,10 +67,10 @@ impl Simulator {
     fn moves_between(&mut self, state: &State, now: &[usize], later: &[usize]) -> bool {
         let mode = &mut self.mode;
         // The mode between: what is reached now has changed sides.
-        let mut sides = state.sides.clone();
-        let mut alpha = state.alpha.clone();
+        let mut sides = state.point.sides.clone();
+        let mut alpha = state.point.alpha.clone();
         for &i in now {
-            sides[i] = match state.sides[i] {
+            sides[i] = match state.point.sides[i] {
                 Side::Minus => Side::Plus,
                 Side::Plus => Side::Minus,
                 Side::Slide if alpha[i] < 0.5 => Side::Minus,
@@ -78,10 +78,10 @@ impl Simulator {
             };
             alpha[i] = if sides[i] == Side::Plus { 1.0 } else { 0.0 };
         }
-        mode.eval(state.t, &state.x, &state.alpha);
+        mode.eval(state.point.t, &state.point.x, &state.point.alpha);
         let before = mode.f().to_vec();
         mode.enter(&self.system, &sides);
-        mode.eval(state.t, &state.x, &alpha);
+        mode.eval(state.point.t, &state.point.x, &alpha);
         mode.linearize(later);
         let lasts = later.iter().map(|&i| {
             let (psi, approach) = (mode.psi(i).abs(), -mode.phi(i) * sides[i].sign());
@@ -91,10 +91,10 @@ impl Simulator {
         let matters = (mode.f().iter().zip(&before))
             .enumerate()
             .any(|(j, (f, before))| {
-                let size = state.scale[j].max(state.x[j].abs());
+                let size = state.scales.largest[j].max(state.point.x[j].abs());
                 (f - before).abs() * lasts > self.settings.tolerance * size
             });
-        mode.enter(&self.system, &state.sides);
+        mode.enter(&self.system, &state.point.sides);
         matters
     }
 
@@ -104,7 +104,7 @@ impl Simulator {
             return;
         };
         for &i in triggers {
-            if state.sides[i] == Side::Slide {
+            if state.point.sides[i] == Side::Slide {
                 continue;
             }
             // Nothing lies between two names of one surface.
@@ -119,10 +119,12 @@ impl Simulator {
             let Some(between) = self.between(state, &others, t1) else {
                 continue;
             };
-            if between.sides[i] == state.sides[i] && self.is_slow(state, i, [&between, &all], t1) {
+            if between.sides[i] == state.point.sides[i]
+                && self.is_slow(state, i, [&between, &all], t1)
+            {
                 let switches = std::iter::once(i).chain(others).collect();
-                let time = state.t;
-                state.note(Note::Together { time, switches });
+                let time = state.point.t;
+                state.report.note(Note::Together { time, switches });
                 return;
             }
         }
@@ -135,18 +137,18 @@ impl Simulator {
         if both.iter().all(|&i| mode.is_watched_affine(i)) {
             return false;
         }
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         mode.linearize(&both);
         let normals = both.map(|i| {
-            let mut normal: Vec<f64> = vec![0.0; state.x.len() + 1];
+            let mut normal: Vec<f64> = vec![0.0; state.point.x.len() + 1];
             for &(j, g) in mode.gradient(i) {
-                normal[j] += g * state.scale[j].max(state.x[j].abs());
+                normal[j] += g * state.scales.largest[j].max(state.point.x[j].abs());
             }
-            normal[state.x.len()] = mode.time_gradient(i) * state.t.abs();
+            normal[state.point.x.len()] = mode.time_gradient(i) * state.point.t.abs();
             normal
         });
         let sizes = [0, 1].map(|k| normals[k].iter().fold(0.0_f64, |most, g| most.max(g.abs())));
-        let known = [0, 1].map(|k| STILL * f64::EPSILON * state.terms[both[k]] / sizes[k]);
+        let known = [0, 1].map(|k| STILL * f64::EPSILON * state.bands.terms[both[k]] / sizes[k]);
         let at = [0, 1].map(|k| mode.psi(both[k]).abs() / sizes[k]);
         at.iter().zip(known).all(|(at, known)| *at <= known)
             && are_parallel(&normals[0], &normals[1])
@@ -155,30 +157,30 @@ impl Simulator {
     /// The mode that these surfaces lead to; nothing where there is none.
     fn between(&mut self, state: &mut State, met: &[usize], t1: f64) -> Option<Between> {
         let kept = (
-            state.x.clone(),
-            state.sides.clone(),
-            state.alpha.clone(),
-            state.armed.clone(),
-            state.band.clone(),
-            state.notes.clone(),
+            state.point.x.clone(),
+            state.point.sides.clone(),
+            state.point.alpha.clone(),
+            state.bands.armed.clone(),
+            state.bands.width.clone(),
+            state.report.notes.clone(),
         );
         let changed = self.change(state, met, t1);
         let found = changed.is_ok().then(|| {
-            let (sides, alpha) = (state.sides.clone(), state.alpha.clone());
+            let (sides, alpha) = (state.point.sides.clone(), state.point.alpha.clone());
             self.mode.enter(&self.system, &sides);
-            self.mode.eval(state.t, &state.x, &alpha);
+            self.mode.eval(state.point.t, &state.point.x, &alpha);
             let f = self.mode.f().to_vec();
             Between { sides, alpha, f }
         });
         (
-            state.x,
-            state.sides,
-            state.alpha,
-            state.armed,
-            state.band,
-            state.notes,
+            state.point.x,
+            state.point.sides,
+            state.point.alpha,
+            state.bands.armed,
+            state.bands.width,
+            state.report.notes,
         ) = kept;
-        self.mode.enter(&self.system, &state.sides);
+        self.mode.enter(&self.system, &state.point.sides);
         found
     }
 
@@ -186,20 +188,20 @@ impl Simulator {
     fn is_slow(&mut self, state: &State, i: usize, [between, all]: [&Between; 2], t1: f64) -> bool {
         let mode = &mut self.mode;
         mode.enter(&self.system, &between.sides);
-        mode.eval(state.t, &state.x, &between.alpha);
+        mode.eval(state.point.t, &state.point.x, &between.alpha);
         mode.linearize(&[i]);
         let still = STILL * f64::EPSILON * mode.terms_of_phi(i);
         let approach = -mode.phi(i) * between.sides[i].sign();
-        let distance = (mode.psi(i).abs()).max(STILL * f64::EPSILON * state.terms[i]);
-        mode.enter(&self.system, &state.sides);
+        let distance = (mode.psi(i).abs()).max(STILL * f64::EPSILON * state.bands.terms[i]);
+        mode.enter(&self.system, &state.point.sides);
         if approach < -still {
             return false;
         }
-        let lasts = (distance / approach.max(still)).min(t1 - state.t);
+        let lasts = (distance / approach.max(still)).min(t1 - state.point.t);
         (between.f.iter().zip(&all.f))
             .enumerate()
             .any(|(j, (between, all))| {
-                let size = state.scale[j].max(state.x[j].abs());
+                let size = state.scales.largest[j].max(state.point.x[j].abs());
                 (between - all).abs() * lasts > self.settings.tolerance * size
             })
     }

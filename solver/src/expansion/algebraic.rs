@@ -11,7 +11,7 @@
 
 use super::mode::Mode;
 use crate::event::Simulator;
-use crate::hybrid::state::State;
+use crate::event::state::State;
 use crate::hybrid::{Note, Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::optimization::lcp::lemke;
@@ -80,9 +80,11 @@ impl Simulator {
         state.begin(t, x, self.system.n_switches());
         self.load(&state);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
-        state.set_sides((0..state.sides.len()).map(relay).collect());
+        state
+            .point
+            .set_sides((0..state.point.sides.len()).map(relay).collect());
         let settled = self.settle(&mut state, horizon);
-        let x = state.x.clone();
+        let x = state.point.x.clone();
         self.state = state;
         settled.map(|()| x)
     }
@@ -93,33 +95,33 @@ impl Simulator {
             return Ok(());
         }
         let (equations, pairs) = self.kept();
-        let guess = state.x.clone();
+        let guess = state.point.x.clone();
         let (mut found, mut regular) = self.search_members(state, &equations, &pairs, horizon);
         if pairs.len() > MAX_PAIRS {
-            state.x.clone_from(&guess);
+            state.point.x.clone_from(&guess);
             let choice = self.linear_pairs(state, &equations, &pairs, horizon);
             regular = true;
-            found.extend(choice.map(|choice| (state.x.clone(), choice)));
+            found.extend(choice.map(|choice| (state.point.x.clone(), choice)));
             if !found.is_empty() {
-                state.note(Note::Unsearched {
-                    time: state.t,
+                state.report.note(Note::Unsearched {
+                    time: state.point.t,
                     switches: pairs.iter().map(|pair| pair.0).collect(),
                 });
             }
         }
-        let mut distinct = self.distinct(&found, &state.floor);
+        let mut distinct = self.distinct(&found, &state.scales.floor);
         if distinct.len() > 1 {
             found.retain(|(x, choice)| self.goes_on(state, x, &equations, &pairs, choice, horizon));
-            distinct = self.distinct(&found, &state.floor);
+            distinct = self.distinct(&found, &state.scales.floor);
         }
         if distinct.len() > 1 {
-            state.x = guess;
+            state.point.x = guess;
             let name = |&at: &usize| candidate(&pairs, &found[at].1);
             return Err(Status::NonUnique(distinct.iter().map(name).collect()));
         }
         let first = distinct.first().map(|&at| found.swap_remove(at));
         let Some((x, choice)) = first else {
-            state.x = guess;
+            state.point.x = guess;
             let members = pairs.iter().flat_map(|&(a, b)| [a, b]);
             let switches = equations.into_iter().chain(members).collect();
             return Err(match regular {
@@ -127,7 +129,7 @@ impl Simulator {
                 false => Status::HighIndex { switches },
             });
         };
-        state.x = x;
+        state.point.x = x;
         self.take_members(state, &equations, &pairs, &choice);
         self.measure_algebraics(state);
         Ok(())
@@ -142,9 +144,9 @@ impl Simulator {
         horizon: f64,
     ) -> (Vec<Chosen>, bool) {
         let (mut found, mut regular) = (Vec::new(), false);
-        let scale = state.scale.clone();
+        let scale = state.scales.largest.clone();
         // What other choices of members lead to are guesses, too.
-        let mut guesses = vec![state.x.clone()];
+        let mut guesses = vec![state.point.x.clone()];
         let mut unsolved: Vec<Vec<bool>> = Vec::new();
         for again in [false, true] {
             let (tried, starts) = match again {
@@ -154,12 +156,12 @@ impl Simulator {
             for choice in tried {
                 let mut solved = None;
                 for start in &starts {
-                    state.x.clone_from(start);
-                    state.scale.clone_from(&scale);
+                    state.point.x.clone_from(start);
+                    state.scales.largest.clone_from(&scale);
                     let outcome = self.solve_choice(state, equations, pairs, &choice);
                     regular |= !matches!(outcome, Err(Failure::Singular));
                     if outcome.is_ok() {
-                        solved = Some(state.x.clone());
+                        solved = Some(state.point.x.clone());
                         break;
                     }
                 }
@@ -178,7 +180,7 @@ impl Simulator {
                 break;
             }
         }
-        state.scale.clone_from(&scale);
+        state.scales.largest.clone_from(&scale);
         (found, regular)
     }
 
@@ -188,17 +190,17 @@ impl Simulator {
             return false;
         }
         let kept = |i: &usize| self.system.role(*i) != Role::Step;
-        let kept: Vec<usize> = (0..state.sides.len()).filter(kept).collect();
-        self.mode.enter_surfaces(&self.system, &state.sides);
+        let kept: Vec<usize> = (0..state.point.sides.len()).filter(kept).collect();
+        self.mode.enter_surfaces(&self.system, &state.point.sides);
         self.measure_algebraics(state);
-        self.measure_bands(state, &kept, t1 - state.t);
+        self.measure_bands(state, &kept, t1 - state.point.t);
         kept.into_iter().any(|i| {
             let psi = self.mode.psi(i);
-            let off = match state.sides[i] {
+            let off = match state.point.sides[i] {
                 Side::Slide => psi.abs(),
                 _ => psi,
             };
-            !off.is_finite() || off > UNSETTLED * state.band[i]
+            !off.is_finite() || off > UNSETTLED * state.bands.width[i]
         })
     }
 
@@ -236,16 +238,16 @@ impl Simulator {
         choice: &[bool],
         horizon: f64,
     ) -> bool {
-        state.x.copy_from_slice(x);
+        state.point.x.copy_from_slice(x);
         self.take_members(state, equations, pairs, choice);
         let others = pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let mut others: Vec<usize> = others.collect();
         self.measure_bands(state, &others, horizon);
-        others.retain(|&i| self.mode.psi(i).abs() <= state.band[i]);
-        self.mode.enter(&self.system, &state.sides);
-        let mut alpha = state.alpha.clone();
-        if self.mode.solve_alpha(state.t, x, &mut alpha).is_err() {
+        others.retain(|&i| self.mode.psi(i).abs() <= state.bands.width[i]);
+        self.mode.enter(&self.system, &state.point.sides);
+        let mut alpha = state.point.alpha.clone();
+        if self.mode.solve_alpha(state.point.t, x, &mut alpha).is_err() {
             return false;
         }
         self.mode.linearize(&others);
@@ -267,30 +269,34 @@ impl Simulator {
             return;
         }
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         for &z in &self.system.algebraics {
-            state.scale[z] = state.scale[z].max(state.x[z].abs());
-            state.floor[z] = f64::INFINITY;
+            state.scales.largest[z] = state.scales.largest[z].max(state.point.x[z].abs());
+            state.scales.floor[z] = f64::INFINITY;
         }
-        for i in (0..state.sides.len()).filter(|&i| self.system.role(i) != Role::Step) {
+        for i in (0..state.point.sides.len()).filter(|&i| self.system.role(i) != Role::Step) {
             mode.surfaces.stand_for(i, 0);
             mode.surfaces.linearize(i, &mode.memory.values);
-            let along: f64 = mode.gradient(i).iter().map(|&(j, g)| g * state.x[j]).sum();
-            let terms = mode.weigh(i, |j| state.scale[j]) + (mode.psi(i) - along).abs();
+            let along: f64 = mode
+                .gradient(i)
+                .iter()
+                .map(|&(j, g)| g * state.point.x[j])
+                .sum();
+            let terms = mode.weigh(i, |j| state.scales.largest[j]) + (mode.psi(i) - along).abs();
             for &(j, g) in mode
                 .gradient(i)
                 .iter()
                 .filter(|(j, _)| mode.is_algebraic[*j])
             {
-                let others = terms - g.abs() * state.scale[j];
+                let others = terms - g.abs() * state.scales.largest[j];
                 if g != 0.0 && others > ROUNDED * terms {
-                    state.floor[j] = state.floor[j].min(others / g.abs());
+                    state.scales.floor[j] = state.scales.floor[j].min(others / g.abs());
                 }
             }
         }
         for &z in &self.system.algebraics {
-            if state.floor[z].is_infinite() {
-                state.floor[z] = 0.0;
+            if state.scales.floor[z].is_infinite() {
+                state.scales.floor[z] = 0.0;
             }
         }
     }
@@ -303,33 +309,33 @@ impl Simulator {
         pairs: &[(usize, usize)],
         choice: &[bool],
     ) {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for &i in equations {
             sides[i] = Side::Slide;
         }
         for (i, side) in candidate(pairs, choice) {
             sides[i] = side;
         }
-        state.set_sides(sides);
+        state.point.set_sides(sides);
     }
 
     /// Takes the sides of all switches that may be inside an equation.
     fn take_kinks(&mut self, state: &mut State) {
-        for _ in 0..=state.sides.len() {
+        for _ in 0..=state.point.sides.len() {
             let psi = self.psi(state);
             let is_free = |i: usize| {
                 self.system.role(i) == Role::Step
                     && self.system.relay(i).is_none()
                     && !self.system.is_unilateral(i)
             };
-            let mut sides = state.sides.clone();
+            let mut sides = state.point.sides.clone();
             for (i, &psi) in psi.iter().enumerate().filter(|(i, _)| is_free(*i)) {
                 sides[i] = Side::of(psi);
             }
-            if sides == state.sides {
+            if sides == state.point.sides {
                 break;
             }
-            state.set_sides(sides);
+            state.point.set_sides(sides);
         }
     }
 
@@ -361,7 +367,7 @@ impl Simulator {
             }
             lu.solve(&mut step);
             if scales.is_empty() {
-                let scale = |(&z, d): (&usize, &f64)| match state.x[z].abs().max(d.abs()) {
+                let scale = |(&z, d): (&usize, &f64)| match state.point.x[z].abs().max(d.abs()) {
                     0.0 => 1.0,
                     scale => scale,
                 };
@@ -375,11 +381,11 @@ impl Simulator {
             if !size.is_finite() {
                 return Err(Failure::Diverged);
             }
-            let before = state.x.clone();
+            let before = state.point.x.clone();
             let mut part = 1.0;
             loop {
                 for (&z, d) in unknowns.iter().zip(&step) {
-                    state.x[z] = before[z] - part * d;
+                    state.point.x[z] = before[z] - part * d;
                 }
                 if size <= CLOSE {
                     break;
@@ -407,7 +413,7 @@ impl Simulator {
     /// ψ of some switches.
     fn residuals(&mut self, state: &mut State, rows: &[usize]) -> Vec<f64> {
         self.take_kinks(state);
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.move_to(&state.point);
         rows.iter().map(|&i| self.mode.psi(i)).collect()
     }
 
@@ -425,7 +431,7 @@ impl Simulator {
         let others: Vec<usize> = others.collect();
         self.measure_bands(state, &others, horizon);
         let mut others = others.into_iter();
-        others.position(|i| self.mode.psi(i) > state.band[i])
+        others.position(|i| self.mode.psi(i) > state.bands.width[i])
     }
 
     /// The choice of many pairs, from linear complementarity problems by Lemke's method, one around the solution of the
@@ -439,12 +445,12 @@ impl Simulator {
     ) -> Option<Vec<bool>> {
         for _ in 0..MAX_LINEARIZED {
             let (choice, x) = self.linearized(state, equations, pairs)?;
-            state.x.clone_from(&x);
+            state.point.x.clone_from(&x);
             let solved = self.solve_choice(state, equations, pairs, &choice).is_ok();
             if solved && self.violated(state, pairs, &choice, horizon).is_none() {
                 return Some(choice);
             }
-            state.x = x;
+            state.point.x = x;
         }
         None
     }
@@ -485,7 +491,7 @@ impl Simulator {
         let entries = (0..m).flat_map(|row| by_member.iter().map(move |d| (row, d)));
         let matrix: Vec<f64> = entries.map(|(row, d)| along(row, d)).collect();
         let s = lemke(&matrix, &q, &vec![1.0; m]).ok()?;
-        let mut x = state.x.clone();
+        let mut x = state.point.x.clone();
         for (at, &z) in self.system.algebraics.iter().enumerate() {
             let moved = by_member.iter().zip(&s).map(|(d, s)| d[at] * s);
             x[z] -= step[at] + moved.sum::<f64>();
@@ -520,10 +526,10 @@ impl Simulator {
         match self.system.role(switch) {
             Role::Step => None,
             Role::Equation => Some(vec![Side::Slide]),
-            Role::Member(other) if !group.contains(&other) => Some(vec![state.sides[switch]]),
+            Role::Member(other) if !group.contains(&other) => Some(vec![state.point.sides[switch]]),
             // What the second one does follows from the first.
             Role::Member(other) if other < switch => Some(vec![Side::Minus]),
-            Role::Member(_) => Some(match state.sides[switch] {
+            Role::Member(_) => Some(match state.point.sides[switch] {
                 Side::Slide => vec![Side::Slide, Side::Minus],
                 _ => vec![Side::Minus, Side::Slide],
             }),
@@ -587,7 +593,7 @@ impl Mode {
 
     /// How far state j may be moved in a projection, in relation to others.
     pub(crate) fn mobility(&self, state: &State, j: usize) -> f64 {
-        match state.size(j) {
+        match state.scales.size(j) {
             _ if self.still[j] => 0.0,
             0.0 if self.is_algebraic[j] => 1.0,
             size => size,

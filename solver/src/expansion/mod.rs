@@ -7,6 +7,7 @@ pub(crate) mod layout;
 pub(crate) mod mode;
 pub(crate) mod psi;
 pub(crate) mod rounding;
+pub(crate) mod scales;
 pub(crate) mod series;
 pub(crate) mod sliding;
 pub(crate) mod step_size;

@@ -14,10 +14,11 @@ use super::layout::Memory;
 use super::sliding::Sliding;
 use super::surfaces::Surfaces;
 use crate::contact::friction_disk::Discs;
+use crate::event::state::State;
 use crate::expansion::step_size::Probed;
 use crate::expansion::unobserved;
 use crate::hybrid::form::Library;
-use crate::hybrid::state::State;
+use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Side};
 use crate::integrate::implicit::Workspace;
 use crate::linalg::Singular;
@@ -241,6 +242,11 @@ impl Mode {
         until
     }
 
+    /// Moves to a point of a run without evaluating anything.
+    pub(crate) fn move_to(&mut self, point: &Point) {
+        self.set(point.t, &point.x, &point.alpha);
+    }
+
     /// Moves to a point without evaluating anything.
     pub(crate) fn set(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
         self.memory.set(t, x, alpha);
@@ -340,7 +346,7 @@ impl Mode {
 
     /// Finds what interacts where a mode begins.
     pub(crate) fn start_equations(&mut self, state: &State) {
-        self.set(state.t, &state.x, &state.alpha);
+        self.move_to(&state.point);
         self.linearize_surfaces();
         self.arrange();
     }

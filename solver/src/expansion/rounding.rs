@@ -5,7 +5,7 @@
 //! of the terms of f_i is that of numbers whose rounding is δ_i.
 
 use super::mode::Mode;
-use crate::hybrid::state::State;
+use crate::event::state::State;
 use crate::tape::{Ball, Rounded};
 
 /// Chains of states that pass on each other's rounding, at most this long.
@@ -55,7 +55,7 @@ impl Mode {
         [remaining, longest]: [f64; 2],
     ) -> f64 {
         let mut h = self.step_size(tolerance, state, longest);
-        if state.last_step > 0.0 && h >= SHRINKS * state.last_step.min(remaining) {
+        if state.scales.last_step > 0.0 && h >= SHRINKS * state.scales.last_step.min(remaining) {
             return h;
         }
         // Rounding of a state moves those that follow it by what a step is long.
@@ -137,14 +137,15 @@ impl Mode {
         // A state with digits of its own is as well known as these, however fast it is pulled back.
         for (i, moved) in rounding.moved.iter_mut().enumerate() {
             let noise = rounding.errors[i] * h;
-            let is_noise = state.scale[i] <= HELD * (f64::EPSILON * state.work[i] + noise);
+            let is_noise =
+                state.scales.largest[i] <= HELD * (f64::EPSILON * state.scales.work[i] + noise);
             *moved = if is_noise { noise } else { 0.0 };
         }
         if rounding.moved.iter().any(|moved| *moved > 0.0) {
             self.pass(rounding, points);
         }
         let mut raised = false;
-        let known = state.activity.iter_mut().zip(&rounding.errors);
+        let known = state.scales.activity.iter_mut().zip(&rounding.errors);
         let known = known
             .zip(&rounding.doubted)
             .filter(|(_, doubted)| **doubted);

@@ -5,8 +5,8 @@ use wide::f64x4;
 use super::layout::Memory;
 use super::mode::Mode;
 use super::series;
+use crate::event::state::State;
 use crate::hybrid::Side;
-use crate::hybrid::state::State;
 
 /// Lengths tried before a step is as long as its series allow, and how close to that it ends.
 const MAX_GROWTHS: usize = 200;
@@ -125,7 +125,7 @@ impl Mode {
             *term = if size.is_finite() { size } else { 0.0 };
         }
         self.forget_directions(state);
-        for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
+        for (activity, &now) in state.scales.activity.iter_mut().zip(&self.terms) {
             *activity = activity.max(now);
         }
     }
@@ -168,7 +168,7 @@ impl Mode {
         let (values, share) = (&self.memory.values, self.perturbation);
         let terms = self.surfaces.terms(switch, values, perturbed, share);
         // No change of its inputs shows what cancels within a ψ that is zero.
-        state.terms[switch] = match state.armed[switch] && self.is_plain(switch) {
+        state.bands.terms[switch] = match state.bands.armed[switch] && self.is_plain(switch) {
             true => terms.max(self.running_error(switch) / f64::EPSILON),
             false => terms,
         };
@@ -177,36 +177,37 @@ impl Mode {
     /// Whether something off its surface has just left it, or waits there.
     fn waits_at_surface(&self, state: &State) -> bool {
         let is_off = |i: usize| self.sides[i] != Side::Slide;
-        (0..self.sides.len()).any(|i| state.armed[i] && is_off(i) && self.is_plain(i))
+        (0..self.sides.len()).any(|i| state.bands.armed[i] && is_off(i) && self.is_plain(i))
     }
 
     /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its
     /// present value says nothing of how well it is known. So does a surface, of a ψ next to zero.
     pub(crate) fn measure_held(&mut self, state: &mut State, h: f64) {
-        state.held.clear();
-        state.held.resize(self.n, 0.0);
+        state.scales.held.clear();
+        state.scales.held.resize(self.n, 0.0);
         let has_contacts = self.sliding.iter().any(|&i| self.is_contact(i));
         if !has_contacts && (self.sliding.is_empty() || !self.waits_at_surface(state)) {
             return;
         }
-        let step = match state.last_step {
+        let step = match state.scales.last_step {
             last if last > 0.0 => last,
             _ => h,
         };
-        let motion = |state: &State, i: usize| state.activity[i] * step;
-        let is_held =
-            |state: &State, i: usize| state.x[i].abs() < HELD * f64::EPSILON * motion(state, i);
+        let motion = |state: &State, i: usize| state.scales.activity[i] * step;
+        let is_held = |state: &State, i: usize| {
+            state.point.x[i].abs() < HELD * f64::EPSILON * motion(state, i)
+        };
         if !(0..self.n).any(|i| is_held(state, i)) {
             return;
         }
         self.field.eval(&self.memory.values);
-        state.held.copy_from_slice(&self.field.f);
+        state.scales.held.copy_from_slice(&self.field.f);
         for i in (0..self.n).filter(|&i| is_held(state, i)) {
             self.memory.values[1 + i] += PERTURBATION * motion(state, i);
         }
         self.field.eval(&self.memory.values);
-        self.memory.values[1..=self.n].copy_from_slice(&state.x);
-        for (held, f) in state.held.iter_mut().zip(&self.field.f) {
+        self.memory.values[1..=self.n].copy_from_slice(&state.point.x);
+        for (held, f) in state.scales.held.iter_mut().zip(&self.field.f) {
             let size = (f - *held).abs() / PERTURBATION;
             *held = if size.is_finite() { size } else { 0.0 };
         }
@@ -225,9 +226,11 @@ impl Mode {
     /// see it: it must not be larger than rounding itself. What follows from states that are held at zero is no better
     /// known than these.
     fn error_scale(&self, i: usize, h: f64, tolerance: f64, state: &State) -> f64 {
-        let rounding = f64::EPSILON * state.activity[i].max(state.held[i]) * h;
+        let rounding = f64::EPSILON * state.scales.activity[i].max(state.scales.held[i]) * h;
         let magnitude = series::magnitude(self.x_series(i), h, 0);
-        let scale = state.scale[i].max(magnitude).max(rounding / tolerance);
+        let scale = state.scales.largest[i]
+            .max(magnitude)
+            .max(rounding / tolerance);
         scale.max(SMALLEST)
     }
 
@@ -276,7 +279,7 @@ impl Mode {
                 self.blind.push(i);
                 continue;
             }
-            if !self.continuous[i] || state.armed[i] {
+            if !self.continuous[i] || state.bands.armed[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
             self.watched.push(i);
@@ -308,7 +311,7 @@ impl Mode {
         self.grow(tolerance, longest, |h, last| {
             for &i in &self.watched {
                 if !self.is_watched_affine(i) {
-                    let rounding = 8.0 * f64::EPSILON * state.terms[i];
+                    let rounding = 8.0 * f64::EPSILON * state.bands.terms[i];
                     let c = self.psi_series(i);
                     let scale = series::magnitude(c, h, 0).max(rounding / tolerance);
                     last.see(c, scale.max(SMALLEST));
@@ -359,13 +362,16 @@ impl Mode {
             let size = size.max(c[0].abs()).max(c[1].abs() * h);
             if bend > 0.0 { bend / size } else { 0.0 }
         };
-        let states = (0..self.n).map(|i| curved(self.x_series(i), state.scale[i]));
+        let states = (0..self.n).map(|i| curved(self.x_series(i), state.scales.largest[i]));
         let alphas = self
             .sliding
             .iter()
             .map(|&i| curved(self.alpha_series(i), 1.0));
         // A ψ that starts at its surface is no larger than its states make it.
-        let size = |i: usize| self.weigh(i, |j| state.scale[j]).max(state.terms[i]);
+        let size = |i: usize| {
+            self.weigh(i, |j| state.scales.largest[j])
+                .max(state.bands.terms[i])
+        };
         let watched = self.watched.iter();
         let psis = watched.map(|&i| curved(self.psi_series(i), size(i)));
         states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()
@@ -414,7 +420,7 @@ impl Mode {
             // Numbers of functions stay what they are.
             probed.values.push(f64x4::splat(self.memory.values[i]));
         }
-        probed.values[0] = f64x4::splat(state.t) + at;
+        probed.values[0] = f64x4::splat(state.point.t) + at;
         for i in 0..self.n {
             let series = series::values_and_slopes(self.x_series(i), at);
             [probed.values[1 + i], probed.rates[i]] = series;
@@ -504,7 +510,7 @@ impl Mode {
             let c = self.psi_series(i);
             let size = series::magnitude(c, tau, 0);
             let difference = (series::value(c, at) - psi).abs();
-            let agrees = difference <= allowed * size + rounding * (state.terms[i] + size);
+            let agrees = difference <= allowed * size + rounding * (state.bands.terms[i] + size);
             if !agrees {
                 return false;
             }

@@ -6,7 +6,7 @@
 
 use super::mode::Mode;
 use crate::event::Simulator;
-use crate::hybrid::state::State;
+use crate::event::state::State;
 use crate::hybrid::{Effect, Guard, HybridSystem, Input, Role, Side};
 
 /// Steps as short as this share of the longest one are not taken for an output.
@@ -60,7 +60,7 @@ impl Mode {
 
     /// Whether a step of this length is too short for what only outputs look at.
     pub(crate) fn is_too_short(&self, state: &State, h: f64) -> bool {
-        h < LEAST * state.longest_step && self.watched.iter().any(|&i| self.observers[i])
+        h < LEAST * state.scales.longest_step && self.watched.iter().any(|&i| self.observers[i])
     }
 }
 
@@ -69,12 +69,12 @@ impl Simulator {
     pub(crate) fn look_again(&mut self, state: &mut State) {
         for at in 0..self.mode.blind.len() {
             let switch = self.mode.blind[at];
-            self.mode.set(state.t, &state.x, &state.alpha);
+            self.mode.move_to(&state.point);
             let psi = self.mode.psi(switch);
-            let mut sides = state.sides.clone();
+            let mut sides = state.point.sides.clone();
             sides[switch] = Side::of(psi);
-            state.set_sides(sides);
-            state.armed[switch] = false;
+            state.point.set_sides(sides);
+            state.bands.armed[switch] = false;
         }
     }
 
@@ -84,7 +84,7 @@ impl Simulator {
             return false;
         }
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         mode.surfaces.linearize(switch, &mode.memory.values);
         let mut gradient = mode.gradient(switch).iter();
         !gradient.all(|(_, g)| g.is_finite()) || !mode.time_gradient(switch).is_finite()

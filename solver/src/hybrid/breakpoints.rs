@@ -5,8 +5,8 @@
 //! (`lead.rs`), and what lies on its surface then is decided by the new rates, sliding too.
 
 use super::Side;
-use super::state::State;
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::series;
 use crate::hybrid::status::Status;
@@ -42,7 +42,7 @@ const NEAR: f64 = 1e-6;
 impl Simulator {
     /// Takes the pieces that hold from the present time on.
     pub(crate) fn load(&mut self, state: &State) {
-        self.pieces.until = self.mode.load(&self.system, state.t);
+        self.pieces.until = self.mode.load(&self.system, state.point.t);
     }
 
     /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
@@ -54,29 +54,30 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         let switches = std::mem::take(&mut self.pieces.switches);
-        self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.enter_surfaces(&self.system, &state.sides);
+        self.mode.move_to(&state.point);
+        self.mode.enter_surfaces(&self.system, &state.point.sides);
         for &i in &switches {
             self.mode.surfaces.stand_for(i, 0);
         }
         let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
         self.load(state);
-        self.measure_bands(state, &switches, t1 - state.t);
+        self.measure_bands(state, &switches, t1 - state.point.t);
         let mut open = triggers.to_vec();
         if !switches.is_empty() {
-            let (before, psi) = (state.sides.clone(), self.psi(state));
+            let (before, psi) = (state.point.sides.clone(), self.psi(state));
             for (&i, last) in switches.iter().zip(last) {
                 self.jump(state, i, last, psi[i], &mut open);
-                let stays = (psi[i] - last).abs() <= state.band[i];
-                if stays && psi[i].abs() <= state.band[i] {
+                let stays = (psi[i] - last).abs() <= state.bands.width[i];
+                if stays && psi[i].abs() <= state.bands.width[i] {
                     open.push(i);
                 }
             }
             self.cascade(state, &before, psi, &mut open, t1)?;
         }
         self.pieces.switches = switches;
-        let meets =
-            |&&i: &&usize| (state.sides[i] == Side::Slide || state.armed[i]) && !self.leads(i);
+        let meets = |&&i: &&usize| {
+            (state.point.sides[i] == Side::Slide || state.bands.armed[i]) && !self.leads(i)
+        };
         open.extend(self.pieces.rates.iter().filter(meets));
         open.sort_unstable();
         open.dedup();

@@ -5,9 +5,9 @@ pub(crate) mod check;
 pub(crate) mod form;
 pub(crate) mod outcome;
 pub(crate) mod piecewise;
+pub(crate) mod point;
 pub(crate) mod settings;
 pub(crate) mod side;
-pub(crate) mod state;
 pub(crate) mod status;
 pub(crate) mod system;
 

@@ -1,8 +1,8 @@
 //! The drift off the surfaces that a mode slides on, projected away after each step.
 
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::HybridSystem;
-use crate::hybrid::state::State;
 use crate::linalg::Singular;
 
 /// Rounds of Newton's method.
@@ -28,7 +28,7 @@ impl Mode {
         let mut placed = std::mem::take(&mut self.mend.placed);
         for round in 0..ROUNDS {
             placed.clear();
-            placed.resize(state.x.len(), false);
+            placed.resize(state.point.x.len(), false);
             let mut below = self.mend_gaps(system, state, &mut placed);
             for order in 0..deepest {
                 let (worst, stepped) = self.step_onto(state, Some(order), &mut placed);
@@ -61,7 +61,7 @@ impl Mode {
         placed: &mut [bool],
     ) -> (f64, Result<(), Singular>) {
         self.stand_for_order(order);
-        self.set(state.t, &state.x, &state.alpha);
+        self.move_to(&state.point);
         self.linearize_surfaces();
         let mut worst = 0.0_f64;
         for at in 0..self.sliding.len() {
@@ -71,7 +71,7 @@ impl Mode {
                 continue;
             }
             let psi = self.psi(i);
-            let size = self.weigh(i, |j| state.size(j));
+            let size = self.weigh(i, |j| state.scales.size(j));
             let follows = self.equations.tie(at).is_some() || self.equations.is_held(at);
             self.equations.rhs[at] = if follows { 0.0 } else { psi };
             if size > 0.0 {
@@ -102,7 +102,7 @@ impl Mode {
     fn find_least(&mut self, state: &State, order: Option<usize>, worst: f64) {
         let mut least = std::mem::take(&mut self.mend.least);
         least.clear();
-        least.resize(state.x.len(), 0.0);
+        least.resize(state.point.x.len(), 0.0);
         let left = self.sliding.iter().filter(|_| worst > ASTRAY);
         for &i in left.filter(|&&i| !self.is_mended(i, order)) {
             let terms = self.gradient(i).iter();
@@ -138,7 +138,7 @@ impl Mode {
             equations.solve();
             for (&i, multiplier) in equations.switches.iter().zip(&equations.rhs) {
                 for &(j, g) in self.surfaces.gradient(i) {
-                    state.x[j] -= g * multiplier * mobility(self, state, j).powi(2);
+                    state.point.x[j] -= g * multiplier * mobility(self, state, j).powi(2);
                 }
             }
         }
@@ -154,15 +154,17 @@ impl Mode {
             if order >= highest || self.is_mended(i, Some(order)) {
                 continue;
             }
-            self.set(state.t, &state.x, &state.alpha);
+            self.move_to(&state.point);
             self.surfaces.stand_for(i, order);
             self.surfaces.linearize(i, &self.memory.values);
             let psi = self.psi(i);
             let gradient = self.surfaces.gradient(i).iter();
-            let square: f64 = gradient.map(|&(j, g)| (g * state.size(j)).powi(2)).sum();
+            let square: f64 = gradient
+                .map(|&(j, g)| (g * state.scales.size(j)).powi(2))
+                .sum();
             if square > 0.0 {
                 for &(j, g) in self.surfaces.gradient(i) {
-                    state.x[j] -= g * psi / square * state.size(j).powi(2);
+                    state.point.x[j] -= g * psi / square * state.scales.size(j).powi(2);
                 }
             }
             self.surfaces.stand_for(i, highest);

@@ -6,13 +6,13 @@
 use super::radau::{Implicit, Radau, Shape, Start};
 use super::step::{Step, Watch, first_event, met, simultaneous, verify_start};
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::events::roots::Root;
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::breakpoints::is_at_end;
-use crate::hybrid::state::State;
 use crate::hybrid::{HybridSystem, Side, Status};
 use crate::selector::judge::ROUNDINGS;
 
@@ -58,29 +58,29 @@ impl Simulator {
     ) -> Result<Option<Step>, Status> {
         let mode = &mut self.mode;
         let look = self.stiffness.wants_series();
-        let mut alpha = std::mem::take(&mut state.alpha);
+        let mut alpha = std::mem::take(&mut state.point.alpha);
         let solved = if look {
-            mode.expand(state.t, &state.x, &mut alpha)
+            mode.expand(state.point.t, &state.point.x, &mut alpha)
         } else {
-            mode.start(state.t, &state.x, &mut alpha)
+            mode.start(state.point.t, &state.point.x, &mut alpha)
         };
         mode.measure_terms(state);
-        mode.measure_held(state, t1 - state.t);
-        state.alpha = alpha;
+        mode.measure_held(state, t1 - state.point.t);
+        state.point.alpha = alpha;
         if solved.is_err() {
             return Err(mode.stuck());
         }
         if look {
             let tolerance = self.settings.local_tolerance();
-            self.stiffness.explicit_length = mode.step_size(tolerance, state, t1 - state.t);
+            self.stiffness.explicit_length = mode.step_size(tolerance, state, t1 - state.point.t);
         }
-        let mut start = std::mem::take(&mut state.start);
+        let mut start = std::mem::take(&mut self.stiffness.start);
         mode.write_start(state, &mut start);
         let mut radau = self.stiffness.take(mode.shape());
         let step = self.attempts(&mut radau, &start, state, t1);
-        state.stats.absorb(&mut radau);
+        state.report.stats.absorb(&mut radau);
         self.stiffness.give_back(radau);
-        state.start = start;
+        self.stiffness.start = start;
         if let Ok(None) = step {
             self.stiffness.give_up();
         }
@@ -95,7 +95,7 @@ impl Simulator {
         t1: f64,
     ) -> Result<Option<Step>, Status> {
         let tolerance = self.settings.local_tolerance();
-        let remaining = (t1 - state.t) - state.t_low;
+        let remaining = state.point.remaining(t1);
         if let Some(length) = self.stiffness.first_length() {
             radau.restart(length);
         }
@@ -140,19 +140,22 @@ impl Simulator {
             // What the polynomials did not see shows at the end.
             let mode = &mut *stiff.mode;
             mode.write_end(radau, start, length, state);
-            mode.eval(start.t + length, &state.next, &state.next_alpha);
+            mode.eval(start.t + length, &state.trial.x, &state.trial.alpha);
             let unseen = event.is_none() && mode.on_wrong_side(state);
             if !seen || unseen || mode.turned_over() {
-                state.stats.rejected += 1;
+                state.report.stats.rejected += 1;
                 radau.limit_next(0.5 * h);
                 continue;
             }
             // What is not watched any more since the step ends earlier does not come close.
-            state.close.retain(|(i, _)| mode.watched.contains(i));
+            state
+                .approaches
+                .close
+                .retain(|(i, _)| mode.watched.contains(i));
             let met = met(event).filter(|(i, _)| mode.watched.contains(i));
             let dense = Dense::Collocation(mode, radau);
             mode.note_approaches(dense, state, length, met, closeness);
-            state.accept(radau, h);
+            accept(state, radau, h);
             let worth = mode.worth(radau.degree());
             self.stiffness.after_implicit(h, worth);
             return Ok(Some(Step {
@@ -167,6 +170,18 @@ impl Simulator {
         }
         Ok(None)
     }
+}
+
+/// Moves to the end of a step; `length` is what it would have been without an event.
+fn accept(state: &mut State, radau: &Radau, length: f64) {
+    std::mem::swap(&mut state.point.x, &mut state.trial.x);
+    std::mem::swap(&mut state.point.alpha, &mut state.trial.alpha);
+    // The terms of stiff rates are large, but what rounding does to them is damped.
+    for (i, activity) in state.scales.activity.iter_mut().enumerate() {
+        *activity = radau.noise(i) / radau.reach();
+    }
+    state.scales.last_step = length;
+    state.report.stats.implicit_steps += 1;
 }
 
 impl Mode {
@@ -199,32 +214,34 @@ impl Mode {
     }
 
     fn write_start(&mut self, state: &State, start: &mut Start) {
-        start.t = state.t;
+        start.t = state.point.t;
         start.y.clear();
-        start.y.extend_from_slice(&state.x);
-        start.y.extend(self.sliding.iter().map(|&i| state.alpha[i]));
+        start.y.extend_from_slice(&state.point.x);
+        start
+            .y
+            .extend(self.sliding.iter().map(|&i| state.point.alpha[i]));
         start.scales.clear();
-        start.scales.extend_from_slice(&state.scale);
+        start.scales.extend_from_slice(&state.scales.largest);
         start.scales.resize(start.y.len(), 1.0);
         start.terms.clear();
         start.terms.extend_from_slice(&self.terms);
         let size = |state: usize| self.terms[state].max(self.field.f[state].abs());
         let rates = self.sliding.iter().map(|&i| self.weigh(i, size));
         start.terms.extend(rates);
-        self.implicit.alphas.clone_from(&state.alpha);
+        self.implicit.alphas.clone_from(&state.point.alpha);
     }
 
     /// Writes the state and α `length` after the start, which is the end of the step or within it.
     fn write_end(&self, radau: &Radau, start: &Start, length: f64, state: &mut State) {
         let dense = Dense::Collocation(self, radau);
-        dense.states_at(length, &mut state.next);
-        dense.alphas_at(length, &mut state.next_alpha);
+        dense.states_at(length, &mut state.trial.x);
+        dense.alphas_at(length, &mut state.trial.alpha);
         if length == radau.reach() {
-            for (row, x) in state.next.iter_mut().enumerate() {
+            for (row, x) in state.trial.x.iter_mut().enumerate() {
                 *x = radau.end(start, row);
             }
             for (j, &i) in self.sliding.iter().enumerate() {
-                state.next_alpha[i] = radau.end(start, self.n + j);
+                state.trial.alpha[i] = radau.end(start, self.n + j);
             }
         }
     }
@@ -311,7 +328,7 @@ impl Mode {
             let i = self.watched[at];
             let psi = self.watched_psi(i);
             let polynomial = self.interpolant(i, s);
-            let (terms, magnitude) = (state.terms[i], series::magnitude(polynomial, h, 0));
+            let (terms, magnitude) = (state.bands.terms[i], series::magnitude(polynomial, h, 0));
             let value = series::value(polynomial, tau);
             let difference = (value - psi).abs();
             // Where ψ is steep its terms are large beside itself, and say nothing of a side that it is on for an instant.

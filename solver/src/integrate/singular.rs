@@ -11,10 +11,10 @@
 
 use super::step::{Step, first_event, simultaneous};
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::step_size::SMALLEST;
-use crate::hybrid::state::State;
 use crate::hybrid::{Side, Status};
 
 /// What the error of a straight step is of h times the change of f: 1/(1 + p) - 1/2ᵖ is no larger for 0 < p ≤ 1.
@@ -76,7 +76,7 @@ impl Mode {
     /// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say
     /// nothing.
     pub(crate) fn is_on_root(&self, state: &State) -> bool {
-        let mut roots = self.roots.iter().zip(&state.armed);
+        let mut roots = self.roots.iter().zip(&state.bands.armed);
         roots.any(|(root, armed)| *root && *armed)
     }
 
@@ -101,8 +101,8 @@ impl Mode {
 
     /// The longest straight step up to `longest` that is accurate; none where f is not finite.
     pub(crate) fn line(&mut self, state: &State, tolerance: f64, longest: f64) -> Option<Longest> {
-        let mut alpha = state.alpha.clone();
-        let (t, x) = (state.t, &state.x);
+        let mut alpha = state.point.alpha.clone();
+        let (t, x) = (state.point.t, &state.point.x);
         self.solve_alpha(t, x, &mut alpha).ok()?;
         let start = self.f().to_vec();
         if !start.iter().all(|f| f.is_finite()) {
@@ -114,7 +114,7 @@ impl Mode {
         let ahead = |tau: f64, f: &[f64]| -> Vec<f64> {
             x.iter().zip(f).map(|(x, f)| x + tau * f).collect()
         };
-        let mut h = match state.last_step {
+        let mut h = match state.scales.last_step {
             last if last > 0.0 => longest.min(MAX_GROWTH * last),
             _ => longest,
         };
@@ -124,7 +124,7 @@ impl Mode {
         let early = self.f().to_vec();
         // What starts at zero is as large as its rate makes it.
         let sizes = |f: &[f64]| -> Vec<f64> {
-            let size = |(i, early): (usize, &f64)| match state.scale[i].max(x[i].abs()) {
+            let size = |(i, early): (usize, &f64)| match state.scales.largest[i].max(x[i].abs()) {
                 0.0 => (early.abs().max(f[i].abs()) * longest).max(SMALLEST),
                 size => size.max(SMALLEST),
             };
@@ -174,7 +174,7 @@ impl Mode {
     fn rates_left(&mut self, state: &State, f: &[f64]) -> Vec<(usize, f64)> {
         let mut left = Vec::new();
         for i in 0..self.roots.len() {
-            if self.roots[i] && state.armed[i] && self.sides[i] != Side::Slide {
+            if self.roots[i] && state.bands.armed[i] && self.sides[i] != Side::Slide {
                 self.surfaces.linearize(i, &self.memory.values);
                 left.push((i, self.along(i, f)));
             }
@@ -193,10 +193,10 @@ impl Mode {
         let Some(Longest { line, .. }) = self.line(state, tolerance, longest) else {
             return vec![f64::NAN; switches.len()];
         };
-        let middle = state.x.iter().zip(&line.rates);
+        let middle = state.point.x.iter().zip(&line.rates);
         let middle: Vec<f64> = middle.map(|(x, f)| x + 0.5 * line.length * f).collect();
         let mut alpha = line.alpha;
-        let at = state.t + 0.5 * line.length;
+        let at = state.point.t + 0.5 * line.length;
         if self.solve_alpha(at, &middle, &mut alpha).is_err() {
             return vec![f64::NAN; switches.len()];
         }
@@ -215,8 +215,8 @@ impl Mode {
             row.fill(0.0);
             (row[0], row[1]) = (value, rate);
         };
-        set(0, state.t, 1.0);
-        for (i, (&x, &rate)) in state.x.iter().zip(&line.rates).enumerate() {
+        set(0, state.point.t, 1.0);
+        for (i, (&x, &rate)) in state.point.x.iter().zip(&line.rates).enumerate() {
             set((1 + i) * stride, x, rate);
         }
         for &i in &self.sliding {
@@ -226,7 +226,7 @@ impl Mode {
             self.memory.rows[row..row + stride].fill(0.0);
             self.memory.rows[row] = rate;
         }
-        self.memory.set(state.t, &state.x, &line.alpha);
+        self.memory.set(state.point.t, &state.point.x, &line.alpha);
     }
 }
 
@@ -244,13 +244,13 @@ impl Simulator {
             }
             None => (line.length, Vec::new()),
         };
-        dense.states_at(length, &mut state.next);
-        if !state.next.iter().all(|x| x.is_finite()) {
+        dense.states_at(length, &mut state.trial.x);
+        if !state.trial.x.iter().all(|x| x.is_finite()) {
             return Err(Status::NotFinite);
         }
-        dense.alphas_at(length, &mut state.alpha);
-        std::mem::swap(&mut state.x, &mut state.next);
-        state.last_step = line.length;
+        dense.alphas_at(length, &mut state.point.alpha);
+        std::mem::swap(&mut state.point.x, &mut state.trial.x);
+        state.scales.last_step = line.length;
         Ok(Step {
             length,
             reaches_end: length >= remaining,

@@ -16,9 +16,9 @@
 use super::singular::Line;
 use super::step::Step;
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::state::State;
 use crate::hybrid::{Side, Status};
 use crate::selector::select::BAND;
 
@@ -59,14 +59,14 @@ impl Mode {
         resting.into_iter().find(|&i| {
             self.expand_psi(i, state);
             let c = self.psi_series(i);
-            series::leading(c, h, state.level(i, c, h)).is_some()
+            series::leading(c, h, state.bands.level(i, c, h)).is_some()
         })
     }
 
     /// A displacement of the states that moves ψ by one, where it was last linearized.
     fn across_surface(&self, switch: usize, state: &State) -> Vec<f64> {
         let mut d = vec![0.0; self.n];
-        let size = |j: usize| match state.size(j) {
+        let size = |j: usize| match state.scales.size(j) {
             0.0 => 1.0,
             size => size,
         };
@@ -82,11 +82,11 @@ impl Mode {
 
     /// The nearest place at which ψ is zero.
     pub(crate) fn onto_surface(&mut self, state: &State, switch: usize) -> Vec<f64> {
-        self.set(state.t, &state.x, &state.alpha);
+        self.move_to(&state.point);
         self.surfaces.linearize(switch, &self.memory.values);
         let psi = self.psi(switch);
         let across = self.across_surface(switch, state);
-        let moved = state.x.iter().zip(across);
+        let moved = state.point.x.iter().zip(across);
         moved.map(|(x, d)| x - psi * d).collect()
     }
 
@@ -118,22 +118,22 @@ impl Simulator {
         }
         let pairs = group.iter().copied().zip(wanted.iter().copied());
         let (roots, others): (Vec<_>, Vec<_>) = pairs.partition(|(i, _)| self.mode.rests[*i]);
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
-        state.set_sides(sides);
+        state.point.set_sides(sides);
         if !others.is_empty() {
             let (others, wanted): (Vec<usize>, Vec<Option<Side>>) = others.into_iter().unzip();
             self.choose(state, &others, &wanted, t1, true)?;
         }
         for _ in 0..=roots.len() {
-            let before = state.sides.clone();
+            let before = state.point.sides.clone();
             for &(i, wanted) in &roots {
                 let side = self.decide_rest(state, i, wanted, t1)?;
-                let mut sides = state.sides.clone();
+                let mut sides = state.point.sides.clone();
                 sides[i] = side;
-                state.set_sides(sides);
+                state.point.set_sides(sides);
             }
-            if state.sides == before {
+            if state.point.sides == before {
                 break;
             }
         }
@@ -177,13 +177,16 @@ impl Simulator {
         switch: usize,
         t1: f64,
     ) -> Result<Option<(usize, Side)>, Status> {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
         let tolerance = self.settings.local_tolerance();
         let mode = &mut self.mode;
         mode.enter(&self.system, &sides);
-        let mut alpha = state.alpha.clone();
-        if mode.expand(state.t, &state.x, &mut alpha).is_err() {
+        let mut alpha = state.point.alpha.clone();
+        if mode
+            .expand(state.point.t, &state.point.x, &mut alpha)
+            .is_err()
+        {
             return Err(mode.stuck());
         }
         let is_smooth = mode.cut_short(usize::MAX);
@@ -191,50 +194,52 @@ impl Simulator {
         mode.watched.clear();
         mode.expand_psi(switch, state);
         mode.watched.push(switch);
-        let h = mode.step_size(tolerance, state, t1 - state.t);
+        let h = mode.step_size(tolerance, state, t1 - state.point.t);
         let h = mode.step_size_of_psi(tolerance, state, h);
         let c = mode.psi_series(switch);
-        if let Some(k) = series::leading(c, h, state.level(switch, c, h)) {
+        if let Some(k) = series::leading(c, h, state.bands.level(switch, c, h)) {
             return Ok(Some((k, Side::of(c[k]))));
         }
         if is_smooth {
             return Ok(None);
         }
         // What drives it has no series either: its rate a moment later tells.
-        let found = mode.line(state, tolerance, t1 - state.t);
+        let found = mode.line(state, tolerance, t1 - state.point.t);
         let Some(Line { length, rates, .. }) = found.map(|found| found.line) else {
             return Err(mode.stuck());
         };
-        let ahead = state.x.iter().zip(&rates);
+        let ahead = state.point.x.iter().zip(&rates);
         let ahead: Vec<f64> = ahead.map(|(x, f)| x + length * f).collect();
-        let rate = mode.rate_from(switch, state.t + length, &ahead, &alpha);
+        let rate = mode.rate_from(switch, state.point.t + length, &ahead, &alpha);
         let is_seen = rate.abs() > ROUNDINGS * mode.terms_of_phi(switch);
         Ok(is_seen.then_some((2, Side::of(rate))))
     }
 
     /// What roots add to φ at a displacement of ψ by `by` from where the state is, on the side of that.
     fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
         self.mode.enter(&self.system, &sides);
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.move_to(&state.point);
         self.mode
             .surfaces
             .linearize(switch, &self.mode.memory.values);
         let across = self.mode.across_surface(switch, state);
-        let moved = state.x.iter().zip(&across);
+        let moved = state.point.x.iter().zip(&across);
         let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
-        let smooth = self.mode.rate_from(switch, state.t, &moved, &state.alpha);
+        let smooth = self
+            .mode
+            .rate_from(switch, state.point.t, &moved, &state.point.alpha);
         sides[switch] = Side::of(by);
         self.mode.enter(&self.system, &sides);
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         alpha[switch] = f64::from(u8::from(by > 0.0));
-        self.mode.rate_from(switch, state.t, &moved, &alpha) - smooth
+        self.mode.rate_from(switch, state.point.t, &moved, &alpha) - smooth
     }
 
     /// Whether a root takes ψ away from zero to this side, in finite time.
     fn repels(&mut self, state: &State, switch: usize, side: Side) -> bool {
-        let near = match state.band[switch] {
+        let near = match state.bands.width[switch] {
             0.0 => NEAR_ZERO,
             band => NEAR / BAND * band,
         };
@@ -259,28 +264,28 @@ impl Simulator {
     }
 
     fn settles(&mut self, state: &mut State, switch: usize) -> Option<Settling> {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
         let mode = &mut self.mode;
         mode.enter(&self.system, &sides);
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
             alpha[switch] = value;
-            mode.eval(state.t, &state.x, &alpha);
+            mode.eval(state.point.t, &state.point.x, &alpha);
             mode.linearize(&[switch]);
             (mode.phi(switch), mode.f().to_vec())
         });
         let speed = mode.psi(switch);
         let way = usize::from(speed > 0.0);
-        state.crossed[switch][way] = speed.abs();
-        let before = state.crossed[switch][1 - way];
+        state.bands.crossed[switch][way] = speed.abs();
+        let before = state.bands.crossed[switch][1 - way];
         if !(above < 0.0 && below > 0.0 && speed.abs() <= SHRINKS * before) {
             return None;
         }
         mode.surfaces.stand_for(switch, 0);
         mode.surfaces.linearize(switch, &mode.memory.values);
-        let size = mode.weigh(switch, |j| state.size(j));
-        let near = (self.settings.settled() * size).max(BEYOND * state.band[switch]);
+        let size = mode.weigh(switch, |j| state.scales.size(j));
+        let near = (self.settings.settled() * size).max(BEYOND * state.bands.width[switch]);
         if speed * speed > 2.0 * near * below.min(-above) {
             return None;
         }
@@ -289,9 +294,9 @@ impl Simulator {
             sides[switch] = side;
             alpha[switch] = f64::from(u8::from(side == Side::Plus));
             self.mode.enter(&self.system, &sides);
-            let moved = state.x.iter().zip(&across);
+            let moved = state.point.x.iter().zip(&across);
             let moved: Vec<f64> = moved.map(|(x, d)| x + side.sign() * near * d).collect();
-            let rate = self.mode.rate_from(switch, state.t, &moved, &alpha);
+            let rate = self.mode.rate_from(switch, state.point.t, &moved, &alpha);
             (rate - speed) * side.sign() < 0.0
         });
         let by_alpha = plus.iter().zip(&minus).map(|(plus, minus)| plus - minus);
@@ -305,32 +310,32 @@ impl Simulator {
     /// The end of a way to a surface on which a switch will rest, from where it is on it but for rounding: there
     /// ψ' = c |ψ|^p takes |ψ| / ((1 - p) |ψ'|), over which the root is 1 - p times what it is now in the mean.
     pub(crate) fn arrive(&mut self, state: &mut State, remaining: f64) -> Option<Step> {
-        for i in 0..state.sides.len() {
-            let side = state.sides[i];
-            if !self.mode.rests[i] || side == Side::Slide || state.armed[i] {
+        for i in 0..state.point.sides.len() {
+            let side = state.point.sides[i];
+            if !self.mode.rests[i] || side == Side::Slide || state.bands.armed[i] {
                 continue;
             }
-            let (t, x) = (state.t, state.x.clone());
-            self.mode.set(t, &x, &state.alpha);
-            state.band[i] = self.mode.band(i, state, remaining);
+            let (t, x) = (state.point.t, state.point.x.clone());
+            self.mode.set(t, &x, &state.point.alpha);
+            state.bands.width[i] = self.mode.band(i, state, remaining);
             let psi = self.mode.psi(i);
-            if psi.abs() > state.band[i] {
+            if psi.abs() > state.bands.width[i] {
                 continue;
             }
-            let rate = self.mode.rate_from(i, t, &x, &state.alpha);
+            let rate = self.mode.rate_from(i, t, &x, &state.point.alpha);
             let f = self.mode.f().to_vec();
             if rate * side.sign() >= 0.0 {
                 continue;
             }
-            let mut sides = state.sides.clone();
+            let mut sides = state.point.sides.clone();
             sides[i] = Side::Slide;
             self.mode.enter(&self.system, &sides);
-            let smooth = self.mode.rate_from(i, t, &x, &state.alpha);
+            let smooth = self.mode.rate_from(i, t, &x, &state.point.alpha);
             let at_rest = self.mode.f().to_vec();
-            self.mode.enter(&self.system, &state.sides);
+            self.mode.enter(&self.system, &state.point.sides);
             let closer = CLOSER * psi - psi;
             let ratio = (self.root_at(state, i, closer)) / (rate - smooth);
-            self.mode.enter(&self.system, &state.sides);
+            self.mode.enter(&self.system, &state.point.sides);
             if smooth.abs() > SMALL * rate.abs() {
                 continue;
             }
@@ -345,11 +350,11 @@ impl Simulator {
                 rates: mean
                     .map(|(f, smooth)| smooth + rest * (f - smooth))
                     .collect(),
-                alpha: state.alpha.clone(),
+                alpha: state.point.alpha.clone(),
             };
             self.mode.lay(state, &line);
             self.mode.watched.clear();
-            for (x, rate) in state.x.iter_mut().zip(&line.rates) {
+            for (x, rate) in state.point.x.iter_mut().zip(&line.rates) {
                 *x += length * rate;
             }
             return Some(Step {

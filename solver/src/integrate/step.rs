@@ -2,13 +2,13 @@
 
 use crate::contact::friction_disk;
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::Status;
 use crate::hybrid::breakpoints::is_at_end;
-use crate::hybrid::state::State;
 use crate::selector::fold::Fold;
 use crate::selector::select::BAND;
 
@@ -31,12 +31,12 @@ pub(crate) struct Step {
 impl Step {
     /// One that ends in a fold, where the point behind it is known.
     fn to_fold(state: &mut State, fold: Fold) -> Self {
-        std::mem::swap(&mut state.x, &mut state.next);
+        std::mem::swap(&mut state.point.x, &mut state.trial.x);
         for turn in &fold.turns {
-            state.alpha[turn.switch] = turn.alpha;
+            state.point.alpha[turn.switch] = turn.alpha;
         }
         let (length, switch) = (fold.after, fold.switch);
-        state.fold = Some(fold);
+        state.selection.fold = Some(fold);
         Step {
             length,
             ..Step::at_once(switch)
@@ -88,7 +88,7 @@ impl Simulator {
     /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
     /// on to `t1`.
     pub(crate) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
-        if !state.departures.is_empty()
+        if !state.selection.departures.is_empty()
             && let Some(step) = self.departure_step(state, goal, t1)
         {
             return Ok(step);
@@ -105,7 +105,7 @@ impl Simulator {
     }
 
     fn explicit_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
-        let remaining = (goal - state.t) - state.t_low;
+        let remaining = state.point.remaining(goal);
         if self.mode.may_rest
             && let Some(step) = self.arrive(state, remaining)
         {
@@ -113,12 +113,15 @@ impl Simulator {
         }
         let mode = &mut self.mode;
         mode.blind.clear();
-        if mode.expand(state.t, &state.x, &mut state.alpha).is_err() {
+        if mode
+            .expand(state.point.t, &state.point.x, &mut state.point.alpha)
+            .is_err()
+        {
             return Err(mode.stuck());
         }
         mode.measure_terms(state);
         mode.measure_held(state, remaining);
-        state.stats.rhs_evaluations += self.order;
+        state.report.stats.rhs_evaluations += self.order;
         if mode.slides_nonlinearly()
             && let Some(fold) = mode.fold_ahead(state, remaining)
         {
@@ -144,7 +147,7 @@ impl Simulator {
                 Judged::Again => continue,
                 Judged::EndsAtRoot => return self.step_off(state, remaining),
                 Judged::Rejected => {
-                    state.stats.rejected += 1;
+                    state.report.stats.rejected += 1;
                     if attempt == PATIENCE {
                         self.mode.look_away();
                     }
@@ -155,7 +158,13 @@ impl Simulator {
             if !moves && cut.event.is_none() && cut.ends.is_none() {
                 break;
             }
-            return self.accept(state, cut, [h, longest], [remaining, t1 - state.t], defect);
+            return self.accept(
+                state,
+                cut,
+                [h, longest],
+                [remaining, t1 - state.point.t],
+                defect,
+            );
         }
         let rests = self.mode.comes_to_rest(state);
         rests.ok_or_else(|| self.mode.stuck())
@@ -163,8 +172,8 @@ impl Simulator {
 
     /// How long the step may be at most.
     fn longest(&mut self, state: &State, remaining: f64) -> f64 {
-        let longest = if state.last_step > 0.0 {
-            remaining.min(MAX_GROWTH * state.last_step)
+        let longest = if state.scales.last_step > 0.0 {
+            remaining.min(MAX_GROWTH * state.scales.last_step)
         } else {
             remaining
         };
@@ -279,17 +288,17 @@ impl Simulator {
         let dense = Dense::Taylor(mode);
         let met = met(event).filter(|(i, _)| !mode.is_in_disc(*i));
         mode.note_approaches(dense, state, length, met, self.settings.tolerance);
-        dense.states_at(length, &mut state.next);
-        std::mem::swap(&mut state.x, &mut state.next);
-        if !state.x.iter().all(|x| x.is_finite()) {
-            std::mem::swap(&mut state.x, &mut state.next);
+        dense.states_at(length, &mut state.trial.x);
+        std::mem::swap(&mut state.point.x, &mut state.trial.x);
+        if !state.point.x.iter().all(|x| x.is_finite()) {
+            std::mem::swap(&mut state.point.x, &mut state.trial.x);
             return Err(Status::NotFinite);
         }
-        dense.alphas_at(length, &mut state.alpha);
+        dense.alphas_at(length, &mut state.point.alpha);
         let reaches_end = length >= left[0];
         let is_cut = reaches_end || ends.is_some() || !triggers.is_empty();
-        state.last_step = if is_cut && state.last_step > 0.0 {
-            state.last_step.max(length)
+        state.scales.last_step = if is_cut && state.scales.last_step > 0.0 {
+            state.scales.last_step.max(length)
         } else {
             h
         };
@@ -337,7 +346,7 @@ struct Cut {
 impl Cut {
     /// Whether time has digits for its length.
     fn moves(&self, state: &State) -> bool {
-        state.t + (self.length + state.t_low) > state.t
+        state.point.t + (self.length + state.point.t_low) > state.point.t
     }
 }
 
@@ -371,18 +380,18 @@ pub(crate) fn first_event(
 ) -> Option<(Root, Watch)> {
     let mut first: Option<(Root, Watch)> = None;
     let mode = dense.mode();
-    state.close.clear();
+    state.approaches.close.clear();
     for &i in &mode.sliding {
         if mode.departing.contains(&i) {
             continue;
         }
         let alpha = dense.alpha(i);
         let reach = first.map_or(h, |(root, _)| root.tau);
-        let mut margin = std::mem::take(&mut state.margin);
+        let mut margin = std::mem::take(&mut roots.margin);
         if let Some(root) = friction_disk::leaves(roots, dense, &mut margin, i, reach) {
             first = Some((root, Watch::Disc(i)));
         }
-        state.margin = margin;
+        roots.margin = margin;
         for &limit in mode.limits(i) {
             let reach = first.map_or(h, |(root, _)| root.tau);
             let inside = if limit == 0.0 { 1.0 } else { -1.0 };
@@ -398,17 +407,20 @@ pub(crate) fn first_event(
         let reach = first.map_or(h, |(root, _)| root.tau);
         let c = dense.psi(i);
         // Contacts close where they open by less than their band.
-        let band = state.armed[i].then(|| match mode.is_plain(i) {
+        let band = state.bands.armed[i].then(|| match mode.is_plain(i) {
             true => mode.rounding_of_motion(i, state, h),
-            false if mode.is_contact(i) => state.level(i, c, h),
-            false => SEEN * state.level(i, c, h),
+            false if mode.is_contact(i) => state.bands.level(i, c, h),
+            false => SEEN * state.bands.level(i, c, h),
         });
         let level = match mode.is_in_disc(i) {
             true => 0.0,
             false => mode.closeness(i, state, tolerance, h),
         };
         let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
-        state.close.extend(roots.close.iter().map(|&tau| (i, tau)));
+        state
+            .approaches
+            .close
+            .extend(roots.close.iter().map(|&tau| (i, tau)));
         if let Some(root) = root {
             first = Some((root, Watch::Surface(i)));
         }
@@ -459,7 +471,8 @@ pub(crate) fn verify_start(
 ) -> Result<(), Status> {
     if let (Watch::Surface(switch), 0.0) = (watch, tau) {
         let c = dense.psi(switch);
-        let rounding = state.band[switch].max(64.0 * f64::EPSILON * state.terms[switch]);
+        let rounding =
+            state.bands.width[switch].max(64.0 * f64::EPSILON * state.bands.terms[switch]);
         if c[0].abs() > rounding.max(1e-9 * series::magnitude(c, h, 0)) {
             return Err(Status::MissedSwitch { switch });
         }
@@ -485,10 +498,10 @@ pub(crate) fn simultaneous(
     let reached = |&i: &usize| {
         let c = dense.psi(i);
         let size = match mode.is_in_disc(i) {
-            true => friction_disk::STOPS * state.band[i],
+            true => friction_disk::STOPS * state.bands.width[i],
             false => TOGETHER * series::magnitude(c, h, 0),
         };
-        !state.armed[i] && series::value(c, tau).abs() <= size
+        !state.bands.armed[i] && series::value(c, tau).abs() <= size
     };
     triggers.extend(mode.watched.iter().copied().filter(reached));
     triggers.push(trigger);
@@ -512,7 +525,9 @@ impl Mode {
     pub(crate) fn on_wrong_side(&mut self, state: &State) -> bool {
         for at in 0..self.watched.len() {
             let i = self.watched[at];
-            if !state.armed[i] && self.watched_psi(i) * self.sides[i].sign() < -state.band[i] {
+            if !state.bands.armed[i]
+                && self.watched_psi(i) * self.sides[i].sign() < -state.bands.width[i]
+            {
                 return true;
             }
         }
@@ -543,16 +558,16 @@ impl Mode {
         h: f64,
     ) -> Result<f64, Status> {
         for _ in 0..4 {
-            Dense::Taylor(self).states_at(tau, &mut state.next);
-            Dense::Taylor(self).alphas_at(tau, &mut state.next_alpha);
+            Dense::Taylor(self).states_at(tau, &mut state.trial.x);
+            Dense::Taylor(self).alphas_at(tau, &mut state.trial.alpha);
             let (value, slope) = match watch {
                 Watch::Surface(i) => {
-                    self.set(state.t + tau, &state.next, &state.next_alpha);
+                    self.set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
                     (self.psi(i), series::slope(self.psi_series(i), tau))
                 }
                 Watch::Bound(..) | Watch::Disc(_) => {
                     let singular = self
-                        .solve_alpha(state.t + tau, &state.next, &mut state.next_alpha)
+                        .solve_alpha(state.point.t + tau, &state.trial.x, &mut state.trial.alpha)
                         .is_err();
                     if singular && self.lets_go(watch) {
                         break;
@@ -562,12 +577,12 @@ impl Mode {
                     }
                     match watch {
                         Watch::Bound(i, limit) => (
-                            state.next_alpha[i] - limit,
+                            state.trial.alpha[i] - limit,
                             series::slope(self.alpha_series(i), tau),
                         ),
                         _ => {
                             let dense = Dense::Taylor(self);
-                            friction_disk::margin_at(dense, watch.switch(), tau, &state.next_alpha)
+                            friction_disk::margin_at(dense, watch.switch(), tau, &state.trial.alpha)
                         }
                     }
                 }
@@ -579,14 +594,14 @@ impl Mode {
             }
             // Where the surface has just been left, a value that is rounding says nothing of the root.
             if let Watch::Surface(i) = watch
-                && state.armed[i]
-                && value.abs() <= 8.0 * f64::EPSILON * state.terms[i]
+                && state.bands.armed[i]
+                && value.abs() <= 8.0 * f64::EPSILON * state.bands.terms[i]
             {
                 break;
             }
             let moved = (next - tau).abs();
             tau = next.min(h);
-            if moved <= f64::EPSILON * (state.t.abs() + tau) {
+            if moved <= f64::EPSILON * (state.point.t.abs() + tau) {
                 break;
             }
         }

@@ -7,9 +7,9 @@
 use super::judge::TIE;
 use super::select::{Choice, Choices};
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::held;
-use crate::hybrid::state::State;
 use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::runtime::limit::Limit;
@@ -61,7 +61,7 @@ impl Simulator {
         };
         for candidate in candidates {
             // There may be hundreds, each with many boxes.
-            state.limit.check()?;
+            self.settings.limit.check()?;
             self.enter_surfaces(state, group, &candidate);
             let outcome = self.solve(state, group, &candidate, &mut choices.found);
             choices.singular |= outcome == Search::Singular;
@@ -73,7 +73,7 @@ impl Simulator {
     /// Takes the switching functions on the sides of a choice: one may have a kink where another is zero, and then its
     /// rate depends on the other's side.
     pub(crate) fn enter_surfaces(&mut self, state: &State, group: &[usize], choice: &[Side]) {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for (&i, &side) in group.iter().zip(choice) {
             sides[i] = side;
         }
@@ -92,7 +92,10 @@ impl Simulator {
         if !self.system.is_continuous(switch) {
             options.push(Side::Slide);
         }
-        if let Some(present) = options.iter().position(|side| *side == state.sides[switch]) {
+        if let Some(present) = options
+            .iter()
+            .position(|side| *side == state.point.sides[switch])
+        {
             options.swap(0, present);
         }
         options
@@ -138,7 +141,7 @@ impl Simulator {
         found: &mut Vec<Choice>,
     ) -> Search {
         let mode = &mut self.mode;
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         let mut unknowns = Vec::new();
         for (&i, &side) in group.iter().zip(sides) {
             alpha[i] = match side {
@@ -146,7 +149,7 @@ impl Simulator {
                 Side::Plus => 1.0,
                 Side::Slide => {
                     unknowns.push(i);
-                    if state.sides[i] == Side::Slide {
+                    if state.point.sides[i] == Side::Slide {
                         alpha[i]
                     } else {
                         0.5
@@ -155,7 +158,7 @@ impl Simulator {
             };
         }
         let mut zeros = Zeros::new(mode, alpha, unknowns);
-        zeros.limit = state.limit.clone();
+        zeros.limit = self.settings.limit.clone();
         let outcome = zeros.find();
         let (solutions, mut alpha, unknowns) = (zeros.found, zeros.alpha, zeros.unknowns);
         for solution in solutions {

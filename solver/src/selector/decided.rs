@@ -7,8 +7,8 @@
 //! turn; all that is due at one time happens together.
 
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::series;
-use crate::hybrid::state::State;
 use crate::hybrid::{Role, Side, Status};
 
 /// The switches on another side.
@@ -37,14 +37,14 @@ impl Simulator {
         if leading.is_empty() {
             return Ok(open);
         }
-        self.measure_bands(state, &leading, t1 - state.t);
-        let before = state.sides.clone();
+        self.measure_bands(state, &leading, t1 - state.point.t);
+        let before = state.point.sides.clone();
         let psi = self.psi(state);
         let flips: Vec<usize> = (leading.iter().copied())
             .filter(|&i| self.system.relay(i).is_some() && self.leaves(state, i, t1))
             .collect();
         for &i in &leading {
-            state.armed[i] = true;
+            state.bands.armed[i] = true;
             if self.system.switches[i].is_timed {
                 let wanted = self.wanted(&[i], &[i]);
                 self.choose(state, &[i], &wanted, t1, true)?;
@@ -52,9 +52,9 @@ impl Simulator {
         }
         self.flip(state, &flips);
         self.cascade(state, &before, psi, &mut open, t1)?;
-        let changed = changes(&before, &state.sides);
+        let changed = changes(&before, &state.point.sides);
         open.extend((0..before.len()).filter(|&i| {
-            let meets = state.sides[i] == Side::Slide || state.armed[i];
+            let meets = state.point.sides[i] == Side::Slide || state.bands.armed[i];
             let couplings = &self.system.switches[i].couplings;
             let coupled = || changed.iter().any(|j| couplings.binary_search(j).is_ok());
             meets && !self.leads(i) && coupled()
@@ -75,23 +75,23 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         let mut seen: Vec<Box<[Side]>> = Vec::new();
-        while *state.sides != *seen.last().map_or(before, |sides| &**sides) {
+        while *state.point.sides != *seen.last().map_or(before, |sides| &**sides) {
             let last = seen.last().map_or(before, |sides| &**sides);
-            if *state.sides == *before || seen.contains(&state.sides) {
+            if *state.point.sides == *before || seen.contains(&state.point.sides) {
                 let all = || seen.iter().map(|sides| &**sides).chain([before]);
-                let differs = |i: &usize| all().any(|sides| sides[*i] != state.sides[*i]);
+                let differs = |i: &usize| all().any(|sides| sides[*i] != state.point.sides[*i]);
                 let switches = (0..before.len()).filter(differs).collect();
                 return Err(Status::Restless { switches });
             }
-            let changed = changes(last, &state.sides);
-            seen.push(state.sides.clone());
+            let changed = changes(last, &state.point.sides);
+            seen.push(state.point.sides.clone());
             let last = std::mem::replace(&mut psi, self.psi(state));
             let holds = |&i: &usize| {
                 let inside = &self.system.switches[i].inside;
                 (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
             };
             let held: Vec<usize> = (0..before.len()).filter(holds).collect();
-            self.measure_bands(state, &held, t1 - state.t);
+            self.measure_bands(state, &held, t1 - state.point.t);
             for i in held {
                 self.jump(state, i, last[i], psi[i], open);
             }
@@ -108,63 +108,68 @@ impl Simulator {
         psi: f64,
         open: &mut Vec<usize>,
     ) {
-        let band = state.band[i];
+        let band = state.bands.width[i];
         // z jumps with an equation, which stays one.
         if self.system.role(i) != Role::Step {
             return;
         }
         if self.system.relay(i).is_some() {
-            state.armed[i] = psi.abs() <= band;
-            if psi * state.sides[i].sign() < -band {
+            state.bands.armed[i] = psi.abs() <= band;
+            if psi * state.point.sides[i].sign() < -band {
                 self.flip(state, &[i]);
             }
         } else if (psi - last).abs() > band {
-            state.armed[i] = false;
+            state.bands.armed[i] = false;
             if psi.abs() <= band {
                 open.push(i);
             } else {
                 open.retain(|&other| other != i);
-                let mut sides = state.sides.clone();
+                let mut sides = state.point.sides.clone();
                 sides[i] = Side::of(psi);
-                state.set_sides(sides);
+                state.point.set_sides(sides);
             }
         }
     }
 
     /// Sends relays to their other side.
     fn flip(&self, state: &mut State, relays: &[usize]) {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for &i in relays {
-            state.armed[i] = false;
+            state.bands.armed[i] = false;
             sides[i] = Side::of(-sides[i].sign());
         }
-        state.set_sides(sides);
+        state.point.set_sides(sides);
     }
 
     /// ψ of all switches.
     pub(crate) fn psi(&mut self, state: &State) -> Vec<f64> {
-        self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.enter_surfaces(&self.system, &state.sides);
-        (0..state.sides.len()).map(|i| self.mode.psi(i)).collect()
+        self.mode.move_to(&state.point);
+        self.mode.enter_surfaces(&self.system, &state.point.sides);
+        (0..state.point.sides.len())
+            .map(|i| self.mode.psi(i))
+            .collect()
     }
 
     /// True when a relay on its threshold goes beyond it, in the present mode.
     fn leaves(&mut self, state: &mut State, relay: usize, t1: f64) -> bool {
         let tolerance = self.settings.local_tolerance();
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         let mode = &mut self.mode;
-        mode.enter(&self.system, &state.sides);
-        if mode.expand(state.t, &state.x, &mut alpha).is_err() {
+        mode.enter(&self.system, &state.point.sides);
+        if mode
+            .expand(state.point.t, &state.point.x, &mut alpha)
+            .is_err()
+        {
             return true;
         }
         mode.measure_terms(state);
         mode.expand_psi(relay, state);
         mode.watched.clear();
         mode.watched.push(relay);
-        let h = mode.step_size(tolerance, state, t1 - state.t);
+        let h = mode.step_size(tolerance, state, t1 - state.point.t);
         let h = mode.step_size_of_psi(tolerance, state, h);
         let c = mode.psi_series(relay);
-        let leading = series::leading(c, h, state.band[relay]);
-        leading.is_some_and(|k| c[k] * state.sides[relay].sign() < 0.0)
+        let leading = series::leading(c, h, state.bands.width[relay]);
+        leading.is_some_and(|k| c[k] * state.point.sides[relay].sign() < 0.0)
     }
 }

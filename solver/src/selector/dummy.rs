@@ -8,9 +8,10 @@
 use super::judge::TIE;
 use super::select::Choice;
 use crate::event::Simulator;
-use crate::hybrid::state::{Entry, State};
+use crate::event::state::State;
 use crate::hybrid::{Side, Status};
 use crate::selector::nonlinear::{Decision, SlidingMode};
+use crate::selector::selection::Entry;
 
 /// How the dummy system starts.
 #[derive(Clone, Copy, PartialEq)]
@@ -33,10 +34,14 @@ enum End {
 impl Start {
     /// Where a switch starts.
     fn of(state: &State, switch: usize) -> Self {
-        let turn = state.fold.as_ref().and_then(|fold| fold.turn(switch));
-        match (turn, state.entry[switch]) {
+        let turn = state
+            .selection
+            .fold
+            .as_ref()
+            .and_then(|fold| fold.turn(switch));
+        match (turn, state.selection.entry[switch]) {
             (Some(turn), _) => Start::Fold(turn.alpha, turn.direction),
-            (_, Entry::Present) => Start::At(state.alpha[switch]),
+            (_, Entry::Present) => Start::At(state.point.alpha[switch]),
             (_, Entry::From(alpha)) => Start::At(alpha),
             (_, Entry::Unknown) => Start::Unknown,
         }
@@ -62,12 +67,12 @@ fn take(state: &mut State, switch: usize, end: End, (modes, folds): (Vec<Sliding
         End::Slides(alpha) => (Side::Slide, alpha),
         End::Leaves(side) => (side, 0.5 + 0.5 * side.sign()),
     };
-    let mut sides = state.sides.clone();
+    let mut sides = state.point.sides.clone();
     sides[switch] = side;
-    state.set_sides(sides);
-    state.alpha[switch] = alpha;
-    state.entry[switch] = Entry::Present;
-    state.decisions.push(Decision {
+    state.point.set_sides(sides);
+    state.point.alpha[switch] = alpha;
+    state.selection.entry[switch] = Entry::Present;
+    state.selection.decisions.push(Decision {
         switch,
         modes,
         taken: (side == Side::Slide).then_some(alpha),
@@ -90,7 +95,7 @@ impl Simulator {
         series: bool,
     ) -> Result<bool, Status> {
         let start = Start::of(state, switch);
-        let mut alphas = state.alpha.clone();
+        let mut alphas = state.point.alpha.clone();
         let modes = self.mode.sliding_modes(switch, &mut alphas);
         let modes = modes.map_err(|_| Status::Undetermined {
             switches: vec![switch],
@@ -162,7 +167,7 @@ impl Simulator {
         scale: f64,
         walk: impl Fn(f64, bool, f64) -> End,
     ) -> End {
-        let mut alphas = state.alpha.clone();
+        let mut alphas = state.point.alpha.clone();
         let [rate, ..] = self.mode.rate_at(switch, &mut alphas, alpha);
         if rate.abs() > TIE * scale {
             return walk(alpha, rate > 0.0, 0.0);
@@ -214,7 +219,7 @@ impl Simulator {
 
     /// One side of a switch in focus, with the rates there.
     fn choice(&mut self, state: &State, switch: usize, side: Side, alpha: f64) -> Choice {
-        let mut alphas = state.alpha.clone();
+        let mut alphas = state.point.alpha.clone();
         alphas[switch] = alpha;
         let mode = &mut self.mode;
         mode.vary(&alphas);
@@ -228,9 +233,10 @@ impl Simulator {
 
     /// Moves to where α of a switch on its surface is to be varied.
     pub(crate) fn look_at(&mut self, state: &State, switch: usize) {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
         self.mode.enter(&self.system, &sides);
-        self.mode.focus(state.t, &state.x, &state.alpha, &[switch]);
+        self.mode
+            .focus(state.point.t, &state.point.x, &state.point.alpha, &[switch]);
     }
 }

@@ -16,8 +16,8 @@
 //! which is regular in the fold (Govaerts 2000, chapter 3). The state moves there by (t_f - t) f at the mean of α, which
 //! is α + (α_f - α)/3; what this neglects is of order (α_f - α)⁴.
 
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::linalg::DenseLu;
 
 /// Steps end at the fold once α is this close to it.
@@ -97,7 +97,7 @@ impl Bordered {
 }
 
 impl Mode {
-    /// The fold that nonlinear switches are about to reach, with the state there in `state.next`.
+    /// The fold that nonlinear switches are about to reach, with the state there in `state.trial.x`.
     pub(crate) fn fold_ahead(&mut self, state: &mut State, remaining: f64) -> Option<Fold> {
         for at in 0..self.sliding.len() {
             let i = self.sliding[at];
@@ -123,7 +123,7 @@ impl Mode {
         let own = |switches: &&[usize]| switches.contains(&i);
         let switches = self.equations.components().find(own)?.to_vec();
         let n = switches.len();
-        let start: Vec<f64> = switches.iter().map(|&k| state.alpha[k]).collect();
+        let start: Vec<f64> = switches.iter().map(|&k| state.point.alpha[k]).collect();
         let moves = |&k: &usize| 2.0 * self.alpha_series(k)[1] * left;
         let moves: Vec<f64> = switches.iter().map(moves).collect();
         let size = norm(&moves);
@@ -131,7 +131,7 @@ impl Mode {
         let mut alpha = sum(&start, 1.0, &moves);
         let (mut tau, mut rate) = (left, vec![0.0; self.n]);
         for _ in 0..MAX_ITERATIONS {
-            self.set(state.t, &state.x, &state.alpha);
+            self.move_to(&state.point);
             let moved = sum(&alpha, -1.0, &start);
             self.rates_at(&switches, &sum(&start, 1.0 / 3.0, &moved));
             rate.copy_from_slice(self.f());
@@ -150,7 +150,7 @@ impl Mode {
             // An instant is known as far as rounding in t and in φ lets it be.
             let terms = switches.iter().map(|&k| self.terms_of_phi(k));
             let terms = terms.fold(0.0, f64::max) / norm(&by_time);
-            let rounding = ROUNDINGS * f64::EPSILON * (state.t.abs() + terms);
+            let rounding = ROUNDINGS * f64::EPSILON * (state.point.t.abs() + terms);
             alpha = sum(&sum(&alpha, 1.0, &step[..n]), by, &tangent[..n]);
             tau += step[n] + by * tangent[n];
             let is_near = norm(&sum(&sum(&alpha, -1.0, &start), -1.0, &moves)) <= 0.5 * size
@@ -230,10 +230,14 @@ impl Mode {
 
     /// Takes a state at a rate, some time after the start of the step, into `next`, and moves there.
     fn shift(&mut self, state: &mut State, tau: f64, rate: &[f64]) {
-        for (next, (x, rate)) in state.next.iter_mut().zip(state.x.iter().zip(rate)) {
+        for (next, (x, rate)) in state.trial.x.iter_mut().zip(state.point.x.iter().zip(rate)) {
             *next = x + tau * rate;
         }
-        self.set(state.t + (tau + state.t_low), &state.next, &state.alpha);
+        self.set(
+            state.point.t + (tau + state.point.t_low),
+            &state.trial.x,
+            &state.point.alpha,
+        );
     }
 
     /// Rates of switches and their derivatives at these α, where the point is.
@@ -256,8 +260,8 @@ impl Mode {
     fn leaves_before(&mut self, state: &State, fold: usize) -> bool {
         (0..self.sides.len()).any(|i| {
             let watched =
-                i != fold && self.sides[i] != crate::hybrid::Side::Slide && !state.armed[i];
-            watched && self.psi(i) * self.sides[i].sign() < -state.band[i]
+                i != fold && self.sides[i] != crate::hybrid::Side::Slide && !state.bands.armed[i];
+            watched && self.psi(i) * self.sides[i].sign() < -state.bands.width[i]
         })
     }
 }

@@ -6,7 +6,7 @@
 
 use super::fold::{Fold, Turn};
 use crate::event::Simulator;
-use crate::hybrid::state::State;
+use crate::event::state::State;
 use crate::hybrid::{Side, Status};
 use crate::selector::nonlinear::Decision;
 
@@ -51,9 +51,9 @@ impl Guide for Simulator {
         let mut state = std::mem::take(&mut self.state);
         let found = self.next_from(&mut state, standing);
         let next = found.map(|()| Next {
-            sides: state.sides.clone(),
-            alpha: state.alpha.clone(),
-            decisions: std::mem::take(&mut state.decisions),
+            sides: state.point.sides.clone(),
+            alpha: state.point.alpha.clone(),
+            decisions: std::mem::take(&mut state.selection.decisions),
         });
         self.state = state;
         next
@@ -64,16 +64,16 @@ impl Simulator {
     fn next_from(&mut self, state: &mut State, standing: Standing) -> Result<(), Status> {
         let Standing { t, t1, x, .. } = standing;
         state.begin(t, x, self.system.n_switches());
-        state.scale.copy_from_slice(standing.scale);
+        state.scales.largest.copy_from_slice(standing.scale);
         let Some((sides, alpha)) = standing.before else {
             return self.start(state, t1 - t);
         };
-        state.begun = true;
+        state.selection.begun = true;
         self.load(state);
-        state.set_sides(sides.into());
-        state.alpha.copy_from_slice(alpha);
-        self.mode.enter(&self.system, &state.sides);
-        state.fold = match standing.fold {
+        state.point.set_sides(sides.into());
+        state.point.alpha.copy_from_slice(alpha);
+        self.mode.enter(&self.system, &state.point.sides);
+        state.selection.fold = match standing.fold {
             None => None,
             Some(switch) => Some(self.fold_at(state, switch)?),
         };
@@ -82,8 +82,8 @@ impl Simulator {
 
     /// A fold in which the state is.
     fn fold_at(&mut self, state: &State, switch: usize) -> Result<Fold, Status> {
-        self.mode.set(state.t, &state.x, &state.alpha);
-        let alpha = state.alpha[switch];
+        self.mode.move_to(&state.point);
+        let alpha = state.point.alpha[switch];
         let direction = self.mode.direction_at(switch, alpha);
         if direction == 0.0 || !direction.is_finite() {
             return Err(Status::Undetermined {

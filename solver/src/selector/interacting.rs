@@ -8,10 +8,11 @@
 use super::judge::TIE;
 use super::select::{Candidate, Choice};
 use crate::event::Simulator;
-use crate::hybrid::state::{Entry, State};
+use crate::event::state::State;
 use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::selector::nonlinear::Decision;
+use crate::selector::selection::Entry;
 
 /// Steepness of one switch relative to that of the others.
 const STEEPNESS: [f64; 2] = [8.0, 0.125];
@@ -222,7 +223,7 @@ impl Simulator {
     /// nothing where a rate has no size.
     fn sizes(&mut self, state: &State, group: &[usize]) -> Option<(Vec<f64>, Vec<f64>)> {
         let corners = [0.0, 1.0].map(|end| {
-            let mut alphas = state.alpha.clone();
+            let mut alphas = state.point.alpha.clone();
             group.iter().for_each(|&i| alphas[i] = end);
             self.mode.vary(&alphas);
             let states = self.mode.states_in_focus().iter();
@@ -268,7 +269,7 @@ impl Simulator {
                 let mut dummy = Dummy {
                     mode: &mut self.mode,
                     group,
-                    alphas: state.alpha.clone(),
+                    alphas: state.point.alpha.clone(),
                     speeds,
                     scales,
                 };
@@ -305,12 +306,13 @@ impl Simulator {
             verdict.is_some_and(|verdict| verdict.agrees)
         };
         let found = [way, slides].into_iter().find(|way| agrees(way));
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for &i in group {
             sides[i] = Side::Slide;
         }
         self.mode.enter(&self.system, &sides);
-        self.mode.focus(state.t, &state.x, &state.alpha, group);
+        self.mode
+            .focus(state.point.t, &state.point.x, &state.point.alpha, group);
         found
     }
 
@@ -318,10 +320,10 @@ impl Simulator {
     fn starts(&self, state: &State, group: &[usize]) -> Vec<Vec<f64>> {
         let mut starts = vec![Vec::new()];
         for &i in group {
-            let turn = state.fold.as_ref().and_then(|fold| fold.turn(i));
+            let turn = state.selection.fold.as_ref().and_then(|fold| fold.turn(i));
             let nudge = turn.map_or(0.0, |turn| NUDGE * turn.direction);
-            let values: &[f64] = match state.entry[i] {
-                Entry::Present => &[state.alpha[i] + nudge],
+            let values: &[f64] = match state.selection.entry[i] {
+                Entry::Present => &[state.point.alpha[i] + nudge],
                 Entry::From(alpha) => &[alpha],
                 Entry::Unknown => &[0.0, 1.0],
             };
@@ -343,8 +345,8 @@ impl Simulator {
         chosen: &[Side],
         alpha: &[f64],
     ) -> Result<(), Status> {
-        let folded = state.fold.as_ref().map(|fold| fold.switch);
-        let mut alphas = state.alpha.clone();
+        let folded = state.selection.fold.as_ref().map(|fold| fold.switch);
+        let mut alphas = state.point.alpha.clone();
         for (&i, &a) in group.iter().zip(alpha) {
             alphas[i] = a;
         }
@@ -360,21 +362,21 @@ impl Simulator {
             let distance = |a: f64| (a - alpha[at]).abs();
             let nearest = modes.iter().map(|mode| mode.alpha);
             let nearest = nearest.min_by(|a, b| distance(*a).total_cmp(&distance(*b)));
-            state.decisions.push(Decision {
+            state.selection.decisions.push(Decision {
                 switch: i,
                 taken: nearest.filter(|_| chosen[at] == Side::Slide),
                 modes,
                 folds: folded == Some(i),
             });
         }
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for (&i, &side) in group.iter().zip(chosen) {
             sides[i] = side;
         }
-        state.set_sides(sides);
+        state.point.set_sides(sides);
         for (&i, &a) in group.iter().zip(alpha) {
-            state.alpha[i] = a;
-            state.entry[i] = Entry::Present;
+            state.point.alpha[i] = a;
+            state.selection.entry[i] = Entry::Present;
         }
         Ok(())
     }

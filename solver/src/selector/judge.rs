@@ -9,9 +9,9 @@ use super::select::Choice;
 use crate::contact::friction_disk;
 use crate::contact::slip_onset::Departure;
 use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::state::State;
 use crate::hybrid::{Role, Side};
 use crate::linalg::DenseLu;
 
@@ -75,19 +75,19 @@ impl Simulator {
     /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.
     pub(crate) fn rates(&mut self, state: &State, group: &[usize], choices: &[Choice]) -> Vec<f64> {
         let mode = &mut self.mode;
-        mode.vary(&state.alpha);
+        mode.vary(&state.point.alpha);
         mode.linearize(group);
         let states = mode.states_in_focus().to_vec();
         let largest = |component: usize| {
             let at = states.partition_point(|&state| state < component);
             let values = choices.iter().map(|choice| choice.f[at].abs());
-            values.fold(state.activity[component], f64::max)
+            values.fold(state.scales.activity[component], f64::max)
         };
         let rate = |i: &usize| {
             let terms = mode.weigh(*i, largest);
-            let size = mode.weigh(*i, |j| state.size(j));
-            let within_a_step = if state.last_step > 0.0 {
-                size / state.last_step
+            let size = mode.weigh(*i, |j| state.scales.size(j));
+            let within_a_step = if state.scales.last_step > 0.0 {
+                size / state.scales.last_step
             } else {
                 0.0
             };
@@ -111,14 +111,14 @@ impl Simulator {
     ) -> Check {
         self.enter_surfaces(state, group, &choice.sides);
         let mode = &mut self.mode;
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         for (&i, &a) in group.iter().zip(&choice.alpha) {
             alpha[i] = a;
         }
         mode.vary(&alpha);
         mode.linearize(group);
         let mut tie = false;
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for (&i, &side) in group.iter().zip(&choice.sides) {
             sides[i] = side;
         }
@@ -161,7 +161,7 @@ impl Simulator {
         let mut entries = Vec::new();
         let keep = |row, column, value: f64| entries.push((row, column, value.abs() * h));
         self.mode.jacobian(&self.system, keep);
-        let mut spread = state.activity.clone();
+        let mut spread = state.scales.activity.clone();
         let forces = group.iter().zip(units);
         let forces: Vec<_> = forces.filter(|(i, _)| self.mode.is_contact(**i)).collect();
         // Masses couple states: what is left of a force in one is rounded as it is where it acts most.
@@ -188,7 +188,7 @@ impl Simulator {
                 .for_each(|(sum, term)| *sum += term);
             last = next;
         }
-        let most = GROWTH * state.activity.iter().copied().fold(0.0, f64::max);
+        let most = GROWTH * state.scales.activity.iter().copied().fold(0.0, f64::max);
         spread.iter_mut().for_each(|size| *size = size.min(most));
         spread
     }
@@ -251,7 +251,7 @@ impl Simulator {
     ) -> Option<bool> {
         self.hold(sides, departures);
         let tolerance = self.settings.local_tolerance();
-        let left = t1 - state.t;
+        let left = t1 - state.point.t;
         if !departures.is_empty()
             && (self.mode).expand_departures(state, alpha, departures, tolerance, left)
         {
@@ -259,11 +259,11 @@ impl Simulator {
         }
         let mut x = match root {
             Some(i) => self.mode.onto_surface(state, i),
-            None => state.x.clone(),
+            None => state.point.x.clone(),
         };
         self.depart(state, &mut x, departures, t1);
         self.mode.enter(&self.system, sides);
-        self.mode.expand(state.t, &x, alpha).ok()?;
+        self.mode.expand(state.point.t, &x, alpha).ok()?;
         Some(false)
     }
 
@@ -276,7 +276,7 @@ impl Simulator {
         units: &[f64],
         t1: f64,
     ) -> Option<Verdict> {
-        let (mut sides, mut alpha) = (state.sides.clone(), state.alpha.clone());
+        let (mut sides, mut alpha) = (state.point.sides.clone(), state.point.alpha.clone());
         for (at, &i) in group.iter().enumerate() {
             sides[i] = choice.sides[at];
             alpha[i] = choice.alpha[at];
@@ -284,7 +284,7 @@ impl Simulator {
         let tolerance = self.settings.local_tolerance();
         let mut departures = self.departures(state, group, choice);
         // What another group has been found to set off with moves from now on.
-        let others = state.departures.iter();
+        let others = state.selection.departures.iter();
         departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
         let root = group
             .iter()
@@ -300,7 +300,7 @@ impl Simulator {
         };
         mode.measure_terms(state);
         mode.watch_sides(state, group, &sides, sets_off);
-        let mut longest = t1 - state.t;
+        let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
             longest = longest.min(mode.sight(&self.system));
         }
@@ -334,7 +334,7 @@ impl Simulator {
             _ if comes(i) => true,
             side => {
                 let series = mode.psi_series(i);
-                let leading = series::leading(series, h, state.level(i, series, h));
+                let leading = series::leading(series, h, state.bands.level(i, series, h));
                 leading.map_or_else(|| goes_there(i, *side), |k| series[k] * side.sign() > 0.0)
             }
         };

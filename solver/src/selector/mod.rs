@@ -12,6 +12,7 @@ pub(crate) mod judge;
 pub(crate) mod lemke;
 pub(crate) mod nonlinear;
 pub(crate) mod select;
+pub(crate) mod selection;
 
 pub use guide::{Guide, Next, Standing};
 pub use nonlinear::{Decision, SlidingMode};

@@ -8,10 +8,11 @@
 use super::judge::{Check, Verdict};
 use crate::event::Simulator;
 use crate::event::jump::{Met, TOUCH};
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::{Entry, State};
 use crate::hybrid::{Note, Role, Settings, Side, Status};
 use crate::integrate::singular_rates::Settling;
+use crate::selector::selection::Entry;
 
 /// One way to go on: the sides of the switches that meet.
 pub type Candidate = Vec<(usize, Side)>;
@@ -58,14 +59,14 @@ impl Mode {
     fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
         let by_time = self.time_gradient(switch).abs();
         if !self.is_plain(switch) {
-            let size = self.weigh(switch, |j| state.size(j));
+            let size = self.weigh(switch, |j| state.scales.size(j));
             return BAND * (size + by_time * horizon);
         }
-        if !state.begun {
+        if !state.selection.begun {
             return AT_START * rounding;
         }
-        let motion = self.weigh(switch, |j| state.motion(j));
-        (LATER * rounding).max(BAND * (motion + by_time * state.t.abs()))
+        let motion = self.weigh(switch, |j| state.scales.motion(j));
+        (LATER * rounding).max(BAND * (motion + by_time * state.point.t.abs()))
     }
 
     /// One rounding of every term of ψ of a switch where the point is, be it one that cancels within ψ. The switch
@@ -73,8 +74,9 @@ impl Mode {
     fn rounding(&mut self, switch: usize, state: &State) -> f64 {
         self.surfaces.stand_for(switch, 0);
         self.surfaces.linearize(switch, &self.memory.values);
-        let size = self.weigh(switch, |j| state.size(j));
-        let of_inputs = f64::EPSILON * (size + self.time_gradient(switch).abs() * state.t.abs());
+        let size = self.weigh(switch, |j| state.scales.size(j));
+        let of_inputs =
+            f64::EPSILON * (size + self.time_gradient(switch).abs() * state.point.t.abs());
         match self.is_plain(switch) {
             true => of_inputs.max(self.running_error(switch)),
             false => of_inputs,
@@ -84,8 +86,8 @@ impl Mode {
     /// What rounding makes of a ψ that has just left its surface, or waits there, within a step h: its own, and how far
     /// what follows from states that are held at zero takes it.
     pub(crate) fn rounding_of_motion(&self, switch: usize, state: &State, h: f64) -> f64 {
-        let held = self.weigh(switch, |j| state.held[j]);
-        state.rounding[switch] + LEFT * f64::EPSILON * held * h
+        let held = self.weigh(switch, |j| state.scales.held[j]);
+        state.bands.rounding[switch] + LEFT * f64::EPSILON * held * h
     }
 
     /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
@@ -107,9 +109,11 @@ impl Simulator {
     pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         self.load(state);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
-        state.set_sides((0..state.sides.len()).map(relay).collect());
+        state
+            .point
+            .set_sides((0..state.point.sides.len()).map(relay).collect());
         let on = self.place(state, horizon, &[])?;
-        let t1 = state.t + horizon;
+        let t1 = state.point.t + horizon;
         self.enter(state, on, t1)
     }
 
@@ -137,36 +141,36 @@ impl Simulator {
         horizon: f64,
         kept: &[usize],
     ) -> Result<Vec<usize>, Status> {
-        let all: Vec<usize> = (0..state.sides.len()).collect();
-        let before = state.alpha.clone();
+        let all: Vec<usize> = (0..state.point.sides.len()).collect();
+        let before = state.point.alpha.clone();
         self.settle(state, horizon)?;
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
             let psi = self.psi(state);
             let side = |(i, &psi): (usize, &f64)| match self.system.relay(i) {
                 // A relay stays where ψ is zero.
-                Some(_) if psi == 0.0 => state.sides[i],
-                _ if self.system.role(i) != Role::Step => state.sides[i],
+                Some(_) if psi == 0.0 => state.point.sides[i],
+                _ if self.system.role(i) != Role::Step => state.point.sides[i],
                 _ if self.system.is_unilateral(i) || self.system.across(i).is_some() => Side::Plus,
                 _ => Side::of(psi),
             };
             let sides: Box<[Side]> = psi.iter().enumerate().map(side).collect();
-            if sides == state.sides {
+            if sides == state.point.sides {
                 break;
             }
             if round > all.len() {
                 let switches = (all.into_iter())
-                    .filter(|&i| sides[i] != state.sides[i])
+                    .filter(|&i| sides[i] != state.point.sides[i])
                     .collect();
                 return Err(Status::Restless { switches });
             }
-            state.set_sides(sides);
-            self.mode.set(state.t, &state.x, &state.alpha);
+            state.point.set_sides(sides);
+            self.mode.move_to(&state.point);
         }
         self.measure_bands(state, &all, horizon);
         let below = |&&i: &&usize| {
             let is_kept = kept.contains(&i) || !self.system.is_unilateral(i);
-            !is_kept && self.mode.psi(i) < -state.band[i]
+            !is_kept && self.mode.psi(i) < -state.bands.width[i]
         };
         if let Some(&switch) = all.iter().find(below) {
             return Err(Status::Penetrates { switch });
@@ -174,19 +178,20 @@ impl Simulator {
         let near: Vec<bool> = (all.iter())
             .map(|&i| {
                 let share = if self.is_contact(i) { TOUCH } else { 1.0 };
-                kept.contains(&i) || self.mode.psi(i).abs() <= share * state.band[i]
+                kept.contains(&i) || self.mode.psi(i).abs() <= share * state.bands.width[i]
             })
             .collect();
         let near: Vec<bool> = (all.iter())
             .map(|&i| near[i] && self.system.across(i).is_none_or(|other| near[other]))
             .collect();
-        let is_kept = |i: usize| self.system.role(i) != Role::Step && state.sides[i] == Side::Slide;
+        let is_kept =
+            |i: usize| self.system.role(i) != Role::Step && state.point.sides[i] == Side::Slide;
         let on =
             |&i: &usize| near[i] && !is_kept(i) && self.system.slip_of(i).is_none_or(|of| near[of]);
         let on: Vec<usize> = all.into_iter().filter(on).collect();
-        state.armed.fill(false);
+        state.bands.armed.fill(false);
         for &i in on.iter().filter(|i| self.mode.nonlinear[**i]) {
-            state.entry[i] = match state.begun {
+            state.selection.entry[i] = match state.selection.begun {
                 true => Entry::From(before[i]),
                 false => Entry::Unknown,
             };
@@ -221,7 +226,7 @@ impl Simulator {
         match selected {
             // Algebraic states jump, with others or where their rows depend on each other.
             None | Some(Err(Status::Inconsistent { .. })) => {
-                let on = self.place_kept(state, t1 - state.t)?;
+                let on = self.place_kept(state, t1 - state.point.t)?;
                 self.select(state, &on, t1)
             }
             Some(selected) => selected,
@@ -230,11 +235,11 @@ impl Simulator {
 
     /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
     pub(crate) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.move_to(&state.point);
         for &i in switches {
             let rounding = self.mode.rounding(i, state);
-            state.band[i] = self.mode.band_above(rounding, i, state, horizon);
-            state.rounding[i] = LEFT * rounding;
+            state.bands.width[i] = self.mode.band_above(rounding, i, state, horizon);
+            state.bands.rounding[i] = LEFT * rounding;
         }
     }
 
@@ -243,7 +248,9 @@ impl Simulator {
         let mut triggers = triggers.to_vec();
         self.wake_free(state, &mut triggers, t1);
         // What made no difference may make one behind this event.
-        triggers.extend((0..state.open.len()).filter(|&i| state.open[i] && state.armed[i]));
+        triggers.extend(
+            (0..state.bands.open.len()).filter(|&i| state.bands.open[i] && state.bands.armed[i]),
+        );
         let others = triggers.iter().filter_map(|&i| self.system.across(i));
         let others: Vec<usize> = others.collect();
         triggers.extend(others);
@@ -251,12 +258,12 @@ impl Simulator {
         triggers.dedup();
         triggers.retain(|&i| !self.has_no_rate(state, i));
         let triggers = &triggers[..];
-        let meets = |i: &usize| state.sides[*i] == Side::Slide || state.armed[*i];
+        let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
         let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.leads(*i);
-        let meeting: Vec<usize> = (0..state.sides.len())
+        let meeting: Vec<usize> = (0..state.point.sides.len())
             .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
             .collect();
-        self.measure_bands(state, &meeting, t1 - state.t);
+        self.measure_bands(state, &meeting, t1 - state.point.t);
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for &trigger in triggers {
             if !groups.iter().any(|group| group.contains(&trigger)) {
@@ -288,7 +295,7 @@ impl Simulator {
             }
         }
         for &i in &meeting {
-            state.armed[i] = true;
+            state.bands.armed[i] = true;
         }
         // What was small before the event is zero after it.
         let deep = |&i: &usize| self.mode.surfaces.n_derivatives(i) > 0;
@@ -296,7 +303,7 @@ impl Simulator {
             if meeting.iter().any(|&i| self.mode.is_contact(i)) {
                 self.halt(state);
             }
-            self.mode.enter(&self.system, &state.sides);
+            self.mode.enter(&self.system, &state.point.sides);
             self.mode.start_equations(state);
             self.mode.project(&self.system, state);
         }
@@ -368,17 +375,18 @@ impl Simulator {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
         let settling = self.settling(state, group);
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for &i in group {
             sides[i] = Side::Slide;
-            state.open[i] = false;
+            state.bands.open[i] = false;
         }
         self.mode.enter(&self.system, &sides);
         for &i in group {
             let settles = settling.iter().any(|one| one.switch == i);
             self.take_order(state, i, settles);
         }
-        self.mode.focus(state.t, &state.x, &state.alpha, group);
+        self.mode
+            .focus(state.point.t, &state.point.x, &state.point.alpha, group);
         if let ([switch], [wanted]) = (group, wanted)
             && self.mode.nonlinear[*switch]
         {
@@ -408,8 +416,8 @@ impl Simulator {
         }
         let valid = self.confirm(state, group, checked, t1);
         if !choices.all && valid.len() == 1 {
-            state.note(Note::Unsearched {
-                time: state.t,
+            state.report.note(Note::Unsearched {
+                time: state.point.t,
                 switches: group.to_vec(),
             });
         }
@@ -461,25 +469,26 @@ impl Simulator {
         choice: &Choice,
         settling: Vec<Settling>,
     ) {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for (&i, &side) in group.iter().zip(&choice.sides) {
             sides[i] = side;
         }
-        state.set_sides(sides);
+        state.point.set_sides(sides);
         for (&i, &alpha) in group.iter().zip(&choice.alpha) {
-            state.alpha[i] = alpha;
+            state.point.alpha[i] = alpha;
         }
         for one in settling {
-            if state.sides[one.switch] == Side::Slide {
-                let moved = state.x.iter_mut().zip(one.moves);
+            if state.point.sides[one.switch] == Side::Slide {
+                let moved = state.point.x.iter_mut().zip(one.moves);
                 moved.for_each(|(x, by)| *x += by);
             }
         }
         state
+            .selection
             .departures
             .retain(|one| !group.contains(&one.switches[0]));
         let departures = self.departures(state, group, choice);
-        state.departures.extend(departures);
+        state.selection.departures.extend(departures);
     }
 
     /// Lets a switch of higher relative degree that is free be decided by its highest derivative where
@@ -488,13 +497,13 @@ impl Simulator {
         let mode = &mut self.mode;
         let highest = mode.surfaces.n_derivatives(switch);
         let is_contact = mode.is_contact(switch);
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         let mut vanishes = |order: usize| {
             mode.surfaces.stand_for(switch, order);
             mode.surfaces.linearize(switch, &mode.memory.values);
-            let size = mode.weigh(switch, |j| state.size(j));
+            let size = mode.weigh(switch, |j| state.scales.size(j));
             if order == 1 && is_contact {
-                state.still[switch] = BAND * size;
+                state.bands.still[switch] = BAND * size;
             }
             mode.surfaces.value(switch, &mode.memory.values).abs() <= BAND * size
         };
@@ -541,7 +550,7 @@ impl Simulator {
             if let Some(at) = known {
                 let sides = choice.sides.iter().zip(&valid[at].0.sides);
                 for (&i, (side, other)) in group.iter().zip(sides) {
-                    state.open[i] |= side != other && !self.system.is_continuous(i);
+                    state.bands.open[i] |= side != other && !self.system.is_continuous(i);
                 }
             }
             match known {
