@@ -34,7 +34,7 @@ impl Simulator {
             }
         }
         let mode = &mut self.mode;
-        mode.enter(&self.system, &sides);
+        mode.enter(&sides);
         mode.eval(state.point.t, &state.point.x, &alpha);
         mode.linearize_impulses(&rows);
         let mut matrix = Vec::with_capacity(rows.len() * rows.len());
@@ -42,7 +42,7 @@ impl Simulator {
             matrix.extend(rows.iter().map(|&by| mode.coupling(row, by)));
         }
         let mut impulses: Vec<f64> = rows.iter().map(|&row| mode.psi(row)).collect();
-        let sticks = |at: usize| mode.slip_of[rows[at]].is_some();
+        let sticks = |at: usize| mode.system.slip_of(rows[at]).is_some();
         eliminate(&mut matrix, &mut impulses, sticks);
         for (j, x) in state.point.x.iter_mut().enumerate() {
             for (switch, slope) in mode.field.slopes(j) {

@@ -105,7 +105,7 @@ impl Simulator {
                 state.point.alpha[slip] = 0.5;
             }
         }
-        self.mode.enter(&self.system, &sides);
+        self.mode.enter(&sides);
         self.mode
             .eval(state.point.t, &state.point.x, &state.point.alpha);
         let numbers: Vec<[f64; 2]> = impacts.iter().map(|(_, i)| self.numbers(i)).collect();

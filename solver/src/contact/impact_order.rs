@@ -36,7 +36,7 @@ impl Simulator {
             }
         }
         if gaps.len() < 2 {
-            self.mode.enter(&self.system, &state.point.sides);
+            self.mode.enter(&state.point.sides);
             return;
         }
         let mut all: Vec<usize> = near
@@ -68,7 +68,7 @@ impl Simulator {
                 switches: members,
             });
         }
-        self.mode.enter(&self.system, &state.point.sides);
+        self.mode.enter(&state.point.sides);
         self.mode.move_to(&state.point);
     }
 

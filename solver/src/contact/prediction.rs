@@ -5,7 +5,7 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{HybridSystem, Side};
+use crate::hybrid::Side;
 use crate::selector::judge::TIE;
 
 /// What rounding grows by, at most.
@@ -16,9 +16,9 @@ const ROUNDS: usize = 12;
 
 impl Mode {
     /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
-    pub(crate) fn sight(&mut self, system: &HybridSystem) -> f64 {
+    pub(crate) fn sight(&mut self) -> f64 {
         let mut entries = Vec::new();
-        self.jacobian(system, |row, column, value: f64| {
+        self.jacobian(|row, column, value: f64| {
             entries.push((row, column, value.abs()));
         });
         let times = |v: &[f64]| {

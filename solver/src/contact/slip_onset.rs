@@ -353,7 +353,7 @@ impl Simulator {
         for i in departures.iter().flat_map(|one| one.switches) {
             held[i] = Side::Slide;
         }
-        self.mode.enter(&self.system, &held);
+        self.mode.enter(&held);
     }
 
     /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
@@ -378,7 +378,7 @@ impl Simulator {
             let mut x = state.point.x.clone();
             self.depart(state, &mut x, &departures, t1);
             state.point.x = x;
-            self.mode.enter(&self.system, &state.point.sides);
+            self.mode.enter(&state.point.sides);
         }
         step
     }

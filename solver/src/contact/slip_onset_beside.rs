@@ -36,7 +36,7 @@ const NEAR: f64 = 1e-7;
 impl Simulator {
     /// True for steps that meet with a slip velocity with two entries.
     pub(crate) fn holds_disc(&self, group: &[usize]) -> bool {
-        let is_step = |&i: &usize| self.mode.roles[i] == Role::Step;
+        let is_step = |&i: &usize| self.mode.system.role(i) == Role::Step;
         group.iter().all(is_step) && group.iter().any(|&i| self.mode.is_in_disc(i))
     }
 
@@ -96,7 +96,7 @@ impl Simulator {
             let Some(other) = self.mode.other(i) else {
                 continue;
             };
-            let frees = &self.mode.idle_above[i];
+            let frees = &self.mode.system.switches[i].idle_above;
             let changes = triggers.iter().any(|trigger| frees.contains(trigger));
             if !changes || !self.mode.is_free(i, &state.point.sides) {
                 continue;

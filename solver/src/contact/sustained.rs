@@ -163,7 +163,10 @@ impl Simulator {
     /// Lets contacts meet that others were closed against: their rates are negative by less than what that took away.
     fn meet(&mut self, state: &State, group: &[usize]) {
         let mode = &mut self.mode;
-        let normals = group.iter().copied().filter(|&i| mode.unilateral[i]);
+        let normals = group
+            .iter()
+            .copied()
+            .filter(|&i| mode.system.is_unilateral(i));
         let normals: Vec<usize> = normals.collect();
         let is_open = |i: &usize| !mode.surfaces.is_deep(*i) && !self.jumps.grazed.contains(i);
         let open: Vec<usize> = normals.iter().copied().filter(is_open).collect();
@@ -313,35 +316,32 @@ impl Mode {
         self.weigh(switch, |j| state.scales.activity[j])
     }
 
-    /// True for a switch that is never below its surface.
-    pub(crate) fn is_unilateral(&self, switch: usize) -> bool {
-        self.unilateral[switch]
-    }
-
     /// True for the gap of a contact, whose rate has no force in it.
     pub(crate) fn is_contact(&self, switch: usize) -> bool {
-        self.unilateral[switch] && self.surfaces.n_derivatives(switch) > 0
+        self.system.is_unilateral(switch) && self.surfaces.n_derivatives(switch) > 0
     }
 
     /// True for the slip velocity of a contact that is open, which does not matter, and for the second entry of one that
     /// slips, which the first one stands for.
     pub(crate) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
-        self.slip_of[switch].is_some_and(|of| sides[of] != Side::Slide)
+        self.system
+            .slip_of(switch)
+            .is_some_and(|of| sides[of] != Side::Slide)
             || self.is_free(switch, sides)
             || self.is_second(switch) && sides[switch] != Side::Slide
     }
 
     /// True for a slip velocity that no rate on these sides reads the α of.
     pub(crate) fn is_free(&self, switch: usize, sides: &[Side]) -> bool {
-        let mut others = self.idle_above[switch].iter();
+        let mut others = self.system.switches[switch].idle_above.iter();
         others.any(|&other| sides[other] == Side::Plus)
     }
 
     /// What α of a sliding switch must not pass.
     pub(crate) fn limits(&self, switch: usize) -> &'static [f64] {
-        match self.roles[switch] {
+        match self.system.role(switch) {
             Role::Step if self.is_in_disc(switch) => &[],
-            Role::Step if self.unilateral[switch] => &[1.0],
+            Role::Step if self.system.is_unilateral(switch) => &[1.0],
             Role::Step => &[0.0, 1.0],
             Role::Equation | Role::Member(_) => &[],
         }

@@ -276,7 +276,7 @@ impl Simulator {
     /// Whether a contact that is approached turns back before its ψ is known to be negative.
     fn grazes(&mut self, state: &mut State, switch: usize) -> bool {
         let Bent { speed, bend, .. } = self.bent(state, switch);
-        self.mode.enter(&self.system, &state.point.sides);
+        self.mode.enter(&state.point.sides);
         bend > 0.0 && speed * speed <= 0.25 * bend * state.bands.width[switch]
     }
 
@@ -284,7 +284,7 @@ impl Simulator {
     fn bent(&mut self, state: &mut State, switch: usize) -> Bent {
         let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
-        self.mode.enter(&self.system, &sides);
+        self.mode.enter(&sides);
         let mode = &mut self.mode;
         mode.surfaces.stand_for(switch, 1);
         let alpha = std::mem::replace(&mut state.point.alpha[switch], 1.0);
@@ -333,7 +333,9 @@ impl Simulator {
         let along = |slopes: &[f64]| -> f64 { gradient.iter().map(|&(i, g)| g * slopes[i]).sum() };
         let slopes = self.slopes_of_push(state, switch, false);
         let push = along(&slopes);
-        if bounces && self.mode.slip_of.contains(&Some(switch)) {
+        let has_friction =
+            (0..state.point.sides.len()).any(|i| self.system.slip_of(i) == Some(switch));
+        if bounces && has_friction {
             let rough = self.slopes_of_push(state, switch, true);
             let rough_push = along(&rough);
             self.jumps.owed.0.resize(state.point.x.len(), 0.0);
@@ -378,7 +380,7 @@ impl Simulator {
     /// What is taken away with friction in it would be pushed along its slip velocity, and gain energy.
     fn slopes_of_push(&mut self, state: &State, switch: usize, is_rough: bool) -> Vec<f64> {
         let mode = &mut self.mode;
-        let is_left_out = |i: &usize| !is_rough && mode.slip_of[*i] == Some(switch);
+        let is_left_out = |i: &usize| !is_rough && mode.system.slip_of(*i) == Some(switch);
         let slips = (0..mode.sides.len()).filter(is_left_out);
         let slips: Vec<usize> = slips.collect();
         let mut sides = mode.sides.clone();
@@ -397,7 +399,7 @@ impl Simulator {
                 library,
                 ..
             } = mode;
-            field.enter((&*self.system, library), memory, block, &sides);
+            field.enter(library, memory, block, &sides);
             field.linearize_block(block, &memory.values);
         }
         let slope = |i: usize| {
@@ -416,7 +418,7 @@ impl Simulator {
                 sides,
                 ..
             } = mode;
-            field.enter((&*self.system, library), memory, block, sides);
+            field.enter(library, memory, block, sides);
         }
         slopes
     }

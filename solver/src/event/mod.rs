@@ -151,8 +151,8 @@ impl Simulator {
         alpha: &[f64],
         entry: impl FnMut(usize, usize, f64),
     ) {
-        self.mode.enter(&self.system, sides);
+        self.mode.enter(sides);
         self.mode.set(t, x, alpha);
-        self.mode.jacobian(&self.system, entry);
+        self.mode.jacobian(entry);
     }
 }

@@ -117,7 +117,7 @@ impl Simulator {
         }
 
         // Find the solution in the current mode and cut it at its first event.
-        self.mode.enter(&self.system, &state.point.sides);
+        self.mode.enter(&state.point.sides);
         let kick = self.next_kick(state.point.t);
         let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
         let goal = goal.min(self.pieces.until).min(kick);
@@ -170,7 +170,7 @@ impl Simulator {
             state.point.advance(step.length);
         }
         if !step.departs {
-            history.drift = f64::max(history.drift, self.mode.project(&self.system, state));
+            history.drift = f64::max(history.drift, self.mode.project(state));
         }
         state.scales.record(&state.point.x, step.length);
         state.report.stats.steps += 1;
@@ -347,7 +347,7 @@ impl Simulator {
         // What laws count is whole, and exact.
         let jumps = |i: usize| state.point.x[i] != before[i] && state.point.x[i].fract() != 0.0;
         let moves = |i: usize| self.mode.x_series(i)[1] != 0.0 || jumps(i);
-        let rests = |i: usize| self.mode.is_algebraic[i] || !moves(i);
+        let rests = |i: usize| self.mode.system.is_algebraic(i) || !moves(i);
         let size = |i: usize| {
             state.point.x[i]
                 .abs()

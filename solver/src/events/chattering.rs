@@ -190,11 +190,11 @@ impl Simulator {
         );
         last.switches.iter().for_each(|&i| sides[i] = Side::Slide);
         state.point.set_sides(sides);
-        self.mode.enter(&self.system, &state.point.sides);
+        self.mode.enter(&state.point.sides);
         let solved = self.mode.solve_alpha(time, &x, &mut state.point.alpha);
         let mut slides = solved.is_ok() && self.is_affine(state);
         if slides {
-            self.mode.project(&self.system, state);
+            self.mode.project(state);
             let on = self.place(state, t1 - time, &[])?;
             self.enter(state, on, t1)?;
             slides = last

@@ -120,7 +120,7 @@ impl Mode {
     /// |ψ| that a run within its tolerance may have on either side of the surface in a step of length `h`; zero
     /// where it does not matter on which.
     pub(crate) fn closeness(&self, switch: usize, state: &State, tolerance: f64, h: f64) -> f64 {
-        if self.continuous[switch] {
+        if self.system.sides_agree(switch) {
             return 0.0;
         }
         // Before the first step, a state that starts at zero has no size but that of its motion.
@@ -155,7 +155,7 @@ impl Mode {
         let Some((switch, root)) = event else {
             return;
         };
-        if self.continuous[switch] || state.bands.armed[switch] {
+        if self.system.sides_agree(switch) || state.bands.armed[switch] {
             return;
         }
         let c = dense.psi(switch);
@@ -247,7 +247,7 @@ impl Simulator {
             sides[switch] = other;
             alpha[switch] = if other == Side::Plus { 1.0 } else { 0.0 };
             let mode = &mut self.mode;
-            mode.enter(&self.system, &sides);
+            mode.enter(&sides);
             let exists = mode.expand(approach.time, &approach.x, &mut alpha).is_ok();
             mode.surfaces.linearize(switch, &mode.memory.values);
             approach.gradient.extend_from_slice(mode.gradient(switch));

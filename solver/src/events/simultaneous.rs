@@ -80,7 +80,7 @@ impl Simulator {
         }
         mode.eval(state.point.t, &state.point.x, &state.point.alpha);
         let before = mode.f().to_vec();
-        mode.enter(&self.system, &sides);
+        mode.enter(&sides);
         mode.eval(state.point.t, &state.point.x, &alpha);
         mode.linearize(later);
         let lasts = later.iter().map(|&i| {
@@ -94,7 +94,7 @@ impl Simulator {
                 let size = state.scales.largest[j].max(state.point.x[j].abs());
                 (f - before).abs() * lasts > self.settings.tolerance * size
             });
-        mode.enter(&self.system, &state.point.sides);
+        mode.enter(&state.point.sides);
         matters
     }
 
@@ -167,7 +167,7 @@ impl Simulator {
         let changed = self.change(state, met, t1);
         let found = changed.is_ok().then(|| {
             let (sides, alpha) = (state.point.sides.clone(), state.point.alpha.clone());
-            self.mode.enter(&self.system, &sides);
+            self.mode.enter(&sides);
             self.mode.eval(state.point.t, &state.point.x, &alpha);
             let f = self.mode.f().to_vec();
             Between { sides, alpha, f }
@@ -180,20 +180,20 @@ impl Simulator {
             state.bands.width,
             state.report.notes,
         ) = kept;
-        self.mode.enter(&self.system, &state.point.sides);
+        self.mode.enter(&state.point.sides);
         found
     }
 
     /// Whether a surface is come to so slowly in the mode between that a state moves otherwise until it is met.
     fn is_slow(&mut self, state: &State, i: usize, [between, all]: [&Between; 2], t1: f64) -> bool {
         let mode = &mut self.mode;
-        mode.enter(&self.system, &between.sides);
+        mode.enter(&between.sides);
         mode.eval(state.point.t, &state.point.x, &between.alpha);
         mode.linearize(&[i]);
         let still = STILL * f64::EPSILON * mode.terms_of_phi(i);
         let approach = -mode.phi(i) * between.sides[i].sign();
         let distance = (mode.psi(i).abs()).max(STILL * f64::EPSILON * state.bands.terms[i]);
-        mode.enter(&self.system, &state.point.sides);
+        mode.enter(&state.point.sides);
         if approach < -still {
             return false;
         }
@@ -222,7 +222,8 @@ fn are_parallel(a: &[f64], b: &[f64]) -> bool {
 impl State {
     /// True where surfaces are those of contacts or of nonlinear switches, or too many.
     fn is_bound(&self, mode: &Mode, triggers: &[usize]) -> bool {
-        let is_other = |i: &usize| mode.nonlinear[*i] || mode.is_unilateral(*i);
+        let is_other =
+            |i: &usize| mode.system.switches[*i].is_nonlinear || mode.system.is_unilateral(*i);
         triggers.len() > MOST || triggers.iter().any(is_other)
     }
 }

@@ -191,7 +191,7 @@ impl Simulator {
         }
         let kept = |i: &usize| self.system.role(*i) != Role::Step;
         let kept: Vec<usize> = (0..state.point.sides.len()).filter(kept).collect();
-        self.mode.enter_surfaces(&self.system, &state.point.sides);
+        self.mode.enter_surfaces(&state.point.sides);
         self.measure_algebraics(state);
         self.measure_bands(state, &kept, t1 - state.point.t);
         kept.into_iter().any(|i| {
@@ -245,7 +245,7 @@ impl Simulator {
         let mut others: Vec<usize> = others.collect();
         self.measure_bands(state, &others, horizon);
         others.retain(|&i| self.mode.psi(i).abs() <= state.bands.width[i]);
-        self.mode.enter(&self.system, &state.point.sides);
+        self.mode.enter(&state.point.sides);
         let mut alpha = state.point.alpha.clone();
         if self.mode.solve_alpha(state.point.t, x, &mut alpha).is_err() {
             return false;
@@ -286,7 +286,7 @@ impl Simulator {
             for &(j, g) in mode
                 .gradient(i)
                 .iter()
-                .filter(|(j, _)| mode.is_algebraic[*j])
+                .filter(|(j, _)| mode.system.is_algebraic(*j))
             {
                 let others = terms - g.abs() * state.scales.largest[j];
                 if g != 0.0 && others > ROUNDED * terms {
@@ -580,12 +580,12 @@ impl Mode {
     pub(crate) fn hold_still(&mut self) {
         self.still.fill(false);
         for component in self.equations.components() {
-            if component.iter().any(|&i| self.roles[i] == Role::Step) {
+            if component.iter().any(|&i| self.system.role(i) == Role::Step) {
                 continue;
             }
             for &i in component {
                 for &(j, _) in self.surfaces.gradient(i) {
-                    self.still[j] = !self.is_algebraic[j];
+                    self.still[j] = !self.system.is_algebraic(j);
                 }
             }
         }
@@ -595,7 +595,7 @@ impl Mode {
     pub(crate) fn mobility(&self, state: &State, j: usize) -> f64 {
         match state.scales.size(j) {
             _ if self.still[j] => 0.0,
-            0.0 if self.is_algebraic[j] => 1.0,
+            0.0 if self.system.is_algebraic(j) => 1.0,
             size => size,
         }
     }
@@ -605,19 +605,21 @@ impl Mode {
         // An α that was not found makes rates infinite, and is not made so by them.
         let is_lost = |&i: &usize| {
             let alpha = self.memory.values[1 + self.n + i];
-            self.nonlinear[i] && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
+            self.system.switches[i].is_nonlinear && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
         };
         let lost: Vec<usize> = self.sliding.iter().copied().filter(is_lost).collect();
         if !lost.is_empty() {
             return Status::SingularSliding { switches: lost };
         }
         let kept = self.sliding.iter().copied();
-        let kept: Vec<usize> = kept.filter(|&i| self.roles[i] != Role::Step).collect();
-        let states = self.f().iter().zip(&self.is_algebraic);
+        let kept: Vec<usize> = kept
+            .filter(|&i| self.system.role(i) != Role::Step)
+            .collect();
+        let states = self.f().iter().enumerate();
         // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
-        let mut others = states.filter(|(_, is_algebraic)| !**is_algebraic);
+        let mut others = states.filter(|(i, _)| !self.system.is_algebraic(*i));
         if self.sliding.is_empty()
-            || others.any(|(f, _)| !f.is_finite())
+            || others.any(|(_, f)| !f.is_finite())
             || kept.is_empty() && self.f().iter().any(|f| !f.is_finite())
         {
             return Status::NotFinite;

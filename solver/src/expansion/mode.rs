@@ -9,6 +9,8 @@
 //! point, so one factorization serves all orders: evaluate f with α_K,k = 0, from it x and ψ_K of
 //! order k + 1, solve A α_K,k = -(k + 1) ψ_K,k+1, and evaluate again what contains α_K.
 
+use std::sync::Arc;
+
 use super::field::Field;
 use super::layout::Memory;
 use super::sliding::Sliding;
@@ -19,16 +21,15 @@ use crate::expansion::step_size::Probed;
 use crate::expansion::unobserved;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Role, Side};
+use crate::hybrid::{HybridSystem, Side};
 use crate::integrate::implicit::Workspace;
 use crate::linalg::Singular;
 
 pub(crate) struct Mode {
+    pub(crate) system: Arc<HybridSystem>,
     pub sides: Box<[Side]>,
     /// K: the sliding switches.
     pub sliding: Vec<usize>,
-    /// Switches whose sides have the same field where they meet.
-    pub continuous: Vec<bool>,
     pub n: usize,
     pub order: usize,
     pub(crate) memory: Memory,
@@ -37,24 +38,10 @@ pub(crate) struct Mode {
     pub(crate) field: Field,
     pub(crate) surfaces: Surfaces,
     pub(crate) equations: Sliding,
-    /// What the α are, and which states are algebraic.
-    pub(crate) roles: Vec<Role>,
-    pub(crate) is_algebraic: Vec<bool>,
     /// States that no projection moves in the present mode.
     pub(crate) still: Vec<bool>,
-    /// Switches whose rates have roots of their ψ, and those that rest where they are on `Slide`.
-    pub(crate) roots: Vec<bool>,
-    pub(crate) rests: Vec<bool>,
-    /// Whether there are any.
+    /// Whether some switch may rest on its surface.
     pub(crate) may_rest: bool,
-    /// Switches whose α has no lower bound.
-    pub(crate) unilateral: Vec<bool>,
-    /// Switches whose α rates contain in another way than affine.
-    pub(crate) nonlinear: Vec<bool>,
-    /// The contacts whose slip velocities ψ are.
-    pub(crate) slip_of: Vec<Option<usize>>,
-    /// Switches on whose upper side a switch means nothing.
-    pub(crate) idle_above: Vec<Vec<usize>>,
     /// Slip velocities with two entries, by the first of their switches.
     pub(crate) discs: Discs,
     /// Whether the components of `equations` are those of the present mode.
@@ -100,41 +87,21 @@ const MAX_NEWTON: usize = 30;
 
 impl Mode {
     /// No mode yet: `enter` takes one.
-    pub(crate) fn new(system: &HybridSystem, order: usize) -> Self {
+    pub(crate) fn new(system: &Arc<HybridSystem>, order: usize) -> Self {
         let (n, m) = (system.n_states(), system.n_switches());
-        let rests = |i: usize| system.switches[i].has_root && system.is_continuous(i);
-        let rests: Vec<bool> = (0..m).map(rests).collect();
         Mode {
-            roots: (system.switches.iter())
-                .map(|switch| switch.has_root)
-                .collect(),
-            may_rest: rests.contains(&true),
-            rests,
+            system: system.clone(),
+            may_rest: (0..m).any(|i| system.rests(i)),
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
-            continuous: (0..m)
-                .map(|i| system.is_continuous(i) || system.role(i) != Role::Step)
-                .collect(),
             n,
             order,
             memory: Memory::new(system, order),
-            library: Library::default(),
+            library: Library::new(system.clone()),
             field: Field::new(system),
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
-            roles: (0..m).map(|i| system.role(i)).collect(),
-            is_algebraic: (0..n)
-                .map(|i| system.algebraics.binary_search(&i).is_ok())
-                .collect(),
             still: vec![false; n],
-            unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
-            nonlinear: (system.switches.iter())
-                .map(|switch| switch.is_nonlinear)
-                .collect(),
-            slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
-            idle_above: (system.switches.iter())
-                .map(|switch| switch.idle_above.clone())
-                .collect(),
             discs: Discs::new(system),
             arranged: false,
             entered: false,
@@ -157,8 +124,8 @@ impl Mode {
     }
 
     /// Takes the functions of these sides.
-    pub(crate) fn enter(&mut self, system: &HybridSystem, sides: &[Side]) {
-        self.enter_surfaces(system, sides);
+    pub(crate) fn enter(&mut self, sides: &[Side]) {
+        self.enter_surfaces(sides);
         self.surfaces.stand(sides);
         if self.entered && *self.sides == *sides {
             return;
@@ -168,21 +135,21 @@ impl Mode {
                 if self.sides[i] != *side {
                     for at in 0..self.field.of_switch(i).len() {
                         let block = self.field.of_switch(i)[at];
-                        let functions = (system, &mut self.library);
+                        let functions = &mut self.library;
                         self.field.enter(functions, &mut self.memory, block, sides);
                     }
                 }
             }
         } else {
             for block in 0..self.field.n_blocks() {
-                let functions = (system, &mut self.library);
+                let functions = &mut self.library;
                 self.field.enter(functions, &mut self.memory, block, sides);
             }
             self.entered = true;
         }
         self.sides.copy_from_slice(sides);
         self.sliding.clear();
-        let slides = |&i: &usize| sides[i] == Side::Slide && !self.rests[i];
+        let slides = |&i: &usize| sides[i] == Side::Slide && !self.system.rests(i);
         self.sliding.extend((0..sides.len()).filter(slides));
         self.arranged = false;
     }
@@ -224,8 +191,8 @@ impl Mode {
     }
 
     /// Takes the switching functions of these sides, and no rates.
-    pub(crate) fn enter_surfaces(&mut self, system: &HybridSystem, sides: &[Side]) {
-        let functions = (system, &mut self.library);
+    pub(crate) fn enter_surfaces(&mut self, sides: &[Side]) {
+        let functions = &mut self.library;
         self.surfaces.enter(functions, &mut self.memory, sides);
     }
 
@@ -236,8 +203,8 @@ impl Mode {
 
     /// Takes the coefficients of the pieces that hold from `t` on, and gives the instant at which
     /// they change.
-    pub(crate) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
-        let until = self.memory.load(system, t);
+    pub(crate) fn load(&mut self, t: f64) -> f64 {
+        let until = self.memory.load(&self.system, t);
         self.probed.load(&self.memory);
         until
     }
@@ -271,8 +238,8 @@ impl Mode {
 
     /// Calls `entry(row, column, value)` for every ∂f/∂x that is not structurally zero where the point is; compiles
     /// what is missing. ∂f/∂α comes from `linearize` as slopes of the field, ∂ψ/∂x as gradients of the surfaces.
-    pub(crate) fn jacobian(&mut self, system: &HybridSystem, entry: impl FnMut(usize, usize, f64)) {
-        let functions = (system, &mut self.library);
+    pub(crate) fn jacobian(&mut self, entry: impl FnMut(usize, usize, f64)) {
+        let functions = &mut self.library;
         self.field.jacobian(functions, &self.memory.values, entry);
     }
 

@@ -150,7 +150,7 @@ impl Mode {
         self.perturbed[..=self.n].iter_mut().for_each(&mut perturb);
         for &i in &self.sliding {
             let alpha = &mut self.perturbed[1 + self.n + i];
-            match self.unilateral[i] && alpha.abs() < 0.5 {
+            match self.system.is_unilateral(i) && alpha.abs() < 0.5 {
                 // A force is 1 - α, and no smaller where α is.
                 true => {
                     let mut force = 1.0 - *alpha;
@@ -279,7 +279,7 @@ impl Mode {
                 self.blind.push(i);
                 continue;
             }
-            if !self.continuous[i] || state.bands.armed[i] {
+            if !self.system.sides_agree(i) || state.bands.armed[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
             self.watched.push(i);

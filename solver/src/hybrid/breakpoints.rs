@@ -42,7 +42,7 @@ const NEAR: f64 = 1e-6;
 impl Simulator {
     /// Takes the pieces that hold from the present time on.
     pub(crate) fn load(&mut self, state: &State) {
-        self.pieces.until = self.mode.load(&self.system, state.point.t);
+        self.pieces.until = self.mode.load(state.point.t);
     }
 
     /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
@@ -55,7 +55,7 @@ impl Simulator {
     ) -> Result<(), Status> {
         let switches = std::mem::take(&mut self.pieces.switches);
         self.mode.move_to(&state.point);
-        self.mode.enter_surfaces(&self.system, &state.point.sides);
+        self.mode.enter_surfaces(&state.point.sides);
         for &i in &switches {
             self.mode.surfaces.stand_for(i, 0);
         }

@@ -220,6 +220,26 @@ impl HybridSystem {
         }
     }
 
+    /// Whether both sides of a switch have one field where they meet.
+    pub(crate) fn sides_agree(&self, switch: usize) -> bool {
+        self.is_continuous(switch) || self.role(switch) != Role::Step
+    }
+
+    /// Whether rates have roots of some ψ.
+    pub(crate) fn has_roots(&self) -> bool {
+        self.switches.iter().any(|switch| switch.has_root)
+    }
+
+    /// Whether a switch may rest on its surface: rates have a root of its ψ.
+    pub(crate) fn rests(&self, switch: usize) -> bool {
+        self.switches[switch].has_root && self.is_continuous(switch)
+    }
+
+    /// Whether a state follows from equations that hold all the time.
+    pub(crate) fn is_algebraic(&self, state: usize) -> bool {
+        self.algebraics.binary_search(&state).is_ok()
+    }
+
     /// How α of a switch is determined.
     pub fn role(&self, switch: usize) -> Role {
         match self.switches[switch].kind {

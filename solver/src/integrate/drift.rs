@@ -2,7 +2,6 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::HybridSystem;
 use crate::linalg::Singular;
 
 /// Rounds of Newton's method.
@@ -17,7 +16,7 @@ impl Mode {
     /// Projects x onto the sliding surfaces, those of higher relative degree from ψ to its highest derivative, and returns
     /// the largest |ψ| found, relative to the size of its terms: contacts in the metric of the mass, others in the norm of
     /// the states' sizes.
-    pub(crate) fn project(&mut self, system: &HybridSystem, state: &mut State) -> f64 {
+    pub(crate) fn project(&mut self, state: &mut State) -> f64 {
         let mut drift = 0.0_f64;
         if self.sliding.is_empty() {
             return drift;
@@ -29,7 +28,7 @@ impl Mode {
         for round in 0..ROUNDS {
             placed.clear();
             placed.resize(state.point.x.len(), false);
-            let mut below = self.mend_gaps(system, state, &mut placed);
+            let mut below = self.mend_gaps(state, &mut placed);
             for order in 0..deepest {
                 let (worst, stepped) = self.step_onto(state, Some(order), &mut placed);
                 below = below.max(worst);
@@ -38,7 +37,7 @@ impl Mode {
                     self.step_onto_each(state, order);
                 }
             }
-            let rates = self.mend_rates(system, state, &mut placed);
+            let rates = self.mend_rates(state, &mut placed);
             let (worst, stepped) = self.step_onto(state, None, &mut placed);
             let worst = worst.max(rates);
             if round == 0 {

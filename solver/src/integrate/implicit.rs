@@ -13,7 +13,7 @@ use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::breakpoints::is_at_end;
-use crate::hybrid::{HybridSystem, Side, Status};
+use crate::hybrid::{Side, Status};
 use crate::selector::judge::ROUNDINGS;
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
@@ -101,7 +101,6 @@ impl Simulator {
         }
         let mut stiff = Stiff {
             mode: &mut self.mode,
-            system: &self.system,
         };
         for _ in 0..MAX_REJECTED {
             // The longest step that the tolerance allows, and the first event within it.
@@ -264,7 +263,7 @@ impl Mode {
             self.watched.push(watched);
             self.aim(watched);
             for i in std::iter::once(watched).chain(self.other(watched)) {
-                if !self.continuous[i] {
+                if !self.system.sides_agree(i) {
                     self.surfaces.linearize(i, &self.memory.values);
                 }
                 self.measure_terms_of_psi(i, state);
@@ -357,7 +356,6 @@ impl Mode {
 /// A mode as the implicit method sees it.
 struct Stiff<'a> {
     mode: &'a mut Mode,
-    system: &'a HybridSystem,
 }
 
 impl Stiff<'_> {
@@ -509,7 +507,7 @@ impl Implicit for Stiff<'_> {
         let n = mode.n;
         matrix.fill(0.0);
         mode.place(t, y);
-        mode.jacobian(self.system, |row, column, value| {
+        mode.jacobian(|row, column, value| {
             matrix[row * width + column] += value;
         });
         if width == n {

@@ -63,7 +63,7 @@ impl Mode {
     /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are
     /// switches with roots, close to which terms grow, too. Close to a pole those below it are not moderate.
     pub(crate) fn ends_at_root(&self) -> bool {
-        let has_roots = self.roots.contains(&true);
+        let has_roots = self.system.has_roots();
         let ends = |series: &[f64]| {
             let grows = |c: &&f64| has_roots && c.is_finite();
             let moderate = |c: &&f64| c.abs() < MODERATE || grows(c);
@@ -76,8 +76,8 @@ impl Mode {
     /// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say
     /// nothing.
     pub(crate) fn is_on_root(&self, state: &State) -> bool {
-        let mut roots = self.roots.iter().zip(&state.bands.armed);
-        roots.any(|(root, armed)| *root && *armed)
+        let mut switches = self.system.switches.iter().zip(&state.bands.armed);
+        switches.any(|(switch, armed)| switch.has_root && *armed)
     }
 
     /// Leaves the terms of all series below order `end`, and below the first one of a state that is no number; false where
@@ -173,8 +173,11 @@ impl Mode {
     /// The rates with which ψ of switches with roots leave their surfaces.
     fn rates_left(&mut self, state: &State, f: &[f64]) -> Vec<(usize, f64)> {
         let mut left = Vec::new();
-        for i in 0..self.roots.len() {
-            if self.roots[i] && state.bands.armed[i] && self.sides[i] != Side::Slide {
+        for i in 0..self.sides.len() {
+            if self.system.switches[i].has_root
+                && state.bands.armed[i]
+                && self.sides[i] != Side::Slide
+            {
                 self.surfaces.linearize(i, &self.memory.values);
                 left.push((i, self.along(i, f)));
             }

@@ -54,7 +54,7 @@ pub(crate) struct Settling {
 impl Mode {
     /// Whether a switch that rests would leave its surface within a step h, because something has changed since.
     pub(crate) fn wakes(&mut self, state: &mut State, h: f64) -> Option<usize> {
-        let rests = |i: &usize| self.rests[*i] && self.sides[*i] == Side::Slide;
+        let rests = |i: &usize| self.system.rests(*i) && self.sides[*i] == Side::Slide;
         let resting: Vec<usize> = (0..self.sides.len()).filter(rests).collect();
         resting.into_iter().find(|&i| {
             self.expand_psi(i, state);
@@ -117,7 +117,8 @@ impl Simulator {
             return Ok(false);
         }
         let pairs = group.iter().copied().zip(wanted.iter().copied());
-        let (roots, others): (Vec<_>, Vec<_>) = pairs.partition(|(i, _)| self.mode.rests[*i]);
+        let (roots, others): (Vec<_>, Vec<_>) =
+            pairs.partition(|(i, _)| self.mode.system.rests(*i));
         let mut sides = state.point.sides.clone();
         roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
         state.point.set_sides(sides);
@@ -181,7 +182,7 @@ impl Simulator {
         sides[switch] = Side::Slide;
         let tolerance = self.settings.local_tolerance();
         let mode = &mut self.mode;
-        mode.enter(&self.system, &sides);
+        mode.enter(&sides);
         let mut alpha = state.point.alpha.clone();
         if mode
             .expand(state.point.t, &state.point.x, &mut alpha)
@@ -219,7 +220,7 @@ impl Simulator {
     fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
         let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
-        self.mode.enter(&self.system, &sides);
+        self.mode.enter(&sides);
         self.mode.move_to(&state.point);
         self.mode
             .surfaces
@@ -231,7 +232,7 @@ impl Simulator {
             .mode
             .rate_from(switch, state.point.t, &moved, &state.point.alpha);
         sides[switch] = Side::of(by);
-        self.mode.enter(&self.system, &sides);
+        self.mode.enter(&sides);
         let mut alpha = state.point.alpha.clone();
         alpha[switch] = f64::from(u8::from(by > 0.0));
         self.mode.rate_from(switch, state.point.t, &moved, &alpha) - smooth
@@ -257,7 +258,9 @@ impl Simulator {
     ///
     /// ∫ δα dt = -w / (∂w'/∂α),   δx = ∂f/∂α ∫ δα dt.
     pub(crate) fn settling(&mut self, state: &mut State, group: &[usize]) -> Vec<Settling> {
-        let is_one = |i: &usize| self.mode.roots[*i] && self.mode.surfaces.n_derivatives(*i) == 1;
+        let is_one = |i: &usize| {
+            self.mode.system.switches[*i].has_root && self.mode.surfaces.n_derivatives(*i) == 1
+        };
         let roots: Vec<usize> = group.iter().copied().filter(is_one).collect();
         let roots = roots.into_iter();
         roots.filter_map(|i| self.settles(state, i)).collect()
@@ -267,7 +270,7 @@ impl Simulator {
         let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
         let mode = &mut self.mode;
-        mode.enter(&self.system, &sides);
+        mode.enter(&sides);
         let mut alpha = state.point.alpha.clone();
         let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
             alpha[switch] = value;
@@ -293,7 +296,7 @@ impl Simulator {
         let attracts = [Side::Minus, Side::Plus].into_iter().all(|side| {
             sides[switch] = side;
             alpha[switch] = f64::from(u8::from(side == Side::Plus));
-            self.mode.enter(&self.system, &sides);
+            self.mode.enter(&sides);
             let moved = state.point.x.iter().zip(&across);
             let moved: Vec<f64> = moved.map(|(x, d)| x + side.sign() * near * d).collect();
             let rate = self.mode.rate_from(switch, state.point.t, &moved, &alpha);
@@ -312,7 +315,7 @@ impl Simulator {
     pub(crate) fn arrive(&mut self, state: &mut State, remaining: f64) -> Option<Step> {
         for i in 0..state.point.sides.len() {
             let side = state.point.sides[i];
-            if !self.mode.rests[i] || side == Side::Slide || state.bands.armed[i] {
+            if !self.mode.system.rests(i) || side == Side::Slide || state.bands.armed[i] {
                 continue;
             }
             let (t, x) = (state.point.t, state.point.x.clone());
@@ -329,13 +332,13 @@ impl Simulator {
             }
             let mut sides = state.point.sides.clone();
             sides[i] = Side::Slide;
-            self.mode.enter(&self.system, &sides);
+            self.mode.enter(&sides);
             let smooth = self.mode.rate_from(i, t, &x, &state.point.alpha);
             let at_rest = self.mode.f().to_vec();
-            self.mode.enter(&self.system, &state.point.sides);
+            self.mode.enter(&state.point.sides);
             let closer = CLOSER * psi - psi;
             let ratio = (self.root_at(state, i, closer)) / (rate - smooth);
-            self.mode.enter(&self.system, &state.point.sides);
+            self.mode.enter(&state.point.sides);
             if smooth.abs() > SMALL * rate.abs() {
                 continue;
             }

@@ -178,7 +178,7 @@ impl Simulator {
             remaining
         };
         match self.mode.has_idle_contact(state) {
-            true => longest.min(self.mode.sight(&self.system)),
+            true => longest.min(self.mode.sight()),
             false => longest,
         }
     }
@@ -545,7 +545,7 @@ impl Mode {
             return false;
         };
         let mut sliding = self.sliding.iter();
-        sliding.any(|&i| self.slip_of[i] == Some(normal))
+        sliding.any(|&i| self.system.slip_of(i) == Some(normal))
     }
 
     /// Moves a root of the series to the root of the function itself, by Newton's method on

@@ -77,7 +77,7 @@ impl Simulator {
         for (&i, &side) in group.iter().zip(choice) {
             sides[i] = side;
         }
-        self.mode.enter_surfaces(&self.system, &sides);
+        self.mode.enter_surfaces(&sides);
     }
 
     /// The sides of a switch on its surface, the present one first.
@@ -289,7 +289,11 @@ impl<'m> Zeros<'m> {
                 false => Search::Singular,
             };
         }
-        if self.unknowns.iter().any(|&i| self.mode.is_unilateral(i)) {
+        if self
+            .unknowns
+            .iter()
+            .any(|&i| self.mode.system.is_unilateral(i))
+        {
             return self.solve_forces();
         }
         match self.subdivide() {
@@ -300,14 +304,14 @@ impl<'m> Zeros<'m> {
 
     /// True for the α of an equation or a member, which is a rate.
     fn is_unbounded(&self, switch: usize) -> bool {
-        self.mode.roles[switch] != Role::Step
+        self.mode.system.role(switch) != Role::Step
     }
 
     /// The largest α of a switch that is looked for.
     fn far(&self, switch: usize) -> f64 {
         if self.is_unbounded(switch) {
             f64::INFINITY
-        } else if self.mode.is_unilateral(switch) {
+        } else if self.mode.system.is_unilateral(switch) {
             FAR_FORCE
         } else {
             FAR
@@ -334,14 +338,14 @@ impl<'m> Zeros<'m> {
     fn solve_forces(&mut self) -> Search {
         let k = self.unknowns.len();
         let force_of = |&i: &usize| {
-            let contact = self.mode.slip_of[i]?;
+            let contact = self.mode.system.slip_of(i)?;
             self.unknowns.iter().position(|&j| j == contact)
         };
         let forces: Vec<Option<usize>> = self.unknowns.iter().map(force_of).collect();
         let starts = self
             .unknowns
             .iter()
-            .map(|&i| match self.mode.is_unilateral(i) {
+            .map(|&i| match self.mode.system.is_unilateral(i) {
                 true => 0.0,
                 false => 0.5,
             });

@@ -144,7 +144,7 @@ impl Simulator {
     /// ψ of all switches.
     pub(crate) fn psi(&mut self, state: &State) -> Vec<f64> {
         self.mode.move_to(&state.point);
-        self.mode.enter_surfaces(&self.system, &state.point.sides);
+        self.mode.enter_surfaces(&state.point.sides);
         (0..state.point.sides.len())
             .map(|i| self.mode.psi(i))
             .collect()
@@ -155,7 +155,7 @@ impl Simulator {
         let tolerance = self.settings.local_tolerance();
         let mut alpha = state.point.alpha.clone();
         let mode = &mut self.mode;
-        mode.enter(&self.system, &state.point.sides);
+        mode.enter(&state.point.sides);
         if mode
             .expand(state.point.t, &state.point.x, &mut alpha)
             .is_err()

@@ -235,7 +235,7 @@ impl Simulator {
     pub(crate) fn look_at(&mut self, state: &State, switch: usize) {
         let mut sides = state.point.sides.clone();
         sides[switch] = Side::Slide;
-        self.mode.enter(&self.system, &sides);
+        self.mode.enter(&sides);
         self.mode
             .focus(state.point.t, &state.point.x, &state.point.alpha, &[switch]);
     }

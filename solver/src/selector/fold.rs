@@ -101,7 +101,7 @@ impl Mode {
     pub(crate) fn fold_ahead(&mut self, state: &mut State, remaining: f64) -> Option<Fold> {
         for at in 0..self.sliding.len() {
             let i = self.sliding[at];
-            if !self.nonlinear[i] {
+            if !self.system.switches[i].is_nonlinear {
                 continue;
             }
             let a = self.alpha_series(i);

@@ -72,7 +72,7 @@ impl Simulator {
         self.load(state);
         state.point.set_sides(sides.into());
         state.point.alpha.copy_from_slice(alpha);
-        self.mode.enter(&self.system, &state.point.sides);
+        self.mode.enter(&state.point.sides);
         state.selection.fold = match standing.fold {
             None => None,
             Some(switch) => Some(self.fold_at(state, switch)?),

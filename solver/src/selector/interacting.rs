@@ -310,7 +310,7 @@ impl Simulator {
         for &i in group {
             sides[i] = Side::Slide;
         }
-        self.mode.enter(&self.system, &sides);
+        self.mode.enter(&sides);
         self.mode
             .focus(state.point.t, &state.point.x, &state.point.alpha, group);
         found
@@ -351,7 +351,7 @@ impl Simulator {
             alphas[i] = a;
         }
         for (at, &i) in group.iter().enumerate() {
-            if !self.mode.nonlinear[i] {
+            if !self.mode.system.switches[i].is_nonlinear {
                 continue;
             }
             let modes = self.mode.sliding_modes(i, &mut alphas);

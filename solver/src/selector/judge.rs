@@ -130,8 +130,8 @@ impl Simulator {
             let margin = match choice.sides[at] {
                 _ if mode.is_second(i) => continue,
                 side if mode.is_in_disc(i) => mode.margin_in_disc(i, side, &alpha, rates[at]),
-                Side::Slide if mode.roles[i] != Role::Step => continue,
-                Side::Slide if mode.is_unilateral(i) => {
+                Side::Slide if mode.system.role(i) != Role::Step => continue,
+                Side::Slide if mode.system.is_unilateral(i) => {
                     let force = 1.0 - choice.alpha[at];
                     let gain = mode.coupling(i, i).abs();
                     force
@@ -160,7 +160,7 @@ impl Simulator {
     fn spread(&mut self, state: &State, group: &[usize], units: &[f64], h: f64) -> Vec<f64> {
         let mut entries = Vec::new();
         let keep = |row, column, value: f64| entries.push((row, column, value.abs() * h));
-        self.mode.jacobian(&self.system, keep);
+        self.mode.jacobian(keep);
         let mut spread = state.scales.activity.clone();
         let forces = group.iter().zip(units);
         let forces: Vec<_> = forces.filter(|(i, _)| self.mode.is_contact(**i)).collect();
@@ -214,8 +214,8 @@ impl Simulator {
         };
         let unit = |(at, &rate): (usize, &f64)| {
             let i = group[at];
-            let gain = match mode.roles[i] {
-                _ if mode.is_unilateral(i) => mode.coupling(i, i).abs(),
+            let gain = match mode.system.role(i) {
+                _ if mode.system.is_unilateral(i) => mode.coupling(i, i).abs(),
                 Role::Step if slides(&at) && !mode.is_in_disc(i) => gain(at),
                 _ => return 1.0,
             };
@@ -262,7 +262,7 @@ impl Simulator {
             None => state.point.x.clone(),
         };
         self.depart(state, &mut x, departures, t1);
-        self.mode.enter(&self.system, sides);
+        self.mode.enter(sides);
         self.mode.expand(state.point.t, &x, alpha).ok()?;
         Some(false)
     }
@@ -294,7 +294,7 @@ impl Simulator {
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
         // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
-        let is_smooth = match (root, mode.roots.contains(&true)) {
+        let is_smooth = match (root, mode.system.has_roots()) {
             (Some(_), _) => mode.cut_short(2),
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
@@ -302,7 +302,7 @@ impl Simulator {
         mode.watch_sides(state, group, &sides, sets_off);
         let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
-            longest = longest.min(mode.sight(&self.system));
+            longest = longest.min(mode.sight());
         }
         let h = mode.step_size(tolerance, state, longest);
         let h = mode.step_size_of_psi(tolerance, state, h);
@@ -371,14 +371,14 @@ impl Mode {
     /// Whether the series of a sliding switch keep it on its surface for a time h: an α within a tie of its bound goes
     /// inward.
     fn keeps_sliding(&self, switch: usize, h: f64, tie: f64) -> bool {
-        if self.roles[switch] != Role::Step {
+        if self.system.role(switch) != Role::Step {
             return true;
         }
         if self.is_in_disc(switch) {
             return friction_disk::goes_on(self, switch, h);
         }
         let series = self.alpha_series(switch);
-        let inward = if series[0] <= tie && !self.is_unilateral(switch) {
+        let inward = if series[0] <= tie && !self.system.is_unilateral(switch) {
             1.0
         } else if series[0] >= 1.0 - tie {
             -1.0

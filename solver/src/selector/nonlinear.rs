@@ -166,7 +166,9 @@ impl Mode {
 
     /// True when a nonlinear switch slides.
     pub(crate) fn slides_nonlinearly(&self) -> bool {
-        self.sliding.iter().any(|&i| self.nonlinear[i])
+        self.sliding
+            .iter()
+            .any(|&i| self.system.switches[i].is_nonlinear)
     }
 }
 
@@ -181,12 +183,12 @@ impl Simulator {
         switch: usize,
         held: &[usize],
     ) -> Option<Vec<SlidingMode>> {
-        self.pieces.until = self.mode.load(&self.system, t);
+        self.pieces.until = self.mode.load(t);
         let mut alphas = vec![1.0; self.system.n_switches()];
         let mut sides = vec![Side::Plus; alphas.len()];
         sides[switch] = Side::Slide;
         for _ in 0..MAX_MOVES {
-            self.mode.enter(&self.system, &sides);
+            self.mode.enter(&sides);
             self.mode.set(t, x, &alphas);
             for i in 0..sides.len() {
                 if i != switch {
@@ -194,7 +196,7 @@ impl Simulator {
                     alphas[i] = 0.5 + 0.5 * sides[i].sign();
                 }
             }
-            self.mode.enter(&self.system, &sides);
+            self.mode.enter(&sides);
             self.mode.focus(t, x, &alphas, &[switch]);
             self.mode.linearize(&[switch]);
             let psi = self.mode.psi(switch);

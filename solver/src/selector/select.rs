@@ -92,8 +92,8 @@ impl Mode {
 
     /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
     pub(crate) fn is_plain(&self, switch: usize) -> bool {
-        let is_slip = self.slip_of[switch].is_some();
-        self.roles[switch] == Role::Step && !self.unilateral[switch] && !is_slip
+        let is_slip = self.system.slip_of(switch).is_some();
+        self.system.role(switch) == Role::Step && !self.system.is_unilateral(switch) && !is_slip
     }
 }
 
@@ -190,7 +190,10 @@ impl Simulator {
             |&i: &usize| near[i] && !is_kept(i) && self.system.slip_of(i).is_none_or(|of| near[of]);
         let on: Vec<usize> = all.into_iter().filter(on).collect();
         state.bands.armed.fill(false);
-        for &i in on.iter().filter(|i| self.mode.nonlinear[**i]) {
+        for &i in on
+            .iter()
+            .filter(|i| self.mode.system.switches[**i].is_nonlinear)
+        {
             state.selection.entry[i] = match state.selection.begun {
                 true => Entry::From(before[i]),
                 false => Entry::Unknown,
@@ -303,9 +306,9 @@ impl Simulator {
             if meeting.iter().any(|&i| self.mode.is_contact(i)) {
                 self.halt(state);
             }
-            self.mode.enter(&self.system, &state.point.sides);
+            self.mode.enter(&state.point.sides);
             self.mode.start_equations(state);
-            self.mode.project(&self.system, state);
+            self.mode.project(state);
         }
         Ok(())
     }
@@ -371,7 +374,7 @@ impl Simulator {
         t1: f64,
         series: bool,
     ) -> Result<bool, Status> {
-        if group.iter().any(|&i| self.mode.rests[i]) {
+        if group.iter().any(|&i| self.mode.system.rests(i)) {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
         let settling = self.settling(state, group);
@@ -380,7 +383,7 @@ impl Simulator {
             sides[i] = Side::Slide;
             state.bands.open[i] = false;
         }
-        self.mode.enter(&self.system, &sides);
+        self.mode.enter(&sides);
         for &i in group {
             let settles = settling.iter().any(|one| one.switch == i);
             self.take_order(state, i, settles);
@@ -388,12 +391,15 @@ impl Simulator {
         self.mode
             .focus(state.point.t, &state.point.x, &state.point.alpha, group);
         if let ([switch], [wanted]) = (group, wanted)
-            && self.mode.nonlinear[*switch]
+            && self.mode.system.switches[*switch].is_nonlinear
         {
             return self.decide_nonlinear(state, *switch, *wanted, t1, series);
         }
         // What follows takes rates to be affine in each α.
-        if group.iter().any(|&i| self.mode.nonlinear[i]) {
+        if group
+            .iter()
+            .any(|&i| self.mode.system.switches[i].is_nonlinear)
+        {
             return self.decide_several(state, group, wanted, t1);
         }
         let choices = self.choices(state, group)?;
