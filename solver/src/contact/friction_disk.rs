@@ -9,7 +9,6 @@
 //! with a length that is rounding: w/|w| has a value then.
 
 use crate::contact::slip_onset::Departure;
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
@@ -403,27 +402,14 @@ pub(crate) fn leaves(
     crate::integrate::step::first_root(roots, series[0], series, h, 1.0, band, 0.0)
 }
 
-impl Simulator {
-    /// Gives slip velocities that are none a length that is rounding, in the mode in which they stick: by friction, which
+impl Departure {
+    /// Gives a slip velocity that is none a length that is rounding, in the mode in which it sticks: by friction, which
     /// acts on velocities, and not on places where these occur in w.
-    pub(crate) fn depart(
-        &mut self,
-        state: &State,
-        x: &mut [f64],
-        departures: &[Departure],
-        t1: f64,
-    ) {
-        for departure in departures {
-            self.nudge(state, x, departure, t1);
-        }
-    }
-
-    fn nudge(&mut self, state: &State, x: &mut [f64], departure: &Departure, t1: f64) {
+    pub(crate) fn nudge(&self, mode: &mut Mode, state: &State, x: &mut [f64], t1: f64) {
         let &Departure {
             switches,
             direction,
-        } = departure;
-        let mode = &mut self.mode;
+        } = self;
         let mut alpha = state.point.alpha.clone();
         switches.iter().for_each(|&i| alpha[i] = 0.5);
         mode.eval(state.point.t, x, &alpha);

@@ -14,13 +14,12 @@
 
 use crate::contact::friction_disk;
 use crate::contact::friction_disk::{RIM, STOPS, STRAIGHT};
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::Side;
-use crate::integrate::step::{Step, Watch, first_event};
+use crate::integrate::step::{Step, Stepper, Watch, first_event};
 use crate::linalg::DenseLu;
 use crate::selector::select::Choice;
 
@@ -306,10 +305,10 @@ impl Mode {
     }
 }
 
-impl Simulator {
+impl Departure {
     /// The switches of a group that slip from where they may be at rest, with their directions.
-    pub(crate) fn departures(
-        &self,
+    pub(crate) fn all(
+        mode: &Mode,
         state: &State,
         group: &[usize],
         choice: &Choice,
@@ -320,14 +319,14 @@ impl Simulator {
             sides[i] = side;
         }
         for (at, &i) in group.iter().enumerate() {
-            let Some(other) = self.mode.other(i) else {
+            let Some(other) = mode.other(i) else {
                 continue;
             };
             let Ok(of_other) = group.binary_search(&other) else {
                 continue;
             };
-            let meets = self.system.slip_of(i).is_none_or(|of| group.contains(&of));
-            if meets && self.rubs(i, &sides) && choice.sides[at] != Side::Slide {
+            let meets = mode.system.slip_of(i).is_none_or(|of| group.contains(&of));
+            if meets && rubs(mode, i, &sides) && choice.sides[at] != Side::Slide {
                 let entry = |at: usize| 2.0 * choice.alpha[at] - 1.0;
                 let straight = |u: f64| if u.abs() <= STRAIGHT { 0.0 } else { u };
                 found.push(Departure {
@@ -339,60 +338,70 @@ impl Simulator {
         found
     }
 
-    /// Whether a slip velocity has friction on these sides: of a contact that is closed, or one that rates read.
-    fn rubs(&self, switch: usize, sides: &[Side]) -> bool {
-        match self.system.slip_of(switch) {
-            Some(of) => sides[of] == Side::Slide,
-            None => !self.mode.is_free(switch, sides),
-        }
-    }
-
     /// Takes the functions in which these slip velocities stick.
-    pub(crate) fn hold(&mut self, sides: &[Side], departures: &[Departure]) {
+    pub(crate) fn hold(departures: &[Departure], mode: &mut Mode, sides: &[Side]) {
         let mut held: Box<[Side]> = sides.into();
         for i in departures.iter().flat_map(|one| one.switches) {
             held[i] = Side::Slide;
         }
-        self.mode.enter(&held);
+        mode.enter(&held);
     }
+}
 
+/// Whether a slip velocity has friction on these sides: of a contact that is closed, or one that rates read.
+fn rubs(mode: &Mode, switch: usize, sides: &[Side]) -> bool {
+    match mode.system.slip_of(switch) {
+        Some(of) => sides[of] == Side::Slide,
+        None => !mode.is_free(switch, sides),
+    }
+}
+
+impl Stepper {
     /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
     /// that is rounding.
-    pub(crate) fn departure_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Option<Step> {
+    pub(crate) fn departure_step(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        goal: f64,
+        t1: f64,
+    ) -> Option<Step> {
         let mut departures = std::mem::take(&mut state.selection.departures);
-        self.mode.move_to(&state.point);
+        mode.move_to(&state.point);
         let (sides, band) = (&state.point.sides, &state.bands.width);
         departures.retain(|one| {
-            let rubs = self.rubs(one.switches[0], sides);
+            let rubs = rubs(mode, one.switches[0], sides);
             let mut slips =
-                |i: usize| sides[i] != Side::Slide && self.mode.psi(i).abs() <= STOPS * band[i];
+                |i: usize| sides[i] != Side::Slide && mode.psi(i).abs() <= STOPS * band[i];
             rubs && one.switches.into_iter().all(&mut slips)
         });
         if departures.is_empty() {
             return None;
         }
-        self.hold(&state.point.sides, &departures);
-        let step = self.set_off(state, &departures, goal, t1);
-        self.mode.departing.clear();
+        Departure::hold(&departures, mode, &state.point.sides);
+        let step = self.set_off(mode, state, &departures, goal, t1);
+        mode.departing.clear();
         if step.is_none() {
             let mut x = state.point.x.clone();
-            self.depart(state, &mut x, &departures, t1);
+            for departure in &departures {
+                departure.nudge(mode, state, &mut x, t1);
+            }
             state.point.x = x;
-            self.mode.enter(&state.point.sides);
+            mode.enter(&state.point.sides);
         }
         step
     }
 
     fn set_off(
         &mut self,
+        mode: &mut Mode,
         state: &mut State,
         departures: &[Departure],
         goal: f64,
         t1: f64,
     ) -> Option<Step> {
-        let (order, tolerance) = (self.order, self.settings.local_tolerance());
+        let (order, tolerance) = (mode.order, self.local_tolerance);
         let remaining = state.point.remaining(goal);
-        let mode = &mut self.mode;
         mode.blind.clear();
         let longest = t1 - state.point.t;
         if !mode.expand_departures(state, &state.point.alpha, departures, tolerance, longest) {
@@ -401,7 +410,7 @@ impl Simulator {
         mode.measure_terms(state);
         state.report.stats.rhs_evaluations += 2 * order;
         mode.departing = departures.iter().flat_map(|one| one.switches).collect();
-        let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
+        let allowed = self.allowed_defect(mode);
         let h = mode.step_size(tolerance, state, remaining);
         // Rounding in the last terms of what does not move at all shows no length: then the defect does, which allows
         // more than those terms.
@@ -415,7 +424,7 @@ impl Simulator {
             }
             // What happens on the way is left to the steps behind this one.
             let dense = Dense::Taylor(mode);
-            let event = first_event(&mut self.roots, dense, state, h, self.settings.tolerance);
+            let event = first_event(&mut self.roots, dense, state, h, self.tolerance);
             // What leaves its rim at the same instant sets off together with this.
             if let Some((root, watch @ Watch::Disc(_))) = event
                 && state.point.t + root.tau <= state.point.t

@@ -24,15 +24,12 @@ use std::sync::Arc;
 use crate::hybrid::{HybridSystem, Piecewise, Settings, Side};
 use crate::runtime::limit::Limit;
 
-use crate::contact::coefficients::Coefficients;
 pub use crate::event::numerical_time::{Clock, Clocked};
 pub use crate::event::perturbation::{KickSize, Kicks};
 use crate::event::state::State;
-use crate::events::roots::RootFinder;
-use crate::events::unseen::Unseen;
 use crate::expansion::mode::Mode;
 use crate::hybrid::breakpoints::Pieces;
-use crate::integrate::stiffness::Stiffness;
+use crate::integrate::step::Stepper;
 use jump::Jumps;
 pub use observer::{Event, Observer, Segment};
 
@@ -40,16 +37,12 @@ pub use observer::{Event, Observer, Segment};
 pub struct Simulator {
     pub(crate) system: Arc<HybridSystem>,
     pub(crate) settings: Settings,
-    pub(crate) order: usize,
     pub(crate) mode: Mode,
     /// Switches whose rates the α of a switch may occur in.
     pub(crate) coupled_by: Vec<Vec<usize>>,
     pub(crate) pieces: Pieces,
-    pub(crate) roots: RootFinder,
-    pub(crate) stiffness: Stiffness,
+    pub(crate) stepper: Stepper,
     pub(crate) jumps: Jumps,
-    pub(crate) coefficients: Coefficients,
-    pub(crate) unseen: Unseen,
     /// Memory that one run leaves to the next.
     pub(crate) state: State,
 }
@@ -65,16 +58,12 @@ impl Simulator {
             }
         }
         Simulator {
-            order,
-            stiffness: Stiffness::new(settings.local_tolerance()),
+            stepper: Stepper::new(&system, &settings, order),
             settings,
             mode: Mode::new(&system, order),
             coupled_by,
             pieces: Pieces::new(&system),
-            roots: RootFinder::new(order.max(crate::integrate::stiffness::MOST_NODES)),
             jumps: Jumps::default(),
-            coefficients: Coefficients::of(&system),
-            unseen: Unseen::default(),
             state: State::default(),
             system,
         }
@@ -133,12 +122,12 @@ impl Simulator {
 
     /// Order of the Taylor series.
     pub fn order(&self) -> usize {
-        self.order
+        self.mode.order
     }
 
     /// Order of the implicit method that takes over where a mode is stiff.
     pub fn implicit_order(&self) -> usize {
-        self.stiffness.order()
+        self.stepper.stiffness.order()
     }
 
     /// Calls `entry(row, column, value)` for every ∂f_row/∂x_column that is not structurally zero, at

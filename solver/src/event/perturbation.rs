@@ -73,7 +73,7 @@ impl Simulator {
             let number = (instant / kicks.every).round();
             kicks.apply(number as u64, &mut state.point.x);
         }
-        self.stiffness.after_event();
+        self.stepper.stiffness.after_event();
         let on = self.place(state, t1 - state.point.t, &[])?;
         self.enter(state, on, t1)
     }

@@ -4,7 +4,6 @@ use super::jump::Met;
 use super::{Event, Observer, Segment, Simulator};
 use crate::event::state::State;
 use crate::events::{Approach, chattering, zeno};
-use crate::expansion::dense::Dense;
 use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::step::Step;
 
@@ -51,7 +50,7 @@ impl Simulator {
         let known = self.mode.n_functions();
         let mut state = std::mem::take(&mut self.state);
         state.begin(t0, x0, self.system.n_switches());
-        self.stiffness.reset();
+        self.stepper.stiffness.reset();
         let mut history = History::default();
         let status = match self.begin(&mut state, [t0, t1], observer) {
             Err(status) => status,
@@ -121,7 +120,7 @@ impl Simulator {
         let kick = self.next_kick(state.point.t);
         let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
         let goal = goal.min(self.pieces.until).min(kick);
-        let mut step = self.step(state, goal, t1)?;
+        let mut step = self.stepper.step(&mut self.mode, state, goal, t1)?;
         self.take(state, history, &mut step, goal, observer)?;
         self.end_accumulation(state, history, &step, observer);
 
@@ -185,7 +184,7 @@ impl Simulator {
             until: state.point.t,
             sides,
             end: &state.point.x,
-            dense: &self.dense(step.implicit),
+            dense: &self.stepper.dense(&self.mode, step.implicit),
         };
         if step.length > 0.0 && observer.segment(&segment).is_break() {
             return Err(Status::Stopped);
@@ -196,7 +195,8 @@ impl Simulator {
         }
         if history.chatter.is_last() {
             let mut x = state.point.x.clone();
-            self.dense(step.implicit)
+            self.stepper
+                .dense(&self.mode, step.implicit)
                 .states_at(0.5 * step.length, &mut x);
             let middle = (start + 0.5 * step.length, &x[..]);
             self.measure(&mut history.chatter, state, middle);
@@ -246,7 +246,7 @@ impl Simulator {
         if !meets.breakpoint {
             self.tell_apart(state, &mut step.triggers, t1);
         }
-        self.stiffness.after_event();
+        self.stepper.stiffness.after_event();
         if !step.implicit && !meets.breakpoint {
             self.mode.open_window(state, step.length, &step.triggers);
         }
@@ -294,7 +294,7 @@ impl Simulator {
         [length, t1]: [f64; 2],
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        self.stiffness.after_event();
+        self.stepper.stiffness.after_event();
         state.report.stats.events += 1;
         let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
         let more = slides(&state.point.sides) > slides(&from);
@@ -401,14 +401,6 @@ impl Simulator {
         };
         let left = (t1 - state.point.t) / (state.point.t - time) * taken as f64;
         is_uneventful && left > self.settings.max_steps as f64
-    }
-
-    /// The polynomials of the last step.
-    fn dense(&self, implicit: bool) -> Dense<'_> {
-        match self.stiffness.method() {
-            Some(radau) if implicit => Dense::Collocation(&self.mode, radau),
-            _ => Dense::Taylor(&self.mode),
-        }
     }
 
     /// A surface left tangentially is watched again once it is outside its band.

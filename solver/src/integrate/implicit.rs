@@ -4,8 +4,7 @@
 //! that ends on it, so that it is as accurate as a step's end.
 
 use super::radau::{Implicit, Radau, Shape, Start};
-use super::step::{Step, Watch, first_event, met, simultaneous, verify_start};
-use crate::event::Simulator;
+use super::step::{Step, Stepper, Watch, first_event, met, simultaneous, verify_start};
 use crate::event::state::State;
 use crate::events::roots::Root;
 use crate::events::unseen::Unseen;
@@ -49,14 +48,14 @@ pub(crate) struct Workspace {
     f: Vec<f64>,
 }
 
-impl Simulator {
+impl Stepper {
     /// Takes an implicit step; none where that is not possible.
     pub(crate) fn implicit_step(
         &mut self,
+        mode: &mut Mode,
         state: &mut State,
         t1: f64,
     ) -> Result<Option<Step>, Status> {
-        let mode = &mut self.mode;
         let look = self.stiffness.wants_series();
         let mut alpha = std::mem::take(&mut state.point.alpha);
         let solved = if look {
@@ -71,13 +70,13 @@ impl Simulator {
             return Err(mode.stuck());
         }
         if look {
-            let tolerance = self.settings.local_tolerance();
+            let tolerance = self.local_tolerance;
             self.stiffness.explicit_length = mode.step_size(tolerance, state, t1 - state.point.t);
         }
         let mut start = std::mem::take(&mut self.stiffness.start);
         mode.write_start(state, &mut start);
         let mut radau = self.stiffness.take(mode.shape());
-        let step = self.attempts(&mut radau, &start, state, t1);
+        let step = self.attempts(mode, &mut radau, &start, state, t1);
         state.report.stats.absorb(&mut radau);
         self.stiffness.give_back(radau);
         self.stiffness.start = start;
@@ -89,19 +88,18 @@ impl Simulator {
 
     fn attempts(
         &mut self,
+        mode: &mut Mode,
         radau: &mut Radau,
         start: &Start,
         state: &mut State,
         t1: f64,
     ) -> Result<Option<Step>, Status> {
-        let tolerance = self.settings.local_tolerance();
+        let tolerance = self.local_tolerance;
         let remaining = state.point.remaining(t1);
         if let Some(length) = self.stiffness.first_length() {
             radau.restart(length);
         }
-        let mut stiff = Stiff {
-            mode: &mut self.mode,
-        };
+        let mut stiff = Stiff { mode: mode };
         for _ in 0..MAX_REJECTED {
             // The longest step that the tolerance allows, and the first event within it.
             let Ok(h) = radau.step(&mut stiff, start, remaining) else {
@@ -111,7 +109,7 @@ impl Simulator {
             let mut seen = stiff.mode.is_faithful(radau, start, state, tolerance)
                 && stiff.vouches(radau, start, state, tolerance, &mut self.unseen);
             let dense = Dense::Collocation(stiff.mode, radau);
-            let closeness = self.settings.tolerance;
+            let closeness = self.tolerance;
             let event = first_event(&mut self.roots, dense, state, h, closeness);
             let (mut length, mut triggers) = (h, Vec::new());
             // What slips in two directions turns too fast where it stops.

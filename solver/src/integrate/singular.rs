@@ -9,8 +9,7 @@
 //! so short that f changes in it by less than the tolerance of x over h: the error is a fraction of that, since f - f₀
 //! grows like a power of time.
 
-use super::step::{Step, first_event, simultaneous};
-use crate::event::Simulator;
+use super::step::{Step, Stepper, first_event, simultaneous};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
@@ -233,12 +232,16 @@ impl Mode {
     }
 }
 
-impl Simulator {
+impl Stepper {
     /// The step off a point at which f has no series.
-    pub(crate) fn step_off(&mut self, state: &mut State, remaining: f64) -> Result<Step, Status> {
-        let line = self.lay_line(state, remaining)?;
-        let mode = &mut self.mode;
-        let (dense, closeness) = (Dense::Taylor(mode), self.settings.tolerance);
+    pub(crate) fn step_off(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        remaining: f64,
+    ) -> Result<Step, Status> {
+        let line = self.lay_line(mode, state, remaining)?;
+        let (dense, closeness) = (Dense::Taylor(mode), self.tolerance);
         let event = first_event(&mut self.roots, dense, state, line.length, closeness);
         let (length, triggers) = match event {
             Some((root, watch)) => {
@@ -266,24 +269,28 @@ impl Simulator {
     }
 
     /// Takes the longest straight line that passes over nothing as the series of the step.
-    fn lay_line(&mut self, state: &mut State, remaining: f64) -> Result<Line, Status> {
-        let (tolerance, allowed) = (self.settings.local_tolerance(), self.allowed_defect());
+    fn lay_line(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        remaining: f64,
+    ) -> Result<Line, Status> {
+        let (tolerance, allowed) = (self.local_tolerance, self.allowed_defect(mode));
         let mut longest = remaining;
         for _ in 0..MAX_TRIES {
-            let Some(found) = self.mode.line(state, tolerance, longest) else {
+            let Some(found) = mode.line(state, tolerance, longest) else {
                 break;
             };
             let line = found.line;
-            self.mode.lay(state, &line);
-            self.mode.watch(tolerance, state, line.length);
-            self.mode.take_scales(&found.sizes);
-            let (mode, unseen) = (&mut self.mode, &mut self.unseen);
-            unseen.suspect_all(mode);
-            if found.is_shortest || unseen.vouches(mode, state, line.length, allowed) {
+            mode.lay(state, &line);
+            mode.watch(tolerance, state, line.length);
+            mode.take_scales(&found.sizes);
+            self.unseen.suspect_all(mode);
+            if found.is_shortest || self.unseen.vouches(mode, state, line.length, allowed) {
                 return Ok(line);
             }
             longest = SHORTER * line.length;
         }
-        Err(self.mode.stuck())
+        Err(mode.stuck())
     }
 }

@@ -99,6 +99,24 @@ impl Mode {
         self.surfaces.linearize(switch, &self.memory.values);
         self.phi(switch)
     }
+
+    /// What roots add to φ at a displacement of ψ by `by` from where the state is, on the side of that.
+    pub(crate) fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
+        let mut sides = state.point.sides.clone();
+        sides[switch] = Side::Slide;
+        self.enter(&sides);
+        self.move_to(&state.point);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let across = self.across_surface(switch, state);
+        let moved = state.point.x.iter().zip(&across);
+        let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
+        let smooth = self.rate_from(switch, state.point.t, &moved, &state.point.alpha);
+        sides[switch] = Side::of(by);
+        self.enter(&sides);
+        let mut alpha = state.point.alpha.clone();
+        alpha[switch] = f64::from(u8::from(by > 0.0));
+        self.rate_from(switch, state.point.t, &moved, &alpha) - smooth
+    }
 }
 
 impl Simulator {
@@ -216,36 +234,16 @@ impl Simulator {
         Ok(is_seen.then_some((2, Side::of(rate))))
     }
 
-    /// What roots add to φ at a displacement of ψ by `by` from where the state is, on the side of that.
-    fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
-        let mut sides = state.point.sides.clone();
-        sides[switch] = Side::Slide;
-        self.mode.enter(&sides);
-        self.mode.move_to(&state.point);
-        self.mode
-            .surfaces
-            .linearize(switch, &self.mode.memory.values);
-        let across = self.mode.across_surface(switch, state);
-        let moved = state.point.x.iter().zip(&across);
-        let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
-        let smooth = self
-            .mode
-            .rate_from(switch, state.point.t, &moved, &state.point.alpha);
-        sides[switch] = Side::of(by);
-        self.mode.enter(&sides);
-        let mut alpha = state.point.alpha.clone();
-        alpha[switch] = f64::from(u8::from(by > 0.0));
-        self.mode.rate_from(switch, state.point.t, &moved, &alpha) - smooth
-    }
-
     /// Whether a root takes ψ away from zero to this side, in finite time.
     fn repels(&mut self, state: &State, switch: usize, side: Side) -> bool {
         let near = match state.bands.width[switch] {
             0.0 => NEAR_ZERO,
             band => NEAR / BAND * band,
         };
-        let far = self.root_at(state, switch, near * side.sign());
-        let close = self.root_at(state, switch, CLOSER * near * side.sign());
+        let far = self.mode.root_at(state, switch, near * side.sign());
+        let close = self
+            .mode
+            .root_at(state, switch, CLOSER * near * side.sign());
         far * side.sign() > 0.0 && is_steep(close / far)
     }
 
@@ -309,65 +307,65 @@ impl Simulator {
             moves: moves.collect(),
         })
     }
+}
 
-    /// The end of a way to a surface on which a switch will rest, from where it is on it but for rounding: there
-    /// ψ' = c |ψ|^p takes |ψ| / ((1 - p) |ψ'|), over which the root is 1 - p times what it is now in the mean.
-    pub(crate) fn arrive(&mut self, state: &mut State, remaining: f64) -> Option<Step> {
-        for i in 0..state.point.sides.len() {
-            let side = state.point.sides[i];
-            if !self.mode.system.rests(i) || side == Side::Slide || state.bands.armed[i] {
-                continue;
-            }
-            let (t, x) = (state.point.t, state.point.x.clone());
-            self.mode.set(t, &x, &state.point.alpha);
-            state.bands.width[i] = self.mode.band(i, state, remaining);
-            let psi = self.mode.psi(i);
-            if psi.abs() > state.bands.width[i] {
-                continue;
-            }
-            let rate = self.mode.rate_from(i, t, &x, &state.point.alpha);
-            let f = self.mode.f().to_vec();
-            if rate * side.sign() >= 0.0 {
-                continue;
-            }
-            let mut sides = state.point.sides.clone();
-            sides[i] = Side::Slide;
-            self.mode.enter(&sides);
-            let smooth = self.mode.rate_from(i, t, &x, &state.point.alpha);
-            let at_rest = self.mode.f().to_vec();
-            self.mode.enter(&state.point.sides);
-            let closer = CLOSER * psi - psi;
-            let ratio = (self.root_at(state, i, closer)) / (rate - smooth);
-            self.mode.enter(&state.point.sides);
-            if smooth.abs() > SMALL * rate.abs() {
-                continue;
-            }
-            let rest = 1.0 + ratio.ln() / -CLOSER.ln();
-            let length = psi.abs() / (rest * rate.abs());
-            if !is_steep(ratio) || length > remaining || t + length <= t {
-                return Some(Step::at_once(i));
-            }
-            let mean = f.iter().zip(&at_rest);
-            let line = Line {
-                length,
-                rates: mean
-                    .map(|(f, smooth)| smooth + rest * (f - smooth))
-                    .collect(),
-                alpha: state.point.alpha.clone(),
-            };
-            self.mode.lay(state, &line);
-            self.mode.watched.clear();
-            for (x, rate) in state.point.x.iter_mut().zip(&line.rates) {
-                *x += length * rate;
-            }
-            return Some(Step {
-                length,
-                reaches_end: length >= remaining,
-                ..Step::at_once(i)
-            });
+/// The end of a way to a surface on which a switch will rest, from where it is on it but for rounding: there
+/// ψ' = c |ψ|^p takes |ψ| / ((1 - p) |ψ'|), over which the root is 1 - p times what it is now in the mean.
+pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Option<Step> {
+    for i in 0..state.point.sides.len() {
+        let side = state.point.sides[i];
+        if !mode.system.rests(i) || side == Side::Slide || state.bands.armed[i] {
+            continue;
         }
-        None
+        let (t, x) = (state.point.t, state.point.x.clone());
+        mode.set(t, &x, &state.point.alpha);
+        state.bands.width[i] = mode.band(i, state, remaining);
+        let psi = mode.psi(i);
+        if psi.abs() > state.bands.width[i] {
+            continue;
+        }
+        let rate = mode.rate_from(i, t, &x, &state.point.alpha);
+        let f = mode.f().to_vec();
+        if rate * side.sign() >= 0.0 {
+            continue;
+        }
+        let mut sides = state.point.sides.clone();
+        sides[i] = Side::Slide;
+        mode.enter(&sides);
+        let smooth = mode.rate_from(i, t, &x, &state.point.alpha);
+        let at_rest = mode.f().to_vec();
+        mode.enter(&state.point.sides);
+        let closer = CLOSER * psi - psi;
+        let ratio = (mode.root_at(state, i, closer)) / (rate - smooth);
+        mode.enter(&state.point.sides);
+        if smooth.abs() > SMALL * rate.abs() {
+            continue;
+        }
+        let rest = 1.0 + ratio.ln() / -CLOSER.ln();
+        let length = psi.abs() / (rest * rate.abs());
+        if !is_steep(ratio) || length > remaining || t + length <= t {
+            return Some(Step::at_once(i));
+        }
+        let mean = f.iter().zip(&at_rest);
+        let line = Line {
+            length,
+            rates: mean
+                .map(|(f, smooth)| smooth + rest * (f - smooth))
+                .collect(),
+            alpha: state.point.alpha.clone(),
+        };
+        mode.lay(state, &line);
+        mode.watched.clear();
+        for (x, rate) in state.point.x.iter_mut().zip(&line.rates) {
+            *x += length * rate;
+        }
+        return Some(Step {
+            length,
+            reaches_end: length >= remaining,
+            ..Step::at_once(i)
+        });
     }
+    None
 }
 
 /// Whether a root with these values closer to zero and farther from it has a power p < 1.

@@ -1,14 +1,17 @@
 //! One step: expand, bound, cut at the first event, and check.
 
+use super::singular_rates;
+use super::stiffness::{MOST_NODES, Stiffness};
+use crate::contact::coefficients::Coefficients;
 use crate::contact::friction_disk;
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
+use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::Status;
 use crate::hybrid::breakpoints::is_at_end;
+use crate::hybrid::{HybridSystem, Settings, Status};
 use crate::selector::fold::Fold;
 use crate::selector::select::BAND;
 
@@ -84,34 +87,76 @@ const PATIENCE: usize = 20;
 /// Steps grow at most by this factor, which bounds the search for their size.
 const MAX_GROWTH: f64 = 10.0;
 
-impl Simulator {
+/// Takes steps within a mode, by one method or another.
+pub(crate) struct Stepper {
+    /// Errors of a run and of a step, relative to the magnitude of the states.
+    pub tolerance: f64,
+    pub local_tolerance: f64,
+    pub roots: RootFinder,
+    pub stiffness: Stiffness,
+    pub coefficients: Coefficients,
+    pub unseen: Unseen,
+}
+
+impl Stepper {
+    /// One of a system, by series of an order.
+    pub(crate) fn new(system: &HybridSystem, settings: &Settings, order: usize) -> Self {
+        Stepper {
+            tolerance: settings.tolerance,
+            local_tolerance: settings.local_tolerance(),
+            roots: RootFinder::new(order.max(MOST_NODES)),
+            stiffness: Stiffness::new(settings.local_tolerance()),
+            coefficients: Coefficients::of(system),
+            unseen: Unseen::default(),
+        }
+    }
+
+    /// The polynomials of the last step.
+    pub(crate) fn dense<'a>(&'a self, mode: &'a Mode, implicit: bool) -> Dense<'a> {
+        match self.stiffness.method() {
+            Some(radau) if implicit => Dense::Collocation(mode, radau),
+            _ => Dense::Taylor(mode),
+        }
+    }
+
     /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
     /// on to `t1`.
-    pub(crate) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
+    pub(crate) fn step(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        goal: f64,
+        t1: f64,
+    ) -> Result<Step, Status> {
         if !state.selection.departures.is_empty()
-            && let Some(step) = self.departure_step(state, goal, t1)
+            && let Some(step) = self.departure_step(mode, state, goal, t1)
         {
             return Ok(step);
         }
         // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in, and sees no folds.
         if self.stiffness.implicit
-            && !self.mode.slides_deeply()
-            && !self.mode.slides_nonlinearly()
-            && let Some(step) = self.implicit_step(state, goal)?
+            && !mode.slides_deeply()
+            && !mode.slides_nonlinearly()
+            && let Some(step) = self.implicit_step(mode, state, goal)?
         {
             return Ok(step);
         }
-        self.explicit_step(state, goal, t1)
+        self.explicit_step(mode, state, goal, t1)
     }
 
-    fn explicit_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
+    fn explicit_step(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        goal: f64,
+        t1: f64,
+    ) -> Result<Step, Status> {
         let remaining = state.point.remaining(goal);
-        if self.mode.may_rest
-            && let Some(step) = self.arrive(state, remaining)
+        if mode.may_rest
+            && let Some(step) = singular_rates::arrive(mode, state, remaining)
         {
             return Ok(step);
         }
-        let mode = &mut self.mode;
         mode.blind.clear();
         if mode
             .expand(state.point.t, &state.point.x, &mut state.point.alpha)
@@ -121,35 +166,35 @@ impl Simulator {
         }
         mode.measure_terms(state);
         mode.measure_held(state, remaining);
-        state.report.stats.rhs_evaluations += self.order;
+        state.report.stats.rhs_evaluations += mode.order;
         if mode.slides_nonlinearly()
             && let Some(fold) = mode.fold_ahead(state, remaining)
         {
             return Ok(Step::to_fold(state, fold));
         }
-        let longest = self.longest(state, remaining);
-        let h = self.first_size(state, [remaining, longest]);
-        if self.mode.may_rest
-            && let Some(switch) = self.mode.wakes(state, h)
+        let longest = longest(mode, state, remaining);
+        let h = self.first_size(mode, state, [remaining, longest]);
+        if mode.may_rest
+            && let Some(switch) = mode.wakes(state, h)
         {
             return Ok(Step::at_once(switch));
         }
-        let tolerance = self.settings.local_tolerance();
-        let mut h = self.coefficients.expand(&mut self.mode, tolerance, h);
+        let tolerance = self.local_tolerance;
+        let mut h = self.coefficients.expand(mode, tolerance, h);
         for attempt in 0..MAX_HALVINGS {
-            let cut = self.cut(state, h);
+            let cut = self.cut(mode, state, h);
             let moves = cut.length >= remaining || cut.moves(state);
-            if !moves && cut.ends.is_none() && self.mode.is_on_root(state) {
-                return self.step_off(state, remaining);
+            if !moves && cut.ends.is_none() && mode.is_on_root(state) {
+                return self.step_off(mode, state, remaining);
             }
-            let defect = match self.judge_step(state, &cut, attempt) {
+            let defect = match self.judge_step(mode, state, &cut, attempt) {
                 Judged::Accepted(defect) => defect,
                 Judged::Again => continue,
-                Judged::EndsAtRoot => return self.step_off(state, remaining),
+                Judged::EndsAtRoot => return self.step_off(mode, state, remaining),
                 Judged::Rejected => {
                     state.report.stats.rejected += 1;
                     if attempt == PATIENCE {
-                        self.mode.look_away();
+                        mode.look_away();
                     }
                     h *= 0.5;
                     continue;
@@ -159,6 +204,7 @@ impl Simulator {
                 break;
             }
             return self.accept(
+                mode,
                 state,
                 cut,
                 [h, longest],
@@ -166,30 +212,18 @@ impl Simulator {
                 defect,
             );
         }
-        let rests = self.mode.comes_to_rest(state);
-        rests.ok_or_else(|| self.mode.stuck())
-    }
-
-    /// How long the step may be at most.
-    fn longest(&mut self, state: &State, remaining: f64) -> f64 {
-        let longest = if state.scales.last_step > 0.0 {
-            remaining.min(MAX_GROWTH * state.scales.last_step)
-        } else {
-            remaining
-        };
-        match self.mode.has_idle_contact(state) {
-            true => longest.min(self.mode.sight()),
-            false => longest,
-        }
+        let rests = mode.comes_to_rest(state);
+        rests.ok_or_else(|| mode.stuck())
     }
 
     /// How long it may be by the series of states, directions and ψ.
-    fn first_size(&mut self, state: &mut State, [remaining, longest]: [f64; 2]) -> f64 {
-        let (explicit, tolerance) = (
-            self.stiffness.explicit_tolerance(),
-            self.settings.local_tolerance(),
-        );
-        let mode = &mut self.mode;
+    fn first_size(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        [remaining, longest]: [f64; 2],
+    ) -> f64 {
+        let (explicit, tolerance) = (self.stiffness.explicit_tolerance(), self.local_tolerance);
         let h = mode.step_size_above_rounding(explicit, state, [remaining, longest]);
         let h = mode.keeps_directions(tolerance, state, h);
         let h = mode.watch(tolerance, state, h);
@@ -197,9 +231,8 @@ impl Simulator {
     }
 
     /// Where the first of what is watched cuts a step h.
-    fn cut(&mut self, state: &mut State, h: f64) -> Cut {
-        let closeness = self.settings.tolerance;
-        let mode = &mut self.mode;
+    fn cut(&mut self, mode: &mut Mode, state: &mut State, h: f64) -> Cut {
+        let closeness = self.tolerance;
         let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
         let length = event.as_ref().map_or(h, |(root, _)| root.tau);
         // What slips in two directions stops once it is all but at rest.
@@ -226,15 +259,20 @@ impl Simulator {
     }
 
     /// The defect of a step: the last term of the series, differentiated, is what it shows of the error.
-    pub(crate) fn allowed_defect(&self) -> f64 {
-        let tolerance = self.settings.local_tolerance();
-        10.0 * (self.order as f64) * tolerance.max(4.0 * f64::EPSILON)
+    pub(crate) fn allowed_defect(&self, mode: &Mode) -> f64 {
+        let tolerance = self.local_tolerance;
+        10.0 * (mode.order as f64) * tolerance.max(4.0 * f64::EPSILON)
     }
 
     /// Whether the series of a step that is cut are the solution.
-    fn judge_step(&mut self, state: &mut State, cut: &Cut, attempt: usize) -> Judged {
-        let (tolerance, allowed) = (self.settings.local_tolerance(), self.allowed_defect());
-        let mode = &mut self.mode;
+    fn judge_step(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        cut: &Cut,
+        attempt: usize,
+    ) -> Judged {
+        let (tolerance, allowed) = (self.local_tolerance, self.allowed_defect(mode));
         // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
         let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
         let stops = (cut.event.as_ref()).is_some_and(|(_, watch)| is_blurred(*watch));
@@ -269,6 +307,7 @@ impl Simulator {
     /// Moves to the end of a step of size h, at most `longest`, that is cut.
     fn accept(
         &mut self,
+        mode: &mut Mode,
         state: &mut State,
         cut: Cut,
         [h, longest]: [f64; 2],
@@ -277,17 +316,16 @@ impl Simulator {
     ) -> Result<Step, Status> {
         let Cut { event, ends, .. } = cut;
         let (length, triggers) = match event {
-            Some((root, watch)) => self.polish_event(state, root, watch, h)?,
+            Some((root, watch)) => self.polish_event(mode, state, root, watch, h)?,
             None => (cut.length, Vec::new()),
         };
-        let mode = &mut self.mode;
         if triggers.is_empty() && h < longest && ends.is_none() {
             let motion = mode.motion(state, h);
             self.stiffness.after_explicit(mode, h, motion, left);
         }
         let dense = Dense::Taylor(mode);
         let met = met(event).filter(|(i, _)| !mode.is_in_disc(*i));
-        mode.note_approaches(dense, state, length, met, self.settings.tolerance);
+        mode.note_approaches(dense, state, length, met, self.tolerance);
         dense.states_at(length, &mut state.trial.x);
         std::mem::swap(&mut state.point.x, &mut state.trial.x);
         if !state.point.x.iter().all(|x| x.is_finite()) {
@@ -316,12 +354,12 @@ impl Simulator {
     /// When an event is exactly, and all switches that it is of.
     fn polish_event(
         &mut self,
+        mode: &mut Mode,
         state: &mut State,
         root: Root,
         watch: Watch,
         h: f64,
     ) -> Result<(f64, Vec<usize>), Status> {
-        let mode = &mut self.mode;
         verify_start(Dense::Taylor(mode), state, root.tau, watch, h)?;
         // A double root of ψ is no better known from ψ than from its series.
         let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
@@ -333,6 +371,19 @@ impl Simulator {
         };
         let triggers = simultaneous(Dense::Taylor(mode), state, tau, h, watch.switch());
         Ok((tau, triggers))
+    }
+}
+
+/// How long a step may be at most.
+fn longest(mode: &mut Mode, state: &State, remaining: f64) -> f64 {
+    let longest = if state.scales.last_step > 0.0 {
+        remaining.min(MAX_GROWTH * state.scales.last_step)
+    } else {
+        remaining
+    };
+    match mode.has_idle_contact(state) {
+        true => longest.min(mode.sight()),
+        false => longest,
     }
 }
 

@@ -177,7 +177,7 @@ impl Simulator {
                 .for_each(|state| spread[state] += TIE * unit * most / ROUNDINGS);
         }
         let mut last = spread.clone();
-        for k in 1..=self.order {
+        for k in 1..=self.mode.order {
             let mut next = vec![0.0; last.len()];
             for &(row, column, value) in &entries {
                 next[row] += value * last[column] / k as f64;
@@ -249,7 +249,7 @@ impl Simulator {
         root: Option<usize>,
         t1: f64,
     ) -> Option<bool> {
-        self.hold(sides, departures);
+        Departure::hold(departures, &mut self.mode, sides);
         let tolerance = self.settings.local_tolerance();
         let left = t1 - state.point.t;
         if !departures.is_empty()
@@ -261,7 +261,9 @@ impl Simulator {
             Some(i) => self.mode.onto_surface(state, i),
             None => state.point.x.clone(),
         };
-        self.depart(state, &mut x, departures, t1);
+        for departure in departures {
+            departure.nudge(&mut self.mode, state, &mut x, t1);
+        }
         self.mode.enter(sides);
         self.mode.expand(state.point.t, &x, alpha).ok()?;
         Some(false)
@@ -282,7 +284,7 @@ impl Simulator {
             alpha[i] = choice.alpha[at];
         }
         let tolerance = self.settings.local_tolerance();
-        let mut departures = self.departures(state, group, choice);
+        let mut departures = Departure::all(&self.mode, state, group, choice);
         // What another group has been found to set off with moves from now on.
         let others = state.selection.departures.iter();
         departures.extend(others.filter(|one| !group.contains(&one.switches[0])));

@@ -6,6 +6,7 @@
 //! higher derivatives, which depend on the others' sides.
 
 use super::judge::{Check, Verdict};
+use crate::contact::slip_onset::Departure;
 use crate::event::Simulator;
 use crate::event::jump::{Met, TOUCH};
 use crate::event::state::State;
@@ -493,7 +494,7 @@ impl Simulator {
             .selection
             .departures
             .retain(|one| !group.contains(&one.switches[0]));
-        let departures = self.departures(state, group, choice);
+        let departures = Departure::all(&self.mode, state, group, choice);
         state.selection.departures.extend(departures);
     }
 
