@@ -22,7 +22,7 @@ use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
 use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{Coefficient, Effect, Guard, HybridSystem, Impact, Input, Note, Side, Status};
+use crate::hybrid::{Coefficient, Effect, Guard, HybridSystem, Impact, Note, Side, Status};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
@@ -45,9 +45,9 @@ impl Simulator {
         if struck.is_empty() {
             return Ok(());
         }
-        let near = self.jumps.near.iter().map(|(_, normal)| *normal);
+        let near = state.jumps.near.iter().map(|(_, normal)| *normal);
         let near: Vec<usize> = near
-            .filter(|normal| !self.jumps.grazed.contains(normal))
+            .filter(|normal| !state.jumps.grazed.contains(normal))
             .collect();
         self.note_order(state, &struck, &near);
         self.strike_together(state, &struck, &near)?;
@@ -108,7 +108,9 @@ impl Simulator {
         self.mode.enter(&sides);
         self.mode
             .eval(state.point.t, &state.point.x, &state.point.alpha);
-        let numbers: Vec<[f64; 2]> = impacts.iter().map(|(_, i)| self.numbers(i)).collect();
+        let numbers: Vec<[f64; 2]> = (impacts.iter())
+            .map(|(_, i)| self.numbers(&mut state.jumps.registers, i))
+            .collect();
         for (&[e, mu], &(switch, _)) in numbers.iter().zip(impacts) {
             if let Some((coefficient, value)) = Coefficient::outside(e, mu) {
                 return Err(Status::Coefficient {
@@ -168,17 +170,10 @@ impl Simulator {
     }
 
     /// Restitution and friction where the state is.
-    fn numbers(&mut self, impact: &Impact) -> [f64; 2] {
-        let registers = &mut self.jumps.registers;
+    fn numbers(&mut self, registers: &mut Vec<f64>, impact: &Impact) -> [f64; 2] {
         registers.resize(impact.numbers.n_registers().max(impact.inputs.len()), 0.0);
         for (register, &input) in registers.iter_mut().zip(&impact.inputs) {
-            *register = match input {
-                Input::Number(number) => number,
-                input => {
-                    let slot = self.mode.memory.slot(input);
-                    self.mode.memory.values[slot]
-                }
-            };
+            *register = self.mode.memory.value(input);
         }
         impact.numbers.run(registers);
         let mut numbers = impact.numbers.results(registers);

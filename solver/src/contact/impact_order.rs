@@ -30,7 +30,7 @@ impl Simulator {
         let mut gaps: Vec<(usize, f64)> = Vec::new();
         self.mode.move_to(&state.point);
         for i in normals {
-            let is_open = state.point.sides[i] != Side::Slide && !self.jumps.grazed.contains(&i);
+            let is_open = state.point.sides[i] != Side::Slide && !state.jumps.grazed.contains(&i);
             if is_open && let Some(gap) = self.gap(state, i) {
                 gaps.push((i, gap));
             }

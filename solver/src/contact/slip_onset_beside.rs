@@ -78,7 +78,7 @@ impl Simulator {
             let leaving = bound.into_iter().filter(|&i| all[i] != Side::Slide);
             let leaving: Vec<usize> = leaving.collect();
             let sides: Vec<Side> = group.iter().map(|&i| all[i]).collect();
-            self.enter_surfaces(state, group, &sides);
+            self.mode.enter_choice(&state.point, group, &sides);
             let outcome = match leaving.is_empty() {
                 true => self.solve(state, group, &sides, &mut choices.found),
                 false => self.set_out(state, group, &sides, &leaving, &mut choices),
@@ -101,7 +101,8 @@ impl Simulator {
             if !changes || !self.mode.is_free(i, &state.point.sides) {
                 continue;
             }
-            self.measure_bands(state, &[i, other], t1 - state.point.t);
+            self.mode
+                .measure_bands(state, &[i, other], t1 - state.point.t);
             if self.mode.is_near(i, state) {
                 triggers.push(i);
             }

@@ -9,7 +9,7 @@ use crate::event::Simulator;
 use crate::event::jump::{Bent, ROUNDING};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{Guard, Law, Role, Side, Status};
+use crate::hybrid::{Role, Side, Status};
 use crate::selector::candidates::{Zeros, product};
 use crate::selector::judge::TIE;
 use crate::selector::select::{Choice, Choices};
@@ -54,18 +54,11 @@ impl Found {
 }
 
 impl Simulator {
-    /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
-    /// projections, acts on their rate itself.
-    pub(crate) fn is_contact(&self, switch: usize) -> bool {
-        let strikes = |law: &Law| matches!(law.guard, Guard::Strikes(struck) if struck == switch);
-        self.system.laws.iter().any(strikes)
-    }
-
     /// True for a group that nothing but contacts and their friction belong to.
     pub(crate) fn is_of_contacts(&self, group: &[usize]) -> bool {
         let is_contact = |&i: &usize| {
             let slips = self.system.slip_of(i);
-            self.is_contact(i) || slips.is_some_and(|of| group.contains(&of))
+            self.system.is_struck(i) || slips.is_some_and(|of| group.contains(&of))
         };
         group.iter().all(is_contact)
     }
@@ -99,7 +92,7 @@ impl Simulator {
                 continue;
             }
             let sides = self.propose(group, &mut found, &candidate);
-            self.enter_surfaces(state, group, &sides);
+            self.mode.enter_choice(&state.point, group, &sides);
             let choice = self.refine(group, &sides, &found.alpha);
             choices.singular |= choice.is_none();
             // When it does depends on what each of them has taken, which nothing determines.
@@ -168,7 +161,7 @@ impl Simulator {
             .copied()
             .filter(|&i| mode.system.is_unilateral(i));
         let normals: Vec<usize> = normals.collect();
-        let is_open = |i: &usize| !mode.surfaces.is_deep(*i) && !self.jumps.grazed.contains(i);
+        let is_open = |i: &usize| !mode.surfaces.is_deep(*i) && !state.jumps.grazed.contains(i);
         let open: Vec<usize> = normals.iter().copied().filter(is_open).collect();
         // Where forces hold bodies at rest, what they hold shows how fast gaps bend. What closes one of them acts on
         // the others.

@@ -21,8 +21,9 @@
 
 use super::Simulator;
 use crate::event::state::State;
+use crate::events::sensitivity::Window;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{Effect, Guard, Input, Law, Side, Status};
+use crate::hybrid::{Effect, Guard, Law, Side, Status};
 use crate::selector::select::BAND;
 
 /// Jumps at one instant before they count as endless.
@@ -65,9 +66,9 @@ impl Jumps {
 
     /// Where the jumps accumulate that end here. Where nothing says so, but that a contact opens no farther
     /// than rounding, what was taken away from the states is an error.
-    pub(crate) fn limit(&self, state: &mut State) -> Option<f64> {
+    pub(crate) fn limit(&self, window: &mut Window) -> Option<f64> {
         if self.end.is_none() {
-            for (moved, closed) in state.window.moved.iter_mut().zip(&self.closed) {
+            for (moved, closed) in window.moved.iter_mut().zip(&self.closed) {
                 *moved += closed * closed;
             }
         }
@@ -118,11 +119,6 @@ impl Mode {
 }
 
 impl Simulator {
-    /// True for a system with laws by which it jumps.
-    pub(crate) fn has_jumps(&self) -> bool {
-        !self.system.laws.is_empty()
-    }
-
     /// Lets everything jump that jumps here, and finds the mode that goes on.
     pub(crate) fn jump_and_change(
         &mut self,
@@ -130,12 +126,12 @@ impl Simulator {
         mut met: Met,
         t1: f64,
     ) -> Result<(), Status> {
-        self.jumps.fired.clear();
-        self.jumps.closed.clear();
-        self.jumps.struck.clear();
-        self.jumps.end = None;
-        self.jumps.owed.0.clear();
-        self.jumps.owed.1.clear();
+        state.jumps.fired.clear();
+        state.jumps.closed.clear();
+        state.jumps.struck.clear();
+        state.jumps.end = None;
+        state.jumps.owed.0.clear();
+        state.jumps.owed.1.clear();
         let mut last: Vec<usize> = Vec::new();
         let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
         self.wake(state, on, t1);
@@ -144,7 +140,7 @@ impl Simulator {
             let mut fired = self.struck(state);
             if fired.is_empty() {
                 // What stops at a contact may no longer stick there.
-                if !self.jumps.fired.is_empty()
+                if !state.jumps.fired.is_empty()
                     && self.close(state)
                     && let Met::Surfaces(on) = &mut met
                 {
@@ -173,7 +169,7 @@ impl Simulator {
             let moves = |law: &usize| matches!(self.system.laws[*law].effect, Effect::Reset(_));
             let moves = fired.iter().any(moves);
             if moves {
-                self.jumps.kept.clear();
+                state.jumps.kept.clear();
             }
             let on = self.place_kept(state, t1 - state.point.t)?;
             if moves {
@@ -197,7 +193,7 @@ impl Simulator {
             }
             let other = self.system.across(slip);
             let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
-            self.measure_bands(state, &entries, t1 - state.point.t);
+            self.mode.measure_bands(state, &entries, t1 - state.point.t);
             let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
             let mut sides = state.point.sides.clone();
             sides[slip] = match other {
@@ -215,7 +211,7 @@ impl Simulator {
 
     /// Finds the contacts without a gap, those that are met among them: no impact changes that.
     fn find_near(&mut self, state: &mut State, met: &[usize], t1: f64) {
-        let mut near = std::mem::take(&mut self.jumps.near);
+        let mut near = std::mem::take(&mut state.jumps.near);
         near.clear();
         near.extend(self.system.laws.iter().enumerate().filter_map(|(l, law)| {
             let Guard::Strikes(switch) = law.guard else {
@@ -223,7 +219,7 @@ impl Simulator {
             };
             Some((l, switch))
         }));
-        let kept = &mut self.jumps.kept;
+        let mut kept = std::mem::take(&mut state.jumps.kept);
         kept.clear();
         let mode = &mut self.mode;
         mode.move_to(&state.point);
@@ -238,7 +234,7 @@ impl Simulator {
             mode.surfaces.stand_for(switch, usize::from(closed));
             is_near
         });
-        self.jumps.near = near;
+        (state.jumps.near, state.jumps.kept) = (near, kept);
     }
 
     /// The laws of surfaces that the state strikes from above.
@@ -247,7 +243,7 @@ impl Simulator {
         let mut speeds = Vec::new();
         let mode = &mut self.mode;
         mode.move_to(&state.point);
-        for &(l, switch) in &self.jumps.near {
+        for &(l, switch) in &state.jumps.near {
             let closed = state.point.sides[switch] == Side::Slide;
             if let Some(speed) = mode.closing_speed(state, switch) {
                 struck.push(l);
@@ -256,19 +252,19 @@ impl Simulator {
             let order = if closed { 1 } else { 0 };
             mode.surfaces.stand_for(switch, order);
         }
-        self.jumps.grazed.clear();
+        state.jumps.grazed.clear();
         struck.retain(|&law| {
             let Some(switch) = self.system.laws[law].closes() else {
                 return true;
             };
             let grazes = state.point.sides[switch] != Side::Slide && self.grazes(state, switch);
             if grazes {
-                self.jumps.grazed.push(switch);
+                state.jumps.grazed.push(switch);
             }
             !grazes
         });
         if !struck.is_empty() {
-            self.jumps.struck = speeds;
+            state.jumps.struck = speeds;
         }
         struck
     }
@@ -300,8 +296,8 @@ impl Simulator {
     /// Takes away the speeds at which contacts open by less than their ψ is known; false where there are none.
     fn close(&mut self, state: &mut State) -> bool {
         let mut any = false;
-        for at in 0..self.jumps.near.len() {
-            let (_, switch) = self.jumps.near[at];
+        for at in 0..state.jumps.near.len() {
+            let (_, switch) = state.jumps.near[at];
             state.point.alpha[switch] = 1.0;
             let bent = self.bent(state, switch);
             any |= self.shut(state, switch, bent);
@@ -320,14 +316,14 @@ impl Simulator {
             return false;
         }
         let mode = &mut self.mode;
-        let known = self.jumps.struck.iter().find(|struck| struck.0 == switch);
+        let known = state.jumps.struck.iter().find(|struck| struck.0 == switch);
         let ratio = known.map_or(1.0, |(_, before)| speed / before);
         let size = mode.weigh(switch, |j| state.scales.size(j));
         // Where nothing bounces, what is left of a speed is rounding.
         let bounces = ratio < 1.0 && speed > BAND * size;
         if bounces {
             let end = state.point.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
-            self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
+            state.jumps.end = Some(state.jumps.end.map_or(end, |other| other.max(end)));
         }
         let gradient = self.mode.gradient(switch).to_vec();
         let along = |slopes: &[f64]| -> f64 { gradient.iter().map(|&(i, g)| g * slopes[i]).sum() };
@@ -338,15 +334,15 @@ impl Simulator {
         if bounces && has_friction {
             let rough = self.slopes_of_push(state, switch, true);
             let rough_push = along(&rough);
-            self.jumps.owed.0.resize(state.point.x.len(), 0.0);
-            self.jumps.owed.1.push(switch);
-            for (at, owed) in self.jumps.owed.0.iter_mut().enumerate() {
+            state.jumps.owed.0.resize(state.point.x.len(), 0.0);
+            state.jumps.owed.1.push(switch);
+            for (at, owed) in state.jumps.owed.0.iter_mut().enumerate() {
                 *owed += speed * (slopes[at] / push - rough[at] / rough_push);
             }
         }
-        self.jumps.closed.resize(state.point.x.len(), 0.0);
+        state.jumps.closed.resize(state.point.x.len(), 0.0);
         for ((x, closed), slope) in
-            (state.point.x.iter_mut().zip(&mut self.jumps.closed)).zip(slopes)
+            (state.point.x.iter_mut().zip(&mut state.jumps.closed)).zip(slopes)
         {
             let change = slope * speed / push;
             *x -= change;
@@ -361,7 +357,7 @@ impl Simulator {
     /// (1 + e) v/(1 - e), all for a mass of one: v is what its friction has had no right to. It is given back at the
     /// end, when friction has taken more than that of the energy.
     pub(crate) fn repay(&self, state: &mut State) {
-        let (owed, contacts) = &self.jumps.owed;
+        let (owed, contacts) = &state.jumps.owed;
         let slips = |contact: &usize| {
             let of_contact = |i: &usize| self.system.slip_of(*i) == Some(*contact);
             let mut slips = (0..state.point.sides.len()).filter(of_contact);
@@ -424,13 +420,13 @@ impl Simulator {
     }
 
     /// The laws whose guards hold on the present sides.
-    fn holding(&mut self, state: &State) -> Vec<usize> {
+    fn holding(&self, state: &mut State) -> Vec<usize> {
         let mut holding = Vec::new();
         for (l, law) in self.system.laws.iter().enumerate() {
             let Guard::Sides { switches, holds } = &law.guard else {
                 continue;
             };
-            let registers = &mut self.jumps.registers;
+            let registers = &mut state.jumps.registers;
             registers.resize(holds.n_registers().max(switches.len()), 0.0);
             for (register, &switch) in registers.iter_mut().zip(switches) {
                 *register = 0.5 + 0.5 * state.point.sides[switch].sign();
@@ -445,13 +441,13 @@ impl Simulator {
 
     /// Lets laws jump together.
     fn apply(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
-        if self.jumps.fired.is_empty() {
-            self.jumps.before.clone_from(&state.point.x);
+        if state.jumps.fired.is_empty() {
+            state.jumps.before.clone_from(&state.point.x);
         }
         self.mode.move_to(&state.point);
         let Jumps {
             registers, values, ..
-        } = &mut self.jumps;
+        } = &mut state.jumps;
         values.clear();
         for &l in laws {
             let Effect::Reset(reset) = &self.system.laws[l].effect else {
@@ -460,13 +456,7 @@ impl Simulator {
             let (inputs, states, tape) = (&reset.inputs, &reset.states, &reset.values);
             registers.resize(tape.n_registers().max(inputs.len()), 0.0);
             for (register, &input) in registers.iter_mut().zip(inputs) {
-                *register = match input {
-                    Input::Number(number) => number,
-                    input => {
-                        let slot = self.mode.memory.slot(input);
-                        self.mode.memory.values[slot]
-                    }
-                };
+                *register = self.mode.memory.value(input);
             }
             tape.run(registers);
             for (&state, value) in states.iter().zip(tape.results(registers)) {
@@ -487,7 +477,7 @@ impl Simulator {
             state.point.x[i] = value;
             state.scales.largest[i] = state.scales.largest[i].max(value.abs());
         }
-        self.jumps.fired.extend_from_slice(laws);
+        state.jumps.fired.extend_from_slice(laws);
         Ok(())
     }
 }

@@ -30,7 +30,6 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::breakpoints::Pieces;
 use crate::integrate::step::Stepper;
-use jump::Jumps;
 pub use observer::{Event, Observer, Segment};
 
 /// Runs a system, keeping the functions it has met from one run to the next.
@@ -42,7 +41,6 @@ pub struct Simulator {
     pub(crate) coupled_by: Vec<Vec<usize>>,
     pub(crate) pieces: Pieces,
     pub(crate) stepper: Stepper,
-    pub(crate) jumps: Jumps,
     /// Memory that one run leaves to the next.
     pub(crate) state: State,
 }
@@ -63,7 +61,6 @@ impl Simulator {
             mode: Mode::new(&system, order),
             coupled_by,
             pieces: Pieces::new(&system),
-            jumps: Jumps::default(),
             state: State::default(),
             system,
         }

@@ -74,13 +74,13 @@ impl Simulator {
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
         let started = self.start(state, t1 - t0);
-        if started.is_ok() && !self.jumps.fired.is_empty() {
+        if started.is_ok() && !state.jumps.fired.is_empty() {
             state.report.stats.events += 1;
             observer.event(&Event {
                 time: state.point.t,
                 x: &state.point.x,
-                before: self.jumps.before(&state.point.x),
-                jumps: &self.jumps.fired,
+                before: state.jumps.before(&state.point.x),
+                jumps: &state.jumps.fired,
                 decisions: &[],
                 from: &state.point.sides,
                 to: &state.point.sides,
@@ -100,7 +100,9 @@ impl Simulator {
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
         if !state.approaches.pending.is_empty() {
-            self.look_behind(state);
+            state
+                .approaches
+                .look_behind(&mut self.mode, &state.point, &state.bands);
         }
         if state.point.t >= t1 {
             return Err(Status::Solved);
@@ -136,7 +138,7 @@ impl Simulator {
         self.locate(state, history, &mut step, meets, [t0, t1])?;
         let (from, length) = (state.point.sides.clone(), step.length);
         self.next_mode(state, step.triggers, meets, t1)?;
-        let jumped = !self.jumps.fired.is_empty();
+        let jumped = !state.jumps.fired.is_empty();
         let folded = state
             .selection
             .decisions
@@ -189,7 +191,7 @@ impl Simulator {
         if step.length > 0.0 && observer.segment(&segment).is_break() {
             return Err(Status::Stopped);
         }
-        self.look_again(state);
+        self.mode.look_again(state);
         if let Some(status) = step.ends.take() {
             return Err(status);
         }
@@ -267,7 +269,7 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         state.selection.decisions.clear();
-        if self.has_jumps() {
+        if self.system.has_laws() {
             let met = match meets.breakpoint {
                 true => Met::Breakpoint(triggers),
                 false => Met::Surfaces(triggers),
@@ -303,9 +305,9 @@ impl Simulator {
             history.chatter.record(state.point.t, &state.point.x, &from);
             self.average(&mut history.chatter, state, t1)?;
         }
-        let jumped = !self.jumps.fired.is_empty();
+        let jumped = !state.jumps.fired.is_empty();
         let end = match jumped {
-            true => self.jumps.limit(state),
+            true => state.jumps.limit(&mut state.window),
             false => history.events.limit(&state.point.sides),
         };
         let end = end.filter(|end| more && *end < t1);
@@ -314,8 +316,8 @@ impl Simulator {
             observer.event(&Event {
                 time: state.point.t,
                 x: &state.point.x,
-                before: self.jumps.before(&state.point.x),
-                jumps: &self.jumps.fired,
+                before: state.jumps.before(&state.point.x),
+                jumps: &state.jumps.fired,
                 decisions: &state.selection.decisions,
                 from: &from,
                 to: if waits.is_some() {
@@ -343,7 +345,7 @@ impl Simulator {
         if !observer.displaces() {
             return;
         }
-        let before = self.jumps.before(&state.point.x);
+        let before = state.jumps.before(&state.point.x);
         // What laws count is whole, and exact.
         let jumps = |i: usize| state.point.x[i] != before[i] && state.point.x[i].fract() != 0.0;
         let moves = |i: usize| self.mode.x_series(i)[1] != 0.0 || jumps(i);

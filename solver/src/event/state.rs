@@ -1,5 +1,6 @@
 //! What changes from step to step.
 
+use super::jump::Jumps;
 use crate::events::grazing::Approaches;
 use crate::events::sensitivity::Window;
 use crate::expansion::scales::{Bands, Scales, refill};
@@ -51,6 +52,7 @@ pub(crate) struct State {
     pub approaches: Approaches,
     pub window: Window,
     pub selection: Selection,
+    pub jumps: Jumps,
     pub report: Report,
 }
 

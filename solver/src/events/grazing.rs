@@ -7,12 +7,13 @@
 //! such a turn, and its error is known to the caller only.
 
 use super::roots::Root;
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
 use crate::expansion::series;
 use crate::hybrid::Side;
+use crate::hybrid::point::Point;
 
 /// A surface that came close.
 #[derive(Clone, Debug)]
@@ -221,10 +222,30 @@ impl Mode {
     }
 }
 
-impl Simulator {
+impl Approaches {
+    /// Those of a run, of which none is known.
+    pub(crate) fn begin(&mut self) {
+        self.close.clear();
+        self.pending.clear();
+        self.known.clear();
+    }
+
+    fn keep(&mut self, approach: Approach) {
+        if self.known.len() < MOST {
+            self.known.push(approach);
+            return;
+        }
+        let distance = |a: &Approach| a.distance.abs();
+        let farthest = self.known.iter_mut();
+        let farthest = farthest.max_by(|a, b| distance(a).total_cmp(&distance(b)));
+        if let Some(farthest) = farthest.filter(|other| distance(other) > distance(&approach)) {
+            *farthest = approach;
+        }
+    }
+
     /// Looks behind the surfaces that came close in the last step.
-    pub(crate) fn look_behind(&mut self, state: &mut State) {
-        let mut pending = std::mem::take(&mut state.approaches.pending);
+    pub(crate) fn look_behind(&mut self, mode: &mut Mode, point: &Point, bands: &Bands) {
+        let mut pending = std::mem::take(&mut self.pending);
         for Pending {
             mut approach,
             mut sides,
@@ -234,24 +255,23 @@ impl Simulator {
         {
             let (switch, side) = (approach.switch, sides[approach.switch]);
             let other = Side::of(-side.sign());
-            let strikes = self.is_contact(switch);
+            let strikes = mode.system.is_struck(switch);
             let is_there = match approach.crosses {
                 // A contact is struck or grazed, and above its surface afterwards in any case.
                 _ if strikes => true,
-                true => state.point.sides[switch] == other,
-                false => !is_event || state.point.sides[switch] == side,
+                true => point.sides[switch] == other,
+                false => !is_event || point.sides[switch] == side,
             };
             if !is_there {
                 continue;
             }
             sides[switch] = other;
             alpha[switch] = if other == Side::Plus { 1.0 } else { 0.0 };
-            let mode = &mut self.mode;
             mode.enter(&sides);
             let exists = mode.expand(approach.time, &approach.x, &mut alpha).is_ok();
             mode.surfaces.linearize(switch, &mode.memory.values);
             approach.gradient.extend_from_slice(mode.gradient(switch));
-            approach.latches = self.system.relay(switch).is_some();
+            approach.latches = mode.system.relay(switch).is_some();
             approach.strikes = strikes;
             let order = mode.order + 1;
             mode.surfaces.expand(switch, &mut mode.memory, order);
@@ -272,35 +292,13 @@ impl Simulator {
             }
             if strikes {
                 // What is closer than this is taken for a graze (`jump.rs`).
-                approach.rounding = approach.rounding.max(GRAZED * state.bands.width[switch]);
+                approach.rounding = approach.rounding.max(GRAZED * bands.width[switch]);
                 // α = 0 is a force of one.
                 let push = 2.0 * (approach.behind[1] - approach.along[1]);
                 approach.jump.iter_mut().for_each(|jump| *jump /= push);
             }
-            state.approaches.keep(approach);
+            self.keep(approach);
         }
-        state.approaches.pending = pending;
-    }
-}
-
-impl Approaches {
-    /// Those of a run, of which none is known.
-    pub(crate) fn begin(&mut self) {
-        self.close.clear();
-        self.pending.clear();
-        self.known.clear();
-    }
-
-    fn keep(&mut self, approach: Approach) {
-        if self.known.len() < MOST {
-            self.known.push(approach);
-            return;
-        }
-        let distance = |a: &Approach| a.distance.abs();
-        let farthest = self.known.iter_mut();
-        let farthest = farthest.max_by(|a, b| distance(a).total_cmp(&distance(b)));
-        if let Some(farthest) = farthest.filter(|other| distance(other) > distance(&approach)) {
-            *farthest = approach;
-        }
+        self.pending = pending;
     }
 }

@@ -193,7 +193,7 @@ impl Simulator {
         let kept: Vec<usize> = (0..state.point.sides.len()).filter(kept).collect();
         self.mode.enter_surfaces(&state.point.sides);
         self.measure_algebraics(state);
-        self.measure_bands(state, &kept, t1 - state.point.t);
+        self.mode.measure_bands(state, &kept, t1 - state.point.t);
         kept.into_iter().any(|i| {
             let psi = self.mode.psi(i);
             let off = match state.point.sides[i] {
@@ -243,7 +243,7 @@ impl Simulator {
         let others = pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let mut others: Vec<usize> = others.collect();
-        self.measure_bands(state, &others, horizon);
+        self.mode.measure_bands(state, &others, horizon);
         others.retain(|&i| self.mode.psi(i).abs() <= state.bands.width[i]);
         self.mode.enter(&state.point.sides);
         let mut alpha = state.point.alpha.clone();
@@ -322,7 +322,7 @@ impl Simulator {
     /// Takes the sides of all switches that may be inside an equation.
     fn take_kinks(&mut self, state: &mut State) {
         for _ in 0..=state.point.sides.len() {
-            let psi = self.psi(state);
+            let psi = self.mode.all_psi(&state.point);
             let is_free = |i: usize| {
                 self.system.role(i) == Role::Step
                     && self.system.relay(i).is_none()
@@ -429,7 +429,7 @@ impl Simulator {
         let others = pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let others: Vec<usize> = others.collect();
-        self.measure_bands(state, &others, horizon);
+        self.mode.measure_bands(state, &others, horizon);
         let mut others = others.into_iter();
         others.position(|i| self.mode.psi(i) > state.bands.width[i])
     }

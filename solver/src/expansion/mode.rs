@@ -412,4 +412,21 @@ impl Mode {
         let along = self.series_along(switch);
         along.unwrap_or_else(|| self.row(self.surfaces.row(switch)))
     }
+
+    /// ψ of all switches at a point of a run.
+    pub(crate) fn all_psi(&mut self, point: &Point) -> Vec<f64> {
+        self.move_to(point);
+        self.enter_surfaces(&point.sides);
+        (0..point.sides.len()).map(|i| self.psi(i)).collect()
+    }
+
+    /// Takes the switching functions on the sides of a choice: one may have a kink where another is zero, and then its
+    /// rate depends on the other's side.
+    pub(crate) fn enter_choice(&mut self, point: &Point, group: &[usize], choice: &[Side]) {
+        let mut sides = point.sides.clone();
+        for (&i, &side) in group.iter().zip(choice) {
+            sides[i] = side;
+        }
+        self.enter_surfaces(&sides);
+    }
 }

@@ -5,8 +5,8 @@
 //! an output is evaluated. At the end of the step it takes the side of ψ.
 
 use super::mode::Mode;
-use crate::event::Simulator;
 use crate::event::state::State;
+use crate::hybrid::point::Point;
 use crate::hybrid::{Effect, Guard, HybridSystem, Input, Role, Side};
 
 /// Steps as short as this share of the longest one are not taken for an output.
@@ -62,15 +62,13 @@ impl Mode {
     pub(crate) fn is_too_short(&self, state: &State, h: f64) -> bool {
         h < LEAST * state.scales.longest_step && self.watched.iter().any(|&i| self.observers[i])
     }
-}
 
-impl Simulator {
     /// Takes the sides of switches that were not watched in the last step.
     pub(crate) fn look_again(&mut self, state: &mut State) {
-        for at in 0..self.mode.blind.len() {
-            let switch = self.mode.blind[at];
-            self.mode.move_to(&state.point);
-            let psi = self.mode.psi(switch);
+        for at in 0..self.blind.len() {
+            let switch = self.blind[at];
+            self.move_to(&state.point);
+            let psi = self.psi(switch);
             let mut sides = state.point.sides.clone();
             sides[switch] = Side::of(psi);
             state.point.set_sides(sides);
@@ -79,14 +77,13 @@ impl Simulator {
     }
 
     /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
-    pub(crate) fn has_no_rate(&mut self, state: &State, switch: usize) -> bool {
-        if !self.mode.observers[switch] {
+    pub(crate) fn has_no_rate(&mut self, point: &Point, switch: usize) -> bool {
+        if !self.observers[switch] {
             return false;
         }
-        let mode = &mut self.mode;
-        mode.move_to(&state.point);
-        mode.surfaces.linearize(switch, &mode.memory.values);
-        let mut gradient = mode.gradient(switch).iter();
-        !gradient.all(|(_, g)| g.is_finite()) || !mode.time_gradient(switch).is_finite()
+        self.move_to(point);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let mut gradient = self.gradient(switch).iter();
+        !gradient.all(|(_, g)| g.is_finite()) || !self.time_gradient(switch).is_finite()
     }
 }

@@ -61,10 +61,11 @@ impl Simulator {
         }
         let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
         self.load(state);
-        self.measure_bands(state, &switches, t1 - state.point.t);
+        self.mode
+            .measure_bands(state, &switches, t1 - state.point.t);
         let mut open = triggers.to_vec();
         if !switches.is_empty() {
-            let (before, psi) = (state.point.sides.clone(), self.psi(state));
+            let (before, psi) = (state.point.sides.clone(), self.mode.all_psi(&state.point));
             for (&i, last) in switches.iter().zip(last) {
                 self.jump(state, i, last, psi[i], &mut open);
                 let stays = (psi[i] - last).abs() <= state.bands.width[i];
@@ -76,7 +77,7 @@ impl Simulator {
         }
         self.pieces.switches = switches;
         let meets = |&&i: &&usize| {
-            (state.point.sides[i] == Side::Slide || state.bands.armed[i]) && !self.leads(i)
+            (state.point.sides[i] == Side::Slide || state.bands.armed[i]) && !self.system.leads(i)
         };
         open.extend(self.pieces.rates.iter().filter(meets));
         open.sort_unstable();

@@ -248,6 +248,23 @@ impl HybridSystem {
             _ => Role::Step,
         }
     }
+
+    /// True for switches that are decided before the others.
+    pub(crate) fn leads(&self, switch: usize) -> bool {
+        self.switches[switch].is_timed || self.relay(switch).is_some()
+    }
+
+    /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
+    /// projections, acts on their rate itself.
+    pub(crate) fn is_struck(&self, switch: usize) -> bool {
+        let strikes = |law: &Law| matches!(law.guard, Guard::Strikes(struck) if struck == switch);
+        self.laws.iter().any(strikes)
+    }
+
+    /// True for a system with laws by which it jumps.
+    pub(crate) fn has_laws(&self) -> bool {
+        !self.laws.is_empty()
+    }
 }
 
 /// A law by which states jump.

@@ -62,22 +62,12 @@ impl Simulator {
         for candidate in candidates {
             // There may be hundreds, each with many boxes.
             self.settings.limit.check()?;
-            self.enter_surfaces(state, group, &candidate);
+            self.mode.enter_choice(&state.point, group, &candidate);
             let outcome = self.solve(state, group, &candidate, &mut choices.found);
             choices.singular |= outcome == Search::Singular;
             choices.all &= outcome != Search::Bounded;
         }
         Ok(choices)
-    }
-
-    /// Takes the switching functions on the sides of a choice: one may have a kink where another is zero, and then its
-    /// rate depends on the other's side.
-    pub(crate) fn enter_surfaces(&mut self, state: &State, group: &[usize], choice: &[Side]) {
-        let mut sides = state.point.sides.clone();
-        for (&i, &side) in group.iter().zip(choice) {
-            sides[i] = side;
-        }
-        self.mode.enter_surfaces(&sides);
     }
 
     /// The sides of a switch on its surface, the present one first.

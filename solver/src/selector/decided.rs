@@ -19,11 +19,6 @@ fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
 }
 
 impl Simulator {
-    /// True for switches that are decided before the others.
-    pub(crate) fn leads(&self, switch: usize) -> bool {
-        self.system.switches[switch].is_timed || self.system.relay(switch).is_some()
-    }
-
     /// Decides what leads among `triggers`, and all that jumps with it. Returns the switches that
     /// their rates decide.
     pub(crate) fn lead(
@@ -33,13 +28,13 @@ impl Simulator {
         t1: f64,
     ) -> Result<Vec<usize>, Status> {
         let (leading, mut open): (Vec<usize>, Vec<usize>) =
-            triggers.iter().partition(|&&i| self.leads(i));
+            triggers.iter().partition(|&&i| self.system.leads(i));
         if leading.is_empty() {
             return Ok(open);
         }
-        self.measure_bands(state, &leading, t1 - state.point.t);
+        self.mode.measure_bands(state, &leading, t1 - state.point.t);
         let before = state.point.sides.clone();
-        let psi = self.psi(state);
+        let psi = self.mode.all_psi(&state.point);
         let flips: Vec<usize> = (leading.iter().copied())
             .filter(|&i| self.system.relay(i).is_some() && self.leaves(state, i, t1))
             .collect();
@@ -57,7 +52,7 @@ impl Simulator {
             let meets = state.point.sides[i] == Side::Slide || state.bands.armed[i];
             let couplings = &self.system.switches[i].couplings;
             let coupled = || changed.iter().any(|j| couplings.binary_search(j).is_ok());
-            meets && !self.leads(i) && coupled()
+            meets && !self.system.leads(i) && coupled()
         }));
         open.sort_unstable();
         open.dedup();
@@ -85,13 +80,13 @@ impl Simulator {
             }
             let changed = changes(last, &state.point.sides);
             seen.push(state.point.sides.clone());
-            let last = std::mem::replace(&mut psi, self.psi(state));
+            let last = std::mem::replace(&mut psi, self.mode.all_psi(&state.point));
             let holds = |&i: &usize| {
                 let inside = &self.system.switches[i].inside;
                 (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
             };
             let held: Vec<usize> = (0..before.len()).filter(holds).collect();
-            self.measure_bands(state, &held, t1 - state.point.t);
+            self.mode.measure_bands(state, &held, t1 - state.point.t);
             for i in held {
                 self.jump(state, i, last[i], psi[i], open);
             }
@@ -139,15 +134,6 @@ impl Simulator {
             sides[i] = Side::of(-sides[i].sign());
         }
         state.point.set_sides(sides);
-    }
-
-    /// ψ of all switches.
-    pub(crate) fn psi(&mut self, state: &State) -> Vec<f64> {
-        self.mode.move_to(&state.point);
-        self.mode.enter_surfaces(&state.point.sides);
-        (0..state.point.sides.len())
-            .map(|i| self.mode.psi(i))
-            .collect()
     }
 
     /// True when a relay on its threshold goes beyond it, in the present mode.

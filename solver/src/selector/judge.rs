@@ -109,7 +109,7 @@ impl Simulator {
         rates: &[f64],
         units: &[f64],
     ) -> Check {
-        self.enter_surfaces(state, group, &choice.sides);
+        self.mode.enter_choice(&state.point, group, &choice.sides);
         let mode = &mut self.mode;
         let mut alpha = state.point.alpha.clone();
         for (&i, &a) in group.iter().zip(&choice.alpha) {
@@ -319,7 +319,7 @@ impl Simulator {
         };
         let mode = &self.mode;
         // A gap that is still open is struck behind this instant.
-        let near = &self.jumps.near;
+        let near = &state.jumps.near;
         let comes = |i: usize| {
             let c = mode.psi_series(i);
             let is_near = near.iter().any(|&(_, switch)| switch == i);

@@ -96,6 +96,16 @@ impl Mode {
         let is_slip = self.system.slip_of(switch).is_some();
         self.system.role(switch) == Role::Step && !self.system.is_unilateral(switch) && !is_slip
     }
+
+    /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
+    pub(crate) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
+        self.move_to(&state.point);
+        for &i in switches {
+            let rounding = self.rounding(i, state);
+            state.bands.width[i] = self.band_above(rounding, i, state, horizon);
+            state.bands.rounding[i] = LEFT * rounding;
+        }
+    }
 }
 
 /// A choice that rates and α do not rule out, and what each α is measured in.
@@ -125,7 +135,7 @@ impl Simulator {
         on: Vec<usize>,
         t1: f64,
     ) -> Result<(), Status> {
-        if self.has_jumps() {
+        if self.system.has_laws() {
             self.jump_and_change(state, Met::Surfaces(on), t1)
         } else if on.is_empty() {
             Ok(())
@@ -147,7 +157,7 @@ impl Simulator {
         self.settle(state, horizon)?;
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
-            let psi = self.psi(state);
+            let psi = self.mode.all_psi(&state.point);
             let side = |(i, &psi): (usize, &f64)| match self.system.relay(i) {
                 // A relay stays where ψ is zero.
                 Some(_) if psi == 0.0 => state.point.sides[i],
@@ -168,7 +178,7 @@ impl Simulator {
             state.point.set_sides(sides);
             self.mode.move_to(&state.point);
         }
-        self.measure_bands(state, &all, horizon);
+        self.mode.measure_bands(state, &all, horizon);
         let below = |&&i: &&usize| {
             let is_kept = kept.contains(&i) || !self.system.is_unilateral(i);
             !is_kept && self.mode.psi(i) < -state.bands.width[i]
@@ -178,7 +188,7 @@ impl Simulator {
         }
         let near: Vec<bool> = (all.iter())
             .map(|&i| {
-                let share = if self.is_contact(i) { TOUCH } else { 1.0 };
+                let share = if self.system.is_struck(i) { TOUCH } else { 1.0 };
                 kept.contains(&i) || self.mode.psi(i).abs() <= share * state.bands.width[i]
             })
             .collect();
@@ -209,9 +219,9 @@ impl Simulator {
         state: &mut State,
         horizon: f64,
     ) -> Result<Vec<usize>, Status> {
-        let kept = std::mem::take(&mut self.jumps.kept);
+        let kept = std::mem::take(&mut state.jumps.kept);
         let on = self.place(state, horizon, &kept);
-        self.jumps.kept = kept;
+        state.jumps.kept = kept;
         on
     }
 
@@ -237,16 +247,6 @@ impl Simulator {
         }
     }
 
-    /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
-    pub(crate) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
-        self.mode.move_to(&state.point);
-        for &i in switches {
-            let rounding = self.mode.rounding(i, state);
-            state.bands.width[i] = self.mode.band_above(rounding, i, state, horizon);
-            state.bands.rounding[i] = LEFT * rounding;
-        }
-    }
-
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
         let mut triggers = triggers.to_vec();
@@ -260,14 +260,14 @@ impl Simulator {
         triggers.extend(others);
         triggers.sort_unstable();
         triggers.dedup();
-        triggers.retain(|&i| !self.has_no_rate(state, i));
+        triggers.retain(|&i| !self.mode.has_no_rate(&state.point, i));
         let triggers = &triggers[..];
         let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
-        let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.leads(*i);
+        let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.system.leads(*i);
         let meeting: Vec<usize> = (0..state.point.sides.len())
             .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
             .collect();
-        self.measure_bands(state, &meeting, t1 - state.point.t);
+        self.mode.measure_bands(state, &meeting, t1 - state.point.t);
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for &trigger in triggers {
             if !groups.iter().any(|group| group.contains(&trigger)) {
