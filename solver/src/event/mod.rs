@@ -21,8 +21,9 @@ pub(crate) mod tests;
 
 use std::sync::Arc;
 
-use crate::hybrid::{HybridSystem, Piecewise, Settings, Side};
+use crate::hybrid::{HybridSystem, Piecewise, Settings, Side, Status};
 use crate::runtime::limit::Limit;
+use crate::selector::algebraic::Initialization;
 
 pub use crate::event::numerical_time::{Clock, Clocked};
 pub use crate::event::perturbation::{KickSize, Kicks};
@@ -140,5 +141,24 @@ impl Simulator {
         self.mode.enter(sides);
         self.mode.set(t, x, alpha);
         self.mode.jacobian(entry);
+    }
+
+    /// The state with consistent algebraic states, from those in `x` as guesses.
+    ///
+    /// # Errors
+    ///
+    /// The status of a run that starts there and finds none.
+    pub fn consistent(&mut self, t: f64, x: &[f64], horizon: f64) -> Result<Vec<f64>, Status> {
+        let mut state = std::mem::take(&mut self.state);
+        state.begin(t, x, self.system.n_switches());
+        self.load(&state);
+        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        state
+            .point
+            .set_sides((0..state.point.sides.len()).map(relay).collect());
+        let settled = Initialization::settle(&mut self.mode, &mut state, horizon);
+        let x = state.point.x.clone();
+        self.state = state;
+        settled.map(|()| x)
     }
 }

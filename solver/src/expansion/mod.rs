@@ -1,6 +1,5 @@
 //! The field of a mode, its surfaces and its sliding motion, expanded in Taylor series.
 
-pub(crate) mod algebraic;
 pub(crate) mod dense;
 pub(crate) mod field;
 pub(crate) mod layout;

@@ -21,7 +21,7 @@ use crate::expansion::step_size::Probed;
 use crate::expansion::unobserved;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Side};
+use crate::hybrid::{HybridSystem, Role, Side, Status};
 use crate::integrate::implicit::Workspace;
 use crate::linalg::Singular;
 
@@ -81,6 +81,9 @@ struct Focus {
     states: Vec<usize>,
     blocks: Vec<usize>,
 }
+
+/// α of a sliding mode that is so far outside of [0, 1] is none.
+const ASTRAY: f64 = 0.5;
 
 /// Newton iterations for α before the equations count as unsolvable.
 const MAX_NEWTON: usize = 30;
@@ -428,5 +431,37 @@ impl Mode {
             sides[i] = side;
         }
         self.enter_surfaces(&sides);
+    }
+
+    /// Why no step goes on from here.
+    pub(crate) fn stuck(&self) -> Status {
+        // An α that was not found makes rates infinite, and is not made so by them.
+        let is_lost = |&i: &usize| {
+            let alpha = self.memory.values[1 + self.n + i];
+            self.system.switches[i].is_nonlinear && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
+        };
+        let lost: Vec<usize> = self.sliding.iter().copied().filter(is_lost).collect();
+        if !lost.is_empty() {
+            return Status::SingularSliding { switches: lost };
+        }
+        let kept = self.sliding.iter().copied();
+        let kept: Vec<usize> = kept
+            .filter(|&i| self.system.role(i) != Role::Step)
+            .collect();
+        let states = self.f().iter().enumerate();
+        // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
+        let mut others = states.filter(|(i, _)| !self.system.is_algebraic(*i));
+        if self.sliding.is_empty()
+            || others.any(|(_, f)| !f.is_finite())
+            || kept.is_empty() && self.f().iter().any(|f| !f.is_finite())
+        {
+            return Status::NotFinite;
+        }
+        match kept.is_empty() {
+            true => Status::SingularSliding {
+                switches: self.sliding.clone(),
+            },
+            false => Status::HighIndex { switches: kept },
+        }
     }
 }

@@ -12,6 +12,7 @@ use crate::expansion::series;
 use crate::hybrid::status::Status;
 use crate::hybrid::system::HybridSystem;
 use crate::integrate::step::{TOGETHER, Watch};
+use crate::selector::algebraic::Initialization;
 
 /// Which switches the data of pieces concerns.
 pub(crate) struct Pieces {
@@ -82,7 +83,7 @@ impl Simulator {
         open.extend(self.pieces.rates.iter().filter(meets));
         open.sort_unstable();
         open.dedup();
-        if open.is_empty() && !self.is_unsettled(state, t1) {
+        if open.is_empty() && !Initialization::is_unsettled(&mut self.mode, state, t1) {
             return Ok(());
         }
         self.change(state, &open, t1)

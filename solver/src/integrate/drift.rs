@@ -2,6 +2,7 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::Role;
 use crate::linalg::Singular;
 
 /// Rounds of Newton's method.
@@ -178,6 +179,31 @@ impl Mode {
                 let order = order.map_or(highest, |order| order.min(highest));
                 self.surfaces.stand_for(i, order);
             }
+        }
+    }
+
+    /// Finds the states that are not moved where drift is projected away: those that determine algebraic ones and
+    /// nothing else that slides.
+    pub(crate) fn hold_still(&mut self) {
+        self.still.fill(false);
+        for component in self.equations.components() {
+            if component.iter().any(|&i| self.system.role(i) == Role::Step) {
+                continue;
+            }
+            for &i in component {
+                for &(j, _) in self.surfaces.gradient(i) {
+                    self.still[j] = !self.system.is_algebraic(j);
+                }
+            }
+        }
+    }
+
+    /// How far state j may be moved in a projection, in relation to others.
+    fn mobility(&self, state: &State, j: usize) -> f64 {
+        match state.scales.size(j) {
+            _ if self.still[j] => 0.0,
+            0.0 if self.system.is_algebraic(j) => 1.0,
+            size => size,
         }
     }
 }

@@ -21,6 +21,9 @@ pub(crate) const MAX_ENUMERATED: usize = 6;
 /// Boxes looked at for the zeros of rates that contain products of α.
 const MAX_BOXES: usize = 4000;
 
+/// Up to this many choices where pairs meet, all are tried by their rates.
+const MAX_CHOICES: f64 = 4096.0;
+
 /// Halvings of the unit cube before Newton's method takes over.
 const MAX_DEPTH: usize = 4;
 
@@ -164,6 +167,45 @@ impl Simulator {
             });
         }
         outcome
+    }
+
+    /// The sides of an equation or a member of a pair where it meets others.
+    fn options_of_role(&self, state: &State, group: &[usize], switch: usize) -> Option<Vec<Side>> {
+        match self.system.role(switch) {
+            Role::Step => None,
+            Role::Equation => Some(vec![Side::Slide]),
+            Role::Member(other) if !group.contains(&other) => Some(vec![state.point.sides[switch]]),
+            // What the second one does follows from the first.
+            Role::Member(other) if other < switch => Some(vec![Side::Minus]),
+            Role::Member(_) => Some(match state.point.sides[switch] {
+                Side::Slide => vec![Side::Slide, Side::Minus],
+                _ => vec![Side::Minus, Side::Slide],
+            }),
+        }
+    }
+
+    /// All choices of a group in which there are equations or pairs; false where they are too many.
+    fn with_members(&self, group: &[usize], options: &[Vec<Side>]) -> (Vec<Vec<Side>>, bool) {
+        let sizes = options.iter().map(|sides| sides.len() as f64);
+        let (mut candidates, all) = match sizes.product::<f64>() <= MAX_CHOICES {
+            true => (product(options), true),
+            false => (alternatives(options), false),
+        };
+        for (at, &i) in group.iter().enumerate() {
+            let Role::Member(other) = self.system.role(i) else {
+                continue;
+            };
+            let Some(first) = group.iter().position(|&j| j == other && other < i) else {
+                continue;
+            };
+            for sides in &mut candidates {
+                sides[at] = match sides[first] {
+                    Side::Slide => Side::Minus,
+                    _ => Side::Slide,
+                };
+            }
+        }
+        (candidates, all)
     }
 }
 

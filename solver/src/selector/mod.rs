@@ -1,5 +1,6 @@
 //! The mode that goes on from a point where surfaces meet.
 
+pub(crate) mod algebraic;
 pub(crate) mod candidates;
 pub(crate) mod decided;
 #[cfg(test)]

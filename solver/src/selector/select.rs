@@ -13,6 +13,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{Note, Role, Settings, Side, Status};
 use crate::integrate::singular_rates::Settling;
+use crate::selector::algebraic::Initialization;
 use crate::selector::selection::Entry;
 
 /// One way to go on: the sides of the switches that meet.
@@ -154,7 +155,7 @@ impl Simulator {
     ) -> Result<Vec<usize>, Status> {
         let all: Vec<usize> = (0..state.point.sides.len()).collect();
         let before = state.point.alpha.clone();
-        self.settle(state, horizon)?;
+        Initialization::settle(&mut self.mode, state, horizon)?;
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
             let psi = self.mode.all_psi(&state.point);
@@ -233,7 +234,7 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         let open = self.lead(state, triggers, t1)?;
-        let selected = match self.is_unsettled(state, t1) {
+        let selected = match Initialization::is_unsettled(&mut self.mode, state, t1) {
             true => None,
             false => Some(self.select(state, &open, t1)),
         };

@@ -9,19 +9,17 @@
 //! from the z there is, damped by the length of the step that follows (Deuflhard 2011); a choice is a solution where no other member
 //! is above its surface.
 
-use super::mode::Mode;
-use crate::event::Simulator;
+use std::sync::Arc;
+
 use crate::event::state::State;
-use crate::hybrid::{Note, Role, Side, Status};
+use crate::expansion::mode::Mode;
+use crate::hybrid::{HybridSystem, Note, Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::optimization::lcp::lemke;
 use crate::selector::Candidate;
 
 /// Up to this many pairs all choices are solved, which shows whether there is one solution.
 const MAX_PAIRS: usize = 8;
-
-/// Up to this many choices where pairs meet, all are tried by their rates.
-const MAX_CHOICES: f64 = 4096.0;
 
 /// Solutions of other choices that Newton's method starts from.
 const MAX_GUESSES: usize = 8;
@@ -53,9 +51,6 @@ enum Failure {
     Diverged,
 }
 
-/// α of a sliding mode that is so far outside of [0, 1] is none.
-const ASTRAY: f64 = 0.5;
-
 /// A state, and of each pair whether its second member is the one that is kept.
 type Chosen = (Vec<f64>, Vec<bool>);
 
@@ -69,80 +64,90 @@ fn all_choices(n: usize) -> Vec<Vec<bool>> {
     }
 }
 
-impl Simulator {
-    /// The state with consistent algebraic states, from those in `x` as guesses.
-    ///
-    /// # Errors
-    ///
-    /// The status of a run that starts there and finds none.
-    pub fn consistent(&mut self, t: f64, x: &[f64], horizon: f64) -> Result<Vec<f64>, Status> {
-        let mut state = std::mem::take(&mut self.state);
-        state.begin(t, x, self.system.n_switches());
-        self.load(&state);
-        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
-        state
-            .point
-            .set_sides((0..state.point.sides.len()).map(relay).collect());
-        let settled = self.settle(&mut state, horizon);
-        let x = state.point.x.clone();
-        self.state = state;
-        settled.map(|()| x)
+/// Finds algebraic states that are consistent with the others, which stay where they are.
+pub(crate) struct Initialization<'a> {
+    mode: &'a mut Mode,
+    system: Arc<HybridSystem>,
+    /// Switches of equations, and both members of each pair.
+    equations: Vec<usize>,
+    pairs: Vec<(usize, usize)>,
+    /// How long the run goes on.
+    horizon: f64,
+}
+
+impl<'a> Initialization<'a> {
+    fn new(mode: &'a mut Mode, horizon: f64) -> Self {
+        let system = mode.system.clone();
+        let all = || (0..system.n_switches()).map(|i| (i, system.role(i)));
+        let equations = all().filter(|(_, role)| *role == Role::Equation);
+        let pairs = all().filter_map(|(i, role)| match role {
+            Role::Member(other) if i < other => Some((i, other)),
+            _ => None,
+        });
+        Initialization {
+            equations: equations.map(|(i, _)| i).collect(),
+            pairs: pairs.collect(),
+            mode,
+            system,
+            horizon,
+        }
     }
 
     /// Computes the algebraic states where the others are, and takes the members that are zero there.
-    pub(crate) fn settle(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
-        if self.system.algebraics.is_empty() {
-            return Ok(());
+    pub(crate) fn settle(
+        mode: &'a mut Mode,
+        state: &mut State,
+        horizon: f64,
+    ) -> Result<(), Status> {
+        match mode.system.algebraics.is_empty() {
+            true => Ok(()),
+            false => Initialization::new(mode, horizon).find(state),
         }
-        let (equations, pairs) = self.kept();
+    }
+
+    fn find(&mut self, state: &mut State) -> Result<(), Status> {
         let guess = state.point.x.clone();
-        let (mut found, mut regular) = self.search_members(state, &equations, &pairs, horizon);
-        if pairs.len() > MAX_PAIRS {
+        let (mut found, mut regular) = self.search_members(state);
+        if self.pairs.len() > MAX_PAIRS {
             state.point.x.clone_from(&guess);
-            let choice = self.linear_pairs(state, &equations, &pairs, horizon);
+            let choice = self.linear_pairs(state);
             regular = true;
             found.extend(choice.map(|choice| (state.point.x.clone(), choice)));
             if !found.is_empty() {
                 state.report.note(Note::Unsearched {
                     time: state.point.t,
-                    switches: pairs.iter().map(|pair| pair.0).collect(),
+                    switches: self.pairs.iter().map(|pair| pair.0).collect(),
                 });
             }
         }
         let mut distinct = self.distinct(&found, &state.scales.floor);
         if distinct.len() > 1 {
-            found.retain(|(x, choice)| self.goes_on(state, x, &equations, &pairs, choice, horizon));
+            found.retain(|(x, choice)| self.goes_on(state, x, choice));
             distinct = self.distinct(&found, &state.scales.floor);
         }
         if distinct.len() > 1 {
             state.point.x = guess;
-            let name = |&at: &usize| candidate(&pairs, &found[at].1);
+            let name = |&at: &usize| candidate(&self.pairs, &found[at].1);
             return Err(Status::NonUnique(distinct.iter().map(name).collect()));
         }
         let first = distinct.first().map(|&at| found.swap_remove(at));
         let Some((x, choice)) = first else {
             state.point.x = guess;
-            let members = pairs.iter().flat_map(|&(a, b)| [a, b]);
-            let switches = equations.into_iter().chain(members).collect();
+            let members = self.pairs.iter().flat_map(|&(a, b)| [a, b]);
+            let switches = self.equations.iter().copied().chain(members).collect();
             return Err(match regular {
                 true => Status::Inconsistent { switches },
                 false => Status::HighIndex { switches },
             });
         };
         state.point.x = x;
-        self.take_members(state, &equations, &pairs, &choice);
+        self.take_members(state, &choice);
         self.measure_algebraics(state);
         Ok(())
     }
 
     /// Solutions with every choice of members, few as they are, and whether some choice has a regular system.
-    fn search_members(
-        &mut self,
-        state: &mut State,
-        equations: &[usize],
-        pairs: &[(usize, usize)],
-        horizon: f64,
-    ) -> (Vec<Chosen>, bool) {
+    fn search_members(&mut self, state: &mut State) -> (Vec<Chosen>, bool) {
         let (mut found, mut regular) = (Vec::new(), false);
         let scale = state.scales.largest.clone();
         // What other choices of members lead to are guesses, too.
@@ -151,14 +156,14 @@ impl Simulator {
         for again in [false, true] {
             let (tried, starts) = match again {
                 true => (std::mem::take(&mut unsolved), guesses[1..].to_vec()),
-                false => (all_choices(pairs.len()), guesses.clone()),
+                false => (all_choices(self.pairs.len()), guesses.clone()),
             };
             for choice in tried {
                 let mut solved = None;
                 for start in &starts {
                     state.point.x.clone_from(start);
                     state.scales.largest.clone_from(&scale);
-                    let outcome = self.solve_choice(state, equations, pairs, &choice);
+                    let outcome = self.solve_choice(state, &choice);
                     regular |= !matches!(outcome, Err(Failure::Singular));
                     if outcome.is_ok() {
                         solved = Some(state.point.x.clone());
@@ -172,7 +177,7 @@ impl Simulator {
                 if !again && guesses.len() <= MAX_GUESSES {
                     guesses.push(x.clone());
                 }
-                if self.violated(state, pairs, &choice, horizon).is_none() {
+                if self.violated(state, &choice).is_none() {
                     found.push((x, choice));
                 }
             }
@@ -185,15 +190,17 @@ impl Simulator {
     }
 
     /// True where the equations do not hold as they stand, since something in them has jumped.
-    pub(crate) fn is_unsettled(&mut self, state: &mut State, t1: f64) -> bool {
-        if self.system.algebraics.is_empty() {
-            return false;
-        }
+    pub(crate) fn is_unsettled(mode: &'a mut Mode, state: &mut State, t1: f64) -> bool {
+        let horizon = t1 - state.point.t;
+        !mode.system.algebraics.is_empty() && Initialization::new(mode, horizon).is_off(state)
+    }
+
+    fn is_off(&mut self, state: &mut State) -> bool {
         let kept = |i: &usize| self.system.role(*i) != Role::Step;
         let kept: Vec<usize> = (0..state.point.sides.len()).filter(kept).collect();
         self.mode.enter_surfaces(&state.point.sides);
         self.measure_algebraics(state);
-        self.mode.measure_bands(state, &kept, t1 - state.point.t);
+        self.mode.measure_bands(state, &kept, self.horizon);
         kept.into_iter().any(|i| {
             let psi = self.mode.psi(i);
             let off = match state.point.sides[i] {
@@ -202,17 +209,6 @@ impl Simulator {
             };
             !off.is_finite() || off > UNSETTLED * state.bands.width[i]
         })
-    }
-
-    /// Equations, and pairs.
-    fn kept(&self) -> (Vec<usize>, Vec<(usize, usize)>) {
-        let all = || (0..self.system.n_switches()).map(|i| (i, self.system.role(i)));
-        let equations = all().filter(|(_, role)| *role == Role::Equation);
-        let pairs = all().filter_map(|(i, role)| match role {
-            Role::Member(other) if i < other => Some((i, other)),
-            _ => None,
-        });
-        (equations.map(|(i, _)| i).collect(), pairs.collect())
     }
 
     /// The first of each of the solutions that differ.
@@ -229,21 +225,13 @@ impl Simulator {
     /// Whether members on their surface that are not held there come off it. Where more rows of a program hold as
     /// equations than z has entries, as in a corner that another row is about to cut off, their multipliers are not
     /// determined in that instant; those that are left without the row that comes off are.
-    fn goes_on(
-        &mut self,
-        state: &mut State,
-        x: &[f64],
-        equations: &[usize],
-        pairs: &[(usize, usize)],
-        choice: &[bool],
-        horizon: f64,
-    ) -> bool {
+    fn goes_on(&mut self, state: &mut State, x: &[f64], choice: &[bool]) -> bool {
         state.point.x.copy_from_slice(x);
-        self.take_members(state, equations, pairs, choice);
-        let others = pairs.iter().zip(choice);
+        self.take_members(state, choice);
+        let others = self.pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let mut others: Vec<usize> = others.collect();
-        self.mode.measure_bands(state, &others, horizon);
+        self.mode.measure_bands(state, &others, self.horizon);
         others.retain(|&i| self.mode.psi(i).abs() <= state.bands.width[i]);
         self.mode.enter(&state.point.sides);
         let mut alpha = state.point.alpha.clone();
@@ -302,18 +290,12 @@ impl Simulator {
     }
 
     /// Sets the sides of equations and members.
-    fn take_members(
-        &mut self,
-        state: &mut State,
-        equations: &[usize],
-        pairs: &[(usize, usize)],
-        choice: &[bool],
-    ) {
+    fn take_members(&mut self, state: &mut State, choice: &[bool]) {
         let mut sides = state.point.sides.clone();
-        for &i in equations {
+        for &i in &self.equations {
             sides[i] = Side::Slide;
         }
-        for (i, side) in candidate(pairs, choice) {
+        for (i, side) in candidate(&self.pairs, choice) {
             sides[i] = side;
         }
         state.point.set_sides(sides);
@@ -340,17 +322,11 @@ impl Simulator {
     }
 
     /// Solves for z where these members are zero.
-    fn solve_choice(
-        &mut self,
-        state: &mut State,
-        equations: &[usize],
-        pairs: &[(usize, usize)],
-        choice: &[bool],
-    ) -> Result<(), Failure> {
-        self.take_members(state, equations, pairs, choice);
-        let members = pairs.iter().zip(choice);
+    fn solve_choice(&mut self, state: &mut State, choice: &[bool]) -> Result<(), Failure> {
+        self.take_members(state, choice);
+        let members = self.pairs.iter().zip(choice);
         let members = members.map(|(&(a, b), &second)| if second { b } else { a });
-        let rows: Vec<usize> = equations.iter().copied().chain(members).collect();
+        let rows: Vec<usize> = self.equations.iter().copied().chain(members).collect();
         let system = self.system.clone();
         let unknowns = &system.algebraics;
         let n = unknowns.len();
@@ -418,36 +394,24 @@ impl Simulator {
     }
 
     /// The first pair whose other member is above its surface.
-    fn violated(
-        &mut self,
-        state: &mut State,
-        pairs: &[(usize, usize)],
-        choice: &[bool],
-        horizon: f64,
-    ) -> Option<usize> {
+    fn violated(&mut self, state: &mut State, choice: &[bool]) -> Option<usize> {
         self.measure_algebraics(state);
-        let others = pairs.iter().zip(choice);
+        let others = self.pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let others: Vec<usize> = others.collect();
-        self.mode.measure_bands(state, &others, horizon);
+        self.mode.measure_bands(state, &others, self.horizon);
         let mut others = others.into_iter();
         others.position(|i| self.mode.psi(i) > state.bands.width[i])
     }
 
     /// The choice of many pairs, from linear complementarity problems by Lemke's method, one around the solution of the
     /// other (Josephy 1979).
-    fn linear_pairs(
-        &mut self,
-        state: &mut State,
-        equations: &[usize],
-        pairs: &[(usize, usize)],
-        horizon: f64,
-    ) -> Option<Vec<bool>> {
+    fn linear_pairs(&mut self, state: &mut State) -> Option<Vec<bool>> {
         for _ in 0..MAX_LINEARIZED {
-            let (choice, x) = self.linearized(state, equations, pairs)?;
+            let (choice, x) = self.linearized(state)?;
             state.point.x.clone_from(&x);
-            let solved = self.solve_choice(state, equations, pairs, &choice).is_ok();
-            if solved && self.violated(state, pairs, &choice, horizon).is_none() {
+            let solved = self.solve_choice(state, &choice).is_ok();
+            if solved && self.violated(state, &choice).is_none() {
                 return Some(choice);
             }
             state.point.x = x;
@@ -458,19 +422,14 @@ impl Simulator {
     /// The members that are zero in the complementarity problem linearized where the state is, and its solution.
     ///
     /// With a = s the equations give z + d, F + F_z d = 0 and a + a_z d = s, so that b + b_z d = q + M s.
-    fn linearized(
-        &mut self,
-        state: &mut State,
-        equations: &[usize],
-        pairs: &[(usize, usize)],
-    ) -> Option<(Vec<bool>, Vec<f64>)> {
-        self.take_members(state, equations, pairs, &vec![false; pairs.len()]);
-        let firsts = pairs.iter().map(|pair| pair.0);
-        let rows: Vec<usize> = equations.iter().copied().chain(firsts).collect();
-        let seconds: Vec<usize> = pairs.iter().map(|pair| pair.1).collect();
+    fn linearized(&mut self, state: &mut State) -> Option<(Vec<bool>, Vec<f64>)> {
+        self.take_members(state, &vec![false; self.pairs.len()]);
+        let firsts = self.pairs.iter().map(|pair| pair.0);
+        let rows: Vec<usize> = self.equations.iter().copied().chain(firsts).collect();
+        let seconds: Vec<usize> = self.pairs.iter().map(|pair| pair.1).collect();
         let mut step = self.residuals(state, &rows);
         let others = self.residuals(state, &seconds);
-        let (n, m) = (self.system.algebraics.len(), pairs.len());
+        let (n, m) = (self.system.algebraics.len(), self.pairs.len());
         let mut lu = DenseLu::new(n);
         lu.factor(&self.jacobian_of(&rows)).ok()?;
         lu.solve(&mut step);
@@ -484,7 +443,7 @@ impl Simulator {
         let mut by_member = Vec::with_capacity(m);
         for k in 0..m {
             let mut unit = vec![0.0; n];
-            unit[equations.len() + k] = 1.0;
+            unit[self.equations.len() + k] = 1.0;
             lu.solve(&mut unit);
             by_member.push(unit);
         }
@@ -515,54 +474,6 @@ impl Simulator {
         }
         matrix
     }
-
-    /// The sides of an equation or a member of a pair where it meets others.
-    pub(crate) fn options_of_role(
-        &self,
-        state: &State,
-        group: &[usize],
-        switch: usize,
-    ) -> Option<Vec<Side>> {
-        match self.system.role(switch) {
-            Role::Step => None,
-            Role::Equation => Some(vec![Side::Slide]),
-            Role::Member(other) if !group.contains(&other) => Some(vec![state.point.sides[switch]]),
-            // What the second one does follows from the first.
-            Role::Member(other) if other < switch => Some(vec![Side::Minus]),
-            Role::Member(_) => Some(match state.point.sides[switch] {
-                Side::Slide => vec![Side::Slide, Side::Minus],
-                _ => vec![Side::Minus, Side::Slide],
-            }),
-        }
-    }
-
-    /// All choices of a group in which there are equations or pairs; false where they are too many.
-    pub(crate) fn with_members(
-        &self,
-        group: &[usize],
-        options: &[Vec<Side>],
-    ) -> (Vec<Vec<Side>>, bool) {
-        let sizes = options.iter().map(|sides| sides.len() as f64);
-        let (mut candidates, all) = match sizes.product::<f64>() <= MAX_CHOICES {
-            true => (crate::selector::candidates::product(options), true),
-            false => (crate::selector::candidates::alternatives(options), false),
-        };
-        for (at, &i) in group.iter().enumerate() {
-            let Role::Member(other) = self.system.role(i) else {
-                continue;
-            };
-            let Some(first) = group.iter().position(|&j| j == other && other < i) else {
-                continue;
-            };
-            for sides in &mut candidates {
-                sides[at] = match sides[first] {
-                    Side::Slide => Side::Minus,
-                    _ => Side::Slide,
-                };
-            }
-        }
-        (candidates, all)
-    }
 }
 
 /// The sides of all members.
@@ -572,63 +483,4 @@ fn candidate(pairs: &[(usize, usize)], choice: &[bool]) -> Candidate {
         [(zero, Side::Slide), (positive, Side::Minus)]
     });
     sides.collect()
-}
-
-impl Mode {
-    /// Finds the states that are not moved where drift is projected away: those that determine algebraic ones and
-    /// nothing else that slides.
-    pub(crate) fn hold_still(&mut self) {
-        self.still.fill(false);
-        for component in self.equations.components() {
-            if component.iter().any(|&i| self.system.role(i) == Role::Step) {
-                continue;
-            }
-            for &i in component {
-                for &(j, _) in self.surfaces.gradient(i) {
-                    self.still[j] = !self.system.is_algebraic(j);
-                }
-            }
-        }
-    }
-
-    /// How far state j may be moved in a projection, in relation to others.
-    pub(crate) fn mobility(&self, state: &State, j: usize) -> f64 {
-        match state.scales.size(j) {
-            _ if self.still[j] => 0.0,
-            0.0 if self.system.is_algebraic(j) => 1.0,
-            size => size,
-        }
-    }
-
-    /// Why no step goes on from here.
-    pub(crate) fn stuck(&self) -> Status {
-        // An α that was not found makes rates infinite, and is not made so by them.
-        let is_lost = |&i: &usize| {
-            let alpha = self.memory.values[1 + self.n + i];
-            self.system.switches[i].is_nonlinear && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
-        };
-        let lost: Vec<usize> = self.sliding.iter().copied().filter(is_lost).collect();
-        if !lost.is_empty() {
-            return Status::SingularSliding { switches: lost };
-        }
-        let kept = self.sliding.iter().copied();
-        let kept: Vec<usize> = kept
-            .filter(|&i| self.system.role(i) != Role::Step)
-            .collect();
-        let states = self.f().iter().enumerate();
-        // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
-        let mut others = states.filter(|(i, _)| !self.system.is_algebraic(*i));
-        if self.sliding.is_empty()
-            || others.any(|(_, f)| !f.is_finite())
-            || kept.is_empty() && self.f().iter().any(|f| !f.is_finite())
-        {
-            return Status::NotFinite;
-        }
-        match kept.is_empty() {
-            true => Status::SingularSliding {
-                switches: self.sliding.clone(),
-            },
-            false => Status::HighIndex { switches: kept },
-        }
-    }
 }
