@@ -8,12 +8,11 @@
 //! which is -φ in the normal cone of the disc at -u. Newton's method solves for it together with the α of what slides,
 //! from directions all around: φ is affine in u, and there are at most four on a circle.
 
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
-use crate::selector::candidates::{FAR, MAX_ENUMERATED, Search, alternatives};
+use crate::selector::candidates::{Enumeration, FAR, MAX_ENUMERATED, Search, alternatives};
 use crate::selector::select::{Choice, Choices};
 
 /// Directions from which one to set off in is looked for.
@@ -33,7 +32,7 @@ const SAME: f64 = 1e-8;
 /// A rate against its own direction by less than this, relative to friction, is none.
 const NEAR: f64 = 1e-7;
 
-impl Simulator {
+impl Enumeration<'_> {
     /// True for steps that meet with a slip velocity with two entries.
     pub(crate) fn holds_disc(&self, group: &[usize]) -> bool {
         let is_step = |&i: &usize| self.mode.system.role(i) == Role::Step;
@@ -87,26 +86,6 @@ impl Simulator {
             choices.all &= outcome != Search::Bounded;
         }
         Ok(choices)
-    }
-
-    /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest
-    /// they are decided together.
-    pub(crate) fn wake_free(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
-        for i in 0..state.point.sides.len() {
-            let Some(other) = self.mode.other(i) else {
-                continue;
-            };
-            let frees = &self.mode.system.switches[i].idle_above;
-            let changes = triggers.iter().any(|trigger| frees.contains(trigger));
-            if !changes || !self.mode.is_free(i, &state.point.sides) {
-                continue;
-            }
-            self.mode
-                .measure_bands(state, &[i, other], t1 - state.point.t);
-            if self.mode.is_near(i, state) {
-                triggers.push(i);
-            }
-        }
     }
 
     /// Adds the solutions in which `leaving` set off, the first switch of each.

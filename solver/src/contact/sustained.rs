@@ -5,12 +5,11 @@
 //! rest nor clearly slipping, is tried both ways, and the series of every choice decide.
 
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch, norm};
-use crate::event::Simulator;
-use crate::event::jump::{Bent, ROUNDING};
+use crate::event::jump::{Bent, Closing, ROUNDING};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{Role, Side, Status};
-use crate::selector::candidates::{Zeros, product};
+use crate::selector::candidates::{Enumeration, Zeros, product};
 use crate::selector::judge::TIE;
 use crate::selector::select::{Choice, Choices};
 
@@ -53,7 +52,7 @@ impl Found {
     }
 }
 
-impl Simulator {
+impl Enumeration<'_> {
     /// True for a group that nothing but contacts and their friction belong to.
     pub(crate) fn is_of_contacts(&self, group: &[usize]) -> bool {
         let is_contact = |&i: &usize| {
@@ -273,7 +272,7 @@ impl Simulator {
                 speed: mode.psi(i),
                 bend: mode.phi(i),
             };
-            let shut = self.shut(state, i, bent);
+            let shut = Closing { mode: self.mode }.shut(state, i, bent);
             self.mode.surfaces.stand_for(i, usize::from(shut));
             shut
         })

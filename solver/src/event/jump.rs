@@ -271,26 +271,12 @@ impl Simulator {
 
     /// Whether a contact that is approached turns back before its ψ is known to be negative.
     fn grazes(&mut self, state: &mut State, switch: usize) -> bool {
-        let Bent { speed, bend, .. } = self.bent(state, switch);
+        let Bent { speed, bend, .. } = Closing {
+            mode: &mut self.mode,
+        }
+        .bent(state, switch);
         self.mode.enter(&state.point.sides);
         bend > 0.0 && speed * speed <= 0.25 * bend * state.bands.width[switch]
-    }
-
-    /// How a contact moves on without a force of its own.
-    fn bent(&mut self, state: &mut State, switch: usize) -> Bent {
-        let mut sides = state.point.sides.clone();
-        sides[switch] = Side::Slide;
-        self.mode.enter(&sides);
-        let mode = &mut self.mode;
-        mode.surfaces.stand_for(switch, 1);
-        let alpha = std::mem::replace(&mut state.point.alpha[switch], 1.0);
-        mode.eval(state.point.t, &state.point.x, &state.point.alpha);
-        state.point.alpha[switch] = alpha;
-        mode.linearize(&[switch]);
-        Bent {
-            speed: mode.psi(switch),
-            bend: mode.phi(switch),
-        }
     }
 
     /// Takes away the speeds at which contacts open by less than their ψ is known; false where there are none.
@@ -299,56 +285,16 @@ impl Simulator {
         for at in 0..state.jumps.near.len() {
             let (_, switch) = state.jumps.near[at];
             state.point.alpha[switch] = 1.0;
-            let bent = self.bent(state, switch);
-            any |= self.shut(state, switch, bent);
+            let bent = Closing {
+                mode: &mut self.mode,
+            }
+            .bent(state, switch);
+            any |= Closing {
+                mode: &mut self.mode,
+            }
+            .shut(state, switch, bent);
         }
         any
-    }
-
-    /// Closes a contact that opens by less than its ψ is known until it is bent back: takes its speed away, in the
-    /// direction in which its force acts. True where it did.
-    pub(crate) fn shut(&mut self, state: &mut State, switch: usize, bent: Bent) -> bool {
-        let Bent { speed, bend } = bent;
-        let rounding = ROUNDING * bend.abs() * state.scales.last_step.powi(2);
-        let least = 2.0 * state.bands.width[switch].max(rounding);
-        let opens = speed > 0.0 && bend < 0.0;
-        if !opens || speed * speed > 2.0 * bend.abs() * least {
-            return false;
-        }
-        let mode = &mut self.mode;
-        let known = state.jumps.struck.iter().find(|struck| struck.0 == switch);
-        let ratio = known.map_or(1.0, |(_, before)| speed / before);
-        let size = mode.weigh(switch, |j| state.scales.size(j));
-        // Where nothing bounces, what is left of a speed is rounding.
-        let bounces = ratio < 1.0 && speed > BAND * size;
-        if bounces {
-            let end = state.point.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
-            state.jumps.end = Some(state.jumps.end.map_or(end, |other| other.max(end)));
-        }
-        let gradient = self.mode.gradient(switch).to_vec();
-        let along = |slopes: &[f64]| -> f64 { gradient.iter().map(|&(i, g)| g * slopes[i]).sum() };
-        let slopes = self.slopes_of_push(state, switch, false);
-        let push = along(&slopes);
-        let has_friction =
-            (0..state.point.sides.len()).any(|i| self.system.slip_of(i) == Some(switch));
-        if bounces && has_friction {
-            let rough = self.slopes_of_push(state, switch, true);
-            let rough_push = along(&rough);
-            state.jumps.owed.0.resize(state.point.x.len(), 0.0);
-            state.jumps.owed.1.push(switch);
-            for (at, owed) in state.jumps.owed.0.iter_mut().enumerate() {
-                *owed += speed * (slopes[at] / push - rough[at] / rough_push);
-            }
-        }
-        state.jumps.closed.resize(state.point.x.len(), 0.0);
-        for ((x, closed), slope) in
-            (state.point.x.iter_mut().zip(&mut state.jumps.closed)).zip(slopes)
-        {
-            let change = slope * speed / push;
-            *x -= change;
-            *closed += change;
-        }
-        true
     }
 
     /// Gives back what friction has taken too much where bounces accumulate.
@@ -370,53 +316,6 @@ impl Simulator {
         for (x, owed) in state.point.x.iter_mut().zip(owed) {
             *x += owed;
         }
-    }
-
-    /// ∂f/∂α of a contact that slides in the present mode, without its friction or with it: without, where α_t is ½.
-    /// What is taken away with friction in it would be pushed along its slip velocity, and gain energy.
-    fn slopes_of_push(&mut self, state: &State, switch: usize, is_rough: bool) -> Vec<f64> {
-        let mode = &mut self.mode;
-        let is_left_out = |i: &usize| !is_rough && mode.system.slip_of(*i) == Some(switch);
-        let slips = (0..mode.sides.len()).filter(is_left_out);
-        let slips: Vec<usize> = slips.collect();
-        let mut sides = mode.sides.clone();
-        let mut alphas = Vec::new();
-        for slip in slips {
-            sides[slip] = Side::Slide;
-            let place = 1 + mode.n + slip;
-            let alpha = std::mem::replace(&mut mode.memory.values[place], 0.5);
-            alphas.push((place, alpha));
-        }
-        let blocks = mode.field.of_switch(switch).to_vec();
-        for &block in &blocks {
-            let Mode {
-                field,
-                memory,
-                library,
-                ..
-            } = mode;
-            field.enter(library, memory, block, &sides);
-            field.linearize_block(block, &memory.values);
-        }
-        let slope = |i: usize| {
-            let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
-            slopes.map(|(_, slope)| slope).sum()
-        };
-        let slopes = (0..state.point.x.len()).map(slope).collect();
-        for (place, alpha) in alphas {
-            mode.memory.values[place] = alpha;
-        }
-        for block in blocks {
-            let Mode {
-                field,
-                memory,
-                library,
-                sides,
-                ..
-            } = mode;
-            field.enter(library, memory, block, sides);
-        }
-        slopes
     }
 
     /// The laws whose guards hold on the present sides.
@@ -479,6 +378,123 @@ impl Simulator {
         }
         state.jumps.fired.extend_from_slice(laws);
         Ok(())
+    }
+}
+
+/// Contacts that close for what rounding leaves of their speeds, in a mode.
+pub(crate) struct Closing<'a> {
+    pub mode: &'a mut Mode,
+}
+
+impl Closing<'_> {
+    /// How a contact moves on without a force of its own.
+    fn bent(&mut self, state: &mut State, switch: usize) -> Bent {
+        let mut sides = state.point.sides.clone();
+        sides[switch] = Side::Slide;
+        self.mode.enter(&sides);
+        let mode = &mut self.mode;
+        mode.surfaces.stand_for(switch, 1);
+        let alpha = std::mem::replace(&mut state.point.alpha[switch], 1.0);
+        mode.eval(state.point.t, &state.point.x, &state.point.alpha);
+        state.point.alpha[switch] = alpha;
+        mode.linearize(&[switch]);
+        Bent {
+            speed: mode.psi(switch),
+            bend: mode.phi(switch),
+        }
+    }
+
+    /// Closes a contact that opens by less than its ψ is known until it is bent back: takes its speed away, in the
+    /// direction in which its force acts. True where it did.
+    pub(crate) fn shut(&mut self, state: &mut State, switch: usize, bent: Bent) -> bool {
+        let Bent { speed, bend } = bent;
+        let rounding = ROUNDING * bend.abs() * state.scales.last_step.powi(2);
+        let least = 2.0 * state.bands.width[switch].max(rounding);
+        let opens = speed > 0.0 && bend < 0.0;
+        if !opens || speed * speed > 2.0 * bend.abs() * least {
+            return false;
+        }
+        let mode = &mut self.mode;
+        let known = state.jumps.struck.iter().find(|struck| struck.0 == switch);
+        let ratio = known.map_or(1.0, |(_, before)| speed / before);
+        let size = mode.weigh(switch, |j| state.scales.size(j));
+        // Where nothing bounces, what is left of a speed is rounding.
+        let bounces = ratio < 1.0 && speed > BAND * size;
+        if bounces {
+            let end = state.point.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
+            state.jumps.end = Some(state.jumps.end.map_or(end, |other| other.max(end)));
+        }
+        let gradient = self.mode.gradient(switch).to_vec();
+        let along = |slopes: &[f64]| -> f64 { gradient.iter().map(|&(i, g)| g * slopes[i]).sum() };
+        let slopes = self.slopes_of_push(state, switch, false);
+        let push = along(&slopes);
+        let has_friction =
+            (0..state.point.sides.len()).any(|i| self.mode.system.slip_of(i) == Some(switch));
+        if bounces && has_friction {
+            let rough = self.slopes_of_push(state, switch, true);
+            let rough_push = along(&rough);
+            state.jumps.owed.0.resize(state.point.x.len(), 0.0);
+            state.jumps.owed.1.push(switch);
+            for (at, owed) in state.jumps.owed.0.iter_mut().enumerate() {
+                *owed += speed * (slopes[at] / push - rough[at] / rough_push);
+            }
+        }
+        state.jumps.closed.resize(state.point.x.len(), 0.0);
+        for ((x, closed), slope) in
+            (state.point.x.iter_mut().zip(&mut state.jumps.closed)).zip(slopes)
+        {
+            let change = slope * speed / push;
+            *x -= change;
+            *closed += change;
+        }
+        true
+    }
+
+    /// ∂f/∂α of a contact that slides in the present mode, without its friction or with it: without, where α_t is ½.
+    /// What is taken away with friction in it would be pushed along its slip velocity, and gain energy.
+    fn slopes_of_push(&mut self, state: &State, switch: usize, is_rough: bool) -> Vec<f64> {
+        let mode = &mut self.mode;
+        let is_left_out = |i: &usize| !is_rough && mode.system.slip_of(*i) == Some(switch);
+        let slips = (0..mode.sides.len()).filter(is_left_out);
+        let slips: Vec<usize> = slips.collect();
+        let mut sides = mode.sides.clone();
+        let mut alphas = Vec::new();
+        for slip in slips {
+            sides[slip] = Side::Slide;
+            let place = 1 + mode.n + slip;
+            let alpha = std::mem::replace(&mut mode.memory.values[place], 0.5);
+            alphas.push((place, alpha));
+        }
+        let blocks = mode.field.of_switch(switch).to_vec();
+        for &block in &blocks {
+            let Mode {
+                field,
+                memory,
+                library,
+                ..
+            } = &mut **mode;
+            field.enter(library, memory, block, &sides);
+            field.linearize_block(block, &memory.values);
+        }
+        let slope = |i: usize| {
+            let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
+            slopes.map(|(_, slope)| slope).sum()
+        };
+        let slopes = (0..state.point.x.len()).map(slope).collect();
+        for (place, alpha) in alphas {
+            mode.memory.values[place] = alpha;
+        }
+        for block in blocks {
+            let Mode {
+                field,
+                memory,
+                library,
+                sides,
+                ..
+            } = &mut **mode;
+            field.enter(library, memory, block, sides);
+        }
+        slopes
     }
 }
 

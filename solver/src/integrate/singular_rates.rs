@@ -15,11 +15,10 @@
 
 use super::singular::Line;
 use super::step::Step;
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::{Side, Status};
+use crate::hybrid::{Settings, Side, Status};
 use crate::selector::select::BAND;
 
 /// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.
@@ -119,48 +118,20 @@ impl Mode {
     }
 }
 
-impl Simulator {
-    /// Decides a group of which some switches may rest: the others first, whose rates do not depend on the sides of these,
-    /// and then these, one after another until none changes. False, with nothing settled, where that takes series and
-    /// `series` does not allow it.
-    pub(crate) fn choose_around_rest(
-        &mut self,
-        state: &mut State,
-        group: &[usize],
-        wanted: &[Option<Side>],
-        t1: f64,
-        series: bool,
-    ) -> Result<bool, Status> {
-        if !series {
-            return Ok(false);
-        }
-        let pairs = group.iter().copied().zip(wanted.iter().copied());
-        let (roots, others): (Vec<_>, Vec<_>) =
-            pairs.partition(|(i, _)| self.mode.system.rests(*i));
-        let mut sides = state.point.sides.clone();
-        roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
-        state.point.set_sides(sides);
-        if !others.is_empty() {
-            let (others, wanted): (Vec<usize>, Vec<Option<Side>>) = others.into_iter().unzip();
-            self.choose(state, &others, &wanted, t1, true)?;
-        }
-        for _ in 0..=roots.len() {
-            let before = state.point.sides.clone();
-            for &(i, wanted) in &roots {
-                let side = self.decide_rest(state, i, wanted, t1)?;
-                let mut sides = state.point.sides.clone();
-                sides[i] = side;
-                state.point.set_sides(sides);
-            }
-            if state.point.sides == before {
-                break;
-            }
-        }
-        Ok(true)
+/// Decides switches whose rates have roots of their ψ, and which may come to rest on their surface.
+pub(crate) struct Rest<'a> {
+    mode: &'a mut Mode,
+    settings: &'a Settings,
+}
+
+impl<'a> Rest<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Rest { mode, settings }
     }
 
     /// Whether a switch on its surface rests, or to which side it goes.
-    fn decide_rest(
+    pub(crate) fn decide(
         &mut self,
         state: &mut State,
         switch: usize,

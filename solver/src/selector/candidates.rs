@@ -4,13 +4,14 @@
 //! sliding ones in place, which finds every solution. Beyond, Lemke's method finds one, and where
 //! -∂φ/∂α is no P-matrix, a search looks for more (`pivot`).
 
+use std::sync::Arc;
+
 use super::judge::TIE;
 use super::select::{Choice, Choices};
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::held;
-use crate::hybrid::{Role, Side, Status};
+use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
 use crate::runtime::limit::Limit;
 use crate::selector::lemke::Problem;
@@ -35,7 +36,23 @@ pub(crate) const FAR: f64 = 1e6;
 /// The same for forces, 1 - α, which have no bound and the unit of the model.
 const FAR_FORCE: f64 = 1e12;
 
-impl Simulator {
+/// Finds the choices of sides that are worth judging where surfaces meet.
+pub(crate) struct Enumeration<'a> {
+    pub mode: &'a mut Mode,
+    pub system: Arc<HybridSystem>,
+    pub settings: &'a Settings,
+}
+
+impl<'a> Enumeration<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Enumeration {
+            system: mode.system.clone(),
+            mode,
+            settings,
+        }
+    }
+
     /// All choices of sides with their α.
     pub(crate) fn choices(
         &mut self,
@@ -321,11 +338,8 @@ impl<'m> Zeros<'m> {
                 false => Search::Singular,
             };
         }
-        if self
-            .unknowns
-            .iter()
-            .any(|&i| self.mode.system.is_unilateral(i))
-        {
+        let system = &self.mode.system;
+        if self.unknowns.iter().any(|&i| system.is_unilateral(i)) {
             return self.solve_forces();
         }
         match self.subdivide() {

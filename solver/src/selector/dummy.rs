@@ -5,11 +5,11 @@
 //! At a fold it is at rest in the mode that ends: it goes on in the direction in which φ has its sign around it.
 //! Where it starts at rest at a bound, the series of the side decide whether the state leaves there.
 
-use super::judge::TIE;
+use super::judge::{Judge, TIE};
 use super::select::Choice;
-use crate::event::Simulator;
 use crate::event::state::State;
-use crate::hybrid::{Side, Status};
+use crate::expansion::mode::Mode;
+use crate::hybrid::{Settings, Side, Status};
 use crate::selector::nonlinear::{Decision, SlidingMode};
 use crate::selector::selection::Entry;
 
@@ -83,10 +83,21 @@ fn take(state: &mut State, switch: usize, end: End, (modes, folds): (Vec<Sliding
 /// From a double zero the next one is at least this far away.
 const APART: f64 = 1e-4;
 
-impl Simulator {
+/// Decides a nonlinear switch that interacts with no other one.
+pub(crate) struct Single<'a> {
+    mode: &'a mut Mode,
+    settings: &'a Settings,
+}
+
+impl<'a> Single<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Single { mode, settings }
+    }
+
     /// Decides a nonlinear switch that interacts with no other one here; false, with nothing set, where that takes
     /// series and `series` does not allow it.
-    pub(crate) fn decide_nonlinear(
+    pub(crate) fn decide(
         &mut self,
         state: &mut State,
         switch: usize,
@@ -103,7 +114,7 @@ impl Simulator {
         let ends = [0.0, 1.0].map(|end| self.mode.rate_at(switch, &mut alphas, end)[0]);
         let sides = [Side::Minus, Side::Plus];
         let choices = sides.map(|side| self.choice(state, switch, side, 0.5 + 0.5 * side.sign()));
-        let scale = self.rates(state, &[switch], &choices)[0];
+        let scale = Judge::new(self.mode, self.settings).rates(state, &[switch], &choices)[0];
         let rests = ends.map(|rate| rate.abs() <= TIE * scale);
         let is_tied = [0, 1]
             .iter()
@@ -115,7 +126,13 @@ impl Simulator {
         let mut leaves = [ends[0] < 0.0, ends[1] > 0.0];
         for end in 0..2 {
             if rests[end] && start.meets(end) {
-                let verdict = self.verdict(state, &[switch], &choices[end], &[1.0], t1);
+                let verdict = Judge::new(self.mode, self.settings).verdict(
+                    state,
+                    &[switch],
+                    &choices[end],
+                    &[1.0],
+                    t1,
+                );
                 leaves[end] = verdict.is_some_and(|verdict| verdict.agrees);
                 self.look_at(state, switch);
             }

@@ -5,11 +5,13 @@
 //! where z_i does for ever. Fixed points do not depend on the rates c_i, which say how steep the switches are,
 //! but their basins and stability may; so several are tried, and different outcomes are reported.
 
-use super::judge::TIE;
+use std::sync::Arc;
+
+use super::judge::{Judge, TIE};
 use super::select::{Candidate, Choice};
-use crate::event::Simulator;
 use crate::event::state::State;
-use crate::hybrid::{Role, Side, Status};
+use crate::expansion::mode::Mode;
+use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
 use crate::selector::nonlinear::Decision;
 use crate::selector::selection::Entry;
@@ -34,7 +36,7 @@ const NUDGE: f64 = 1e-3;
 
 /// The dummy system of a group in focus.
 struct Dummy<'m> {
-    mode: &'m mut crate::expansion::mode::Mode,
+    mode: &'m mut Mode,
     group: &'m [usize],
     /// α of all switches.
     alphas: Vec<f64>,
@@ -171,9 +173,25 @@ impl Dummy<'_> {
     }
 }
 
-impl Simulator {
+/// Decides switches that interact, nonlinear ones among them.
+pub(crate) struct Several<'a> {
+    mode: &'a mut Mode,
+    system: Arc<HybridSystem>,
+    settings: &'a Settings,
+}
+
+impl<'a> Several<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Several {
+            system: mode.system.clone(),
+            mode,
+            settings,
+        }
+    }
+
     /// Decides a group of switches that interact, nonlinear ones among them.
-    pub(crate) fn decide_several(
+    pub(crate) fn decide(
         &mut self,
         state: &mut State,
         group: &[usize],
@@ -233,7 +251,7 @@ impl Simulator {
                 f: states.map(|&state| self.mode.f()[state]).collect(),
             }
         });
-        let scales = self.rates(state, group, &corners);
+        let scales = Judge::new(self.mode, self.settings).rates(state, group, &corners);
         if scales.iter().any(|scale| *scale <= 0.0) {
             return None;
         }
@@ -302,7 +320,8 @@ impl Simulator {
                 alpha: way.alpha.clone(),
                 f: Vec::new(),
             };
-            let verdict = self.verdict(state, group, &choice, &units, t1);
+            let verdict =
+                Judge::new(self.mode, self.settings).verdict(state, group, &choice, &units, t1);
             verdict.is_some_and(|verdict| verdict.agrees)
         };
         let found = [way, slides].into_iter().find(|way| agrees(way));

@@ -5,14 +5,15 @@
 //! mode decide by their first non-negligible term, so that tangencies of any order
 //! are the same rule.
 
+use std::sync::Arc;
+
 use super::select::Choice;
 use crate::contact::friction_disk;
 use crate::contact::slip_onset::Departure;
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::{Role, Side};
+use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
@@ -69,7 +70,23 @@ impl Verdict {
     }
 }
 
-impl Simulator {
+/// Judges choices of sides by their rates and by their series.
+pub(crate) struct Judge<'a> {
+    mode: &'a mut Mode,
+    system: Arc<HybridSystem>,
+    settings: &'a Settings,
+}
+
+impl<'a> Judge<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Judge {
+            system: mode.system.clone(),
+            mode,
+            settings,
+        }
+    }
+
     /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
     /// cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
     /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.

@@ -5,14 +5,17 @@
 //! one group after the other, those whose rates decide before those that need
 //! higher derivatives, which depend on the others' sides.
 
-use super::judge::{Check, Verdict};
+use super::candidates::Enumeration;
+use super::dummy::Single;
+use super::interacting::Several;
+use super::judge::{Check, Judge, Verdict};
 use crate::contact::slip_onset::Departure;
 use crate::event::Simulator;
 use crate::event::jump::{Met, TOUCH};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{Note, Role, Settings, Side, Status};
-use crate::integrate::singular_rates::Settling;
+use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
 use crate::selector::selection::Entry;
 
@@ -379,7 +382,7 @@ impl Simulator {
         if group.iter().any(|&i| self.mode.system.rests(i)) {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
-        let settling = self.settling(state, group);
+        let settling = Rest::new(&mut self.mode, &self.settings).settling(state, group);
         let mut sides = state.point.sides.clone();
         for &i in group {
             sides[i] = Side::Slide;
@@ -395,24 +398,27 @@ impl Simulator {
         if let ([switch], [wanted]) = (group, wanted)
             && self.mode.system.switches[*switch].is_nonlinear
         {
-            return self.decide_nonlinear(state, *switch, *wanted, t1, series);
+            return Single::new(&mut self.mode, &self.settings)
+                .decide(state, *switch, *wanted, t1, series);
         }
         // What follows takes rates to be affine in each α.
         if group
             .iter()
             .any(|&i| self.mode.system.switches[i].is_nonlinear)
         {
-            return self.decide_several(state, group, wanted, t1);
+            return Several::new(&mut self.mode, &self.settings).decide(state, group, wanted, t1);
         }
-        let choices = self.choices(state, group)?;
-        let rates = self.rates(state, group, &choices.found);
+        let choices = Enumeration::new(&mut self.mode, &self.settings).choices(state, group)?;
+        let rates = Judge::new(&mut self.mode, &self.settings).rates(state, group, &choices.found);
         let measured = choices.found.into_iter().map(|choice| {
-            let units = self.units(group, &choice, &rates);
+            let units = Judge::new(&mut self.mode, &self.settings).units(group, &choice, &rates);
             (choice, units)
         });
         let mut checked = Vec::new();
         for (choice, units) in measured.collect::<Vec<_>>() {
-            match self.check(state, group, &choice, &rates, &units) {
+            match Judge::new(&mut self.mode, &self.settings)
+                .check(state, group, &choice, &rates, &units)
+            {
                 Check::Inconsistent => {}
                 Check::Tie if !series => return Ok(false),
                 check => checked.push(Checked {
@@ -543,7 +549,8 @@ impl Simulator {
             if alone && matches!(check, Check::Consistent) {
                 return vec![choice];
             }
-            let verdict = self.verdict(state, group, &choice, &units, t1);
+            let verdict = Judge::new(&mut self.mode, &self.settings)
+                .verdict(state, group, &choice, &units, t1);
             let consistent = match check {
                 Check::Tie => verdict.as_ref().is_some_and(|verdict| verdict.agrees),
                 _ => true,
@@ -577,5 +584,65 @@ impl Simulator {
             }
         }
         valid.into_iter().map(|(choice, _)| choice).collect()
+    }
+
+    /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest
+    /// they are decided together.
+    pub(crate) fn wake_free(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
+        for i in 0..state.point.sides.len() {
+            let Some(other) = self.mode.other(i) else {
+                continue;
+            };
+            let frees = &self.mode.system.switches[i].idle_above;
+            let changes = triggers.iter().any(|trigger| frees.contains(trigger));
+            if !changes || !self.mode.is_free(i, &state.point.sides) {
+                continue;
+            }
+            self.mode
+                .measure_bands(state, &[i, other], t1 - state.point.t);
+            if self.mode.is_near(i, state) {
+                triggers.push(i);
+            }
+        }
+    }
+
+    /// Decides a group of which some switches may rest: the others first, whose rates do not depend on the sides of these,
+    /// and then these, one after another until none changes. False, with nothing settled, where that takes series and
+    /// `series` does not allow it.
+    pub(crate) fn choose_around_rest(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        wanted: &[Option<Side>],
+        t1: f64,
+        series: bool,
+    ) -> Result<bool, Status> {
+        if !series {
+            return Ok(false);
+        }
+        let pairs = group.iter().copied().zip(wanted.iter().copied());
+        let (roots, others): (Vec<_>, Vec<_>) =
+            pairs.partition(|(i, _)| self.mode.system.rests(*i));
+        let mut sides = state.point.sides.clone();
+        roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
+        state.point.set_sides(sides);
+        if !others.is_empty() {
+            let (others, wanted): (Vec<usize>, Vec<Option<Side>>) = others.into_iter().unzip();
+            self.choose(state, &others, &wanted, t1, true)?;
+        }
+        for _ in 0..=roots.len() {
+            let before = state.point.sides.clone();
+            for &(i, wanted) in &roots {
+                let side =
+                    Rest::new(&mut self.mode, &self.settings).decide(state, i, wanted, t1)?;
+                let mut sides = state.point.sides.clone();
+                sides[i] = side;
+                state.point.set_sides(sides);
+            }
+            if state.point.sides == before {
+                break;
+            }
+        }
+        Ok(true)
     }
 }
