@@ -8,11 +8,11 @@
 //! point to v in the metric of M, so that its energy is no larger; any other way to zero may add some.
 
 use crate::contact::redundancy::eliminate;
-use crate::event::Simulator;
 use crate::event::state::State;
+use crate::expansion::mode::Mode;
 use crate::hybrid::Side;
 
-impl Simulator {
+impl Mode {
     /// Stops what is closed or sticks.
     pub(crate) fn halt(&mut self, state: &mut State) {
         let (mut sides, mut alpha) = (state.point.sides.clone(), state.point.alpha.clone());
@@ -20,7 +20,7 @@ impl Simulator {
         for i in 0..sides.len() {
             let slides = state.point.sides[i] == Side::Slide;
             match self.system.slip_of(i) {
-                None if slides && self.mode.is_contact(i) => {
+                None if slides && self.is_contact(i) => {
                     alpha[i] = 0.0;
                     rows.push(i);
                 }
@@ -33,7 +33,7 @@ impl Simulator {
                 _ => {}
             }
         }
-        let mode = &mut self.mode;
+        let mode = self;
         mode.enter(&sides);
         mode.eval(state.point.t, &state.point.x, &alpha);
         mode.linearize_impulses(&rows);
@@ -51,21 +51,21 @@ impl Simulator {
                 }
             }
         }
-        self.turn(state);
+        mode.turn(state);
     }
 
     /// Lets what slips do so in the direction that impulses have left.
     fn turn(&mut self, state: &mut State) {
         let mut sides = state.point.sides.clone();
-        self.mode.move_to(&state.point);
+        self.move_to(&state.point);
         for (i, side) in sides.iter_mut().enumerate() {
             let contact = self.system.slip_of(i);
             let slips = contact.is_some_and(|of| state.point.sides[of] == Side::Slide);
             if !slips || *side == Side::Slide || self.system.across(i).is_some() {
                 continue;
             }
-            let band = self.mode.band(i, state, 0.0);
-            if self.mode.psi(i) * side.sign() < -band {
+            let band = self.band(i, state, 0.0);
+            if self.psi(i) * side.sign() < -band {
                 *side = Side::of(-side.sign());
             }
         }

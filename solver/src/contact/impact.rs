@@ -16,13 +16,17 @@
 //! With one e for all contacts no impact adds energy: compression takes E = ½ |v° - v⁻|² at least, in the norm of M, and
 //! expansion gives back e² E at most.
 
+use std::sync::Arc;
+
+use crate::selector::coupling::Coupling;
 use serde::{Deserialize, Serialize};
 
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{Coefficient, Effect, Guard, HybridSystem, Impact, Note, Side, Status};
+use crate::hybrid::{
+    Coefficient, Effect, Guard, HybridSystem, Impact, Note, Settings, Side, Status,
+};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
@@ -36,9 +40,17 @@ pub enum ImpactLaw {
     Poisson,
 }
 
-impl Simulator {
+/// Impacts of contacts that are struck at one instant.
+pub(crate) struct Impacts<'a> {
+    pub system: Arc<HybridSystem>,
+    pub mode: &'a mut Mode,
+    pub settings: &'a Settings,
+    pub coupling: &'a Coupling,
+}
+
+impl Impacts<'_> {
     /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
-    pub(crate) fn impact(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
+    pub(crate) fn strike_all(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
         let struck = laws.iter();
         let struck = struck.filter_map(|&law| impact_of(&self.system, law));
         let struck: Vec<usize> = struck.map(|(normal, _)| normal).collect();
@@ -79,7 +91,7 @@ impl Simulator {
             if done.contains(&normal) {
                 continue;
             }
-            let group = self.interacting(normal, &touching);
+            let group = self.coupling.interacting(normal, &touching);
             let of_group = |(normal, _): &&(usize, &Impact)| group.contains(normal);
             let impacts: Vec<_> = impacts.iter().filter(of_group).copied().collect();
             self.strike(state, &impacts)?;
@@ -120,7 +132,7 @@ impl Simulator {
                 });
             }
         }
-        let mode = &mut self.mode;
+        let mode = &mut *self.mode;
         let mut all: Vec<usize> = contacts.iter().flat_map(Touch::switches).collect();
         all.sort_unstable();
         mode.linearize_impulses(&all);

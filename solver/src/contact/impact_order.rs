@@ -5,8 +5,7 @@
 //! hang together and are struck within the tolerance of a run, but not at one instant, are told, where the first of them
 //! matters. Gaps that are equal but for rounding are meant to be equal.
 
-use super::impact::impact_of;
-use crate::event::Simulator;
+use super::impact::{Impacts, impact_of};
 use crate::event::state::State;
 use crate::hybrid::{Note, Side, Status};
 use crate::selector::select::BAND;
@@ -20,7 +19,7 @@ const MOST: usize = 8;
 /// Impacts one after the other, before they count as endless.
 const MAX_ROUNDS: usize = 20;
 
-impl Simulator {
+impl Impacts<'_> {
     /// Takes note of contacts that are struck with those of `struck`, or almost, where it matters which one is first.
     /// `near` are the contacts without a gap.
     pub(crate) fn note_order(&mut self, state: &mut State, struck: &[usize], near: &[usize]) {
@@ -48,7 +47,7 @@ impl Simulator {
         all.dedup();
         let mut known: Vec<usize> = Vec::new();
         for &first in struck {
-            let group = self.interacting(first, &all);
+            let group = self.coupling.interacting(first, &all);
             let of_group = || gaps.iter().filter(|(i, _)| group.contains(i));
             let members: Vec<usize> = of_group().map(|(i, _)| *i).collect();
             if known.contains(&first) || !members.contains(&first) {
@@ -75,7 +74,7 @@ impl Simulator {
     /// The gap of a contact that is approached where the point is, relative to the size of its terms, if that is within
     /// the tolerance.
     fn gap(&mut self, state: &State, switch: usize) -> Option<f64> {
-        let mode = &mut self.mode;
+        let mode = &mut *self.mode;
         mode.surfaces.stand_for(switch, 0);
         let gap = mode.psi(switch).abs() * BAND / state.bands.width[switch];
         let is_near = gap <= self.settings.tolerance;
@@ -124,7 +123,7 @@ impl Simulator {
         self.strike_together(state, &[first], &met)?;
         met.extend(members);
         for _ in 0..MAX_ROUNDS {
-            let mode = &mut self.mode;
+            let mode = &mut *self.mode;
             mode.move_to(&state.point);
             let mut next = members.to_vec();
             next.retain(|&i| mode.closing_speed(state, i).is_some());

@@ -19,15 +19,14 @@
 //! After a jump all ψ are evaluated again, as at the start of a run, and the three steps are repeated
 //! until nothing jumps.
 
-use super::Simulator;
+use std::sync::Arc;
+
 use crate::event::state::State;
 use crate::events::sensitivity::Window;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{Effect, Guard, Law, Side, Status};
+use crate::hybrid::point::Point;
+use crate::hybrid::{Effect, Guard, HybridSystem, Law, Side, Status};
 use crate::selector::select::BAND;
-
-/// Jumps at one instant before they count as endless.
-const MAX_ROUNDS: usize = 100;
 
 /// What has happened at the present instant, and memory for it.
 #[derive(Default)]
@@ -56,6 +55,16 @@ pub(crate) struct Jumps {
 }
 
 impl Jumps {
+    /// Forgets the instant before.
+    pub(crate) fn begin(&mut self) {
+        self.fired.clear();
+        self.closed.clear();
+        self.struck.clear();
+        self.end = None;
+        self.owed.0.clear();
+        self.owed.1.clear();
+    }
+
     /// The state before the jumps of this instant, `after` where there were none.
     pub(crate) fn before<'x>(&'x self, after: &'x [f64]) -> &'x [f64] {
         match self.fired.is_empty() {
@@ -73,6 +82,26 @@ impl Jumps {
             }
         }
         self.end
+    }
+
+    /// Gives back what friction has taken too much where bounces accumulate.
+    ///
+    /// A contact that closes with a speed v left pushes with 2v/(1 - e) until bounces would have ended, and these with
+    /// (1 + e) v/(1 - e), all for a mass of one: v is what its friction has had no right to. It is given back at the
+    /// end, when friction has taken more than that of the energy.
+    pub(crate) fn repay(&self, system: &HybridSystem, point: &mut Point) {
+        let (owed, contacts) = &self.owed;
+        let slips = |contact: &usize| {
+            let of_contact = |i: &usize| system.slip_of(*i) == Some(*contact);
+            let mut slips = (0..point.sides.len()).filter(of_contact);
+            point.sides[*contact] == Side::Slide && slips.all(|i| point.sides[i] != Side::Slide)
+        };
+        if !contacts.iter().all(slips) {
+            return;
+        }
+        for (x, owed) in point.x.iter_mut().zip(owed) {
+            *x += owed;
+        }
     }
 }
 
@@ -118,99 +147,23 @@ impl Mode {
     }
 }
 
-impl Simulator {
-    /// Lets everything jump that jumps here, and finds the mode that goes on.
-    pub(crate) fn jump_and_change(
-        &mut self,
-        state: &mut State,
-        mut met: Met,
-        t1: f64,
-    ) -> Result<(), Status> {
-        state.jumps.fired.clear();
-        state.jumps.closed.clear();
-        state.jumps.struck.clear();
-        state.jumps.end = None;
-        state.jumps.owed.0.clear();
-        state.jumps.owed.1.clear();
-        let mut last: Vec<usize> = Vec::new();
-        let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
-        self.wake(state, on, t1);
-        self.find_near(state, on, t1);
-        for _ in 0..MAX_ROUNDS {
-            let mut fired = self.struck(state);
-            if fired.is_empty() {
-                // What stops at a contact may no longer stick there.
-                if !state.jumps.fired.is_empty()
-                    && self.close(state)
-                    && let Met::Surfaces(on) = &mut met
-                {
-                    *on = self.place_kept(state, t1 - state.point.t)?;
-                }
-                match met {
-                    Met::Surfaces(on) if on.is_empty() => {}
-                    Met::Surfaces(on) => self.change(state, &on, t1)?,
-                    Met::Breakpoint(on) => self.pass_breakpoint(state, &on, t1)?,
-                }
-                fired = self.holding(state);
-            }
-            if fired.is_empty() {
-                return Ok(());
-            }
-            // What one impact sets in motion may strike the same contact again.
-            let again = |law: &&usize| {
-                let effect = &self.system.laws[**law].effect;
-                last.contains(law) && matches!(effect, Effect::Reset(_))
-            };
-            if let Some(&law) = fired.iter().find(again) {
-                return Err(Status::StaysInGuard { law });
-            }
-            self.apply(state, &fired)?;
-            self.impact(state, &fired)?;
-            let moves = |law: &usize| matches!(self.system.laws[*law].effect, Effect::Reset(_));
-            let moves = fired.iter().any(moves);
-            if moves {
-                state.jumps.kept.clear();
-            }
-            let on = self.place_kept(state, t1 - state.point.t)?;
-            if moves {
-                self.find_near(state, &on, t1);
-            }
-            met = Met::Surfaces(on);
-            last = fired;
-        }
-        Err(Status::EndlessJumps { laws: last })
-    }
+/// The laws by which states jump.
+pub(crate) struct JumpLaws<'a> {
+    mode: &'a mut Mode,
+    system: Arc<HybridSystem>,
+}
 
-    /// Looks again at the slip velocities of contacts that are met, which nobody has watched while they were
-    /// open.
-    fn wake(&mut self, state: &mut State, on: &mut Vec<usize>, t1: f64) {
-        for slip in 0..state.point.sides.len() {
-            let Some(contact) = self.system.slip_of(slip) else {
-                continue;
-            };
-            if state.point.sides[contact] == Side::Slide || !on.contains(&contact) {
-                continue;
-            }
-            let other = self.system.across(slip);
-            let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
-            self.mode.measure_bands(state, &entries, t1 - state.point.t);
-            let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
-            let mut sides = state.point.sides.clone();
-            sides[slip] = match other {
-                Some(_) => Side::Plus,
-                None => Side::of(speeds[0]),
-            };
-            state.point.set_sides(sides);
-            let mut all = entries.iter().zip(&speeds);
-            if all.all(|(&i, speed)| speed.abs() <= state.bands.width[i]) && !on.contains(&slip) {
-                on.push(slip);
-            }
+impl<'a> JumpLaws<'a> {
+    /// Those of the system of a mode.
+    pub(crate) fn new(mode: &'a mut Mode) -> Self {
+        JumpLaws {
+            system: mode.system.clone(),
+            mode,
         }
-        on.sort_unstable();
     }
 
     /// Finds the contacts without a gap, those that are met among them: no impact changes that.
-    fn find_near(&mut self, state: &mut State, met: &[usize], t1: f64) {
+    pub(crate) fn find_near(&mut self, state: &mut State, met: &[usize], t1: f64) {
         let mut near = std::mem::take(&mut state.jumps.near);
         near.clear();
         near.extend(self.system.laws.iter().enumerate().filter_map(|(l, law)| {
@@ -238,7 +191,7 @@ impl Simulator {
     }
 
     /// The laws of surfaces that the state strikes from above.
-    fn struck(&mut self, state: &mut State) -> Vec<usize> {
+    pub(crate) fn struck(&mut self, state: &mut State) -> Vec<usize> {
         let mut struck = Vec::new();
         let mut speeds = Vec::new();
         let mode = &mut self.mode;
@@ -280,7 +233,7 @@ impl Simulator {
     }
 
     /// Takes away the speeds at which contacts open by less than their ψ is known; false where there are none.
-    fn close(&mut self, state: &mut State) -> bool {
+    pub(crate) fn close(&mut self, state: &mut State) -> bool {
         let mut any = false;
         for at in 0..state.jumps.near.len() {
             let (_, switch) = state.jumps.near[at];
@@ -297,29 +250,8 @@ impl Simulator {
         any
     }
 
-    /// Gives back what friction has taken too much where bounces accumulate.
-    ///
-    /// A contact that closes with a speed v left pushes with 2v/(1 - e) until bounces would have ended, and these with
-    /// (1 + e) v/(1 - e), all for a mass of one: v is what its friction has had no right to. It is given back at the
-    /// end, when friction has taken more than that of the energy.
-    pub(crate) fn repay(&self, state: &mut State) {
-        let (owed, contacts) = &state.jumps.owed;
-        let slips = |contact: &usize| {
-            let of_contact = |i: &usize| self.system.slip_of(*i) == Some(*contact);
-            let mut slips = (0..state.point.sides.len()).filter(of_contact);
-            state.point.sides[*contact] == Side::Slide
-                && slips.all(|i| state.point.sides[i] != Side::Slide)
-        };
-        if !contacts.iter().all(slips) {
-            return;
-        }
-        for (x, owed) in state.point.x.iter_mut().zip(owed) {
-            *x += owed;
-        }
-    }
-
     /// The laws whose guards hold on the present sides.
-    fn holding(&self, state: &mut State) -> Vec<usize> {
+    pub(crate) fn holding(&self, state: &mut State) -> Vec<usize> {
         let mut holding = Vec::new();
         for (l, law) in self.system.laws.iter().enumerate() {
             let Guard::Sides { switches, holds } = &law.guard else {
@@ -339,7 +271,7 @@ impl Simulator {
     }
 
     /// Lets laws jump together.
-    fn apply(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
+    pub(crate) fn apply(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
         if state.jumps.fired.is_empty() {
             state.jumps.before.clone_from(&state.point.x);
         }

@@ -18,12 +18,14 @@ mod run;
 pub(crate) mod state;
 #[cfg(test)]
 pub(crate) mod tests;
+mod transition;
 
 use std::sync::Arc;
 
 use crate::hybrid::{HybridSystem, Piecewise, Settings, Side, Status};
 use crate::runtime::limit::Limit;
 use crate::selector::algebraic::Initialization;
+use crate::selector::coupling::Coupling;
 
 pub use crate::event::numerical_time::{Clock, Clocked};
 pub use crate::event::perturbation::{KickSize, Kicks};
@@ -38,8 +40,7 @@ pub struct Simulator {
     pub(crate) system: Arc<HybridSystem>,
     pub(crate) settings: Settings,
     pub(crate) mode: Mode,
-    /// Switches whose rates the α of a switch may occur in.
-    pub(crate) coupled_by: Vec<Vec<usize>>,
+    pub(crate) coupling: Coupling,
     pub(crate) pieces: Pieces,
     pub(crate) stepper: Stepper,
     /// Memory that one run leaves to the next.
@@ -50,17 +51,11 @@ impl Simulator {
     /// A simulator without any mode yet.
     pub fn new(system: Arc<HybridSystem>, settings: Settings) -> Self {
         let order = settings.series_order();
-        let mut coupled_by = vec![Vec::new(); system.n_switches()];
-        for rate in 0..system.n_switches() {
-            for &alpha in &system.switches[rate].couplings {
-                coupled_by[alpha].push(rate);
-            }
-        }
         Simulator {
             stepper: Stepper::new(&system, &settings, order),
             settings,
             mode: Mode::new(&system, order),
-            coupled_by,
+            coupling: Coupling::new(system.clone()),
             pieces: Pieces::new(&system),
             state: State::default(),
             system,
@@ -151,7 +146,7 @@ impl Simulator {
     pub fn consistent(&mut self, t: f64, x: &[f64], horizon: f64) -> Result<Vec<f64>, Status> {
         let mut state = std::mem::take(&mut self.state);
         state.begin(t, x, self.system.n_switches());
-        self.load(&state);
+        self.pieces.load(&mut self.mode, state.point.t);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
         state
             .point

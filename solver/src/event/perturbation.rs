@@ -74,7 +74,7 @@ impl Simulator {
             kicks.apply(number as u64, &mut state.point.x);
         }
         self.stepper.stiffness.after_event();
-        let on = self.place(state, t1 - state.point.t, &[])?;
+        let on = self.selector().place(state, t1 - state.point.t, &[])?;
         self.enter(state, on, t1)
     }
 }

@@ -3,6 +3,7 @@
 use super::jump::Met;
 use super::{Event, Observer, Segment, Simulator};
 use crate::event::state::State;
+use crate::events::simultaneous::Simultaneous;
 use crate::events::{Approach, chattering, zeno};
 use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::step::Step;
@@ -201,7 +202,7 @@ impl Simulator {
                 .dense(&self.mode, step.implicit)
                 .states_at(0.5 * step.length, &mut x);
             let middle = (start + 0.5 * step.length, &x[..]);
-            self.measure(&mut history.chatter, state, middle);
+            history.chatter.measure(&mut self.mode, state, middle);
         }
         Ok(())
     }
@@ -219,7 +220,7 @@ impl Simulator {
             return;
         };
         if step.reaches_end {
-            self.repay(state);
+            state.jumps.repay(&self.system, &mut state.point);
         }
         observer.event(&Event {
             time: state.point.t,
@@ -246,7 +247,10 @@ impl Simulator {
             return Ok(());
         }
         if !meets.breakpoint {
-            self.tell_apart(state, &mut step.triggers, t1);
+            Simultaneous {
+                selector: self.selector(),
+            }
+            .tell_apart(state, &mut step.triggers, t1);
         }
         self.stepper.stiffness.after_event();
         if !step.implicit && !meets.breakpoint {
@@ -276,9 +280,9 @@ impl Simulator {
             };
             self.jump_and_change(state, met, t1)?;
         } else if meets.breakpoint {
-            self.pass_breakpoint(state, &triggers, t1)?;
+            self.selector().pass_breakpoint(state, &triggers, t1)?;
         } else if !triggers.is_empty() {
-            self.change(state, &triggers, t1)?;
+            self.selector().change(state, &triggers, t1)?;
         }
         if let Some(kick) = meets.kick {
             self.kick(state, kick, t1)?;
@@ -330,7 +334,11 @@ impl Simulator {
             self.displace(state, length, observer);
         }
         let undisturbed = t1.min(self.pieces.until).min(self.next_kick(state.point.t));
-        if let Some(status) = self.chatters(&history.chatter, state, undisturbed) {
+        if let Some(status) =
+            history
+                .chatter
+                .chatters(&mut self.mode, &self.settings, state, undisturbed)
+        {
             if !self.settings.averages {
                 return Err(status);
             }

@@ -10,7 +10,8 @@
 
 use crate::event::Simulator;
 use crate::event::state::State;
-use crate::hybrid::{Note, Side, Status};
+use crate::expansion::mode::Mode;
+use crate::hybrid::{Note, Settings, Side, Status};
 
 /// Events of a cycle, at most.
 const MAX_CYCLE: usize = 12;
@@ -133,42 +134,60 @@ impl Chatter {
     pub(crate) fn at_limit(&self, time: f64) -> Status {
         self.ends(time).unwrap_or(Status::EventLimit)
     }
-}
 
-impl Simulator {
     /// How a run ends behind an event of a cycle that goes on until the run has met as many events as it may, if
     /// nothing but events comes before `goal`.
     pub(crate) fn chatters(
-        &mut self,
-        chatter: &Chatter,
+        &self,
+        mode: &mut Mode,
+        settings: &Settings,
         state: &State,
         goal: f64,
     ) -> Option<Status> {
-        let (count, most) = (chatter.count, self.settings.max_events);
+        let (count, most) = (self.count, settings.max_events);
         if !count.is_power_of_two() || count < FEWEST.max(most / SHARE) {
             return None;
         }
-        let trend = chatter.trend()?;
+        let trend = self.trend()?;
         let left = trend.doubling * (most as f64 / count as f64).log2();
         let lasts = left + trend.doubling * BEYOND.log2() < goal - state.point.t;
-        let found = (lasts && !self.others_switch(chatter, &trend, state, left))
-            .then(|| chatter.ends(goal - state.point.t));
+        let found = (lasts && !self.others_switch(mode, &trend, state, left))
+            .then(|| self.ends(goal - state.point.t));
         found.flatten()
     }
 
     /// Looks at how far ψ of the switches that chatter is from zero in the middle of a step, and at its end.
-    pub(crate) fn measure(&mut self, chatter: &mut Chatter, state: &State, middle: (f64, &[f64])) {
-        let Some(last) = &mut chatter.last else {
+    pub(crate) fn measure(&mut self, mode: &mut Mode, state: &State, middle: (f64, &[f64])) {
+        let Some(last) = &mut self.last else {
             return;
         };
         for (t, x) in [middle, (state.point.t, &state.point.x)] {
-            self.mode.set(t, x, &state.point.alpha);
+            mode.set(t, x, &state.point.alpha);
             for (height, &i) in last.heights.iter_mut().zip(&last.switches) {
-                *height = height.max(self.mode.psi(i).abs());
+                *height = height.max(mode.psi(i).abs());
             }
         }
     }
 
+    /// Whether a switch outside the cycle changes sides within the time that is `left`, where states go on as they have
+    /// on average.
+    fn others_switch(&self, mode: &mut Mode, trend: &Trend, state: &State, left: f64) -> bool {
+        let acting = self.switches();
+        let others = |i: &usize| !acting.contains(i) && state.point.sides[*i] != Side::Slide;
+        let others: Vec<usize> = (0..state.point.sides.len()).filter(others).collect();
+        let mut signs = |share: f64| -> Vec<bool> {
+            let onward = share * left / (3.0 * trend.doubling);
+            let moved = state.point.x.iter().zip(trend.before);
+            let x: Vec<f64> = moved.map(|(x, before)| x + (x - before) * onward).collect();
+            mode.set(state.point.t + share * left, &x, &state.point.alpha);
+            others.iter().map(|&i| mode.psi(i) > 0.0).collect()
+        };
+        let now = signs(0.0);
+        (1..=AHEAD).any(|k| signs(k as f64 / AHEAD as f64) != now)
+    }
+}
+
+impl Simulator {
     /// Behind the last cycle: takes the state to where ψ of all its switches, and the derivatives of ψ that contain no
     /// α, are zero, and lets it slide there.
     pub(crate) fn average(
@@ -192,10 +211,10 @@ impl Simulator {
         state.point.set_sides(sides);
         self.mode.enter(&state.point.sides);
         let solved = self.mode.solve_alpha(time, &x, &mut state.point.alpha);
-        let mut slides = solved.is_ok() && self.is_affine(state);
+        let mut slides = solved.is_ok() && is_affine(&mut self.mode, state);
         if slides {
             self.mode.project(state);
-            let on = self.place(state, t1 - time, &[])?;
+            let on = self.selector().place(state, t1 - time, &[])?;
             self.enter(state, on, t1)?;
             slides = last
                 .switches
@@ -214,59 +233,35 @@ impl Simulator {
         *chatter = Chatter::default();
         Ok(())
     }
+}
 
-    /// Whether rates are affine in α of all that slides, so that their mean over a cycle is that of mean α.
-    fn is_affine(&mut self, state: &State) -> bool {
-        let sliding = self.mode.sliding.clone();
-        let mut rates = |values: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            let mut alpha = state.point.alpha.clone();
-            let of_sliding = sliding.iter().enumerate();
-            of_sliding.for_each(|(k, &i)| alpha[i] = values(k));
-            self.mode.eval(state.point.t, &state.point.x, &alpha);
-            self.mode.f().to_vec()
-        };
-        // Of a product of two α, these shares leave something.
-        let share = |k: usize| 1.0 / (k as f64 + 2.0);
-        let below = rates(&|_| 0.0);
-        let found = rates(&share);
-        let mut expected = below.clone();
-        let mut size: Vec<f64> = below.iter().map(|f| f.abs()).collect();
-        for k in 0..state.point.alpha.len().min(sliding.len()) {
-            let above = rates(&|other| f64::from(other == k));
-            for (i, (above, below)) in above.iter().zip(&below).enumerate() {
-                expected[i] += share(k) * (above - below);
-                size[i] += above.abs();
-            }
+/// Whether rates are affine in α of all that slides, so that their mean over a cycle is that of mean α.
+fn is_affine(mode: &mut Mode, state: &State) -> bool {
+    let sliding = mode.sliding.clone();
+    let mut rates = |values: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        let mut alpha = state.point.alpha.clone();
+        let of_sliding = sliding.iter().enumerate();
+        of_sliding.for_each(|(k, &i)| alpha[i] = values(k));
+        mode.eval(state.point.t, &state.point.x, &alpha);
+        mode.f().to_vec()
+    };
+    // Of a product of two α, these shares leave something.
+    let share = |k: usize| 1.0 / (k as f64 + 2.0);
+    let below = rates(&|_| 0.0);
+    let found = rates(&share);
+    let mut expected = below.clone();
+    let mut size: Vec<f64> = below.iter().map(|f| f.abs()).collect();
+    for k in 0..state.point.alpha.len().min(sliding.len()) {
+        let above = rates(&|other| f64::from(other == k));
+        for (i, (above, below)) in above.iter().zip(&below).enumerate() {
+            expected[i] += share(k) * (above - below);
+            size[i] += above.abs();
         }
-        let differences = found.iter().zip(&expected).zip(size);
-        differences
-            .into_iter()
-            .all(|((found, expected), size)| (found - expected).abs() <= AFFINE * size)
     }
-
-    /// Whether a switch outside the cycle changes sides within the time that is `left`, where states go on as they have
-    /// on average.
-    fn others_switch(
-        &mut self,
-        chatter: &Chatter,
-        trend: &Trend,
-        state: &State,
-        left: f64,
-    ) -> bool {
-        let acting = chatter.switches();
-        let others = |i: &usize| !acting.contains(i) && state.point.sides[*i] != Side::Slide;
-        let others: Vec<usize> = (0..state.point.sides.len()).filter(others).collect();
-        let mut signs = |share: f64| -> Vec<bool> {
-            let onward = share * left / (3.0 * trend.doubling);
-            let moved = state.point.x.iter().zip(trend.before);
-            let x: Vec<f64> = moved.map(|(x, before)| x + (x - before) * onward).collect();
-            self.mode
-                .set(state.point.t + share * left, &x, &state.point.alpha);
-            others.iter().map(|&i| self.mode.psi(i) > 0.0).collect()
-        };
-        let now = signs(0.0);
-        (1..=AHEAD).any(|k| signs(k as f64 / AHEAD as f64) != now)
-    }
+    let differences = found.iter().zip(&expected).zip(size);
+    differences
+        .into_iter()
+        .all(|((found, expected), size)| (found - expected).abs() <= AFFINE * size)
 }
 
 #[cfg(test)]

@@ -5,10 +5,10 @@
 //! short time, or is one in which the second surface is come to slowly: then the later ones are left to the next
 //! step, and where rounding does not say which is first, the run says so.
 
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{Note, Side};
+use crate::selector::select::Selector;
 
 /// Roundings of its terms below which ψ is zero.
 const ROUNDINGS: f64 = 64.0;
@@ -26,18 +26,23 @@ struct Between {
     f: Vec<f64>,
 }
 
-impl Simulator {
+/// Tells events apart that are close together.
+pub(crate) struct Simultaneous<'a> {
+    pub selector: Selector<'a>,
+}
+
+impl Simultaneous<'_> {
     /// Takes out of `triggers`, which meet here, those whose surfaces are reached later, where that makes
     /// a difference to a state above its tolerance.
     pub(crate) fn tell_apart(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
         let has_no_side = |&i: &usize| {
-            let is_relay = self.system.relay(i).is_some();
-            is_relay || self.system.across(i).is_some()
+            let is_relay = self.selector.system.relay(i).is_some();
+            is_relay || self.selector.system.across(i).is_some()
         };
         if triggers.len() < 2 || triggers.iter().any(has_no_side) {
             return;
         }
-        let mode = &mut self.mode;
+        let mode = &mut *self.selector.mode;
         mode.move_to(&state.point);
         let mut is_ahead = |i: usize| {
             let psi = mode.psi(i) * state.point.sides[i].sign();
@@ -49,7 +54,7 @@ impl Simulator {
             *triggers = now;
             return;
         }
-        if state.is_bound(&self.mode, triggers) {
+        if state.is_bound(&self.selector.mode, triggers) {
             return;
         }
         if apart
@@ -65,7 +70,7 @@ impl Simulator {
 
     /// Whether a state moves where those of `now` have changed sides, until the others are met.
     fn moves_between(&mut self, state: &State, now: &[usize], later: &[usize]) -> bool {
-        let mode = &mut self.mode;
+        let mode = &mut *self.selector.mode;
         // The mode between: what is reached now has changed sides.
         let mut sides = state.point.sides.clone();
         let mut alpha = state.point.alpha.clone();
@@ -92,7 +97,7 @@ impl Simulator {
             .enumerate()
             .any(|(j, (f, before))| {
                 let size = state.scales.largest[j].max(state.point.x[j].abs());
-                (f - before).abs() * lasts > self.settings.tolerance * size
+                (f - before).abs() * lasts > self.selector.settings.tolerance * size
             });
         mode.enter(&state.point.sides);
         matters
@@ -133,7 +138,7 @@ impl Simulator {
     /// Whether two surfaces that meet here have one tangent plane, as far as rounding tells. Planes are compared by their
     /// numbers before: two of them are two.
     fn is_one(&mut self, state: &State, both: [usize; 2]) -> bool {
-        let mode = &mut self.mode;
+        let mode = &mut *self.selector.mode;
         if both.iter().all(|&i| mode.is_watched_affine(i)) {
             return false;
         }
@@ -164,12 +169,14 @@ impl Simulator {
             state.bands.width.clone(),
             state.report.notes.clone(),
         );
-        let changed = self.change(state, met, t1);
+        let changed = self.selector.change(state, met, t1);
         let found = changed.is_ok().then(|| {
             let (sides, alpha) = (state.point.sides.clone(), state.point.alpha.clone());
-            self.mode.enter(&sides);
-            self.mode.eval(state.point.t, &state.point.x, &alpha);
-            let f = self.mode.f().to_vec();
+            self.selector.mode.enter(&sides);
+            self.selector
+                .mode
+                .eval(state.point.t, &state.point.x, &alpha);
+            let f = self.selector.mode.f().to_vec();
             Between { sides, alpha, f }
         });
         (
@@ -180,13 +187,13 @@ impl Simulator {
             state.bands.width,
             state.report.notes,
         ) = kept;
-        self.mode.enter(&state.point.sides);
+        self.selector.mode.enter(&state.point.sides);
         found
     }
 
     /// Whether a surface is come to so slowly in the mode between that a state moves otherwise until it is met.
     fn is_slow(&mut self, state: &State, i: usize, [between, all]: [&Between; 2], t1: f64) -> bool {
-        let mode = &mut self.mode;
+        let mode = &mut *self.selector.mode;
         mode.enter(&between.sides);
         mode.eval(state.point.t, &state.point.x, &between.alpha);
         mode.linearize(&[i]);
@@ -202,7 +209,7 @@ impl Simulator {
             .enumerate()
             .any(|(j, (between, all))| {
                 let size = state.scales.largest[j].max(state.point.x[j].abs());
-                (between - all).abs() * lasts > self.settings.tolerance * size
+                (between - all).abs() * lasts > self.selector.settings.tolerance * size
             })
     }
 }

@@ -5,14 +5,15 @@
 //! (`lead.rs`), and what lies on its surface then is decided by the new rates, sliding too.
 
 use super::Side;
-use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
+use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::status::Status;
 use crate::hybrid::system::HybridSystem;
 use crate::integrate::step::{TOGETHER, Watch};
 use crate::selector::algebraic::Initialization;
+use crate::selector::select::Selector;
 
 /// Which switches the data of pieces concerns.
 pub(crate) struct Pieces {
@@ -35,17 +36,17 @@ impl Pieces {
             rates: all.filter(|&i| system.switches[i].has_data[1]).collect(),
         }
     }
+
+    /// Takes the pieces that hold from an instant on.
+    pub(crate) fn load(&mut self, mode: &mut Mode, t: f64) {
+        self.until = mode.load(t);
+    }
 }
 
 /// An event that is closer to the end of a step, as a fraction of the step, may be there.
 const NEAR: f64 = 1e-6;
 
-impl Simulator {
-    /// Takes the pieces that hold from the present time on.
-    pub(crate) fn load(&mut self, state: &State) {
-        self.pieces.until = self.mode.load(state.point.t);
-    }
-
+impl Selector<'_> {
     /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
     /// the same instant.
     pub(crate) fn pass_breakpoint(
@@ -61,7 +62,7 @@ impl Simulator {
             self.mode.surfaces.stand_for(i, 0);
         }
         let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
-        self.load(state);
+        self.pieces.load(self.mode, state.point.t);
         self.mode
             .measure_bands(state, &switches, t1 - state.point.t);
         let mut open = triggers.to_vec();
@@ -83,7 +84,7 @@ impl Simulator {
         open.extend(self.pieces.rates.iter().filter(meets));
         open.sort_unstable();
         open.dedup();
-        if open.is_empty() && !Initialization::is_unsettled(&mut self.mode, state, t1) {
+        if open.is_empty() && !Initialization::is_unsettled(self.mode, state, t1) {
             return Ok(());
         }
         self.change(state, &open, t1)

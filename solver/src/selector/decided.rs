@@ -6,7 +6,7 @@
 //! rates, and sliding does not survive a jump of its own ψ. Relays among them may make others jump in
 //! turn; all that is due at one time happens together.
 
-use crate::event::Simulator;
+use super::select::Selector;
 use crate::event::state::State;
 use crate::expansion::series;
 use crate::hybrid::{Role, Side, Status};
@@ -18,7 +18,7 @@ fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
         .collect()
 }
 
-impl Simulator {
+impl Selector<'_> {
     /// Decides what leads among `triggers`, and all that jumps with it. Returns the switches that
     /// their rates decide.
     pub(crate) fn lead(
@@ -140,7 +140,7 @@ impl Simulator {
     fn leaves(&mut self, state: &mut State, relay: usize, t1: f64) -> bool {
         let tolerance = self.settings.local_tolerance();
         let mut alpha = state.point.alpha.clone();
-        let mode = &mut self.mode;
+        let mode = &mut *self.mode;
         mode.enter(&state.point.sides);
         if mode
             .expand(state.point.t, &state.point.x, &mut alpha)

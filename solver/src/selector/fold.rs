@@ -18,6 +18,7 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::Status;
 use crate::linalg::DenseLu;
 
 /// Steps end at the fold once α is this close to it.
@@ -56,6 +57,28 @@ impl Fold {
     /// What becomes of a switch in it.
     pub(crate) fn turn(&self, switch: usize) -> Option<&Turn> {
         self.turns.iter().find(|turn| turn.switch == switch)
+    }
+
+    /// A fold in which the state is.
+    pub(crate) fn at(mode: &mut Mode, state: &State, switch: usize) -> Result<Fold, Status> {
+        mode.move_to(&state.point);
+        let alpha = state.point.alpha[switch];
+        let direction = mode.direction_at(switch, alpha);
+        if direction == 0.0 || !direction.is_finite() {
+            return Err(Status::Undetermined {
+                switches: vec![switch],
+            });
+        }
+        let turn = Turn {
+            switch,
+            alpha,
+            direction,
+        };
+        Ok(Fold {
+            switch,
+            after: 0.0,
+            turns: vec![turn],
+        })
     }
 }
 

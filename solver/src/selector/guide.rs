@@ -4,7 +4,7 @@
 //! which of them is taken depends on the side that the state comes from (`dummy.rs`, `several.rs`). So a method that
 //! knows the conditions alone asks here, with the sides and α that it has come with.
 
-use super::fold::{Fold, Turn};
+use super::fold::Fold;
 use crate::event::Simulator;
 use crate::event::state::State;
 use crate::hybrid::{Side, Status};
@@ -69,36 +69,14 @@ impl Simulator {
             return self.start(state, t1 - t);
         };
         state.selection.begun = true;
-        self.load(state);
+        self.pieces.load(&mut self.mode, t);
         state.point.set_sides(sides.into());
         state.point.alpha.copy_from_slice(alpha);
         self.mode.enter(&state.point.sides);
         state.selection.fold = match standing.fold {
             None => None,
-            Some(switch) => Some(self.fold_at(state, switch)?),
+            Some(switch) => Some(Fold::at(&mut self.mode, state, switch)?),
         };
-        self.change(state, standing.triggers, t1)
-    }
-
-    /// A fold in which the state is.
-    fn fold_at(&mut self, state: &State, switch: usize) -> Result<Fold, Status> {
-        self.mode.move_to(&state.point);
-        let alpha = state.point.alpha[switch];
-        let direction = self.mode.direction_at(switch, alpha);
-        if direction == 0.0 || !direction.is_finite() {
-            return Err(Status::Undetermined {
-                switches: vec![switch],
-            });
-        }
-        let turn = Turn {
-            switch,
-            alpha,
-            direction,
-        };
-        Ok(Fold {
-            switch,
-            after: 0.0,
-            turns: vec![turn],
-        })
+        self.selector().change(state, standing.triggers, t1)
     }
 }

@@ -183,7 +183,7 @@ impl Simulator {
         switch: usize,
         held: &[usize],
     ) -> Option<Vec<SlidingMode>> {
-        self.pieces.until = self.mode.load(t);
+        self.pieces.load(&mut self.mode, t);
         let mut alphas = vec![1.0; self.system.n_switches()];
         let mut sides = vec![Side::Plus; alphas.len()];
         sides[switch] = Side::Slide;

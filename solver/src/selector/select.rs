@@ -5,16 +5,19 @@
 //! one group after the other, those whose rates decide before those that need
 //! higher derivatives, which depend on the others' sides.
 
+use crate::hybrid::breakpoints::Pieces;
+use std::sync::Arc;
+
 use super::candidates::Enumeration;
+use super::coupling::Coupling;
 use super::dummy::Single;
 use super::interacting::Several;
 use super::judge::{Check, Judge, Verdict};
 use crate::contact::slip_onset::Departure;
-use crate::event::Simulator;
-use crate::event::jump::{Met, TOUCH};
+use crate::event::jump::TOUCH;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::{Note, Role, Settings, Side, Status};
+use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
 use crate::selector::selection::Entry;
@@ -119,35 +122,16 @@ struct Checked {
     units: Vec<f64>,
 }
 
-impl Simulator {
-    /// Finds the mode at the start, taking every surface that holds the state as meeting there.
-    pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
-        self.load(state);
-        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
-        state
-            .point
-            .set_sides((0..state.point.sides.len()).map(relay).collect());
-        let on = self.place(state, horizon, &[])?;
-        let t1 = state.point.t + horizon;
-        self.enter(state, on, t1)
-    }
+/// Selects the mode that goes on from an event.
+pub(crate) struct Selector<'a> {
+    pub system: Arc<HybridSystem>,
+    pub mode: &'a mut Mode,
+    pub settings: &'a Settings,
+    pub coupling: &'a Coupling,
+    pub pieces: &'a mut Pieces,
+}
 
-    /// Takes the mode of a state that was set, which is on these surfaces.
-    pub(crate) fn enter(
-        &mut self,
-        state: &mut State,
-        on: Vec<usize>,
-        t1: f64,
-    ) -> Result<(), Status> {
-        if self.system.has_laws() {
-            self.jump_and_change(state, Met::Surfaces(on), t1)
-        } else if on.is_empty() {
-            Ok(())
-        } else {
-            self.change(state, &on, t1)
-        }
-    }
-
+impl Selector<'_> {
     /// Takes the sides that ψ have where the state is, and returns the switches on their surface: closed contacts that
     /// are `kept` where they are, too, whose gaps are rounding.
     pub(crate) fn place(
@@ -158,7 +142,7 @@ impl Simulator {
     ) -> Result<Vec<usize>, Status> {
         let all: Vec<usize> = (0..state.point.sides.len()).collect();
         let before = state.point.alpha.clone();
-        Initialization::settle(&mut self.mode, state, horizon)?;
+        Initialization::settle(self.mode, state, horizon)?;
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
             let psi = self.mode.all_psi(&state.point);
@@ -237,7 +221,7 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         let open = self.lead(state, triggers, t1)?;
-        let selected = match Initialization::is_unsettled(&mut self.mode, state, t1) {
+        let selected = match Initialization::is_unsettled(self.mode, state, t1) {
             true => None,
             false => Some(self.select(state, &open, t1)),
         };
@@ -275,11 +259,11 @@ impl Simulator {
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for &trigger in triggers {
             if !groups.iter().any(|group| group.contains(&trigger)) {
-                groups.push(self.interacting(trigger, &meeting));
+                groups.push(self.coupling.interacting(trigger, &meeting));
             }
         }
         // What only looks at others is decided behind them.
-        for &i in meeting.iter().filter(|i| self.only_watches(**i)) {
+        for &i in meeting.iter().filter(|i| self.coupling.only_watches(**i)) {
             let watches = |j: &usize| self.system.switches[i].couplings.contains(j);
             let known = |group: &Vec<usize>| group.contains(&i);
             if groups.iter().flatten().any(watches) && !groups.iter().any(known) {
@@ -288,7 +272,7 @@ impl Simulator {
         }
         let mut decided = groups.concat();
         decided.sort_unstable();
-        let is_behind = |group: &Vec<usize>| group.iter().all(|&i| self.only_watches(i));
+        let is_behind = |group: &Vec<usize>| group.iter().all(|&i| self.coupling.only_watches(i));
         let (behind, first): (Vec<_>, Vec<_>) = groups.into_iter().partition(is_behind);
         for groups in [first, behind] {
             let mut tied = Vec::new();
@@ -309,7 +293,7 @@ impl Simulator {
         let deep = |&i: &usize| self.mode.surfaces.n_derivatives(i) > 0;
         if meeting.iter().any(deep) {
             if meeting.iter().any(|&i| self.mode.is_contact(i)) {
-                self.halt(state);
+                self.mode.halt(state);
             }
             self.mode.enter(&state.point.sides);
             self.mode.start_equations(state);
@@ -330,45 +314,6 @@ impl Simulator {
         group.iter().map(of_switch).collect()
     }
 
-    /// True for a switch whose α no rate of a switching function contains, as that of a term in an output.
-    fn only_watches(&self, switch: usize) -> bool {
-        let is_step = self.system.role(switch) == Role::Step;
-        is_step
-            && self.coupled_by[switch].is_empty()
-            && self.system.slip_of(switch).is_none()
-            && !self.system.is_unilateral(switch)
-    }
-
-    /// The surfaces among `meeting` that `switch` interacts with, in order.
-    pub(crate) fn interacting(&self, switch: usize, meeting: &[usize]) -> Vec<usize> {
-        let mut group = vec![switch];
-        if self.only_watches(switch) {
-            return group;
-        }
-        let mut next = 0;
-        while next < group.len() {
-            let i = group[next];
-            let linked = self.system.switches[i]
-                .couplings
-                .iter()
-                .chain(&self.coupled_by[i]);
-            let partner = match self.system.role(i) {
-                Role::Member(partner) => Some(partner),
-                Role::Step | Role::Equation => None,
-            };
-            let across = self.system.across(i);
-            for &j in linked.chain(&partner).chain(&across) {
-                let is_met = meeting.binary_search(&j).is_ok() && !self.only_watches(j);
-                if is_met && !group.contains(&j) {
-                    group.push(j);
-                }
-            }
-            next += 1;
-        }
-        group.sort_unstable();
-        group
-    }
-
     /// Decides one group of interacting surfaces and sets its sides; false, with nothing set, where
     /// that takes the series and `series` does not allow it.
     pub(crate) fn choose(
@@ -382,7 +327,7 @@ impl Simulator {
         if group.iter().any(|&i| self.mode.system.rests(i)) {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
-        let settling = Rest::new(&mut self.mode, &self.settings).settling(state, group);
+        let settling = Rest::new(self.mode, self.settings).settling(state, group);
         let mut sides = state.point.sides.clone();
         for &i in group {
             sides[i] = Side::Slide;
@@ -398,7 +343,7 @@ impl Simulator {
         if let ([switch], [wanted]) = (group, wanted)
             && self.mode.system.switches[*switch].is_nonlinear
         {
-            return Single::new(&mut self.mode, &self.settings)
+            return Single::new(self.mode, self.settings)
                 .decide(state, *switch, *wanted, t1, series);
         }
         // What follows takes rates to be affine in each α.
@@ -406,18 +351,17 @@ impl Simulator {
             .iter()
             .any(|&i| self.mode.system.switches[i].is_nonlinear)
         {
-            return Several::new(&mut self.mode, &self.settings).decide(state, group, wanted, t1);
+            return Several::new(self.mode, self.settings).decide(state, group, wanted, t1);
         }
-        let choices = Enumeration::new(&mut self.mode, &self.settings).choices(state, group)?;
-        let rates = Judge::new(&mut self.mode, &self.settings).rates(state, group, &choices.found);
+        let choices = Enumeration::new(self.mode, self.settings).choices(state, group)?;
+        let rates = Judge::new(self.mode, self.settings).rates(state, group, &choices.found);
         let measured = choices.found.into_iter().map(|choice| {
-            let units = Judge::new(&mut self.mode, &self.settings).units(group, &choice, &rates);
+            let units = Judge::new(self.mode, self.settings).units(group, &choice, &rates);
             (choice, units)
         });
         let mut checked = Vec::new();
         for (choice, units) in measured.collect::<Vec<_>>() {
-            match Judge::new(&mut self.mode, &self.settings)
-                .check(state, group, &choice, &rates, &units)
+            match Judge::new(self.mode, self.settings).check(state, group, &choice, &rates, &units)
             {
                 Check::Inconsistent => {}
                 Check::Tie if !series => return Ok(false),
@@ -501,7 +445,7 @@ impl Simulator {
             .selection
             .departures
             .retain(|one| !group.contains(&one.switches[0]));
-        let departures = Departure::all(&self.mode, state, group, choice);
+        let departures = Departure::all(self.mode, state, group, choice);
         state.selection.departures.extend(departures);
     }
 
@@ -549,8 +493,8 @@ impl Simulator {
             if alone && matches!(check, Check::Consistent) {
                 return vec![choice];
             }
-            let verdict = Judge::new(&mut self.mode, &self.settings)
-                .verdict(state, group, &choice, &units, t1);
+            let verdict =
+                Judge::new(self.mode, self.settings).verdict(state, group, &choice, &units, t1);
             let consistent = match check {
                 Check::Tie => verdict.as_ref().is_some_and(|verdict| verdict.agrees),
                 _ => true,
@@ -633,8 +577,7 @@ impl Simulator {
         for _ in 0..=roots.len() {
             let before = state.point.sides.clone();
             for &(i, wanted) in &roots {
-                let side =
-                    Rest::new(&mut self.mode, &self.settings).decide(state, i, wanted, t1)?;
+                let side = Rest::new(self.mode, self.settings).decide(state, i, wanted, t1)?;
                 let mut sides = state.point.sides.clone();
                 sides[i] = side;
                 state.point.set_sides(sides);
@@ -644,5 +587,33 @@ impl Simulator {
             }
         }
         Ok(true)
+    }
+
+    /// Looks again at the slip velocities of contacts that are met, which nobody has watched while they were
+    /// open.
+    pub(crate) fn wake(&mut self, state: &mut State, on: &mut Vec<usize>, t1: f64) {
+        for slip in 0..state.point.sides.len() {
+            let Some(contact) = self.system.slip_of(slip) else {
+                continue;
+            };
+            if state.point.sides[contact] == Side::Slide || !on.contains(&contact) {
+                continue;
+            }
+            let other = self.system.across(slip);
+            let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
+            self.mode.measure_bands(state, &entries, t1 - state.point.t);
+            let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
+            let mut sides = state.point.sides.clone();
+            sides[slip] = match other {
+                Some(_) => Side::Plus,
+                None => Side::of(speeds[0]),
+            };
+            state.point.set_sides(sides);
+            let mut all = entries.iter().zip(&speeds);
+            if all.all(|(&i, speed)| speed.abs() <= state.bands.width[i]) && !on.contains(&slip) {
+                on.push(slip);
+            }
+        }
+        on.sort_unstable();
     }
 }

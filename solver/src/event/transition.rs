@@ -1,0 +1,118 @@
+//! From one mode to the next at an event: jumps, and the mode that goes on from where they lead.
+
+use super::Simulator;
+use super::jump::{JumpLaws, Met};
+use crate::contact::impact::Impacts;
+use crate::event::state::State;
+use crate::hybrid::{Effect, Side, Status};
+use crate::selector::select::Selector;
+
+/// Jumps at one instant before they count as endless.
+const MAX_ROUNDS: usize = 100;
+
+impl Simulator {
+    /// What selects the next mode.
+    pub(crate) fn selector(&mut self) -> Selector<'_> {
+        Selector {
+            system: self.system.clone(),
+            mode: &mut self.mode,
+            settings: &self.settings,
+            coupling: &self.coupling,
+            pieces: &mut self.pieces,
+        }
+    }
+
+    fn impacts(&mut self) -> Impacts<'_> {
+        Impacts {
+            system: self.system.clone(),
+            mode: &mut self.mode,
+            settings: &self.settings,
+            coupling: &self.coupling,
+        }
+    }
+
+    /// Finds the mode at the start, taking every surface that holds the state as meeting there.
+    pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+        self.pieces.load(&mut self.mode, state.point.t);
+        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        state
+            .point
+            .set_sides((0..state.point.sides.len()).map(relay).collect());
+        let on = self.selector().place(state, horizon, &[])?;
+        let t1 = state.point.t + horizon;
+        self.enter(state, on, t1)
+    }
+
+    /// Takes the mode of a state that was set, which is on these surfaces.
+    pub(crate) fn enter(
+        &mut self,
+        state: &mut State,
+        on: Vec<usize>,
+        t1: f64,
+    ) -> Result<(), Status> {
+        if self.system.has_laws() {
+            self.jump_and_change(state, Met::Surfaces(on), t1)
+        } else if on.is_empty() {
+            Ok(())
+        } else {
+            self.selector().change(state, &on, t1)
+        }
+    }
+
+    /// Lets everything jump that jumps here, and finds the mode that goes on.
+    pub(crate) fn jump_and_change(
+        &mut self,
+        state: &mut State,
+        mut met: Met,
+        t1: f64,
+    ) -> Result<(), Status> {
+        state.jumps.begin();
+        let mut last: Vec<usize> = Vec::new();
+        let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
+        self.selector().wake(state, on, t1);
+        JumpLaws::new(&mut self.mode).find_near(state, on, t1);
+        for _ in 0..MAX_ROUNDS {
+            let mut fired = JumpLaws::new(&mut self.mode).struck(state);
+            if fired.is_empty() {
+                // What stops at a contact may no longer stick there.
+                if !state.jumps.fired.is_empty()
+                    && JumpLaws::new(&mut self.mode).close(state)
+                    && let Met::Surfaces(on) = &mut met
+                {
+                    *on = self.selector().place_kept(state, t1 - state.point.t)?;
+                }
+                match met {
+                    Met::Surfaces(on) if on.is_empty() => {}
+                    Met::Surfaces(on) => self.selector().change(state, &on, t1)?,
+                    Met::Breakpoint(on) => self.selector().pass_breakpoint(state, &on, t1)?,
+                }
+                fired = JumpLaws::new(&mut self.mode).holding(state);
+            }
+            if fired.is_empty() {
+                return Ok(());
+            }
+            // What one impact sets in motion may strike the same contact again.
+            let again = |law: &&usize| {
+                let effect = &self.system.laws[**law].effect;
+                last.contains(law) && matches!(effect, Effect::Reset(_))
+            };
+            if let Some(&law) = fired.iter().find(again) {
+                return Err(Status::StaysInGuard { law });
+            }
+            JumpLaws::new(&mut self.mode).apply(state, &fired)?;
+            self.impacts().strike_all(state, &fired)?;
+            let moves = |law: &usize| matches!(self.system.laws[*law].effect, Effect::Reset(_));
+            let moves = fired.iter().any(moves);
+            if moves {
+                state.jumps.kept.clear();
+            }
+            let on = self.selector().place_kept(state, t1 - state.point.t)?;
+            if moves {
+                JumpLaws::new(&mut self.mode).find_near(state, &on, t1);
+            }
+            met = Met::Surfaces(on);
+            last = fired;
+        }
+        Err(Status::EndlessJumps { laws: last })
+    }
+}
