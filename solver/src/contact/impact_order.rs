@@ -78,7 +78,7 @@ impl Impacts<'_> {
         mode.surfaces.stand_for(switch, 0);
         let gap = mode.psi(switch).abs() * BAND / state.bands.width[switch];
         let is_near = gap <= self.settings.tolerance;
-        (is_near && mode.closing_speed(state, switch).is_some()).then_some(gap)
+        (is_near && mode.closing_speed(&state.scales, switch).is_some()).then_some(gap)
     }
 
     /// Whether velocities are others where one of these contacts is struck before the rest.
@@ -126,7 +126,7 @@ impl Impacts<'_> {
             let mode = &mut *self.mode;
             mode.move_to(&state.point);
             let mut next = members.to_vec();
-            next.retain(|&i| mode.closing_speed(state, i).is_some());
+            next.retain(|&i| mode.closing_speed(&state.scales, i).is_some());
             if next.is_empty() {
                 break;
             }

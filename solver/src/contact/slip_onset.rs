@@ -17,8 +17,10 @@ use crate::contact::friction_disk::{RIM, STOPS, STRAIGHT};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Scales;
 use crate::expansion::series;
 use crate::hybrid::Side;
+use crate::hybrid::point::Point;
 use crate::integrate::step::{Step, Stepper, Watch, first_event};
 use crate::linalg::DenseLu;
 use crate::selector::select::Choice;
@@ -101,7 +103,7 @@ impl Mode {
         let Some(mut leaving) = self.powers(state, &alpha, departures, tolerance, longest) else {
             return false;
         };
-        self.expand_leaving(state, &mut alpha, &mut leaving)
+        self.expand_leaving(&state.point, &mut alpha, &mut leaving)
             .is_some_and(|()| {
                 let starts = leaving.iter().map(|one| one.rho.first());
                 starts
@@ -126,7 +128,7 @@ impl Mode {
         if places.into_iter().any(is_shared) {
             return None;
         }
-        let h = self.step_size(tolerance, state, longest);
+        let h = self.step_size(tolerance, &state.scales, longest);
         let mut margin = Vec::new();
         let mut leaving = Vec::new();
         for &Departure { switches, .. } in departures {
@@ -153,7 +155,7 @@ impl Mode {
 
     fn expand_leaving(
         &mut self,
-        state: &State,
+        point: &Point,
         alpha: &mut [f64],
         leaving: &mut [Leaving],
     ) -> Option<()> {
@@ -162,8 +164,8 @@ impl Mode {
                 alpha[i] = 0.5 + 0.5 * u;
             }
         }
-        self.direct(state, alpha, leaving)?;
-        self.start_series(state.point.t, &state.point.x, alpha);
+        self.direct(point, alpha, leaving)?;
+        self.start_series(point.t, &point.x, alpha);
         for k in 1..=self.order {
             self.advance_field(k);
             self.raise_states(k);
@@ -198,12 +200,12 @@ impl Mode {
 
     /// α where they set off: φ = 0 of what goes on to slide, and φ = ρ u of a force that leaves its cone. The matrix of
     /// the equations is that of this place afterwards.
-    fn direct(&mut self, state: &State, alpha: &mut [f64], leaving: &mut [Leaving]) -> Option<()> {
+    fn direct(&mut self, point: &Point, alpha: &mut [f64], leaving: &mut [Leaving]) -> Option<()> {
         for one in leaving.iter_mut().filter(|one| one.power == 1) {
             one.rho.push(f64::NAN);
         }
         for _ in 0..ROUNDS {
-            self.eval(state.point.t, &state.point.x, alpha);
+            self.eval(point.t, &point.x, alpha);
             self.linearize_surfaces();
             self.factor().ok()?;
             for at in 0..self.sliding.len() {
@@ -236,7 +238,7 @@ impl Mode {
                 }
             }
         }
-        self.eval(state.point.t, &state.point.x, alpha);
+        self.eval(point.t, &point.x, alpha);
         self.linearize_surfaces();
         self.factor().ok()?;
         self.equations.expand_here();
@@ -285,13 +287,13 @@ impl Mode {
     }
 
     /// Whether a slip velocity that sets off has the direction that its α say, where the point is.
-    pub(crate) fn goes_along(&mut self, switch: usize, state: &State, allowed: f64) -> bool {
+    pub(crate) fn goes_along(&mut self, switch: usize, scales: &Scales, allowed: f64) -> bool {
         let Some(other) = self.other(switch) else {
             return true;
         };
         let [first, second] = [switch, other].map(|i| {
             self.surfaces.linearize(i, &self.memory.values);
-            let size = self.weigh(i, |j| state.scales.size(j));
+            let size = self.weigh(i, |j| scales.size(j));
             (
                 self.psi(i),
                 2.0 * self.memory.values[1 + self.n + i] - 1.0,
@@ -309,12 +311,12 @@ impl Departure {
     /// The switches of a group that slip from where they may be at rest, with their directions.
     pub(crate) fn all(
         mode: &Mode,
-        state: &State,
+        point: &Point,
         group: &[usize],
         choice: &Choice,
     ) -> Vec<Departure> {
         let mut found = Vec::new();
-        let mut sides = state.point.sides.clone();
+        let mut sides = point.sides.clone();
         for (&i, &side) in group.iter().zip(&choice.sides) {
             sides[i] = side;
         }
@@ -384,7 +386,7 @@ impl Stepper {
         if step.is_none() {
             let mut x = state.point.x.clone();
             for departure in &departures {
-                departure.nudge(mode, state, &mut x, t1);
+                departure.nudge(mode, &state.point, &state.scales, &mut x, t1);
             }
             state.point.x = x;
             mode.enter(&state.point.sides);
@@ -407,16 +409,16 @@ impl Stepper {
         if !mode.expand_departures(state, &state.point.alpha, departures, tolerance, longest) {
             return None;
         }
-        mode.measure_terms(state);
+        mode.measure_terms(&mut state.scales, &mut state.bands);
         state.report.stats.rhs_evaluations += 2 * order;
         mode.departing = departures.iter().flat_map(|one| one.switches).collect();
         let allowed = self.allowed_defect(mode);
-        let h = mode.step_size(tolerance, state, remaining);
+        let h = mode.step_size(tolerance, &state.scales, remaining);
         // Rounding in the last terms of what does not move at all shows no length: then the defect does, which allows
         // more than those terms.
         let mut is_shown = h > LEAST * remaining;
         let h = if is_shown { h } else { remaining };
-        let h = mode.watch(tolerance, state, h);
+        let h = mode.watch(tolerance, &state.scales, &mut state.bands, h);
         let mut h = self.coefficients.expand(mode, tolerance, h);
         for _ in 0..MAX_HALVINGS {
             if h < remaining && state.point.t + h <= state.point.t {
@@ -436,9 +438,16 @@ impl Stepper {
                 });
             }
             let left = self.coefficients.leave(&mut self.roots, mode, h);
-            let defect = mode.defect(state, h, tolerance, allowed);
+            let defect = mode.defect(
+                &state.point,
+                &state.scales,
+                &state.bands,
+                h,
+                tolerance,
+                allowed,
+            );
             let is_accurate = defect.rate <= allowed && defect.switches_agree;
-            let is_seen = !mode.on_wrong_side(state);
+            let is_seen = !mode.on_wrong_side(&state.bands);
             let looked = self.coefficients.agree(mode, state, h, allowed);
             let passes = event.is_none() && left.is_none() && is_accurate && is_seen && looked;
             if passes && is_shown {

@@ -49,7 +49,7 @@ impl Enumeration<'_> {
         let items: Vec<usize> = items.collect();
         let options = items.iter().map(|&i| match self.mode.is_in_disc(i) {
             true => vec![Side::Slide, Side::Plus],
-            false => self.options(state, group, i),
+            false => self.options(&state.point, group, i),
         });
         let options: Vec<Vec<Side>> = options.collect();
         let open = options.iter().filter(|sides| sides.len() > 1).count();

@@ -13,6 +13,7 @@ use crate::contact::redundancy::eliminate;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::Sliding;
+use crate::hybrid::point::Point;
 
 /// What mending takes.
 #[derive(Default)]
@@ -113,7 +114,7 @@ impl Mode {
             }
             self.find_push(&mut mend);
             match left {
-                Left::Gaps => self.shift_positions(state, &mut mend, placed),
+                Left::Gaps => self.shift_positions(&mut state.point, &mut mend, placed),
                 Left::Rates => mend.pushed.iter().for_each(|&j| {
                     state.point.x[j] -= std::mem::take(&mut mend.push[j]);
                 }),
@@ -198,14 +199,14 @@ impl Mode {
     }
 
     /// q - ∂q'/∂v P δ.
-    fn shift_positions(&mut self, state: &mut State, mend: &mut Mend, placed: &[bool]) {
+    fn shift_positions(&mut self, point: &mut Point, mend: &mut Mend, placed: &[bool]) {
         mend.blocks.sort_unstable();
         mend.blocks.dedup();
         for &block in &mend.blocks {
             let values = &self.memory.values;
             let moves = |of: usize, by: usize, value: f64| {
                 if placed[of] {
-                    state.point.x[of] -= value * mend.push[by];
+                    point.x[of] -= value * mend.push[by];
                 }
             };
             let functions = &mut self.library;

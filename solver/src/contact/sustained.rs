@@ -8,6 +8,7 @@ use crate::contact::problem::{Forces, Meeting, NoForces, Touch, norm};
 use crate::event::jump::{Bent, Closing, ROUNDING};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Scales;
 use crate::hybrid::{Role, Side, Status};
 use crate::selector::candidates::{Enumeration, Zeros, product};
 use crate::selector::judge::TIE;
@@ -215,7 +216,7 @@ impl Enumeration<'_> {
         let (mut terms, mut tie) = (0.0_f64, 0.0_f64);
         for i in all {
             terms = terms.max(mode.terms_of_phi(i));
-            tie = tie.max(TIE * mode.activity_of_phi(state, i));
+            tie = tie.max(TIE * mode.activity_of_phi(&state.scales, i));
         }
         let size = a.iter().chain(&b).fold(0.0_f64, |s, v| s.max(v.abs()));
         for &i in &meets {
@@ -304,8 +305,8 @@ impl Enumeration<'_> {
 
 impl Mode {
     /// Σ |∇ψ_j| times the terms of f_j, which may cancel.
-    fn activity_of_phi(&self, state: &State, switch: usize) -> f64 {
-        self.weigh(switch, |j| state.scales.activity[j])
+    fn activity_of_phi(&self, scales: &Scales, switch: usize) -> f64 {
+        self.weigh(switch, |j| scales.activity[j])
     }
 
     /// True for the gap of a contact, whose rate has no force in it.

@@ -19,6 +19,7 @@
 //! After a jump all ψ are evaluated again, as at the start of a run, and the three steps are repeated
 //! until nothing jumps.
 
+use crate::expansion::scales::Scales;
 use std::sync::Arc;
 
 use crate::event::state::State;
@@ -133,17 +134,17 @@ pub(crate) enum Met {
 impl Mode {
     /// How fast a contact without a gap closes where the point is, if that is more than rounding. Its switch stands for
     /// this speed afterwards.
-    pub(crate) fn closing_speed(&mut self, state: &State, switch: usize) -> Option<f64> {
+    pub(crate) fn closing_speed(&mut self, scales: &Scales, switch: usize) -> Option<f64> {
         self.surfaces.stand_for(switch, 1);
         self.surfaces.linearize(switch, &self.memory.values);
         let speed = -self.psi(switch);
         // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
         // within a step make others seem small.
-        let share = match speed > FAST * self.weigh(switch, |j| state.scales.largest[j]) {
+        let share = match speed > FAST * self.weigh(switch, |j| scales.largest[j]) {
             true => ROUNDINGS * f64::EPSILON,
             false => BAND,
         };
-        (speed > share * self.weigh(switch, |j| state.scales.size(j))).then_some(speed)
+        (speed > share * self.weigh(switch, |j| scales.size(j))).then_some(speed)
     }
 }
 
@@ -198,7 +199,7 @@ impl<'a> JumpLaws<'a> {
         mode.move_to(&state.point);
         for &(l, switch) in &state.jumps.near {
             let closed = state.point.sides[switch] == Side::Slide;
-            if let Some(speed) = mode.closing_speed(state, switch) {
+            if let Some(speed) = mode.closing_speed(&state.scales, switch) {
                 struck.push(l);
                 speeds.push((switch, speed));
             }
@@ -227,7 +228,7 @@ impl<'a> JumpLaws<'a> {
         let Bent { speed, bend, .. } = Closing {
             mode: &mut self.mode,
         }
-        .bent(state, switch);
+        .bent(&mut state.point, switch);
         self.mode.enter(&state.point.sides);
         bend > 0.0 && speed * speed <= 0.25 * bend * state.bands.width[switch]
     }
@@ -241,7 +242,7 @@ impl<'a> JumpLaws<'a> {
             let bent = Closing {
                 mode: &mut self.mode,
             }
-            .bent(state, switch);
+            .bent(&mut state.point, switch);
             any |= Closing {
                 mode: &mut self.mode,
             }
@@ -320,15 +321,15 @@ pub(crate) struct Closing<'a> {
 
 impl Closing<'_> {
     /// How a contact moves on without a force of its own.
-    fn bent(&mut self, state: &mut State, switch: usize) -> Bent {
-        let mut sides = state.point.sides.clone();
+    fn bent(&mut self, point: &mut Point, switch: usize) -> Bent {
+        let mut sides = point.sides.clone();
         sides[switch] = Side::Slide;
         self.mode.enter(&sides);
         let mode = &mut self.mode;
         mode.surfaces.stand_for(switch, 1);
-        let alpha = std::mem::replace(&mut state.point.alpha[switch], 1.0);
-        mode.eval(state.point.t, &state.point.x, &state.point.alpha);
-        state.point.alpha[switch] = alpha;
+        let alpha = std::mem::replace(&mut point.alpha[switch], 1.0);
+        mode.eval(point.t, &point.x, &point.alpha);
+        point.alpha[switch] = alpha;
         mode.linearize(&[switch]);
         Bent {
             speed: mode.psi(switch),
@@ -358,12 +359,12 @@ impl Closing<'_> {
         }
         let gradient = self.mode.gradient(switch).to_vec();
         let along = |slopes: &[f64]| -> f64 { gradient.iter().map(|&(i, g)| g * slopes[i]).sum() };
-        let slopes = self.slopes_of_push(state, switch, false);
+        let slopes = self.slopes_of_push(&state.point, switch, false);
         let push = along(&slopes);
         let has_friction =
             (0..state.point.sides.len()).any(|i| self.mode.system.slip_of(i) == Some(switch));
         if bounces && has_friction {
-            let rough = self.slopes_of_push(state, switch, true);
+            let rough = self.slopes_of_push(&state.point, switch, true);
             let rough_push = along(&rough);
             state.jumps.owed.0.resize(state.point.x.len(), 0.0);
             state.jumps.owed.1.push(switch);
@@ -384,7 +385,7 @@ impl Closing<'_> {
 
     /// ∂f/∂α of a contact that slides in the present mode, without its friction or with it: without, where α_t is ½.
     /// What is taken away with friction in it would be pushed along its slip velocity, and gain energy.
-    fn slopes_of_push(&mut self, state: &State, switch: usize, is_rough: bool) -> Vec<f64> {
+    fn slopes_of_push(&mut self, point: &Point, switch: usize, is_rough: bool) -> Vec<f64> {
         let mode = &mut self.mode;
         let is_left_out = |i: &usize| !is_rough && mode.system.slip_of(*i) == Some(switch);
         let slips = (0..mode.sides.len()).filter(is_left_out);
@@ -412,7 +413,7 @@ impl Closing<'_> {
             let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
             slopes.map(|(_, slope)| slope).sum()
         };
-        let slopes = (0..state.point.x.len()).map(slope).collect();
+        let slopes = (0..point.x.len()).map(slope).collect();
         for (place, alpha) in alphas {
             mode.memory.values[place] = alpha;
         }

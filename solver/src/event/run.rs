@@ -2,6 +2,7 @@
 
 use super::jump::Met;
 use super::{Event, Observer, Segment, Simulator};
+use crate::event::state::Report;
 use crate::event::state::State;
 use crate::events::simultaneous::Simultaneous;
 use crate::events::{Approach, chattering, zeno};
@@ -108,7 +109,7 @@ impl Simulator {
         if state.point.t >= t1 {
             return Err(Status::Solved);
         }
-        if let Some(status) = self.limit(state, history) {
+        if let Some(status) = self.limit(&state.report, history) {
             return Err(match status {
                 Status::EventLimit => history.chatter.at_limit(t1 - state.point.t),
                 status => status,
@@ -162,7 +163,7 @@ impl Simulator {
     ) -> Result<(), Status> {
         history.defect = f64::max(history.defect, step.defect);
         if !step.implicit {
-            self.mode.close_window(state);
+            state.window.close(&self.mode);
         }
         state.window.length = 0.0;
         let start = state.point.t;
@@ -192,7 +193,7 @@ impl Simulator {
         if step.length > 0.0 && observer.segment(&segment).is_break() {
             return Err(Status::Stopped);
         }
-        self.mode.look_again(state);
+        self.mode.look_again(&mut state.point, &mut state.bands);
         if let Some(status) = step.ends.take() {
             return Err(status);
         }
@@ -254,7 +255,13 @@ impl Simulator {
         }
         self.stepper.stiffness.after_event();
         if !step.implicit && !meets.breakpoint {
-            self.mode.open_window(state, step.length, &step.triggers);
+            state.window.open(
+                &self.mode,
+                &state.scales,
+                &state.bands,
+                step.length,
+                &step.triggers,
+            );
         }
         let progresses = step.length > 1e-14 * (t1 - t0);
         history.stalled = if progresses { 0 } else { history.stalled + 1 };
@@ -337,7 +344,7 @@ impl Simulator {
         if let Some(status) =
             history
                 .chatter
-                .chatters(&mut self.mode, &self.settings, state, undisturbed)
+                .chatters(&mut self.mode, &self.settings, &state.point, undisturbed)
         {
             if !self.settings.averages {
                 return Err(status);
@@ -374,17 +381,17 @@ impl Simulator {
         observer.displace(&mut state.point.x, &roundings);
     }
 
-    fn limit(&self, state: &State, history: &mut History) -> Option<Status> {
-        if state.report.stats.steps >= self.settings.max_steps {
+    fn limit(&self, report: &Report, history: &mut History) -> Option<Status> {
+        if report.stats.steps >= self.settings.max_steps {
             return Some(Status::StepLimit);
         }
-        if state.report.stats.events >= self.settings.max_events {
+        if report.stats.events >= self.settings.max_events {
             return Some(Status::EventLimit);
         }
         // A look at the clock costs as much as a small step; functions may take long to compile.
         let known = self.mode.n_functions();
         let compiled = std::mem::replace(&mut history.functions, known) < known;
-        let over = match compiled || state.report.stats.steps.is_multiple_of(16) {
+        let over = match compiled || report.stats.steps.is_multiple_of(16) {
             true => self.settings.limit.over(),
             false => self.settings.limit.canceled(),
         };
@@ -422,7 +429,8 @@ impl Simulator {
         self.mode.move_to(&state.point);
         for i in 0..state.bands.armed.len() {
             if state.bands.armed[i] && state.point.sides[i] != Side::Slide {
-                state.bands.armed[i] = self.mode.is_near(i, state) || self.mode.is_rounding(i);
+                state.bands.armed[i] =
+                    self.mode.is_near(i, &state.bands) || self.mode.is_rounding(i);
             }
         }
     }

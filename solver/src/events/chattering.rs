@@ -11,6 +11,7 @@
 use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::point::Point;
 use crate::hybrid::{Note, Settings, Side, Status};
 
 /// Events of a cycle, at most.
@@ -141,7 +142,7 @@ impl Chatter {
         &self,
         mode: &mut Mode,
         settings: &Settings,
-        state: &State,
+        point: &Point,
         goal: f64,
     ) -> Option<Status> {
         let (count, most) = (self.count, settings.max_events);
@@ -150,9 +151,9 @@ impl Chatter {
         }
         let trend = self.trend()?;
         let left = trend.doubling * (most as f64 / count as f64).log2();
-        let lasts = left + trend.doubling * BEYOND.log2() < goal - state.point.t;
-        let found = (lasts && !self.others_switch(mode, &trend, state, left))
-            .then(|| self.ends(goal - state.point.t));
+        let lasts = left + trend.doubling * BEYOND.log2() < goal - point.t;
+        let found = (lasts && !self.others_switch(mode, &trend, point, left))
+            .then(|| self.ends(goal - point.t));
         found.flatten()
     }
 
@@ -171,15 +172,15 @@ impl Chatter {
 
     /// Whether a switch outside the cycle changes sides within the time that is `left`, where states go on as they have
     /// on average.
-    fn others_switch(&self, mode: &mut Mode, trend: &Trend, state: &State, left: f64) -> bool {
+    fn others_switch(&self, mode: &mut Mode, trend: &Trend, point: &Point, left: f64) -> bool {
         let acting = self.switches();
-        let others = |i: &usize| !acting.contains(i) && state.point.sides[*i] != Side::Slide;
-        let others: Vec<usize> = (0..state.point.sides.len()).filter(others).collect();
+        let others = |i: &usize| !acting.contains(i) && point.sides[*i] != Side::Slide;
+        let others: Vec<usize> = (0..point.sides.len()).filter(others).collect();
         let mut signs = |share: f64| -> Vec<bool> {
             let onward = share * left / (3.0 * trend.doubling);
-            let moved = state.point.x.iter().zip(trend.before);
+            let moved = point.x.iter().zip(trend.before);
             let x: Vec<f64> = moved.map(|(x, before)| x + (x - before) * onward).collect();
-            mode.set(state.point.t + share * left, &x, &state.point.alpha);
+            mode.set(point.t + share * left, &x, &point.alpha);
             others.iter().map(|&i| mode.psi(i) > 0.0).collect()
         };
         let now = signs(0.0);
@@ -211,7 +212,7 @@ impl Simulator {
         state.point.set_sides(sides);
         self.mode.enter(&state.point.sides);
         let solved = self.mode.solve_alpha(time, &x, &mut state.point.alpha);
-        let mut slides = solved.is_ok() && is_affine(&mut self.mode, state);
+        let mut slides = solved.is_ok() && is_affine(&mut self.mode, &state.point);
         if slides {
             self.mode.project(state);
             let on = self.selector().place(state, t1 - time, &[])?;
@@ -236,13 +237,13 @@ impl Simulator {
 }
 
 /// Whether rates are affine in α of all that slides, so that their mean over a cycle is that of mean α.
-fn is_affine(mode: &mut Mode, state: &State) -> bool {
+fn is_affine(mode: &mut Mode, point: &Point) -> bool {
     let sliding = mode.sliding.clone();
     let mut rates = |values: &dyn Fn(usize) -> f64| -> Vec<f64> {
-        let mut alpha = state.point.alpha.clone();
+        let mut alpha = point.alpha.clone();
         let of_sliding = sliding.iter().enumerate();
         of_sliding.for_each(|(k, &i)| alpha[i] = values(k));
-        mode.eval(state.point.t, &state.point.x, &alpha);
+        mode.eval(point.t, &point.x, &alpha);
         mode.f().to_vec()
     };
     // Of a product of two α, these shares leave something.
@@ -251,7 +252,7 @@ fn is_affine(mode: &mut Mode, state: &State) -> bool {
     let found = rates(&share);
     let mut expected = below.clone();
     let mut size: Vec<f64> = below.iter().map(|f| f.abs()).collect();
-    for k in 0..state.point.alpha.len().min(sliding.len()) {
+    for k in 0..point.alpha.len().min(sliding.len()) {
         let above = rates(&|other| f64::from(other == k));
         for (i, (above, below)) in above.iter().zip(&below).enumerate() {
             expected[i] += share(k) * (above - below);

@@ -11,6 +11,7 @@ use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Bands;
+use crate::expansion::scales::Scales;
 use crate::expansion::series;
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
@@ -120,15 +121,22 @@ impl Approach {
 impl Mode {
     /// |ψ| that a run within its tolerance may have on either side of the surface in a step of length `h`; zero
     /// where it does not matter on which.
-    pub(crate) fn closeness(&self, switch: usize, state: &State, tolerance: f64, h: f64) -> f64 {
+    pub(crate) fn closeness(
+        &self,
+        switch: usize,
+        scales: &Scales,
+        bands: &Bands,
+        tolerance: f64,
+        h: f64,
+    ) -> f64 {
         if self.system.sides_agree(switch) {
             return 0.0;
         }
         // Before the first step, a state that starts at zero has no size but that of its motion.
-        let motion = if state.scales.last_step > 0.0 { 0.0 } else { h };
-        let size = |j: usize| state.scales.largest[j].max(state.scales.activity[j] * motion);
+        let motion = if scales.last_step > 0.0 { 0.0 } else { h };
+        let size = |j: usize| scales.largest[j].max(scales.activity[j] * motion);
         let past = self.weigh(switch, size);
-        let terms = state.bands.terms[switch];
+        let terms = bands.terms[switch];
         // The series of what is no affine function has an error of its own.
         let cut = if self.surfaces.is_affine(switch) {
             0.0
@@ -162,7 +170,9 @@ impl Mode {
         let c = dense.psi(switch);
         let (slope, bend) = (series::slope(c, length), series::curvature(c, length));
         let turns = bend * self.sides[switch].sign() > 0.0
-            && 0.5 * slope * slope <= bend.abs() * self.closeness(switch, state, tolerance, length);
+            && 0.5 * slope * slope
+                <= bend.abs()
+                    * self.closeness(switch, &state.scales, &state.bands, tolerance, length);
         if !root.crosses || turns {
             self.note_approach(dense, state, switch, length, Some(root.crosses));
         }

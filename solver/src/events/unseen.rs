@@ -234,7 +234,7 @@ impl Mode {
             difference.abs() * length <= allowed * self.probed_scale(i)
         });
         rates_agree
-            && self.switches_agree(state, tau, length, allowed)
+            && self.switches_agree(&state.scales, &state.bands, tau, length, allowed)
             && self.stays_on(state, allowed)
     }
 

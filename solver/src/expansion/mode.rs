@@ -16,7 +16,6 @@ use super::layout::Memory;
 use super::sliding::Sliding;
 use super::surfaces::Surfaces;
 use crate::contact::friction_disk::Discs;
-use crate::event::state::State;
 use crate::expansion::step_size::Probed;
 use crate::expansion::unobserved;
 use crate::hybrid::form::Library;
@@ -315,8 +314,8 @@ impl Mode {
     }
 
     /// Finds what interacts where a mode begins.
-    pub(crate) fn start_equations(&mut self, state: &State) {
-        self.move_to(&state.point);
+    pub(crate) fn start_equations(&mut self, point: &Point) {
+        self.move_to(point);
         self.linearize_surfaces();
         self.arrange();
     }

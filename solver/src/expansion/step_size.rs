@@ -1,11 +1,13 @@
 //! Length of a step, and what its series are worth at the end and on the way.
 
+use crate::expansion::scales::Bands;
+use crate::expansion::scales::Scales;
+use crate::hybrid::point::Point;
 use wide::f64x4;
 
 use super::layout::Memory;
 use super::mode::Mode;
 use super::series;
-use crate::event::state::State;
 use crate::hybrid::Side;
 
 /// Lengths tried before a step is as long as its series allow, and how close to that it ends.
@@ -101,11 +103,11 @@ impl Mode {
     /// Measures Σ |∂f/∂(t, x, α)|·|(t, x, α)| of every rate, as one perturbation of all inputs by
     /// different amounts shows it: the size of its terms, which may cancel, and with it its rounding
     /// error.
-    pub(crate) fn measure_terms(&mut self, state: &mut State) {
+    pub(crate) fn measure_terms(&mut self, scales: &mut Scales, bands: &mut Bands) {
         self.terms.copy_from_slice(&self.field.f);
         self.perturb_twice(PERTURBATION);
         if self.has_discs() {
-            let turns = self.measure_directions(state);
+            let turns = self.measure_directions(bands);
             if turns * PERTURBATION > TURN {
                 self.perturb_twice((TURN / turns).max(LEAST_PERTURBATION));
             }
@@ -124,8 +126,8 @@ impl Mode {
             let size = change / self.perturbation;
             *term = if size.is_finite() { size } else { 0.0 };
         }
-        self.forget_directions(state);
-        for (activity, &now) in state.scales.activity.iter_mut().zip(&self.terms) {
+        self.forget_directions(scales);
+        for (activity, &now) in scales.activity.iter_mut().zip(&self.terms) {
             *activity = activity.max(now);
         }
     }
@@ -163,51 +165,56 @@ impl Mode {
     }
 
     /// Size of the terms of ψ of a switch where the point is.
-    pub(crate) fn measure_terms_of_psi(&mut self, switch: usize, state: &mut State) {
+    pub(crate) fn measure_terms_of_psi(&mut self, switch: usize, bands: &mut Bands) {
         let perturbed = [&self.perturbed[..], &self.perturbed_again];
         let (values, share) = (&self.memory.values, self.perturbation);
         let terms = self.surfaces.terms(switch, values, perturbed, share);
         // No change of its inputs shows what cancels within a ψ that is zero.
-        state.bands.terms[switch] = match state.bands.armed[switch] && self.is_plain(switch) {
+        bands.terms[switch] = match bands.armed[switch] && self.is_plain(switch) {
             true => terms.max(self.running_error(switch) / f64::EPSILON),
             false => terms,
         };
     }
 
     /// Whether something off its surface has just left it, or waits there.
-    fn waits_at_surface(&self, state: &State) -> bool {
+    fn waits_at_surface(&self, bands: &Bands) -> bool {
         let is_off = |i: usize| self.sides[i] != Side::Slide;
-        (0..self.sides.len()).any(|i| state.bands.armed[i] && is_off(i) && self.is_plain(i))
+        (0..self.sides.len()).any(|i| bands.armed[i] && is_off(i) && self.is_plain(i))
     }
 
     /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its
     /// present value says nothing of how well it is known. So does a surface, of a ψ next to zero.
-    pub(crate) fn measure_held(&mut self, state: &mut State, h: f64) {
-        state.scales.held.clear();
-        state.scales.held.resize(self.n, 0.0);
+    pub(crate) fn measure_held(
+        &mut self,
+        point: &Point,
+        scales: &mut Scales,
+        bands: &Bands,
+        h: f64,
+    ) {
+        scales.held.clear();
+        scales.held.resize(self.n, 0.0);
         let has_contacts = self.sliding.iter().any(|&i| self.is_contact(i));
-        if !has_contacts && (self.sliding.is_empty() || !self.waits_at_surface(state)) {
+        if !has_contacts && (self.sliding.is_empty() || !self.waits_at_surface(bands)) {
             return;
         }
-        let step = match state.scales.last_step {
+        let step = match scales.last_step {
             last if last > 0.0 => last,
             _ => h,
         };
-        let motion = |state: &State, i: usize| state.scales.activity[i] * step;
-        let is_held = |state: &State, i: usize| {
-            state.point.x[i].abs() < HELD * f64::EPSILON * motion(state, i)
-        };
-        if !(0..self.n).any(|i| is_held(state, i)) {
+        let motion = |scales: &Scales, i: usize| scales.activity[i] * step;
+        let is_held =
+            |scales: &Scales, i: usize| point.x[i].abs() < HELD * f64::EPSILON * motion(scales, i);
+        if !(0..self.n).any(|i| is_held(scales, i)) {
             return;
         }
         self.field.eval(&self.memory.values);
-        state.scales.held.copy_from_slice(&self.field.f);
-        for i in (0..self.n).filter(|&i| is_held(state, i)) {
-            self.memory.values[1 + i] += PERTURBATION * motion(state, i);
+        scales.held.copy_from_slice(&self.field.f);
+        for i in (0..self.n).filter(|&i| is_held(scales, i)) {
+            self.memory.values[1 + i] += PERTURBATION * motion(scales, i);
         }
         self.field.eval(&self.memory.values);
-        self.memory.values[1..=self.n].copy_from_slice(&state.point.x);
-        for (held, f) in state.scales.held.iter_mut().zip(&self.field.f) {
+        self.memory.values[1..=self.n].copy_from_slice(&point.x);
+        for (held, f) in scales.held.iter_mut().zip(&self.field.f) {
             let size = (f - *held).abs() / PERTURBATION;
             *held = if size.is_finite() { size } else { 0.0 };
         }
@@ -225,12 +232,10 @@ impl Mode {
     /// is truncated there has the same sign in every step and in a finer run too, which would not
     /// see it: it must not be larger than rounding itself. What follows from states that are held at zero is no better
     /// known than these.
-    fn error_scale(&self, i: usize, h: f64, tolerance: f64, state: &State) -> f64 {
-        let rounding = f64::EPSILON * state.scales.activity[i].max(state.scales.held[i]) * h;
+    fn error_scale(&self, i: usize, h: f64, tolerance: f64, scales: &Scales) -> f64 {
+        let rounding = f64::EPSILON * scales.activity[i].max(scales.held[i]) * h;
         let magnitude = series::magnitude(self.x_series(i), h, 0);
-        let scale = state.scales.largest[i]
-            .max(magnitude)
-            .max(rounding / tolerance);
+        let scale = scales.largest[i].max(magnitude).max(rounding / tolerance);
         scale.max(SMALLEST)
     }
 
@@ -239,10 +244,10 @@ impl Mode {
     ///
     /// |c_k| = magnitude / ρᵏ gives the radius ρ, taken as the least over the last three terms (two
     /// in Jorba & Zou 2005, section 3.2); then (h/ρ)^(p+1) = tolerance.
-    pub(crate) fn step_size(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
+    pub(crate) fn step_size(&self, tolerance: f64, scales: &Scales, longest: f64) -> f64 {
         self.grow(tolerance, longest, |h, last| {
             for i in 0..self.n {
-                last.see(self.x_series(i), self.error_scale(i, h, tolerance, state));
+                last.see(self.x_series(i), self.error_scale(i, h, tolerance, scales));
             }
             for &i in &self.sliding {
                 let rounding =
@@ -260,7 +265,13 @@ impl Mode {
     /// No state moves by more than R_j = Σ_k |x_{j,k}| hᵏ from k = 1. An enclosure of ψ over this box,
     /// Σ |c_j| R_j around its value where it is affine, that does not hold zero proves that ψ has no
     /// root.
-    pub(crate) fn watch(&mut self, tolerance: f64, state: &mut State, h: f64) -> f64 {
+    pub(crate) fn watch(
+        &mut self,
+        tolerance: f64,
+        scales: &Scales,
+        bands: &mut Bands,
+        h: f64,
+    ) -> f64 {
         self.watched.clear();
         if self.sides.len() == self.sliding.len() {
             return h;
@@ -274,44 +285,44 @@ impl Mode {
             {
                 continue;
             }
-            self.expand_psi(i, state);
+            self.expand_psi(i, bands);
             if self.is_blind(i) {
                 self.blind.push(i);
                 continue;
             }
-            if !self.system.sides_agree(i) || state.bands.armed[i] {
+            if !self.system.sides_agree(i) || bands.armed[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
             self.watched.push(i);
             curved |= !self.is_watched_affine(i);
         }
         let shorter = match curved {
-            true => self.step_size_of_psi(tolerance, state, h),
+            true => self.step_size_of_psi(tolerance, bands, h),
             false => h,
         };
-        if self.is_too_short(state, shorter) {
+        if self.is_too_short(scales, shorter) {
             self.look_away();
-            return self.step_size_of_psi(tolerance, state, h);
+            return self.step_size_of_psi(tolerance, bands, h);
         }
         shorter
     }
 
     /// Computes the series of ψ of a switch along the expansion, and the size of its terms.
-    pub(crate) fn expand_psi(&mut self, switch: usize, state: &mut State) {
+    pub(crate) fn expand_psi(&mut self, switch: usize, bands: &mut Bands) {
         for i in std::iter::once(switch).chain(self.other(switch)) {
             self.surfaces.expand(i, &mut self.memory, self.order + 1);
-            self.measure_terms_of_psi(i, state);
+            self.measure_terms_of_psi(i, bands);
         }
         self.expand_along(switch);
     }
 
     /// The largest step up to `longest` whose first neglected terms stay below `tolerance` times
     /// the magnitude of every ψ that is watched.
-    pub(crate) fn step_size_of_psi(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
+    pub(crate) fn step_size_of_psi(&self, tolerance: f64, bands: &Bands, longest: f64) -> f64 {
         self.grow(tolerance, longest, |h, last| {
             for &i in &self.watched {
                 if !self.is_watched_affine(i) {
-                    let rounding = 8.0 * f64::EPSILON * state.bands.terms[i];
+                    let rounding = 8.0 * f64::EPSILON * bands.terms[i];
                     let c = self.psi_series(i);
                     let scale = series::magnitude(c, h, 0).max(rounding / tolerance);
                     last.see(c, scale.max(SMALLEST));
@@ -356,22 +367,19 @@ impl Mode {
 
     /// A step in relation to the time scale of the solution, which the curvature of the states, α and
     /// watched ψ shows: for c₂ h² = size it is 1.
-    pub(crate) fn motion(&self, state: &State, h: f64) -> f64 {
+    pub(crate) fn motion(&self, scales: &Scales, bands: &Bands, h: f64) -> f64 {
         let curved = |c: &[f64], size: f64| {
             let bend = c[2].abs() * h * h;
             let size = size.max(c[0].abs()).max(c[1].abs() * h);
             if bend > 0.0 { bend / size } else { 0.0 }
         };
-        let states = (0..self.n).map(|i| curved(self.x_series(i), state.scales.largest[i]));
+        let states = (0..self.n).map(|i| curved(self.x_series(i), scales.largest[i]));
         let alphas = self
             .sliding
             .iter()
             .map(|&i| curved(self.alpha_series(i), 1.0));
         // A ψ that starts at its surface is no larger than its states make it.
-        let size = |i: usize| {
-            self.weigh(i, |j| state.scales.largest[j])
-                .max(state.bands.terms[i])
-        };
+        let size = |i: usize| self.weigh(i, |j| scales.largest[j]).max(bands.terms[i]);
         let watched = self.watched.iter();
         let psis = watched.map(|&i| curved(self.psi_series(i), size(i)));
         states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()
@@ -381,12 +389,14 @@ impl Mode {
     /// step `tau`; the last evaluation is at the end.
     pub(crate) fn defect(
         &mut self,
-        state: &State,
+        point: &Point,
+        scales: &Scales,
+        bands: &Bands,
         tau: f64,
         tolerance: f64,
         allowed: f64,
     ) -> Defect {
-        self.probe(state, tau, tolerance);
+        self.probe(point, scales, tau, tolerance);
         self.field.eval_lanes(&self.probed.values);
         let mut defect = Defect {
             rate: 0.0,
@@ -406,25 +416,25 @@ impl Mode {
             for (k, probe) in PROBES.iter().enumerate() {
                 self.take_probe(k);
                 let at = probe * tau;
-                defect.switches_agree &= self.switches_agree(state, at, tau, allowed);
+                defect.switches_agree &= self.switches_agree(scales, bands, at, tau, allowed);
             }
         }
         defect
     }
 
     /// Evaluates the series of states and α at all probes.
-    fn probe(&mut self, state: &State, tau: f64, tolerance: f64) {
+    fn probe(&mut self, point: &Point, scales: &Scales, tau: f64, tolerance: f64) {
         let at = f64x4::from(PROBES.map(|probe| probe * tau));
         let mut probed = std::mem::take(&mut self.probed);
         for i in probed.values.len()..self.memory.values.len() {
             // Numbers of functions stay what they are.
             probed.values.push(f64x4::splat(self.memory.values[i]));
         }
-        probed.values[0] = f64x4::splat(state.point.t) + at;
+        probed.values[0] = f64x4::splat(point.t) + at;
         for i in 0..self.n {
             let series = series::values_and_slopes(self.x_series(i), at);
             [probed.values[1 + i], probed.rates[i]] = series;
-            probed.scales[i] = self.error_scale(i, tau, tolerance, state);
+            probed.scales[i] = self.error_scale(i, tau, tolerance, scales);
         }
         for &i in &self.sliding {
             probed.values[1 + self.n + i] = series::values(self.alpha_series(i), at);
@@ -477,7 +487,8 @@ impl Mode {
     /// series, `at` after the start of a step `tau`, up to `allowed`. An affine ψ has it anyway.
     pub(crate) fn switches_agree(
         &mut self,
-        state: &State,
+        scales: &Scales,
+        bands: &Bands,
         at: f64,
         tau: f64,
         allowed: f64,
@@ -485,12 +496,12 @@ impl Mode {
         let rounding = 64.0 * f64::EPSILON;
         let turned = match self.sliding.is_empty() {
             true => 0.0,
-            false => rounding * self.roundings_of_direction(state),
+            false => rounding * self.roundings_of_direction(bands),
         };
         for k in 0..self.sliding.len() {
             let i = self.sliding[k];
             if self.departing.contains(&i) {
-                if !self.goes_along(i, state, allowed) {
+                if !self.goes_along(i, scales, allowed) {
                     return false;
                 }
                 continue;
@@ -510,7 +521,7 @@ impl Mode {
             let c = self.psi_series(i);
             let size = series::magnitude(c, tau, 0);
             let difference = (series::value(c, at) - psi).abs();
-            let agrees = difference <= allowed * size + rounding * (state.bands.terms[i] + size);
+            let agrees = difference <= allowed * size + rounding * (bands.terms[i] + size);
             if !agrees {
                 return false;
             }

@@ -5,7 +5,8 @@
 //! an output is evaluated. At the end of the step it takes the side of ψ.
 
 use super::mode::Mode;
-use crate::event::state::State;
+use crate::expansion::scales::Bands;
+use crate::expansion::scales::Scales;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Effect, Guard, HybridSystem, Input, Role, Side};
 
@@ -59,20 +60,20 @@ impl Mode {
     }
 
     /// Whether a step of this length is too short for what only outputs look at.
-    pub(crate) fn is_too_short(&self, state: &State, h: f64) -> bool {
-        h < LEAST * state.scales.longest_step && self.watched.iter().any(|&i| self.observers[i])
+    pub(crate) fn is_too_short(&self, scales: &Scales, h: f64) -> bool {
+        h < LEAST * scales.longest_step && self.watched.iter().any(|&i| self.observers[i])
     }
 
     /// Takes the sides of switches that were not watched in the last step.
-    pub(crate) fn look_again(&mut self, state: &mut State) {
+    pub(crate) fn look_again(&mut self, point: &mut Point, bands: &mut Bands) {
         for at in 0..self.blind.len() {
             let switch = self.blind[at];
-            self.move_to(&state.point);
+            self.move_to(point);
             let psi = self.psi(switch);
-            let mut sides = state.point.sides.clone();
+            let mut sides = point.sides.clone();
             sides[switch] = Side::of(psi);
-            state.point.set_sides(sides);
-            state.bands.armed[switch] = false;
+            point.set_sides(sides);
+            bands.armed[switch] = false;
         }
     }
 

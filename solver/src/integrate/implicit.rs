@@ -6,10 +6,12 @@
 use super::radau::{Implicit, Radau, Shape, Start};
 use super::step::{Step, Stepper, Watch, first_event, met, simultaneous, verify_start};
 use crate::event::state::State;
+use crate::event::state::Trial;
 use crate::events::roots::Root;
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
 use crate::expansion::series;
 use crate::hybrid::breakpoints::is_at_end;
 use crate::hybrid::{Side, Status};
@@ -63,15 +65,21 @@ impl Stepper {
         } else {
             mode.start(state.point.t, &state.point.x, &mut alpha)
         };
-        mode.measure_terms(state);
-        mode.measure_held(state, t1 - state.point.t);
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        mode.measure_held(
+            &state.point,
+            &mut state.scales,
+            &state.bands,
+            t1 - state.point.t,
+        );
         state.point.alpha = alpha;
         if solved.is_err() {
             return Err(mode.stuck());
         }
         if look {
             let tolerance = self.local_tolerance;
-            self.stiffness.explicit_length = mode.step_size(tolerance, state, t1 - state.point.t);
+            self.stiffness.explicit_length =
+                mode.step_size(tolerance, &state.scales, t1 - state.point.t);
         }
         let mut start = std::mem::take(&mut self.stiffness.start);
         mode.write_start(state, &mut start);
@@ -105,8 +113,10 @@ impl Stepper {
             let Ok(h) = radau.step(&mut stiff, start, remaining) else {
                 return Ok(None);
             };
-            stiff.mode.watch_along(radau, start, state);
-            let mut seen = stiff.mode.is_faithful(radau, start, state, tolerance)
+            stiff.mode.watch_along(radau, start, &mut state.bands);
+            let mut seen = stiff
+                .mode
+                .is_faithful(radau, start, &state.bands, tolerance)
                 && stiff.vouches(radau, start, state, tolerance, &mut self.unseen);
             let dense = Dense::Collocation(stiff.mode, radau);
             let closeness = self.tolerance;
@@ -119,7 +129,7 @@ impl Stepper {
                 return Ok(None);
             }
             if let Some((root, watch)) = event {
-                verify_start(dense, state, root.tau, watch, h)?;
+                verify_start(dense, &state.bands, root.tau, watch, h)?;
                 let at_end = is_at_end(dense, root.tau, h, watch);
                 length = if at_end { h } else { root.tau };
                 if !at_end && start.t + length > start.t {
@@ -127,18 +137,18 @@ impl Stepper {
                         Some(tau) => length = tau,
                         None => seen = false,
                     }
-                    stiff.mode.watch_along(radau, start, state);
+                    stiff.mode.watch_along(radau, start, &mut state.bands);
                 }
                 let dense = Dense::Collocation(stiff.mode, radau);
                 let reach = radau.reach();
-                triggers = simultaneous(dense, state, length, reach, watch.switch());
+                triggers = simultaneous(dense, &state.bands, length, reach, watch.switch());
             }
 
             // What the polynomials did not see shows at the end.
             let mode = &mut *stiff.mode;
-            mode.write_end(radau, start, length, state);
+            mode.write_end(radau, start, length, &mut state.trial);
             mode.eval(start.t + length, &state.trial.x, &state.trial.alpha);
-            let unseen = event.is_none() && mode.on_wrong_side(state);
+            let unseen = event.is_none() && mode.on_wrong_side(&state.bands);
             if !seen || unseen || mode.turned_over() {
                 state.report.stats.rejected += 1;
                 radau.limit_next(0.5 * h);
@@ -229,23 +239,23 @@ impl Mode {
     }
 
     /// Writes the state and α `length` after the start, which is the end of the step or within it.
-    fn write_end(&self, radau: &Radau, start: &Start, length: f64, state: &mut State) {
+    fn write_end(&self, radau: &Radau, start: &Start, length: f64, trial: &mut Trial) {
         let dense = Dense::Collocation(self, radau);
-        dense.states_at(length, &mut state.trial.x);
-        dense.alphas_at(length, &mut state.trial.alpha);
+        dense.states_at(length, &mut trial.x);
+        dense.alphas_at(length, &mut trial.alpha);
         if length == radau.reach() {
-            for (row, x) in state.trial.x.iter_mut().enumerate() {
+            for (row, x) in trial.x.iter_mut().enumerate() {
                 *x = radau.end(start, row);
             }
             for (j, &i) in self.sliding.iter().enumerate() {
-                state.trial.alpha[i] = radau.end(start, self.n + j);
+                trial.alpha[i] = radau.end(start, self.n + j);
             }
         }
     }
 
     /// Looks for the switches off their surface that may reach it within the step solved last, and
     /// interpolates their ψ.
-    fn watch_along(&mut self, radau: &Radau, start: &Start, state: &mut State) {
+    fn watch_along(&mut self, radau: &Radau, start: &Start, bands: &mut Bands) {
         let (h, s) = (radau.reach(), radau.degree());
         self.watched.clear();
         self.blind.clear();
@@ -264,7 +274,7 @@ impl Mode {
                 if !self.system.sides_agree(i) {
                     self.surfaces.linearize(i, &self.memory.values);
                 }
-                self.measure_terms_of_psi(i, state);
+                self.measure_terms_of_psi(i, bands);
             }
         }
         let n_watched = self.watched.len();
@@ -295,12 +305,12 @@ impl Mode {
     }
 
     /// True when every ψ that is watched has the value of its polynomial at the probes of the step.
-    fn is_faithful(&mut self, radau: &Radau, start: &Start, state: &State, tolerance: f64) -> bool {
+    fn is_faithful(&mut self, radau: &Radau, start: &Start, bands: &Bands, tolerance: f64) -> bool {
         let h = radau.reach();
         let mut probes = 0..radau.tableau().probes.len();
         probes.all(|at| {
             let tau = radau.tableau().probes[at] * h;
-            self.is_faithful_at(tau, radau, start, state, tolerance)
+            self.is_faithful_at(tau, radau, start, bands, tolerance)
         })
     }
 
@@ -310,7 +320,7 @@ impl Mode {
         tau: f64,
         radau: &Radau,
         start: &Start,
-        state: &State,
+        bands: &Bands,
         tolerance: f64,
     ) -> bool {
         let (h, s) = (radau.reach(), radau.degree());
@@ -325,7 +335,7 @@ impl Mode {
             let i = self.watched[at];
             let psi = self.watched_psi(i);
             let polynomial = self.interpolant(i, s);
-            let (terms, magnitude) = (state.bands.terms[i], series::magnitude(polynomial, h, 0));
+            let (terms, magnitude) = (bands.terms[i], series::magnitude(polynomial, h, 0));
             let value = series::value(polynomial, tau);
             let difference = (value - psi).abs();
             // Where ψ is steep its terms are large beside itself, and say nothing of a side that it is on for an instant.
@@ -372,7 +382,7 @@ impl Stiff<'_> {
             let agrees = radau.error_at(self, start, tau) < UNSEEN
                 && self
                     .mode
-                    .is_faithful_at(tau, radau, start, state, tolerance);
+                    .is_faithful_at(tau, radau, start, &state.bands, tolerance);
             if !agrees {
                 return false;
             }

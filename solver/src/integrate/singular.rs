@@ -13,7 +13,9 @@ use super::step::{Step, Stepper, first_event, simultaneous};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
 use crate::expansion::step_size::SMALLEST;
+use crate::hybrid::point::Point;
 use crate::hybrid::{Side, Status};
 
 /// What the error of a straight step is of h times the change of f: 1/(1 + p) - 1/2ᵖ is no larger for 0 < p ≤ 1.
@@ -74,8 +76,8 @@ impl Mode {
 
     /// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say
     /// nothing.
-    pub(crate) fn is_on_root(&self, state: &State) -> bool {
-        let mut switches = self.system.switches.iter().zip(&state.bands.armed);
+    pub(crate) fn is_on_root(&self, bands: &Bands) -> bool {
+        let mut switches = self.system.switches.iter().zip(&bands.armed);
         switches.any(|(switch, armed)| switch.has_root && *armed)
     }
 
@@ -109,7 +111,7 @@ impl Mode {
         }
         let shortest = f64::max(SHORTEST * longest, 4.0 * f64::EPSILON * t.abs());
         let shortest = longest.min(shortest);
-        let left = self.rates_left(state, &start);
+        let left = self.rates_left(&state.bands, &start);
         let ahead = |tau: f64, f: &[f64]| -> Vec<f64> {
             x.iter().zip(f).map(|(x, f)| x + tau * f).collect()
         };
@@ -170,13 +172,10 @@ impl Mode {
     }
 
     /// The rates with which ψ of switches with roots leave their surfaces.
-    fn rates_left(&mut self, state: &State, f: &[f64]) -> Vec<(usize, f64)> {
+    fn rates_left(&mut self, bands: &Bands, f: &[f64]) -> Vec<(usize, f64)> {
         let mut left = Vec::new();
         for i in 0..self.sides.len() {
-            if self.system.switches[i].has_root
-                && state.bands.armed[i]
-                && self.sides[i] != Side::Slide
-            {
+            if self.system.switches[i].has_root && bands.armed[i] && self.sides[i] != Side::Slide {
                 self.surfaces.linearize(i, &self.memory.values);
                 left.push((i, self.along(i, f)));
             }
@@ -210,15 +209,15 @@ impl Mode {
     }
 
     /// Takes a straight line as the series of the step.
-    pub(crate) fn lay(&mut self, state: &State, line: &Line) {
+    pub(crate) fn lay(&mut self, point: &Point, line: &Line) {
         let stride = self.memory.stride;
         let mut set = |start: usize, value: f64, rate: f64| {
             let row = &mut self.memory.rows[start..start + stride];
             row.fill(0.0);
             (row[0], row[1]) = (value, rate);
         };
-        set(0, state.point.t, 1.0);
-        for (i, (&x, &rate)) in state.point.x.iter().zip(&line.rates).enumerate() {
+        set(0, point.t, 1.0);
+        for (i, (&x, &rate)) in point.x.iter().zip(&line.rates).enumerate() {
             set((1 + i) * stride, x, rate);
         }
         for &i in &self.sliding {
@@ -228,7 +227,7 @@ impl Mode {
             self.memory.rows[row..row + stride].fill(0.0);
             self.memory.rows[row] = rate;
         }
-        self.memory.set(state.point.t, &state.point.x, &line.alpha);
+        self.memory.set(point.t, &point.x, &line.alpha);
     }
 }
 
@@ -245,7 +244,8 @@ impl Stepper {
         let event = first_event(&mut self.roots, dense, state, line.length, closeness);
         let (length, triggers) = match event {
             Some((root, watch)) => {
-                let together = simultaneous(dense, state, root.tau, line.length, watch.switch());
+                let together =
+                    simultaneous(dense, &state.bands, root.tau, line.length, watch.switch());
                 (root.tau, together)
             }
             None => (line.length, Vec::new()),
@@ -282,8 +282,8 @@ impl Stepper {
                 break;
             };
             let line = found.line;
-            mode.lay(state, &line);
-            mode.watch(tolerance, state, line.length);
+            mode.lay(&state.point, &line);
+            mode.watch(tolerance, &state.scales, &mut state.bands, line.length);
             mode.take_scales(&found.sizes);
             self.unseen.suspect_all(mode);
             if found.is_shortest || self.unseen.vouches(mode, state, line.length, allowed) {

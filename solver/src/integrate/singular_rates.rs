@@ -17,6 +17,8 @@ use super::singular::Line;
 use super::step::Step;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
+use crate::expansion::scales::Scales;
 use crate::expansion::series;
 use crate::hybrid::{Settings, Side, Status};
 use crate::selector::select::BAND;
@@ -52,20 +54,20 @@ pub(crate) struct Settling {
 
 impl Mode {
     /// Whether a switch that rests would leave its surface within a step h, because something has changed since.
-    pub(crate) fn wakes(&mut self, state: &mut State, h: f64) -> Option<usize> {
+    pub(crate) fn wakes(&mut self, bands: &mut Bands, h: f64) -> Option<usize> {
         let rests = |i: &usize| self.system.rests(*i) && self.sides[*i] == Side::Slide;
         let resting: Vec<usize> = (0..self.sides.len()).filter(rests).collect();
         resting.into_iter().find(|&i| {
-            self.expand_psi(i, state);
+            self.expand_psi(i, bands);
             let c = self.psi_series(i);
-            series::leading(c, h, state.bands.level(i, c, h)).is_some()
+            series::leading(c, h, bands.level(i, c, h)).is_some()
         })
     }
 
     /// A displacement of the states that moves ψ by one, where it was last linearized.
-    fn across_surface(&self, switch: usize, state: &State) -> Vec<f64> {
+    fn across_surface(&self, switch: usize, scales: &Scales) -> Vec<f64> {
         let mut d = vec![0.0; self.n];
-        let size = |j: usize| match state.scales.size(j) {
+        let size = |j: usize| match scales.size(j) {
             0.0 => 1.0,
             size => size,
         };
@@ -84,7 +86,7 @@ impl Mode {
         self.move_to(&state.point);
         self.surfaces.linearize(switch, &self.memory.values);
         let psi = self.psi(switch);
-        let across = self.across_surface(switch, state);
+        let across = self.across_surface(switch, &state.scales);
         let moved = state.point.x.iter().zip(across);
         moved.map(|(x, d)| x - psi * d).collect()
     }
@@ -106,7 +108,7 @@ impl Mode {
         self.enter(&sides);
         self.move_to(&state.point);
         self.surfaces.linearize(switch, &self.memory.values);
-        let across = self.across_surface(switch, state);
+        let across = self.across_surface(switch, &state.scales);
         let moved = state.point.x.iter().zip(&across);
         let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
         let smooth = self.rate_from(switch, state.point.t, &moved, &state.point.alpha);
@@ -180,12 +182,12 @@ impl<'a> Rest<'a> {
             return Err(mode.stuck());
         }
         let is_smooth = mode.cut_short(usize::MAX);
-        mode.measure_terms(state);
+        mode.measure_terms(&mut state.scales, &mut state.bands);
         mode.watched.clear();
-        mode.expand_psi(switch, state);
+        mode.expand_psi(switch, &mut state.bands);
         mode.watched.push(switch);
-        let h = mode.step_size(tolerance, state, t1 - state.point.t);
-        let h = mode.step_size_of_psi(tolerance, state, h);
+        let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
+        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let c = mode.psi_series(switch);
         if let Some(k) = series::leading(c, h, state.bands.level(switch, c, h)) {
             return Ok(Some((k, Side::of(c[k]))));
@@ -261,7 +263,7 @@ impl<'a> Rest<'a> {
         if speed * speed > 2.0 * near * below.min(-above) {
             return None;
         }
-        let across = mode.across_surface(switch, state);
+        let across = mode.across_surface(switch, &state.scales);
         let attracts = [Side::Minus, Side::Plus].into_iter().all(|side| {
             sides[switch] = side;
             alpha[switch] = f64::from(u8::from(side == Side::Plus));
@@ -325,7 +327,7 @@ pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Opti
                 .collect(),
             alpha: state.point.alpha.clone(),
         };
-        mode.lay(state, &line);
+        mode.lay(&state.point, &line);
         mode.watched.clear();
         for (x, rate) in state.point.x.iter_mut().zip(&line.rates) {
             *x += length * rate;

@@ -9,8 +9,10 @@ use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
 use crate::expansion::series;
 use crate::hybrid::breakpoints::is_at_end;
+use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Settings, Status};
 use crate::selector::fold::Fold;
 use crate::selector::select::BAND;
@@ -164,8 +166,8 @@ impl Stepper {
         {
             return Err(mode.stuck());
         }
-        mode.measure_terms(state);
-        mode.measure_held(state, remaining);
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        mode.measure_held(&state.point, &mut state.scales, &state.bands, remaining);
         state.report.stats.rhs_evaluations += mode.order;
         if mode.slides_nonlinearly()
             && let Some(fold) = mode.fold_ahead(state, remaining)
@@ -175,7 +177,7 @@ impl Stepper {
         let longest = longest(mode, state, remaining);
         let h = self.first_size(mode, state, [remaining, longest]);
         if mode.may_rest
-            && let Some(switch) = mode.wakes(state, h)
+            && let Some(switch) = mode.wakes(&mut state.bands, h)
         {
             return Ok(Step::at_once(switch));
         }
@@ -183,8 +185,8 @@ impl Stepper {
         let mut h = self.coefficients.expand(mode, tolerance, h);
         for attempt in 0..MAX_HALVINGS {
             let cut = self.cut(mode, state, h);
-            let moves = cut.length >= remaining || cut.moves(state);
-            if !moves && cut.ends.is_none() && mode.is_on_root(state) {
+            let moves = cut.length >= remaining || cut.moves(&state.point);
+            if !moves && cut.ends.is_none() && mode.is_on_root(&state.bands) {
                 return self.step_off(mode, state, remaining);
             }
             let defect = match self.judge_step(mode, state, &cut, attempt) {
@@ -224,10 +226,10 @@ impl Stepper {
         [remaining, longest]: [f64; 2],
     ) -> f64 {
         let (explicit, tolerance) = (self.stiffness.explicit_tolerance(), self.local_tolerance);
-        let h = mode.step_size_above_rounding(explicit, state, [remaining, longest]);
-        let h = mode.keeps_directions(tolerance, state, h);
-        let h = mode.watch(tolerance, state, h);
-        mode.leaves_rest(tolerance, state, h)
+        let h = mode.step_size_above_rounding(explicit, &mut state.scales, [remaining, longest]);
+        let h = mode.keeps_directions(tolerance, &mut state.bands, h);
+        let h = mode.watch(tolerance, &state.scales, &mut state.bands, h);
+        mode.leaves_rest(tolerance, &state.bands, h)
     }
 
     /// Where the first of what is watched cuts a step h.
@@ -237,7 +239,7 @@ impl Stepper {
         let length = event.as_ref().map_or(h, |(root, _)| root.tau);
         // What slips in two directions stops once it is all but at rest.
         let short = event.as_ref().and_then(|(root, watch)| match watch {
-            Watch::Surface(i) => mode.stops_short(state, *i, root.tau),
+            Watch::Surface(i) => mode.stops_short(&state.point, &state.bands, *i, root.tau),
             _ => None,
         });
         let (event, length) = match short {
@@ -281,15 +283,22 @@ impl Stepper {
         } else {
             cut.length
         };
-        let defect = mode.defect(state, seen, tolerance, allowed);
+        let defect = mode.defect(
+            &state.point,
+            &state.scales,
+            &state.bands,
+            seen,
+            tolerance,
+            allowed,
+        );
         if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
             return Judged::EndsAtRoot;
         }
         let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
-        if inaccurate && mode.differs_by_rounding(state, seen, allowed) {
+        if inaccurate && mode.differs_by_rounding(&mut state.scales, seen, allowed) {
             return Judged::Again;
         }
-        let unseen = cut.event.is_none() && cut.ends.is_none() && mode.on_wrong_side(state);
+        let unseen = cut.event.is_none() && cut.ends.is_none() && mode.on_wrong_side(&state.bands);
         let looked = (self.coefficients).agree(mode, state, cut.length, allowed);
         // Without friction nothing determines a force that sticks.
         let turned = cut.ends.is_none() && mode.turned_over();
@@ -320,7 +329,7 @@ impl Stepper {
             None => (cut.length, Vec::new()),
         };
         if triggers.is_empty() && h < longest && ends.is_none() {
-            let motion = mode.motion(state, h);
+            let motion = mode.motion(&state.scales, &state.bands, h);
             self.stiffness.after_explicit(mode, h, motion, left);
         }
         let dense = Dense::Taylor(mode);
@@ -360,7 +369,7 @@ impl Stepper {
         watch: Watch,
         h: f64,
     ) -> Result<(f64, Vec<usize>), Status> {
-        verify_start(Dense::Taylor(mode), state, root.tau, watch, h)?;
+        verify_start(Dense::Taylor(mode), &state.bands, root.tau, watch, h)?;
         // A double root of ψ is no better known from ψ than from its series.
         let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
             h
@@ -369,7 +378,7 @@ impl Stepper {
         } else {
             root.tau
         };
-        let triggers = simultaneous(Dense::Taylor(mode), state, tau, h, watch.switch());
+        let triggers = simultaneous(Dense::Taylor(mode), &state.bands, tau, h, watch.switch());
         Ok((tau, triggers))
     }
 }
@@ -396,8 +405,8 @@ struct Cut {
 
 impl Cut {
     /// Whether time has digits for its length.
-    fn moves(&self, state: &State) -> bool {
-        state.point.t + (self.length + state.point.t_low) > state.point.t
+    fn moves(&self, point: &Point) -> bool {
+        point.t + (self.length + point.t_low) > point.t
     }
 }
 
@@ -465,7 +474,7 @@ pub(crate) fn first_event(
         });
         let level = match mode.is_in_disc(i) {
             true => 0.0,
-            false => mode.closeness(i, state, tolerance, h),
+            false => mode.closeness(i, &state.scales, &state.bands, tolerance, h),
         };
         let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
         state
@@ -515,15 +524,14 @@ pub(crate) fn first_root(
 /// A root at the very start is rounding, or a switch that was missed.
 pub(crate) fn verify_start(
     dense: Dense,
-    state: &State,
+    bands: &Bands,
     tau: f64,
     watch: Watch,
     h: f64,
 ) -> Result<(), Status> {
     if let (Watch::Surface(switch), 0.0) = (watch, tau) {
         let c = dense.psi(switch);
-        let rounding =
-            state.bands.width[switch].max(64.0 * f64::EPSILON * state.bands.terms[switch]);
+        let rounding = bands.width[switch].max(64.0 * f64::EPSILON * bands.terms[switch]);
         if c[0].abs() > rounding.max(1e-9 * series::magnitude(c, h, 0)) {
             return Err(Status::MissedSwitch { switch });
         }
@@ -534,7 +542,7 @@ pub(crate) fn verify_start(
 /// `trigger` and every other switch whose own event is not told apart from it.
 pub(crate) fn simultaneous(
     dense: Dense,
-    state: &State,
+    bands: &Bands,
     tau: f64,
     h: f64,
     trigger: usize,
@@ -549,10 +557,10 @@ pub(crate) fn simultaneous(
     let reached = |&i: &usize| {
         let c = dense.psi(i);
         let size = match mode.is_in_disc(i) {
-            true => friction_disk::STOPS * state.bands.width[i],
+            true => friction_disk::STOPS * bands.width[i],
             false => TOGETHER * series::magnitude(c, h, 0),
         };
-        !state.bands.armed[i] && series::value(c, tau).abs() <= size
+        !bands.armed[i] && series::value(c, tau).abs() <= size
     };
     triggers.extend(mode.watched.iter().copied().filter(reached));
     triggers.push(trigger);
@@ -573,12 +581,10 @@ impl Mode {
 
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
-    pub(crate) fn on_wrong_side(&mut self, state: &State) -> bool {
+    pub(crate) fn on_wrong_side(&mut self, bands: &Bands) -> bool {
         for at in 0..self.watched.len() {
             let i = self.watched[at];
-            if !state.bands.armed[i]
-                && self.watched_psi(i) * self.sides[i].sign() < -state.bands.width[i]
-            {
+            if !bands.armed[i] && self.watched_psi(i) * self.sides[i].sign() < -bands.width[i] {
                 return true;
             }
         }

@@ -9,6 +9,7 @@
 //! from the z there is, damped by the length of the step that follows (Deuflhard 2011); a choice is a solution where no other member
 //! is above its surface.
 
+use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use crate::event::state::State;
@@ -141,7 +142,7 @@ impl<'a> Initialization<'a> {
             });
         };
         state.point.x = x;
-        self.take_members(state, &choice);
+        self.take_members(&mut state.point, &choice);
         self.measure_algebraics(state);
         Ok(())
     }
@@ -163,7 +164,7 @@ impl<'a> Initialization<'a> {
                 for start in &starts {
                     state.point.x.clone_from(start);
                     state.scales.largest.clone_from(&scale);
-                    let outcome = self.solve_choice(state, &choice);
+                    let outcome = self.solve_choice(&mut state.point, &choice);
                     regular |= !matches!(outcome, Err(Failure::Singular));
                     if outcome.is_ok() {
                         solved = Some(state.point.x.clone());
@@ -227,7 +228,7 @@ impl<'a> Initialization<'a> {
     /// determined in that instant; those that are left without the row that comes off are.
     fn goes_on(&mut self, state: &mut State, x: &[f64], choice: &[bool]) -> bool {
         state.point.x.copy_from_slice(x);
-        self.take_members(state, choice);
+        self.take_members(&mut state.point, choice);
         let others = self.pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let mut others: Vec<usize> = others.collect();
@@ -290,40 +291,40 @@ impl<'a> Initialization<'a> {
     }
 
     /// Sets the sides of equations and members.
-    fn take_members(&mut self, state: &mut State, choice: &[bool]) {
-        let mut sides = state.point.sides.clone();
+    fn take_members(&mut self, point: &mut Point, choice: &[bool]) {
+        let mut sides = point.sides.clone();
         for &i in &self.equations {
             sides[i] = Side::Slide;
         }
         for (i, side) in candidate(&self.pairs, choice) {
             sides[i] = side;
         }
-        state.point.set_sides(sides);
+        point.set_sides(sides);
     }
 
     /// Takes the sides of all switches that may be inside an equation.
-    fn take_kinks(&mut self, state: &mut State) {
-        for _ in 0..=state.point.sides.len() {
-            let psi = self.mode.all_psi(&state.point);
+    fn take_kinks(&mut self, point: &mut Point) {
+        for _ in 0..=point.sides.len() {
+            let psi = self.mode.all_psi(point);
             let is_free = |i: usize| {
                 self.system.role(i) == Role::Step
                     && self.system.relay(i).is_none()
                     && !self.system.is_unilateral(i)
             };
-            let mut sides = state.point.sides.clone();
+            let mut sides = point.sides.clone();
             for (i, &psi) in psi.iter().enumerate().filter(|(i, _)| is_free(*i)) {
                 sides[i] = Side::of(psi);
             }
-            if sides == state.point.sides {
+            if sides == point.sides {
                 break;
             }
-            state.point.set_sides(sides);
+            point.set_sides(sides);
         }
     }
 
     /// Solves for z where these members are zero.
-    fn solve_choice(&mut self, state: &mut State, choice: &[bool]) -> Result<(), Failure> {
-        self.take_members(state, choice);
+    fn solve_choice(&mut self, point: &mut Point, choice: &[bool]) -> Result<(), Failure> {
+        self.take_members(point, choice);
         let members = self.pairs.iter().zip(choice);
         let members = members.map(|(&(a, b), &second)| if second { b } else { a });
         let rows: Vec<usize> = self.equations.iter().copied().chain(members).collect();
@@ -333,7 +334,7 @@ impl<'a> Initialization<'a> {
         let mut lu = DenseLu::new(n);
         let (mut scales, mut last) = (Vec::new(), f64::INFINITY);
         for round in 0..MAX_NEWTON {
-            let mut step = self.residuals(state, &rows);
+            let mut step = self.residuals(point, &rows);
             let matrix = self.jacobian_of(&rows);
             if lu.factor(&matrix).is_err() {
                 return Err(match round {
@@ -343,7 +344,7 @@ impl<'a> Initialization<'a> {
             }
             lu.solve(&mut step);
             if scales.is_empty() {
-                let scale = |(&z, d): (&usize, &f64)| match state.point.x[z].abs().max(d.abs()) {
+                let scale = |(&z, d): (&usize, &f64)| match point.x[z].abs().max(d.abs()) {
                     0.0 => 1.0,
                     scale => scale,
                 };
@@ -357,17 +358,17 @@ impl<'a> Initialization<'a> {
             if !size.is_finite() {
                 return Err(Failure::Diverged);
             }
-            let before = state.point.x.clone();
+            let before = point.x.clone();
             let mut part = 1.0;
             loop {
                 for (&z, d) in unknowns.iter().zip(&step) {
-                    state.point.x[z] = before[z] - part * d;
+                    point.x[z] = before[z] - part * d;
                 }
                 if size <= CLOSE {
                     break;
                 }
                 // The step that follows with the same matrix must be shorter.
-                let mut next = self.residuals(state, &rows);
+                let mut next = self.residuals(point, &rows);
                 lu.solve(&mut next);
                 if norm(&next) <= (1.0 - 0.25 * part) * size {
                     break;
@@ -378,7 +379,7 @@ impl<'a> Initialization<'a> {
                 }
             }
             if size <= f64::EPSILON || size <= CLOSE && size >= 0.5 * last {
-                self.take_kinks(state);
+                self.take_kinks(point);
                 return Ok(());
             }
             last = size;
@@ -387,9 +388,9 @@ impl<'a> Initialization<'a> {
     }
 
     /// ψ of some switches.
-    fn residuals(&mut self, state: &mut State, rows: &[usize]) -> Vec<f64> {
-        self.take_kinks(state);
-        self.mode.move_to(&state.point);
+    fn residuals(&mut self, point: &mut Point, rows: &[usize]) -> Vec<f64> {
+        self.take_kinks(point);
+        self.mode.move_to(point);
         rows.iter().map(|&i| self.mode.psi(i)).collect()
     }
 
@@ -408,9 +409,9 @@ impl<'a> Initialization<'a> {
     /// other (Josephy 1979).
     fn linear_pairs(&mut self, state: &mut State) -> Option<Vec<bool>> {
         for _ in 0..MAX_LINEARIZED {
-            let (choice, x) = self.linearized(state)?;
+            let (choice, x) = self.linearized(&mut state.point)?;
             state.point.x.clone_from(&x);
-            let solved = self.solve_choice(state, &choice).is_ok();
+            let solved = self.solve_choice(&mut state.point, &choice).is_ok();
             if solved && self.violated(state, &choice).is_none() {
                 return Some(choice);
             }
@@ -422,13 +423,13 @@ impl<'a> Initialization<'a> {
     /// The members that are zero in the complementarity problem linearized where the state is, and its solution.
     ///
     /// With a = s the equations give z + d, F + F_z d = 0 and a + a_z d = s, so that b + b_z d = q + M s.
-    fn linearized(&mut self, state: &mut State) -> Option<(Vec<bool>, Vec<f64>)> {
-        self.take_members(state, &vec![false; self.pairs.len()]);
+    fn linearized(&mut self, point: &mut Point) -> Option<(Vec<bool>, Vec<f64>)> {
+        self.take_members(point, &vec![false; self.pairs.len()]);
         let firsts = self.pairs.iter().map(|pair| pair.0);
         let rows: Vec<usize> = self.equations.iter().copied().chain(firsts).collect();
         let seconds: Vec<usize> = self.pairs.iter().map(|pair| pair.1).collect();
-        let mut step = self.residuals(state, &rows);
-        let others = self.residuals(state, &seconds);
+        let mut step = self.residuals(point, &rows);
+        let others = self.residuals(point, &seconds);
         let (n, m) = (self.system.algebraics.len(), self.pairs.len());
         let mut lu = DenseLu::new(n);
         lu.factor(&self.jacobian_of(&rows)).ok()?;
@@ -450,7 +451,7 @@ impl<'a> Initialization<'a> {
         let entries = (0..m).flat_map(|row| by_member.iter().map(move |d| (row, d)));
         let matrix: Vec<f64> = entries.map(|(row, d)| along(row, d)).collect();
         let s = lemke(&matrix, &q, &vec![1.0; m]).ok()?;
-        let mut x = state.point.x.clone();
+        let mut x = point.x.clone();
         for (at, &z) in self.system.algebraics.iter().enumerate() {
             let moved = by_member.iter().zip(&s).map(|(d, s)| d[at] * s);
             x[z] -= step[at] + moved.sum::<f64>();

@@ -4,6 +4,7 @@
 //! sliding ones in place, which finds every solution. Beyond, Lemke's method finds one, and where
 //! -∂φ/∂α is no P-matrix, a search looks for more (`pivot`).
 
+use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::judge::TIE;
@@ -65,7 +66,7 @@ impl<'a> Enumeration<'a> {
         if self.holds_disc(group) {
             return self.disc_choices(state, group);
         }
-        let options = group.iter().map(|&i| self.options(state, group, i));
+        let options = group.iter().map(|&i| self.options(&state.point, group, i));
         let options: Vec<Vec<Side>> = options.collect();
         let (candidates, all) = if group.iter().any(|&i| self.system.role(i) != Role::Step) {
             self.with_members(group, &options)
@@ -91,8 +92,8 @@ impl<'a> Enumeration<'a> {
     }
 
     /// The sides of a switch on its surface, the present one first.
-    pub(crate) fn options(&self, state: &State, group: &[usize], switch: usize) -> Vec<Side> {
-        if let Some(options) = self.options_of_role(state, group, switch) {
+    pub(crate) fn options(&self, point: &Point, group: &[usize], switch: usize) -> Vec<Side> {
+        if let Some(options) = self.options_of_role(point, group, switch) {
             return options;
         }
         let mut options = match self.system.is_unilateral(switch) {
@@ -102,10 +103,7 @@ impl<'a> Enumeration<'a> {
         if !self.system.is_continuous(switch) {
             options.push(Side::Slide);
         }
-        if let Some(present) = options
-            .iter()
-            .position(|side| *side == state.point.sides[switch])
-        {
+        if let Some(present) = options.iter().position(|side| *side == point.sides[switch]) {
             options.swap(0, present);
         }
         options
@@ -187,14 +185,14 @@ impl<'a> Enumeration<'a> {
     }
 
     /// The sides of an equation or a member of a pair where it meets others.
-    fn options_of_role(&self, state: &State, group: &[usize], switch: usize) -> Option<Vec<Side>> {
+    fn options_of_role(&self, point: &Point, group: &[usize], switch: usize) -> Option<Vec<Side>> {
         match self.system.role(switch) {
             Role::Step => None,
             Role::Equation => Some(vec![Side::Slide]),
-            Role::Member(other) if !group.contains(&other) => Some(vec![state.point.sides[switch]]),
+            Role::Member(other) if !group.contains(&other) => Some(vec![point.sides[switch]]),
             // What the second one does follows from the first.
             Role::Member(other) if other < switch => Some(vec![Side::Minus]),
-            Role::Member(_) => Some(match state.point.sides[switch] {
+            Role::Member(_) => Some(match point.sides[switch] {
                 Side::Slide => vec![Side::Slide, Side::Minus],
                 _ => vec![Side::Minus, Side::Slide],
             }),

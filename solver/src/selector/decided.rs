@@ -148,12 +148,12 @@ impl Selector<'_> {
         {
             return true;
         }
-        mode.measure_terms(state);
-        mode.expand_psi(relay, state);
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        mode.expand_psi(relay, &mut state.bands);
         mode.watched.clear();
         mode.watched.push(relay);
-        let h = mode.step_size(tolerance, state, t1 - state.point.t);
-        let h = mode.step_size_of_psi(tolerance, state, h);
+        let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
+        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let c = mode.psi_series(relay);
         let leading = series::leading(c, h, state.bands.width[relay]);
         leading.is_some_and(|k| c[k] * state.point.sides[relay].sign() < 0.0)

@@ -9,6 +9,7 @@ use super::judge::{Judge, TIE};
 use super::select::Choice;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::point::Point;
 use crate::hybrid::{Settings, Side, Status};
 use crate::selector::nonlinear::{Decision, SlidingMode};
 use crate::selector::selection::Entry;
@@ -134,7 +135,7 @@ impl<'a> Single<'a> {
                     t1,
                 );
                 leaves[end] = verdict.is_some_and(|verdict| verdict.agrees);
-                self.look_at(state, switch);
+                self.look_at(&state.point, switch);
             }
         }
         let walk = |from: f64, up: bool, apart: f64| -> End {
@@ -160,7 +161,7 @@ impl<'a> Single<'a> {
             Start::At(alpha) => match (0..2).find(|&end| start.meets(end)) {
                 Some(end) if leaves[end] => End::Leaves(sides[end]),
                 Some(end) => walk(alpha, end == 0, TIE),
-                None => self.follow(state, switch, alpha, &modes, scale, walk),
+                None => self.follow(&state.point, switch, alpha, &modes, scale, walk),
             },
             Start::Unknown => self.name_ends(switch, &modes, leaves, wanted)?,
         };
@@ -177,14 +178,14 @@ impl<'a> Single<'a> {
     /// there.
     fn follow(
         &mut self,
-        state: &State,
+        point: &Point,
         switch: usize,
         alpha: f64,
         modes: &[SlidingMode],
         scale: f64,
         walk: impl Fn(f64, bool, f64) -> End,
     ) -> End {
-        let mut alphas = state.point.alpha.clone();
+        let mut alphas = point.alpha.clone();
         let [rate, ..] = self.mode.rate_at(switch, &mut alphas, alpha);
         if rate.abs() > TIE * scale {
             return walk(alpha, rate > 0.0, 0.0);
@@ -249,11 +250,10 @@ impl<'a> Single<'a> {
     }
 
     /// Moves to where α of a switch on its surface is to be varied.
-    pub(crate) fn look_at(&mut self, state: &State, switch: usize) {
-        let mut sides = state.point.sides.clone();
+    pub(crate) fn look_at(&mut self, point: &Point, switch: usize) {
+        let mut sides = point.sides.clone();
         sides[switch] = Side::Slide;
         self.mode.enter(&sides);
-        self.mode
-            .focus(state.point.t, &state.point.x, &state.point.alpha, &[switch]);
+        self.mode.focus(point.t, &point.x, &point.alpha, &[switch]);
     }
 }

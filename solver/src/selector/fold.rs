@@ -18,7 +18,9 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
 use crate::hybrid::Status;
+use crate::hybrid::point::Point;
 use crate::linalg::DenseLu;
 
 /// Steps end at the fold once α is this close to it.
@@ -60,9 +62,9 @@ impl Fold {
     }
 
     /// A fold in which the state is.
-    pub(crate) fn at(mode: &mut Mode, state: &State, switch: usize) -> Result<Fold, Status> {
-        mode.move_to(&state.point);
-        let alpha = state.point.alpha[switch];
+    pub(crate) fn at(mode: &mut Mode, point: &Point, switch: usize) -> Result<Fold, Status> {
+        mode.move_to(point);
+        let alpha = point.alpha[switch];
         let direction = mode.direction_at(switch, alpha);
         if direction == 0.0 || !direction.is_finite() {
             return Err(Status::Undetermined {
@@ -184,7 +186,7 @@ impl Mode {
             let is_there = by.abs() <= 1e-12 && step[n].abs() <= (1e-10 * left).max(rounding);
             if is_there && norm(&step[..n]) <= 1e-12 {
                 self.shift(state, tau, &rate);
-                let leaves = self.leaves_before(state, i);
+                let leaves = self.leaves_before(&state.bands, i);
                 let turns = self.turns(&switches, &alpha, &by_time, &along)?;
                 let speed = |turn: &&Turn| turn.direction.abs();
                 let fastest = turns.iter().max_by(|a, b| speed(a).total_cmp(&speed(b)));
@@ -280,11 +282,11 @@ impl Mode {
     }
 
     /// True when another surface is left behind at the state in `next`.
-    fn leaves_before(&mut self, state: &State, fold: usize) -> bool {
+    fn leaves_before(&mut self, bands: &Bands, fold: usize) -> bool {
         (0..self.sides.len()).any(|i| {
             let watched =
-                i != fold && self.sides[i] != crate::hybrid::Side::Slide && !state.bands.armed[i];
-            watched && self.psi(i) * self.sides[i].sign() < -state.bands.width[i]
+                i != fold && self.sides[i] != crate::hybrid::Side::Slide && !bands.armed[i];
+            watched && self.psi(i) * self.sides[i].sign() < -bands.width[i]
         })
     }
 }

@@ -75,7 +75,7 @@ impl Simulator {
         self.mode.enter(&state.point.sides);
         state.selection.fold = match standing.fold {
             None => None,
-            Some(switch) => Some(Fold::at(&mut self.mode, state, switch)?),
+            Some(switch) => Some(Fold::at(&mut self.mode, &state.point, switch)?),
         };
         self.selector().change(state, standing.triggers, t1)
     }

@@ -5,6 +5,7 @@
 //! where z_i does for ever. Fixed points do not depend on the rates c_i, which say how steep the switches are,
 //! but their basins and stability may; so several are tried, and different outcomes are reported.
 
+use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::judge::{Judge, TIE};
@@ -211,7 +212,7 @@ impl<'a> Several<'a> {
         }
         let starts = self.starts(state, group);
         let (scales, sizes) = self.sizes(state, group).ok_or_else(undetermined)?;
-        let ways = self.ways(state, group, &starts, [&scales, &sizes]);
+        let ways = self.ways(&state.point, group, &starts, [&scales, &sizes]);
         let mut ways = ways.ok_or_else(undetermined)?;
         if ways.len() > 1 {
             let name = |way: &Way| -> Candidate {
@@ -272,7 +273,7 @@ impl<'a> Several<'a> {
     /// nothing where it has no limit.
     fn ways(
         &mut self,
-        state: &State,
+        point: &Point,
         group: &[usize],
         starts: &[Vec<f64>],
         [scales, sizes]: [&[f64]; 2],
@@ -287,7 +288,7 @@ impl<'a> Several<'a> {
                 let mut dummy = Dummy {
                     mode: &mut self.mode,
                     group,
-                    alphas: state.point.alpha.clone(),
+                    alphas: point.alpha.clone(),
                     speeds,
                     scales,
                 };

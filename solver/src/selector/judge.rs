@@ -5,6 +5,7 @@
 //! mode decide by their first non-negligible term, so that tangencies of any order
 //! are the same rule.
 
+use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::select::Choice;
@@ -120,22 +121,22 @@ impl<'a> Judge<'a> {
     /// What the rates and α say, in the mode where the group is free.
     pub(crate) fn check(
         &mut self,
-        state: &State,
+        point: &Point,
         group: &[usize],
         choice: &Choice,
         rates: &[f64],
         units: &[f64],
     ) -> Check {
-        self.mode.enter_choice(&state.point, group, &choice.sides);
+        self.mode.enter_choice(point, group, &choice.sides);
         let mode = &mut self.mode;
-        let mut alpha = state.point.alpha.clone();
+        let mut alpha = point.alpha.clone();
         for (&i, &a) in group.iter().zip(&choice.alpha) {
             alpha[i] = a;
         }
         mode.vary(&alpha);
         mode.linearize(group);
         let mut tie = false;
-        let mut sides = state.point.sides.clone();
+        let mut sides = point.sides.clone();
         for (&i, &side) in group.iter().zip(&choice.sides) {
             sides[i] = side;
         }
@@ -279,7 +280,7 @@ impl<'a> Judge<'a> {
             None => state.point.x.clone(),
         };
         for departure in departures {
-            departure.nudge(&mut self.mode, state, &mut x, t1);
+            departure.nudge(&mut self.mode, &state.point, &state.scales, &mut x, t1);
         }
         self.mode.enter(sides);
         self.mode.expand(state.point.t, &x, alpha).ok()?;
@@ -301,7 +302,7 @@ impl<'a> Judge<'a> {
             alpha[i] = choice.alpha[at];
         }
         let tolerance = self.settings.local_tolerance();
-        let mut departures = Departure::all(&self.mode, state, group, choice);
+        let mut departures = Departure::all(&self.mode, &state.point, group, choice);
         // What another group has been found to set off with moves from now on.
         let others = state.selection.departures.iter();
         departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
@@ -317,17 +318,17 @@ impl<'a> Judge<'a> {
             (Some(_), _) => mode.cut_short(2),
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
-        mode.measure_terms(state);
+        mode.measure_terms(&mut state.scales, &mut state.bands);
         mode.watch_sides(state, group, &sides, sets_off);
         let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
             longest = longest.min(mode.sight());
         }
-        let h = mode.step_size(tolerance, state, longest);
-        let h = mode.step_size_of_psi(tolerance, state, h);
+        let h = mode.step_size(tolerance, &state.scales, longest);
+        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let h = match departs {
             true => h,
-            false => mode.leaves_rest(tolerance, state, h),
+            false => mode.leaves_rest(tolerance, &state.bands, h),
         };
         // Where series end early, rates a moment later tell.
         let later = match is_smooth {
@@ -381,7 +382,7 @@ impl Mode {
         self.watched.clear();
         for &i in group {
             if sides[i] != Side::Slide && !self.is_idle(i, sides) && !sets_off(i) {
-                self.expand_psi(i, state);
+                self.expand_psi(i, &mut state.bands);
                 self.watched.push(i);
             }
         }

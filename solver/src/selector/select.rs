@@ -296,7 +296,7 @@ impl Selector<'_> {
                 self.mode.halt(state);
             }
             self.mode.enter(&state.point.sides);
-            self.mode.start_equations(state);
+            self.mode.start_equations(&state.point);
             self.mode.project(state);
         }
         Ok(())
@@ -361,8 +361,13 @@ impl Selector<'_> {
         });
         let mut checked = Vec::new();
         for (choice, units) in measured.collect::<Vec<_>>() {
-            match Judge::new(self.mode, self.settings).check(state, group, &choice, &rates, &units)
-            {
+            match Judge::new(self.mode, self.settings).check(
+                &state.point,
+                group,
+                &choice,
+                &rates,
+                &units,
+            ) {
                 Check::Inconsistent => {}
                 Check::Tie if !series => return Ok(false),
                 check => checked.push(Checked {
@@ -445,7 +450,7 @@ impl Selector<'_> {
             .selection
             .departures
             .retain(|one| !group.contains(&one.switches[0]));
-        let departures = Departure::all(self.mode, state, group, choice);
+        let departures = Departure::all(self.mode, &state.point, group, choice);
         state.selection.departures.extend(departures);
     }
 
@@ -544,7 +549,7 @@ impl Selector<'_> {
             }
             self.mode
                 .measure_bands(state, &[i, other], t1 - state.point.t);
-            if self.mode.is_near(i, state) {
+            if self.mode.is_near(i, &state.bands) {
                 triggers.push(i);
             }
         }
