@@ -8,7 +8,6 @@
 //! From rest w starts as `depart` says; where that is not known, in the direction that the forces of contacts give it,
 //! with a length that is rounding: w/|w| has a value then.
 
-use crate::contact::slip_onset::Departure;
 use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
@@ -20,6 +19,7 @@ use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Side};
 use crate::integrate::step::Step;
 use crate::selector::select::BAND;
+use crate::selector::selection::Departure;
 
 /// Of the way to w = 0, what a step leaves.
 const LEFT: f64 = 1.0 / 64.0;

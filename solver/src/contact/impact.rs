@@ -19,26 +19,16 @@
 use std::sync::Arc;
 
 use crate::selector::coupling::Coupling;
-use serde::{Deserialize, Serialize};
 
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{
-    Coefficient, Effect, Guard, HybridSystem, Impact, Note, Settings, Side, Status,
+    Coefficient, Effect, Guard, HybridSystem, Impact, ImpactLaw, Note, Settings, Side, Status,
 };
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
-
-/// What the coefficient of restitution e multiplies.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum ImpactLaw {
-    /// The speed of the gap before the impact.
-    Newton,
-    /// The impulse that stops the gap.
-    Poisson,
-}
 
 /// Impacts of contacts that are struck at one instant.
 pub(crate) struct Impacts<'a> {

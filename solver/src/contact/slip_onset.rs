@@ -24,6 +24,7 @@ use crate::hybrid::point::Point;
 use crate::integrate::step::{Step, Stepper, Watch, first_event};
 use crate::linalg::DenseLu;
 use crate::selector::select::Choice;
+use crate::selector::selection::Departure;
 
 /// Rounds of Newton's method for the direction of a force that leaves its cone.
 const ROUNDS: usize = 5;
@@ -33,15 +34,6 @@ const LEAST: f64 = 1e-6;
 
 /// Halvings of the first step.
 const MAX_HALVINGS: usize = 40;
-
-/// A slip velocity with two entries that starts from rest.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Departure {
-    /// Both switches.
-    pub switches: [usize; 2],
-    /// Of unit length.
-    pub direction: [f64; 2],
-}
 
 /// The series of one of them.
 struct Leaving {

@@ -121,7 +121,7 @@ impl Simulator {
 
         // Find the solution in the current mode and cut it at its first event.
         self.mode.enter(&state.point.sides);
-        let kick = self.next_kick(state.point.t);
+        let kick = self.settings.next_kick(state.point.t);
         let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
         let goal = goal.min(self.pieces.until).min(kick);
         let mut step = self.stepper.step(&mut self.mode, state, goal, t1)?;
@@ -340,7 +340,9 @@ impl Simulator {
             });
             self.displace(state, length, observer);
         }
-        let undisturbed = t1.min(self.pieces.until).min(self.next_kick(state.point.t));
+        let undisturbed = t1
+            .min(self.pieces.until)
+            .min(self.settings.next_kick(state.point.t));
         if let Some(status) =
             history
                 .chatter

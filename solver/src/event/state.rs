@@ -1,7 +1,7 @@
 //! What changes from step to step.
 
 use super::jump::Jumps;
-use crate::events::grazing::Approaches;
+use crate::events::approach::Approaches;
 use crate::events::sensitivity::Window;
 use crate::expansion::scales::{Bands, Scales, refill};
 use crate::hybrid::point::Point;

@@ -115,4 +115,16 @@ impl Simulator {
         }
         Err(Status::EndlessJumps { laws: last })
     }
+
+    /// Kicks the state at one of these instants, and finds the mode where it is then. Sliding does not survive where
+    /// ψ leaves zero.
+    pub(crate) fn kick(&mut self, state: &mut State, instant: f64, t1: f64) -> Result<(), Status> {
+        if let Some(kicks) = &self.settings.kicks {
+            let number = (instant / kicks.every).round();
+            kicks.apply(number as u64, &mut state.point.x);
+        }
+        self.stepper.stiffness.after_event();
+        let on = self.selector().place(state, t1 - state.point.t, &[])?;
+        self.enter(state, on, t1)
+    }
 }

@@ -18,5 +18,6 @@ pub use settings::Settings;
 pub use side::Side;
 pub use status::{Coefficient, Function, Note, Stats, Status};
 pub use system::{
-    Block, Effect, Guard, HybridSystem, Impact, Input, Law, Reset, Role, Switch, SwitchKind,
+    Block, Effect, Guard, HybridSystem, Impact, ImpactLaw, Input, Law, Reset, Role, Switch,
+    SwitchKind,
 };

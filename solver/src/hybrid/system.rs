@@ -15,7 +15,6 @@ use serde::{Deserialize, Serialize};
 
 use super::Side;
 use super::form::{Argument, Form, Instance};
-use crate::contact::ImpactLaw;
 use crate::hybrid::piecewise::Piecewise;
 use crate::tape::Tape;
 
@@ -265,6 +264,15 @@ impl HybridSystem {
     pub(crate) fn has_laws(&self) -> bool {
         !self.laws.is_empty()
     }
+}
+
+/// What the coefficient of restitution e multiplies.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum ImpactLaw {
+    /// The speed of the gap before the impact.
+    Newton,
+    /// The impulse that stops the gap.
+    Poisson,
 }
 
 /// A law by which states jump.

@@ -14,7 +14,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::scales::Bands;
 use crate::expansion::series;
 use crate::hybrid::breakpoints::is_at_end;
-use crate::hybrid::{Side, Status};
+use crate::hybrid::{Side, Stats, Status};
 use crate::selector::judge::ROUNDINGS;
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
@@ -85,7 +85,7 @@ impl Stepper {
         mode.write_start(state, &mut start);
         let mut radau = self.stiffness.take(mode.shape());
         let step = self.attempts(mode, &mut radau, &start, state, t1);
-        state.report.stats.absorb(&mut radau);
+        count(&mut state.report.stats, &mut radau);
         self.stiffness.give_back(radau);
         self.stiffness.start = start;
         if let Ok(None) = step {
@@ -177,6 +177,15 @@ impl Stepper {
         }
         Ok(None)
     }
+}
+
+/// Takes over what the method has counted in a step.
+fn count(stats: &mut Stats, radau: &mut Radau) {
+    let counts = std::mem::take(&mut radau.counts);
+    stats.rejected += counts.rejected;
+    stats.rhs_evaluations += counts.evaluations;
+    stats.newton_iterations += counts.iterations;
+    stats.factorizations += counts.factorizations;
 }
 
 /// Moves to the end of a step; `length` is what it would have been without an event.

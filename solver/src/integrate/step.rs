@@ -14,8 +14,8 @@ use crate::expansion::series;
 use crate::hybrid::breakpoints::is_at_end;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Settings, Status};
-use crate::selector::fold::Fold;
 use crate::selector::select::BAND;
+use crate::selector::selection::Fold;
 
 /// An accepted step. `State::x` holds its end.
 pub(crate) struct Step {

@@ -14,10 +14,10 @@ use std::sync::Arc;
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::status::Candidate;
 use crate::hybrid::{HybridSystem, Note, Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::optimization::lcp::lemke;
-use crate::selector::Candidate;
 
 /// Up to this many pairs all choices are solved, which shows whether there is one solution.
 const MAX_PAIRS: usize = 8;

@@ -16,6 +16,7 @@
 //! which is regular in the fold (Govaerts 2000, chapter 3). The state moves there by (t_f - t) f at the mean of α, which
 //! is α + (α_f - α)/3; what this neglects is of order (α_f - α)⁴.
 
+use super::selection::{Fold, Turn};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Bands;
@@ -35,32 +36,7 @@ const ROUNDINGS: f64 = 4.0;
 /// A change of α over which dt/ds is compared.
 const APART: f64 = 1e-5;
 
-/// Where a branch ends.
-#[derive(Clone, Debug)]
-pub(crate) struct Fold {
-    /// The switch whose α is fastest.
-    pub switch: usize,
-    /// How long after the start of the step.
-    pub after: f64,
-    /// The switches that interact, that one among them.
-    pub turns: Vec<Turn>,
-}
-
-/// A switch in a fold.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Turn {
-    pub switch: usize,
-    pub alpha: f64,
-    /// Where the dummy system goes from there, relative to the one that goes farthest.
-    pub direction: f64,
-}
-
 impl Fold {
-    /// What becomes of a switch in it.
-    pub(crate) fn turn(&self, switch: usize) -> Option<&Turn> {
-        self.turns.iter().find(|turn| turn.switch == switch)
-    }
-
     /// A fold in which the state is.
     pub(crate) fn at(mode: &mut Mode, point: &Point, switch: usize) -> Result<Fold, Status> {
         mode.move_to(point);

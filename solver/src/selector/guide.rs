@@ -4,11 +4,11 @@
 //! which of them is taken depends on the side that the state comes from (`dummy.rs`, `several.rs`). So a method that
 //! knows the conditions alone asks here, with the sides and α that it has come with.
 
-use super::fold::Fold;
 use crate::event::Simulator;
 use crate::event::state::State;
 use crate::hybrid::{Side, Status};
-use crate::selector::nonlinear::Decision;
+use crate::selector::selection::Decision;
+use crate::selector::selection::Fold;
 
 /// Where a method stands that asks.
 #[derive(Clone, Copy, Debug)]

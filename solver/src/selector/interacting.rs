@@ -9,12 +9,13 @@ use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::judge::{Judge, TIE};
-use super::select::{Candidate, Choice};
+use super::select::Choice;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::status::Candidate;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
-use crate::selector::nonlinear::Decision;
+use crate::selector::selection::Decision;
 use crate::selector::selection::Entry;
 
 /// Steepness of one switch relative to that of the others.

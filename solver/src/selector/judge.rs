@@ -10,12 +10,12 @@ use std::sync::Arc;
 
 use super::select::Choice;
 use crate::contact::friction_disk;
-use crate::contact::slip_onset::Departure;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
+use crate::selector::selection::Departure;
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
 pub(crate) const TIE: f64 = 1e-9;

@@ -16,6 +16,7 @@ pub(crate) mod nonlinear;
 pub(crate) mod select;
 pub(crate) mod selection;
 
+pub use crate::hybrid::status::Candidate;
 pub use guide::{Guide, Next, Standing};
-pub use nonlinear::{Decision, SlidingMode};
-pub use select::{Candidate, MAX_NAMED};
+pub use select::MAX_NAMED;
+pub use selection::{Decision, SlidingMode};

@@ -13,17 +13,14 @@ use super::coupling::Coupling;
 use super::dummy::Single;
 use super::interacting::Several;
 use super::judge::{Check, Judge, Verdict};
-use crate::contact::slip_onset::Departure;
 use crate::event::jump::TOUCH;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
+use crate::selector::selection::Departure;
 use crate::selector::selection::Entry;
-
-/// One way to go on: the sides of the switches that meet.
-pub type Candidate = Vec<(usize, Side)>;
 
 /// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
 /// equation below this fraction of how large they are.
