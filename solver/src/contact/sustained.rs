@@ -5,12 +5,12 @@
 //! rest nor clearly slipping, is tried both ways, and the series of every choice decide.
 
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch, norm};
-use crate::event::jump::{Bent, Closing, ROUNDING};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Scales;
 use crate::hybrid::{Role, Side, Status};
 use crate::selector::candidates::{Enumeration, Zeros, product};
+use crate::selector::closing::{Bent, Closing, ROUNDING};
 use crate::selector::judge::TIE;
 use crate::selector::select::{Choice, Choices};
 

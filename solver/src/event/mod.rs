@@ -146,7 +146,7 @@ impl Simulator {
     pub fn consistent(&mut self, t: f64, x: &[f64], horizon: f64) -> Result<Vec<f64>, Status> {
         let mut state = std::mem::take(&mut self.state);
         state.begin(t, x, self.system.n_switches());
-        self.pieces.load(&mut self.mode, state.point.t);
+        self.pieces.until = self.mode.load(state.point.t);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
         state
             .point

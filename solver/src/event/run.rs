@@ -1,13 +1,16 @@
 //! The loop of a run: step, event, next mode.
 
-use super::jump::Met;
 use super::{Event, Observer, Segment, Simulator};
 use crate::event::state::Report;
 use crate::event::state::State;
 use crate::events::simultaneous::Simultaneous;
 use crate::events::{Approach, chattering, zeno};
-use crate::hybrid::{Outcome, Side, Status};
+use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
+use crate::hybrid::point::Point;
+use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
 use crate::integrate::step::Step;
+use crate::selector::select::Met;
 
 /// Events in a row without progress in time that count as an accumulation.
 const MAX_STALLED: usize = 100;
@@ -37,6 +40,75 @@ struct History {
     stalled: usize,
     /// Functions taken up when the clock was looked at.
     functions: usize,
+}
+
+impl History {
+    /// The limit that a run has come to.
+    fn limit(&mut self, settings: &Settings, mode: &Mode, report: &Report) -> Option<Status> {
+        if report.stats.steps >= settings.max_steps {
+            return Some(Status::StepLimit);
+        }
+        if report.stats.events >= settings.max_events {
+            return Some(Status::EventLimit);
+        }
+        // A look at the clock costs as much as a small step; functions may take long to compile.
+        let known = mode.n_functions();
+        let compiled = std::mem::replace(&mut self.functions, known) < known;
+        let over = match compiled || report.stats.steps.is_multiple_of(16) {
+            true => settings.limit.over(),
+            false => settings.limit.canceled(),
+        };
+        over.map(Status::Over)
+    }
+
+    /// Whether the limit of steps comes before the end at the pace of the last ones: where rates turn over within what a
+    /// tolerance tells apart, a run creeps from one side to the other.
+    fn falls_short(&mut self, state: &State, max_steps: usize, t1: f64) -> bool {
+        let Pace {
+            time,
+            steps,
+            events,
+        } = self.pace;
+        let taken = state.report.stats.steps - steps;
+        let is_uneventful = state.report.stats.events == events;
+        if is_uneventful && taken < PACED {
+            return false;
+        }
+        self.pace = Pace {
+            time: state.point.t,
+            steps: state.report.stats.steps,
+            events: state.report.stats.events,
+        };
+        let left = (t1 - state.point.t) / (state.point.t - time) * taken as f64;
+        is_uneventful && left > max_steps as f64
+    }
+
+    /// Where events accumulate, the mode changes at their limit.
+    fn end_accumulation(
+        &mut self,
+        system: &HybridSystem,
+        state: &mut State,
+        step: &Step,
+        observer: &mut impl Observer,
+    ) {
+        let ends = step.reaches_end || !step.triggers.is_empty();
+        let Some((from, _)) = self.limit.take_if(|_| ends) else {
+            return;
+        };
+        if step.reaches_end {
+            state.jumps.repay(&system, &mut state.point);
+        }
+        observer.event(&Event {
+            time: state.point.t,
+            x: &state.point.x,
+            before: &state.point.x,
+            jumps: &[],
+            decisions: &[],
+            from: &from,
+            to: &state.point.sides,
+            accumulates: true,
+        });
+    }
 }
 
 /// What a step meets at its end besides its triggers.
@@ -109,13 +181,13 @@ impl Simulator {
         if state.point.t >= t1 {
             return Err(Status::Solved);
         }
-        if let Some(status) = self.limit(&state.report, history) {
+        if let Some(status) = history.limit(&self.settings, &self.mode, &state.report) {
             return Err(match status {
                 Status::EventLimit => history.chatter.at_limit(t1 - state.point.t),
                 status => status,
             });
         }
-        if self.falls_short(state, &mut history.pace, t1) {
+        if history.falls_short(state, self.settings.max_steps, t1) {
             return Err(Status::StepLimit);
         }
 
@@ -126,10 +198,10 @@ impl Simulator {
         let goal = goal.min(self.pieces.until).min(kick);
         let mut step = self.stepper.step(&mut self.mode, state, goal, t1)?;
         self.take(state, history, &mut step, goal, observer)?;
-        self.end_accumulation(state, history, &step, observer);
+        history.end_accumulation(&self.system, state, &step, observer);
 
         // At an event, the rates on all surfaces that meet decide the next mode.
-        self.disarm(state);
+        disarm(&mut self.mode, &state.point, &mut state.bands);
         let meets = Meets {
             breakpoint: state.point.t >= self.pieces.until && state.point.t < t1,
             kick: (state.point.t >= kick && state.point.t < t1).then_some(kick),
@@ -208,33 +280,6 @@ impl Simulator {
         Ok(())
     }
 
-    /// Where events accumulate, the mode changes at their limit.
-    fn end_accumulation(
-        &mut self,
-        state: &mut State,
-        history: &mut History,
-        step: &Step,
-        observer: &mut impl Observer,
-    ) {
-        let ends = step.reaches_end || !step.triggers.is_empty();
-        let Some((from, _)) = history.limit.take_if(|_| ends) else {
-            return;
-        };
-        if step.reaches_end {
-            state.jumps.repay(&self.system, &mut state.point);
-        }
-        observer.event(&Event {
-            time: state.point.t,
-            x: &state.point.x,
-            before: &state.point.x,
-            jumps: &[],
-            decisions: &[],
-            from: &from,
-            to: &state.point.sides,
-            accumulates: true,
-        });
-    }
-
     /// Tells apart what a step has met at its end, and how well the instant is known.
     fn locate(
         &mut self,
@@ -280,17 +325,11 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         state.selection.decisions.clear();
-        if self.system.has_laws() {
-            let met = match meets.breakpoint {
-                true => Met::Breakpoint(triggers),
-                false => Met::Surfaces(triggers),
-            };
-            self.jump_and_change(state, met, t1)?;
-        } else if meets.breakpoint {
-            self.selector().pass_breakpoint(state, &triggers, t1)?;
-        } else if !triggers.is_empty() {
-            self.selector().change(state, &triggers, t1)?;
-        }
+        let met = match meets.breakpoint {
+            true => Met::Breakpoint(triggers),
+            false => Met::Surfaces(triggers),
+        };
+        self.pass(state, met, t1)?;
         if let Some(kick) = meets.kick {
             self.kick(state, kick, t1)?;
         }
@@ -338,7 +377,7 @@ impl Simulator {
                 },
                 accumulates: end.is_some() && waits.is_none(),
             });
-            self.displace(state, length, observer);
+            displace(&self.mode, state, length, observer);
         }
         let undisturbed = t1
             .min(self.pieces.until)
@@ -355,86 +394,6 @@ impl Simulator {
         }
         history.limit = waits.map(|end| (from, end));
         Ok(())
-    }
-
-    /// Lets an observer move the state by roundings: of each x, and of the terms of its rate over the last step.
-    fn displace(&self, state: &mut State, length: f64, observer: &mut impl Observer) {
-        if !observer.displaces() {
-            return;
-        }
-        let before = state.jumps.before(&state.point.x);
-        // What laws count is whole, and exact.
-        let jumps = |i: usize| state.point.x[i] != before[i] && state.point.x[i].fract() != 0.0;
-        let moves = |i: usize| self.mode.x_series(i)[1] != 0.0 || jumps(i);
-        let rests = |i: usize| self.mode.system.is_algebraic(i) || !moves(i);
-        let size = |i: usize| {
-            state.point.x[i]
-                .abs()
-                .max(state.scales.activity[i] * length)
-        };
-        let rounding = |i: usize| {
-            if rests(i) {
-                0.0
-            } else {
-                f64::EPSILON * size(i)
-            }
-        };
-        let roundings: Vec<f64> = (0..state.point.x.len()).map(rounding).collect();
-        observer.displace(&mut state.point.x, &roundings);
-    }
-
-    fn limit(&self, report: &Report, history: &mut History) -> Option<Status> {
-        if report.stats.steps >= self.settings.max_steps {
-            return Some(Status::StepLimit);
-        }
-        if report.stats.events >= self.settings.max_events {
-            return Some(Status::EventLimit);
-        }
-        // A look at the clock costs as much as a small step; functions may take long to compile.
-        let known = self.mode.n_functions();
-        let compiled = std::mem::replace(&mut history.functions, known) < known;
-        let over = match compiled || report.stats.steps.is_multiple_of(16) {
-            true => self.settings.limit.over(),
-            false => self.settings.limit.canceled(),
-        };
-        over.map(Status::Over)
-    }
-
-    /// Whether the limit of steps comes before the end at the pace of the last ones: where rates turn over within what a
-    /// tolerance tells apart, a run creeps from one side to the other.
-    fn falls_short(&self, state: &State, pace: &mut Pace, t1: f64) -> bool {
-        let Pace {
-            time,
-            steps,
-            events,
-        } = *pace;
-        let taken = state.report.stats.steps - steps;
-        let is_uneventful = state.report.stats.events == events;
-        if is_uneventful && taken < PACED {
-            return false;
-        }
-        *pace = Pace {
-            time: state.point.t,
-            steps: state.report.stats.steps,
-            events: state.report.stats.events,
-        };
-        let left = (t1 - state.point.t) / (state.point.t - time) * taken as f64;
-        is_uneventful && left > self.settings.max_steps as f64
-    }
-
-    /// A surface left tangentially is watched again once it is outside its band.
-    fn disarm(&mut self, state: &mut State) {
-        let left = |i: usize| state.bands.armed[i] && state.point.sides[i] != Side::Slide;
-        if !(0..state.bands.armed.len()).any(left) {
-            return;
-        }
-        self.mode.move_to(&state.point);
-        for i in 0..state.bands.armed.len() {
-            if state.bands.armed[i] && state.point.sides[i] != Side::Slide {
-                state.bands.armed[i] =
-                    self.mode.is_near(i, &state.bands) || self.mode.is_rounding(i);
-            }
-        }
     }
 }
 
@@ -471,5 +430,45 @@ fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Out
         notes: std::mem::take(&mut state.report.notes),
         approaches: std::mem::take(&mut state.approaches.known),
         stats: state.report.stats,
+    }
+}
+
+/// Lets an observer move the state by roundings: of each x, and of the terms of its rate over the last step.
+fn displace(mode: &Mode, state: &mut State, length: f64, observer: &mut impl Observer) {
+    if !observer.displaces() {
+        return;
+    }
+    let before = state.jumps.before(&state.point.x);
+    // What laws count is whole, and exact.
+    let jumps = |i: usize| state.point.x[i] != before[i] && state.point.x[i].fract() != 0.0;
+    let moves = |i: usize| mode.x_series(i)[1] != 0.0 || jumps(i);
+    let rests = |i: usize| mode.system.is_algebraic(i) || !moves(i);
+    let size = |i: usize| {
+        state.point.x[i]
+            .abs()
+            .max(state.scales.activity[i] * length)
+    };
+    let rounding = |i: usize| {
+        if rests(i) {
+            0.0
+        } else {
+            f64::EPSILON * size(i)
+        }
+    };
+    let roundings: Vec<f64> = (0..state.point.x.len()).map(rounding).collect();
+    observer.displace(&mut state.point.x, &roundings);
+}
+
+/// A surface left tangentially is watched again once it is outside its band.
+fn disarm(mode: &mut Mode, point: &Point, bands: &mut Bands) {
+    let left = |i: usize| bands.armed[i] && point.sides[i] != Side::Slide;
+    if !(0..bands.armed.len()).any(left) {
+        return;
+    }
+    mode.move_to(point);
+    for i in 0..bands.armed.len() {
+        if bands.armed[i] && point.sides[i] != Side::Slide {
+            bands.armed[i] = mode.is_near(i, bands) || mode.is_rounding(i);
+        }
     }
 }

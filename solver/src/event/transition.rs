@@ -1,11 +1,11 @@
 //! From one mode to the next at an event: jumps, and the mode that goes on from where they lead.
 
 use super::Simulator;
-use super::jump::{JumpLaws, Met};
+use super::jump::JumpLaws;
 use crate::contact::impact::Impacts;
 use crate::event::state::State;
 use crate::hybrid::{Effect, Side, Status};
-use crate::selector::select::Selector;
+use crate::selector::select::{Met, Selector};
 
 /// Jumps at one instant before they count as endless.
 const MAX_ROUNDS: usize = 100;
@@ -22,50 +22,28 @@ impl Simulator {
         }
     }
 
-    fn impacts(&mut self) -> Impacts<'_> {
-        Impacts {
-            system: self.system.clone(),
-            mode: &mut self.mode,
-            settings: &self.settings,
-            coupling: &self.coupling,
-        }
-    }
-
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
-        self.pieces.load(&mut self.mode, state.point.t);
+        self.pieces.until = self.mode.load(state.point.t);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
         state
             .point
             .set_sides((0..state.point.sides.len()).map(relay).collect());
         let on = self.selector().place(state, horizon, &[])?;
         let t1 = state.point.t + horizon;
-        self.enter(state, on, t1)
+        self.pass(state, Met::Surfaces(on), t1)
     }
 
-    /// Takes the mode of a state that was set, which is on these surfaces.
-    pub(crate) fn enter(
-        &mut self,
-        state: &mut State,
-        on: Vec<usize>,
-        t1: f64,
-    ) -> Result<(), Status> {
-        if self.system.has_laws() {
-            self.jump_and_change(state, Met::Surfaces(on), t1)
-        } else if on.is_empty() {
-            Ok(())
-        } else {
-            self.selector().change(state, &on, t1)
+    /// Finds the mode behind what was met.
+    pub(crate) fn pass(&mut self, state: &mut State, met: Met, t1: f64) -> Result<(), Status> {
+        match self.system.has_laws() {
+            true => self.jump_and_pass(state, met, t1),
+            false => self.selector().pass(state, met, t1),
         }
     }
 
     /// Lets everything jump that jumps here, and finds the mode that goes on.
-    pub(crate) fn jump_and_change(
-        &mut self,
-        state: &mut State,
-        mut met: Met,
-        t1: f64,
-    ) -> Result<(), Status> {
+    fn jump_and_pass(&mut self, state: &mut State, mut met: Met, t1: f64) -> Result<(), Status> {
         state.jumps.begin();
         let mut last: Vec<usize> = Vec::new();
         let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
@@ -81,11 +59,7 @@ impl Simulator {
                 {
                     *on = self.selector().place_kept(state, t1 - state.point.t)?;
                 }
-                match met {
-                    Met::Surfaces(on) if on.is_empty() => {}
-                    Met::Surfaces(on) => self.selector().change(state, &on, t1)?,
-                    Met::Breakpoint(on) => self.selector().pass_breakpoint(state, &on, t1)?,
-                }
+                self.selector().pass(state, met, t1)?;
                 fired = JumpLaws::new(&mut self.mode).holding(state);
             }
             if fired.is_empty() {
@@ -100,7 +74,13 @@ impl Simulator {
                 return Err(Status::StaysInGuard { law });
             }
             JumpLaws::new(&mut self.mode).apply(state, &fired)?;
-            self.impacts().strike_all(state, &fired)?;
+            Impacts {
+                system: self.system.clone(),
+                mode: &mut self.mode,
+                settings: &self.settings,
+                coupling: &self.coupling,
+            }
+            .strike_all(state, &fired)?;
             let moves = |law: &usize| matches!(self.system.laws[*law].effect, Effect::Reset(_));
             let moves = fired.iter().any(moves);
             if moves {
@@ -125,6 +105,6 @@ impl Simulator {
         }
         self.stepper.stiffness.after_event();
         let on = self.selector().place(state, t1 - state.point.t, &[])?;
-        self.enter(state, on, t1)
+        self.pass(state, Met::Surfaces(on), t1)
     }
 }

@@ -13,6 +13,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Note, Settings, Side, Status};
+use crate::selector::select::Met;
 
 /// Events of a cycle, at most.
 const MAX_CYCLE: usize = 12;
@@ -216,7 +217,7 @@ impl Simulator {
         if slides {
             self.mode.project(state);
             let on = self.selector().place(state, t1 - time, &[])?;
-            self.enter(state, on, t1)?;
+            self.pass(state, Met::Surfaces(on), t1)?;
             slides = last
                 .switches
                 .iter()

@@ -4,7 +4,7 @@
 //! that ends on it, so that it is as accurate as a step's end.
 
 use super::radau::{Implicit, Radau, Shape, Start};
-use super::step::{Step, Stepper, Watch, first_event, met, simultaneous, verify_start};
+use super::step::{Step, Stepper, Watch, first_event, is_at_end, met, simultaneous, verify_start};
 use crate::event::state::State;
 use crate::event::state::Trial;
 use crate::events::roots::Root;
@@ -13,7 +13,6 @@ use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Bands;
 use crate::expansion::series;
-use crate::hybrid::breakpoints::is_at_end;
 use crate::hybrid::{Side, Stats, Status};
 use crate::selector::judge::ROUNDINGS;
 

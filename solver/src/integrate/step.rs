@@ -11,7 +11,6 @@ use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Bands;
 use crate::expansion::series;
-use crate::hybrid::breakpoints::is_at_end;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Settings, Status};
 use crate::selector::select::BAND;
@@ -664,4 +663,20 @@ impl Mode {
         }
         Ok(tau)
     }
+}
+
+/// An event that is closer to the end of a step, as a fraction of the step, may be there.
+const NEAR: f64 = 1e-6;
+
+/// True when an event at `tau` is not told apart from the end of its step `h`.
+pub(crate) fn is_at_end(dense: Dense, tau: f64, h: f64, watch: Watch) -> bool {
+    let at_end = match watch {
+        Watch::Surface(i) => {
+            let c = dense.psi(i);
+            series::value(c, h).abs() <= TOGETHER * series::magnitude(c, h, 0)
+        }
+        Watch::Bound(i, limit) => (series::value(dense.alpha(i), h) - limit).abs() <= TOGETHER,
+        Watch::Disc(_) => false,
+    };
+    at_end && h - tau <= NEAR * h
 }

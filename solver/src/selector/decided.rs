@@ -6,7 +6,8 @@
 //! rates, and sliding does not survive a jump of its own ψ. Relays among them may make others jump in
 //! turn; all that is due at one time happens together.
 
-use super::select::Selector;
+use super::algebraic::Initialization;
+use super::select::{Met, Selector};
 use crate::event::state::State;
 use crate::expansion::series;
 use crate::hybrid::{Role, Side, Status};
@@ -157,5 +158,57 @@ impl Selector<'_> {
         let c = mode.psi_series(relay);
         let leading = series::leading(c, h, state.bands.width[relay]);
         leading.is_some_and(|k| c[k] * state.point.sides[relay].sign() < 0.0)
+    }
+
+    /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
+    /// the same instant.
+    pub(crate) fn pass_breakpoint(
+        &mut self,
+        state: &mut State,
+        triggers: &[usize],
+        t1: f64,
+    ) -> Result<(), Status> {
+        let switches = std::mem::take(&mut self.pieces.switches);
+        self.mode.move_to(&state.point);
+        self.mode.enter_surfaces(&state.point.sides);
+        for &i in &switches {
+            self.mode.surfaces.stand_for(i, 0);
+        }
+        let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
+        self.pieces.until = self.mode.load(state.point.t);
+        self.mode
+            .measure_bands(state, &switches, t1 - state.point.t);
+        let mut open = triggers.to_vec();
+        if !switches.is_empty() {
+            let (before, psi) = (state.point.sides.clone(), self.mode.all_psi(&state.point));
+            for (&i, last) in switches.iter().zip(last) {
+                self.jump(state, i, last, psi[i], &mut open);
+                let stays = (psi[i] - last).abs() <= state.bands.width[i];
+                if stays && psi[i].abs() <= state.bands.width[i] {
+                    open.push(i);
+                }
+            }
+            self.cascade(state, &before, psi, &mut open, t1)?;
+        }
+        self.pieces.switches = switches;
+        let meets = |&&i: &&usize| {
+            (state.point.sides[i] == Side::Slide || state.bands.armed[i]) && !self.system.leads(i)
+        };
+        open.extend(self.pieces.rates.iter().filter(meets));
+        open.sort_unstable();
+        open.dedup();
+        if open.is_empty() && !Initialization::is_unsettled(self.mode, state, t1) {
+            return Ok(());
+        }
+        self.change(state, &open, t1)
+    }
+
+    /// The mode behind what was met, without jumps.
+    pub(crate) fn pass(&mut self, state: &mut State, met: Met, t1: f64) -> Result<(), Status> {
+        match met {
+            Met::Surfaces(on) if on.is_empty() => Ok(()),
+            Met::Surfaces(on) => self.change(state, &on, t1),
+            Met::Breakpoint(on) => self.pass_breakpoint(state, &on, t1),
+        }
     }
 }

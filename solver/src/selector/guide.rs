@@ -69,7 +69,7 @@ impl Simulator {
             return self.start(state, t1 - t);
         };
         state.selection.begun = true;
-        self.pieces.load(&mut self.mode, t);
+        self.pieces.until = self.mode.load(t);
         state.point.set_sides(sides.into());
         state.point.alpha.copy_from_slice(alpha);
         self.mode.enter(&state.point.sides);

@@ -2,6 +2,7 @@
 
 pub(crate) mod algebraic;
 pub(crate) mod candidates;
+pub(crate) mod closing;
 pub(crate) mod coupling;
 pub(crate) mod decided;
 #[cfg(test)]

@@ -162,7 +162,7 @@ impl Simulator {
         switch: usize,
         held: &[usize],
     ) -> Option<Vec<SlidingMode>> {
-        self.pieces.load(&mut self.mode, t);
+        self.pieces.until = self.mode.load(t);
         let mut alphas = vec![1.0; self.system.n_switches()];
         let mut sides = vec![Side::Plus; alphas.len()];
         sides[switch] = Side::Slide;

@@ -13,7 +13,6 @@ use super::coupling::Coupling;
 use super::dummy::Single;
 use super::interacting::Several;
 use super::judge::{Check, Judge, Verdict};
-use crate::event::jump::TOUCH;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
@@ -32,8 +31,20 @@ const AT_START: f64 = 2.0;
 const LATER: f64 = 4.0;
 const LEFT: f64 = 16.0;
 
+/// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
+/// by, so that bodies that graze two others at once are not taken for jammed between them.
+pub(crate) const TOUCH: f64 = 1.0 / 64.0;
+
 /// Solutions looked for where one cannot be chosen: as many as three repelling surfaces have.
 pub const MAX_NAMED: usize = 27;
+
+/// What a new mode is found for.
+pub(crate) enum Met {
+    /// Switches on their surface, or at the end of their sliding.
+    Surfaces(Vec<usize>),
+    /// New pieces of data, together with such switches.
+    Breakpoint(Vec<usize>),
+}
 
 /// A choice on one group of interacting surfaces.
 #[derive(Clone)]
