@@ -308,10 +308,7 @@ impl Departure {
         choice: &Choice,
     ) -> Vec<Departure> {
         let mut found = Vec::new();
-        let mut sides = point.sides.clone();
-        for (&i, &side) in group.iter().zip(&choice.sides) {
-            sides[i] = side;
-        }
+        let sides = point.sides_with(group, &choice.sides);
         for (at, &i) in group.iter().enumerate() {
             let Some(other) = mode.other(i) else {
                 continue;

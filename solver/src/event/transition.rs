@@ -36,9 +36,9 @@ impl Simulator {
 
     /// Finds the mode behind what was met.
     pub(crate) fn pass(&mut self, state: &mut State, met: Met, t1: f64) -> Result<(), Status> {
-        match self.system.has_laws() {
-            true => self.jump_and_pass(state, met, t1),
-            false => self.selector().pass(state, met, t1),
+        match self.system.laws.is_empty() {
+            true => self.selector().pass(state, met, t1),
+            false => self.jump_and_pass(state, met, t1),
         }
     }
 

@@ -425,10 +425,7 @@ impl Mode {
     /// Takes the switching functions on the sides of a choice: one may have a kink where another is zero, and then its
     /// rate depends on the other's side.
     pub(crate) fn enter_choice(&mut self, point: &Point, group: &[usize], choice: &[Side]) {
-        let mut sides = point.sides.clone();
-        for (&i, &side) in group.iter().zip(choice) {
-            sides[i] = side;
-        }
+        let sides = point.sides_with(group, choice);
         self.enter_surfaces(&sides);
     }
 

@@ -70,9 +70,7 @@ impl Mode {
             let switch = self.blind[at];
             self.move_to(point);
             let psi = self.psi(switch);
-            let mut sides = point.sides.clone();
-            sides[switch] = Side::of(psi);
-            point.set_sides(sides);
+            point.change_sides(&[switch], &[Side::of(psi)]);
             bands.armed[switch] = false;
         }
     }

@@ -41,6 +41,27 @@ impl Point {
         (end - self.t) - self.t_low
     }
 
+    /// The sides, with those of some switches replaced.
+    pub(crate) fn sides_with(&self, switches: &[usize], sides: &[Side]) -> Box<[Side]> {
+        let mut all = self.sides.clone();
+        for (&i, &side) in switches.iter().zip(sides) {
+            all[i] = side;
+        }
+        all
+    }
+
+    /// The sides where some more switches slide.
+    pub(crate) fn sides_sliding(&self, switches: &[usize]) -> Box<[Side]> {
+        let mut all = self.sides.clone();
+        switches.iter().for_each(|&i| all[i] = Side::Slide);
+        all
+    }
+
+    /// Puts some switches on other sides.
+    pub(crate) fn change_sides(&mut self, switches: &[usize], sides: &[Side]) {
+        self.set_sides(self.sides_with(switches, sides));
+    }
+
     /// Sets the mode, with α where it is constant.
     pub(crate) fn set_sides(&mut self, sides: Box<[Side]>) {
         for (alpha, side) in self.alpha.iter_mut().zip(&sides) {

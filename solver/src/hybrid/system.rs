@@ -224,11 +224,6 @@ impl HybridSystem {
         self.is_continuous(switch) || self.role(switch) != Role::Step
     }
 
-    /// Whether rates have roots of some ψ.
-    pub(crate) fn has_roots(&self) -> bool {
-        self.switches.iter().any(|switch| switch.has_root)
-    }
-
     /// Whether a switch may rest on its surface: rates have a root of its ψ.
     pub(crate) fn rests(&self, switch: usize) -> bool {
         self.switches[switch].has_root && self.is_continuous(switch)
@@ -258,11 +253,6 @@ impl HybridSystem {
     pub(crate) fn is_struck(&self, switch: usize) -> bool {
         let strikes = |law: &Law| matches!(law.guard, Guard::Strikes(struck) if struck == switch);
         self.laws.iter().any(strikes)
-    }
-
-    /// True for a system with laws by which it jumps.
-    pub(crate) fn has_laws(&self) -> bool {
-        !self.laws.is_empty()
     }
 }
 

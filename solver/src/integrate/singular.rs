@@ -64,7 +64,7 @@ impl Mode {
     /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are
     /// switches with roots, close to which terms grow, too. Close to a pole those below it are not moderate.
     pub(crate) fn ends_at_root(&self) -> bool {
-        let has_roots = self.system.has_roots();
+        let has_roots = self.has_roots();
         let ends = |series: &[f64]| {
             let grows = |c: &&f64| has_roots && c.is_finite();
             let moderate = |c: &&f64| c.abs() < MODERATE || grows(c);
@@ -228,6 +228,11 @@ impl Mode {
             self.memory.rows[row] = rate;
         }
         self.memory.set(point.t, &point.x, &line.alpha);
+    }
+
+    /// Whether rates have roots of some ψ.
+    pub(crate) fn has_roots(&self) -> bool {
+        self.system.switches.iter().any(|switch| switch.has_root)
     }
 }
 

@@ -103,8 +103,7 @@ impl Mode {
 
     /// What roots add to φ at a displacement of ψ by `by` from where the state is, on the side of that.
     pub(crate) fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
-        let mut sides = state.point.sides.clone();
-        sides[switch] = Side::Slide;
+        let mut sides = state.point.sides_sliding(&[switch]);
         self.enter(&sides);
         self.move_to(&state.point);
         self.surfaces.linearize(switch, &self.memory.values);
@@ -169,8 +168,7 @@ impl<'a> Rest<'a> {
         switch: usize,
         t1: f64,
     ) -> Result<Option<(usize, Side)>, Status> {
-        let mut sides = state.point.sides.clone();
-        sides[switch] = Side::Slide;
+        let sides = state.point.sides_sliding(&[switch]);
         let tolerance = self.settings.local_tolerance();
         let mode = &mut self.mode;
         mode.enter(&sides);
@@ -238,8 +236,7 @@ impl<'a> Rest<'a> {
     }
 
     fn settles(&mut self, state: &mut State, switch: usize) -> Option<Settling> {
-        let mut sides = state.point.sides.clone();
-        sides[switch] = Side::Slide;
+        let mut sides = state.point.sides_sliding(&[switch]);
         let mode = &mut self.mode;
         mode.enter(&sides);
         let mut alpha = state.point.alpha.clone();
@@ -302,8 +299,7 @@ pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Opti
         if rate * side.sign() >= 0.0 {
             continue;
         }
-        let mut sides = state.point.sides.clone();
-        sides[i] = Side::Slide;
+        let sides = state.point.sides_sliding(&[i]);
         mode.enter(&sides);
         let smooth = mode.rate_from(i, t, &x, &state.point.alpha);
         let at_rest = mode.f().to_vec();

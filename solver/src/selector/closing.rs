@@ -48,8 +48,7 @@ pub(crate) struct Closing<'a> {
 impl Closing<'_> {
     /// How a contact moves on without a force of its own.
     pub(crate) fn bent(&mut self, point: &mut Point, switch: usize) -> Bent {
-        let mut sides = point.sides.clone();
-        sides[switch] = Side::Slide;
+        let sides = point.sides_sliding(&[switch]);
         self.mode.enter(&sides);
         let mode = &mut self.mode;
         mode.surfaces.stand_for(switch, 1);

@@ -120,9 +120,7 @@ impl Selector<'_> {
                 open.push(i);
             } else {
                 open.retain(|&other| other != i);
-                let mut sides = state.point.sides.clone();
-                sides[i] = Side::of(psi);
-                state.point.set_sides(sides);
+                state.point.change_sides(&[i], &[Side::of(psi)]);
             }
         }
     }

@@ -68,9 +68,7 @@ fn take(state: &mut State, switch: usize, end: End, (modes, folds): (Vec<Sliding
         End::Slides(alpha) => (Side::Slide, alpha),
         End::Leaves(side) => (side, 0.5 + 0.5 * side.sign()),
     };
-    let mut sides = state.point.sides.clone();
-    sides[switch] = side;
-    state.point.set_sides(sides);
+    state.point.change_sides(&[switch], &[side]);
     state.point.alpha[switch] = alpha;
     state.selection.entry[switch] = Entry::Present;
     state.selection.decisions.push(Decision {
@@ -251,8 +249,7 @@ impl<'a> Single<'a> {
 
     /// Moves to where α of a switch on its surface is to be varied.
     pub(crate) fn look_at(&mut self, point: &Point, switch: usize) {
-        let mut sides = point.sides.clone();
-        sides[switch] = Side::Slide;
+        let sides = point.sides_sliding(&[switch]);
         self.mode.enter(&sides);
         self.mode.focus(point.t, &point.x, &point.alpha, &[switch]);
     }

@@ -327,10 +327,7 @@ impl<'a> Several<'a> {
             verdict.is_some_and(|verdict| verdict.agrees)
         };
         let found = [way, slides].into_iter().find(|way| agrees(way));
-        let mut sides = state.point.sides.clone();
-        for &i in group {
-            sides[i] = Side::Slide;
-        }
+        let sides = state.point.sides_sliding(group);
         self.mode.enter(&sides);
         self.mode
             .focus(state.point.t, &state.point.x, &state.point.alpha, group);
@@ -390,11 +387,7 @@ impl<'a> Several<'a> {
                 folds: folded == Some(i),
             });
         }
-        let mut sides = state.point.sides.clone();
-        for (&i, &side) in group.iter().zip(chosen) {
-            sides[i] = side;
-        }
-        state.point.set_sides(sides);
+        state.point.change_sides(group, chosen);
         for (&i, &a) in group.iter().zip(alpha) {
             state.point.alpha[i] = a;
             state.selection.entry[i] = Entry::Present;

@@ -136,10 +136,7 @@ impl<'a> Judge<'a> {
         mode.vary(&alpha);
         mode.linearize(group);
         let mut tie = false;
-        let mut sides = point.sides.clone();
-        for (&i, &side) in group.iter().zip(&choice.sides) {
-            sides[i] = side;
-        }
+        let sides = point.sides_with(group, &choice.sides);
         for (at, &i) in group.iter().enumerate() {
             if mode.is_idle(i, &sides) {
                 continue;
@@ -314,7 +311,7 @@ impl<'a> Judge<'a> {
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
         // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
-        let is_smooth = match (root, mode.system.has_roots()) {
+        let is_smooth = match (root, mode.has_roots()) {
             (Some(_), _) => mode.cut_short(2),
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };

@@ -440,11 +440,7 @@ impl Selector<'_> {
         choice: &Choice,
         settling: Vec<Settling>,
     ) {
-        let mut sides = state.point.sides.clone();
-        for (&i, &side) in group.iter().zip(&choice.sides) {
-            sides[i] = side;
-        }
-        state.point.set_sides(sides);
+        state.point.change_sides(group, &choice.sides);
         for (&i, &alpha) in group.iter().zip(&choice.alpha) {
             state.point.alpha[i] = alpha;
         }
@@ -591,9 +587,7 @@ impl Selector<'_> {
             let before = state.point.sides.clone();
             for &(i, wanted) in &roots {
                 let side = Rest::new(self.mode, self.settings).decide(state, i, wanted, t1)?;
-                let mut sides = state.point.sides.clone();
-                sides[i] = side;
-                state.point.set_sides(sides);
+                state.point.change_sides(&[i], &[side]);
             }
             if state.point.sides == before {
                 break;
@@ -616,12 +610,13 @@ impl Selector<'_> {
             let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
             self.mode.measure_bands(state, &entries, t1 - state.point.t);
             let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
-            let mut sides = state.point.sides.clone();
-            sides[slip] = match other {
-                Some(_) => Side::Plus,
-                None => Side::of(speeds[0]),
-            };
-            state.point.set_sides(sides);
+            state.point.change_sides(
+                &[slip],
+                &[match other {
+                    Some(_) => Side::Plus,
+                    None => Side::of(speeds[0]),
+                }],
+            );
             let mut all = entries.iter().zip(&speeds);
             if all.all(|(&i, speed)| speed.abs() <= state.bands.width[i]) && !on.contains(&slip) {
                 on.push(slip);
