@@ -12,8 +12,7 @@ use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Bands;
-use crate::expansion::scales::Scales;
+use crate::expansion::scales::{Bands, Scales};
 use crate::expansion::series;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Side};
@@ -119,13 +118,13 @@ impl Mode {
     pub(crate) fn keeps_off(&mut self, switch: usize, h: f64) -> bool {
         let all = [Some(switch), self.other(switch)];
         all.into_iter().flatten().any(|i| {
-            let (values, reach) = (&self.memory.values, &self.reach);
+            let (values, reach) = (&self.memory.values, &self.monitored.reach);
             self.surfaces.stays_away(i, values, reach, h)
         })
     }
 
     /// ψ where the point is, or w·d.
-    pub(crate) fn watched_psi(&mut self, switch: usize) -> f64 {
+    pub(crate) fn monitored_psi(&mut self, switch: usize) -> f64 {
         match self.discs.of[switch]
             .as_ref()
             .map(|disc| (disc.other, disc.direction))
@@ -145,7 +144,7 @@ impl Mode {
     }
 
     /// Whether what is watched is affine in time and states.
-    pub(crate) fn is_watched_affine(&self, switch: usize) -> bool {
+    pub(crate) fn is_monitored_affine(&self, switch: usize) -> bool {
         let all = [Some(switch), self.other(switch)];
         all.into_iter()
             .flatten()
@@ -229,7 +228,7 @@ impl Mode {
 
     /// Changes what each w is made of by a share of itself, in the way that turns w/|w| most.
     pub(crate) fn perturb_directions(&mut self) {
-        let by = self.perturbation;
+        let by = self.terms.share;
         for i in 0..self.discs.of.len() {
             let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
                 continue;
@@ -241,7 +240,7 @@ impl Mode {
                 let states = self.surfaces.gradient(k).iter();
                 for (at, g) in time.chain(states.map(|&(j, g)| (1 + j, g))) {
                     let input = self.memory.values[at];
-                    self.perturbed[at] = input + by * input.abs() * (across * g).signum();
+                    self.terms.perturbed[at] = input + by * input.abs() * (across * g).signum();
                 }
             }
         }
@@ -300,7 +299,7 @@ impl Mode {
     /// A step of h, or a shorter one away from rest. The series of w/|w| converges for |w|/|w'|, and beyond that what is
     /// small next to the states may turn w.
     pub(crate) fn leaves_rest(&self, tolerance: f64, bands: &Bands, h: f64) -> f64 {
-        self.watched.iter().fold(h, |h, &i| {
+        self.monitored.switches.iter().fold(h, |h, &i| {
             let lost = bands.width[i] * STOPS.max(TURNS * tolerance / BAND);
             match self.series_along(i) {
                 Some([speed, rate, ..]) if *rate > 0.0 && *speed <= lost => {

@@ -16,7 +16,7 @@ const ROUNDS: usize = 12;
 
 impl Mode {
     /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
-    pub(crate) fn sight(&mut self) -> f64 {
+    pub(crate) fn prediction_horizon(&mut self) -> f64 {
         let mut entries = Vec::new();
         self.jacobian(|row, column, value: f64| {
             entries.push((row, column, value.abs()));

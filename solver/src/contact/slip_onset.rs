@@ -393,7 +393,7 @@ impl Stepper {
     ) -> Option<Step> {
         let (order, tolerance) = (mode.order, self.local_tolerance);
         let remaining = state.point.remaining(goal);
-        mode.blind.clear();
+        mode.monitored.unobserved.clear();
         let longest = t1 - state.point.t;
         if !mode.expand_departures(state, &state.point.alpha, departures, tolerance, longest) {
             return None;
@@ -407,7 +407,7 @@ impl Stepper {
         // more than those terms.
         let mut is_shown = h > LEAST * remaining;
         let h = if is_shown { h } else { remaining };
-        let h = mode.watch(tolerance, &state.scales, &mut state.bands, h);
+        let h = mode.monitor(tolerance, &state.scales, &mut state.bands, h);
         let mut h = self.coefficients.expand(mode, tolerance, h);
         for _ in 0..MAX_HALVINGS {
             if h < remaining && state.point.t + h <= state.point.t {

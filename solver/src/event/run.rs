@@ -1,8 +1,7 @@
 //! The loop of a run: step, event, next mode.
 
 use super::{Event, Observer, Segment, Simulator};
-use crate::event::state::Report;
-use crate::event::state::State;
+use crate::event::state::{Report, State};
 use crate::events::simultaneous::Simultaneous;
 use crate::events::{Approach, chattering, zeno};
 use crate::expansion::mode::Mode;
@@ -265,7 +264,8 @@ impl Simulator {
         if step.length > 0.0 && observer.segment(&segment).is_break() {
             return Err(Status::Stopped);
         }
-        self.mode.look_again(&mut state.point, &mut state.bands);
+        self.mode
+            .take_unobserved(&mut state.point, &mut state.bands);
         if let Some(status) = step.ends.take() {
             return Err(status);
         }
@@ -459,7 +459,7 @@ fn displace(mode: &Mode, state: &mut State, length: f64, observer: &mut impl Obs
     observer.displace(&mut state.point.x, &roundings);
 }
 
-/// A surface left tangentially is watched again once it is outside its band.
+/// A surface left tangentially is monitored again once it is outside its band.
 fn disarm(mode: &mut Mode, point: &Point, bands: &mut Bands) {
     let left = |i: usize| bands.armed[i] && point.sides[i] != Side::Slide;
     if !(0..bands.armed.len()).any(left) {

@@ -6,9 +6,7 @@
 //! there by the same |f⁺ - f⁻| δ, however accurate its steps are.
 
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Bands;
-use crate::expansion::scales::Scales;
-use crate::expansion::scales::refill;
+use crate::expansion::scales::{Bands, Scales, refill};
 use crate::expansion::series;
 use crate::hybrid::Side;
 

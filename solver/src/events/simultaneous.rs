@@ -139,7 +139,7 @@ impl Simultaneous<'_> {
     /// numbers before: two of them are two.
     fn is_one(&mut self, state: &State, both: [usize; 2]) -> bool {
         let mode = &mut *self.selector.mode;
-        if both.iter().all(|&i| mode.is_watched_affine(i)) {
+        if both.iter().all(|&i| mode.is_monitored_affine(i)) {
             return false;
         }
         mode.move_to(&state.point);

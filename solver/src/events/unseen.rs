@@ -84,7 +84,7 @@ impl Unseen {
         self.suspects.clear();
         let blocks = mode.field.hiding().iter().map(|(block, _)| *block);
         self.suspects.extend(blocks.map(Suspect::Rates));
-        let surfaces = mode.watched.iter().copied();
+        let surfaces = mode.monitored.switches.iter().copied();
         self.suspects.extend(surfaces.map(Suspect::Surface));
         self.suspects.dedup();
     }
@@ -105,7 +105,7 @@ impl Unseen {
                 self.suspects.push(suspect);
             }
         }
-        for &i in mode.watched.iter().chain(&mode.sliding) {
+        for &i in mode.monitored.switches.iter().chain(&mode.sliding) {
             if mode.surfaces.now(i).may_hide(memory, length, n) {
                 self.suspects.push(Suspect::Surface(i));
             }

@@ -16,8 +16,8 @@ use super::layout::Memory;
 use super::sliding::Sliding;
 use super::surfaces::Surfaces;
 use crate::contact::friction_disk::Discs;
-use crate::expansion::step_size::Probed;
-use crate::expansion::unobserved;
+use crate::expansion::step_size::{Probed, Terms};
+use crate::expansion::unobserved::Monitored;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Side, Status};
@@ -45,26 +45,10 @@ pub(crate) struct Mode {
     pub(crate) discs: Discs,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
-    /// Whether functions of any sides have been taken.
-    entered: bool,
-    /// Size of the terms of f at the expansion point, which may cancel.
-    pub terms: Vec<f64>,
-    /// Inputs next to those of the expansion point, and by what share they differ.
-    pub perturbed: Vec<f64>,
-    /// Others: terms that happen to cancel once do not do so twice.
-    pub(crate) perturbed_again: Vec<f64>,
-    pub(crate) perturbation: f64,
-    /// f where these turn what slips in a plane.
-    pub(crate) turned: Vec<f64>,
-    /// Switches off their surface whose ψ might vanish within the step.
-    pub watched: Vec<usize>,
-    /// Switches that nothing but outputs looks at, and those of them without a series within the step.
-    pub(crate) observers: Vec<bool>,
-    pub blind: Vec<usize>,
+    pub terms: Terms,
+    pub monitored: Monitored,
     /// What projections of contacts take.
     pub(crate) mend: crate::contact::stabilization::Mend,
-    /// How far each state may move within the step.
-    pub reach: Vec<f64>,
     /// Switches of slip velocities that set off from rest within the step.
     pub(crate) departing: Vec<usize>,
     focus: Focus,
@@ -106,17 +90,9 @@ impl Mode {
             still: vec![false; n],
             discs: Discs::new(system),
             arranged: false,
-            entered: false,
-            terms: vec![0.0; n],
-            perturbed: Vec::new(),
-            perturbed_again: Vec::new(),
-            perturbation: 0.0,
-            turned: vec![0.0; n],
-            watched: Vec::new(),
-            observers: unobserved::observers(system),
-            blind: Vec::new(),
+            terms: Terms::new(n),
+            monitored: Monitored::new(system),
             mend: crate::contact::stabilization::Mend::default(),
-            reach: vec![0.0; n],
             departing: Vec::new(),
             focus: Focus::default(),
             probed: Probed::new(n),
@@ -127,12 +103,13 @@ impl Mode {
 
     /// Takes the functions of these sides.
     pub(crate) fn enter(&mut self, sides: &[Side]) {
+        let entered = self.field.n_functions > 0;
         self.enter_surfaces(sides);
         self.surfaces.stand(sides);
-        if self.entered && *self.sides == *sides {
+        if entered && *self.sides == *sides {
             return;
         }
-        if self.entered {
+        if entered {
             for (i, side) in sides.iter().enumerate() {
                 if self.sides[i] != *side {
                     for at in 0..self.field.of_switch(i).len() {
@@ -147,7 +124,6 @@ impl Mode {
                 let functions = &mut self.library;
                 self.field.enter(functions, &mut self.memory, block, sides);
             }
-            self.entered = true;
         }
         self.sides.copy_from_slice(sides);
         self.sliding.clear();
@@ -409,7 +385,7 @@ impl Mode {
         self.row(self.memory.alpha(switch))
     }
 
-    /// Series of ψ of a switch, or of what is watched of two entries, after `expand_psi`.
+    /// Series of ψ of a switch, or of what is monitored of two entries, after `expand_psi`.
     pub(crate) fn psi_series(&self, switch: usize) -> &[f64] {
         let along = self.series_along(switch);
         along.unwrap_or_else(|| self.row(self.surfaces.row(switch)))

@@ -1,14 +1,13 @@
 //! Length of a step, and what its series are worth at the end and on the way.
 
-use crate::expansion::scales::Bands;
-use crate::expansion::scales::Scales;
+use crate::expansion::scales::{Bands, Scales};
 use crate::hybrid::point::Point;
 use wide::f64x4;
 
 use super::layout::Memory;
 use super::mode::Mode;
 use super::series;
-use crate::hybrid::Side;
+use crate::hybrid::{HybridSystem, Side};
 
 /// Lengths tried before a step is as long as its series allow, and how close to that it ends.
 const MAX_GROWTHS: usize = 200;
@@ -99,60 +98,59 @@ pub(crate) struct Defect {
     pub switches_agree: bool,
 }
 
-impl Mode {
-    /// Measures Σ |∂f/∂(t, x, α)|·|(t, x, α)| of every rate, as one perturbation of all inputs by
-    /// different amounts shows it: the size of its terms, which may cancel, and with it its rounding
-    /// error.
-    pub(crate) fn measure_terms(&mut self, scales: &mut Scales, bands: &mut Bands) {
-        self.terms.copy_from_slice(&self.field.f);
-        self.perturb_twice(PERTURBATION);
-        if self.has_discs() {
-            let turns = self.measure_directions(bands);
-            if turns * PERTURBATION > TURN {
-                self.perturb_twice((TURN / turns).max(LEAST_PERTURBATION));
-            }
-            self.perturbed.clone_from(&self.perturbed_again);
-            self.perturb_directions();
-            self.field.eval(&self.perturbed);
-            self.turned.copy_from_slice(&self.field.f);
-            self.perturb(GOLDEN);
-        } else {
-            self.turned.copy_from_slice(&self.terms);
-        }
-        self.field.eval(&self.perturbed);
-        let changed = self.field.f.iter().zip(&self.turned);
-        for (term, (perturbed, turned)) in self.terms.iter_mut().zip(changed) {
-            let change = (perturbed - *term).abs().max((turned - *term).abs());
-            let size = change / self.perturbation;
-            *term = if size.is_finite() { size } else { 0.0 };
-        }
-        self.forget_directions(scales);
-        for (activity, &now) in scales.activity.iter_mut().zip(&self.terms) {
-            *activity = activity.max(now);
+/// Sizes of the terms of rates at the expansion point, which may cancel, as changes of all inputs show them.
+pub(crate) struct Terms {
+    /// Of every f_i.
+    pub of_rates: Vec<f64>,
+    /// Inputs next to those of the expansion point, and others: terms that happen to cancel once do not do so twice.
+    pub perturbed: Vec<f64>,
+    pub perturbed_again: Vec<f64>,
+    /// By what share they differ.
+    pub share: f64,
+    /// f where these turn what slips in a plane.
+    turned: Vec<f64>,
+}
+
+impl Terms {
+    /// None known of n rates.
+    pub(crate) fn new(n: usize) -> Self {
+        Terms {
+            of_rates: vec![0.0; n],
+            perturbed: Vec::new(),
+            perturbed_again: Vec::new(),
+            share: 0.0,
+            turned: vec![0.0; n],
         }
     }
 
-    /// Changes all inputs by about a share of themselves in two ways: terms that happen to cancel once do not do so twice.
-    fn perturb_twice(&mut self, by: f64) {
-        self.perturbation = by;
-        self.perturb(SILVER);
+    /// Changes all inputs by about a share of themselves in two ways.
+    fn perturb_twice(
+        &mut self,
+        by: f64,
+        memory: &Memory,
+        sliding: &[usize],
+        system: &HybridSystem,
+    ) {
+        self.share = by;
+        self.perturb(SILVER, memory, sliding, system);
         self.perturbed_again.clone_from(&self.perturbed);
-        self.perturb(GOLDEN);
+        self.perturb(GOLDEN, memory, sliding, system);
     }
 
     /// Changes no two inputs alike: by multiples of an irrational number.
-    fn perturb(&mut self, number: f64) {
-        let by = self.perturbation;
-        self.perturbed.clone_from(&self.memory.values);
+    fn perturb(&mut self, number: f64, memory: &Memory, sliding: &[usize], system: &HybridSystem) {
+        let by = self.share;
+        self.perturbed.clone_from(&memory.values);
         let mut share = 0.0_f64;
         let mut perturb = |input: &mut f64| {
             share = (share + number).fract();
             *input *= 1.0 + by * (2.0 * share - 1.0).signum() * (0.5 + share);
         };
-        self.perturbed[..=self.n].iter_mut().for_each(&mut perturb);
-        for &i in &self.sliding {
-            let alpha = &mut self.perturbed[1 + self.n + i];
-            match self.system.is_unilateral(i) && alpha.abs() < 0.5 {
+        let n = memory.n_states;
+        self.perturbed[..=n].iter_mut().for_each(&mut perturb);
+        for &i in sliding {
+            let alpha = &mut self.perturbed[1 + n + i];
+            match system.is_unilateral(i) && alpha.abs() < 0.5 {
                 // A force is 1 - α, and no smaller where α is.
                 true => {
                     let mut force = 1.0 - *alpha;
@@ -163,11 +161,52 @@ impl Mode {
             }
         }
     }
+}
+
+impl Mode {
+    /// Measures Σ |∂f/∂(t, x, α)|·|(t, x, α)| of every rate, as one perturbation of all inputs by
+    /// different amounts shows it: the size of its terms, which may cancel, and with it its rounding
+    /// error.
+    pub(crate) fn measure_terms(&mut self, scales: &mut Scales, bands: &mut Bands) {
+        self.terms.of_rates.copy_from_slice(&self.field.f);
+        self.terms
+            .perturb_twice(PERTURBATION, &self.memory, &self.sliding, &self.system);
+        if self.has_discs() {
+            let turns = self.measure_directions(bands);
+            if turns * PERTURBATION > TURN {
+                self.terms.perturb_twice(
+                    (TURN / turns).max(LEAST_PERTURBATION),
+                    &self.memory,
+                    &self.sliding,
+                    &self.system,
+                );
+            }
+            self.terms.perturbed.clone_from(&self.terms.perturbed_again);
+            self.perturb_directions();
+            self.field.eval(&self.terms.perturbed);
+            self.terms.turned.copy_from_slice(&self.field.f);
+            self.terms
+                .perturb(GOLDEN, &self.memory, &self.sliding, &self.system);
+        } else {
+            self.terms.turned.copy_from_slice(&self.terms.of_rates);
+        }
+        self.field.eval(&self.terms.perturbed);
+        let changed = self.field.f.iter().zip(&self.terms.turned);
+        for (term, (perturbed, turned)) in self.terms.of_rates.iter_mut().zip(changed) {
+            let change = (perturbed - *term).abs().max((turned - *term).abs());
+            let size = change / self.terms.share;
+            *term = if size.is_finite() { size } else { 0.0 };
+        }
+        self.forget_directions(scales);
+        for (activity, &now) in scales.activity.iter_mut().zip(&self.terms.of_rates) {
+            *activity = activity.max(now);
+        }
+    }
 
     /// Size of the terms of ψ of a switch where the point is.
     pub(crate) fn measure_terms_of_psi(&mut self, switch: usize, bands: &mut Bands) {
-        let perturbed = [&self.perturbed[..], &self.perturbed_again];
-        let (values, share) = (&self.memory.values, self.perturbation);
+        let perturbed = [&self.terms.perturbed[..], &self.terms.perturbed_again];
+        let (values, share) = (&self.memory.values, self.terms.share);
         let terms = self.surfaces.terms(switch, values, perturbed, share);
         // No change of its inputs shows what cancels within a ψ that is zero.
         bands.terms[switch] = match bands.armed[switch] && self.is_plain(switch) {
@@ -223,7 +262,7 @@ impl Mode {
     /// Size of the terms of φ of a sliding switch at the expansion point.
     fn terms_of_rate(&self, switch: usize) -> f64 {
         self.weigh(switch, |state| {
-            self.terms[state].max(self.rate_series(state)[0].abs())
+            self.terms.of_rates[state].max(self.rate_series(state)[0].abs())
         })
     }
 
@@ -265,19 +304,19 @@ impl Mode {
     /// No state moves by more than R_j = Σ_k |x_{j,k}| hᵏ from k = 1. An enclosure of ψ over this box,
     /// Σ |c_j| R_j around its value where it is affine, that does not hold zero proves that ψ has no
     /// root.
-    pub(crate) fn watch(
+    pub(crate) fn monitor(
         &mut self,
         tolerance: f64,
         scales: &Scales,
         bands: &mut Bands,
         h: f64,
     ) -> f64 {
-        self.watched.clear();
+        self.monitored.switches.clear();
         if self.sides.len() == self.sliding.len() {
             return h;
         }
         for i in 0..self.n {
-            self.reach[i] = series::reach(self.x_series(i), h);
+            self.monitored.reach[i] = series::reach(self.x_series(i), h);
         }
         let mut curved = false;
         for i in 0..self.sides.len() {
@@ -286,22 +325,22 @@ impl Mode {
                 continue;
             }
             self.expand_psi(i, bands);
-            if self.is_blind(i) {
-                self.blind.push(i);
+            if self.is_unobserved(i) {
+                self.monitored.unobserved.push(i);
                 continue;
             }
             if !self.system.sides_agree(i) || bands.armed[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
-            self.watched.push(i);
-            curved |= !self.is_watched_affine(i);
+            self.monitored.switches.push(i);
+            curved |= !self.is_monitored_affine(i);
         }
         let shorter = match curved {
             true => self.step_size_of_psi(tolerance, bands, h),
             false => h,
         };
         if self.is_too_short(scales, shorter) {
-            self.look_away();
+            self.stop_monitoring();
             return self.step_size_of_psi(tolerance, bands, h);
         }
         shorter
@@ -317,11 +356,11 @@ impl Mode {
     }
 
     /// The largest step up to `longest` whose first neglected terms stay below `tolerance` times
-    /// the magnitude of every ψ that is watched.
+    /// the magnitude of every ψ that is monitored.
     pub(crate) fn step_size_of_psi(&self, tolerance: f64, bands: &Bands, longest: f64) -> f64 {
         self.grow(tolerance, longest, |h, last| {
-            for &i in &self.watched {
-                if !self.is_watched_affine(i) {
+            for &i in &self.monitored.switches {
+                if !self.is_monitored_affine(i) {
                     let rounding = 8.0 * f64::EPSILON * bands.terms[i];
                     let c = self.psi_series(i);
                     let scale = series::magnitude(c, h, 0).max(rounding / tolerance);
@@ -366,7 +405,7 @@ impl Mode {
     }
 
     /// A step in relation to the time scale of the solution, which the curvature of the states, α and
-    /// watched ψ shows: for c₂ h² = size it is 1.
+    /// monitored ψ shows: for c₂ h² = size it is 1.
     pub(crate) fn motion(&self, scales: &Scales, bands: &Bands, h: f64) -> f64 {
         let curved = |c: &[f64], size: f64| {
             let bend = c[2].abs() * h * h;
@@ -380,8 +419,8 @@ impl Mode {
             .map(|&i| curved(self.alpha_series(i), 1.0));
         // A ψ that starts at its surface is no larger than its states make it.
         let size = |i: usize| self.weigh(i, |j| scales.largest[j]).max(bands.terms[i]);
-        let watched = self.watched.iter();
-        let psis = watched.map(|&i| curved(self.psi_series(i), size(i)));
+        let monitored = self.monitored.switches.iter();
+        let psis = monitored.map(|&i| curved(self.psi_series(i), size(i)));
         states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()
     }
 
@@ -412,7 +451,7 @@ impl Mode {
                 }
             }
         }
-        if !self.sliding.is_empty() || !self.watched.is_empty() {
+        if !self.sliding.is_empty() || !self.monitored.switches.is_empty() {
             for (k, probe) in PROBES.iter().enumerate() {
                 self.take_probe(k);
                 let at = probe * tau;
@@ -483,7 +522,7 @@ impl Mode {
         }
     }
 
-    /// True when at the point φ_K vanishes and every other ψ that is watched has the value of its
+    /// True when at the point φ_K vanishes and every other ψ that is monitored has the value of its
     /// series, `at` after the start of a step `tau`, up to `allowed`. An affine ψ has it anyway.
     pub(crate) fn switches_agree(
         &mut self,
@@ -512,12 +551,12 @@ impl Mode {
                 return false;
             }
         }
-        for k in 0..self.watched.len() {
-            let i = self.watched[k];
-            if self.is_watched_affine(i) {
+        for k in 0..self.monitored.switches.len() {
+            let i = self.monitored.switches[k];
+            if self.is_monitored_affine(i) {
                 continue;
             }
-            let psi = self.watched_psi(i);
+            let psi = self.monitored_psi(i);
             let c = self.psi_series(i);
             let size = series::magnitude(c, tau, 0);
             let difference = (series::value(c, at) - psi).abs();

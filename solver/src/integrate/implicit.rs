@@ -5,8 +5,7 @@
 
 use super::radau::{Implicit, Radau, Shape, Start};
 use super::step::{Step, Stepper, Watch, first_event, is_at_end, met, simultaneous, verify_start};
-use crate::event::state::State;
-use crate::event::state::Trial;
+use crate::event::state::{State, Trial};
 use crate::events::roots::Root;
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
@@ -40,7 +39,7 @@ pub(crate) struct Workspace {
     /// α of all switches at the point.
     alphas: Vec<f64>,
     y: Vec<f64>,
-    /// Polynomials of the ψ that are watched, one after another.
+    /// Polynomials of the ψ that are monitored, one after another.
     psi: Vec<f64>,
     /// Their values at the start and the nodes.
     values: Vec<f64>,
@@ -112,7 +111,7 @@ impl Stepper {
             let Ok(h) = radau.step(&mut stiff, start, remaining) else {
                 return Ok(None);
             };
-            stiff.mode.watch_along(radau, start, &mut state.bands);
+            stiff.mode.monitor_along(radau, start, &mut state.bands);
             let mut seen = stiff
                 .mode
                 .is_faithful(radau, start, &state.bands, tolerance)
@@ -136,7 +135,7 @@ impl Stepper {
                         Some(tau) => length = tau,
                         None => seen = false,
                     }
-                    stiff.mode.watch_along(radau, start, &mut state.bands);
+                    stiff.mode.monitor_along(radau, start, &mut state.bands);
                 }
                 let dense = Dense::Collocation(stiff.mode, radau);
                 let reach = radau.reach();
@@ -153,12 +152,12 @@ impl Stepper {
                 radau.limit_next(0.5 * h);
                 continue;
             }
-            // What is not watched any more since the step ends earlier does not come close.
+            // What is not monitored any more since the step ends earlier does not come close.
             state
                 .approaches
                 .close
-                .retain(|(i, _)| mode.watched.contains(i));
-            let met = met(event).filter(|(i, _)| mode.watched.contains(i));
+                .retain(|(i, _)| mode.monitored.switches.contains(i));
+            let met = met(event).filter(|(i, _)| mode.monitored.switches.contains(i));
             let dense = Dense::Collocation(mode, radau);
             mode.note_approaches(dense, state, length, met, closeness);
             accept(state, radau, h);
@@ -212,9 +211,9 @@ impl Mode {
         self.n + self.sliding.partition_point(|&i| i < switch)
     }
 
-    /// The polynomial of a ψ that is watched.
+    /// The polynomial of a ψ that is monitored.
     pub(crate) fn interpolant(&self, switch: usize, degree: usize) -> &[f64] {
-        let place = self.watched.partition_point(|&i| i < switch);
+        let place = self.monitored.switches.partition_point(|&i| i < switch);
         &self.implicit.psi[place * (degree + 1)..][..=degree]
     }
 
@@ -239,8 +238,8 @@ impl Mode {
         start.scales.extend_from_slice(&state.scales.largest);
         start.scales.resize(start.y.len(), 1.0);
         start.terms.clear();
-        start.terms.extend_from_slice(&self.terms);
-        let size = |state: usize| self.terms[state].max(self.field.f[state].abs());
+        start.terms.extend_from_slice(&self.terms.of_rates);
+        let size = |state: usize| self.terms.of_rates[state].max(self.field.f[state].abs());
         let rates = self.sliding.iter().map(|&i| self.weigh(i, size));
         start.terms.extend(rates);
         self.implicit.alphas.clone_from(&state.point.alpha);
@@ -263,31 +262,32 @@ impl Mode {
 
     /// Looks for the switches off their surface that may reach it within the step solved last, and
     /// interpolates their ψ.
-    fn watch_along(&mut self, radau: &Radau, start: &Start, bands: &mut Bands) {
+    fn monitor_along(&mut self, radau: &Radau, start: &Start, bands: &mut Bands) {
         let (h, s) = (radau.reach(), radau.degree());
-        self.watched.clear();
-        self.blind.clear();
+        self.monitored.switches.clear();
+        self.monitored.unobserved.clear();
         for i in 0..self.n {
-            self.reach[i] = series::reach(radau.series(i), h);
+            self.monitored.reach[i] = series::reach(radau.series(i), h);
         }
         self.place(start.t, &start.y);
-        for watched in 0..self.sides.len() {
-            let is_off = self.sides[watched] != Side::Slide && !self.is_idle(watched, &self.sides);
-            if !is_off || self.keeps_off(watched, h) {
+        for monitored in 0..self.sides.len() {
+            let is_off =
+                self.sides[monitored] != Side::Slide && !self.is_idle(monitored, &self.sides);
+            if !is_off || self.keeps_off(monitored, h) {
                 continue;
             }
-            self.watched.push(watched);
-            self.aim(watched);
-            for i in std::iter::once(watched).chain(self.other(watched)) {
+            self.monitored.switches.push(monitored);
+            self.aim(monitored);
+            for i in std::iter::once(monitored).chain(self.other(monitored)) {
                 if !self.system.sides_agree(i) {
                     self.surfaces.linearize(i, &self.memory.values);
                 }
                 self.measure_terms_of_psi(i, bands);
             }
         }
-        let n_watched = self.watched.len();
-        self.implicit.values.resize(n_watched * (s + 1), 0.0);
-        self.implicit.psi.resize(n_watched * (s + 1), 0.0);
+        let n_monitored = self.monitored.switches.len();
+        self.implicit.values.resize(n_monitored * (s + 1), 0.0);
+        self.implicit.psi.resize(n_monitored * (s + 1), 0.0);
         let mut y = std::mem::take(&mut self.implicit.y);
         y.clone_from(&start.y);
         for node in 0..=s {
@@ -298,8 +298,9 @@ impl Mode {
                 }
                 self.place(start.t + radau.tableau().nodes[node - 1] * h, &y);
             }
-            for at in 0..n_watched {
-                self.implicit.values[at * (s + 1) + node] = self.watched_psi(self.watched[at]);
+            for at in 0..n_monitored {
+                self.implicit.values[at * (s + 1) + node] =
+                    self.monitored_psi(self.monitored.switches[at]);
             }
         }
         self.implicit.y = y;
@@ -312,7 +313,7 @@ impl Mode {
         }
     }
 
-    /// True when every ψ that is watched has the value of its polynomial at the probes of the step.
+    /// True when every ψ that is monitored has the value of its polynomial at the probes of the step.
     fn is_faithful(&mut self, radau: &Radau, start: &Start, bands: &Bands, tolerance: f64) -> bool {
         let h = radau.reach();
         let mut probes = 0..radau.tableau().probes.len();
@@ -339,9 +340,9 @@ impl Mode {
         }
         self.place(start.t + tau, &y);
         self.implicit.y = y;
-        (0..self.watched.len()).all(|at| {
-            let i = self.watched[at];
-            let psi = self.watched_psi(i);
+        (0..self.monitored.switches.len()).all(|at| {
+            let i = self.monitored.switches[at];
+            let psi = self.monitored_psi(i);
             let polynomial = self.interpolant(i, s);
             let (terms, magnitude) = (bands.terms[i], series::magnitude(polynomial, h, 0));
             let value = series::value(polynomial, tau);

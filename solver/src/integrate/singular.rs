@@ -288,7 +288,7 @@ impl Stepper {
             };
             let line = found.line;
             mode.lay(&state.point, &line);
-            mode.watch(tolerance, &state.scales, &mut state.bands, line.length);
+            mode.monitor(tolerance, &state.scales, &mut state.bands, line.length);
             mode.take_scales(&found.sizes);
             self.unseen.suspect_all(mode);
             if found.is_shortest || self.unseen.vouches(mode, state, line.length, allowed) {

@@ -17,8 +17,7 @@ use super::singular::Line;
 use super::step::Step;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Bands;
-use crate::expansion::scales::Scales;
+use crate::expansion::scales::{Bands, Scales};
 use crate::expansion::series;
 use crate::hybrid::{Settings, Side, Status};
 use crate::selector::select::BAND;
@@ -181,9 +180,9 @@ impl<'a> Rest<'a> {
         }
         let is_smooth = mode.cut_short(usize::MAX);
         mode.measure_terms(&mut state.scales, &mut state.bands);
-        mode.watched.clear();
+        mode.monitored.switches.clear();
         mode.expand_psi(switch, &mut state.bands);
-        mode.watched.push(switch);
+        mode.monitored.switches.push(switch);
         let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
         let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let c = mode.psi_series(switch);
@@ -324,7 +323,7 @@ pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Opti
             alpha: state.point.alpha.clone(),
         };
         mode.lay(&state.point, &line);
-        mode.watched.clear();
+        mode.monitored.switches.clear();
         for (x, rate) in state.point.x.iter_mut().zip(&line.rates) {
             *x += length * rate;
         }

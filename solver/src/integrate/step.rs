@@ -61,7 +61,7 @@ impl Step {
     }
 }
 
-/// What is watched for a root: ψ off the surface, α and 1 - α on it.
+/// What is monitored for a root: ψ off the surface, α and 1 - α on it.
 #[derive(Clone, Copy)]
 pub(crate) enum Watch {
     Surface(usize),
@@ -158,7 +158,7 @@ impl Stepper {
         {
             return Ok(step);
         }
-        mode.blind.clear();
+        mode.monitored.unobserved.clear();
         if mode
             .expand(state.point.t, &state.point.x, &mut state.point.alpha)
             .is_err()
@@ -195,7 +195,7 @@ impl Stepper {
                 Judged::Rejected => {
                     state.report.stats.rejected += 1;
                     if attempt == PATIENCE {
-                        mode.look_away();
+                        mode.stop_monitoring();
                     }
                     h *= 0.5;
                     continue;
@@ -227,11 +227,11 @@ impl Stepper {
         let (explicit, tolerance) = (self.stiffness.explicit_tolerance(), self.local_tolerance);
         let h = mode.step_size_above_rounding(explicit, &mut state.scales, [remaining, longest]);
         let h = mode.keeps_directions(tolerance, &mut state.bands, h);
-        let h = mode.watch(tolerance, &state.scales, &mut state.bands, h);
+        let h = mode.monitor(tolerance, &state.scales, &mut state.bands, h);
         mode.leaves_rest(tolerance, &state.bands, h)
     }
 
-    /// Where the first of what is watched cuts a step h.
+    /// Where the first of what is monitored cuts a step h.
     fn cut(&mut self, mode: &mut Mode, state: &mut State, h: f64) -> Cut {
         let closeness = self.tolerance;
         let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
@@ -390,7 +390,7 @@ fn longest(mode: &mut Mode, state: &State, remaining: f64) -> f64 {
         remaining
     };
     match mode.has_idle_contact(state) {
-        true => longest.min(mode.sight()),
+        true => longest.min(mode.prediction_horizon()),
         false => longest,
     }
 }
@@ -428,7 +428,7 @@ pub(crate) fn met(event: Option<(Root, Watch)>) -> Option<(usize, Root)> {
     }
 }
 
-/// The least root of everything watched in (0, h]. Takes note of each ψ that turns back before as close
+/// The least root of everything monitored in (0, h]. Takes note of each ψ that turns back before as close
 /// to zero as a run of this tolerance may be on either side.
 pub(crate) fn first_event(
     roots: &mut RootFinder,
@@ -462,7 +462,7 @@ pub(crate) fn first_event(
             }
         }
     }
-    for &i in &mode.watched {
+    for &i in &mode.monitored.switches {
         let reach = first.map_or(h, |(root, _)| root.tau);
         let c = dense.psi(i);
         // Contacts close where they open by less than their band.
@@ -561,7 +561,7 @@ pub(crate) fn simultaneous(
         };
         !bands.armed[i] && series::value(c, tau).abs() <= size
     };
-    triggers.extend(mode.watched.iter().copied().filter(reached));
+    triggers.extend(mode.monitored.switches.iter().copied().filter(reached));
     triggers.push(trigger);
     triggers.sort_unstable();
     triggers.dedup();
@@ -581,9 +581,9 @@ impl Mode {
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
     pub(crate) fn on_wrong_side(&mut self, bands: &Bands) -> bool {
-        for at in 0..self.watched.len() {
-            let i = self.watched[at];
-            if !bands.armed[i] && self.watched_psi(i) * self.sides[i].sign() < -bands.width[i] {
+        for at in 0..self.monitored.switches.len() {
+            let i = self.monitored.switches[at];
+            if !bands.armed[i] && self.monitored_psi(i) * self.sides[i].sign() < -bands.width[i] {
                 return true;
             }
         }

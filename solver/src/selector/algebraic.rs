@@ -3,7 +3,7 @@
 //! Equations and members of pairs are switches with ψ = F, ψ = -a and ψ = -b, and z' are their α. An equation
 //! slides always, and of a pair one member at a time: then φ = dψ/dt = 0 determines z' where the Jacobian by z is
 //! regular, which is index one, and the drift off ψ = 0 is projected away by z alone. A member that is off its
-//! surface is watched like any other switch; where it gets there, the rates decide which of the two slides on.
+//! surface is monitored like any other switch; where it gets there, the rates decide which of the two slides on.
 //!
 //! z itself is computed where a run starts and where anything jumps: for every choice of members by Newton's method
 //! from the z there is, damped by the length of the step that follows (Deuflhard 2011); a choice is a solution where no other member

@@ -149,8 +149,8 @@ impl Selector<'_> {
         }
         mode.measure_terms(&mut state.scales, &mut state.bands);
         mode.expand_psi(relay, &mut state.bands);
-        mode.watched.clear();
-        mode.watched.push(relay);
+        mode.monitored.switches.clear();
+        mode.monitored.switches.push(relay);
         let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
         let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let c = mode.psi_series(relay);

@@ -11,8 +11,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Settings, Side, Status};
-use crate::selector::selection::Entry;
-use crate::selector::selection::{Decision, SlidingMode};
+use crate::selector::selection::{Decision, Entry, SlidingMode};
 
 /// How the dummy system starts.
 #[derive(Clone, Copy, PartialEq)]

@@ -15,8 +15,7 @@ use crate::expansion::mode::Mode;
 use crate::hybrid::status::Candidate;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
-use crate::selector::selection::Decision;
-use crate::selector::selection::Entry;
+use crate::selector::selection::{Decision, Entry};
 
 /// Steepness of one switch relative to that of the others.
 const STEEPNESS: [f64; 2] = [8.0, 0.125];

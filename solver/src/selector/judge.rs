@@ -316,10 +316,10 @@ impl<'a> Judge<'a> {
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
         mode.measure_terms(&mut state.scales, &mut state.bands);
-        mode.watch_sides(state, group, &sides, sets_off);
+        mode.monitor_sides(state, group, &sides, sets_off);
         let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
-            longest = longest.min(mode.sight());
+            longest = longest.min(mode.prediction_horizon());
         }
         let h = mode.step_size(tolerance, &state.scales, longest);
         let h = mode.step_size_of_psi(tolerance, &state.bands, h);
@@ -369,18 +369,18 @@ impl<'a> Judge<'a> {
 
 impl Mode {
     /// Watches the ψ of those of a group that are off their surfaces, and do not set off from rest.
-    fn watch_sides(
+    fn monitor_sides(
         &mut self,
         state: &mut State,
         group: &[usize],
         sides: &[Side],
         sets_off: impl Fn(usize) -> bool,
     ) {
-        self.watched.clear();
+        self.monitored.switches.clear();
         for &i in group {
             if sides[i] != Side::Slide && !self.is_idle(i, sides) && !sets_off(i) {
                 self.expand_psi(i, &mut state.bands);
-                self.watched.push(i);
+                self.monitored.switches.push(i);
             }
         }
     }

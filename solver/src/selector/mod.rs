@@ -9,15 +9,15 @@ pub(crate) mod decided;
 mod decided_tests;
 pub(crate) mod dummy;
 pub(crate) mod fold;
-pub(crate) mod guide;
 pub(crate) mod interacting;
 pub(crate) mod judge;
 pub(crate) mod lemke;
+pub(crate) mod mode_selector;
 pub(crate) mod nonlinear;
 pub(crate) mod select;
 pub(crate) mod selection;
 
 pub use crate::hybrid::status::Candidate;
-pub use guide::{Guide, Next, Standing};
+pub use mode_selector::{ModeSelector, Next, Query};
 pub use select::MAX_NAMED;
 pub use selection::{Decision, SlidingMode};

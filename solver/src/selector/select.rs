@@ -18,8 +18,7 @@ use crate::expansion::mode::Mode;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
-use crate::selector::selection::Departure;
-use crate::selector::selection::Entry;
+use crate::selector::selection::{Departure, Entry};
 
 /// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
 /// equation below this fraction of how large they are.

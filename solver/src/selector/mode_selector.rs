@@ -1,18 +1,18 @@
 //! The mode that goes on from a point, for methods that integrate between events in their own way.
 //!
 //! Nonlinear switches may have several sliding modes that are all consistent with the complementarity conditions;
-//! which of them is taken depends on the side that the state comes from (`dummy.rs`, `several.rs`). So a method that
+//! which of them is taken depends on the side that the state comes from (`dummy.rs`, `interacting.rs`). So a method that
 //! knows the conditions alone asks here, with the sides and α that it has come with.
 
+use super::select::Selector;
 use crate::event::Simulator;
 use crate::event::state::State;
 use crate::hybrid::{Side, Status};
-use crate::selector::selection::Decision;
-use crate::selector::selection::Fold;
+use crate::selector::selection::{Decision, Fold};
 
 /// Where a method stands that asks.
 #[derive(Clone, Copy, Debug)]
-pub struct Standing<'a> {
+pub struct Query<'a> {
     /// The present time.
     pub t: f64,
     /// When the run ends.
@@ -41,15 +41,24 @@ pub struct Next {
 }
 
 /// Knows how a system goes on from a point.
-pub trait Guide {
+pub trait ModeSelector {
     /// The mode after an event.
-    fn next(&mut self, standing: Standing) -> Result<Next, Status>;
+    fn next(&mut self, query: Query) -> Result<Next, Status>;
 }
 
-impl Guide for Simulator {
-    fn next(&mut self, standing: Standing) -> Result<Next, Status> {
+impl ModeSelector for Simulator {
+    fn next(&mut self, query: Query) -> Result<Next, Status> {
         let mut state = std::mem::take(&mut self.state);
-        let found = self.next_from(&mut state, standing);
+        state.begin(query.t, query.x, self.system.n_switches());
+        state.scales.largest.copy_from_slice(query.scale);
+        let found = match query.before {
+            None => self.start(&mut state, query.t1 - query.t),
+            Some((sides, alpha)) => {
+                state.point.set_sides(sides.into());
+                state.point.alpha.copy_from_slice(alpha);
+                self.selector().go_on(&mut state, query)
+            }
+        };
         let next = found.map(|()| Next {
             sides: state.point.sides.clone(),
             alpha: state.point.alpha.clone(),
@@ -60,23 +69,16 @@ impl Guide for Simulator {
     }
 }
 
-impl Simulator {
-    fn next_from(&mut self, state: &mut State, standing: Standing) -> Result<(), Status> {
-        let Standing { t, t1, x, .. } = standing;
-        state.begin(t, x, self.system.n_switches());
-        state.scales.largest.copy_from_slice(standing.scale);
-        let Some((sides, alpha)) = standing.before else {
-            return self.start(state, t1 - t);
-        };
+impl Selector<'_> {
+    /// Goes on from the sides and α of a state that was set.
+    fn go_on(&mut self, state: &mut State, query: Query) -> Result<(), Status> {
         state.selection.begun = true;
-        self.pieces.until = self.mode.load(t);
-        state.point.set_sides(sides.into());
-        state.point.alpha.copy_from_slice(alpha);
+        self.pieces.until = self.mode.load(query.t);
         self.mode.enter(&state.point.sides);
-        state.selection.fold = match standing.fold {
+        state.selection.fold = match query.fold {
             None => None,
-            Some(switch) => Some(Fold::at(&mut self.mode, &state.point, switch)?),
+            Some(switch) => Some(Fold::at(self.mode, &state.point, switch)?),
         };
-        self.selector().change(state, standing.triggers, t1)
+        self.change(state, query.triggers, query.t1)
     }
 }
