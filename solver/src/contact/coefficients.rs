@@ -8,12 +8,12 @@
 //! until an enclosure of the coefficient over each part ([`Ball`]) keeps its range, or the coefficient in the middle of a
 //! part is not what its series says, and the step is shortened.
 
+use crate::event::state::State;
 use crate::events::roots::RootFinder;
 use crate::expansion::dense::Dense;
 use crate::expansion::layout::Memory;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::state::State;
 use crate::hybrid::{Coefficient, Effect, Guard, HybridSystem, Impact, Input, Side, Status};
 use crate::tape::{self, Ball, Recurrences};
 
@@ -119,9 +119,9 @@ impl Coefficients {
             }
             for share in LOOKS {
                 let tau = share * length;
-                Dense::Taylor(mode).states_at(tau, &mut state.next);
-                Dense::Taylor(mode).alphas_at(tau, &mut state.next_alpha);
-                mode.set(state.t + tau, &state.next, &state.next_alpha);
+                Dense::Taylor(mode).states_at(tau, &mut state.trial.x);
+                Dense::Taylor(mode).alphas_at(tau, &mut state.trial.alpha);
+                mode.set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
                 let tape = &watched.impact.numbers;
                 let registers = &mut self.registers;
                 registers.resize(tape.n_registers().max(watched.slots.len()), 0.0);
@@ -135,7 +135,7 @@ impl Coefficients {
                     return false;
                 }
             }
-            if !watched.agrees_outside(mode, state.t, length, allowed, &mut self.enclosing) {
+            if !watched.agrees_outside(mode, state.point.t, length, allowed, &mut self.enclosing) {
                 return false;
             }
         }

@@ -8,16 +8,17 @@
 //! From rest w starts as `depart` says; where that is not known, in the direction that the forces of contacts give it,
 //! with a length that is rounding: w/|w| has a value then.
 
-use crate::contact::slip_onset::Departure;
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::{Bands, Scales};
 use crate::expansion::series;
-use crate::hybrid::state::State;
+use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Side};
 use crate::integrate::step::Step;
 use crate::selector::select::BAND;
+use crate::selector::selection::Departure;
 
 /// Of the way to w = 0, what a step leaves.
 const LEFT: f64 = 1.0 / 64.0;
@@ -107,8 +108,8 @@ impl Mode {
     }
 
     /// Whether |ψ| where the point is is below its band, of two entries both.
-    pub(crate) fn is_near(&mut self, switch: usize, state: &State) -> bool {
-        let is_near = |mode: &mut Mode, i: usize| mode.psi(i).abs() <= state.band[i];
+    pub(crate) fn is_near(&mut self, switch: usize, bands: &Bands) -> bool {
+        let is_near = |mode: &mut Mode, i: usize| mode.psi(i).abs() <= bands.width[i];
         let other = self.other(switch);
         is_near(self, switch) && other.is_none_or(|other| is_near(self, other))
     }
@@ -117,13 +118,13 @@ impl Mode {
     pub(crate) fn keeps_off(&mut self, switch: usize, h: f64) -> bool {
         let all = [Some(switch), self.other(switch)];
         all.into_iter().flatten().any(|i| {
-            let (values, reach) = (&self.memory.values, &self.reach);
+            let (values, reach) = (&self.memory.values, &self.monitored.reach);
             self.surfaces.stays_away(i, values, reach, h)
         })
     }
 
     /// ψ where the point is, or w·d.
-    pub(crate) fn watched_psi(&mut self, switch: usize) -> f64 {
+    pub(crate) fn monitored_psi(&mut self, switch: usize) -> f64 {
         match self.discs.of[switch]
             .as_ref()
             .map(|disc| (disc.other, disc.direction))
@@ -143,7 +144,7 @@ impl Mode {
     }
 
     /// Whether what is watched is affine in time and states.
-    pub(crate) fn is_watched_affine(&self, switch: usize) -> bool {
+    pub(crate) fn is_monitored_affine(&self, switch: usize) -> bool {
         let all = [Some(switch), self.other(switch)];
         all.into_iter()
             .flatten()
@@ -185,11 +186,11 @@ impl Mode {
 
     /// What rounding does to w is so many times as large in w/|w| where the point is, of all that slips in a plane: close
     /// to w = 0 forces are not known better.
-    pub(crate) fn roundings_of_direction(&mut self, state: &State) -> f64 {
+    pub(crate) fn roundings_of_direction(&mut self, bands: &Bands) -> f64 {
         let mut most = 0.0_f64;
         for i in 0..self.discs.of.len() {
             if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
-                let terms = state.terms[i].max(state.terms[other]);
+                let terms = bands.terms[i].max(bands.terms[other]);
                 most = most.max(terms / self.psi(i).hypot(self.psi(other)));
             }
         }
@@ -197,14 +198,14 @@ impl Mode {
     }
 
     /// The same, once the terms of all such w have been measured.
-    pub(crate) fn measure_directions(&mut self, state: &mut State) -> f64 {
+    pub(crate) fn measure_directions(&mut self, bands: &mut Bands) -> f64 {
         for i in 0..self.discs.of.len() {
             if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
-                self.measure_terms_of_psi(i, state);
-                self.measure_terms_of_psi(other, state);
+                self.measure_terms_of_psi(i, bands);
+                self.measure_terms_of_psi(other, bands);
             }
         }
-        self.roundings_of_direction(state)
+        self.roundings_of_direction(bands)
     }
 
     /// Whether the system has slip velocities with two entries.
@@ -214,20 +215,20 @@ impl Mode {
 
     /// Forgets how large the terms of what slips in a plane were: next to rest, what rounding does to a direction is large
     /// for as long as it is next to rest.
-    pub(crate) fn forget_directions(&mut self, state: &mut State) {
+    pub(crate) fn forget_directions(&mut self, scales: &mut Scales) {
         for i in 0..self.discs.of.len() {
             let slips = self.slips_by(i);
             if let Some(disc) = &mut self.discs.of[i]
                 && (std::mem::replace(&mut disc.slipped, slips) || slips)
             {
-                disc.states.iter().for_each(|&j| state.activity[j] = 0.0);
+                disc.states.iter().for_each(|&j| scales.activity[j] = 0.0);
             }
         }
     }
 
     /// Changes what each w is made of by a share of itself, in the way that turns w/|w| most.
     pub(crate) fn perturb_directions(&mut self) {
-        let by = self.perturbation;
+        let by = self.terms.share;
         for i in 0..self.discs.of.len() {
             let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
                 continue;
@@ -239,7 +240,7 @@ impl Mode {
                 let states = self.surfaces.gradient(k).iter();
                 for (at, g) in time.chain(states.map(|&(j, g)| (1 + j, g))) {
                     let input = self.memory.values[at];
-                    self.perturbed[at] = input + by * input.abs() * (across * g).signum();
+                    self.terms.perturbed[at] = input + by * input.abs() * (across * g).signum();
                 }
             }
         }
@@ -284,11 +285,11 @@ impl Mode {
     /// The end of what slips in two directions and is all but at rest, where it still turns: no step gets there.
     pub(crate) fn comes_to_rest(&mut self, state: &mut State) -> Option<Step> {
         let slowing = |mode: &mut Mode, state: &mut State, i: usize| {
-            if state.armed[i] || !mode.slips_by(i) {
+            if state.bands.armed[i] || !mode.slips_by(i) {
                 return false;
             }
-            mode.expand_psi(i, state);
-            let slows = |w: &[f64]| w[0] <= STOPS * state.band[i] && w[1] < 0.0;
+            mode.expand_psi(i, &mut state.bands);
+            let slows = |w: &[f64]| w[0] <= STOPS * state.bands.width[i] && w[1] < 0.0;
             mode.series_along(i).is_some_and(slows)
         };
         let switch = (0..self.sides.len()).find(|&i| slowing(self, state, i))?;
@@ -297,9 +298,9 @@ impl Mode {
 
     /// A step of h, or a shorter one away from rest. The series of w/|w| converges for |w|/|w'|, and beyond that what is
     /// small next to the states may turn w.
-    pub(crate) fn leaves_rest(&self, tolerance: f64, state: &State, h: f64) -> f64 {
-        self.watched.iter().fold(h, |h, &i| {
-            let lost = state.band[i] * STOPS.max(TURNS * tolerance / BAND);
+    pub(crate) fn leaves_rest(&self, tolerance: f64, bands: &Bands, h: f64) -> f64 {
+        self.monitored.switches.iter().fold(h, |h, &i| {
+            let lost = bands.width[i] * STOPS.max(TURNS * tolerance / BAND);
             match self.series_along(i) {
                 Some([speed, rate, ..]) if *rate > 0.0 && *speed <= lost => {
                     h.min(AWAY * speed / rate)
@@ -311,15 +312,15 @@ impl Mode {
 
     /// A step of h, or a shorter one close to rest: what is small next to the states may turn a w as small as that, and
     /// a step that takes it for anything comes no closer to rest.
-    pub(crate) fn keeps_directions(&mut self, tolerance: f64, state: &mut State, h: f64) -> f64 {
+    pub(crate) fn keeps_directions(&mut self, tolerance: f64, bands: &mut Bands, h: f64) -> f64 {
         let mut shorter = h;
         for i in 0..self.discs.of.len() {
             let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
                 continue;
             };
-            let lost = state.band[i] * STOPS.max(TURNS * tolerance / BAND);
+            let lost = bands.width[i] * STOPS.max(TURNS * tolerance / BAND);
             if self.psi(i).hypot(self.psi(other)) <= lost {
-                self.expand_psi(i, state);
+                self.expand_psi(i, bands);
                 shorter = self.step_size_of_slip([i, other], KNOWN, shorter);
             }
         }
@@ -327,10 +328,16 @@ impl Mode {
     }
 
     /// Where a step towards w = 0 ends before it gets there; nothing where it does, or goes nowhere else.
-    pub(crate) fn stops_short(&self, state: &State, switch: usize, tau: f64) -> Option<f64> {
+    pub(crate) fn stops_short(
+        &self,
+        point: &Point,
+        bands: &Bands,
+        switch: usize,
+        tau: f64,
+    ) -> Option<f64> {
         let speed = self.series_along(switch)?[0];
         let length = tau * (1.0 - LEFT);
-        let far = speed > STOPS * state.band[switch] && state.t + (length + state.t_low) > state.t;
+        let far = speed > STOPS * bands.width[switch] && point.t + (length + point.t_low) > point.t;
         far.then_some(length)
     }
 }
@@ -400,37 +407,31 @@ pub(crate) fn leaves(
     crate::integrate::step::first_root(roots, series[0], series, h, 1.0, band, 0.0)
 }
 
-impl Simulator {
-    /// Gives slip velocities that are none a length that is rounding, in the mode in which they stick: by friction, which
+impl Departure {
+    /// Gives a slip velocity that is none a length that is rounding, in the mode in which it sticks: by friction, which
     /// acts on velocities, and not on places where these occur in w.
-    pub(crate) fn depart(
-        &mut self,
-        state: &State,
+    pub(crate) fn nudge(
+        &self,
+        mode: &mut Mode,
+        point: &Point,
+        scales: &Scales,
         x: &mut [f64],
-        departures: &[Departure],
         t1: f64,
     ) {
-        for departure in departures {
-            self.nudge(state, x, departure, t1);
-        }
-    }
-
-    fn nudge(&mut self, state: &State, x: &mut [f64], departure: &Departure, t1: f64) {
         let &Departure {
             switches,
             direction,
-        } = departure;
-        let mode = &mut self.mode;
-        let mut alpha = state.alpha.clone();
+        } = self;
+        let mut alpha = point.alpha.clone();
         switches.iter().for_each(|&i| alpha[i] = 0.5);
-        mode.eval(state.t, x, &alpha);
+        mode.eval(point.t, x, &alpha);
         mode.linearize_impulses(&switches);
-        let sizes = switches.map(|i| mode.weigh(i, |j| state.size(j)));
+        let sizes = switches.map(|i| mode.weigh(i, |j| scales.size(j)));
         // Where nothing has moved yet, what the forces would make of it.
-        let last = if state.longest_step > 0.0 {
-            state.longest_step
+        let last = if scales.longest_step > 0.0 {
+            scales.longest_step
         } else {
-            t1 - state.t
+            t1 - point.t
         };
         let rates = switches.map(|i| mode.phi(i) * last);
         let speed = DEPARTS * BAND * sizes.into_iter().fold(rates[0].hypot(rates[1]), f64::max);

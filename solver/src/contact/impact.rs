@@ -16,42 +16,44 @@
 //! With one e for all contacts no impact adds energy: compression takes E = ½ |v° - v⁻|² at least, in the norm of M, and
 //! expansion gives back e² E at most.
 
-use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+use crate::selector::coupling::Coupling;
 
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
-use crate::hybrid::{Coefficient, Effect, Guard, HybridSystem, Impact, Input, Note, Side, Status};
+use crate::hybrid::{
+    Coefficient, Effect, Guard, HybridSystem, Impact, ImpactLaw, Note, Settings, Side, Status,
+};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
 
-/// What the coefficient of restitution e multiplies.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub enum ImpactLaw {
-    /// The speed of the gap before the impact.
-    Newton,
-    /// The impulse that stops the gap.
-    Poisson,
+/// Impacts of contacts that are struck at one instant.
+pub(crate) struct Impacts<'a> {
+    pub system: Arc<HybridSystem>,
+    pub mode: &'a mut Mode,
+    pub settings: &'a Settings,
+    pub coupling: &'a Coupling,
 }
 
-impl Simulator {
+impl Impacts<'_> {
     /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
-    pub(crate) fn impact(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
+    pub(crate) fn strike_all(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
         let struck = laws.iter();
         let struck = struck.filter_map(|&law| impact_of(&self.system, law));
         let struck: Vec<usize> = struck.map(|(normal, _)| normal).collect();
         if struck.is_empty() {
             return Ok(());
         }
-        let near = self.jumps.near.iter().map(|(_, normal)| *normal);
+        let near = state.jumps.near.iter().map(|(_, normal)| *normal);
         let near: Vec<usize> = near
-            .filter(|normal| !self.jumps.grazed.contains(normal))
+            .filter(|normal| !state.jumps.grazed.contains(normal))
             .collect();
         self.note_order(state, &struck, &near);
         self.strike_together(state, &struck, &near)?;
-        for (scale, x) in state.scale.iter_mut().zip(&state.x) {
+        for (scale, x) in state.scales.largest.iter_mut().zip(&state.point.x) {
             *scale = scale.max(x.abs());
         }
         Ok(())
@@ -79,7 +81,7 @@ impl Simulator {
             if done.contains(&normal) {
                 continue;
             }
-            let group = self.interacting(normal, &touching);
+            let group = self.coupling.interacting(normal, &touching);
             let of_group = |(normal, _): &&(usize, &Impact)| group.contains(normal);
             let impacts: Vec<_> = impacts.iter().filter(of_group).copied().collect();
             self.strike(state, &impacts)?;
@@ -96,18 +98,21 @@ impl Simulator {
         };
         let contacts: Vec<Touch> = impacts.iter().map(touch).collect();
         let switches = || impacts.iter().map(|&(normal, _)| normal).collect();
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for touch in &contacts {
             sides[touch.normal] = Side::Slide;
-            state.alpha[touch.normal] = 0.0;
+            state.point.alpha[touch.normal] = 0.0;
             for &slip in &touch.slips {
                 sides[slip] = Side::Slide;
-                state.alpha[slip] = 0.5;
+                state.point.alpha[slip] = 0.5;
             }
         }
-        self.mode.enter(&self.system, &sides);
-        self.mode.eval(state.t, &state.x, &state.alpha);
-        let numbers: Vec<[f64; 2]> = impacts.iter().map(|(_, i)| self.numbers(i)).collect();
+        self.mode.enter(&sides);
+        self.mode
+            .eval(state.point.t, &state.point.x, &state.point.alpha);
+        let numbers: Vec<[f64; 2]> = (impacts.iter())
+            .map(|(_, i)| self.numbers(&mut state.jumps.registers, i))
+            .collect();
         for (&[e, mu], &(switch, _)) in numbers.iter().zip(impacts) {
             if let Some((coefficient, value)) = Coefficient::outside(e, mu) {
                 return Err(Status::Coefficient {
@@ -117,7 +122,7 @@ impl Simulator {
                 });
             }
         }
-        let mode = &mut self.mode;
+        let mode = &mut *self.mode;
         let mut all: Vec<usize> = contacts.iter().flat_map(Touch::switches).collect();
         all.sort_unstable();
         mode.linearize_impulses(&all);
@@ -139,13 +144,13 @@ impl Simulator {
                 switches: switches(),
             },
         })?;
-        state.complementarity = state.complementarity.max(impulses.residual);
-        push(&mut state.x, mode, &meeting, &impulses);
-        if !state.x.iter().all(|x| x.is_finite()) {
+        state.report.complementarity = state.report.complementarity.max(impulses.residual);
+        push(&mut state.point.x, mode, &meeting, &impulses);
+        if !state.point.x.iter().all(|x| x.is_finite()) {
             return Err(Status::NotFinite);
         }
         // ½ (v⁺ + v⁻)ᵀ M (v⁺ - v⁻), impulse by impulse.
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         let (mut gain, mut exchanged) = (0.0, 0.0);
         for (i, touch) in meeting.contacts.iter().enumerate() {
             let speed = mode.psi(touch.normal) + speeds[i];
@@ -158,8 +163,8 @@ impl Simulator {
             }
         }
         if gain > GAIN * exchanged {
-            state.note(Note::EnergyGained {
-                time: state.t,
+            state.report.note(Note::EnergyGained {
+                time: state.point.t,
                 switches: switches(),
             });
         }
@@ -167,17 +172,10 @@ impl Simulator {
     }
 
     /// Restitution and friction where the state is.
-    fn numbers(&mut self, impact: &Impact) -> [f64; 2] {
-        let registers = &mut self.jumps.registers;
+    fn numbers(&mut self, registers: &mut Vec<f64>, impact: &Impact) -> [f64; 2] {
         registers.resize(impact.numbers.n_registers().max(impact.inputs.len()), 0.0);
         for (register, &input) in registers.iter_mut().zip(&impact.inputs) {
-            *register = match input {
-                Input::Number(number) => number,
-                input => {
-                    let slot = self.mode.memory.slot(input);
-                    self.mode.memory.values[slot]
-                }
-            };
+            *register = self.mode.memory.value(input);
         }
         impact.numbers.run(registers);
         let mut numbers = impact.numbers.results(registers);

@@ -5,9 +5,8 @@
 //! hang together and are struck within the tolerance of a run, but not at one instant, are told, where the first of them
 //! matters. Gaps that are equal but for rounding are meant to be equal.
 
-use super::impact::impact_of;
-use crate::event::Simulator;
-use crate::hybrid::state::State;
+use super::impact::{Impacts, impact_of};
+use crate::event::state::State;
 use crate::hybrid::{Note, Side, Status};
 use crate::selector::select::BAND;
 
@@ -20,7 +19,7 @@ const MOST: usize = 8;
 /// Impacts one after the other, before they count as endless.
 const MAX_ROUNDS: usize = 20;
 
-impl Simulator {
+impl Impacts<'_> {
     /// Takes note of contacts that are struck with those of `struck`, or almost, where it matters which one is first.
     /// `near` are the contacts without a gap.
     pub(crate) fn note_order(&mut self, state: &mut State, struck: &[usize], near: &[usize]) {
@@ -28,15 +27,15 @@ impl Simulator {
         let normals = laws.filter_map(|law| impact_of(&self.system, law));
         let normals: Vec<usize> = normals.map(|(normal, _)| normal).collect();
         let mut gaps: Vec<(usize, f64)> = Vec::new();
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.move_to(&state.point);
         for i in normals {
-            let is_open = state.sides[i] != Side::Slide && !self.jumps.grazed.contains(&i);
+            let is_open = state.point.sides[i] != Side::Slide && !state.jumps.grazed.contains(&i);
             if is_open && let Some(gap) = self.gap(state, i) {
                 gaps.push((i, gap));
             }
         }
         if gaps.len() < 2 {
-            self.mode.enter(&self.system, &state.sides);
+            self.mode.enter(&state.point.sides);
             return;
         }
         let mut all: Vec<usize> = near
@@ -48,7 +47,7 @@ impl Simulator {
         all.dedup();
         let mut known: Vec<usize> = Vec::new();
         for &first in struck {
-            let group = self.interacting(first, &all);
+            let group = self.coupling.interacting(first, &all);
             let of_group = || gaps.iter().filter(|(i, _)| group.contains(i));
             let members: Vec<usize> = of_group().map(|(i, _)| *i).collect();
             if known.contains(&first) || !members.contains(&first) {
@@ -63,45 +62,50 @@ impl Simulator {
             if are_one || members.len() > MOST || !self.order_matters(state, &members, near) {
                 continue;
             }
-            state.note(Note::Together {
-                time: state.t,
+            state.report.note(Note::Together {
+                time: state.point.t,
                 switches: members,
             });
         }
-        self.mode.enter(&self.system, &state.sides);
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.enter(&state.point.sides);
+        self.mode.move_to(&state.point);
     }
 
     /// The gap of a contact that is approached where the point is, relative to the size of its terms, if that is within
     /// the tolerance.
     fn gap(&mut self, state: &State, switch: usize) -> Option<f64> {
-        let mode = &mut self.mode;
+        let mode = &mut *self.mode;
         mode.surfaces.stand_for(switch, 0);
-        let gap = mode.psi(switch).abs() * BAND / state.band[switch];
+        let gap = mode.psi(switch).abs() * BAND / state.bands.width[switch];
         let is_near = gap <= self.settings.tolerance;
-        (is_near && mode.closing_speed(state, switch).is_some()).then_some(gap)
+        (is_near && mode.closing_speed(&state.scales, switch).is_some()).then_some(gap)
     }
 
     /// Whether velocities are others where one of these contacts is struck before the rest.
     fn order_matters(&mut self, state: &mut State, members: &[usize], near: &[usize]) -> bool {
         let kept = (
-            state.x.clone(),
-            state.alpha.clone(),
-            state.complementarity,
-            state.notes.clone(),
+            state.point.x.clone(),
+            state.point.alpha.clone(),
+            state.report.complementarity,
+            state.report.notes.clone(),
         );
         let mut ends: Vec<Vec<f64>> = Vec::new();
         for &first in members {
             let struck = self.strike_in_turn(state, first, members, near);
-            let end = std::mem::replace(&mut state.x, kept.0.clone());
+            let end = std::mem::replace(&mut state.point.x, kept.0.clone());
             ends.extend(struck.is_ok().then_some(end));
         }
         let matters = ends.iter().any(|end| {
             end.iter().zip(&ends[0]).enumerate().any(|(j, (a, b))| {
-                (a - b).abs() > self.settings.tolerance * state.scale[j].max(a.abs())
+                (a - b).abs() > self.settings.tolerance * state.scales.largest[j].max(a.abs())
             })
         });
-        (state.x, state.alpha, state.complementarity, state.notes) = kept;
+        (
+            state.point.x,
+            state.point.alpha,
+            state.report.complementarity,
+            state.report.notes,
+        ) = kept;
         matters
     }
 
@@ -119,10 +123,10 @@ impl Simulator {
         self.strike_together(state, &[first], &met)?;
         met.extend(members);
         for _ in 0..MAX_ROUNDS {
-            let mode = &mut self.mode;
-            mode.set(state.t, &state.x, &state.alpha);
+            let mode = &mut *self.mode;
+            mode.move_to(&state.point);
             let mut next = members.to_vec();
-            next.retain(|&i| mode.closing_speed(state, i).is_some());
+            next.retain(|&i| mode.closing_speed(&state.scales, i).is_some());
             if next.is_empty() {
                 break;
             }

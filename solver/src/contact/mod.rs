@@ -15,4 +15,4 @@ pub(crate) mod slip_onset_beside;
 pub(crate) mod stabilization;
 pub(crate) mod sustained;
 
-pub use impact::ImpactLaw;
+pub use crate::hybrid::ImpactLaw;

@@ -3,9 +3,9 @@
 //! Bodies may rest on each other as a pencil rests on its tip: rounding grows like exp(|∂f/∂x| t), and after a while
 //! moves what does not move. Of contacts that touch and do not push, only what grows less is taken for a motion.
 
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
-use crate::hybrid::{HybridSystem, Side};
+use crate::hybrid::Side;
 use crate::selector::judge::TIE;
 
 /// What rounding grows by, at most.
@@ -16,9 +16,9 @@ const ROUNDS: usize = 12;
 
 impl Mode {
     /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
-    pub(crate) fn sight(&mut self, system: &HybridSystem) -> f64 {
+    pub(crate) fn prediction_horizon(&mut self) -> f64 {
         let mut entries = Vec::new();
-        self.jacobian(system, |row, column, value: f64| {
+        self.jacobian(|row, column, value: f64| {
             entries.push((row, column, value.abs()));
         });
         let times = |v: &[f64]| {
@@ -42,11 +42,11 @@ impl Mode {
 
     /// True where a contact touches and does not push, open or closed.
     pub(crate) fn has_idle_contact(&self, state: &State) -> bool {
-        let idles = |i: usize| match state.sides[i] {
-            Side::Slide => (1.0 - state.alpha[i]).abs() <= TIE,
-            _ => state.armed[i],
+        let idles = |i: usize| match state.point.sides[i] {
+            Side::Slide => (1.0 - state.point.alpha[i]).abs() <= TIE,
+            _ => state.bands.armed[i],
         };
-        let mut all = 0..state.sides.len();
+        let mut all = 0..state.point.sides.len();
         all.any(|i| self.is_contact(i) && idles(i))
     }
 }

@@ -14,15 +14,17 @@
 
 use crate::contact::friction_disk;
 use crate::contact::friction_disk::{RIM, STOPS, STRAIGHT};
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Scales;
 use crate::expansion::series;
 use crate::hybrid::Side;
-use crate::hybrid::state::State;
-use crate::integrate::step::{Step, Watch, first_event};
+use crate::hybrid::point::Point;
+use crate::integrate::step::{Step, Stepper, Watch, first_event};
 use crate::linalg::DenseLu;
 use crate::selector::select::Choice;
+use crate::selector::selection::Departure;
 
 /// Rounds of Newton's method for the direction of a force that leaves its cone.
 const ROUNDS: usize = 5;
@@ -32,15 +34,6 @@ const LEAST: f64 = 1e-6;
 
 /// Halvings of the first step.
 const MAX_HALVINGS: usize = 40;
-
-/// A slip velocity with two entries that starts from rest.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Departure {
-    /// Both switches.
-    pub switches: [usize; 2],
-    /// Of unit length.
-    pub direction: [f64; 2],
-}
 
 /// The series of one of them.
 struct Leaving {
@@ -102,7 +95,7 @@ impl Mode {
         let Some(mut leaving) = self.powers(state, &alpha, departures, tolerance, longest) else {
             return false;
         };
-        self.expand_leaving(state, &mut alpha, &mut leaving)
+        self.expand_leaving(&state.point, &mut alpha, &mut leaving)
             .is_some_and(|()| {
                 let starts = leaving.iter().map(|one| one.rho.first());
                 starts
@@ -121,13 +114,13 @@ impl Mode {
         longest: f64,
     ) -> Option<Vec<Leaving>> {
         let mut held = alpha.to_vec();
-        self.expand(state.t, &state.x, &mut held).ok()?;
+        self.expand(state.point.t, &state.point.x, &mut held).ok()?;
         let places = 0..self.sliding.len();
         let is_shared = |at: usize| self.equations.tie(at).is_some() || self.equations.is_held(at);
         if places.into_iter().any(is_shared) {
             return None;
         }
-        let h = self.step_size(tolerance, state, longest);
+        let h = self.step_size(tolerance, &state.scales, longest);
         let mut margin = Vec::new();
         let mut leaving = Vec::new();
         for &Departure { switches, .. } in departures {
@@ -154,7 +147,7 @@ impl Mode {
 
     fn expand_leaving(
         &mut self,
-        state: &State,
+        point: &Point,
         alpha: &mut [f64],
         leaving: &mut [Leaving],
     ) -> Option<()> {
@@ -163,8 +156,8 @@ impl Mode {
                 alpha[i] = 0.5 + 0.5 * u;
             }
         }
-        self.direct(state, alpha, leaving)?;
-        self.start_series(state.t, &state.x, alpha);
+        self.direct(point, alpha, leaving)?;
+        self.start_series(point.t, &point.x, alpha);
         for k in 1..=self.order {
             self.advance_field(k);
             self.raise_states(k);
@@ -199,12 +192,12 @@ impl Mode {
 
     /// α where they set off: φ = 0 of what goes on to slide, and φ = ρ u of a force that leaves its cone. The matrix of
     /// the equations is that of this place afterwards.
-    fn direct(&mut self, state: &State, alpha: &mut [f64], leaving: &mut [Leaving]) -> Option<()> {
+    fn direct(&mut self, point: &Point, alpha: &mut [f64], leaving: &mut [Leaving]) -> Option<()> {
         for one in leaving.iter_mut().filter(|one| one.power == 1) {
             one.rho.push(f64::NAN);
         }
         for _ in 0..ROUNDS {
-            self.eval(state.t, &state.x, alpha);
+            self.eval(point.t, &point.x, alpha);
             self.linearize_surfaces();
             self.factor().ok()?;
             for at in 0..self.sliding.len() {
@@ -237,7 +230,7 @@ impl Mode {
                 }
             }
         }
-        self.eval(state.t, &state.x, alpha);
+        self.eval(point.t, &point.x, alpha);
         self.linearize_surfaces();
         self.factor().ok()?;
         self.equations.expand_here();
@@ -286,13 +279,13 @@ impl Mode {
     }
 
     /// Whether a slip velocity that sets off has the direction that its α say, where the point is.
-    pub(crate) fn goes_along(&mut self, switch: usize, state: &State, allowed: f64) -> bool {
+    pub(crate) fn goes_along(&mut self, switch: usize, scales: &Scales, allowed: f64) -> bool {
         let Some(other) = self.other(switch) else {
             return true;
         };
         let [first, second] = [switch, other].map(|i| {
             self.surfaces.linearize(i, &self.memory.values);
-            let size = self.weigh(i, |j| state.size(j));
+            let size = self.weigh(i, |j| scales.size(j));
             (
                 self.psi(i),
                 2.0 * self.memory.values[1 + self.n + i] - 1.0,
@@ -306,28 +299,25 @@ impl Mode {
     }
 }
 
-impl Simulator {
+impl Departure {
     /// The switches of a group that slip from where they may be at rest, with their directions.
-    pub(crate) fn departures(
-        &self,
-        state: &State,
+    pub(crate) fn all(
+        mode: &Mode,
+        point: &Point,
         group: &[usize],
         choice: &Choice,
     ) -> Vec<Departure> {
         let mut found = Vec::new();
-        let mut sides = state.sides.clone();
-        for (&i, &side) in group.iter().zip(&choice.sides) {
-            sides[i] = side;
-        }
+        let sides = point.sides_with(group, &choice.sides);
         for (at, &i) in group.iter().enumerate() {
-            let Some(other) = self.mode.other(i) else {
+            let Some(other) = mode.other(i) else {
                 continue;
             };
             let Ok(of_other) = group.binary_search(&other) else {
                 continue;
             };
-            let meets = self.system.slip_of(i).is_none_or(|of| group.contains(&of));
-            if meets && self.rubs(i, &sides) && choice.sides[at] != Side::Slide {
+            let meets = mode.system.slip_of(i).is_none_or(|of| group.contains(&of));
+            if meets && rubs(mode, i, &sides) && choice.sides[at] != Side::Slide {
                 let entry = |at: usize| 2.0 * choice.alpha[at] - 1.0;
                 let straight = |u: f64| if u.abs() <= STRAIGHT { 0.0 } else { u };
                 found.push(Departure {
@@ -339,111 +329,128 @@ impl Simulator {
         found
     }
 
-    /// Whether a slip velocity has friction on these sides: of a contact that is closed, or one that rates read.
-    fn rubs(&self, switch: usize, sides: &[Side]) -> bool {
-        match self.system.slip_of(switch) {
-            Some(of) => sides[of] == Side::Slide,
-            None => !self.mode.is_free(switch, sides),
-        }
-    }
-
     /// Takes the functions in which these slip velocities stick.
-    pub(crate) fn hold(&mut self, sides: &[Side], departures: &[Departure]) {
+    pub(crate) fn hold(departures: &[Departure], mode: &mut Mode, sides: &[Side]) {
         let mut held: Box<[Side]> = sides.into();
         for i in departures.iter().flat_map(|one| one.switches) {
             held[i] = Side::Slide;
         }
-        self.mode.enter(&self.system, &held);
+        mode.enter(&held);
     }
+}
 
+/// Whether a slip velocity has friction on these sides: of a contact that is closed, or one that rates read.
+fn rubs(mode: &Mode, switch: usize, sides: &[Side]) -> bool {
+    match mode.system.slip_of(switch) {
+        Some(of) => sides[of] == Side::Slide,
+        None => !mode.is_free(switch, sides),
+    }
+}
+
+impl Stepper {
     /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
     /// that is rounding.
-    pub(crate) fn departure_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Option<Step> {
-        let mut departures = std::mem::take(&mut state.departures);
-        self.mode.set(state.t, &state.x, &state.alpha);
-        let (sides, band) = (&state.sides, &state.band);
+    pub(crate) fn departure_step(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        goal: f64,
+        t1: f64,
+    ) -> Option<Step> {
+        let mut departures = std::mem::take(&mut state.selection.departures);
+        mode.move_to(&state.point);
+        let (sides, band) = (&state.point.sides, &state.bands.width);
         departures.retain(|one| {
-            let rubs = self.rubs(one.switches[0], sides);
+            let rubs = rubs(mode, one.switches[0], sides);
             let mut slips =
-                |i: usize| sides[i] != Side::Slide && self.mode.psi(i).abs() <= STOPS * band[i];
+                |i: usize| sides[i] != Side::Slide && mode.psi(i).abs() <= STOPS * band[i];
             rubs && one.switches.into_iter().all(&mut slips)
         });
         if departures.is_empty() {
             return None;
         }
-        self.hold(&state.sides, &departures);
-        let step = self.set_off(state, &departures, goal, t1);
-        self.mode.departing.clear();
+        Departure::hold(&departures, mode, &state.point.sides);
+        let step = self.set_off(mode, state, &departures, goal, t1);
+        mode.departing.clear();
         if step.is_none() {
-            let mut x = state.x.clone();
-            self.depart(state, &mut x, &departures, t1);
-            state.x = x;
-            self.mode.enter(&self.system, &state.sides);
+            let mut x = state.point.x.clone();
+            for departure in &departures {
+                departure.nudge(mode, &state.point, &state.scales, &mut x, t1);
+            }
+            state.point.x = x;
+            mode.enter(&state.point.sides);
         }
         step
     }
 
     fn set_off(
         &mut self,
+        mode: &mut Mode,
         state: &mut State,
         departures: &[Departure],
         goal: f64,
         t1: f64,
     ) -> Option<Step> {
-        let (order, tolerance) = (self.order, self.settings.local_tolerance());
-        let remaining = (goal - state.t) - state.t_low;
-        let mode = &mut self.mode;
-        mode.blind.clear();
-        let longest = t1 - state.t;
-        if !mode.expand_departures(state, &state.alpha, departures, tolerance, longest) {
+        let (order, tolerance) = (mode.order, self.local_tolerance);
+        let remaining = state.point.remaining(goal);
+        mode.monitored.unobserved.clear();
+        let longest = t1 - state.point.t;
+        if !mode.expand_departures(state, &state.point.alpha, departures, tolerance, longest) {
             return None;
         }
-        mode.measure_terms(state);
-        state.stats.rhs_evaluations += 2 * order;
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        state.report.stats.rhs_evaluations += 2 * order;
         mode.departing = departures.iter().flat_map(|one| one.switches).collect();
-        let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
-        let h = mode.step_size(tolerance, state, remaining);
+        let allowed = self.allowed_defect(mode);
+        let h = mode.step_size(tolerance, &state.scales, remaining);
         // Rounding in the last terms of what does not move at all shows no length: then the defect does, which allows
         // more than those terms.
         let mut is_shown = h > LEAST * remaining;
         let h = if is_shown { h } else { remaining };
-        let h = mode.watch(tolerance, state, h);
+        let h = mode.monitor(tolerance, &state.scales, &mut state.bands, h);
         let mut h = self.coefficients.expand(mode, tolerance, h);
         for _ in 0..MAX_HALVINGS {
-            if h < remaining && state.t + h <= state.t {
+            if h < remaining && state.point.t + h <= state.point.t {
                 return None;
             }
             // What happens on the way is left to the steps behind this one.
             let dense = Dense::Taylor(mode);
-            let event = first_event(&mut self.roots, dense, state, h, self.settings.tolerance);
+            let event = first_event(&mut self.roots, dense, state, h, self.tolerance);
             // What leaves its rim at the same instant sets off together with this.
             if let Some((root, watch @ Watch::Disc(_))) = event
-                && state.t + root.tau <= state.t
+                && state.point.t + root.tau <= state.point.t
             {
-                state.departures = departures.to_vec();
+                state.selection.departures = departures.to_vec();
                 return Some(Step {
                     departs: true,
                     ..Step::at_once(watch.switch())
                 });
             }
             let left = self.coefficients.leave(&mut self.roots, mode, h);
-            let defect = mode.defect(state, h, tolerance, allowed);
+            let defect = mode.defect(
+                &state.point,
+                &state.scales,
+                &state.bands,
+                h,
+                tolerance,
+                allowed,
+            );
             let is_accurate = defect.rate <= allowed && defect.switches_agree;
-            let is_seen = !mode.on_wrong_side(state);
+            let is_seen = !mode.on_wrong_side(&state.bands);
             let looked = self.coefficients.agree(mode, state, h, allowed);
             let passes = event.is_none() && left.is_none() && is_accurate && is_seen && looked;
             if passes && is_shown {
                 let dense = Dense::Taylor(mode);
-                dense.states_at(h, &mut state.next);
-                if !state.next.iter().all(|x| x.is_finite()) {
+                dense.states_at(h, &mut state.trial.x);
+                if !state.trial.x.iter().all(|x| x.is_finite()) {
                     return None;
                 }
-                std::mem::swap(&mut state.x, &mut state.next);
-                dense.alphas_at(h, &mut state.alpha);
+                std::mem::swap(&mut state.point.x, &mut state.trial.x);
+                dense.alphas_at(h, &mut state.point.alpha);
                 for &i in &mode.departing {
-                    state.alpha[i] = 1.0;
+                    state.point.alpha[i] = 1.0;
                 }
-                state.last_step = h;
+                state.scales.last_step = h;
                 return Some(Step {
                     length: h,
                     reaches_end: h >= remaining,
@@ -455,7 +462,7 @@ impl Simulator {
                 });
             }
             is_shown |= passes;
-            state.stats.rejected += 1;
+            state.report.stats.rejected += 1;
             h *= 0.5;
         }
         None

@@ -8,12 +8,11 @@
 //! which is -φ in the normal cone of the disc at -u. Newton's method solves for it together with the α of what slides,
 //! from directions all around: φ is affine in u, and there are at most four on a circle.
 
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
-use crate::selector::candidates::{FAR, MAX_ENUMERATED, Search, alternatives};
+use crate::selector::candidates::{Enumeration, FAR, MAX_ENUMERATED, Search, alternatives};
 use crate::selector::select::{Choice, Choices};
 
 /// Directions from which one to set off in is looked for.
@@ -33,10 +32,10 @@ const SAME: f64 = 1e-8;
 /// A rate against its own direction by less than this, relative to friction, is none.
 const NEAR: f64 = 1e-7;
 
-impl Simulator {
+impl Enumeration<'_> {
     /// True for steps that meet with a slip velocity with two entries.
     pub(crate) fn holds_disc(&self, group: &[usize]) -> bool {
-        let is_step = |&i: &usize| self.mode.roles[i] == Role::Step;
+        let is_step = |&i: &usize| self.mode.system.role(i) == Role::Step;
         group.iter().all(is_step) && group.iter().any(|&i| self.mode.is_in_disc(i))
     }
 
@@ -50,7 +49,7 @@ impl Simulator {
         let items: Vec<usize> = items.collect();
         let options = items.iter().map(|&i| match self.mode.is_in_disc(i) {
             true => vec![Side::Slide, Side::Plus],
-            false => self.options(state, group, i),
+            false => self.options(&state.point, group, i),
         });
         let options: Vec<Vec<Side>> = options.collect();
         let open = options.iter().filter(|sides| sides.len() > 1).count();
@@ -60,8 +59,8 @@ impl Simulator {
             all: open <= MAX_ENUMERATED,
         };
         for candidate in alternatives(&options) {
-            state.limit.check()?;
-            let mut all = state.sides.clone();
+            self.settings.limit.check()?;
+            let mut all = state.point.sides.clone();
             for (&i, &side) in items.iter().zip(&candidate) {
                 all[i] = side;
                 if let Some(other) = self.mode.other(i) {
@@ -78,7 +77,7 @@ impl Simulator {
             let leaving = bound.into_iter().filter(|&i| all[i] != Side::Slide);
             let leaving: Vec<usize> = leaving.collect();
             let sides: Vec<Side> = group.iter().map(|&i| all[i]).collect();
-            self.enter_surfaces(state, group, &sides);
+            self.mode.enter_choice(&state.point, group, &sides);
             let outcome = match leaving.is_empty() {
                 true => self.solve(state, group, &sides, &mut choices.found),
                 false => self.set_out(state, group, &sides, &leaving, &mut choices),
@@ -87,25 +86,6 @@ impl Simulator {
             choices.all &= outcome != Search::Bounded;
         }
         Ok(choices)
-    }
-
-    /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest
-    /// they are decided together.
-    pub(crate) fn wake_free(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
-        for i in 0..state.sides.len() {
-            let Some(other) = self.mode.other(i) else {
-                continue;
-            };
-            let frees = &self.mode.idle_above[i];
-            let changes = triggers.iter().any(|trigger| frees.contains(trigger));
-            if !changes || !self.mode.is_free(i, &state.sides) {
-                continue;
-            }
-            self.measure_bands(state, &[i, other], t1 - state.t);
-            if self.mode.is_near(i, state) {
-                triggers.push(i);
-            }
-        }
     }
 
     /// Adds the solutions in which `leaving` set off, the first switch of each.
@@ -117,7 +97,7 @@ impl Simulator {
         leaving: &[usize],
         choices: &mut Choices,
     ) -> Search {
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         let mut sliding = Vec::new();
         for (&i, &side) in group.iter().zip(sides) {
             alpha[i] = match side {

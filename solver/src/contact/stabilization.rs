@@ -10,10 +10,10 @@
 //! rounding, and measured by that a body may turn by any angle for a gap of 1e-17.
 
 use crate::contact::redundancy::eliminate;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::Sliding;
-use crate::hybrid::HybridSystem;
-use crate::hybrid::state::State;
+use crate::hybrid::point::Point;
 
 /// What mending takes.
 #[derive(Default)]
@@ -48,7 +48,7 @@ impl Mode {
         rates.clear();
         rates.resize(self.sides.len(), false);
         for component in self.equations.components() {
-            let is_of_contact = |&i: &usize| self.is_contact(i) || self.slip_of[i].is_some();
+            let is_of_contact = |&i: &usize| self.is_contact(i) || self.system.slip_of(i).is_some();
             let alone = component.iter().all(is_of_contact);
             component.iter().for_each(|&i| rates[i] = alone);
         }
@@ -65,32 +65,16 @@ impl Mode {
 
     /// Closes the gaps of closed contacts, and places the states that they depend on. The largest gap before, relative
     /// to the size of its terms.
-    pub(crate) fn mend_gaps(
-        &mut self,
-        system: &HybridSystem,
-        state: &mut State,
-        placed: &mut [bool],
-    ) -> f64 {
-        self.mend(system, state, placed, Left::Gaps)
+    pub(crate) fn mend_gaps(&mut self, state: &mut State, placed: &mut [bool]) -> f64 {
+        self.mend(state, placed, Left::Gaps)
     }
 
     /// Stops closed contacts, and what sticks; the largest rate before, relative to the size of its terms.
-    pub(crate) fn mend_rates(
-        &mut self,
-        system: &HybridSystem,
-        state: &mut State,
-        placed: &mut [bool],
-    ) -> f64 {
-        self.mend(system, state, placed, Left::Rates)
+    pub(crate) fn mend_rates(&mut self, state: &mut State, placed: &mut [bool]) -> f64 {
+        self.mend(state, placed, Left::Rates)
     }
 
-    fn mend(
-        &mut self,
-        system: &HybridSystem,
-        state: &mut State,
-        placed: &mut [bool],
-        left: Left,
-    ) -> f64 {
+    fn mend(&mut self, state: &mut State, placed: &mut [bool], left: Left) -> f64 {
         let is_left = |mode: &Mode, i: usize| match left {
             Left::Gaps => mode.is_contact(i),
             Left::Rates => mode.mend.rates[i],
@@ -98,11 +82,11 @@ impl Mode {
         if !self.sliding.iter().any(|&i| is_left(self, i)) {
             return 0.0;
         }
-        self.set(state.t, &state.x, &state.alpha);
+        self.move_to(&state.point);
         for at in 0..self.sliding.len() {
             let i = self.sliding[at];
             // Forces have no friction in them where α_t is ½, and those of friction do not vanish where α_n is 0.
-            let alpha = match self.slip_of[i] {
+            let alpha = match self.system.slip_of(i) {
                 Some(_) => 0.5,
                 None if self.is_contact(i) => 0.0,
                 None => continue,
@@ -130,9 +114,9 @@ impl Mode {
             }
             self.find_push(&mut mend);
             match left {
-                Left::Gaps => self.shift_positions(system, state, &mut mend, placed),
+                Left::Gaps => self.shift_positions(&mut state.point, &mut mend, placed),
                 Left::Rates => mend.pushed.iter().for_each(|&j| {
-                    state.x[j] -= std::mem::take(&mut mend.push[j]);
+                    state.point.x[j] -= std::mem::take(&mut mend.push[j]);
                 }),
             }
         }
@@ -157,7 +141,7 @@ impl Mode {
                 .stand_for(i, if left == Left::Gaps { 0 } else { highest });
             self.surfaces.linearize(i, &self.memory.values);
             let psi = self.psi(i);
-            let size = self.weigh(i, |j| state.size(j));
+            let size = self.weigh(i, |j| state.scales.size(j));
             is_off |= psi.abs() > f64::EPSILON * size;
             if size > 0.0 {
                 worst = worst.max(psi.abs() / size);
@@ -197,7 +181,9 @@ impl Mode {
                 }
             }
         }
-        eliminate(matrix, impulses, |at| self.slip_of[rows[at]].is_some());
+        eliminate(matrix, impulses, |at| {
+            self.system.slip_of(rows[at]).is_some()
+        });
         pushed.clear();
         for (&i, impulse) in rows.iter().zip(&*impulses) {
             for &block in self.field.of_switch(i) {
@@ -213,23 +199,17 @@ impl Mode {
     }
 
     /// q - ∂q'/∂v P δ.
-    fn shift_positions(
-        &mut self,
-        system: &HybridSystem,
-        state: &mut State,
-        mend: &mut Mend,
-        placed: &[bool],
-    ) {
+    fn shift_positions(&mut self, point: &mut Point, mend: &mut Mend, placed: &[bool]) {
         mend.blocks.sort_unstable();
         mend.blocks.dedup();
         for &block in &mend.blocks {
             let values = &self.memory.values;
             let moves = |of: usize, by: usize, value: f64| {
                 if placed[of] {
-                    state.x[of] -= value * mend.push[by];
+                    point.x[of] -= value * mend.push[by];
                 }
             };
-            let functions = (system, &mut self.library);
+            let functions = &mut self.library;
             self.field.jacobian_of(functions, block, values, moves);
         }
         mend.pushed.iter().for_each(|&j| mend.push[j] = 0.0);

@@ -5,12 +5,12 @@
 //! rest nor clearly slipping, is tried both ways, and the series of every choice decide.
 
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch, norm};
-use crate::event::Simulator;
-use crate::event::jump::{Bent, ROUNDING};
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
-use crate::hybrid::{Guard, Law, Role, Side, Status};
-use crate::selector::candidates::{Zeros, product};
+use crate::expansion::scales::Scales;
+use crate::hybrid::{Role, Side, Status};
+use crate::selector::candidates::{Enumeration, Zeros, product};
+use crate::selector::closing::{Bent, Closing, ROUNDING};
 use crate::selector::judge::TIE;
 use crate::selector::select::{Choice, Choices};
 
@@ -53,19 +53,12 @@ impl Found {
     }
 }
 
-impl Simulator {
-    /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
-    /// projections, acts on their rate itself.
-    pub(crate) fn is_contact(&self, switch: usize) -> bool {
-        let strikes = |law: &Law| matches!(law.guard, Guard::Strikes(struck) if struck == switch);
-        self.system.laws.iter().any(strikes)
-    }
-
+impl Enumeration<'_> {
     /// True for a group that nothing but contacts and their friction belong to.
     pub(crate) fn is_of_contacts(&self, group: &[usize]) -> bool {
         let is_contact = |&i: &usize| {
             let slips = self.system.slip_of(i);
-            self.is_contact(i) || slips.is_some_and(|of| group.contains(&of))
+            self.system.is_struck(i) || slips.is_some_and(|of| group.contains(&of))
         };
         group.iter().all(is_contact)
     }
@@ -99,7 +92,7 @@ impl Simulator {
                 continue;
             }
             let sides = self.propose(group, &mut found, &candidate);
-            self.enter_surfaces(state, group, &sides);
+            self.mode.enter_choice(&state.point, group, &sides);
             let choice = self.refine(group, &sides, &found.alpha);
             choices.singular |= choice.is_none();
             // When it does depends on what each of them has taken, which nothing determines.
@@ -163,28 +156,31 @@ impl Simulator {
     /// Lets contacts meet that others were closed against: their rates are negative by less than what that took away.
     fn meet(&mut self, state: &State, group: &[usize]) {
         let mode = &mut self.mode;
-        let normals = group.iter().copied().filter(|&i| mode.unilateral[i]);
+        let normals = group
+            .iter()
+            .copied()
+            .filter(|&i| mode.system.is_unilateral(i));
         let normals: Vec<usize> = normals.collect();
-        let is_open = |i: &usize| !mode.surfaces.is_deep(*i) && !self.jumps.grazed.contains(i);
+        let is_open = |i: &usize| !mode.surfaces.is_deep(*i) && !state.jumps.grazed.contains(i);
         let open: Vec<usize> = normals.iter().copied().filter(is_open).collect();
         // Where forces hold bodies at rest, what they hold shows how fast gaps bend. What closes one of them acts on
         // the others.
-        let mut free = state.alpha.clone();
+        let mut free = state.point.alpha.clone();
         normals.iter().for_each(|&i| free[i] = 1.0);
         let mut bend = 0.0_f64;
         open.iter().for_each(|&i| mode.surfaces.stand_for(i, 1));
-        for alpha in [&free, &state.alpha] {
-            mode.eval(state.t, &state.x, alpha);
+        for alpha in [&free, &state.point.alpha] {
+            mode.eval(state.point.t, &state.point.x, alpha);
             mode.linearize(&normals);
             let terms = normals.iter().map(|&i| mode.terms_of_phi(i));
             bend = terms.fold(bend, f64::max);
         }
         for i in open {
             let speed = mode.psi(i);
-            let meets = speed < 0.0 && speed * speed <= SHARE * state.band[i] * bend;
+            let meets = speed < 0.0 && speed * speed <= SHARE * state.bands.width[i] * bend;
             mode.surfaces.stand_for(i, usize::from(meets));
         }
-        mode.focus(state.t, &state.x, &state.alpha, group);
+        mode.focus(state.point.t, &state.point.x, &state.point.alpha, group);
     }
 
     /// The entries of the slip velocity of a contact, among these.
@@ -206,7 +202,7 @@ impl Simulator {
             slips: self.slips_among(group, normal),
         };
         let contacts: Vec<Touch> = meets.iter().map(touch).collect();
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         for &i in group {
             alpha[i] = if system.is_unilateral(i) { 1.0 } else { 0.5 };
         }
@@ -220,7 +216,7 @@ impl Simulator {
         let (mut terms, mut tie) = (0.0_f64, 0.0_f64);
         for i in all {
             terms = terms.max(mode.terms_of_phi(i));
-            tie = tie.max(TIE * mode.activity_of_phi(state, i));
+            tie = tie.max(TIE * mode.activity_of_phi(&state.scales, i));
         }
         let size = a.iter().chain(&b).fold(0.0_f64, |s, v| s.max(v.abs()));
         for &i in &meets {
@@ -243,7 +239,7 @@ impl Simulator {
                 switches: group.to_vec(),
             },
         })?;
-        state.complementarity = state.complementarity.max(forces.residual);
+        state.report.complementarity = state.report.complementarity.max(forces.residual);
         Ok(Found {
             meeting,
             forces,
@@ -277,7 +273,7 @@ impl Simulator {
                 speed: mode.psi(i),
                 bend: mode.phi(i),
             };
-            let shut = self.shut(state, i, bent);
+            let shut = Closing { mode: self.mode }.shut(state, i, bent);
             self.mode.surfaces.stand_for(i, usize::from(shut));
             shut
         })
@@ -309,39 +305,36 @@ impl Simulator {
 
 impl Mode {
     /// Σ |∇ψ_j| times the terms of f_j, which may cancel.
-    fn activity_of_phi(&self, state: &State, switch: usize) -> f64 {
-        self.weigh(switch, |j| state.activity[j])
-    }
-
-    /// True for a switch that is never below its surface.
-    pub(crate) fn is_unilateral(&self, switch: usize) -> bool {
-        self.unilateral[switch]
+    fn activity_of_phi(&self, scales: &Scales, switch: usize) -> f64 {
+        self.weigh(switch, |j| scales.activity[j])
     }
 
     /// True for the gap of a contact, whose rate has no force in it.
     pub(crate) fn is_contact(&self, switch: usize) -> bool {
-        self.unilateral[switch] && self.surfaces.n_derivatives(switch) > 0
+        self.system.is_unilateral(switch) && self.surfaces.n_derivatives(switch) > 0
     }
 
     /// True for the slip velocity of a contact that is open, which does not matter, and for the second entry of one that
     /// slips, which the first one stands for.
     pub(crate) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
-        self.slip_of[switch].is_some_and(|of| sides[of] != Side::Slide)
+        self.system
+            .slip_of(switch)
+            .is_some_and(|of| sides[of] != Side::Slide)
             || self.is_free(switch, sides)
             || self.is_second(switch) && sides[switch] != Side::Slide
     }
 
     /// True for a slip velocity that no rate on these sides reads the α of.
     pub(crate) fn is_free(&self, switch: usize, sides: &[Side]) -> bool {
-        let mut others = self.idle_above[switch].iter();
+        let mut others = self.system.switches[switch].idle_above.iter();
         others.any(|&other| sides[other] == Side::Plus)
     }
 
     /// What α of a sliding switch must not pass.
     pub(crate) fn limits(&self, switch: usize) -> &'static [f64] {
-        match self.roles[switch] {
+        match self.system.role(switch) {
             Role::Step if self.is_in_disc(switch) => &[],
-            Role::Step if self.unilateral[switch] => &[1.0],
+            Role::Step if self.system.is_unilateral(switch) => &[1.0],
             Role::Step => &[0.0, 1.0],
             Role::Equation | Role::Member(_) => &[],
         }

@@ -19,203 +19,32 @@
 //! After a jump all ψ are evaluated again, as at the start of a run, and the three steps are repeated
 //! until nothing jumps.
 
-use super::Simulator;
+use std::sync::Arc;
+
+use crate::event::state::{Jumps, State};
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
-use crate::hybrid::{Effect, Guard, Input, Law, Side, Status};
-use crate::selector::select::BAND;
+use crate::hybrid::{Effect, Guard, HybridSystem, Law, Side, Status};
+use crate::selector::closing::{Bent, Closing};
+use crate::selector::select::TOUCH;
 
-/// Jumps at one instant before they count as endless.
-const MAX_ROUNDS: usize = 100;
-
-/// What has happened at the present instant, and memory for it.
-#[derive(Default)]
-pub(crate) struct Jumps {
-    /// Laws that have jumped, in order.
-    pub fired: Vec<usize>,
-    /// The state before the first jump.
-    pub before: Vec<f64>,
-    pub registers: Vec<f64>,
-    /// New values of states, with the law they come from.
-    values: Vec<(usize, f64, usize)>,
-    /// What small openings were taken away from the states, together.
-    pub closed: Vec<f64>,
-    /// Where the jumps of contacts that close here accumulate.
-    end: Option<f64>,
-    /// What friction takes too much of the states up to there, and of which contacts.
-    owed: (Vec<f64>, Vec<usize>),
-    /// Laws of contacts without a gap, and their switches.
-    pub near: Vec<(usize, usize)>,
-    /// Those of them that are closed.
-    pub kept: Vec<usize>,
-    /// Contacts that were struck here, and how fast.
-    struck: Vec<(usize, f64)>,
-    /// Contacts without a gap that are passed by closer than their ψ is known.
-    pub grazed: Vec<usize>,
+/// The laws by which states jump.
+pub(crate) struct JumpLaws<'a> {
+    mode: &'a mut Mode,
+    system: Arc<HybridSystem>,
 }
 
-impl Jumps {
-    /// The state before the jumps of this instant, `after` where there were none.
-    pub(crate) fn before<'x>(&'x self, after: &'x [f64]) -> &'x [f64] {
-        match self.fired.is_empty() {
-            true => after,
-            false => &self.before,
+impl<'a> JumpLaws<'a> {
+    /// Those of the system of a mode.
+    pub(crate) fn new(mode: &'a mut Mode) -> Self {
+        JumpLaws {
+            system: mode.system.clone(),
+            mode,
         }
-    }
-
-    /// Where the jumps accumulate that end here. Where nothing says so, but that a contact opens no farther
-    /// than rounding, what was taken away from the states is an error.
-    pub(crate) fn limit(&self, state: &mut State) -> Option<f64> {
-        if self.end.is_none() {
-            for (moved, closed) in state.moved.iter_mut().zip(&self.closed) {
-                *moved += closed * closed;
-            }
-        }
-        self.end
-    }
-}
-
-/// ψ' and ψ'' of a contact.
-pub(crate) struct Bent {
-    pub speed: f64,
-    pub bend: f64,
-}
-
-/// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
-/// by, so that bodies that graze two others at once are not taken for jammed between them.
-pub(crate) const TOUCH: f64 = 1.0 / 64.0;
-
-/// What a series does below this fraction of its terms is rounding.
-pub(crate) const ROUNDING: f64 = 1e-13;
-
-/// A share of the largest speed of a contact, and the roundings that it is then told from.
-const FAST: f64 = 0.1;
-const ROUNDINGS: f64 = 64.0;
-
-/// What a new mode is found for.
-pub(crate) enum Met {
-    /// Switches on their surface, or at the end of their sliding.
-    Surfaces(Vec<usize>),
-    /// New pieces of data, together with such switches.
-    Breakpoint(Vec<usize>),
-}
-
-impl Mode {
-    /// How fast a contact without a gap closes where the point is, if that is more than rounding. Its switch stands for
-    /// this speed afterwards.
-    pub(crate) fn closing_speed(&mut self, state: &State, switch: usize) -> Option<f64> {
-        self.surfaces.stand_for(switch, 1);
-        self.surfaces.linearize(switch, &self.memory.values);
-        let speed = -self.psi(switch);
-        // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
-        // within a step make others seem small.
-        let share = match speed > FAST * self.weigh(switch, |j| state.scale[j]) {
-            true => ROUNDINGS * f64::EPSILON,
-            false => BAND,
-        };
-        (speed > share * self.weigh(switch, |j| state.size(j))).then_some(speed)
-    }
-}
-
-impl Simulator {
-    /// True for a system with laws by which it jumps.
-    pub(crate) fn has_jumps(&self) -> bool {
-        !self.system.laws.is_empty()
-    }
-
-    /// Lets everything jump that jumps here, and finds the mode that goes on.
-    pub(crate) fn jump_and_change(
-        &mut self,
-        state: &mut State,
-        mut met: Met,
-        t1: f64,
-    ) -> Result<(), Status> {
-        self.jumps.fired.clear();
-        self.jumps.closed.clear();
-        self.jumps.struck.clear();
-        self.jumps.end = None;
-        self.jumps.owed.0.clear();
-        self.jumps.owed.1.clear();
-        let mut last: Vec<usize> = Vec::new();
-        let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
-        self.wake(state, on, t1);
-        self.find_near(state, on, t1);
-        for _ in 0..MAX_ROUNDS {
-            let mut fired = self.struck(state);
-            if fired.is_empty() {
-                // What stops at a contact may no longer stick there.
-                if !self.jumps.fired.is_empty()
-                    && self.close(state)
-                    && let Met::Surfaces(on) = &mut met
-                {
-                    *on = self.place_kept(state, t1 - state.t)?;
-                }
-                match met {
-                    Met::Surfaces(on) if on.is_empty() => {}
-                    Met::Surfaces(on) => self.change(state, &on, t1)?,
-                    Met::Breakpoint(on) => self.pass_breakpoint(state, &on, t1)?,
-                }
-                fired = self.holding(state);
-            }
-            if fired.is_empty() {
-                return Ok(());
-            }
-            // What one impact sets in motion may strike the same contact again.
-            let again = |law: &&usize| {
-                let effect = &self.system.laws[**law].effect;
-                last.contains(law) && matches!(effect, Effect::Reset(_))
-            };
-            if let Some(&law) = fired.iter().find(again) {
-                return Err(Status::StaysInGuard { law });
-            }
-            self.apply(state, &fired)?;
-            self.impact(state, &fired)?;
-            let moves = |law: &usize| matches!(self.system.laws[*law].effect, Effect::Reset(_));
-            let moves = fired.iter().any(moves);
-            if moves {
-                self.jumps.kept.clear();
-            }
-            let on = self.place_kept(state, t1 - state.t)?;
-            if moves {
-                self.find_near(state, &on, t1);
-            }
-            met = Met::Surfaces(on);
-            last = fired;
-        }
-        Err(Status::EndlessJumps { laws: last })
-    }
-
-    /// Looks again at the slip velocities of contacts that are met, which nobody has watched while they were
-    /// open.
-    fn wake(&mut self, state: &mut State, on: &mut Vec<usize>, t1: f64) {
-        for slip in 0..state.sides.len() {
-            let Some(contact) = self.system.slip_of(slip) else {
-                continue;
-            };
-            if state.sides[contact] == Side::Slide || !on.contains(&contact) {
-                continue;
-            }
-            let other = self.system.across(slip);
-            let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
-            self.measure_bands(state, &entries, t1 - state.t);
-            let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
-            let mut sides = state.sides.clone();
-            sides[slip] = match other {
-                Some(_) => Side::Plus,
-                None => Side::of(speeds[0]),
-            };
-            state.set_sides(sides);
-            let mut all = entries.iter().zip(&speeds);
-            if all.all(|(&i, speed)| speed.abs() <= state.band[i]) && !on.contains(&slip) {
-                on.push(slip);
-            }
-        }
-        on.sort_unstable();
     }
 
     /// Finds the contacts without a gap, those that are met among them: no impact changes that.
-    fn find_near(&mut self, state: &mut State, met: &[usize], t1: f64) {
-        let mut near = std::mem::take(&mut self.jumps.near);
+    pub(crate) fn find_near(&mut self, state: &mut State, met: &[usize], t1: f64) {
+        let mut near = std::mem::take(&mut state.jumps.near);
         near.clear();
         near.extend(self.system.laws.iter().enumerate().filter_map(|(l, law)| {
             let Guard::Strikes(switch) = law.guard else {
@@ -223,211 +52,95 @@ impl Simulator {
             };
             Some((l, switch))
         }));
-        let kept = &mut self.jumps.kept;
+        let mut kept = std::mem::take(&mut state.jumps.kept);
         kept.clear();
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         near.retain(|&(_, switch)| {
-            let closed = state.sides[switch] == Side::Slide;
+            let closed = state.point.sides[switch] == Side::Slide;
             kept.extend(closed.then_some(switch));
-            state.band[switch] = mode.band(switch, state, t1 - state.t);
+            state.bands.width[switch] = mode.band(switch, state, t1 - state.point.t);
             // What is met has no gap, even where projection has moved the state since.
-            let is_near =
-                closed || met.contains(&switch) || mode.psi(switch) <= TOUCH * state.band[switch];
+            let is_near = closed
+                || met.contains(&switch)
+                || mode.psi(switch) <= TOUCH * state.bands.width[switch];
             mode.surfaces.stand_for(switch, usize::from(closed));
             is_near
         });
-        self.jumps.near = near;
+        (state.jumps.near, state.jumps.kept) = (near, kept);
     }
 
     /// The laws of surfaces that the state strikes from above.
-    fn struck(&mut self, state: &mut State) -> Vec<usize> {
+    pub(crate) fn struck(&mut self, state: &mut State) -> Vec<usize> {
         let mut struck = Vec::new();
         let mut speeds = Vec::new();
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
-        for &(l, switch) in &self.jumps.near {
-            let closed = state.sides[switch] == Side::Slide;
-            if let Some(speed) = mode.closing_speed(state, switch) {
+        mode.move_to(&state.point);
+        for &(l, switch) in &state.jumps.near {
+            let closed = state.point.sides[switch] == Side::Slide;
+            if let Some(speed) = mode.closing_speed(&state.scales, switch) {
                 struck.push(l);
                 speeds.push((switch, speed));
             }
             let order = if closed { 1 } else { 0 };
             mode.surfaces.stand_for(switch, order);
         }
-        self.jumps.grazed.clear();
+        state.jumps.grazed.clear();
         struck.retain(|&law| {
             let Some(switch) = self.system.laws[law].closes() else {
                 return true;
             };
-            let grazes = state.sides[switch] != Side::Slide && self.grazes(state, switch);
+            let grazes = state.point.sides[switch] != Side::Slide && self.grazes(state, switch);
             if grazes {
-                self.jumps.grazed.push(switch);
+                state.jumps.grazed.push(switch);
             }
             !grazes
         });
         if !struck.is_empty() {
-            self.jumps.struck = speeds;
+            state.jumps.struck = speeds;
         }
         struck
     }
 
     /// Whether a contact that is approached turns back before its ψ is known to be negative.
     fn grazes(&mut self, state: &mut State, switch: usize) -> bool {
-        let Bent { speed, bend, .. } = self.bent(state, switch);
-        self.mode.enter(&self.system, &state.sides);
-        bend > 0.0 && speed * speed <= 0.25 * bend * state.band[switch]
-    }
-
-    /// How a contact moves on without a force of its own.
-    fn bent(&mut self, state: &mut State, switch: usize) -> Bent {
-        let mut sides = state.sides.clone();
-        sides[switch] = Side::Slide;
-        self.mode.enter(&self.system, &sides);
-        let mode = &mut self.mode;
-        mode.surfaces.stand_for(switch, 1);
-        let alpha = std::mem::replace(&mut state.alpha[switch], 1.0);
-        mode.eval(state.t, &state.x, &state.alpha);
-        state.alpha[switch] = alpha;
-        mode.linearize(&[switch]);
-        Bent {
-            speed: mode.psi(switch),
-            bend: mode.phi(switch),
+        let Bent { speed, bend, .. } = Closing {
+            mode: &mut self.mode,
         }
+        .bent(&mut state.point, switch);
+        self.mode.enter(&state.point.sides);
+        bend > 0.0 && speed * speed <= 0.25 * bend * state.bands.width[switch]
     }
 
     /// Takes away the speeds at which contacts open by less than their ψ is known; false where there are none.
-    fn close(&mut self, state: &mut State) -> bool {
+    pub(crate) fn close(&mut self, state: &mut State) -> bool {
         let mut any = false;
-        for at in 0..self.jumps.near.len() {
-            let (_, switch) = self.jumps.near[at];
-            state.alpha[switch] = 1.0;
-            let bent = self.bent(state, switch);
-            any |= self.shut(state, switch, bent);
+        for at in 0..state.jumps.near.len() {
+            let (_, switch) = state.jumps.near[at];
+            state.point.alpha[switch] = 1.0;
+            let bent = Closing {
+                mode: &mut self.mode,
+            }
+            .bent(&mut state.point, switch);
+            any |= Closing {
+                mode: &mut self.mode,
+            }
+            .shut(state, switch, bent);
         }
         any
     }
 
-    /// Closes a contact that opens by less than its ψ is known until it is bent back: takes its speed away, in the
-    /// direction in which its force acts. True where it did.
-    pub(crate) fn shut(&mut self, state: &mut State, switch: usize, bent: Bent) -> bool {
-        let Bent { speed, bend } = bent;
-        let rounding = ROUNDING * bend.abs() * state.last_step.powi(2);
-        let least = 2.0 * state.band[switch].max(rounding);
-        let opens = speed > 0.0 && bend < 0.0;
-        if !opens || speed * speed > 2.0 * bend.abs() * least {
-            return false;
-        }
-        let mode = &mut self.mode;
-        let known = self.jumps.struck.iter().find(|struck| struck.0 == switch);
-        let ratio = known.map_or(1.0, |(_, before)| speed / before);
-        let size = mode.weigh(switch, |j| state.size(j));
-        // Where nothing bounces, what is left of a speed is rounding.
-        let bounces = ratio < 1.0 && speed > BAND * size;
-        if bounces {
-            let end = state.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
-            self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
-        }
-        let gradient = self.mode.gradient(switch).to_vec();
-        let along = |slopes: &[f64]| -> f64 { gradient.iter().map(|&(i, g)| g * slopes[i]).sum() };
-        let slopes = self.slopes_of_push(state, switch, false);
-        let push = along(&slopes);
-        if bounces && self.mode.slip_of.contains(&Some(switch)) {
-            let rough = self.slopes_of_push(state, switch, true);
-            let rough_push = along(&rough);
-            self.jumps.owed.0.resize(state.x.len(), 0.0);
-            self.jumps.owed.1.push(switch);
-            for (at, owed) in self.jumps.owed.0.iter_mut().enumerate() {
-                *owed += speed * (slopes[at] / push - rough[at] / rough_push);
-            }
-        }
-        self.jumps.closed.resize(state.x.len(), 0.0);
-        for ((x, closed), slope) in (state.x.iter_mut().zip(&mut self.jumps.closed)).zip(slopes) {
-            let change = slope * speed / push;
-            *x -= change;
-            *closed += change;
-        }
-        true
-    }
-
-    /// Gives back what friction has taken too much where bounces accumulate.
-    ///
-    /// A contact that closes with a speed v left pushes with 2v/(1 - e) until bounces would have ended, and these with
-    /// (1 + e) v/(1 - e), all for a mass of one: v is what its friction has had no right to. It is given back at the
-    /// end, when friction has taken more than that of the energy.
-    pub(crate) fn repay(&self, state: &mut State) {
-        let (owed, contacts) = &self.jumps.owed;
-        let slips = |contact: &usize| {
-            let of_contact = |i: &usize| self.system.slip_of(*i) == Some(*contact);
-            let mut slips = (0..state.sides.len()).filter(of_contact);
-            state.sides[*contact] == Side::Slide && slips.all(|i| state.sides[i] != Side::Slide)
-        };
-        if !contacts.iter().all(slips) {
-            return;
-        }
-        for (x, owed) in state.x.iter_mut().zip(owed) {
-            *x += owed;
-        }
-    }
-
-    /// ∂f/∂α of a contact that slides in the present mode, without its friction or with it: without, where α_t is ½.
-    /// What is taken away with friction in it would be pushed along its slip velocity, and gain energy.
-    fn slopes_of_push(&mut self, state: &State, switch: usize, is_rough: bool) -> Vec<f64> {
-        let mode = &mut self.mode;
-        let is_left_out = |i: &usize| !is_rough && mode.slip_of[*i] == Some(switch);
-        let slips = (0..mode.sides.len()).filter(is_left_out);
-        let slips: Vec<usize> = slips.collect();
-        let mut sides = mode.sides.clone();
-        let mut alphas = Vec::new();
-        for slip in slips {
-            sides[slip] = Side::Slide;
-            let place = 1 + mode.n + slip;
-            let alpha = std::mem::replace(&mut mode.memory.values[place], 0.5);
-            alphas.push((place, alpha));
-        }
-        let blocks = mode.field.of_switch(switch).to_vec();
-        for &block in &blocks {
-            let Mode {
-                field,
-                memory,
-                library,
-                ..
-            } = mode;
-            field.enter((&*self.system, library), memory, block, &sides);
-            field.linearize_block(block, &memory.values);
-        }
-        let slope = |i: usize| {
-            let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
-            slopes.map(|(_, slope)| slope).sum()
-        };
-        let slopes = (0..state.x.len()).map(slope).collect();
-        for (place, alpha) in alphas {
-            mode.memory.values[place] = alpha;
-        }
-        for block in blocks {
-            let Mode {
-                field,
-                memory,
-                library,
-                sides,
-                ..
-            } = mode;
-            field.enter((&*self.system, library), memory, block, sides);
-        }
-        slopes
-    }
-
     /// The laws whose guards hold on the present sides.
-    fn holding(&mut self, state: &State) -> Vec<usize> {
+    pub(crate) fn holding(&self, state: &mut State) -> Vec<usize> {
         let mut holding = Vec::new();
         for (l, law) in self.system.laws.iter().enumerate() {
             let Guard::Sides { switches, holds } = &law.guard else {
                 continue;
             };
-            let registers = &mut self.jumps.registers;
+            let registers = &mut state.jumps.registers;
             registers.resize(holds.n_registers().max(switches.len()), 0.0);
             for (register, &switch) in registers.iter_mut().zip(switches) {
-                *register = 0.5 + 0.5 * state.sides[switch].sign();
+                *register = 0.5 + 0.5 * state.point.sides[switch].sign();
             }
             holds.run(registers);
             if holds.results(registers).next().is_some_and(|v| v > 0.75) {
@@ -438,14 +151,14 @@ impl Simulator {
     }
 
     /// Lets laws jump together.
-    fn apply(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
-        if self.jumps.fired.is_empty() {
-            self.jumps.before.clone_from(&state.x);
+    pub(crate) fn apply(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
+        if state.jumps.fired.is_empty() {
+            state.jumps.before.clone_from(&state.point.x);
         }
-        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.move_to(&state.point);
         let Jumps {
             registers, values, ..
-        } = &mut self.jumps;
+        } = &mut state.jumps;
         values.clear();
         for &l in laws {
             let Effect::Reset(reset) = &self.system.laws[l].effect else {
@@ -454,13 +167,7 @@ impl Simulator {
             let (inputs, states, tape) = (&reset.inputs, &reset.states, &reset.values);
             registers.resize(tape.n_registers().max(inputs.len()), 0.0);
             for (register, &input) in registers.iter_mut().zip(inputs) {
-                *register = match input {
-                    Input::Number(number) => number,
-                    input => {
-                        let slot = self.mode.memory.slot(input);
-                        self.mode.memory.values[slot]
-                    }
-                };
+                *register = self.mode.memory.value(input);
             }
             tape.run(registers);
             for (&state, value) in states.iter().zip(tape.results(registers)) {
@@ -478,10 +185,10 @@ impl Simulator {
             if !value.is_finite() {
                 return Err(Status::NotFinite);
             }
-            state.x[i] = value;
-            state.scale[i] = state.scale[i].max(value.abs());
+            state.point.x[i] = value;
+            state.scales.largest[i] = state.scales.largest[i].max(value.abs());
         }
-        self.jumps.fired.extend_from_slice(laws);
+        state.jumps.fired.extend_from_slice(laws);
         Ok(())
     }
 }

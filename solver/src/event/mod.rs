@@ -15,40 +15,34 @@ pub(crate) mod numerical_time;
 pub(crate) mod observer;
 pub(crate) mod perturbation;
 mod run;
+pub(crate) mod state;
 #[cfg(test)]
 pub(crate) mod tests;
+mod transition;
 
 use std::sync::Arc;
 
-use crate::hybrid::{HybridSystem, Piecewise, Settings, Side};
+use crate::hybrid::{HybridSystem, Piecewise, Settings, Side, Status};
 use crate::runtime::limit::Limit;
+use crate::selector::algebraic::Initialization;
+use crate::selector::coupling::Coupling;
 
-use crate::contact::coefficients::Coefficients;
 pub use crate::event::numerical_time::{Clock, Clocked};
 pub use crate::event::perturbation::{KickSize, Kicks};
-use crate::events::roots::RootFinder;
-use crate::events::unseen::Unseen;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::breakpoints::Pieces;
-use crate::hybrid::state::State;
-use crate::integrate::stiffness::Stiffness;
-use jump::Jumps;
+use crate::integrate::step::Stepper;
 pub use observer::{Event, Observer, Segment};
 
 /// Runs a system, keeping the functions it has met from one run to the next.
 pub struct Simulator {
     pub(crate) system: Arc<HybridSystem>,
     pub(crate) settings: Settings,
-    pub(crate) order: usize,
     pub(crate) mode: Mode,
-    /// Switches whose rates the α of a switch may occur in.
-    pub(crate) coupled_by: Vec<Vec<usize>>,
+    pub(crate) coupling: Coupling,
     pub(crate) pieces: Pieces,
-    pub(crate) roots: RootFinder,
-    pub(crate) stiffness: Stiffness,
-    pub(crate) jumps: Jumps,
-    pub(crate) coefficients: Coefficients,
-    pub(crate) unseen: Unseen,
+    pub(crate) stepper: Stepper,
     /// Memory that one run leaves to the next.
     pub(crate) state: State,
 }
@@ -57,23 +51,12 @@ impl Simulator {
     /// A simulator without any mode yet.
     pub fn new(system: Arc<HybridSystem>, settings: Settings) -> Self {
         let order = settings.series_order();
-        let mut coupled_by = vec![Vec::new(); system.n_switches()];
-        for rate in 0..system.n_switches() {
-            for &alpha in &system.switches[rate].couplings {
-                coupled_by[alpha].push(rate);
-            }
-        }
         Simulator {
-            order,
-            stiffness: Stiffness::new(settings.local_tolerance()),
+            stepper: Stepper::new(&system, &settings, order),
             settings,
             mode: Mode::new(&system, order),
-            coupled_by,
+            coupling: Coupling::new(system.clone()),
             pieces: Pieces::new(&system),
-            roots: RootFinder::new(order.max(crate::integrate::stiffness::MOST_NODES)),
-            jumps: Jumps::default(),
-            coefficients: Coefficients::of(&system),
-            unseen: Unseen::default(),
             state: State::default(),
             system,
         }
@@ -132,12 +115,12 @@ impl Simulator {
 
     /// Order of the Taylor series.
     pub fn order(&self) -> usize {
-        self.order
+        self.mode.order
     }
 
     /// Order of the implicit method that takes over where a mode is stiff.
     pub fn implicit_order(&self) -> usize {
-        self.stiffness.order()
+        self.stepper.stiffness.order()
     }
 
     /// Calls `entry(row, column, value)` for every ∂f_row/∂x_column that is not structurally zero, at
@@ -150,8 +133,27 @@ impl Simulator {
         alpha: &[f64],
         entry: impl FnMut(usize, usize, f64),
     ) {
-        self.mode.enter(&self.system, sides);
+        self.mode.enter(sides);
         self.mode.set(t, x, alpha);
-        self.mode.jacobian(&self.system, entry);
+        self.mode.jacobian(entry);
+    }
+
+    /// The state with consistent algebraic states, from those in `x` as guesses.
+    ///
+    /// # Errors
+    ///
+    /// The status of a run that starts there and finds none.
+    pub fn consistent(&mut self, t: f64, x: &[f64], horizon: f64) -> Result<Vec<f64>, Status> {
+        let mut state = std::mem::take(&mut self.state);
+        state.begin(t, x, self.system.n_switches());
+        self.pieces.until = self.mode.load(state.point.t);
+        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        state
+            .point
+            .set_sides((0..state.point.sides.len()).map(relay).collect());
+        let settled = Initialization::settle(&mut self.mode, &mut state, horizon);
+        let x = state.point.x.clone();
+        self.state = state;
+        settled.map(|()| x)
     }
 }

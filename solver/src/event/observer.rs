@@ -90,8 +90,8 @@ impl<'a> Segment<'a> {
     }
 
     /// Switches that nothing but outputs looks at, whose α is not known: their ψ has no series here, only values.
-    pub fn blind(&self) -> &[usize] {
-        self.dense.blind()
+    pub fn unobserved(&self) -> &[usize] {
+        self.dense.unobserved()
     }
 
     /// α of every switch `tau` after the start; not a number where it is not known.
@@ -103,7 +103,7 @@ impl<'a> Segment<'a> {
                 Side::Plus => 1.0,
             };
         }
-        for &i in self.blind() {
+        for &i in self.unobserved() {
             alpha[i] = f64::NAN;
         }
     }

@@ -1,8 +1,5 @@
 //! Unmodelled errors: random vectors that are added to the state at equal intervals of time.
 
-use super::Simulator;
-use crate::hybrid::Status;
-use crate::hybrid::state::State;
 use crate::optimization::mpcc::deviate;
 
 /// Random vectors d_k, added to the state at k times a period, k = 1, 2, ..
@@ -31,7 +28,7 @@ pub enum KickSize {
 
 impl Kicks {
     /// The next instant after `t`.
-    fn next(&self, t: f64) -> f64 {
+    pub(crate) fn next(&self, t: f64) -> f64 {
         let number = (t / self.every).floor() + 1.0;
         // Rounding of the quotient.
         match number * self.every {
@@ -56,26 +53,6 @@ impl Kicks {
         for (x, stream) in x.iter_mut().zip(&self.streams) {
             *x += scale * entry(stream);
         }
-    }
-}
-
-impl Simulator {
-    /// The next instant after the present one at which the state is kicked.
-    pub(crate) fn next_kick(&self, t: f64) -> f64 {
-        let kicks = self.settings.kicks.as_ref();
-        kicks.map_or(f64::INFINITY, |kicks| kicks.next(t))
-    }
-
-    /// Kicks the state at one of these instants, and finds the mode where it is then. Sliding does not survive where
-    /// ψ leaves zero.
-    pub(crate) fn kick(&mut self, state: &mut State, instant: f64, t1: f64) -> Result<(), Status> {
-        if let Some(kicks) = &self.settings.kicks {
-            let number = (instant / kicks.every).round();
-            kicks.apply(number as u64, &mut state.x);
-        }
-        self.stiffness.after_event();
-        let on = self.place(state, t1 - state.t, &[])?;
-        self.enter(state, on, t1)
     }
 }
 

@@ -1,12 +1,15 @@
 //! The loop of a run: step, event, next mode.
 
-use super::jump::Met;
 use super::{Event, Observer, Segment, Simulator};
+use crate::event::state::{Report, State};
+use crate::events::simultaneous::Simultaneous;
 use crate::events::{Approach, chattering, zeno};
-use crate::expansion::dense::Dense;
-use crate::hybrid::state::State;
-use crate::hybrid::{Outcome, Side, Status};
+use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
+use crate::hybrid::point::Point;
+use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
 use crate::integrate::step::Step;
+use crate::selector::select::Met;
 
 /// Events in a row without progress in time that count as an accumulation.
 const MAX_STALLED: usize = 100;
@@ -32,6 +35,79 @@ struct History {
     drift: f64,
     defect: f64,
     pace: Pace,
+    /// Events in a row without progress in time.
+    stalled: usize,
+    /// Functions taken up when the clock was looked at.
+    functions: usize,
+}
+
+impl History {
+    /// The limit that a run has come to.
+    fn limit(&mut self, settings: &Settings, mode: &Mode, report: &Report) -> Option<Status> {
+        if report.stats.steps >= settings.max_steps {
+            return Some(Status::StepLimit);
+        }
+        if report.stats.events >= settings.max_events {
+            return Some(Status::EventLimit);
+        }
+        // A look at the clock costs as much as a small step; functions may take long to compile.
+        let known = mode.n_functions();
+        let compiled = std::mem::replace(&mut self.functions, known) < known;
+        let over = match compiled || report.stats.steps.is_multiple_of(16) {
+            true => settings.limit.over(),
+            false => settings.limit.canceled(),
+        };
+        over.map(Status::Over)
+    }
+
+    /// Whether the limit of steps comes before the end at the pace of the last ones: where rates turn over within what a
+    /// tolerance tells apart, a run creeps from one side to the other.
+    fn falls_short(&mut self, state: &State, max_steps: usize, t1: f64) -> bool {
+        let Pace {
+            time,
+            steps,
+            events,
+        } = self.pace;
+        let taken = state.report.stats.steps - steps;
+        let is_uneventful = state.report.stats.events == events;
+        if is_uneventful && taken < PACED {
+            return false;
+        }
+        self.pace = Pace {
+            time: state.point.t,
+            steps: state.report.stats.steps,
+            events: state.report.stats.events,
+        };
+        let left = (t1 - state.point.t) / (state.point.t - time) * taken as f64;
+        is_uneventful && left > max_steps as f64
+    }
+
+    /// Where events accumulate, the mode changes at their limit.
+    fn end_accumulation(
+        &mut self,
+        system: &HybridSystem,
+        state: &mut State,
+        step: &Step,
+        observer: &mut impl Observer,
+    ) {
+        let ends = step.reaches_end || !step.triggers.is_empty();
+        let Some((from, _)) = self.limit.take_if(|_| ends) else {
+            return;
+        };
+        if step.reaches_end {
+            state.jumps.repay(&system, &mut state.point);
+        }
+        observer.event(&Event {
+            time: state.point.t,
+            x: &state.point.x,
+            before: &state.point.x,
+            jumps: &[],
+            decisions: &[],
+            from: &from,
+            to: &state.point.sides,
+            accumulates: true,
+        });
+    }
 }
 
 /// What a step meets at its end besides its triggers.
@@ -47,8 +123,7 @@ impl Simulator {
         let known = self.mode.n_functions();
         let mut state = std::mem::take(&mut self.state);
         state.begin(t0, x0, self.system.n_switches());
-        state.limit = self.settings.limit.clone();
-        self.stiffness.reset();
+        self.stepper.stiffness.reset();
         let mut history = History::default();
         let status = match self.begin(&mut state, [t0, t1], observer) {
             Err(status) => status,
@@ -58,7 +133,7 @@ impl Simulator {
                 }
             },
         };
-        state.stats.functions = self.mode.n_functions() - known;
+        state.report.stats.functions = self.mode.n_functions() - known;
         let outcome = outcome(&mut state, &history, t0, status);
         self.state = state;
         outcome
@@ -72,20 +147,20 @@ impl Simulator {
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
         let started = self.start(state, t1 - t0);
-        if started.is_ok() && !self.jumps.fired.is_empty() {
-            state.stats.events += 1;
+        if started.is_ok() && !state.jumps.fired.is_empty() {
+            state.report.stats.events += 1;
             observer.event(&Event {
-                time: state.t,
-                x: &state.x,
-                before: self.jumps.before(&state.x),
-                jumps: &self.jumps.fired,
+                time: state.point.t,
+                x: &state.point.x,
+                before: state.jumps.before(&state.point.x),
+                jumps: &state.jumps.fired,
                 decisions: &[],
-                from: &state.sides,
-                to: &state.sides,
+                from: &state.point.sides,
+                to: &state.point.sides,
                 accumulates: false,
             });
         }
-        state.begun = true;
+        state.selection.begun = true;
         started
     }
 
@@ -97,46 +172,52 @@ impl Simulator {
         [t0, t1]: [f64; 2],
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        if !state.pending.is_empty() {
-            self.look_behind(state);
+        if !state.approaches.pending.is_empty() {
+            state
+                .approaches
+                .look_behind(&mut self.mode, &state.point, &state.bands);
         }
-        if state.t >= t1 {
+        if state.point.t >= t1 {
             return Err(Status::Solved);
         }
-        if let Some(status) = self.limit(state) {
+        if let Some(status) = history.limit(&self.settings, &self.mode, &state.report) {
             return Err(match status {
-                Status::EventLimit => history.chatter.at_limit(t1 - state.t),
+                Status::EventLimit => history.chatter.at_limit(t1 - state.point.t),
                 status => status,
             });
         }
-        if self.falls_short(state, &mut history.pace, t1) {
+        if history.falls_short(state, self.settings.max_steps, t1) {
             return Err(Status::StepLimit);
         }
 
         // Find the solution in the current mode and cut it at its first event.
-        self.mode.enter(&self.system, &state.sides);
-        let kick = self.next_kick(state.t);
+        self.mode.enter(&state.point.sides);
+        let kick = self.settings.next_kick(state.point.t);
         let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
         let goal = goal.min(self.pieces.until).min(kick);
-        let mut step = self.step(state, goal, t1)?;
+        let mut step = self.stepper.step(&mut self.mode, state, goal, t1)?;
         self.take(state, history, &mut step, goal, observer)?;
-        self.end_accumulation(state, history, &step, observer);
+        history.end_accumulation(&self.system, state, &step, observer);
 
         // At an event, the rates on all surfaces that meet decide the next mode.
-        self.disarm(state);
+        disarm(&mut self.mode, &state.point, &mut state.bands);
         let meets = Meets {
-            breakpoint: state.t >= self.pieces.until && state.t < t1,
-            kick: (state.t >= kick && state.t < t1).then_some(kick),
+            breakpoint: state.point.t >= self.pieces.until && state.point.t < t1,
+            kick: (state.point.t >= kick && state.point.t < t1).then_some(kick),
         };
         if step.triggers.is_empty() && !meets.breakpoint && meets.kick.is_none() {
             return Ok(());
         }
-        self.locate(state, &mut step, meets, [t0, t1])?;
-        let (from, length) = (state.sides.clone(), step.length);
+        self.locate(state, history, &mut step, meets, [t0, t1])?;
+        let (from, length) = (state.point.sides.clone(), step.length);
         self.next_mode(state, step.triggers, meets, t1)?;
-        let jumped = !self.jumps.fired.is_empty();
-        let folded = state.decisions.iter().any(|decision| decision.folds);
-        if from == state.sides && !jumped && !folded {
+        let jumped = !state.jumps.fired.is_empty();
+        let folded = state
+            .selection
+            .decisions
+            .iter()
+            .any(|decision| decision.folds);
+        if from == state.point.sides && !jumped && !folded {
             return Ok(());
         }
         self.record(state, history, from, [length, t1], observer)
@@ -153,81 +234,57 @@ impl Simulator {
     ) -> Result<(), Status> {
         history.defect = f64::max(history.defect, step.defect);
         if !step.implicit {
-            self.mode.close_window(state);
+            state.window.close(&self.mode);
         }
-        state.window = 0.0;
-        let start = state.t;
+        state.window.length = 0.0;
+        let start = state.point.t;
         if step.reaches_end {
-            (state.t, state.t_low) = (goal, 0.0);
+            (state.point.t, state.point.t_low) = (goal, 0.0);
         } else {
-            state.advance(step.length);
+            state.point.advance(step.length);
         }
         if !step.departs {
-            history.drift = f64::max(history.drift, self.mode.project(&self.system, state));
+            history.drift = f64::max(history.drift, self.mode.project(state));
         }
-        state.record(step.length);
-        state.stats.steps += 1;
+        state.scales.record(&state.point.x, step.length);
+        state.report.stats.steps += 1;
         // What sets off is expanded in the mode in which it sticks, and slips.
         let sides = match step.departs {
-            true => &state.sides,
+            true => &state.point.sides,
             false => &self.mode.sides,
         };
         let segment = Segment {
             start,
             length: step.length,
-            until: state.t,
+            until: state.point.t,
             sides,
-            end: &state.x,
-            dense: &self.dense(step.implicit),
+            end: &state.point.x,
+            dense: &self.stepper.dense(&self.mode, step.implicit),
         };
         if step.length > 0.0 && observer.segment(&segment).is_break() {
             return Err(Status::Stopped);
         }
-        self.look_again(state);
+        self.mode
+            .take_unobserved(&mut state.point, &mut state.bands);
         if let Some(status) = step.ends.take() {
             return Err(status);
         }
         if history.chatter.is_last() {
-            let mut x = state.x.clone();
-            self.dense(step.implicit)
+            let mut x = state.point.x.clone();
+            self.stepper
+                .dense(&self.mode, step.implicit)
                 .states_at(0.5 * step.length, &mut x);
             let middle = (start + 0.5 * step.length, &x[..]);
-            self.measure(&mut history.chatter, state, middle);
+            history.chatter.measure(&mut self.mode, state, middle);
         }
         Ok(())
-    }
-
-    /// Where events accumulate, the mode changes at their limit.
-    fn end_accumulation(
-        &mut self,
-        state: &mut State,
-        history: &mut History,
-        step: &Step,
-        observer: &mut impl Observer,
-    ) {
-        let ends = step.reaches_end || !step.triggers.is_empty();
-        let Some((from, _)) = history.limit.take_if(|_| ends) else {
-            return;
-        };
-        if step.reaches_end {
-            self.repay(state);
-        }
-        observer.event(&Event {
-            time: state.t,
-            x: &state.x,
-            before: &state.x,
-            jumps: &[],
-            decisions: &[],
-            from: &from,
-            to: &state.sides,
-            accumulates: true,
-        });
     }
 
     /// Tells apart what a step has met at its end, and how well the instant is known.
     fn locate(
         &mut self,
         state: &mut State,
+        history: &mut History,
         step: &mut Step,
         meets: Meets,
         [t0, t1]: [f64; 2],
@@ -236,14 +293,24 @@ impl Simulator {
             return Ok(());
         }
         if !meets.breakpoint {
-            self.tell_apart(state, &mut step.triggers, t1);
+            Simultaneous {
+                selector: self.selector(),
+            }
+            .tell_apart(state, &mut step.triggers, t1);
         }
-        self.stiffness.after_event();
+        self.stepper.stiffness.after_event();
         if !step.implicit && !meets.breakpoint {
-            self.mode.open_window(state, step.length, &step.triggers);
+            state.window.open(
+                &self.mode,
+                &state.scales,
+                &state.bands,
+                step.length,
+                &step.triggers,
+            );
         }
-        state.count_event(step.length, t1 - t0);
-        match state.stalled > MAX_STALLED {
+        let progresses = step.length > 1e-14 * (t1 - t0);
+        history.stalled = if progresses { 0 } else { history.stalled + 1 };
+        match history.stalled > MAX_STALLED {
             true => Err(Status::Accumulation),
             false => Ok(()),
         }
@@ -257,22 +324,16 @@ impl Simulator {
         meets: Meets,
         t1: f64,
     ) -> Result<(), Status> {
-        state.decisions.clear();
-        if self.has_jumps() {
-            let met = match meets.breakpoint {
-                true => Met::Breakpoint(triggers),
-                false => Met::Surfaces(triggers),
-            };
-            self.jump_and_change(state, met, t1)?;
-        } else if meets.breakpoint {
-            self.pass_breakpoint(state, &triggers, t1)?;
-        } else if !triggers.is_empty() {
-            self.change(state, &triggers, t1)?;
-        }
+        state.selection.decisions.clear();
+        let met = match meets.breakpoint {
+            true => Met::Breakpoint(triggers),
+            false => Met::Surfaces(triggers),
+        };
+        self.pass(state, met, t1)?;
         if let Some(kick) = meets.kick {
             self.kick(state, kick, t1)?;
         }
-        state.fold = None;
+        state.selection.fold = None;
         Ok(())
     }
 
@@ -285,37 +346,47 @@ impl Simulator {
         [length, t1]: [f64; 2],
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        self.stiffness.after_event();
-        state.stats.events += 1;
+        self.stepper.stiffness.after_event();
+        state.report.stats.events += 1;
         let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
-        let more = slides(&state.sides) > slides(&from);
-        if from != state.sides {
-            history.events.record(state.t, &from);
-            history.chatter.record(state.t, &state.x, &from);
+        let more = slides(&state.point.sides) > slides(&from);
+        if from != state.point.sides {
+            history.events.record(state.point.t, &from);
+            history.chatter.record(state.point.t, &state.point.x, &from);
             self.average(&mut history.chatter, state, t1)?;
         }
-        let jumped = !self.jumps.fired.is_empty();
+        let jumped = !state.jumps.fired.is_empty();
         let end = match jumped {
-            true => self.jumps.limit(state),
-            false => history.events.limit(&state.sides),
+            true => state.jumps.limit(&mut state.window),
+            false => history.events.limit(&state.point.sides),
         };
         let end = end.filter(|end| more && *end < t1);
-        let waits = end.filter(|end| *end > state.t);
+        let waits = end.filter(|end| *end > state.point.t);
         if jumped || waits.is_none() {
             observer.event(&Event {
-                time: state.t,
-                x: &state.x,
-                before: self.jumps.before(&state.x),
-                jumps: &self.jumps.fired,
-                decisions: &state.decisions,
+                time: state.point.t,
+                x: &state.point.x,
+                before: state.jumps.before(&state.point.x),
+                jumps: &state.jumps.fired,
+                decisions: &state.selection.decisions,
                 from: &from,
-                to: if waits.is_some() { &from } else { &state.sides },
+                to: if waits.is_some() {
+                    &from
+                } else {
+                    &state.point.sides
+                },
                 accumulates: end.is_some() && waits.is_none(),
             });
-            self.displace(state, length, observer);
+            displace(&self.mode, state, length, observer);
         }
-        let undisturbed = t1.min(self.pieces.until).min(self.next_kick(state.t));
-        if let Some(status) = self.chatters(&history.chatter, state, undisturbed) {
+        let undisturbed = t1
+            .min(self.pieces.until)
+            .min(self.settings.next_kick(state.point.t));
+        if let Some(status) =
+            history
+                .chatter
+                .chatters(&mut self.mode, &self.settings, &state.point, undisturbed)
+        {
             if !self.settings.averages {
                 return Err(status);
             }
@@ -324,109 +395,80 @@ impl Simulator {
         history.limit = waits.map(|end| (from, end));
         Ok(())
     }
-
-    /// Lets an observer move the state by roundings: of each x, and of the terms of its rate over the last step.
-    fn displace(&self, state: &mut State, length: f64, observer: &mut impl Observer) {
-        if !observer.displaces() {
-            return;
-        }
-        let before = self.jumps.before(&state.x);
-        // What laws count is whole, and exact.
-        let jumps = |i: usize| state.x[i] != before[i] && state.x[i].fract() != 0.0;
-        let moves = |i: usize| self.mode.x_series(i)[1] != 0.0 || jumps(i);
-        let rests = |i: usize| self.mode.is_algebraic[i] || !moves(i);
-        let size = |i: usize| state.x[i].abs().max(state.activity[i] * length);
-        let rounding = |i: usize| {
-            if rests(i) {
-                0.0
-            } else {
-                f64::EPSILON * size(i)
-            }
-        };
-        let roundings: Vec<f64> = (0..state.x.len()).map(rounding).collect();
-        observer.displace(&mut state.x, &roundings);
-    }
-
-    fn limit(&self, state: &mut State) -> Option<Status> {
-        if state.stats.steps >= self.settings.max_steps {
-            return Some(Status::StepLimit);
-        }
-        if state.stats.events >= self.settings.max_events {
-            return Some(Status::EventLimit);
-        }
-        // A look at the clock costs as much as a small step; functions may take long to compile.
-        let known = self.mode.n_functions();
-        let compiled = std::mem::replace(&mut state.functions, known) < known;
-        let over = match compiled || state.stats.steps.is_multiple_of(16) {
-            true => state.limit.over(),
-            false => state.limit.canceled(),
-        };
-        over.map(Status::Over)
-    }
-
-    /// Whether the limit of steps comes before the end at the pace of the last ones: where rates turn over within what a
-    /// tolerance tells apart, a run creeps from one side to the other.
-    fn falls_short(&self, state: &State, pace: &mut Pace, t1: f64) -> bool {
-        let Pace {
-            time,
-            steps,
-            events,
-        } = *pace;
-        let taken = state.stats.steps - steps;
-        let is_uneventful = state.stats.events == events;
-        if is_uneventful && taken < PACED {
-            return false;
-        }
-        *pace = Pace {
-            time: state.t,
-            steps: state.stats.steps,
-            events: state.stats.events,
-        };
-        let left = (t1 - state.t) / (state.t - time) * taken as f64;
-        is_uneventful && left > self.settings.max_steps as f64
-    }
-
-    /// The polynomials of the last step.
-    fn dense(&self, implicit: bool) -> Dense<'_> {
-        match self.stiffness.method() {
-            Some(radau) if implicit => Dense::Collocation(&self.mode, radau),
-            _ => Dense::Taylor(&self.mode),
-        }
-    }
-
-    /// A surface left tangentially is watched again once it is outside its band.
-    fn disarm(&mut self, state: &mut State) {
-        let left = |i: usize| state.armed[i] && state.sides[i] != Side::Slide;
-        if !(0..state.armed.len()).any(left) {
-            return;
-        }
-        self.mode.set(state.t, &state.x, &state.alpha);
-        for i in 0..state.armed.len() {
-            if state.armed[i] && state.sides[i] != Side::Slide {
-                state.armed[i] = self.mode.is_near(i, state) || self.mode.is_rounding(i);
-            }
-        }
-    }
 }
 
 /// Where a run from `t0` has ended, and how.
 fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Outcome {
     let by_time = |a: &Approach, b: &Approach| a.time.total_cmp(&b.time);
-    state.approaches.sort_by(by_time);
-    let elapsed = if state.t > t0 { state.t - t0 } else { 1.0 };
+    state.approaches.known.sort_by(by_time);
+    let elapsed = if state.point.t > t0 {
+        state.point.t - t0
+    } else {
+        1.0
+    };
     Outcome {
         status,
-        time: state.t,
-        x: state.x.clone(),
-        sides: state.sides.to_vec(),
-        alpha: state.alpha.clone(),
-        activity: state.work.iter().map(|work| work / elapsed).collect(),
-        moved: state.moved.iter().map(|squares| squares.sqrt()).collect(),
+        time: state.point.t,
+        x: state.point.x.clone(),
+        sides: state.point.sides.to_vec(),
+        alpha: state.point.alpha.clone(),
+        activity: state
+            .scales
+            .work
+            .iter()
+            .map(|work| work / elapsed)
+            .collect(),
+        moved: state
+            .window
+            .moved
+            .iter()
+            .map(|squares| squares.sqrt())
+            .collect(),
         drift: history.drift,
         defect: history.defect,
-        complementarity: state.complementarity,
-        notes: std::mem::take(&mut state.notes),
-        approaches: std::mem::take(&mut state.approaches),
-        stats: state.stats,
+        complementarity: state.report.complementarity,
+        notes: std::mem::take(&mut state.report.notes),
+        approaches: std::mem::take(&mut state.approaches.known),
+        stats: state.report.stats,
+    }
+}
+
+/// Lets an observer move the state by roundings: of each x, and of the terms of its rate over the last step.
+fn displace(mode: &Mode, state: &mut State, length: f64, observer: &mut impl Observer) {
+    if !observer.displaces() {
+        return;
+    }
+    let before = state.jumps.before(&state.point.x);
+    // What laws count is whole, and exact.
+    let jumps = |i: usize| state.point.x[i] != before[i] && state.point.x[i].fract() != 0.0;
+    let moves = |i: usize| mode.x_series(i)[1] != 0.0 || jumps(i);
+    let rests = |i: usize| mode.system.is_algebraic(i) || !moves(i);
+    let size = |i: usize| {
+        state.point.x[i]
+            .abs()
+            .max(state.scales.activity[i] * length)
+    };
+    let rounding = |i: usize| {
+        if rests(i) {
+            0.0
+        } else {
+            f64::EPSILON * size(i)
+        }
+    };
+    let roundings: Vec<f64> = (0..state.point.x.len()).map(rounding).collect();
+    observer.displace(&mut state.point.x, &roundings);
+}
+
+/// A surface left tangentially is monitored again once it is outside its band.
+fn disarm(mode: &mut Mode, point: &Point, bands: &mut Bands) {
+    let left = |i: usize| bands.armed[i] && point.sides[i] != Side::Slide;
+    if !(0..bands.armed.len()).any(left) {
+        return;
+    }
+    mode.move_to(point);
+    for i in 0..bands.armed.len() {
+        if bands.armed[i] && point.sides[i] != Side::Slide {
+            bands.armed[i] = mode.is_near(i, bands) || mode.is_rounding(i);
+        }
     }
 }

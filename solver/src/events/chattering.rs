@@ -9,8 +9,11 @@
 //! finite sum: no mode comes after them, and their number at a time to come is known long before.
 
 use crate::event::Simulator;
-use crate::hybrid::state::State;
-use crate::hybrid::{Note, Side, Status};
+use crate::event::state::State;
+use crate::expansion::mode::Mode;
+use crate::hybrid::point::Point;
+use crate::hybrid::{Note, Settings, Side, Status};
+use crate::selector::select::Met;
 
 /// Events of a cycle, at most.
 const MAX_CYCLE: usize = 12;
@@ -133,42 +136,60 @@ impl Chatter {
     pub(crate) fn at_limit(&self, time: f64) -> Status {
         self.ends(time).unwrap_or(Status::EventLimit)
     }
-}
 
-impl Simulator {
     /// How a run ends behind an event of a cycle that goes on until the run has met as many events as it may, if
     /// nothing but events comes before `goal`.
     pub(crate) fn chatters(
-        &mut self,
-        chatter: &Chatter,
-        state: &State,
+        &self,
+        mode: &mut Mode,
+        settings: &Settings,
+        point: &Point,
         goal: f64,
     ) -> Option<Status> {
-        let (count, most) = (chatter.count, self.settings.max_events);
+        let (count, most) = (self.count, settings.max_events);
         if !count.is_power_of_two() || count < FEWEST.max(most / SHARE) {
             return None;
         }
-        let trend = chatter.trend()?;
+        let trend = self.trend()?;
         let left = trend.doubling * (most as f64 / count as f64).log2();
-        let lasts = left + trend.doubling * BEYOND.log2() < goal - state.t;
-        let found = (lasts && !self.others_switch(chatter, &trend, state, left))
-            .then(|| chatter.ends(goal - state.t));
+        let lasts = left + trend.doubling * BEYOND.log2() < goal - point.t;
+        let found = (lasts && !self.others_switch(mode, &trend, point, left))
+            .then(|| self.ends(goal - point.t));
         found.flatten()
     }
 
     /// Looks at how far ψ of the switches that chatter is from zero in the middle of a step, and at its end.
-    pub(crate) fn measure(&mut self, chatter: &mut Chatter, state: &State, middle: (f64, &[f64])) {
-        let Some(last) = &mut chatter.last else {
+    pub(crate) fn measure(&mut self, mode: &mut Mode, state: &State, middle: (f64, &[f64])) {
+        let Some(last) = &mut self.last else {
             return;
         };
-        for (t, x) in [middle, (state.t, &state.x)] {
-            self.mode.set(t, x, &state.alpha);
+        for (t, x) in [middle, (state.point.t, &state.point.x)] {
+            mode.set(t, x, &state.point.alpha);
             for (height, &i) in last.heights.iter_mut().zip(&last.switches) {
-                *height = height.max(self.mode.psi(i).abs());
+                *height = height.max(mode.psi(i).abs());
             }
         }
     }
 
+    /// Whether a switch outside the cycle changes sides within the time that is `left`, where states go on as they have
+    /// on average.
+    fn others_switch(&self, mode: &mut Mode, trend: &Trend, point: &Point, left: f64) -> bool {
+        let acting = self.switches();
+        let others = |i: &usize| !acting.contains(i) && point.sides[*i] != Side::Slide;
+        let others: Vec<usize> = (0..point.sides.len()).filter(others).collect();
+        let mut signs = |share: f64| -> Vec<bool> {
+            let onward = share * left / (3.0 * trend.doubling);
+            let moved = point.x.iter().zip(trend.before);
+            let x: Vec<f64> = moved.map(|(x, before)| x + (x - before) * onward).collect();
+            mode.set(point.t + share * left, &x, &point.alpha);
+            others.iter().map(|&i| mode.psi(i) > 0.0).collect()
+        };
+        let now = signs(0.0);
+        (1..=AHEAD).any(|k| signs(k as f64 / AHEAD as f64) != now)
+    }
+}
+
+impl Simulator {
     /// Behind the last cycle: takes the state to where ψ of all its switches, and the derivatives of ψ that contain no
     /// α, are zero, and lets it slide there.
     pub(crate) fn average(
@@ -180,24 +201,33 @@ impl Simulator {
         let Some(last) = chatter.last.take_if(|last| last.until <= chatter.count) else {
             return Ok(());
         };
-        let ends = chatter.ends(t1 - state.t).unwrap_or(Status::EventLimit);
-        let (time, x, mut sides) = (state.t, state.x.clone(), state.sides.clone());
+        let ends = chatter
+            .ends(t1 - state.point.t)
+            .unwrap_or(Status::EventLimit);
+        let (time, x, mut sides) = (
+            state.point.t,
+            state.point.x.clone(),
+            state.point.sides.clone(),
+        );
         last.switches.iter().for_each(|&i| sides[i] = Side::Slide);
-        state.set_sides(sides);
-        self.mode.enter(&self.system, &state.sides);
-        let solved = self.mode.solve_alpha(time, &x, &mut state.alpha);
-        let mut slides = solved.is_ok() && self.is_affine(state);
+        state.point.set_sides(sides);
+        self.mode.enter(&state.point.sides);
+        let solved = self.mode.solve_alpha(time, &x, &mut state.point.alpha);
+        let mut slides = solved.is_ok() && is_affine(&mut self.mode, &state.point);
         if slides {
-            self.mode.project(&self.system, state);
-            let on = self.place(state, t1 - time, &[])?;
-            self.enter(state, on, t1)?;
-            slides = last.switches.iter().all(|&i| state.sides[i] == Side::Slide);
+            self.mode.project(state);
+            let on = self.selector().place(state, t1 - time, &[])?;
+            self.pass(state, Met::Surfaces(on), t1)?;
+            slides = last
+                .switches
+                .iter()
+                .all(|&i| state.point.sides[i] == Side::Slide);
         }
         if !slides {
-            state.x = x;
+            state.point.x = x;
             return Err(ends);
         }
-        state.note(Note::Averaged {
+        state.report.note(Note::Averaged {
             time,
             switches: last.switches,
             heights: last.heights,
@@ -205,58 +235,35 @@ impl Simulator {
         *chatter = Chatter::default();
         Ok(())
     }
+}
 
-    /// Whether rates are affine in α of all that slides, so that their mean over a cycle is that of mean α.
-    fn is_affine(&mut self, state: &State) -> bool {
-        let sliding = self.mode.sliding.clone();
-        let mut rates = |values: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            let mut alpha = state.alpha.clone();
-            let of_sliding = sliding.iter().enumerate();
-            of_sliding.for_each(|(k, &i)| alpha[i] = values(k));
-            self.mode.eval(state.t, &state.x, &alpha);
-            self.mode.f().to_vec()
-        };
-        // Of a product of two α, these shares leave something.
-        let share = |k: usize| 1.0 / (k as f64 + 2.0);
-        let below = rates(&|_| 0.0);
-        let found = rates(&share);
-        let mut expected = below.clone();
-        let mut size: Vec<f64> = below.iter().map(|f| f.abs()).collect();
-        for k in 0..state.alpha.len().min(sliding.len()) {
-            let above = rates(&|other| f64::from(other == k));
-            for (i, (above, below)) in above.iter().zip(&below).enumerate() {
-                expected[i] += share(k) * (above - below);
-                size[i] += above.abs();
-            }
+/// Whether rates are affine in α of all that slides, so that their mean over a cycle is that of mean α.
+fn is_affine(mode: &mut Mode, point: &Point) -> bool {
+    let sliding = mode.sliding.clone();
+    let mut rates = |values: &dyn Fn(usize) -> f64| -> Vec<f64> {
+        let mut alpha = point.alpha.clone();
+        let of_sliding = sliding.iter().enumerate();
+        of_sliding.for_each(|(k, &i)| alpha[i] = values(k));
+        mode.eval(point.t, &point.x, &alpha);
+        mode.f().to_vec()
+    };
+    // Of a product of two α, these shares leave something.
+    let share = |k: usize| 1.0 / (k as f64 + 2.0);
+    let below = rates(&|_| 0.0);
+    let found = rates(&share);
+    let mut expected = below.clone();
+    let mut size: Vec<f64> = below.iter().map(|f| f.abs()).collect();
+    for k in 0..point.alpha.len().min(sliding.len()) {
+        let above = rates(&|other| f64::from(other == k));
+        for (i, (above, below)) in above.iter().zip(&below).enumerate() {
+            expected[i] += share(k) * (above - below);
+            size[i] += above.abs();
         }
-        let differences = found.iter().zip(&expected).zip(size);
-        differences
-            .into_iter()
-            .all(|((found, expected), size)| (found - expected).abs() <= AFFINE * size)
     }
-
-    /// Whether a switch outside the cycle changes sides within the time that is `left`, where states go on as they have
-    /// on average.
-    fn others_switch(
-        &mut self,
-        chatter: &Chatter,
-        trend: &Trend,
-        state: &State,
-        left: f64,
-    ) -> bool {
-        let acting = chatter.switches();
-        let others = |i: &usize| !acting.contains(i) && state.sides[*i] != Side::Slide;
-        let others: Vec<usize> = (0..state.sides.len()).filter(others).collect();
-        let mut signs = |share: f64| -> Vec<bool> {
-            let onward = share * left / (3.0 * trend.doubling);
-            let moved = state.x.iter().zip(trend.before);
-            let x: Vec<f64> = moved.map(|(x, before)| x + (x - before) * onward).collect();
-            self.mode.set(state.t + share * left, &x, &state.alpha);
-            others.iter().map(|&i| self.mode.psi(i) > 0.0).collect()
-        };
-        let now = signs(0.0);
-        (1..=AHEAD).any(|k| signs(k as f64 / AHEAD as f64) != now)
-    }
+    let differences = found.iter().zip(&expected).zip(size);
+    differences
+        .into_iter()
+        .all(|((found, expected), size)| (found - expected).abs() <= AFFINE * size)
 }
 
 #[cfg(test)]

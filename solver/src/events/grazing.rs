@@ -6,71 +6,18 @@
 //! act for as long as that; or to the end, where it does not lead back. The run says what it knows of
 //! such a turn, and its error is known to the caller only.
 
+use super::approach::{Approach, Approaches, DERIVATIVES, Pending};
 use super::roots::Root;
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::{Bands, Scales};
 use crate::expansion::series;
 use crate::hybrid::Side;
-use crate::hybrid::state::State;
-
-/// A surface that came close.
-#[derive(Clone, Debug)]
-pub struct Approach {
-    /// Its switch.
-    pub switch: usize,
-    /// When.
-    pub time: f64,
-    /// Where.
-    pub x: Vec<f64>,
-    /// ψ, positive on the side that the run came from.
-    pub distance: f64,
-    /// What rounding may change in it.
-    pub rounding: f64,
-    /// (j, ∂ψ/∂x_j).
-    pub gradient: Vec<(usize, f64)>,
-    /// f on the other side, less f: not a number where there is no solution on the other side.
-    pub jump: Vec<f64>,
-    /// Whether the run has crossed the surface, where it might have turned back.
-    pub crosses: bool,
-    /// A relay, which does not return with ψ.
-    latches: bool,
-    /// A contact, whose jump is that of the velocities by a change of ψ' by one.
-    strikes: bool,
-    /// Coefficients of ψ from order one on, with the sign of the distance, in the mode of the run and
-    /// behind the surface.
-    along: [f64; DERIVATIVES],
-    behind: [f64; DERIVATIVES],
-}
-
-/// How long the other side of a surface is visited.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Visit {
-    /// For so long.
-    Lasts(f64),
-    /// The field there does not lead back soon.
-    Stays,
-    /// None: a contact is struck, and ψ' changes by no more than this.
-    Strikes(f64),
-}
-
-/// An approach in a step, before it is known what is behind the surface.
-pub(crate) struct Pending {
-    approach: Approach,
-    sides: Box<[Side]>,
-    alpha: Vec<f64>,
-    /// It ended the step.
-    is_event: bool,
-}
-
-/// Derivatives of ψ that are looked at.
-const DERIVATIVES: usize = 4;
+use crate::hybrid::point::Point;
 
 /// Roundings of a term that a value has seen.
 const ROUNDINGS: f64 = 8.0;
-
-/// Doublings of the time of a visit after which it does not end.
-const DOUBLINGS: usize = 6;
 
 /// The share of its band by which a contact may be below its surface and is grazed.
 const GRAZED: f64 = 0.125;
@@ -78,46 +25,25 @@ const GRAZED: f64 = 0.125;
 /// Approaches closer than this many tolerances are looked at.
 const CLOSE: f64 = 10.0;
 
-/// Of more approaches the closest are kept.
-const MOST: usize = 256;
-
-impl Approach {
-    /// How long the other side is visited where the run misses the surface by `depth`, in truth beyond it.
-    pub fn visit(&self, depth: f64) -> Visit {
-        let terms = (2..=DERIVATIVES).map(|k| (k, self.along[k - 1]));
-        let half = series::soonest(depth, terms).map_or(f64::INFINITY, |(_, half)| half);
-        if self.strikes {
-            // |ψ'| ≤ k d/half for the power k that d is reached with; a rebound may double it.
-            return Visit::Strikes(2.0 * DERIVATIVES as f64 * depth / half);
-        }
-        if self.latches || !half.is_finite() || self.behind[0].is_nan() {
-            return Visit::Stays;
-        }
-        // A field that pushes back acts only for the share of the time that keeps ψ at zero.
-        if self.behind[0] * half > depth {
-            return Visit::Lasts(4.0 * depth / self.behind[0]);
-        }
-        let rise = |tau: f64| tau * series::value(&self.behind, tau);
-        let times = (0..=DOUBLINGS).map(|k| half * f64::from(1 << k));
-        let mut returns = times.filter(|&tau| rise(tau) >= 0.5 * depth);
-        returns
-            .next()
-            .map_or(Visit::Stays, |tau| Visit::Lasts(half + tau))
-    }
-}
-
 impl Mode {
     /// |ψ| that a run within its tolerance may have on either side of the surface in a step of length `h`; zero
     /// where it does not matter on which.
-    pub(crate) fn closeness(&self, switch: usize, state: &State, tolerance: f64, h: f64) -> f64 {
-        if self.continuous[switch] {
+    pub(crate) fn closeness(
+        &self,
+        switch: usize,
+        scales: &Scales,
+        bands: &Bands,
+        tolerance: f64,
+        h: f64,
+    ) -> f64 {
+        if self.system.sides_agree(switch) {
             return 0.0;
         }
         // Before the first step, a state that starts at zero has no size but that of its motion.
-        let motion = if state.last_step > 0.0 { 0.0 } else { h };
-        let size = |j: usize| state.scale[j].max(state.activity[j] * motion);
+        let motion = if scales.last_step > 0.0 { 0.0 } else { h };
+        let size = |j: usize| scales.largest[j].max(scales.activity[j] * motion);
         let past = self.weigh(switch, size);
-        let terms = state.terms[switch];
+        let terms = bands.terms[switch];
         // The series of what is no affine function has an error of its own.
         let cut = if self.surfaces.is_affine(switch) {
             0.0
@@ -137,21 +63,23 @@ impl Mode {
         event: Option<(usize, Root)>,
         tolerance: f64,
     ) {
-        let mut close = std::mem::take(&mut state.close);
+        let mut close = std::mem::take(&mut state.approaches.close);
         for (switch, tau) in close.drain(..).filter(|(_, tau)| *tau <= length) {
             self.note_approach(dense, state, switch, tau, None);
         }
-        state.close = close;
+        state.approaches.close = close;
         let Some((switch, root)) = event else {
             return;
         };
-        if self.continuous[switch] || state.armed[switch] {
+        if self.system.sides_agree(switch) || state.bands.armed[switch] {
             return;
         }
         let c = dense.psi(switch);
         let (slope, bend) = (series::slope(c, length), series::curvature(c, length));
         let turns = bend * self.sides[switch].sign() > 0.0
-            && 0.5 * slope * slope <= bend.abs() * self.closeness(switch, state, tolerance, length);
+            && 0.5 * slope * slope
+                <= bend.abs()
+                    * self.closeness(switch, &state.scales, &state.bands, tolerance, length);
         if !root.crosses || turns {
             self.note_approach(dense, state, switch, length, Some(root.crosses));
         }
@@ -165,12 +93,12 @@ impl Mode {
         tau: f64,
         event: Option<bool>,
     ) {
-        let time = state.t + tau;
+        let time = state.point.t + tau;
         let again = |last: &Pending| {
             let apart = (last.approach.time - time).abs();
-            last.approach.switch == switch && apart <= 1e-6 * tau.max(state.last_step)
+            last.approach.switch == switch && apart <= 1e-6 * tau.max(state.scales.last_step)
         };
-        if state.pending.last().is_some_and(again) {
+        if state.approaches.pending.last().is_some_and(again) {
             return;
         }
         let (c, side) = (dense.psi(switch), self.sides[switch].sign());
@@ -183,17 +111,17 @@ impl Mode {
             side * series::value(c, tau)
         };
         let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-        let past = self.weigh(switch, |j| state.scale[j]);
+        let past = self.weigh(switch, |j| state.scales.largest[j]);
         let (mut x, mut alpha) = (vec![0.0; self.n], vec![0.0; self.sides.len()]);
         dense.states_at(tau, &mut x);
         dense.alphas_at(tau, &mut alpha);
-        state.pending.push(Pending {
+        state.approaches.pending.push(Pending {
             approach: Approach {
                 switch,
                 time,
                 x,
                 distance,
-                rounding: ROUNDINGS * f64::EPSILON * state.terms[switch].max(sizes).max(past),
+                rounding: ROUNDINGS * f64::EPSILON * state.bands.terms[switch].max(sizes).max(past),
                 gradient: Vec::new(),
                 jump: (0..self.n)
                     .map(|i| -series::slope(dense.x(i), tau))
@@ -211,10 +139,10 @@ impl Mode {
     }
 }
 
-impl Simulator {
+impl Approaches {
     /// Looks behind the surfaces that came close in the last step.
-    pub(crate) fn look_behind(&mut self, state: &mut State) {
-        let mut pending = std::mem::take(&mut state.pending);
+    pub(crate) fn look_behind(&mut self, mode: &mut Mode, point: &Point, bands: &Bands) {
+        let mut pending = std::mem::take(&mut self.pending);
         for Pending {
             mut approach,
             mut sides,
@@ -224,24 +152,23 @@ impl Simulator {
         {
             let (switch, side) = (approach.switch, sides[approach.switch]);
             let other = Side::of(-side.sign());
-            let strikes = self.is_contact(switch);
+            let strikes = mode.system.is_struck(switch);
             let is_there = match approach.crosses {
                 // A contact is struck or grazed, and above its surface afterwards in any case.
                 _ if strikes => true,
-                true => state.sides[switch] == other,
-                false => !is_event || state.sides[switch] == side,
+                true => point.sides[switch] == other,
+                false => !is_event || point.sides[switch] == side,
             };
             if !is_there {
                 continue;
             }
             sides[switch] = other;
             alpha[switch] = if other == Side::Plus { 1.0 } else { 0.0 };
-            let mode = &mut self.mode;
-            mode.enter(&self.system, &sides);
+            mode.enter(&sides);
             let exists = mode.expand(approach.time, &approach.x, &mut alpha).is_ok();
             mode.surfaces.linearize(switch, &mode.memory.values);
             approach.gradient.extend_from_slice(mode.gradient(switch));
-            approach.latches = self.system.relay(switch).is_some();
+            approach.latches = mode.system.relay(switch).is_some();
             approach.strikes = strikes;
             let order = mode.order + 1;
             mode.surfaces.expand(switch, &mut mode.memory, order);
@@ -262,28 +189,13 @@ impl Simulator {
             }
             if strikes {
                 // What is closer than this is taken for a graze (`jump.rs`).
-                approach.rounding = approach.rounding.max(GRAZED * state.band[switch]);
+                approach.rounding = approach.rounding.max(GRAZED * bands.width[switch]);
                 // α = 0 is a force of one.
                 let push = 2.0 * (approach.behind[1] - approach.along[1]);
                 approach.jump.iter_mut().for_each(|jump| *jump /= push);
             }
-            state.keep_approach(approach);
+            self.keep(approach);
         }
-        state.pending = pending;
-    }
-}
-
-impl State {
-    fn keep_approach(&mut self, approach: Approach) {
-        if self.approaches.len() < MOST {
-            self.approaches.push(approach);
-            return;
-        }
-        let distance = |a: &Approach| a.distance.abs();
-        let farthest = self.approaches.iter_mut();
-        let farthest = farthest.max_by(|a, b| distance(a).total_cmp(&distance(b)));
-        if let Some(farthest) = farthest.filter(|other| distance(other) > distance(&approach)) {
-            *farthest = approach;
-        }
+        self.pending = pending;
     }
 }

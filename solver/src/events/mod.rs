@@ -1,5 +1,6 @@
 //! Location of events along a step: roots, grazing, accumulation.
 
+pub(crate) mod approach;
 pub(crate) mod chattering;
 pub(crate) mod grazing;
 pub(crate) mod minima;
@@ -10,5 +11,5 @@ pub(crate) mod simultaneous;
 pub(crate) mod unseen;
 pub(crate) mod zeno;
 
-pub use grazing::{Approach, Visit};
+pub use approach::{Approach, Visit};
 pub use overlooked::Overlooked;

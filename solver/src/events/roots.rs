@@ -34,6 +34,8 @@ pub(crate) struct RootFinder {
     bernstein: Vec<f64>,
     /// Where the polynomial comes close to zero and turns back, before its first root.
     pub close: Vec<f64>,
+    /// The series of what bounds two α that stick together.
+    pub margin: Vec<f64>,
 }
 
 #[derive(Clone, Copy)]
@@ -61,6 +63,7 @@ impl RootFinder {
             stack: Vec::with_capacity(DEPTH),
             bernstein: Vec::with_capacity(DEPTH * (degree + 1)),
             close: Vec::new(),
+            margin: Vec::new(),
         }
     }
 

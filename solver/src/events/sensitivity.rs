@@ -6,46 +6,71 @@
 //! there by the same |f⁺ - f⁻| δ, however accurate its steps are.
 
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::{Bands, Scales, refill};
 use crate::expansion::series;
 use crate::hybrid::Side;
-use crate::hybrid::state::State;
+
+/// How long an event is uncertain, and what that does to the states.
+#[derive(Default)]
+pub(crate) struct Window {
+    /// How long the last event is uncertain; 0 once that is accounted for.
+    pub length: f64,
+    /// f before that event.
+    before: Vec<f64>,
+    /// Squares of what uncertain events may have moved the states by.
+    pub moved: Vec<f64>,
+}
+
+impl Window {
+    /// That of a run of n states, without an event so far.
+    pub(crate) fn begin(&mut self, n: usize) {
+        self.length = 0.0;
+        refill(&mut self.before, n, 0.0);
+        refill(&mut self.moved, n, 0.0);
+    }
+
+    /// Takes note of the fields before an event at `tau`, and of how long it is uncertain.
+    pub(crate) fn open(
+        &mut self,
+        mode: &Mode,
+        scales: &Scales,
+        bands: &Bands,
+        tau: f64,
+        triggers: &[usize],
+    ) {
+        let crossings = triggers.iter().filter(|i| mode.sides[**i] != Side::Slide);
+        let windows = crossings.map(|&i| {
+            let c = mode.psi_series(i);
+            // A few roundings of every term, and of the states as large as they have been.
+            let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
+            let past = mode.weigh(i, |j| scales.largest[j]);
+            let rounding = ROUNDINGS * f64::EPSILON * bands.terms[i].max(sizes).max(past);
+            let around: [f64; 1 + DERIVATIVES] = series::around(c, tau);
+            let terms = around.into_iter().enumerate().skip(1);
+            series::soonest(rounding, terms).map_or(f64::INFINITY, |(_, length)| length)
+        });
+        let window = windows.fold(0.0, f64::max);
+        self.length = if window.is_finite() { window } else { 0.0 };
+        if self.length > 0.0 {
+            for i in 0..mode.n {
+                self.before[i] = series::value(&mode.rate_series(i)[..mode.order], tau);
+            }
+        }
+    }
+
+    /// Adds what the fields after the event, expanded by now, have to do with those before.
+    pub(crate) fn close(&mut self, mode: &Mode) {
+        if self.length > 0.0 {
+            for i in 0..mode.n {
+                let moved = self.length * (mode.x_series(i)[1] - self.before[i]);
+                self.moved[i] += moved * moved;
+            }
+        }
+    }
+}
 
 /// Derivatives of ψ that are looked at.
 const DERIVATIVES: usize = 4;
 
 /// Roundings of a term that a value has seen.
 const ROUNDINGS: f64 = 8.0;
-
-impl Mode {
-    /// Takes note of the fields before an event at `tau`, and of how long it is uncertain.
-    pub(crate) fn open_window(&self, state: &mut State, tau: f64, triggers: &[usize]) {
-        let crossings = triggers.iter().filter(|i| self.sides[**i] != Side::Slide);
-        let windows = crossings.map(|&i| {
-            let c = self.psi_series(i);
-            // A few roundings of every term, and of the states as large as they have been.
-            let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-            let past = self.weigh(i, |j| state.scale[j]);
-            let rounding = ROUNDINGS * f64::EPSILON * state.terms[i].max(sizes).max(past);
-            let around: [f64; 1 + DERIVATIVES] = series::around(c, tau);
-            let terms = around.into_iter().enumerate().skip(1);
-            series::soonest(rounding, terms).map_or(f64::INFINITY, |(_, length)| length)
-        });
-        let window = windows.fold(0.0, f64::max);
-        state.window = if window.is_finite() { window } else { 0.0 };
-        if state.window > 0.0 {
-            for i in 0..self.n {
-                state.before[i] = series::value(&self.rate_series(i)[..self.order], tau);
-            }
-        }
-    }
-
-    /// Adds what the fields after the event, expanded by now, have to do with those before.
-    pub(crate) fn close_window(&self, state: &mut State) {
-        if state.window > 0.0 {
-            for i in 0..self.n {
-                let moved = state.window * (self.x_series(i)[1] - state.before[i]);
-                state.moved[i] += moved * moved;
-            }
-        }
-    }
-}

@@ -5,10 +5,10 @@
 //! short time, or is one in which the second surface is come to slowly: then the later ones are left to the next
 //! step, and where rounding does not say which is first, the run says so.
 
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
 use crate::hybrid::{Note, Side};
+use crate::selector::select::Selector;
 
 /// Roundings of its terms below which ψ is zero.
 const ROUNDINGS: f64 = 64.0;
@@ -26,22 +26,27 @@ struct Between {
     f: Vec<f64>,
 }
 
-impl Simulator {
+/// Tells events apart that are close together.
+pub(crate) struct Simultaneous<'a> {
+    pub selector: Selector<'a>,
+}
+
+impl Simultaneous<'_> {
     /// Takes out of `triggers`, which meet here, those whose surfaces are reached later, where that makes
     /// a difference to a state above its tolerance.
     pub(crate) fn tell_apart(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
         let has_no_side = |&i: &usize| {
-            let is_relay = self.system.relay(i).is_some();
-            is_relay || self.system.across(i).is_some()
+            let is_relay = self.selector.system.relay(i).is_some();
+            is_relay || self.selector.system.across(i).is_some()
         };
         if triggers.len() < 2 || triggers.iter().any(has_no_side) {
             return;
         }
-        let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        let mode = &mut *self.selector.mode;
+        mode.move_to(&state.point);
         let mut is_ahead = |i: usize| {
-            let psi = mode.psi(i) * state.sides[i].sign();
-            psi > ROUNDINGS * f64::EPSILON * state.terms[i]
+            let psi = mode.psi(i) * state.point.sides[i].sign();
+            psi > ROUNDINGS * f64::EPSILON * state.bands.terms[i]
         };
         let (later, now): (Vec<usize>, Vec<usize>) = triggers.iter().partition(|&&i| is_ahead(i));
         let apart = !later.is_empty() && !now.is_empty();
@@ -49,7 +54,7 @@ impl Simulator {
             *triggers = now;
             return;
         }
-        if state.is_bound(&self.mode, triggers) {
+        if state.is_bound(&self.selector.mode, triggers) {
             return;
         }
         if apart
@@ -65,12 +70,12 @@ impl Simulator {
 
     /// Whether a state moves where those of `now` have changed sides, until the others are met.
     fn moves_between(&mut self, state: &State, now: &[usize], later: &[usize]) -> bool {
-        let mode = &mut self.mode;
+        let mode = &mut *self.selector.mode;
         // The mode between: what is reached now has changed sides.
-        let mut sides = state.sides.clone();
-        let mut alpha = state.alpha.clone();
+        let mut sides = state.point.sides.clone();
+        let mut alpha = state.point.alpha.clone();
         for &i in now {
-            sides[i] = match state.sides[i] {
+            sides[i] = match state.point.sides[i] {
                 Side::Minus => Side::Plus,
                 Side::Plus => Side::Minus,
                 Side::Slide if alpha[i] < 0.5 => Side::Minus,
@@ -78,10 +83,10 @@ impl Simulator {
             };
             alpha[i] = if sides[i] == Side::Plus { 1.0 } else { 0.0 };
         }
-        mode.eval(state.t, &state.x, &state.alpha);
+        mode.eval(state.point.t, &state.point.x, &state.point.alpha);
         let before = mode.f().to_vec();
-        mode.enter(&self.system, &sides);
-        mode.eval(state.t, &state.x, &alpha);
+        mode.enter(&sides);
+        mode.eval(state.point.t, &state.point.x, &alpha);
         mode.linearize(later);
         let lasts = later.iter().map(|&i| {
             let (psi, approach) = (mode.psi(i).abs(), -mode.phi(i) * sides[i].sign());
@@ -91,10 +96,10 @@ impl Simulator {
         let matters = (mode.f().iter().zip(&before))
             .enumerate()
             .any(|(j, (f, before))| {
-                let size = state.scale[j].max(state.x[j].abs());
-                (f - before).abs() * lasts > self.settings.tolerance * size
+                let size = state.scales.largest[j].max(state.point.x[j].abs());
+                (f - before).abs() * lasts > self.selector.settings.tolerance * size
             });
-        mode.enter(&self.system, &state.sides);
+        mode.enter(&state.point.sides);
         matters
     }
 
@@ -104,7 +109,7 @@ impl Simulator {
             return;
         };
         for &i in triggers {
-            if state.sides[i] == Side::Slide {
+            if state.point.sides[i] == Side::Slide {
                 continue;
             }
             // Nothing lies between two names of one surface.
@@ -119,10 +124,12 @@ impl Simulator {
             let Some(between) = self.between(state, &others, t1) else {
                 continue;
             };
-            if between.sides[i] == state.sides[i] && self.is_slow(state, i, [&between, &all], t1) {
+            if between.sides[i] == state.point.sides[i]
+                && self.is_slow(state, i, [&between, &all], t1)
+            {
                 let switches = std::iter::once(i).chain(others).collect();
-                let time = state.t;
-                state.note(Note::Together { time, switches });
+                let time = state.point.t;
+                state.report.note(Note::Together { time, switches });
                 return;
             }
         }
@@ -131,22 +138,22 @@ impl Simulator {
     /// Whether two surfaces that meet here have one tangent plane, as far as rounding tells. Planes are compared by their
     /// numbers before: two of them are two.
     fn is_one(&mut self, state: &State, both: [usize; 2]) -> bool {
-        let mode = &mut self.mode;
-        if both.iter().all(|&i| mode.is_watched_affine(i)) {
+        let mode = &mut *self.selector.mode;
+        if both.iter().all(|&i| mode.is_monitored_affine(i)) {
             return false;
         }
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         mode.linearize(&both);
         let normals = both.map(|i| {
-            let mut normal: Vec<f64> = vec![0.0; state.x.len() + 1];
+            let mut normal: Vec<f64> = vec![0.0; state.point.x.len() + 1];
             for &(j, g) in mode.gradient(i) {
-                normal[j] += g * state.scale[j].max(state.x[j].abs());
+                normal[j] += g * state.scales.largest[j].max(state.point.x[j].abs());
             }
-            normal[state.x.len()] = mode.time_gradient(i) * state.t.abs();
+            normal[state.point.x.len()] = mode.time_gradient(i) * state.point.t.abs();
             normal
         });
         let sizes = [0, 1].map(|k| normals[k].iter().fold(0.0_f64, |most, g| most.max(g.abs())));
-        let known = [0, 1].map(|k| STILL * f64::EPSILON * state.terms[both[k]] / sizes[k]);
+        let known = [0, 1].map(|k| STILL * f64::EPSILON * state.bands.terms[both[k]] / sizes[k]);
         let at = [0, 1].map(|k| mode.psi(both[k]).abs() / sizes[k]);
         at.iter().zip(known).all(|(at, known)| *at <= known)
             && are_parallel(&normals[0], &normals[1])
@@ -155,52 +162,54 @@ impl Simulator {
     /// The mode that these surfaces lead to; nothing where there is none.
     fn between(&mut self, state: &mut State, met: &[usize], t1: f64) -> Option<Between> {
         let kept = (
-            state.x.clone(),
-            state.sides.clone(),
-            state.alpha.clone(),
-            state.armed.clone(),
-            state.band.clone(),
-            state.notes.clone(),
+            state.point.x.clone(),
+            state.point.sides.clone(),
+            state.point.alpha.clone(),
+            state.bands.armed.clone(),
+            state.bands.width.clone(),
+            state.report.notes.clone(),
         );
-        let changed = self.change(state, met, t1);
+        let changed = self.selector.change(state, met, t1);
         let found = changed.is_ok().then(|| {
-            let (sides, alpha) = (state.sides.clone(), state.alpha.clone());
-            self.mode.enter(&self.system, &sides);
-            self.mode.eval(state.t, &state.x, &alpha);
-            let f = self.mode.f().to_vec();
+            let (sides, alpha) = (state.point.sides.clone(), state.point.alpha.clone());
+            self.selector.mode.enter(&sides);
+            self.selector
+                .mode
+                .eval(state.point.t, &state.point.x, &alpha);
+            let f = self.selector.mode.f().to_vec();
             Between { sides, alpha, f }
         });
         (
-            state.x,
-            state.sides,
-            state.alpha,
-            state.armed,
-            state.band,
-            state.notes,
+            state.point.x,
+            state.point.sides,
+            state.point.alpha,
+            state.bands.armed,
+            state.bands.width,
+            state.report.notes,
         ) = kept;
-        self.mode.enter(&self.system, &state.sides);
+        self.selector.mode.enter(&state.point.sides);
         found
     }
 
     /// Whether a surface is come to so slowly in the mode between that a state moves otherwise until it is met.
     fn is_slow(&mut self, state: &State, i: usize, [between, all]: [&Between; 2], t1: f64) -> bool {
-        let mode = &mut self.mode;
-        mode.enter(&self.system, &between.sides);
-        mode.eval(state.t, &state.x, &between.alpha);
+        let mode = &mut *self.selector.mode;
+        mode.enter(&between.sides);
+        mode.eval(state.point.t, &state.point.x, &between.alpha);
         mode.linearize(&[i]);
         let still = STILL * f64::EPSILON * mode.terms_of_phi(i);
         let approach = -mode.phi(i) * between.sides[i].sign();
-        let distance = (mode.psi(i).abs()).max(STILL * f64::EPSILON * state.terms[i]);
-        mode.enter(&self.system, &state.sides);
+        let distance = (mode.psi(i).abs()).max(STILL * f64::EPSILON * state.bands.terms[i]);
+        mode.enter(&state.point.sides);
         if approach < -still {
             return false;
         }
-        let lasts = (distance / approach.max(still)).min(t1 - state.t);
+        let lasts = (distance / approach.max(still)).min(t1 - state.point.t);
         (between.f.iter().zip(&all.f))
             .enumerate()
             .any(|(j, (between, all))| {
-                let size = state.scale[j].max(state.x[j].abs());
-                (between - all).abs() * lasts > self.settings.tolerance * size
+                let size = state.scales.largest[j].max(state.point.x[j].abs());
+                (between - all).abs() * lasts > self.selector.settings.tolerance * size
             })
     }
 }
@@ -220,7 +229,8 @@ fn are_parallel(a: &[f64], b: &[f64]) -> bool {
 impl State {
     /// True where surfaces are those of contacts or of nonlinear switches, or too many.
     fn is_bound(&self, mode: &Mode, triggers: &[usize]) -> bool {
-        let is_other = |i: &usize| mode.nonlinear[*i] || mode.is_unilateral(*i);
+        let is_other =
+            |i: &usize| mode.system.switches[*i].is_nonlinear || mode.system.is_unilateral(*i);
         triggers.len() > MOST || triggers.iter().any(is_other)
     }
 }

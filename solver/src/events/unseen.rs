@@ -7,10 +7,10 @@
 //! less than the tolerance, and in the middle of each part the functions are compared with the polynomials of the step.
 //! What is still untamed when the parts are used up is told.
 
+use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::state::State;
 use crate::hybrid::{Function, Note, Side};
 use crate::integrate::radau::Radau;
 use crate::tape::{Ball, Tame};
@@ -60,7 +60,7 @@ impl Unseen {
         self.copy(Dense::Taylor(mode));
         self.begin(length);
         let margin = allowed / length;
-        while let Some(tau) = self.next(mode, state.t, |i| margin * mode.probed_scale(i)) {
+        while let Some(tau) = self.next(mode, state.point.t, |i| margin * mode.probed_scale(i)) {
             if !mode.agrees_at(state, tau, length, allowed) {
                 return false;
             }
@@ -84,7 +84,7 @@ impl Unseen {
         self.suspects.clear();
         let blocks = mode.field.hiding().iter().map(|(block, _)| *block);
         self.suspects.extend(blocks.map(Suspect::Rates));
-        let surfaces = mode.watched.iter().copied();
+        let surfaces = mode.monitored.switches.iter().copied();
         self.suspects.extend(surfaces.map(Suspect::Surface));
         self.suspects.dedup();
     }
@@ -105,7 +105,7 @@ impl Unseen {
                 self.suspects.push(suspect);
             }
         }
-        for &i in mode.watched.iter().chain(&mode.sliding) {
+        for &i in mode.monitored.switches.iter().chain(&mode.sliding) {
             if mode.surfaces.now(i).may_hide(memory, length, n) {
                 self.suspects.push(Suspect::Surface(i));
             }
@@ -216,8 +216,8 @@ impl Unseen {
             Suspect::Rates(block) => Function::Rate(mode.field.states_of(block)[0]),
             Suspect::Surface(i) => Function::Surface(i),
         };
-        state.note(Note::Unseen {
-            time: state.t,
+        state.report.note(Note::Unseen {
+            time: state.point.t,
             function,
         });
     }
@@ -226,15 +226,15 @@ impl Unseen {
 impl Mode {
     /// True where at an instant of a step of this length the functions are what their series say, up to `allowed`.
     fn agrees_at(&mut self, state: &mut State, tau: f64, length: f64, allowed: f64) -> bool {
-        Dense::Taylor(self).states_at(tau, &mut state.next);
-        Dense::Taylor(self).alphas_at(tau, &mut state.next_alpha);
-        self.eval(state.t + tau, &state.next, &state.next_alpha);
+        Dense::Taylor(self).states_at(tau, &mut state.trial.x);
+        Dense::Taylor(self).alphas_at(tau, &mut state.trial.alpha);
+        self.eval(state.point.t + tau, &state.trial.x, &state.trial.alpha);
         let rates_agree = (0..self.n).all(|i| {
             let difference = series::slope(self.x_series(i), tau) - self.field.f[i];
             difference.abs() * length <= allowed * self.probed_scale(i)
         });
         rates_agree
-            && self.switches_agree(state, tau, length, allowed)
+            && self.switches_agree(&state.scales, &state.bands, tau, length, allowed)
             && self.stays_on(state, allowed)
     }
 
@@ -246,7 +246,9 @@ impl Mode {
             {
                 return true;
             }
-            let size = self.weigh(i, |j| state.scale[j]).max(state.terms[i]);
+            let size = self
+                .weigh(i, |j| state.scales.largest[j])
+                .max(state.bands.terms[i]);
             self.psi(i).abs() <= allowed.max(1e-9) * size
         })
     }

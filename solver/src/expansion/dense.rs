@@ -10,7 +10,7 @@ use crate::integrate::radau::Radau;
 pub(crate) enum Dense<'a> {
     /// Taylor series, in the mode.
     Taylor(&'a Mode),
-    /// Collocation polynomials, and those of the ψ that are watched, which the mode holds.
+    /// Collocation polynomials, and those of the ψ that are monitored, which the mode holds.
     Collocation(&'a Mode, &'a Radau),
 }
 
@@ -45,7 +45,7 @@ impl<'a> Dense<'a> {
         }
     }
 
-    /// Series of ψ of a switch that is watched.
+    /// Series of ψ of a switch that is monitored.
     pub(crate) fn psi(self, switch: usize) -> &'a [f64] {
         match self {
             Dense::Taylor(mode) => mode.psi_series(switch),
@@ -81,14 +81,14 @@ pub trait Polynomials {
     /// Series of α of a sliding switch.
     fn alpha(&self, switch: usize) -> &[f64];
     /// Switches that nothing but outputs looks at, whose α is not known here.
-    fn blind(&self) -> &[usize] {
+    fn unobserved(&self) -> &[usize] {
         &[]
     }
 }
 
 impl Polynomials for Dense<'_> {
-    fn blind(&self) -> &[usize] {
-        &self.mode().blind
+    fn unobserved(&self) -> &[usize] {
+        &self.mode().monitored.unobserved
     }
 
     fn degree(&self) -> usize {

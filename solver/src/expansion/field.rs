@@ -137,7 +137,7 @@ impl Field {
     /// Takes the function of a block on the present sides, compiling it at its first use.
     pub(crate) fn enter(
         &mut self,
-        (system, library): (&HybridSystem, &mut Library),
+        library: &mut Library,
         memory: &mut Memory,
         block: usize,
         sides: &[Side],
@@ -148,7 +148,7 @@ impl Field {
         local.now = match local.index.get(&sides) {
             Some(&known) => known,
             None => {
-                let rates = library.rates(system, block, &sides);
+                let rates = library.rates(block, &sides);
                 self.n_functions += 1;
                 let inputs: Vec<_> = rates.inputs.iter().map(|&i| memory.row(i)).collect();
                 let base = memory.rows.len();
@@ -314,19 +314,19 @@ impl Field {
     /// `values` say; compiles what is missing.
     pub(crate) fn jacobian(
         &mut self,
-        (system, library): (&HybridSystem, &mut Library),
+        library: &mut Library,
         values: &[f64],
         mut entry: impl FnMut(usize, usize, f64),
     ) {
         for block in 0..self.blocks.len() {
-            self.jacobian_of((system, library), block, values, &mut entry);
+            self.jacobian_of(library, block, values, &mut entry);
         }
     }
 
     /// The same for the rates of one block.
     pub(crate) fn jacobian_of(
         &mut self,
-        (system, library): (&HybridSystem, &mut Library),
+        library: &mut Library,
         block: usize,
         values: &[f64],
         mut entry: impl FnMut(usize, usize, f64),
@@ -336,7 +336,7 @@ impl Field {
         let sides = &compiled.sides;
         let registers = &mut self.registers;
         let (partials, numbers) = compiled.jacobian.get_or_insert_with(|| {
-            let partials = library.jacobian(system, block, sides);
+            let partials = library.jacobian(block, sides);
             if registers.len() < partials.tape.n_registers() {
                 registers.resize(partials.tape.n_registers(), 0.0);
             }

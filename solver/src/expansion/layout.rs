@@ -64,6 +64,17 @@ impl Memory {
         }
     }
 
+    /// The value of an input where the point is.
+    pub(crate) fn value(&mut self, input: Input) -> f64 {
+        match input {
+            Input::Number(number) => number,
+            input => {
+                let slot = self.slot(input);
+                self.values[slot]
+            }
+        }
+    }
+
     /// The row of an input; a number gets a new one.
     pub(crate) fn row(&mut self, input: Input) -> Row {
         let depends = match input {

@@ -1,12 +1,12 @@
 //! The field of a mode, its surfaces and its sliding motion, expanded in Taylor series.
 
-pub(crate) mod algebraic;
 pub(crate) mod dense;
 pub(crate) mod field;
 pub(crate) mod layout;
 pub(crate) mod mode;
 pub(crate) mod psi;
 pub(crate) mod rounding;
+pub(crate) mod scales;
 pub(crate) mod series;
 pub(crate) mod sliding;
 pub(crate) mod step_size;

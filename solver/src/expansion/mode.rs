@@ -9,25 +9,26 @@
 //! point, so one factorization serves all orders: evaluate f with α_K,k = 0, from it x and ψ_K of
 //! order k + 1, solve A α_K,k = -(k + 1) ψ_K,k+1, and evaluate again what contains α_K.
 
+use std::sync::Arc;
+
 use super::field::Field;
 use super::layout::Memory;
 use super::sliding::Sliding;
 use super::surfaces::Surfaces;
 use crate::contact::friction_disk::Discs;
-use crate::expansion::step_size::Probed;
-use crate::expansion::unobserved;
+use crate::expansion::step_size::{Probed, Terms};
+use crate::expansion::unobserved::Monitored;
 use crate::hybrid::form::Library;
-use crate::hybrid::state::State;
-use crate::hybrid::{HybridSystem, Role, Side};
+use crate::hybrid::point::Point;
+use crate::hybrid::{HybridSystem, Role, Side, Status};
 use crate::integrate::implicit::Workspace;
 use crate::linalg::Singular;
 
 pub(crate) struct Mode {
+    pub(crate) system: Arc<HybridSystem>,
     pub sides: Box<[Side]>,
     /// K: the sliding switches.
     pub sliding: Vec<usize>,
-    /// Switches whose sides have the same field where they meet.
-    pub continuous: Vec<bool>,
     pub n: usize,
     pub order: usize,
     pub(crate) memory: Memory,
@@ -36,48 +37,18 @@ pub(crate) struct Mode {
     pub(crate) field: Field,
     pub(crate) surfaces: Surfaces,
     pub(crate) equations: Sliding,
-    /// What the α are, and which states are algebraic.
-    pub(crate) roles: Vec<Role>,
-    pub(crate) is_algebraic: Vec<bool>,
     /// States that no projection moves in the present mode.
     pub(crate) still: Vec<bool>,
-    /// Switches whose rates have roots of their ψ, and those that rest where they are on `Slide`.
-    pub(crate) roots: Vec<bool>,
-    pub(crate) rests: Vec<bool>,
-    /// Whether there are any.
+    /// Whether some switch may rest on its surface.
     pub(crate) may_rest: bool,
-    /// Switches whose α has no lower bound.
-    pub(crate) unilateral: Vec<bool>,
-    /// Switches whose α rates contain in another way than affine.
-    pub(crate) nonlinear: Vec<bool>,
-    /// The contacts whose slip velocities ψ are.
-    pub(crate) slip_of: Vec<Option<usize>>,
-    /// Switches on whose upper side a switch means nothing.
-    pub(crate) idle_above: Vec<Vec<usize>>,
     /// Slip velocities with two entries, by the first of their switches.
     pub(crate) discs: Discs,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
-    /// Whether functions of any sides have been taken.
-    entered: bool,
-    /// Size of the terms of f at the expansion point, which may cancel.
-    pub terms: Vec<f64>,
-    /// Inputs next to those of the expansion point, and by what share they differ.
-    pub perturbed: Vec<f64>,
-    /// Others: terms that happen to cancel once do not do so twice.
-    pub(crate) perturbed_again: Vec<f64>,
-    pub(crate) perturbation: f64,
-    /// f where these turn what slips in a plane.
-    pub(crate) turned: Vec<f64>,
-    /// Switches off their surface whose ψ might vanish within the step.
-    pub watched: Vec<usize>,
-    /// Switches that nothing but outputs looks at, and those of them without a series within the step.
-    pub(crate) observers: Vec<bool>,
-    pub blind: Vec<usize>,
+    pub terms: Terms,
+    pub monitored: Monitored,
     /// What projections of contacts take.
     pub(crate) mend: crate::contact::stabilization::Mend,
-    /// How far each state may move within the step.
-    pub reach: Vec<f64>,
     /// Switches of slip velocities that set off from rest within the step.
     pub(crate) departing: Vec<usize>,
     focus: Focus,
@@ -94,59 +65,34 @@ struct Focus {
     blocks: Vec<usize>,
 }
 
+/// α of a sliding mode that is so far outside of [0, 1] is none.
+const ASTRAY: f64 = 0.5;
+
 /// Newton iterations for α before the equations count as unsolvable.
 const MAX_NEWTON: usize = 30;
 
 impl Mode {
     /// No mode yet: `enter` takes one.
-    pub(crate) fn new(system: &HybridSystem, order: usize) -> Self {
+    pub(crate) fn new(system: &Arc<HybridSystem>, order: usize) -> Self {
         let (n, m) = (system.n_states(), system.n_switches());
-        let rests = |i: usize| system.switches[i].has_root && system.is_continuous(i);
-        let rests: Vec<bool> = (0..m).map(rests).collect();
         Mode {
-            roots: (system.switches.iter())
-                .map(|switch| switch.has_root)
-                .collect(),
-            may_rest: rests.contains(&true),
-            rests,
+            system: system.clone(),
+            may_rest: (0..m).any(|i| system.rests(i)),
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
-            continuous: (0..m)
-                .map(|i| system.is_continuous(i) || system.role(i) != Role::Step)
-                .collect(),
             n,
             order,
             memory: Memory::new(system, order),
-            library: Library::default(),
+            library: Library::new(system.clone()),
             field: Field::new(system),
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
-            roles: (0..m).map(|i| system.role(i)).collect(),
-            is_algebraic: (0..n)
-                .map(|i| system.algebraics.binary_search(&i).is_ok())
-                .collect(),
             still: vec![false; n],
-            unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
-            nonlinear: (system.switches.iter())
-                .map(|switch| switch.is_nonlinear)
-                .collect(),
-            slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
-            idle_above: (system.switches.iter())
-                .map(|switch| switch.idle_above.clone())
-                .collect(),
             discs: Discs::new(system),
             arranged: false,
-            entered: false,
-            terms: vec![0.0; n],
-            perturbed: Vec::new(),
-            perturbed_again: Vec::new(),
-            perturbation: 0.0,
-            turned: vec![0.0; n],
-            watched: Vec::new(),
-            observers: unobserved::observers(system),
-            blind: Vec::new(),
+            terms: Terms::new(n),
+            monitored: Monitored::new(system),
             mend: crate::contact::stabilization::Mend::default(),
-            reach: vec![0.0; n],
             departing: Vec::new(),
             focus: Focus::default(),
             probed: Probed::new(n),
@@ -156,32 +102,32 @@ impl Mode {
     }
 
     /// Takes the functions of these sides.
-    pub(crate) fn enter(&mut self, system: &HybridSystem, sides: &[Side]) {
-        self.enter_surfaces(system, sides);
+    pub(crate) fn enter(&mut self, sides: &[Side]) {
+        let entered = self.field.n_functions > 0;
+        self.enter_surfaces(sides);
         self.surfaces.stand(sides);
-        if self.entered && *self.sides == *sides {
+        if entered && *self.sides == *sides {
             return;
         }
-        if self.entered {
+        if entered {
             for (i, side) in sides.iter().enumerate() {
                 if self.sides[i] != *side {
                     for at in 0..self.field.of_switch(i).len() {
                         let block = self.field.of_switch(i)[at];
-                        let functions = (system, &mut self.library);
+                        let functions = &mut self.library;
                         self.field.enter(functions, &mut self.memory, block, sides);
                     }
                 }
             }
         } else {
             for block in 0..self.field.n_blocks() {
-                let functions = (system, &mut self.library);
+                let functions = &mut self.library;
                 self.field.enter(functions, &mut self.memory, block, sides);
             }
-            self.entered = true;
         }
         self.sides.copy_from_slice(sides);
         self.sliding.clear();
-        let slides = |&i: &usize| sides[i] == Side::Slide && !self.rests[i];
+        let slides = |&i: &usize| sides[i] == Side::Slide && !self.system.rests(i);
         self.sliding.extend((0..sides.len()).filter(slides));
         self.arranged = false;
     }
@@ -223,8 +169,8 @@ impl Mode {
     }
 
     /// Takes the switching functions of these sides, and no rates.
-    pub(crate) fn enter_surfaces(&mut self, system: &HybridSystem, sides: &[Side]) {
-        let functions = (system, &mut self.library);
+    pub(crate) fn enter_surfaces(&mut self, sides: &[Side]) {
+        let functions = &mut self.library;
         self.surfaces.enter(functions, &mut self.memory, sides);
     }
 
@@ -235,10 +181,15 @@ impl Mode {
 
     /// Takes the coefficients of the pieces that hold from `t` on, and gives the instant at which
     /// they change.
-    pub(crate) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
-        let until = self.memory.load(system, t);
+    pub(crate) fn load(&mut self, t: f64) -> f64 {
+        let until = self.memory.load(&self.system, t);
         self.probed.load(&self.memory);
         until
+    }
+
+    /// Moves to a point of a run without evaluating anything.
+    pub(crate) fn move_to(&mut self, point: &Point) {
+        self.set(point.t, &point.x, &point.alpha);
     }
 
     /// Moves to a point without evaluating anything.
@@ -265,8 +216,8 @@ impl Mode {
 
     /// Calls `entry(row, column, value)` for every ∂f/∂x that is not structurally zero where the point is; compiles
     /// what is missing. ∂f/∂α comes from `linearize` as slopes of the field, ∂ψ/∂x as gradients of the surfaces.
-    pub(crate) fn jacobian(&mut self, system: &HybridSystem, entry: impl FnMut(usize, usize, f64)) {
-        let functions = (system, &mut self.library);
+    pub(crate) fn jacobian(&mut self, entry: impl FnMut(usize, usize, f64)) {
+        let functions = &mut self.library;
         self.field.jacobian(functions, &self.memory.values, entry);
     }
 
@@ -339,8 +290,8 @@ impl Mode {
     }
 
     /// Finds what interacts where a mode begins.
-    pub(crate) fn start_equations(&mut self, state: &State) {
-        self.set(state.t, &state.x, &state.alpha);
+    pub(crate) fn start_equations(&mut self, point: &Point) {
+        self.move_to(point);
         self.linearize_surfaces();
         self.arrange();
     }
@@ -434,9 +385,55 @@ impl Mode {
         self.row(self.memory.alpha(switch))
     }
 
-    /// Series of ψ of a switch, or of what is watched of two entries, after `expand_psi`.
+    /// Series of ψ of a switch, or of what is monitored of two entries, after `expand_psi`.
     pub(crate) fn psi_series(&self, switch: usize) -> &[f64] {
         let along = self.series_along(switch);
         along.unwrap_or_else(|| self.row(self.surfaces.row(switch)))
+    }
+
+    /// ψ of all switches at a point of a run.
+    pub(crate) fn all_psi(&mut self, point: &Point) -> Vec<f64> {
+        self.move_to(point);
+        self.enter_surfaces(&point.sides);
+        (0..point.sides.len()).map(|i| self.psi(i)).collect()
+    }
+
+    /// Takes the switching functions on the sides of a choice: one may have a kink where another is zero, and then its
+    /// rate depends on the other's side.
+    pub(crate) fn enter_choice(&mut self, point: &Point, group: &[usize], choice: &[Side]) {
+        let sides = point.sides_with(group, choice);
+        self.enter_surfaces(&sides);
+    }
+
+    /// Why no step goes on from here.
+    pub(crate) fn stuck(&self) -> Status {
+        // An α that was not found makes rates infinite, and is not made so by them.
+        let is_lost = |&i: &usize| {
+            let alpha = self.memory.values[1 + self.n + i];
+            self.system.switches[i].is_nonlinear && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
+        };
+        let lost: Vec<usize> = self.sliding.iter().copied().filter(is_lost).collect();
+        if !lost.is_empty() {
+            return Status::SingularSliding { switches: lost };
+        }
+        let kept = self.sliding.iter().copied();
+        let kept: Vec<usize> = kept
+            .filter(|&i| self.system.role(i) != Role::Step)
+            .collect();
+        let states = self.f().iter().enumerate();
+        // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
+        let mut others = states.filter(|(i, _)| !self.system.is_algebraic(*i));
+        if self.sliding.is_empty()
+            || others.any(|(_, f)| !f.is_finite())
+            || kept.is_empty() && self.f().iter().any(|f| !f.is_finite())
+        {
+            return Status::NotFinite;
+        }
+        match kept.is_empty() {
+            true => Status::SingularSliding {
+                switches: self.sliding.clone(),
+            },
+            false => Status::HighIndex { switches: kept },
+        }
     }
 }

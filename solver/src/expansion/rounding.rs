@@ -5,7 +5,7 @@
 //! of the terms of f_i is that of numbers whose rounding is δ_i.
 
 use super::mode::Mode;
-use crate::hybrid::state::State;
+use crate::expansion::scales::Scales;
 use crate::tape::{Ball, Rounded};
 
 /// Chains of states that pass on each other's rounding, at most this long.
@@ -51,26 +51,26 @@ impl Mode {
     pub(crate) fn step_size_above_rounding(
         &mut self,
         tolerance: f64,
-        state: &mut State,
+        scales: &mut Scales,
         [remaining, longest]: [f64; 2],
     ) -> f64 {
-        let mut h = self.step_size(tolerance, state, longest);
-        if state.last_step > 0.0 && h >= SHRINKS * state.last_step.min(remaining) {
+        let mut h = self.step_size(tolerance, scales, longest);
+        if scales.last_step > 0.0 && h >= SHRINKS * scales.last_step.min(remaining) {
             return h;
         }
         // Rounding of a state moves those that follow it by what a step is long.
         for _ in 0..PASSES {
-            if !self.starts_at_rounding(state, h) {
+            if !self.starts_at_rounding(scales, h) {
                 break;
             }
-            h = self.step_size(tolerance, state, longest);
+            h = self.step_size(tolerance, scales, longest);
         }
         h
     }
 
     /// Whether rates are zero within rounding at the expansion point, and their terms larger than was known of them. A
     /// step from there has length h.
-    fn starts_at_rounding(&mut self, state: &mut State, h: f64) -> bool {
+    fn starts_at_rounding(&mut self, scales: &mut Scales, h: f64) -> bool {
         let mut rounding = std::mem::take(&mut self.rounding);
         let start = &mut rounding.points[0];
         start.values.clone_from(&self.memory.values);
@@ -78,13 +78,18 @@ impl Mode {
         start.rates.resize(self.n, 0.0);
         rounding.doubted.clear();
         rounding.doubted.resize(self.n, true);
-        let raised = self.raise(state, h, 1, &mut rounding);
+        let raised = self.raise(scales, h, 1, &mut rounding);
         self.rounding = rounding;
         raised
     }
 
     /// The same along the step probed last: there the rates of the series are those of the functions, but for rounding.
-    pub(crate) fn differs_by_rounding(&mut self, state: &mut State, h: f64, allowed: f64) -> bool {
+    pub(crate) fn differs_by_rounding(
+        &mut self,
+        scales: &mut Scales,
+        h: f64,
+        allowed: f64,
+    ) -> bool {
         let mut rounding = std::mem::take(&mut self.rounding);
         for (k, point) in rounding.points.iter_mut().enumerate() {
             self.probed_point(k, &mut point.values, &mut point.rates);
@@ -92,7 +97,7 @@ impl Mode {
         rounding.doubted.clear();
         let doubted = (0..self.n).map(|i| self.differs(i, h, allowed));
         rounding.doubted.extend(doubted);
-        let raised = self.raise(state, h, rounding.points.len(), &mut rounding);
+        let raised = self.raise(scales, h, rounding.points.len(), &mut rounding);
         self.rounding = rounding;
         raised
     }
@@ -128,7 +133,7 @@ impl Mode {
     }
 
     /// Raises the activity of states in doubt whose rates are the given ones within rounding at all of some points.
-    fn raise(&self, state: &mut State, h: f64, points: usize, rounding: &mut Rounding) -> bool {
+    fn raise(&self, scales: &mut Scales, h: f64, points: usize, rounding: &mut Rounding) -> bool {
         rounding.errors.clear();
         rounding.errors.resize(self.n, 0.0);
         rounding.moved.clear();
@@ -137,14 +142,14 @@ impl Mode {
         // A state with digits of its own is as well known as these, however fast it is pulled back.
         for (i, moved) in rounding.moved.iter_mut().enumerate() {
             let noise = rounding.errors[i] * h;
-            let is_noise = state.scale[i] <= HELD * (f64::EPSILON * state.work[i] + noise);
+            let is_noise = scales.largest[i] <= HELD * (f64::EPSILON * scales.work[i] + noise);
             *moved = if is_noise { noise } else { 0.0 };
         }
         if rounding.moved.iter().any(|moved| *moved > 0.0) {
             self.pass(rounding, points);
         }
         let mut raised = false;
-        let known = state.activity.iter_mut().zip(&rounding.errors);
+        let known = scales.activity.iter_mut().zip(&rounding.errors);
         let known = known
             .zip(&rounding.doubted)
             .filter(|(_, doubted)| **doubted);

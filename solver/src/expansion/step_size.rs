@@ -1,12 +1,13 @@
 //! Length of a step, and what its series are worth at the end and on the way.
 
+use crate::expansion::scales::{Bands, Scales};
+use crate::hybrid::point::Point;
 use wide::f64x4;
 
 use super::layout::Memory;
 use super::mode::Mode;
 use super::series;
-use crate::hybrid::Side;
-use crate::hybrid::state::State;
+use crate::hybrid::{HybridSystem, Side};
 
 /// Lengths tried before a step is as long as its series allow, and how close to that it ends.
 const MAX_GROWTHS: usize = 200;
@@ -97,60 +98,59 @@ pub(crate) struct Defect {
     pub switches_agree: bool,
 }
 
-impl Mode {
-    /// Measures Σ |∂f/∂(t, x, α)|·|(t, x, α)| of every rate, as one perturbation of all inputs by
-    /// different amounts shows it: the size of its terms, which may cancel, and with it its rounding
-    /// error.
-    pub(crate) fn measure_terms(&mut self, state: &mut State) {
-        self.terms.copy_from_slice(&self.field.f);
-        self.perturb_twice(PERTURBATION);
-        if self.has_discs() {
-            let turns = self.measure_directions(state);
-            if turns * PERTURBATION > TURN {
-                self.perturb_twice((TURN / turns).max(LEAST_PERTURBATION));
-            }
-            self.perturbed.clone_from(&self.perturbed_again);
-            self.perturb_directions();
-            self.field.eval(&self.perturbed);
-            self.turned.copy_from_slice(&self.field.f);
-            self.perturb(GOLDEN);
-        } else {
-            self.turned.copy_from_slice(&self.terms);
-        }
-        self.field.eval(&self.perturbed);
-        let changed = self.field.f.iter().zip(&self.turned);
-        for (term, (perturbed, turned)) in self.terms.iter_mut().zip(changed) {
-            let change = (perturbed - *term).abs().max((turned - *term).abs());
-            let size = change / self.perturbation;
-            *term = if size.is_finite() { size } else { 0.0 };
-        }
-        self.forget_directions(state);
-        for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
-            *activity = activity.max(now);
+/// Sizes of the terms of rates at the expansion point, which may cancel, as changes of all inputs show them.
+pub(crate) struct Terms {
+    /// Of every f_i.
+    pub of_rates: Vec<f64>,
+    /// Inputs next to those of the expansion point, and others: terms that happen to cancel once do not do so twice.
+    pub perturbed: Vec<f64>,
+    pub perturbed_again: Vec<f64>,
+    /// By what share they differ.
+    pub share: f64,
+    /// f where these turn what slips in a plane.
+    turned: Vec<f64>,
+}
+
+impl Terms {
+    /// None known of n rates.
+    pub(crate) fn new(n: usize) -> Self {
+        Terms {
+            of_rates: vec![0.0; n],
+            perturbed: Vec::new(),
+            perturbed_again: Vec::new(),
+            share: 0.0,
+            turned: vec![0.0; n],
         }
     }
 
-    /// Changes all inputs by about a share of themselves in two ways: terms that happen to cancel once do not do so twice.
-    fn perturb_twice(&mut self, by: f64) {
-        self.perturbation = by;
-        self.perturb(SILVER);
+    /// Changes all inputs by about a share of themselves in two ways.
+    fn perturb_twice(
+        &mut self,
+        by: f64,
+        memory: &Memory,
+        sliding: &[usize],
+        system: &HybridSystem,
+    ) {
+        self.share = by;
+        self.perturb(SILVER, memory, sliding, system);
         self.perturbed_again.clone_from(&self.perturbed);
-        self.perturb(GOLDEN);
+        self.perturb(GOLDEN, memory, sliding, system);
     }
 
     /// Changes no two inputs alike: by multiples of an irrational number.
-    fn perturb(&mut self, number: f64) {
-        let by = self.perturbation;
-        self.perturbed.clone_from(&self.memory.values);
+    fn perturb(&mut self, number: f64, memory: &Memory, sliding: &[usize], system: &HybridSystem) {
+        let by = self.share;
+        self.perturbed.clone_from(&memory.values);
         let mut share = 0.0_f64;
         let mut perturb = |input: &mut f64| {
             share = (share + number).fract();
             *input *= 1.0 + by * (2.0 * share - 1.0).signum() * (0.5 + share);
         };
-        self.perturbed[..=self.n].iter_mut().for_each(&mut perturb);
-        for &i in &self.sliding {
-            let alpha = &mut self.perturbed[1 + self.n + i];
-            match self.unilateral[i] && alpha.abs() < 0.5 {
+        let n = memory.n_states;
+        self.perturbed[..=n].iter_mut().for_each(&mut perturb);
+        for &i in sliding {
+            let alpha = &mut self.perturbed[1 + n + i];
+            match system.is_unilateral(i) && alpha.abs() < 0.5 {
                 // A force is 1 - α, and no smaller where α is.
                 true => {
                     let mut force = 1.0 - *alpha;
@@ -161,52 +161,99 @@ impl Mode {
             }
         }
     }
+}
+
+impl Mode {
+    /// Measures Σ |∂f/∂(t, x, α)|·|(t, x, α)| of every rate, as one perturbation of all inputs by
+    /// different amounts shows it: the size of its terms, which may cancel, and with it its rounding
+    /// error.
+    pub(crate) fn measure_terms(&mut self, scales: &mut Scales, bands: &mut Bands) {
+        self.terms.of_rates.copy_from_slice(&self.field.f);
+        self.terms
+            .perturb_twice(PERTURBATION, &self.memory, &self.sliding, &self.system);
+        if self.has_discs() {
+            let turns = self.measure_directions(bands);
+            if turns * PERTURBATION > TURN {
+                self.terms.perturb_twice(
+                    (TURN / turns).max(LEAST_PERTURBATION),
+                    &self.memory,
+                    &self.sliding,
+                    &self.system,
+                );
+            }
+            self.terms.perturbed.clone_from(&self.terms.perturbed_again);
+            self.perturb_directions();
+            self.field.eval(&self.terms.perturbed);
+            self.terms.turned.copy_from_slice(&self.field.f);
+            self.terms
+                .perturb(GOLDEN, &self.memory, &self.sliding, &self.system);
+        } else {
+            self.terms.turned.copy_from_slice(&self.terms.of_rates);
+        }
+        self.field.eval(&self.terms.perturbed);
+        let changed = self.field.f.iter().zip(&self.terms.turned);
+        for (term, (perturbed, turned)) in self.terms.of_rates.iter_mut().zip(changed) {
+            let change = (perturbed - *term).abs().max((turned - *term).abs());
+            let size = change / self.terms.share;
+            *term = if size.is_finite() { size } else { 0.0 };
+        }
+        self.forget_directions(scales);
+        for (activity, &now) in scales.activity.iter_mut().zip(&self.terms.of_rates) {
+            *activity = activity.max(now);
+        }
+    }
 
     /// Size of the terms of ψ of a switch where the point is.
-    pub(crate) fn measure_terms_of_psi(&mut self, switch: usize, state: &mut State) {
-        let perturbed = [&self.perturbed[..], &self.perturbed_again];
-        let (values, share) = (&self.memory.values, self.perturbation);
+    pub(crate) fn measure_terms_of_psi(&mut self, switch: usize, bands: &mut Bands) {
+        let perturbed = [&self.terms.perturbed[..], &self.terms.perturbed_again];
+        let (values, share) = (&self.memory.values, self.terms.share);
         let terms = self.surfaces.terms(switch, values, perturbed, share);
         // No change of its inputs shows what cancels within a ψ that is zero.
-        state.terms[switch] = match state.armed[switch] && self.is_plain(switch) {
+        bands.terms[switch] = match bands.armed[switch] && self.is_plain(switch) {
             true => terms.max(self.running_error(switch) / f64::EPSILON),
             false => terms,
         };
     }
 
     /// Whether something off its surface has just left it, or waits there.
-    fn waits_at_surface(&self, state: &State) -> bool {
+    fn waits_at_surface(&self, bands: &Bands) -> bool {
         let is_off = |i: usize| self.sides[i] != Side::Slide;
-        (0..self.sides.len()).any(|i| state.armed[i] && is_off(i) && self.is_plain(i))
+        (0..self.sides.len()).any(|i| bands.armed[i] && is_off(i) && self.is_plain(i))
     }
 
     /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its
     /// present value says nothing of how well it is known. So does a surface, of a ψ next to zero.
-    pub(crate) fn measure_held(&mut self, state: &mut State, h: f64) {
-        state.held.clear();
-        state.held.resize(self.n, 0.0);
+    pub(crate) fn measure_held(
+        &mut self,
+        point: &Point,
+        scales: &mut Scales,
+        bands: &Bands,
+        h: f64,
+    ) {
+        scales.held.clear();
+        scales.held.resize(self.n, 0.0);
         let has_contacts = self.sliding.iter().any(|&i| self.is_contact(i));
-        if !has_contacts && (self.sliding.is_empty() || !self.waits_at_surface(state)) {
+        if !has_contacts && (self.sliding.is_empty() || !self.waits_at_surface(bands)) {
             return;
         }
-        let step = match state.last_step {
+        let step = match scales.last_step {
             last if last > 0.0 => last,
             _ => h,
         };
-        let motion = |state: &State, i: usize| state.activity[i] * step;
+        let motion = |scales: &Scales, i: usize| scales.activity[i] * step;
         let is_held =
-            |state: &State, i: usize| state.x[i].abs() < HELD * f64::EPSILON * motion(state, i);
-        if !(0..self.n).any(|i| is_held(state, i)) {
+            |scales: &Scales, i: usize| point.x[i].abs() < HELD * f64::EPSILON * motion(scales, i);
+        if !(0..self.n).any(|i| is_held(scales, i)) {
             return;
         }
         self.field.eval(&self.memory.values);
-        state.held.copy_from_slice(&self.field.f);
-        for i in (0..self.n).filter(|&i| is_held(state, i)) {
-            self.memory.values[1 + i] += PERTURBATION * motion(state, i);
+        scales.held.copy_from_slice(&self.field.f);
+        for i in (0..self.n).filter(|&i| is_held(scales, i)) {
+            self.memory.values[1 + i] += PERTURBATION * motion(scales, i);
         }
         self.field.eval(&self.memory.values);
-        self.memory.values[1..=self.n].copy_from_slice(&state.x);
-        for (held, f) in state.held.iter_mut().zip(&self.field.f) {
+        self.memory.values[1..=self.n].copy_from_slice(&point.x);
+        for (held, f) in scales.held.iter_mut().zip(&self.field.f) {
             let size = (f - *held).abs() / PERTURBATION;
             *held = if size.is_finite() { size } else { 0.0 };
         }
@@ -215,7 +262,7 @@ impl Mode {
     /// Size of the terms of φ of a sliding switch at the expansion point.
     fn terms_of_rate(&self, switch: usize) -> f64 {
         self.weigh(switch, |state| {
-            self.terms[state].max(self.rate_series(state)[0].abs())
+            self.terms.of_rates[state].max(self.rate_series(state)[0].abs())
         })
     }
 
@@ -224,10 +271,10 @@ impl Mode {
     /// is truncated there has the same sign in every step and in a finer run too, which would not
     /// see it: it must not be larger than rounding itself. What follows from states that are held at zero is no better
     /// known than these.
-    fn error_scale(&self, i: usize, h: f64, tolerance: f64, state: &State) -> f64 {
-        let rounding = f64::EPSILON * state.activity[i].max(state.held[i]) * h;
+    fn error_scale(&self, i: usize, h: f64, tolerance: f64, scales: &Scales) -> f64 {
+        let rounding = f64::EPSILON * scales.activity[i].max(scales.held[i]) * h;
         let magnitude = series::magnitude(self.x_series(i), h, 0);
-        let scale = state.scale[i].max(magnitude).max(rounding / tolerance);
+        let scale = scales.largest[i].max(magnitude).max(rounding / tolerance);
         scale.max(SMALLEST)
     }
 
@@ -236,10 +283,10 @@ impl Mode {
     ///
     /// |c_k| = magnitude / ρᵏ gives the radius ρ, taken as the least over the last three terms (two
     /// in Jorba & Zou 2005, section 3.2); then (h/ρ)^(p+1) = tolerance.
-    pub(crate) fn step_size(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
+    pub(crate) fn step_size(&self, tolerance: f64, scales: &Scales, longest: f64) -> f64 {
         self.grow(tolerance, longest, |h, last| {
             for i in 0..self.n {
-                last.see(self.x_series(i), self.error_scale(i, h, tolerance, state));
+                last.see(self.x_series(i), self.error_scale(i, h, tolerance, scales));
             }
             for &i in &self.sliding {
                 let rounding =
@@ -257,13 +304,19 @@ impl Mode {
     /// No state moves by more than R_j = Σ_k |x_{j,k}| hᵏ from k = 1. An enclosure of ψ over this box,
     /// Σ |c_j| R_j around its value where it is affine, that does not hold zero proves that ψ has no
     /// root.
-    pub(crate) fn watch(&mut self, tolerance: f64, state: &mut State, h: f64) -> f64 {
-        self.watched.clear();
+    pub(crate) fn monitor(
+        &mut self,
+        tolerance: f64,
+        scales: &Scales,
+        bands: &mut Bands,
+        h: f64,
+    ) -> f64 {
+        self.monitored.switches.clear();
         if self.sides.len() == self.sliding.len() {
             return h;
         }
         for i in 0..self.n {
-            self.reach[i] = series::reach(self.x_series(i), h);
+            self.monitored.reach[i] = series::reach(self.x_series(i), h);
         }
         let mut curved = false;
         for i in 0..self.sides.len() {
@@ -271,44 +324,44 @@ impl Mode {
             {
                 continue;
             }
-            self.expand_psi(i, state);
-            if self.is_blind(i) {
-                self.blind.push(i);
+            self.expand_psi(i, bands);
+            if self.is_unobserved(i) {
+                self.monitored.unobserved.push(i);
                 continue;
             }
-            if !self.continuous[i] || state.armed[i] {
+            if !self.system.sides_agree(i) || bands.armed[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
-            self.watched.push(i);
-            curved |= !self.is_watched_affine(i);
+            self.monitored.switches.push(i);
+            curved |= !self.is_monitored_affine(i);
         }
         let shorter = match curved {
-            true => self.step_size_of_psi(tolerance, state, h),
+            true => self.step_size_of_psi(tolerance, bands, h),
             false => h,
         };
-        if self.is_too_short(state, shorter) {
-            self.look_away();
-            return self.step_size_of_psi(tolerance, state, h);
+        if self.is_too_short(scales, shorter) {
+            self.stop_monitoring();
+            return self.step_size_of_psi(tolerance, bands, h);
         }
         shorter
     }
 
     /// Computes the series of ψ of a switch along the expansion, and the size of its terms.
-    pub(crate) fn expand_psi(&mut self, switch: usize, state: &mut State) {
+    pub(crate) fn expand_psi(&mut self, switch: usize, bands: &mut Bands) {
         for i in std::iter::once(switch).chain(self.other(switch)) {
             self.surfaces.expand(i, &mut self.memory, self.order + 1);
-            self.measure_terms_of_psi(i, state);
+            self.measure_terms_of_psi(i, bands);
         }
         self.expand_along(switch);
     }
 
     /// The largest step up to `longest` whose first neglected terms stay below `tolerance` times
-    /// the magnitude of every ψ that is watched.
-    pub(crate) fn step_size_of_psi(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
+    /// the magnitude of every ψ that is monitored.
+    pub(crate) fn step_size_of_psi(&self, tolerance: f64, bands: &Bands, longest: f64) -> f64 {
         self.grow(tolerance, longest, |h, last| {
-            for &i in &self.watched {
-                if !self.is_watched_affine(i) {
-                    let rounding = 8.0 * f64::EPSILON * state.terms[i];
+            for &i in &self.monitored.switches {
+                if !self.is_monitored_affine(i) {
+                    let rounding = 8.0 * f64::EPSILON * bands.terms[i];
                     let c = self.psi_series(i);
                     let scale = series::magnitude(c, h, 0).max(rounding / tolerance);
                     last.see(c, scale.max(SMALLEST));
@@ -352,22 +405,22 @@ impl Mode {
     }
 
     /// A step in relation to the time scale of the solution, which the curvature of the states, α and
-    /// watched ψ shows: for c₂ h² = size it is 1.
-    pub(crate) fn motion(&self, state: &State, h: f64) -> f64 {
+    /// monitored ψ shows: for c₂ h² = size it is 1.
+    pub(crate) fn motion(&self, scales: &Scales, bands: &Bands, h: f64) -> f64 {
         let curved = |c: &[f64], size: f64| {
             let bend = c[2].abs() * h * h;
             let size = size.max(c[0].abs()).max(c[1].abs() * h);
             if bend > 0.0 { bend / size } else { 0.0 }
         };
-        let states = (0..self.n).map(|i| curved(self.x_series(i), state.scale[i]));
+        let states = (0..self.n).map(|i| curved(self.x_series(i), scales.largest[i]));
         let alphas = self
             .sliding
             .iter()
             .map(|&i| curved(self.alpha_series(i), 1.0));
         // A ψ that starts at its surface is no larger than its states make it.
-        let size = |i: usize| self.weigh(i, |j| state.scale[j]).max(state.terms[i]);
-        let watched = self.watched.iter();
-        let psis = watched.map(|&i| curved(self.psi_series(i), size(i)));
+        let size = |i: usize| self.weigh(i, |j| scales.largest[j]).max(bands.terms[i]);
+        let monitored = self.monitored.switches.iter();
+        let psis = monitored.map(|&i| curved(self.psi_series(i), size(i)));
         states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()
     }
 
@@ -375,12 +428,14 @@ impl Mode {
     /// step `tau`; the last evaluation is at the end.
     pub(crate) fn defect(
         &mut self,
-        state: &State,
+        point: &Point,
+        scales: &Scales,
+        bands: &Bands,
         tau: f64,
         tolerance: f64,
         allowed: f64,
     ) -> Defect {
-        self.probe(state, tau, tolerance);
+        self.probe(point, scales, tau, tolerance);
         self.field.eval_lanes(&self.probed.values);
         let mut defect = Defect {
             rate: 0.0,
@@ -396,29 +451,29 @@ impl Mode {
                 }
             }
         }
-        if !self.sliding.is_empty() || !self.watched.is_empty() {
+        if !self.sliding.is_empty() || !self.monitored.switches.is_empty() {
             for (k, probe) in PROBES.iter().enumerate() {
                 self.take_probe(k);
                 let at = probe * tau;
-                defect.switches_agree &= self.switches_agree(state, at, tau, allowed);
+                defect.switches_agree &= self.switches_agree(scales, bands, at, tau, allowed);
             }
         }
         defect
     }
 
     /// Evaluates the series of states and α at all probes.
-    fn probe(&mut self, state: &State, tau: f64, tolerance: f64) {
+    fn probe(&mut self, point: &Point, scales: &Scales, tau: f64, tolerance: f64) {
         let at = f64x4::from(PROBES.map(|probe| probe * tau));
         let mut probed = std::mem::take(&mut self.probed);
         for i in probed.values.len()..self.memory.values.len() {
             // Numbers of functions stay what they are.
             probed.values.push(f64x4::splat(self.memory.values[i]));
         }
-        probed.values[0] = f64x4::splat(state.t) + at;
+        probed.values[0] = f64x4::splat(point.t) + at;
         for i in 0..self.n {
             let series = series::values_and_slopes(self.x_series(i), at);
             [probed.values[1 + i], probed.rates[i]] = series;
-            probed.scales[i] = self.error_scale(i, tau, tolerance, state);
+            probed.scales[i] = self.error_scale(i, tau, tolerance, scales);
         }
         for &i in &self.sliding {
             probed.values[1 + self.n + i] = series::values(self.alpha_series(i), at);
@@ -467,11 +522,12 @@ impl Mode {
         }
     }
 
-    /// True when at the point φ_K vanishes and every other ψ that is watched has the value of its
+    /// True when at the point φ_K vanishes and every other ψ that is monitored has the value of its
     /// series, `at` after the start of a step `tau`, up to `allowed`. An affine ψ has it anyway.
     pub(crate) fn switches_agree(
         &mut self,
-        state: &State,
+        scales: &Scales,
+        bands: &Bands,
         at: f64,
         tau: f64,
         allowed: f64,
@@ -479,12 +535,12 @@ impl Mode {
         let rounding = 64.0 * f64::EPSILON;
         let turned = match self.sliding.is_empty() {
             true => 0.0,
-            false => rounding * self.roundings_of_direction(state),
+            false => rounding * self.roundings_of_direction(bands),
         };
         for k in 0..self.sliding.len() {
             let i = self.sliding[k];
             if self.departing.contains(&i) {
-                if !self.goes_along(i, state, allowed) {
+                if !self.goes_along(i, scales, allowed) {
                     return false;
                 }
                 continue;
@@ -495,16 +551,16 @@ impl Mode {
                 return false;
             }
         }
-        for k in 0..self.watched.len() {
-            let i = self.watched[k];
-            if self.is_watched_affine(i) {
+        for k in 0..self.monitored.switches.len() {
+            let i = self.monitored.switches[k];
+            if self.is_monitored_affine(i) {
                 continue;
             }
-            let psi = self.watched_psi(i);
+            let psi = self.monitored_psi(i);
             let c = self.psi_series(i);
             let size = series::magnitude(c, tau, 0);
             let difference = (series::value(c, at) - psi).abs();
-            let agrees = difference <= allowed * size + rounding * (state.terms[i] + size);
+            let agrees = difference <= allowed * size + rounding * (bands.terms[i] + size);
             if !agrees {
                 return false;
             }

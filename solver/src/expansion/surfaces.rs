@@ -82,16 +82,11 @@ impl Surfaces {
     }
 
     /// Takes the functions of these sides, compiling what is new.
-    pub(crate) fn enter(
-        &mut self,
-        (system, library): (&HybridSystem, &mut Library),
-        memory: &mut Memory,
-        sides: &[Side],
-    ) {
+    pub(crate) fn enter(&mut self, library: &mut Library, memory: &mut Memory, sides: &[Side]) {
         match self.sides.take() {
             None => {
                 for i in 0..self.surfaces.len() {
-                    self.enter_one((system, library), memory, i, sides);
+                    self.enter_one(library, memory, i, sides);
                 }
                 self.sides = Some(sides.into());
             }
@@ -101,7 +96,7 @@ impl Surfaces {
                     if present[i] != sides[i] {
                         present[i] = sides[i];
                         for at in 0..self.around[i].len() {
-                            self.enter_one((system, library), memory, self.around[i][at], sides);
+                            self.enter_one(library, memory, self.around[i][at], sides);
                         }
                     }
                 }
@@ -112,7 +107,7 @@ impl Surfaces {
 
     fn enter_one(
         &mut self,
-        (system, library): (&HybridSystem, &mut Library),
+        library: &mut Library,
         memory: &mut Memory,
         switch: usize,
         sides: &[Side],
@@ -124,10 +119,10 @@ impl Surfaces {
             return;
         }
         let surface = match switch.checked_sub(self.slot.len()) {
-            None => library.surface(system, switch, &sides),
+            None => library.surface(switch, &sides),
             Some(at) => {
                 let (switch, order) = self.derivatives[at];
-                library.derivative(system, switch, order)
+                library.derivative(switch, order)
             }
         };
         let compiled = Compiled::new(surface, memory);

@@ -1,19 +1,19 @@
 //! Switches that nothing but outputs looks at, where their ψ has no series.
 //!
 //! |v| has no derivative where a body comes to rest. In a rate this ends a run; in an output it must not, whose values
-//! alone are wanted. Within a step such a switch is not watched: its α is not known, and follows from ψ itself wherever
+//! alone are wanted. Within a step such a switch is not monitored: its α is not known, and follows from ψ itself wherever
 //! an output is evaluated. At the end of the step it takes the side of ψ.
 
 use super::mode::Mode;
-use crate::event::Simulator;
-use crate::hybrid::state::State;
+use crate::expansion::scales::{Bands, Scales};
+use crate::hybrid::point::Point;
 use crate::hybrid::{Effect, Guard, HybridSystem, Input, Role, Side};
 
 /// Steps as short as this share of the longest one are not taken for an output.
 const LEAST: f64 = 1e-6;
 
 /// The switches that no rate and no law contains, nor any ψ but those of others of this kind.
-pub(crate) fn observers(system: &HybridSystem) -> Vec<bool> {
+fn observers(system: &HybridSystem) -> Vec<bool> {
     let n = system.n_switches();
     let is_own = |i: usize| system.role(i) == Role::Step && system.relay(i).is_none();
     let is_free = |i: usize| !system.is_unilateral(i) && system.slip_of(i).is_none();
@@ -43,50 +43,74 @@ pub(crate) fn observers(system: &HybridSystem) -> Vec<bool> {
     used.into_iter().map(|used| !used).collect()
 }
 
-impl Mode {
-    /// True for a switch that only outputs look at, whose series does not exist here.
-    pub(crate) fn is_blind(&self, switch: usize) -> bool {
-        self.observers[switch] && !self.psi_series(switch).iter().all(|c| c.is_finite())
-    }
+/// Switches off their surface within a step.
+pub(crate) struct Monitored {
+    /// Those whose ψ might vanish.
+    pub switches: Vec<usize>,
+    /// How far each state may move.
+    pub reach: Vec<f64>,
+    /// Of each switch, whether nothing but outputs looks at it.
+    observers: Vec<bool>,
+    /// Switches that nothing but outputs looks at, without a series in this step.
+    pub unobserved: Vec<usize>,
+}
 
-    /// Stops watching what only outputs look at, within this step.
-    pub(crate) fn look_away(&mut self) {
-        let observers = &self.observers;
-        let (blind, watched) = self.watched.iter().partition(|i| observers[**i]);
-        self.watched = watched;
-        let mut blind: Vec<usize> = blind;
-        self.blind.append(&mut blind);
-    }
-
-    /// Whether a step of this length is too short for what only outputs look at.
-    pub(crate) fn is_too_short(&self, state: &State, h: f64) -> bool {
-        h < LEAST * state.longest_step && self.watched.iter().any(|&i| self.observers[i])
+impl Monitored {
+    /// None so far.
+    pub(crate) fn new(system: &HybridSystem) -> Self {
+        Monitored {
+            switches: Vec::new(),
+            reach: vec![0.0; system.n_states()],
+            observers: observers(system),
+            unobserved: Vec::new(),
+        }
     }
 }
 
-impl Simulator {
-    /// Takes the sides of switches that were not watched in the last step.
-    pub(crate) fn look_again(&mut self, state: &mut State) {
-        for at in 0..self.mode.blind.len() {
-            let switch = self.mode.blind[at];
-            self.mode.set(state.t, &state.x, &state.alpha);
-            let psi = self.mode.psi(switch);
-            let mut sides = state.sides.clone();
-            sides[switch] = Side::of(psi);
-            state.set_sides(sides);
-            state.armed[switch] = false;
+impl Mode {
+    /// True for a switch that only outputs look at, whose series does not exist here.
+    pub(crate) fn is_unobserved(&self, switch: usize) -> bool {
+        self.monitored.observers[switch] && !self.psi_series(switch).iter().all(|c| c.is_finite())
+    }
+
+    /// Stops watching what only outputs look at, within this step.
+    pub(crate) fn stop_monitoring(&mut self) {
+        let observers = &self.monitored.observers;
+        let (unobserved, monitored) = self.monitored.switches.iter().partition(|i| observers[**i]);
+        self.monitored.switches = monitored;
+        let mut unobserved: Vec<usize> = unobserved;
+        self.monitored.unobserved.append(&mut unobserved);
+    }
+
+    /// Whether a step of this length is too short for what only outputs look at.
+    pub(crate) fn is_too_short(&self, scales: &Scales, h: f64) -> bool {
+        h < LEAST * scales.longest_step
+            && self
+                .monitored
+                .switches
+                .iter()
+                .any(|&i| self.monitored.observers[i])
+    }
+
+    /// Takes the sides of switches that were not monitored in the last step.
+    pub(crate) fn take_unobserved(&mut self, point: &mut Point, bands: &mut Bands) {
+        for at in 0..self.monitored.unobserved.len() {
+            let switch = self.monitored.unobserved[at];
+            self.move_to(point);
+            let psi = self.psi(switch);
+            point.change_sides(&[switch], &[Side::of(psi)]);
+            bands.armed[switch] = false;
         }
     }
 
     /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
-    pub(crate) fn has_no_rate(&mut self, state: &State, switch: usize) -> bool {
-        if !self.mode.observers[switch] {
+    pub(crate) fn has_no_rate(&mut self, point: &Point, switch: usize) -> bool {
+        if !self.monitored.observers[switch] {
             return false;
         }
-        let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
-        mode.surfaces.linearize(switch, &mode.memory.values);
-        let mut gradient = mode.gradient(switch).iter();
-        !gradient.all(|(_, g)| g.is_finite()) || !mode.time_gradient(switch).is_finite()
+        self.move_to(point);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let mut gradient = self.gradient(switch).iter();
+        !gradient.all(|(_, g)| g.is_finite()) || !self.time_gradient(switch).is_finite()
     }
 }

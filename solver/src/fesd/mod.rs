@@ -38,7 +38,7 @@ pub use crate::fesd::system::pointwise::{Leading, Rule, Rules, Surfaces, alpha_o
 use crate::hybrid::{Note, Outcome, Side, Stats, Status};
 use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
-use crate::selector::{Decision, Guide};
+use crate::selector::{Decision, ModeSelector};
 use element::Element;
 pub use emit::{Multipliers, Observer};
 pub use stepping::{Stepper, SteppingSettings};
@@ -148,7 +148,7 @@ pub struct Simulator<'s> {
     branches: FxHashMap<(usize, usize, bool), Mode>,
     directional: Directional,
     /// Chooses among sliding modes, where switches are nonlinear.
-    guide: Option<Box<dyn Guide + 's>>,
+    mode_selector: Option<Box<dyn ModeSelector + 's>>,
     /// Memory for whole elements, once one is needed.
     nodes: Option<Nodes>,
     /// What changes at breakpoints, as it is now.
@@ -246,7 +246,7 @@ impl<'s> Simulator<'s> {
             modes: Vec::new(),
             branches: FxHashMap::default(),
             directional: Directional::new(system),
-            guide: None,
+            mode_selector: None,
             nodes: None,
             numbers: vec![0.0; system.n_numbers()],
             values: Values::default(),
@@ -258,9 +258,9 @@ impl<'s> Simulator<'s> {
         })
     }
 
-    /// Lets a guide choose the modes of a system with nonlinear switches.
-    pub fn guided(mut self, guide: impl Guide + 's) -> Self {
-        self.guide = Some(Box::new(guide));
+    /// Lets a selector choose the modes of a system with nonlinear switches.
+    pub fn with_mode_selector(mut self, mode_selector: impl ModeSelector + 's) -> Self {
+        self.mode_selector = Some(Box::new(mode_selector));
         self
     }
 

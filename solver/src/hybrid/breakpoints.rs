@@ -4,23 +4,16 @@
 //! on the data may jump or bend: a ψ that has jumped is treated like one that jumps with a relay
 //! (`lead.rs`), and what lies on its surface then is decided by the new rates, sliding too.
 
-use super::Side;
-use super::state::State;
-use crate::event::Simulator;
-use crate::expansion::dense::Dense;
-use crate::expansion::series;
-use crate::hybrid::status::Status;
-use crate::hybrid::system::HybridSystem;
-use crate::integrate::step::{TOGETHER, Watch};
+use super::system::HybridSystem;
 
 /// Which switches the data of pieces concerns.
 pub(crate) struct Pieces {
     /// The next breakpoint; infinity where there is none.
     pub until: f64,
     /// Switches whose ψ may jump or bend there.
-    switches: Vec<usize>,
+    pub switches: Vec<usize>,
     /// Switches whose rate φ may.
-    rates: Vec<usize>,
+    pub rates: Vec<usize>,
 }
 
 impl Pieces {
@@ -34,68 +27,4 @@ impl Pieces {
             rates: all.filter(|&i| system.switches[i].has_data[1]).collect(),
         }
     }
-}
-
-/// An event that is closer to the end of a step, as a fraction of the step, may be there.
-const NEAR: f64 = 1e-6;
-
-impl Simulator {
-    /// Takes the pieces that hold from the present time on.
-    pub(crate) fn load(&mut self, state: &State) {
-        self.pieces.until = self.mode.load(&self.system, state.t);
-    }
-
-    /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
-    /// the same instant.
-    pub(crate) fn pass_breakpoint(
-        &mut self,
-        state: &mut State,
-        triggers: &[usize],
-        t1: f64,
-    ) -> Result<(), Status> {
-        let switches = std::mem::take(&mut self.pieces.switches);
-        self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.enter_surfaces(&self.system, &state.sides);
-        for &i in &switches {
-            self.mode.surfaces.stand_for(i, 0);
-        }
-        let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
-        self.load(state);
-        self.measure_bands(state, &switches, t1 - state.t);
-        let mut open = triggers.to_vec();
-        if !switches.is_empty() {
-            let (before, psi) = (state.sides.clone(), self.psi(state));
-            for (&i, last) in switches.iter().zip(last) {
-                self.jump(state, i, last, psi[i], &mut open);
-                let stays = (psi[i] - last).abs() <= state.band[i];
-                if stays && psi[i].abs() <= state.band[i] {
-                    open.push(i);
-                }
-            }
-            self.cascade(state, &before, psi, &mut open, t1)?;
-        }
-        self.pieces.switches = switches;
-        let meets =
-            |&&i: &&usize| (state.sides[i] == Side::Slide || state.armed[i]) && !self.leads(i);
-        open.extend(self.pieces.rates.iter().filter(meets));
-        open.sort_unstable();
-        open.dedup();
-        if open.is_empty() && !self.is_unsettled(state, t1) {
-            return Ok(());
-        }
-        self.change(state, &open, t1)
-    }
-}
-
-/// True when an event at `tau` is not told apart from the end of its step `h`.
-pub(crate) fn is_at_end(dense: Dense, tau: f64, h: f64, watch: Watch) -> bool {
-    let at_end = match watch {
-        Watch::Surface(i) => {
-            let c = dense.psi(i);
-            series::value(c, h).abs() <= TOGETHER * series::magnitude(c, h, 0)
-        }
-        Watch::Bound(i, limit) => (series::value(dense.alpha(i), h) - limit).abs() <= TOGETHER,
-        Watch::Disc(_) => false,
-    };
-    at_end && h - tau <= NEAR * h
 }

@@ -122,8 +122,9 @@ pub struct Smooth {
 type Known<T> = FxHashMap<(usize, Box<[Side]>), T>;
 
 /// Functions on certain sides.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Library {
+    system: Arc<HybridSystem>,
     rates: Known<FormRates>,
     jacobians: Known<Arc<Partials>>,
     surfaces: Known<FormSurface>,
@@ -270,16 +271,26 @@ impl Form {
 }
 
 impl Library {
+    /// Nothing is known of the forms of a system yet.
+    pub(crate) fn new(system: Arc<HybridSystem>) -> Self {
+        Library {
+            system,
+            rates: Known::default(),
+            jacobians: Known::default(),
+            surfaces: Known::default(),
+        }
+    }
+
     /// The number of functions that were made, which blocks and surfaces of one form share.
     pub(crate) fn len(&self) -> usize {
         self.rates.len() + self.surfaces.len()
     }
 
     /// The rates of a block on its local sides.
-    pub(crate) fn rates(&mut self, system: &HybridSystem, block: usize, sides: &[Side]) -> Rates {
-        let instance = &system.rates[block];
-        let key = instance.key(&system.blocks[block].switches, sides);
-        let form = &system.forms[instance.form];
+    pub(crate) fn rates(&mut self, block: usize, sides: &[Side]) -> Rates {
+        let instance = &self.system.rates[block];
+        let key = instance.key(&self.system.blocks[block].switches, sides);
+        let form = &self.system.forms[instance.form];
         let rates = kept(&mut self.rates, key, |sides| form.rates(sides));
         Rates {
             inputs: instance.inputs_at(&rates.inputs),
@@ -289,55 +300,39 @@ impl Library {
     }
 
     /// ∂f/∂x of a block on its local sides, by the inputs of its [`Rates`]. Only implicit methods ask for it.
-    pub(crate) fn jacobian(
-        &mut self,
-        system: &HybridSystem,
-        block: usize,
-        sides: &[Side],
-    ) -> Arc<Partials> {
-        let instance = &system.rates[block];
-        let key = instance.key(&system.blocks[block].switches, sides);
-        let form = &system.forms[instance.form];
+    pub(crate) fn jacobian(&mut self, block: usize, sides: &[Side]) -> Arc<Partials> {
+        let instance = &self.system.rates[block];
+        let key = instance.key(&self.system.blocks[block].switches, sides);
+        let form = &self.system.forms[instance.form];
         let rates = kept(&mut self.rates, key.clone(), |sides| form.rates(sides));
         kept(&mut self.jacobians, key, |_| Arc::new(form.jacobian(rates))).clone()
     }
 
     /// ψ of a switch, given the sides of the switches inside it. ψ is continuous where another switch slides, so either
     /// branch of it will do: α of one that slides is 1, unless it is continuous.
-    pub(crate) fn surface(
-        &mut self,
-        system: &HybridSystem,
-        switch: usize,
-        sides: &[Side],
-    ) -> Surface {
-        let inside = &system.switches[switch].inside;
+    pub(crate) fn surface(&mut self, switch: usize, sides: &[Side]) -> Surface {
+        let inside = &self.system.switches[switch].inside;
         let sides = inside.iter().zip(sides).map(|(&inner, side)| match side {
-            Side::Slide if !system.is_continuous(inner) => Side::Plus,
+            Side::Slide if !self.system.is_continuous(inner) => Side::Plus,
             side => *side,
         });
         let sides: Vec<Side> = sides.collect();
-        self.function(system, &system.surfaces[switch], (inside, &sides))
+        self.function(switch, &sides)
     }
 
     /// The derivative of ψ of an order of at least 1.
-    pub(crate) fn derivative(
-        &mut self,
-        system: &HybridSystem,
-        switch: usize,
-        order: usize,
-    ) -> Surface {
-        let at = system.switches[switch].derivatives.start + order - 1;
-        self.function(system, &system.surfaces[at], (&[], &[]))
+    pub(crate) fn derivative(&mut self, switch: usize, order: usize) -> Surface {
+        let at = self.system.switches[switch].derivatives.start + order - 1;
+        self.function(at, &[])
     }
 
-    fn function(
-        &mut self,
-        system: &HybridSystem,
-        instance: &Instance,
-        (switches, sides): (&[usize], &[Side]),
-    ) -> Surface {
-        let key = instance.key(switches, sides);
-        let form = &system.forms[instance.form];
+    /// ψ or a derivative, by its place among the surfaces; `sides` are those of the switches inside it.
+    fn function(&mut self, at: usize, sides: &[Side]) -> Surface {
+        let instance = &self.system.surfaces[at];
+        let inside = self.system.switches.get(at);
+        let inside = inside.map_or(&[][..], |switch| &switch.inside);
+        let key = instance.key(inside, sides);
+        let form = &self.system.forms[instance.form];
         if let Some(affine) = form.affine(&key.1, &instance.inputs) {
             return Surface::Affine(affine);
         }

@@ -5,9 +5,9 @@ pub(crate) mod check;
 pub(crate) mod form;
 pub(crate) mod outcome;
 pub(crate) mod piecewise;
+pub(crate) mod point;
 pub(crate) mod settings;
 pub(crate) mod side;
-pub(crate) mod state;
 pub(crate) mod status;
 pub(crate) mod system;
 
@@ -18,5 +18,6 @@ pub use settings::Settings;
 pub use side::Side;
 pub use status::{Coefficient, Function, Note, Stats, Status};
 pub use system::{
-    Block, Effect, Guard, HybridSystem, Impact, Input, Law, Reset, Role, Switch, SwitchKind,
+    Block, Effect, Guard, HybridSystem, Impact, ImpactLaw, Input, Law, Reset, Role, Switch,
+    SwitchKind,
 };

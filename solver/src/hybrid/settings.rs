@@ -66,4 +66,10 @@ impl Settings {
         let optimal = (-0.5 * self.local_tolerance().ln()).ceil() as usize + 8;
         self.order.unwrap_or(optimal).clamp(4, 40)
     }
+
+    /// The next instant after the present one at which the state is kicked.
+    pub(crate) fn next_kick(&self, t: f64) -> f64 {
+        let kicks = self.kicks.as_ref();
+        kicks.map_or(f64::INFINITY, |kicks| kicks.next(t))
+    }
 }

@@ -1,8 +1,10 @@
 //! How a run ended, what it went on from, and what it cost.
 
-use crate::integrate::radau::Radau;
+use super::Side;
 use crate::runtime::limit::Over;
-use crate::selector::Candidate;
+
+/// One way to go on: the sides of the switches that meet.
+pub type Candidate = Vec<(usize, Side)>;
 
 /// How a run ended.
 #[derive(Clone, PartialEq, Debug)]
@@ -266,15 +268,4 @@ pub struct Stats {
     pub events: usize,
     /// Functions of blocks and surfaces that were met for the first time.
     pub functions: usize,
-}
-
-impl Stats {
-    /// Takes over what an implicit step counted.
-    pub(crate) fn absorb(&mut self, radau: &mut Radau) {
-        let counts = std::mem::take(&mut radau.counts);
-        self.rejected += counts.rejected;
-        self.rhs_evaluations += counts.evaluations;
-        self.newton_iterations += counts.iterations;
-        self.factorizations += counts.factorizations;
-    }
 }

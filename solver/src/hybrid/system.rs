@@ -15,7 +15,6 @@ use serde::{Deserialize, Serialize};
 
 use super::Side;
 use super::form::{Argument, Form, Instance};
-use crate::contact::ImpactLaw;
 use crate::hybrid::piecewise::Piecewise;
 use crate::tape::Tape;
 
@@ -220,6 +219,21 @@ impl HybridSystem {
         }
     }
 
+    /// Whether both sides of a switch have one field where they meet.
+    pub(crate) fn sides_agree(&self, switch: usize) -> bool {
+        self.is_continuous(switch) || self.role(switch) != Role::Step
+    }
+
+    /// Whether a switch may rest on its surface: rates have a root of its ψ.
+    pub(crate) fn rests(&self, switch: usize) -> bool {
+        self.switches[switch].has_root && self.is_continuous(switch)
+    }
+
+    /// Whether a state follows from equations that hold all the time.
+    pub(crate) fn is_algebraic(&self, state: usize) -> bool {
+        self.algebraics.binary_search(&state).is_ok()
+    }
+
     /// How α of a switch is determined.
     pub fn role(&self, switch: usize) -> Role {
         match self.switches[switch].kind {
@@ -228,6 +242,27 @@ impl HybridSystem {
             _ => Role::Step,
         }
     }
+
+    /// True for switches that are decided before the others.
+    pub(crate) fn leads(&self, switch: usize) -> bool {
+        self.switches[switch].is_timed || self.relay(switch).is_some()
+    }
+
+    /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
+    /// projections, acts on their rate itself.
+    pub(crate) fn is_struck(&self, switch: usize) -> bool {
+        let strikes = |law: &Law| matches!(law.guard, Guard::Strikes(struck) if struck == switch);
+        self.laws.iter().any(strikes)
+    }
+}
+
+/// What the coefficient of restitution e multiplies.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub enum ImpactLaw {
+    /// The speed of the gap before the impact.
+    Newton,
+    /// The impulse that stops the gap.
+    Poisson,
 }
 
 /// A law by which states jump.

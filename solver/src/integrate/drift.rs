@@ -1,8 +1,10 @@
 //! The drift off the surfaces that a mode slides on, projected away after each step.
 
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::HybridSystem;
-use crate::hybrid::state::State;
+use crate::expansion::scales::Scales;
+use crate::hybrid::Role;
+use crate::hybrid::point::Point;
 use crate::linalg::Singular;
 
 /// Rounds of Newton's method.
@@ -17,7 +19,7 @@ impl Mode {
     /// Projects x onto the sliding surfaces, those of higher relative degree from ψ to its highest derivative, and returns
     /// the largest |ψ| found, relative to the size of its terms: contacts in the metric of the mass, others in the norm of
     /// the states' sizes.
-    pub(crate) fn project(&mut self, system: &HybridSystem, state: &mut State) -> f64 {
+    pub(crate) fn project(&mut self, state: &mut State) -> f64 {
         let mut drift = 0.0_f64;
         if self.sliding.is_empty() {
             return drift;
@@ -28,18 +30,20 @@ impl Mode {
         let mut placed = std::mem::take(&mut self.mend.placed);
         for round in 0..ROUNDS {
             placed.clear();
-            placed.resize(state.x.len(), false);
-            let mut below = self.mend_gaps(system, state, &mut placed);
+            placed.resize(state.point.x.len(), false);
+            let mut below = self.mend_gaps(state, &mut placed);
             for order in 0..deepest {
-                let (worst, stepped) = self.step_onto(state, Some(order), &mut placed);
+                let (worst, stepped) =
+                    self.step_onto(&mut state.point, &state.scales, Some(order), &mut placed);
                 below = below.max(worst);
                 // Surfaces that depend on each other make the matrix singular.
                 if stepped.is_err() {
-                    self.step_onto_each(state, order);
+                    self.step_onto_each(&mut state.point, &state.scales, order);
                 }
             }
-            let rates = self.mend_rates(system, state, &mut placed);
-            let (worst, stepped) = self.step_onto(state, None, &mut placed);
+            let rates = self.mend_rates(state, &mut placed);
+            let (worst, stepped) =
+                self.step_onto(&mut state.point, &state.scales, None, &mut placed);
             let worst = worst.max(rates);
             if round == 0 {
                 drift = worst;
@@ -56,12 +60,13 @@ impl Mode {
     /// their derivative of this order or their highest. The largest |ψ| before it, relative to the size of its terms.
     fn step_onto(
         &mut self,
-        state: &mut State,
+        point: &mut Point,
+        scales: &Scales,
         order: Option<usize>,
         placed: &mut [bool],
     ) -> (f64, Result<(), Singular>) {
         self.stand_for_order(order);
-        self.set(state.t, &state.x, &state.alpha);
+        self.move_to(point);
         self.linearize_surfaces();
         let mut worst = 0.0_f64;
         for at in 0..self.sliding.len() {
@@ -71,7 +76,7 @@ impl Mode {
                 continue;
             }
             let psi = self.psi(i);
-            let size = self.weigh(i, |j| state.size(j));
+            let size = self.weigh(i, |j| scales.size(j));
             let follows = self.equations.tie(at).is_some() || self.equations.is_held(at);
             self.equations.rhs[at] = if follows { 0.0 } else { psi };
             if size > 0.0 {
@@ -80,11 +85,11 @@ impl Mode {
         }
         let mut factored = Ok(());
         if worst > f64::EPSILON {
-            self.find_least(state, order, worst);
+            self.find_least(point, scales, order, worst);
             // What lower derivatives have placed stays there, as far as the others can be met without it.
-            factored = self.correct(state, order, |j| placed[j]);
+            factored = self.correct(point, scales, order, |j| placed[j]);
             if factored.is_err() && placed.contains(&true) {
-                factored = self.correct(state, order, |_| false);
+                factored = self.correct(point, scales, order, |_| false);
             }
         }
         if order.is_some() {
@@ -99,14 +104,14 @@ impl Mode {
     }
 
     /// The least mobility of states that have any.
-    fn find_least(&mut self, state: &State, order: Option<usize>, worst: f64) {
+    fn find_least(&mut self, point: &Point, scales: &Scales, order: Option<usize>, worst: f64) {
         let mut least = std::mem::take(&mut self.mend.least);
         least.clear();
-        least.resize(state.x.len(), 0.0);
+        least.resize(point.x.len(), 0.0);
         let left = self.sliding.iter().filter(|_| worst > ASTRAY);
         for &i in left.filter(|&&i| !self.is_mended(i, order)) {
             let terms = self.gradient(i).iter();
-            let sizes = terms.map(|&(j, _)| self.mobility(state, j));
+            let sizes = terms.map(|&(j, _)| self.mobility(scales, j));
             let share = SMALLEST * sizes.fold(0.0_f64, f64::max);
             for &(j, _) in self.gradient(i) {
                 least[j] = share.max(least[j]);
@@ -118,11 +123,12 @@ impl Mode {
     /// Moves x by what the right sides of the equations ask for, but for states that stay.
     fn correct(
         &mut self,
-        state: &mut State,
+        point: &mut Point,
+        scales: &Scales,
         order: Option<usize>,
         stays: impl Fn(usize) -> bool,
     ) -> Result<(), Singular> {
-        let mobility = |mode: &Mode, state: &State, j: usize| match mode.mobility(state, j) {
+        let mobility = |mode: &Mode, scales: &Scales, j: usize| match mode.mobility(scales, j) {
             _ if stays(j) => 0.0,
             // What has never moved does not begin to.
             0.0 => 0.0,
@@ -131,14 +137,14 @@ impl Mode {
         let mut equations = std::mem::take(&mut self.equations);
         let factored = equations.factor_gram(
             &self.surfaces,
-            |j| mobility(self, state, j),
+            |j| mobility(self, scales, j),
             |i| self.is_mended(i, order),
         );
         if factored.is_ok() {
             equations.solve();
             for (&i, multiplier) in equations.switches.iter().zip(&equations.rhs) {
                 for &(j, g) in self.surfaces.gradient(i) {
-                    state.x[j] -= g * multiplier * mobility(self, state, j).powi(2);
+                    point.x[j] -= g * multiplier * mobility(self, scales, j).powi(2);
                 }
             }
         }
@@ -147,22 +153,22 @@ impl Mode {
     }
 
     /// Projects x onto one surface after the other.
-    fn step_onto_each(&mut self, state: &mut State, order: usize) {
+    fn step_onto_each(&mut self, point: &mut Point, scales: &Scales, order: usize) {
         for at in 0..self.sliding.len() {
             let i = self.sliding[at];
             let highest = self.surfaces.n_derivatives(i);
             if order >= highest || self.is_mended(i, Some(order)) {
                 continue;
             }
-            self.set(state.t, &state.x, &state.alpha);
+            self.move_to(point);
             self.surfaces.stand_for(i, order);
             self.surfaces.linearize(i, &self.memory.values);
             let psi = self.psi(i);
             let gradient = self.surfaces.gradient(i).iter();
-            let square: f64 = gradient.map(|&(j, g)| (g * state.size(j)).powi(2)).sum();
+            let square: f64 = gradient.map(|&(j, g)| (g * scales.size(j)).powi(2)).sum();
             if square > 0.0 {
                 for &(j, g) in self.surfaces.gradient(i) {
-                    state.x[j] -= g * psi / square * state.size(j).powi(2);
+                    point.x[j] -= g * psi / square * scales.size(j).powi(2);
                 }
             }
             self.surfaces.stand_for(i, highest);
@@ -177,6 +183,31 @@ impl Mode {
                 let order = order.map_or(highest, |order| order.min(highest));
                 self.surfaces.stand_for(i, order);
             }
+        }
+    }
+
+    /// Finds the states that are not moved where drift is projected away: those that determine algebraic ones and
+    /// nothing else that slides.
+    pub(crate) fn hold_still(&mut self) {
+        self.still.fill(false);
+        for component in self.equations.components() {
+            if component.iter().any(|&i| self.system.role(i) == Role::Step) {
+                continue;
+            }
+            for &i in component {
+                for &(j, _) in self.surfaces.gradient(i) {
+                    self.still[j] = !self.system.is_algebraic(j);
+                }
+            }
+        }
+    }
+
+    /// How far state j may be moved in a projection, in relation to others.
+    fn mobility(&self, scales: &Scales, j: usize) -> f64 {
+        match scales.size(j) {
+            _ if self.still[j] => 0.0,
+            0.0 if self.system.is_algebraic(j) => 1.0,
+            size => size,
         }
     }
 }

@@ -4,16 +4,15 @@
 //! that ends on it, so that it is as accurate as a step's end.
 
 use super::radau::{Implicit, Radau, Shape, Start};
-use super::step::{Step, Watch, first_event, met, simultaneous, verify_start};
-use crate::event::Simulator;
+use super::step::{Step, Stepper, Watch, first_event, is_at_end, met, simultaneous, verify_start};
+use crate::event::state::{State, Trial};
 use crate::events::roots::Root;
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
 use crate::expansion::series;
-use crate::hybrid::breakpoints::is_at_end;
-use crate::hybrid::state::State;
-use crate::hybrid::{HybridSystem, Side, Status};
+use crate::hybrid::{Side, Stats, Status};
 use crate::selector::judge::ROUNDINGS;
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
@@ -40,7 +39,7 @@ pub(crate) struct Workspace {
     /// α of all switches at the point.
     alphas: Vec<f64>,
     y: Vec<f64>,
-    /// Polynomials of the ψ that are watched, one after another.
+    /// Polynomials of the ψ that are monitored, one after another.
     psi: Vec<f64>,
     /// Their values at the start and the nodes.
     values: Vec<f64>,
@@ -49,38 +48,44 @@ pub(crate) struct Workspace {
     f: Vec<f64>,
 }
 
-impl Simulator {
+impl Stepper {
     /// Takes an implicit step; none where that is not possible.
     pub(crate) fn implicit_step(
         &mut self,
+        mode: &mut Mode,
         state: &mut State,
         t1: f64,
     ) -> Result<Option<Step>, Status> {
-        let mode = &mut self.mode;
         let look = self.stiffness.wants_series();
-        let mut alpha = std::mem::take(&mut state.alpha);
+        let mut alpha = std::mem::take(&mut state.point.alpha);
         let solved = if look {
-            mode.expand(state.t, &state.x, &mut alpha)
+            mode.expand(state.point.t, &state.point.x, &mut alpha)
         } else {
-            mode.start(state.t, &state.x, &mut alpha)
+            mode.start(state.point.t, &state.point.x, &mut alpha)
         };
-        mode.measure_terms(state);
-        mode.measure_held(state, t1 - state.t);
-        state.alpha = alpha;
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        mode.measure_held(
+            &state.point,
+            &mut state.scales,
+            &state.bands,
+            t1 - state.point.t,
+        );
+        state.point.alpha = alpha;
         if solved.is_err() {
             return Err(mode.stuck());
         }
         if look {
-            let tolerance = self.settings.local_tolerance();
-            self.stiffness.explicit_length = mode.step_size(tolerance, state, t1 - state.t);
+            let tolerance = self.local_tolerance;
+            self.stiffness.explicit_length =
+                mode.step_size(tolerance, &state.scales, t1 - state.point.t);
         }
-        let mut start = std::mem::take(&mut state.start);
+        let mut start = std::mem::take(&mut self.stiffness.start);
         mode.write_start(state, &mut start);
         let mut radau = self.stiffness.take(mode.shape());
-        let step = self.attempts(&mut radau, &start, state, t1);
-        state.stats.absorb(&mut radau);
+        let step = self.attempts(mode, &mut radau, &start, state, t1);
+        count(&mut state.report.stats, &mut radau);
         self.stiffness.give_back(radau);
-        state.start = start;
+        self.stiffness.start = start;
         if let Ok(None) = step {
             self.stiffness.give_up();
         }
@@ -89,30 +94,30 @@ impl Simulator {
 
     fn attempts(
         &mut self,
+        mode: &mut Mode,
         radau: &mut Radau,
         start: &Start,
         state: &mut State,
         t1: f64,
     ) -> Result<Option<Step>, Status> {
-        let tolerance = self.settings.local_tolerance();
-        let remaining = (t1 - state.t) - state.t_low;
+        let tolerance = self.local_tolerance;
+        let remaining = state.point.remaining(t1);
         if let Some(length) = self.stiffness.first_length() {
             radau.restart(length);
         }
-        let mut stiff = Stiff {
-            mode: &mut self.mode,
-            system: &self.system,
-        };
+        let mut stiff = Stiff { mode: mode };
         for _ in 0..MAX_REJECTED {
             // The longest step that the tolerance allows, and the first event within it.
             let Ok(h) = radau.step(&mut stiff, start, remaining) else {
                 return Ok(None);
             };
-            stiff.mode.watch_along(radau, start, state);
-            let mut seen = stiff.mode.is_faithful(radau, start, state, tolerance)
+            stiff.mode.monitor_along(radau, start, &mut state.bands);
+            let mut seen = stiff
+                .mode
+                .is_faithful(radau, start, &state.bands, tolerance)
                 && stiff.vouches(radau, start, state, tolerance, &mut self.unseen);
             let dense = Dense::Collocation(stiff.mode, radau);
-            let closeness = self.settings.tolerance;
+            let closeness = self.tolerance;
             let event = first_event(&mut self.roots, dense, state, h, closeness);
             let (mut length, mut triggers) = (h, Vec::new());
             // What slips in two directions turns too fast where it stops.
@@ -122,7 +127,7 @@ impl Simulator {
                 return Ok(None);
             }
             if let Some((root, watch)) = event {
-                verify_start(dense, state, root.tau, watch, h)?;
+                verify_start(dense, &state.bands, root.tau, watch, h)?;
                 let at_end = is_at_end(dense, root.tau, h, watch);
                 length = if at_end { h } else { root.tau };
                 if !at_end && start.t + length > start.t {
@@ -130,29 +135,32 @@ impl Simulator {
                         Some(tau) => length = tau,
                         None => seen = false,
                     }
-                    stiff.mode.watch_along(radau, start, state);
+                    stiff.mode.monitor_along(radau, start, &mut state.bands);
                 }
                 let dense = Dense::Collocation(stiff.mode, radau);
                 let reach = radau.reach();
-                triggers = simultaneous(dense, state, length, reach, watch.switch());
+                triggers = simultaneous(dense, &state.bands, length, reach, watch.switch());
             }
 
             // What the polynomials did not see shows at the end.
             let mode = &mut *stiff.mode;
-            mode.write_end(radau, start, length, state);
-            mode.eval(start.t + length, &state.next, &state.next_alpha);
-            let unseen = event.is_none() && mode.on_wrong_side(state);
+            mode.write_end(radau, start, length, &mut state.trial);
+            mode.eval(start.t + length, &state.trial.x, &state.trial.alpha);
+            let unseen = event.is_none() && mode.on_wrong_side(&state.bands);
             if !seen || unseen || mode.turned_over() {
-                state.stats.rejected += 1;
+                state.report.stats.rejected += 1;
                 radau.limit_next(0.5 * h);
                 continue;
             }
-            // What is not watched any more since the step ends earlier does not come close.
-            state.close.retain(|(i, _)| mode.watched.contains(i));
-            let met = met(event).filter(|(i, _)| mode.watched.contains(i));
+            // What is not monitored any more since the step ends earlier does not come close.
+            state
+                .approaches
+                .close
+                .retain(|(i, _)| mode.monitored.switches.contains(i));
+            let met = met(event).filter(|(i, _)| mode.monitored.switches.contains(i));
             let dense = Dense::Collocation(mode, radau);
             mode.note_approaches(dense, state, length, met, closeness);
-            state.accept(radau, h);
+            accept(state, radau, h);
             let worth = mode.worth(radau.degree());
             self.stiffness.after_implicit(h, worth);
             return Ok(Some(Step {
@@ -169,6 +177,27 @@ impl Simulator {
     }
 }
 
+/// Takes over what the method has counted in a step.
+fn count(stats: &mut Stats, radau: &mut Radau) {
+    let counts = std::mem::take(&mut radau.counts);
+    stats.rejected += counts.rejected;
+    stats.rhs_evaluations += counts.evaluations;
+    stats.newton_iterations += counts.iterations;
+    stats.factorizations += counts.factorizations;
+}
+
+/// Moves to the end of a step; `length` is what it would have been without an event.
+fn accept(state: &mut State, radau: &Radau, length: f64) {
+    std::mem::swap(&mut state.point.x, &mut state.trial.x);
+    std::mem::swap(&mut state.point.alpha, &mut state.trial.alpha);
+    // The terms of stiff rates are large, but what rounding does to them is damped.
+    for (i, activity) in state.scales.activity.iter_mut().enumerate() {
+        *activity = radau.noise(i) / radau.reach();
+    }
+    state.scales.last_step = length;
+    state.report.stats.implicit_steps += 1;
+}
+
 impl Mode {
     fn shape(&self) -> Shape {
         Shape {
@@ -182,9 +211,9 @@ impl Mode {
         self.n + self.sliding.partition_point(|&i| i < switch)
     }
 
-    /// The polynomial of a ψ that is watched.
+    /// The polynomial of a ψ that is monitored.
     pub(crate) fn interpolant(&self, switch: usize, degree: usize) -> &[f64] {
-        let place = self.watched.partition_point(|&i| i < switch);
+        let place = self.monitored.switches.partition_point(|&i| i < switch);
         &self.implicit.psi[place * (degree + 1)..][..=degree]
     }
 
@@ -199,63 +228,66 @@ impl Mode {
     }
 
     fn write_start(&mut self, state: &State, start: &mut Start) {
-        start.t = state.t;
+        start.t = state.point.t;
         start.y.clear();
-        start.y.extend_from_slice(&state.x);
-        start.y.extend(self.sliding.iter().map(|&i| state.alpha[i]));
+        start.y.extend_from_slice(&state.point.x);
+        start
+            .y
+            .extend(self.sliding.iter().map(|&i| state.point.alpha[i]));
         start.scales.clear();
-        start.scales.extend_from_slice(&state.scale);
+        start.scales.extend_from_slice(&state.scales.largest);
         start.scales.resize(start.y.len(), 1.0);
         start.terms.clear();
-        start.terms.extend_from_slice(&self.terms);
-        let size = |state: usize| self.terms[state].max(self.field.f[state].abs());
+        start.terms.extend_from_slice(&self.terms.of_rates);
+        let size = |state: usize| self.terms.of_rates[state].max(self.field.f[state].abs());
         let rates = self.sliding.iter().map(|&i| self.weigh(i, size));
         start.terms.extend(rates);
-        self.implicit.alphas.clone_from(&state.alpha);
+        self.implicit.alphas.clone_from(&state.point.alpha);
     }
 
     /// Writes the state and α `length` after the start, which is the end of the step or within it.
-    fn write_end(&self, radau: &Radau, start: &Start, length: f64, state: &mut State) {
+    fn write_end(&self, radau: &Radau, start: &Start, length: f64, trial: &mut Trial) {
         let dense = Dense::Collocation(self, radau);
-        dense.states_at(length, &mut state.next);
-        dense.alphas_at(length, &mut state.next_alpha);
+        dense.states_at(length, &mut trial.x);
+        dense.alphas_at(length, &mut trial.alpha);
         if length == radau.reach() {
-            for (row, x) in state.next.iter_mut().enumerate() {
+            for (row, x) in trial.x.iter_mut().enumerate() {
                 *x = radau.end(start, row);
             }
             for (j, &i) in self.sliding.iter().enumerate() {
-                state.next_alpha[i] = radau.end(start, self.n + j);
+                trial.alpha[i] = radau.end(start, self.n + j);
             }
         }
     }
 
     /// Looks for the switches off their surface that may reach it within the step solved last, and
     /// interpolates their ψ.
-    fn watch_along(&mut self, radau: &Radau, start: &Start, state: &mut State) {
+    fn monitor_along(&mut self, radau: &Radau, start: &Start, bands: &mut Bands) {
         let (h, s) = (radau.reach(), radau.degree());
-        self.watched.clear();
-        self.blind.clear();
+        self.monitored.switches.clear();
+        self.monitored.unobserved.clear();
         for i in 0..self.n {
-            self.reach[i] = series::reach(radau.series(i), h);
+            self.monitored.reach[i] = series::reach(radau.series(i), h);
         }
         self.place(start.t, &start.y);
-        for watched in 0..self.sides.len() {
-            let is_off = self.sides[watched] != Side::Slide && !self.is_idle(watched, &self.sides);
-            if !is_off || self.keeps_off(watched, h) {
+        for monitored in 0..self.sides.len() {
+            let is_off =
+                self.sides[monitored] != Side::Slide && !self.is_idle(monitored, &self.sides);
+            if !is_off || self.keeps_off(monitored, h) {
                 continue;
             }
-            self.watched.push(watched);
-            self.aim(watched);
-            for i in std::iter::once(watched).chain(self.other(watched)) {
-                if !self.continuous[i] {
+            self.monitored.switches.push(monitored);
+            self.aim(monitored);
+            for i in std::iter::once(monitored).chain(self.other(monitored)) {
+                if !self.system.sides_agree(i) {
                     self.surfaces.linearize(i, &self.memory.values);
                 }
-                self.measure_terms_of_psi(i, state);
+                self.measure_terms_of_psi(i, bands);
             }
         }
-        let n_watched = self.watched.len();
-        self.implicit.values.resize(n_watched * (s + 1), 0.0);
-        self.implicit.psi.resize(n_watched * (s + 1), 0.0);
+        let n_monitored = self.monitored.switches.len();
+        self.implicit.values.resize(n_monitored * (s + 1), 0.0);
+        self.implicit.psi.resize(n_monitored * (s + 1), 0.0);
         let mut y = std::mem::take(&mut self.implicit.y);
         y.clone_from(&start.y);
         for node in 0..=s {
@@ -266,8 +298,9 @@ impl Mode {
                 }
                 self.place(start.t + radau.tableau().nodes[node - 1] * h, &y);
             }
-            for at in 0..n_watched {
-                self.implicit.values[at * (s + 1) + node] = self.watched_psi(self.watched[at]);
+            for at in 0..n_monitored {
+                self.implicit.values[at * (s + 1) + node] =
+                    self.monitored_psi(self.monitored.switches[at]);
             }
         }
         self.implicit.y = y;
@@ -280,13 +313,13 @@ impl Mode {
         }
     }
 
-    /// True when every ψ that is watched has the value of its polynomial at the probes of the step.
-    fn is_faithful(&mut self, radau: &Radau, start: &Start, state: &State, tolerance: f64) -> bool {
+    /// True when every ψ that is monitored has the value of its polynomial at the probes of the step.
+    fn is_faithful(&mut self, radau: &Radau, start: &Start, bands: &Bands, tolerance: f64) -> bool {
         let h = radau.reach();
         let mut probes = 0..radau.tableau().probes.len();
         probes.all(|at| {
             let tau = radau.tableau().probes[at] * h;
-            self.is_faithful_at(tau, radau, start, state, tolerance)
+            self.is_faithful_at(tau, radau, start, bands, tolerance)
         })
     }
 
@@ -296,7 +329,7 @@ impl Mode {
         tau: f64,
         radau: &Radau,
         start: &Start,
-        state: &State,
+        bands: &Bands,
         tolerance: f64,
     ) -> bool {
         let (h, s) = (radau.reach(), radau.degree());
@@ -307,11 +340,11 @@ impl Mode {
         }
         self.place(start.t + tau, &y);
         self.implicit.y = y;
-        (0..self.watched.len()).all(|at| {
-            let i = self.watched[at];
-            let psi = self.watched_psi(i);
+        (0..self.monitored.switches.len()).all(|at| {
+            let i = self.monitored.switches[at];
+            let psi = self.monitored_psi(i);
             let polynomial = self.interpolant(i, s);
-            let (terms, magnitude) = (state.terms[i], series::magnitude(polynomial, h, 0));
+            let (terms, magnitude) = (bands.terms[i], series::magnitude(polynomial, h, 0));
             let value = series::value(polynomial, tau);
             let difference = (value - psi).abs();
             // Where ψ is steep its terms are large beside itself, and say nothing of a side that it is on for an instant.
@@ -340,7 +373,6 @@ impl Mode {
 /// A mode as the implicit method sees it.
 struct Stiff<'a> {
     mode: &'a mut Mode,
-    system: &'a HybridSystem,
 }
 
 impl Stiff<'_> {
@@ -359,7 +391,7 @@ impl Stiff<'_> {
             let agrees = radau.error_at(self, start, tau) < UNSEEN
                 && self
                     .mode
-                    .is_faithful_at(tau, radau, start, state, tolerance);
+                    .is_faithful_at(tau, radau, start, &state.bands, tolerance);
             if !agrees {
                 return false;
             }
@@ -492,7 +524,7 @@ impl Implicit for Stiff<'_> {
         let n = mode.n;
         matrix.fill(0.0);
         mode.place(t, y);
-        mode.jacobian(self.system, |row, column, value| {
+        mode.jacobian(|row, column, value| {
             matrix[row * width + column] += value;
         });
         if width == n {

@@ -9,12 +9,13 @@
 //! so short that f changes in it by less than the tolerance of x over h: the error is a fraction of that, since f - f₀
 //! grows like a power of time.
 
-use super::step::{Step, first_event, simultaneous};
-use crate::event::Simulator;
+use super::step::{Step, Stepper, first_event, simultaneous};
+use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
 use crate::expansion::step_size::SMALLEST;
-use crate::hybrid::state::State;
+use crate::hybrid::point::Point;
 use crate::hybrid::{Side, Status};
 
 /// What the error of a straight step is of h times the change of f: 1/(1 + p) - 1/2ᵖ is no larger for 0 < p ≤ 1.
@@ -63,7 +64,7 @@ impl Mode {
     /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are
     /// switches with roots, close to which terms grow, too. Close to a pole those below it are not moderate.
     pub(crate) fn ends_at_root(&self) -> bool {
-        let has_roots = self.roots.contains(&true);
+        let has_roots = self.has_roots();
         let ends = |series: &[f64]| {
             let grows = |c: &&f64| has_roots && c.is_finite();
             let moderate = |c: &&f64| c.abs() < MODERATE || grows(c);
@@ -75,9 +76,9 @@ impl Mode {
 
     /// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say
     /// nothing.
-    pub(crate) fn is_on_root(&self, state: &State) -> bool {
-        let mut roots = self.roots.iter().zip(&state.armed);
-        roots.any(|(root, armed)| *root && *armed)
+    pub(crate) fn is_on_root(&self, bands: &Bands) -> bool {
+        let mut switches = self.system.switches.iter().zip(&bands.armed);
+        switches.any(|(switch, armed)| switch.has_root && *armed)
     }
 
     /// Leaves the terms of all series below order `end`, and below the first one of a state that is no number; false where
@@ -101,8 +102,8 @@ impl Mode {
 
     /// The longest straight step up to `longest` that is accurate; none where f is not finite.
     pub(crate) fn line(&mut self, state: &State, tolerance: f64, longest: f64) -> Option<Longest> {
-        let mut alpha = state.alpha.clone();
-        let (t, x) = (state.t, &state.x);
+        let mut alpha = state.point.alpha.clone();
+        let (t, x) = (state.point.t, &state.point.x);
         self.solve_alpha(t, x, &mut alpha).ok()?;
         let start = self.f().to_vec();
         if !start.iter().all(|f| f.is_finite()) {
@@ -110,11 +111,11 @@ impl Mode {
         }
         let shortest = f64::max(SHORTEST * longest, 4.0 * f64::EPSILON * t.abs());
         let shortest = longest.min(shortest);
-        let left = self.rates_left(state, &start);
+        let left = self.rates_left(&state.bands, &start);
         let ahead = |tau: f64, f: &[f64]| -> Vec<f64> {
             x.iter().zip(f).map(|(x, f)| x + tau * f).collect()
         };
-        let mut h = match state.last_step {
+        let mut h = match state.scales.last_step {
             last if last > 0.0 => longest.min(MAX_GROWTH * last),
             _ => longest,
         };
@@ -124,7 +125,7 @@ impl Mode {
         let early = self.f().to_vec();
         // What starts at zero is as large as its rate makes it.
         let sizes = |f: &[f64]| -> Vec<f64> {
-            let size = |(i, early): (usize, &f64)| match state.scale[i].max(x[i].abs()) {
+            let size = |(i, early): (usize, &f64)| match state.scales.largest[i].max(x[i].abs()) {
                 0.0 => (early.abs().max(f[i].abs()) * longest).max(SMALLEST),
                 size => size.max(SMALLEST),
             };
@@ -171,10 +172,10 @@ impl Mode {
     }
 
     /// The rates with which ψ of switches with roots leave their surfaces.
-    fn rates_left(&mut self, state: &State, f: &[f64]) -> Vec<(usize, f64)> {
+    fn rates_left(&mut self, bands: &Bands, f: &[f64]) -> Vec<(usize, f64)> {
         let mut left = Vec::new();
-        for i in 0..self.roots.len() {
-            if self.roots[i] && state.armed[i] && self.sides[i] != Side::Slide {
+        for i in 0..self.sides.len() {
+            if self.system.switches[i].has_root && bands.armed[i] && self.sides[i] != Side::Slide {
                 self.surfaces.linearize(i, &self.memory.values);
                 left.push((i, self.along(i, f)));
             }
@@ -193,10 +194,10 @@ impl Mode {
         let Some(Longest { line, .. }) = self.line(state, tolerance, longest) else {
             return vec![f64::NAN; switches.len()];
         };
-        let middle = state.x.iter().zip(&line.rates);
+        let middle = state.point.x.iter().zip(&line.rates);
         let middle: Vec<f64> = middle.map(|(x, f)| x + 0.5 * line.length * f).collect();
         let mut alpha = line.alpha;
-        let at = state.t + 0.5 * line.length;
+        let at = state.point.t + 0.5 * line.length;
         if self.solve_alpha(at, &middle, &mut alpha).is_err() {
             return vec![f64::NAN; switches.len()];
         }
@@ -208,15 +209,15 @@ impl Mode {
     }
 
     /// Takes a straight line as the series of the step.
-    pub(crate) fn lay(&mut self, state: &State, line: &Line) {
+    pub(crate) fn lay(&mut self, point: &Point, line: &Line) {
         let stride = self.memory.stride;
         let mut set = |start: usize, value: f64, rate: f64| {
             let row = &mut self.memory.rows[start..start + stride];
             row.fill(0.0);
             (row[0], row[1]) = (value, rate);
         };
-        set(0, state.t, 1.0);
-        for (i, (&x, &rate)) in state.x.iter().zip(&line.rates).enumerate() {
+        set(0, point.t, 1.0);
+        for (i, (&x, &rate)) in point.x.iter().zip(&line.rates).enumerate() {
             set((1 + i) * stride, x, rate);
         }
         for &i in &self.sliding {
@@ -226,31 +227,41 @@ impl Mode {
             self.memory.rows[row..row + stride].fill(0.0);
             self.memory.rows[row] = rate;
         }
-        self.memory.set(state.t, &state.x, &line.alpha);
+        self.memory.set(point.t, &point.x, &line.alpha);
+    }
+
+    /// Whether rates have roots of some ψ.
+    pub(crate) fn has_roots(&self) -> bool {
+        self.system.switches.iter().any(|switch| switch.has_root)
     }
 }
 
-impl Simulator {
+impl Stepper {
     /// The step off a point at which f has no series.
-    pub(crate) fn step_off(&mut self, state: &mut State, remaining: f64) -> Result<Step, Status> {
-        let line = self.lay_line(state, remaining)?;
-        let mode = &mut self.mode;
-        let (dense, closeness) = (Dense::Taylor(mode), self.settings.tolerance);
+    pub(crate) fn step_off(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        remaining: f64,
+    ) -> Result<Step, Status> {
+        let line = self.lay_line(mode, state, remaining)?;
+        let (dense, closeness) = (Dense::Taylor(mode), self.tolerance);
         let event = first_event(&mut self.roots, dense, state, line.length, closeness);
         let (length, triggers) = match event {
             Some((root, watch)) => {
-                let together = simultaneous(dense, state, root.tau, line.length, watch.switch());
+                let together =
+                    simultaneous(dense, &state.bands, root.tau, line.length, watch.switch());
                 (root.tau, together)
             }
             None => (line.length, Vec::new()),
         };
-        dense.states_at(length, &mut state.next);
-        if !state.next.iter().all(|x| x.is_finite()) {
+        dense.states_at(length, &mut state.trial.x);
+        if !state.trial.x.iter().all(|x| x.is_finite()) {
             return Err(Status::NotFinite);
         }
-        dense.alphas_at(length, &mut state.alpha);
-        std::mem::swap(&mut state.x, &mut state.next);
-        state.last_step = line.length;
+        dense.alphas_at(length, &mut state.point.alpha);
+        std::mem::swap(&mut state.point.x, &mut state.trial.x);
+        state.scales.last_step = line.length;
         Ok(Step {
             length,
             reaches_end: length >= remaining,
@@ -263,24 +274,28 @@ impl Simulator {
     }
 
     /// Takes the longest straight line that passes over nothing as the series of the step.
-    fn lay_line(&mut self, state: &mut State, remaining: f64) -> Result<Line, Status> {
-        let (tolerance, allowed) = (self.settings.local_tolerance(), self.allowed_defect());
+    fn lay_line(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        remaining: f64,
+    ) -> Result<Line, Status> {
+        let (tolerance, allowed) = (self.local_tolerance, self.allowed_defect(mode));
         let mut longest = remaining;
         for _ in 0..MAX_TRIES {
-            let Some(found) = self.mode.line(state, tolerance, longest) else {
+            let Some(found) = mode.line(state, tolerance, longest) else {
                 break;
             };
             let line = found.line;
-            self.mode.lay(state, &line);
-            self.mode.watch(tolerance, state, line.length);
-            self.mode.take_scales(&found.sizes);
-            let (mode, unseen) = (&mut self.mode, &mut self.unseen);
-            unseen.suspect_all(mode);
-            if found.is_shortest || unseen.vouches(mode, state, line.length, allowed) {
+            mode.lay(&state.point, &line);
+            mode.monitor(tolerance, &state.scales, &mut state.bands, line.length);
+            mode.take_scales(&found.sizes);
+            self.unseen.suspect_all(mode);
+            if found.is_shortest || self.unseen.vouches(mode, state, line.length, allowed) {
                 return Ok(line);
             }
             longest = SHORTER * line.length;
         }
-        Err(self.mode.stuck())
+        Err(mode.stuck())
     }
 }

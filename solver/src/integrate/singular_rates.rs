@@ -15,11 +15,11 @@
 
 use super::singular::Line;
 use super::step::Step;
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::{Bands, Scales};
 use crate::expansion::series;
-use crate::hybrid::state::State;
-use crate::hybrid::{Side, Status};
+use crate::hybrid::{Settings, Side, Status};
 use crate::selector::select::BAND;
 
 /// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.
@@ -53,20 +53,20 @@ pub(crate) struct Settling {
 
 impl Mode {
     /// Whether a switch that rests would leave its surface within a step h, because something has changed since.
-    pub(crate) fn wakes(&mut self, state: &mut State, h: f64) -> Option<usize> {
-        let rests = |i: &usize| self.rests[*i] && self.sides[*i] == Side::Slide;
+    pub(crate) fn wakes(&mut self, bands: &mut Bands, h: f64) -> Option<usize> {
+        let rests = |i: &usize| self.system.rests(*i) && self.sides[*i] == Side::Slide;
         let resting: Vec<usize> = (0..self.sides.len()).filter(rests).collect();
         resting.into_iter().find(|&i| {
-            self.expand_psi(i, state);
+            self.expand_psi(i, bands);
             let c = self.psi_series(i);
-            series::leading(c, h, state.level(i, c, h)).is_some()
+            series::leading(c, h, bands.level(i, c, h)).is_some()
         })
     }
 
     /// A displacement of the states that moves ψ by one, where it was last linearized.
-    fn across_surface(&self, switch: usize, state: &State) -> Vec<f64> {
+    fn across_surface(&self, switch: usize, scales: &Scales) -> Vec<f64> {
         let mut d = vec![0.0; self.n];
-        let size = |j: usize| match state.size(j) {
+        let size = |j: usize| match scales.size(j) {
             0.0 => 1.0,
             size => size,
         };
@@ -82,11 +82,11 @@ impl Mode {
 
     /// The nearest place at which ψ is zero.
     pub(crate) fn onto_surface(&mut self, state: &State, switch: usize) -> Vec<f64> {
-        self.set(state.t, &state.x, &state.alpha);
+        self.move_to(&state.point);
         self.surfaces.linearize(switch, &self.memory.values);
         let psi = self.psi(switch);
-        let across = self.across_surface(switch, state);
-        let moved = state.x.iter().zip(across);
+        let across = self.across_surface(switch, &state.scales);
+        let moved = state.point.x.iter().zip(across);
         moved.map(|(x, d)| x - psi * d).collect()
     }
 
@@ -99,49 +99,39 @@ impl Mode {
         self.surfaces.linearize(switch, &self.memory.values);
         self.phi(switch)
     }
+
+    /// What roots add to φ at a displacement of ψ by `by` from where the state is, on the side of that.
+    pub(crate) fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
+        let mut sides = state.point.sides_sliding(&[switch]);
+        self.enter(&sides);
+        self.move_to(&state.point);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let across = self.across_surface(switch, &state.scales);
+        let moved = state.point.x.iter().zip(&across);
+        let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
+        let smooth = self.rate_from(switch, state.point.t, &moved, &state.point.alpha);
+        sides[switch] = Side::of(by);
+        self.enter(&sides);
+        let mut alpha = state.point.alpha.clone();
+        alpha[switch] = f64::from(u8::from(by > 0.0));
+        self.rate_from(switch, state.point.t, &moved, &alpha) - smooth
+    }
 }
 
-impl Simulator {
-    /// Decides a group of which some switches may rest: the others first, whose rates do not depend on the sides of these,
-    /// and then these, one after another until none changes. False, with nothing settled, where that takes series and
-    /// `series` does not allow it.
-    pub(crate) fn choose_around_rest(
-        &mut self,
-        state: &mut State,
-        group: &[usize],
-        wanted: &[Option<Side>],
-        t1: f64,
-        series: bool,
-    ) -> Result<bool, Status> {
-        if !series {
-            return Ok(false);
-        }
-        let pairs = group.iter().copied().zip(wanted.iter().copied());
-        let (roots, others): (Vec<_>, Vec<_>) = pairs.partition(|(i, _)| self.mode.rests[*i]);
-        let mut sides = state.sides.clone();
-        roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
-        state.set_sides(sides);
-        if !others.is_empty() {
-            let (others, wanted): (Vec<usize>, Vec<Option<Side>>) = others.into_iter().unzip();
-            self.choose(state, &others, &wanted, t1, true)?;
-        }
-        for _ in 0..=roots.len() {
-            let before = state.sides.clone();
-            for &(i, wanted) in &roots {
-                let side = self.decide_rest(state, i, wanted, t1)?;
-                let mut sides = state.sides.clone();
-                sides[i] = side;
-                state.set_sides(sides);
-            }
-            if state.sides == before {
-                break;
-            }
-        }
-        Ok(true)
+/// Decides switches whose rates have roots of their ψ, and which may come to rest on their surface.
+pub(crate) struct Rest<'a> {
+    mode: &'a mut Mode,
+    settings: &'a Settings,
+}
+
+impl<'a> Rest<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Rest { mode, settings }
     }
 
     /// Whether a switch on its surface rests, or to which side it goes.
-    fn decide_rest(
+    pub(crate) fn decide(
         &mut self,
         state: &mut State,
         switch: usize,
@@ -177,69 +167,53 @@ impl Simulator {
         switch: usize,
         t1: f64,
     ) -> Result<Option<(usize, Side)>, Status> {
-        let mut sides = state.sides.clone();
-        sides[switch] = Side::Slide;
+        let sides = state.point.sides_sliding(&[switch]);
         let tolerance = self.settings.local_tolerance();
         let mode = &mut self.mode;
-        mode.enter(&self.system, &sides);
-        let mut alpha = state.alpha.clone();
-        if mode.expand(state.t, &state.x, &mut alpha).is_err() {
+        mode.enter(&sides);
+        let mut alpha = state.point.alpha.clone();
+        if mode
+            .expand(state.point.t, &state.point.x, &mut alpha)
+            .is_err()
+        {
             return Err(mode.stuck());
         }
         let is_smooth = mode.cut_short(usize::MAX);
-        mode.measure_terms(state);
-        mode.watched.clear();
-        mode.expand_psi(switch, state);
-        mode.watched.push(switch);
-        let h = mode.step_size(tolerance, state, t1 - state.t);
-        let h = mode.step_size_of_psi(tolerance, state, h);
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        mode.monitored.switches.clear();
+        mode.expand_psi(switch, &mut state.bands);
+        mode.monitored.switches.push(switch);
+        let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
+        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let c = mode.psi_series(switch);
-        if let Some(k) = series::leading(c, h, state.level(switch, c, h)) {
+        if let Some(k) = series::leading(c, h, state.bands.level(switch, c, h)) {
             return Ok(Some((k, Side::of(c[k]))));
         }
         if is_smooth {
             return Ok(None);
         }
         // What drives it has no series either: its rate a moment later tells.
-        let found = mode.line(state, tolerance, t1 - state.t);
+        let found = mode.line(state, tolerance, t1 - state.point.t);
         let Some(Line { length, rates, .. }) = found.map(|found| found.line) else {
             return Err(mode.stuck());
         };
-        let ahead = state.x.iter().zip(&rates);
+        let ahead = state.point.x.iter().zip(&rates);
         let ahead: Vec<f64> = ahead.map(|(x, f)| x + length * f).collect();
-        let rate = mode.rate_from(switch, state.t + length, &ahead, &alpha);
+        let rate = mode.rate_from(switch, state.point.t + length, &ahead, &alpha);
         let is_seen = rate.abs() > ROUNDINGS * mode.terms_of_phi(switch);
         Ok(is_seen.then_some((2, Side::of(rate))))
     }
 
-    /// What roots add to φ at a displacement of ψ by `by` from where the state is, on the side of that.
-    fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
-        let mut sides = state.sides.clone();
-        sides[switch] = Side::Slide;
-        self.mode.enter(&self.system, &sides);
-        self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode
-            .surfaces
-            .linearize(switch, &self.mode.memory.values);
-        let across = self.mode.across_surface(switch, state);
-        let moved = state.x.iter().zip(&across);
-        let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
-        let smooth = self.mode.rate_from(switch, state.t, &moved, &state.alpha);
-        sides[switch] = Side::of(by);
-        self.mode.enter(&self.system, &sides);
-        let mut alpha = state.alpha.clone();
-        alpha[switch] = f64::from(u8::from(by > 0.0));
-        self.mode.rate_from(switch, state.t, &moved, &alpha) - smooth
-    }
-
     /// Whether a root takes ψ away from zero to this side, in finite time.
     fn repels(&mut self, state: &State, switch: usize, side: Side) -> bool {
-        let near = match state.band[switch] {
+        let near = match state.bands.width[switch] {
             0.0 => NEAR_ZERO,
             band => NEAR / BAND * band,
         };
-        let far = self.root_at(state, switch, near * side.sign());
-        let close = self.root_at(state, switch, CLOSER * near * side.sign());
+        let far = self.mode.root_at(state, switch, near * side.sign());
+        let close = self
+            .mode
+            .root_at(state, switch, CLOSER * near * side.sign());
         far * side.sign() > 0.0 && is_steep(close / far)
     }
 
@@ -252,46 +226,47 @@ impl Simulator {
     ///
     /// ∫ δα dt = -w / (∂w'/∂α),   δx = ∂f/∂α ∫ δα dt.
     pub(crate) fn settling(&mut self, state: &mut State, group: &[usize]) -> Vec<Settling> {
-        let is_one = |i: &usize| self.mode.roots[*i] && self.mode.surfaces.n_derivatives(*i) == 1;
+        let is_one = |i: &usize| {
+            self.mode.system.switches[*i].has_root && self.mode.surfaces.n_derivatives(*i) == 1
+        };
         let roots: Vec<usize> = group.iter().copied().filter(is_one).collect();
         let roots = roots.into_iter();
         roots.filter_map(|i| self.settles(state, i)).collect()
     }
 
     fn settles(&mut self, state: &mut State, switch: usize) -> Option<Settling> {
-        let mut sides = state.sides.clone();
-        sides[switch] = Side::Slide;
+        let mut sides = state.point.sides_sliding(&[switch]);
         let mode = &mut self.mode;
-        mode.enter(&self.system, &sides);
-        let mut alpha = state.alpha.clone();
+        mode.enter(&sides);
+        let mut alpha = state.point.alpha.clone();
         let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
             alpha[switch] = value;
-            mode.eval(state.t, &state.x, &alpha);
+            mode.eval(state.point.t, &state.point.x, &alpha);
             mode.linearize(&[switch]);
             (mode.phi(switch), mode.f().to_vec())
         });
         let speed = mode.psi(switch);
         let way = usize::from(speed > 0.0);
-        state.crossed[switch][way] = speed.abs();
-        let before = state.crossed[switch][1 - way];
+        state.bands.crossed[switch][way] = speed.abs();
+        let before = state.bands.crossed[switch][1 - way];
         if !(above < 0.0 && below > 0.0 && speed.abs() <= SHRINKS * before) {
             return None;
         }
         mode.surfaces.stand_for(switch, 0);
         mode.surfaces.linearize(switch, &mode.memory.values);
-        let size = mode.weigh(switch, |j| state.size(j));
-        let near = (self.settings.settled() * size).max(BEYOND * state.band[switch]);
+        let size = mode.weigh(switch, |j| state.scales.size(j));
+        let near = (self.settings.settled() * size).max(BEYOND * state.bands.width[switch]);
         if speed * speed > 2.0 * near * below.min(-above) {
             return None;
         }
-        let across = mode.across_surface(switch, state);
+        let across = mode.across_surface(switch, &state.scales);
         let attracts = [Side::Minus, Side::Plus].into_iter().all(|side| {
             sides[switch] = side;
             alpha[switch] = f64::from(u8::from(side == Side::Plus));
-            self.mode.enter(&self.system, &sides);
-            let moved = state.x.iter().zip(&across);
+            self.mode.enter(&sides);
+            let moved = state.point.x.iter().zip(&across);
             let moved: Vec<f64> = moved.map(|(x, d)| x + side.sign() * near * d).collect();
-            let rate = self.mode.rate_from(switch, state.t, &moved, &alpha);
+            let rate = self.mode.rate_from(switch, state.point.t, &moved, &alpha);
             (rate - speed) * side.sign() < 0.0
         });
         let by_alpha = plus.iter().zip(&minus).map(|(plus, minus)| plus - minus);
@@ -301,65 +276,64 @@ impl Simulator {
             moves: moves.collect(),
         })
     }
+}
 
-    /// The end of a way to a surface on which a switch will rest, from where it is on it but for rounding: there
-    /// ψ' = c |ψ|^p takes |ψ| / ((1 - p) |ψ'|), over which the root is 1 - p times what it is now in the mean.
-    pub(crate) fn arrive(&mut self, state: &mut State, remaining: f64) -> Option<Step> {
-        for i in 0..state.sides.len() {
-            let side = state.sides[i];
-            if !self.mode.rests[i] || side == Side::Slide || state.armed[i] {
-                continue;
-            }
-            let (t, x) = (state.t, state.x.clone());
-            self.mode.set(t, &x, &state.alpha);
-            state.band[i] = self.mode.band(i, state, remaining);
-            let psi = self.mode.psi(i);
-            if psi.abs() > state.band[i] {
-                continue;
-            }
-            let rate = self.mode.rate_from(i, t, &x, &state.alpha);
-            let f = self.mode.f().to_vec();
-            if rate * side.sign() >= 0.0 {
-                continue;
-            }
-            let mut sides = state.sides.clone();
-            sides[i] = Side::Slide;
-            self.mode.enter(&self.system, &sides);
-            let smooth = self.mode.rate_from(i, t, &x, &state.alpha);
-            let at_rest = self.mode.f().to_vec();
-            self.mode.enter(&self.system, &state.sides);
-            let closer = CLOSER * psi - psi;
-            let ratio = (self.root_at(state, i, closer)) / (rate - smooth);
-            self.mode.enter(&self.system, &state.sides);
-            if smooth.abs() > SMALL * rate.abs() {
-                continue;
-            }
-            let rest = 1.0 + ratio.ln() / -CLOSER.ln();
-            let length = psi.abs() / (rest * rate.abs());
-            if !is_steep(ratio) || length > remaining || t + length <= t {
-                return Some(Step::at_once(i));
-            }
-            let mean = f.iter().zip(&at_rest);
-            let line = Line {
-                length,
-                rates: mean
-                    .map(|(f, smooth)| smooth + rest * (f - smooth))
-                    .collect(),
-                alpha: state.alpha.clone(),
-            };
-            self.mode.lay(state, &line);
-            self.mode.watched.clear();
-            for (x, rate) in state.x.iter_mut().zip(&line.rates) {
-                *x += length * rate;
-            }
-            return Some(Step {
-                length,
-                reaches_end: length >= remaining,
-                ..Step::at_once(i)
-            });
+/// The end of a way to a surface on which a switch will rest, from where it is on it but for rounding: there
+/// ψ' = c |ψ|^p takes |ψ| / ((1 - p) |ψ'|), over which the root is 1 - p times what it is now in the mean.
+pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Option<Step> {
+    for i in 0..state.point.sides.len() {
+        let side = state.point.sides[i];
+        if !mode.system.rests(i) || side == Side::Slide || state.bands.armed[i] {
+            continue;
         }
-        None
+        let (t, x) = (state.point.t, state.point.x.clone());
+        mode.set(t, &x, &state.point.alpha);
+        state.bands.width[i] = mode.band(i, state, remaining);
+        let psi = mode.psi(i);
+        if psi.abs() > state.bands.width[i] {
+            continue;
+        }
+        let rate = mode.rate_from(i, t, &x, &state.point.alpha);
+        let f = mode.f().to_vec();
+        if rate * side.sign() >= 0.0 {
+            continue;
+        }
+        let sides = state.point.sides_sliding(&[i]);
+        mode.enter(&sides);
+        let smooth = mode.rate_from(i, t, &x, &state.point.alpha);
+        let at_rest = mode.f().to_vec();
+        mode.enter(&state.point.sides);
+        let closer = CLOSER * psi - psi;
+        let ratio = (mode.root_at(state, i, closer)) / (rate - smooth);
+        mode.enter(&state.point.sides);
+        if smooth.abs() > SMALL * rate.abs() {
+            continue;
+        }
+        let rest = 1.0 + ratio.ln() / -CLOSER.ln();
+        let length = psi.abs() / (rest * rate.abs());
+        if !is_steep(ratio) || length > remaining || t + length <= t {
+            return Some(Step::at_once(i));
+        }
+        let mean = f.iter().zip(&at_rest);
+        let line = Line {
+            length,
+            rates: mean
+                .map(|(f, smooth)| smooth + rest * (f - smooth))
+                .collect(),
+            alpha: state.point.alpha.clone(),
+        };
+        mode.lay(&state.point, &line);
+        mode.monitored.switches.clear();
+        for (x, rate) in state.point.x.iter_mut().zip(&line.rates) {
+            *x += length * rate;
+        }
+        return Some(Step {
+            length,
+            reaches_end: length >= remaining,
+            ..Step::at_once(i)
+        });
     }
+    None
 }
 
 /// Whether a root with these values closer to zero and farther from it has a power p < 1.

@@ -1,16 +1,20 @@
 //! One step: expand, bound, cut at the first event, and check.
 
+use super::singular_rates;
+use super::stiffness::{MOST_NODES, Stiffness};
+use crate::contact::coefficients::Coefficients;
 use crate::contact::friction_disk;
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
+use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::Bands;
 use crate::expansion::series;
-use crate::hybrid::Status;
-use crate::hybrid::breakpoints::is_at_end;
-use crate::hybrid::state::State;
-use crate::selector::fold::Fold;
+use crate::hybrid::point::Point;
+use crate::hybrid::{HybridSystem, Settings, Status};
 use crate::selector::select::BAND;
+use crate::selector::selection::Fold;
 
 /// An accepted step. `State::x` holds its end.
 pub(crate) struct Step {
@@ -31,12 +35,12 @@ pub(crate) struct Step {
 impl Step {
     /// One that ends in a fold, where the point behind it is known.
     fn to_fold(state: &mut State, fold: Fold) -> Self {
-        std::mem::swap(&mut state.x, &mut state.next);
+        std::mem::swap(&mut state.point.x, &mut state.trial.x);
         for turn in &fold.turns {
-            state.alpha[turn.switch] = turn.alpha;
+            state.point.alpha[turn.switch] = turn.alpha;
         }
         let (length, switch) = (fold.after, fold.switch);
-        state.fold = Some(fold);
+        state.selection.fold = Some(fold);
         Step {
             length,
             ..Step::at_once(switch)
@@ -57,7 +61,7 @@ impl Step {
     }
 }
 
-/// What is watched for a root: ψ off the surface, α and 1 - α on it.
+/// What is monitored for a root: ψ off the surface, α and 1 - α on it.
 #[derive(Clone, Copy)]
 pub(crate) enum Watch {
     Surface(usize),
@@ -84,69 +88,114 @@ const PATIENCE: usize = 20;
 /// Steps grow at most by this factor, which bounds the search for their size.
 const MAX_GROWTH: f64 = 10.0;
 
-impl Simulator {
+/// Takes steps within a mode, by one method or another.
+pub(crate) struct Stepper {
+    /// Errors of a run and of a step, relative to the magnitude of the states.
+    pub tolerance: f64,
+    pub local_tolerance: f64,
+    pub roots: RootFinder,
+    pub stiffness: Stiffness,
+    pub coefficients: Coefficients,
+    pub unseen: Unseen,
+}
+
+impl Stepper {
+    /// One of a system, by series of an order.
+    pub(crate) fn new(system: &HybridSystem, settings: &Settings, order: usize) -> Self {
+        Stepper {
+            tolerance: settings.tolerance,
+            local_tolerance: settings.local_tolerance(),
+            roots: RootFinder::new(order.max(MOST_NODES)),
+            stiffness: Stiffness::new(settings.local_tolerance()),
+            coefficients: Coefficients::of(system),
+            unseen: Unseen::default(),
+        }
+    }
+
+    /// The polynomials of the last step.
+    pub(crate) fn dense<'a>(&'a self, mode: &'a Mode, implicit: bool) -> Dense<'a> {
+        match self.stiffness.method() {
+            Some(radau) if implicit => Dense::Collocation(mode, radau),
+            _ => Dense::Taylor(mode),
+        }
+    }
+
     /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
     /// on to `t1`.
-    pub(crate) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
-        if !state.departures.is_empty()
-            && let Some(step) = self.departure_step(state, goal, t1)
+    pub(crate) fn step(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        goal: f64,
+        t1: f64,
+    ) -> Result<Step, Status> {
+        if !state.selection.departures.is_empty()
+            && let Some(step) = self.departure_step(mode, state, goal, t1)
         {
             return Ok(step);
         }
         // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in, and sees no folds.
         if self.stiffness.implicit
-            && !self.mode.slides_deeply()
-            && !self.mode.slides_nonlinearly()
-            && let Some(step) = self.implicit_step(state, goal)?
+            && !mode.slides_deeply()
+            && !mode.slides_nonlinearly()
+            && let Some(step) = self.implicit_step(mode, state, goal)?
         {
             return Ok(step);
         }
-        self.explicit_step(state, goal, t1)
+        self.explicit_step(mode, state, goal, t1)
     }
 
-    fn explicit_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
-        let remaining = (goal - state.t) - state.t_low;
-        if self.mode.may_rest
-            && let Some(step) = self.arrive(state, remaining)
+    fn explicit_step(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        goal: f64,
+        t1: f64,
+    ) -> Result<Step, Status> {
+        let remaining = state.point.remaining(goal);
+        if mode.may_rest
+            && let Some(step) = singular_rates::arrive(mode, state, remaining)
         {
             return Ok(step);
         }
-        let mode = &mut self.mode;
-        mode.blind.clear();
-        if mode.expand(state.t, &state.x, &mut state.alpha).is_err() {
+        mode.monitored.unobserved.clear();
+        if mode
+            .expand(state.point.t, &state.point.x, &mut state.point.alpha)
+            .is_err()
+        {
             return Err(mode.stuck());
         }
-        mode.measure_terms(state);
-        mode.measure_held(state, remaining);
-        state.stats.rhs_evaluations += self.order;
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        mode.measure_held(&state.point, &mut state.scales, &state.bands, remaining);
+        state.report.stats.rhs_evaluations += mode.order;
         if mode.slides_nonlinearly()
             && let Some(fold) = mode.fold_ahead(state, remaining)
         {
             return Ok(Step::to_fold(state, fold));
         }
-        let longest = self.longest(state, remaining);
-        let h = self.first_size(state, [remaining, longest]);
-        if self.mode.may_rest
-            && let Some(switch) = self.mode.wakes(state, h)
+        let longest = longest(mode, state, remaining);
+        let h = self.first_size(mode, state, [remaining, longest]);
+        if mode.may_rest
+            && let Some(switch) = mode.wakes(&mut state.bands, h)
         {
             return Ok(Step::at_once(switch));
         }
-        let tolerance = self.settings.local_tolerance();
-        let mut h = self.coefficients.expand(&mut self.mode, tolerance, h);
+        let tolerance = self.local_tolerance;
+        let mut h = self.coefficients.expand(mode, tolerance, h);
         for attempt in 0..MAX_HALVINGS {
-            let cut = self.cut(state, h);
-            let moves = cut.length >= remaining || cut.moves(state);
-            if !moves && cut.ends.is_none() && self.mode.is_on_root(state) {
-                return self.step_off(state, remaining);
+            let cut = self.cut(mode, state, h);
+            let moves = cut.length >= remaining || cut.moves(&state.point);
+            if !moves && cut.ends.is_none() && mode.is_on_root(&state.bands) {
+                return self.step_off(mode, state, remaining);
             }
-            let defect = match self.judge_step(state, &cut, attempt) {
+            let defect = match self.judge_step(mode, state, &cut, attempt) {
                 Judged::Accepted(defect) => defect,
                 Judged::Again => continue,
-                Judged::EndsAtRoot => return self.step_off(state, remaining),
+                Judged::EndsAtRoot => return self.step_off(mode, state, remaining),
                 Judged::Rejected => {
-                    state.stats.rejected += 1;
+                    state.report.stats.rejected += 1;
                     if attempt == PATIENCE {
-                        self.mode.look_away();
+                        mode.stop_monitoring();
                     }
                     h *= 0.5;
                     continue;
@@ -155,47 +204,41 @@ impl Simulator {
             if !moves && cut.event.is_none() && cut.ends.is_none() {
                 break;
             }
-            return self.accept(state, cut, [h, longest], [remaining, t1 - state.t], defect);
+            return self.accept(
+                mode,
+                state,
+                cut,
+                [h, longest],
+                [remaining, t1 - state.point.t],
+                defect,
+            );
         }
-        let rests = self.mode.comes_to_rest(state);
-        rests.ok_or_else(|| self.mode.stuck())
-    }
-
-    /// How long the step may be at most.
-    fn longest(&mut self, state: &State, remaining: f64) -> f64 {
-        let longest = if state.last_step > 0.0 {
-            remaining.min(MAX_GROWTH * state.last_step)
-        } else {
-            remaining
-        };
-        match self.mode.has_idle_contact(state) {
-            true => longest.min(self.mode.sight(&self.system)),
-            false => longest,
-        }
+        let rests = mode.comes_to_rest(state);
+        rests.ok_or_else(|| mode.stuck())
     }
 
     /// How long it may be by the series of states, directions and ψ.
-    fn first_size(&mut self, state: &mut State, [remaining, longest]: [f64; 2]) -> f64 {
-        let (explicit, tolerance) = (
-            self.stiffness.explicit_tolerance(),
-            self.settings.local_tolerance(),
-        );
-        let mode = &mut self.mode;
-        let h = mode.step_size_above_rounding(explicit, state, [remaining, longest]);
-        let h = mode.keeps_directions(tolerance, state, h);
-        let h = mode.watch(tolerance, state, h);
-        mode.leaves_rest(tolerance, state, h)
+    fn first_size(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        [remaining, longest]: [f64; 2],
+    ) -> f64 {
+        let (explicit, tolerance) = (self.stiffness.explicit_tolerance(), self.local_tolerance);
+        let h = mode.step_size_above_rounding(explicit, &mut state.scales, [remaining, longest]);
+        let h = mode.keeps_directions(tolerance, &mut state.bands, h);
+        let h = mode.monitor(tolerance, &state.scales, &mut state.bands, h);
+        mode.leaves_rest(tolerance, &state.bands, h)
     }
 
-    /// Where the first of what is watched cuts a step h.
-    fn cut(&mut self, state: &mut State, h: f64) -> Cut {
-        let closeness = self.settings.tolerance;
-        let mode = &mut self.mode;
+    /// Where the first of what is monitored cuts a step h.
+    fn cut(&mut self, mode: &mut Mode, state: &mut State, h: f64) -> Cut {
+        let closeness = self.tolerance;
         let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
         let length = event.as_ref().map_or(h, |(root, _)| root.tau);
         // What slips in two directions stops once it is all but at rest.
         let short = event.as_ref().and_then(|(root, watch)| match watch {
-            Watch::Surface(i) => mode.stops_short(state, *i, root.tau),
+            Watch::Surface(i) => mode.stops_short(&state.point, &state.bands, *i, root.tau),
             _ => None,
         });
         let (event, length) = match short {
@@ -217,15 +260,20 @@ impl Simulator {
     }
 
     /// The defect of a step: the last term of the series, differentiated, is what it shows of the error.
-    pub(crate) fn allowed_defect(&self) -> f64 {
-        let tolerance = self.settings.local_tolerance();
-        10.0 * (self.order as f64) * tolerance.max(4.0 * f64::EPSILON)
+    pub(crate) fn allowed_defect(&self, mode: &Mode) -> f64 {
+        let tolerance = self.local_tolerance;
+        10.0 * (mode.order as f64) * tolerance.max(4.0 * f64::EPSILON)
     }
 
     /// Whether the series of a step that is cut are the solution.
-    fn judge_step(&mut self, state: &mut State, cut: &Cut, attempt: usize) -> Judged {
-        let (tolerance, allowed) = (self.settings.local_tolerance(), self.allowed_defect());
-        let mode = &mut self.mode;
+    fn judge_step(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        cut: &Cut,
+        attempt: usize,
+    ) -> Judged {
+        let (tolerance, allowed) = (self.local_tolerance, self.allowed_defect(mode));
         // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
         let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
         let stops = (cut.event.as_ref()).is_some_and(|(_, watch)| is_blurred(*watch));
@@ -234,15 +282,22 @@ impl Simulator {
         } else {
             cut.length
         };
-        let defect = mode.defect(state, seen, tolerance, allowed);
+        let defect = mode.defect(
+            &state.point,
+            &state.scales,
+            &state.bands,
+            seen,
+            tolerance,
+            allowed,
+        );
         if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
             return Judged::EndsAtRoot;
         }
         let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
-        if inaccurate && mode.differs_by_rounding(state, seen, allowed) {
+        if inaccurate && mode.differs_by_rounding(&mut state.scales, seen, allowed) {
             return Judged::Again;
         }
-        let unseen = cut.event.is_none() && cut.ends.is_none() && mode.on_wrong_side(state);
+        let unseen = cut.event.is_none() && cut.ends.is_none() && mode.on_wrong_side(&state.bands);
         let looked = (self.coefficients).agree(mode, state, cut.length, allowed);
         // Without friction nothing determines a force that sticks.
         let turned = cut.ends.is_none() && mode.turned_over();
@@ -260,6 +315,7 @@ impl Simulator {
     /// Moves to the end of a step of size h, at most `longest`, that is cut.
     fn accept(
         &mut self,
+        mode: &mut Mode,
         state: &mut State,
         cut: Cut,
         [h, longest]: [f64; 2],
@@ -268,28 +324,27 @@ impl Simulator {
     ) -> Result<Step, Status> {
         let Cut { event, ends, .. } = cut;
         let (length, triggers) = match event {
-            Some((root, watch)) => self.polish_event(state, root, watch, h)?,
+            Some((root, watch)) => self.polish_event(mode, state, root, watch, h)?,
             None => (cut.length, Vec::new()),
         };
-        let mode = &mut self.mode;
         if triggers.is_empty() && h < longest && ends.is_none() {
-            let motion = mode.motion(state, h);
+            let motion = mode.motion(&state.scales, &state.bands, h);
             self.stiffness.after_explicit(mode, h, motion, left);
         }
         let dense = Dense::Taylor(mode);
         let met = met(event).filter(|(i, _)| !mode.is_in_disc(*i));
-        mode.note_approaches(dense, state, length, met, self.settings.tolerance);
-        dense.states_at(length, &mut state.next);
-        std::mem::swap(&mut state.x, &mut state.next);
-        if !state.x.iter().all(|x| x.is_finite()) {
-            std::mem::swap(&mut state.x, &mut state.next);
+        mode.note_approaches(dense, state, length, met, self.tolerance);
+        dense.states_at(length, &mut state.trial.x);
+        std::mem::swap(&mut state.point.x, &mut state.trial.x);
+        if !state.point.x.iter().all(|x| x.is_finite()) {
+            std::mem::swap(&mut state.point.x, &mut state.trial.x);
             return Err(Status::NotFinite);
         }
-        dense.alphas_at(length, &mut state.alpha);
+        dense.alphas_at(length, &mut state.point.alpha);
         let reaches_end = length >= left[0];
         let is_cut = reaches_end || ends.is_some() || !triggers.is_empty();
-        state.last_step = if is_cut && state.last_step > 0.0 {
-            state.last_step.max(length)
+        state.scales.last_step = if is_cut && state.scales.last_step > 0.0 {
+            state.scales.last_step.max(length)
         } else {
             h
         };
@@ -307,13 +362,13 @@ impl Simulator {
     /// When an event is exactly, and all switches that it is of.
     fn polish_event(
         &mut self,
+        mode: &mut Mode,
         state: &mut State,
         root: Root,
         watch: Watch,
         h: f64,
     ) -> Result<(f64, Vec<usize>), Status> {
-        let mode = &mut self.mode;
-        verify_start(Dense::Taylor(mode), state, root.tau, watch, h)?;
+        verify_start(Dense::Taylor(mode), &state.bands, root.tau, watch, h)?;
         // A double root of ψ is no better known from ψ than from its series.
         let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
             h
@@ -322,8 +377,21 @@ impl Simulator {
         } else {
             root.tau
         };
-        let triggers = simultaneous(Dense::Taylor(mode), state, tau, h, watch.switch());
+        let triggers = simultaneous(Dense::Taylor(mode), &state.bands, tau, h, watch.switch());
         Ok((tau, triggers))
+    }
+}
+
+/// How long a step may be at most.
+fn longest(mode: &mut Mode, state: &State, remaining: f64) -> f64 {
+    let longest = if state.scales.last_step > 0.0 {
+        remaining.min(MAX_GROWTH * state.scales.last_step)
+    } else {
+        remaining
+    };
+    match mode.has_idle_contact(state) {
+        true => longest.min(mode.prediction_horizon()),
+        false => longest,
     }
 }
 
@@ -336,8 +404,8 @@ struct Cut {
 
 impl Cut {
     /// Whether time has digits for its length.
-    fn moves(&self, state: &State) -> bool {
-        state.t + (self.length + state.t_low) > state.t
+    fn moves(&self, point: &Point) -> bool {
+        point.t + (self.length + point.t_low) > point.t
     }
 }
 
@@ -360,7 +428,7 @@ pub(crate) fn met(event: Option<(Root, Watch)>) -> Option<(usize, Root)> {
     }
 }
 
-/// The least root of everything watched in (0, h]. Takes note of each ψ that turns back before as close
+/// The least root of everything monitored in (0, h]. Takes note of each ψ that turns back before as close
 /// to zero as a run of this tolerance may be on either side.
 pub(crate) fn first_event(
     roots: &mut RootFinder,
@@ -371,18 +439,18 @@ pub(crate) fn first_event(
 ) -> Option<(Root, Watch)> {
     let mut first: Option<(Root, Watch)> = None;
     let mode = dense.mode();
-    state.close.clear();
+    state.approaches.close.clear();
     for &i in &mode.sliding {
         if mode.departing.contains(&i) {
             continue;
         }
         let alpha = dense.alpha(i);
         let reach = first.map_or(h, |(root, _)| root.tau);
-        let mut margin = std::mem::take(&mut state.margin);
+        let mut margin = std::mem::take(&mut roots.margin);
         if let Some(root) = friction_disk::leaves(roots, dense, &mut margin, i, reach) {
             first = Some((root, Watch::Disc(i)));
         }
-        state.margin = margin;
+        roots.margin = margin;
         for &limit in mode.limits(i) {
             let reach = first.map_or(h, |(root, _)| root.tau);
             let inside = if limit == 0.0 { 1.0 } else { -1.0 };
@@ -394,21 +462,24 @@ pub(crate) fn first_event(
             }
         }
     }
-    for &i in &mode.watched {
+    for &i in &mode.monitored.switches {
         let reach = first.map_or(h, |(root, _)| root.tau);
         let c = dense.psi(i);
         // Contacts close where they open by less than their band.
-        let band = state.armed[i].then(|| match mode.is_plain(i) {
+        let band = state.bands.armed[i].then(|| match mode.is_plain(i) {
             true => mode.rounding_of_motion(i, state, h),
-            false if mode.is_contact(i) => state.level(i, c, h),
-            false => SEEN * state.level(i, c, h),
+            false if mode.is_contact(i) => state.bands.level(i, c, h),
+            false => SEEN * state.bands.level(i, c, h),
         });
         let level = match mode.is_in_disc(i) {
             true => 0.0,
-            false => mode.closeness(i, state, tolerance, h),
+            false => mode.closeness(i, &state.scales, &state.bands, tolerance, h),
         };
         let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
-        state.close.extend(roots.close.iter().map(|&tau| (i, tau)));
+        state
+            .approaches
+            .close
+            .extend(roots.close.iter().map(|&tau| (i, tau)));
         if let Some(root) = root {
             first = Some((root, Watch::Surface(i)));
         }
@@ -452,14 +523,14 @@ pub(crate) fn first_root(
 /// A root at the very start is rounding, or a switch that was missed.
 pub(crate) fn verify_start(
     dense: Dense,
-    state: &State,
+    bands: &Bands,
     tau: f64,
     watch: Watch,
     h: f64,
 ) -> Result<(), Status> {
     if let (Watch::Surface(switch), 0.0) = (watch, tau) {
         let c = dense.psi(switch);
-        let rounding = state.band[switch].max(64.0 * f64::EPSILON * state.terms[switch]);
+        let rounding = bands.width[switch].max(64.0 * f64::EPSILON * bands.terms[switch]);
         if c[0].abs() > rounding.max(1e-9 * series::magnitude(c, h, 0)) {
             return Err(Status::MissedSwitch { switch });
         }
@@ -470,7 +541,7 @@ pub(crate) fn verify_start(
 /// `trigger` and every other switch whose own event is not told apart from it.
 pub(crate) fn simultaneous(
     dense: Dense,
-    state: &State,
+    bands: &Bands,
     tau: f64,
     h: f64,
     trigger: usize,
@@ -485,12 +556,12 @@ pub(crate) fn simultaneous(
     let reached = |&i: &usize| {
         let c = dense.psi(i);
         let size = match mode.is_in_disc(i) {
-            true => friction_disk::STOPS * state.band[i],
+            true => friction_disk::STOPS * bands.width[i],
             false => TOGETHER * series::magnitude(c, h, 0),
         };
-        !state.armed[i] && series::value(c, tau).abs() <= size
+        !bands.armed[i] && series::value(c, tau).abs() <= size
     };
-    triggers.extend(mode.watched.iter().copied().filter(reached));
+    triggers.extend(mode.monitored.switches.iter().copied().filter(reached));
     triggers.push(trigger);
     triggers.sort_unstable();
     triggers.dedup();
@@ -509,10 +580,10 @@ impl Mode {
 
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
-    pub(crate) fn on_wrong_side(&mut self, state: &State) -> bool {
-        for at in 0..self.watched.len() {
-            let i = self.watched[at];
-            if !state.armed[i] && self.watched_psi(i) * self.sides[i].sign() < -state.band[i] {
+    pub(crate) fn on_wrong_side(&mut self, bands: &Bands) -> bool {
+        for at in 0..self.monitored.switches.len() {
+            let i = self.monitored.switches[at];
+            if !bands.armed[i] && self.monitored_psi(i) * self.sides[i].sign() < -bands.width[i] {
                 return true;
             }
         }
@@ -530,7 +601,7 @@ impl Mode {
             return false;
         };
         let mut sliding = self.sliding.iter();
-        sliding.any(|&i| self.slip_of[i] == Some(normal))
+        sliding.any(|&i| self.system.slip_of(i) == Some(normal))
     }
 
     /// Moves a root of the series to the root of the function itself, by Newton's method on
@@ -543,16 +614,16 @@ impl Mode {
         h: f64,
     ) -> Result<f64, Status> {
         for _ in 0..4 {
-            Dense::Taylor(self).states_at(tau, &mut state.next);
-            Dense::Taylor(self).alphas_at(tau, &mut state.next_alpha);
+            Dense::Taylor(self).states_at(tau, &mut state.trial.x);
+            Dense::Taylor(self).alphas_at(tau, &mut state.trial.alpha);
             let (value, slope) = match watch {
                 Watch::Surface(i) => {
-                    self.set(state.t + tau, &state.next, &state.next_alpha);
+                    self.set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
                     (self.psi(i), series::slope(self.psi_series(i), tau))
                 }
                 Watch::Bound(..) | Watch::Disc(_) => {
                     let singular = self
-                        .solve_alpha(state.t + tau, &state.next, &mut state.next_alpha)
+                        .solve_alpha(state.point.t + tau, &state.trial.x, &mut state.trial.alpha)
                         .is_err();
                     if singular && self.lets_go(watch) {
                         break;
@@ -562,12 +633,12 @@ impl Mode {
                     }
                     match watch {
                         Watch::Bound(i, limit) => (
-                            state.next_alpha[i] - limit,
+                            state.trial.alpha[i] - limit,
                             series::slope(self.alpha_series(i), tau),
                         ),
                         _ => {
                             let dense = Dense::Taylor(self);
-                            friction_disk::margin_at(dense, watch.switch(), tau, &state.next_alpha)
+                            friction_disk::margin_at(dense, watch.switch(), tau, &state.trial.alpha)
                         }
                     }
                 }
@@ -579,17 +650,33 @@ impl Mode {
             }
             // Where the surface has just been left, a value that is rounding says nothing of the root.
             if let Watch::Surface(i) = watch
-                && state.armed[i]
-                && value.abs() <= 8.0 * f64::EPSILON * state.terms[i]
+                && state.bands.armed[i]
+                && value.abs() <= 8.0 * f64::EPSILON * state.bands.terms[i]
             {
                 break;
             }
             let moved = (next - tau).abs();
             tau = next.min(h);
-            if moved <= f64::EPSILON * (state.t.abs() + tau) {
+            if moved <= f64::EPSILON * (state.point.t.abs() + tau) {
                 break;
             }
         }
         Ok(tau)
     }
+}
+
+/// An event that is closer to the end of a step, as a fraction of the step, may be there.
+const NEAR: f64 = 1e-6;
+
+/// True when an event at `tau` is not told apart from the end of its step `h`.
+pub(crate) fn is_at_end(dense: Dense, tau: f64, h: f64, watch: Watch) -> bool {
+    let at_end = match watch {
+        Watch::Surface(i) => {
+            let c = dense.psi(i);
+            series::value(c, h).abs() <= TOGETHER * series::magnitude(c, h, 0)
+        }
+        Watch::Bound(i, limit) => (series::value(dense.alpha(i), h) - limit).abs() <= TOGETHER,
+        Watch::Disc(_) => false,
+    };
+    at_end && h - tau <= NEAR * h
 }

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::radau::{Radau, Shape, Tableau};
+use super::radau::{Radau, Shape, Start, Tableau};
 use crate::expansion::mode::Mode;
 
 /// The implicit method, and what the lengths of steps say.
@@ -16,6 +16,8 @@ pub(crate) struct Stiffness {
     tableau: Option<Arc<Tableau>>,
     /// The methods used last, the latest at the end.
     methods: Vec<Radau>,
+    /// Where its step starts.
+    pub start: Start,
     /// Whether the implicit method makes the next step.
     pub implicit: bool,
     /// Length of its first step, until it is taken.
@@ -72,6 +74,7 @@ impl Stiffness {
             tolerance,
             tableau: None,
             methods: Vec::new(),
+            start: Start::default(),
             implicit: false,
             first: None,
             cruise: 0.0,
@@ -88,6 +91,7 @@ impl Stiffness {
         *self = Stiffness {
             tableau: self.tableau.take(),
             methods: std::mem::take(&mut self.methods),
+            start: std::mem::take(&mut self.start),
             ..Stiffness::new(self.tolerance)
         };
     }

@@ -4,13 +4,15 @@
 //! sliding ones in place, which finds every solution. Beyond, Lemke's method finds one, and where
 //! -∂φ/∂α is no P-matrix, a search looks for more (`pivot`).
 
+use crate::hybrid::point::Point;
+use std::sync::Arc;
+
 use super::judge::TIE;
 use super::select::{Choice, Choices};
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::held;
-use crate::hybrid::state::State;
-use crate::hybrid::{Role, Side, Status};
+use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
 use crate::runtime::limit::Limit;
 use crate::selector::lemke::Problem;
@@ -20,6 +22,9 @@ pub(crate) const MAX_ENUMERATED: usize = 6;
 
 /// Boxes looked at for the zeros of rates that contain products of α.
 const MAX_BOXES: usize = 4000;
+
+/// Up to this many choices where pairs meet, all are tried by their rates.
+const MAX_CHOICES: f64 = 4096.0;
 
 /// Halvings of the unit cube before Newton's method takes over.
 const MAX_DEPTH: usize = 4;
@@ -32,7 +37,23 @@ pub(crate) const FAR: f64 = 1e6;
 /// The same for forces, 1 - α, which have no bound and the unit of the model.
 const FAR_FORCE: f64 = 1e12;
 
-impl Simulator {
+/// Finds the choices of sides that are worth judging where surfaces meet.
+pub(crate) struct Enumeration<'a> {
+    pub mode: &'a mut Mode,
+    pub system: Arc<HybridSystem>,
+    pub settings: &'a Settings,
+}
+
+impl<'a> Enumeration<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Enumeration {
+            system: mode.system.clone(),
+            mode,
+            settings,
+        }
+    }
+
     /// All choices of sides with their α.
     pub(crate) fn choices(
         &mut self,
@@ -45,7 +66,7 @@ impl Simulator {
         if self.holds_disc(group) {
             return self.disc_choices(state, group);
         }
-        let options = group.iter().map(|&i| self.options(state, group, i));
+        let options = group.iter().map(|&i| self.options(&state.point, group, i));
         let options: Vec<Vec<Side>> = options.collect();
         let (candidates, all) = if group.iter().any(|&i| self.system.role(i) != Role::Step) {
             self.with_members(group, &options)
@@ -61,8 +82,8 @@ impl Simulator {
         };
         for candidate in candidates {
             // There may be hundreds, each with many boxes.
-            state.limit.check()?;
-            self.enter_surfaces(state, group, &candidate);
+            self.settings.limit.check()?;
+            self.mode.enter_choice(&state.point, group, &candidate);
             let outcome = self.solve(state, group, &candidate, &mut choices.found);
             choices.singular |= outcome == Search::Singular;
             choices.all &= outcome != Search::Bounded;
@@ -70,19 +91,9 @@ impl Simulator {
         Ok(choices)
     }
 
-    /// Takes the switching functions on the sides of a choice: one may have a kink where another is zero, and then its
-    /// rate depends on the other's side.
-    pub(crate) fn enter_surfaces(&mut self, state: &State, group: &[usize], choice: &[Side]) {
-        let mut sides = state.sides.clone();
-        for (&i, &side) in group.iter().zip(choice) {
-            sides[i] = side;
-        }
-        self.mode.enter_surfaces(&self.system, &sides);
-    }
-
     /// The sides of a switch on its surface, the present one first.
-    pub(crate) fn options(&self, state: &State, group: &[usize], switch: usize) -> Vec<Side> {
-        if let Some(options) = self.options_of_role(state, group, switch) {
+    pub(crate) fn options(&self, point: &Point, group: &[usize], switch: usize) -> Vec<Side> {
+        if let Some(options) = self.options_of_role(point, group, switch) {
             return options;
         }
         let mut options = match self.system.is_unilateral(switch) {
@@ -92,7 +103,7 @@ impl Simulator {
         if !self.system.is_continuous(switch) {
             options.push(Side::Slide);
         }
-        if let Some(present) = options.iter().position(|side| *side == state.sides[switch]) {
+        if let Some(present) = options.iter().position(|side| *side == point.sides[switch]) {
             options.swap(0, present);
         }
         options
@@ -138,7 +149,7 @@ impl Simulator {
         found: &mut Vec<Choice>,
     ) -> Search {
         let mode = &mut self.mode;
-        let mut alpha = state.alpha.clone();
+        let mut alpha = state.point.alpha.clone();
         let mut unknowns = Vec::new();
         for (&i, &side) in group.iter().zip(sides) {
             alpha[i] = match side {
@@ -146,7 +157,7 @@ impl Simulator {
                 Side::Plus => 1.0,
                 Side::Slide => {
                     unknowns.push(i);
-                    if state.sides[i] == Side::Slide {
+                    if state.point.sides[i] == Side::Slide {
                         alpha[i]
                     } else {
                         0.5
@@ -155,7 +166,7 @@ impl Simulator {
             };
         }
         let mut zeros = Zeros::new(mode, alpha, unknowns);
-        zeros.limit = state.limit.clone();
+        zeros.limit = self.settings.limit.clone();
         let outcome = zeros.find();
         let (solutions, mut alpha, unknowns) = (zeros.found, zeros.alpha, zeros.unknowns);
         for solution in solutions {
@@ -171,6 +182,45 @@ impl Simulator {
             });
         }
         outcome
+    }
+
+    /// The sides of an equation or a member of a pair where it meets others.
+    fn options_of_role(&self, point: &Point, group: &[usize], switch: usize) -> Option<Vec<Side>> {
+        match self.system.role(switch) {
+            Role::Step => None,
+            Role::Equation => Some(vec![Side::Slide]),
+            Role::Member(other) if !group.contains(&other) => Some(vec![point.sides[switch]]),
+            // What the second one does follows from the first.
+            Role::Member(other) if other < switch => Some(vec![Side::Minus]),
+            Role::Member(_) => Some(match point.sides[switch] {
+                Side::Slide => vec![Side::Slide, Side::Minus],
+                _ => vec![Side::Minus, Side::Slide],
+            }),
+        }
+    }
+
+    /// All choices of a group in which there are equations or pairs; false where they are too many.
+    fn with_members(&self, group: &[usize], options: &[Vec<Side>]) -> (Vec<Vec<Side>>, bool) {
+        let sizes = options.iter().map(|sides| sides.len() as f64);
+        let (mut candidates, all) = match sizes.product::<f64>() <= MAX_CHOICES {
+            true => (product(options), true),
+            false => (alternatives(options), false),
+        };
+        for (at, &i) in group.iter().enumerate() {
+            let Role::Member(other) = self.system.role(i) else {
+                continue;
+            };
+            let Some(first) = group.iter().position(|&j| j == other && other < i) else {
+                continue;
+            };
+            for sides in &mut candidates {
+                sides[at] = match sides[first] {
+                    Side::Slide => Side::Minus,
+                    _ => Side::Slide,
+                };
+            }
+        }
+        (candidates, all)
     }
 }
 
@@ -286,7 +336,8 @@ impl<'m> Zeros<'m> {
                 false => Search::Singular,
             };
         }
-        if self.unknowns.iter().any(|&i| self.mode.is_unilateral(i)) {
+        let system = &self.mode.system;
+        if self.unknowns.iter().any(|&i| system.is_unilateral(i)) {
             return self.solve_forces();
         }
         match self.subdivide() {
@@ -297,14 +348,14 @@ impl<'m> Zeros<'m> {
 
     /// True for the α of an equation or a member, which is a rate.
     fn is_unbounded(&self, switch: usize) -> bool {
-        self.mode.roles[switch] != Role::Step
+        self.mode.system.role(switch) != Role::Step
     }
 
     /// The largest α of a switch that is looked for.
     fn far(&self, switch: usize) -> f64 {
         if self.is_unbounded(switch) {
             f64::INFINITY
-        } else if self.mode.is_unilateral(switch) {
+        } else if self.mode.system.is_unilateral(switch) {
             FAR_FORCE
         } else {
             FAR
@@ -331,14 +382,14 @@ impl<'m> Zeros<'m> {
     fn solve_forces(&mut self) -> Search {
         let k = self.unknowns.len();
         let force_of = |&i: &usize| {
-            let contact = self.mode.slip_of[i]?;
+            let contact = self.mode.system.slip_of(i)?;
             self.unknowns.iter().position(|&j| j == contact)
         };
         let forces: Vec<Option<usize>> = self.unknowns.iter().map(force_of).collect();
         let starts = self
             .unknowns
             .iter()
-            .map(|&i| match self.mode.is_unilateral(i) {
+            .map(|&i| match self.mode.system.is_unilateral(i) {
                 true => 0.0,
                 false => 0.5,
             });

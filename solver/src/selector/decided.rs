@@ -6,9 +6,10 @@
 //! rates, and sliding does not survive a jump of its own ψ. Relays among them may make others jump in
 //! turn; all that is due at one time happens together.
 
-use crate::event::Simulator;
+use super::algebraic::Initialization;
+use super::select::{Met, Selector};
+use crate::event::state::State;
 use crate::expansion::series;
-use crate::hybrid::state::State;
 use crate::hybrid::{Role, Side, Status};
 
 /// The switches on another side.
@@ -18,12 +19,7 @@ fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
         .collect()
 }
 
-impl Simulator {
-    /// True for switches that are decided before the others.
-    pub(crate) fn leads(&self, switch: usize) -> bool {
-        self.system.switches[switch].is_timed || self.system.relay(switch).is_some()
-    }
-
+impl Selector<'_> {
     /// Decides what leads among `triggers`, and all that jumps with it. Returns the switches that
     /// their rates decide.
     pub(crate) fn lead(
@@ -33,18 +29,18 @@ impl Simulator {
         t1: f64,
     ) -> Result<Vec<usize>, Status> {
         let (leading, mut open): (Vec<usize>, Vec<usize>) =
-            triggers.iter().partition(|&&i| self.leads(i));
+            triggers.iter().partition(|&&i| self.system.leads(i));
         if leading.is_empty() {
             return Ok(open);
         }
-        self.measure_bands(state, &leading, t1 - state.t);
-        let before = state.sides.clone();
-        let psi = self.psi(state);
+        self.mode.measure_bands(state, &leading, t1 - state.point.t);
+        let before = state.point.sides.clone();
+        let psi = self.mode.all_psi(&state.point);
         let flips: Vec<usize> = (leading.iter().copied())
             .filter(|&i| self.system.relay(i).is_some() && self.leaves(state, i, t1))
             .collect();
         for &i in &leading {
-            state.armed[i] = true;
+            state.bands.armed[i] = true;
             if self.system.switches[i].is_timed {
                 let wanted = self.wanted(&[i], &[i]);
                 self.choose(state, &[i], &wanted, t1, true)?;
@@ -52,12 +48,12 @@ impl Simulator {
         }
         self.flip(state, &flips);
         self.cascade(state, &before, psi, &mut open, t1)?;
-        let changed = changes(&before, &state.sides);
+        let changed = changes(&before, &state.point.sides);
         open.extend((0..before.len()).filter(|&i| {
-            let meets = state.sides[i] == Side::Slide || state.armed[i];
+            let meets = state.point.sides[i] == Side::Slide || state.bands.armed[i];
             let couplings = &self.system.switches[i].couplings;
             let coupled = || changed.iter().any(|j| couplings.binary_search(j).is_ok());
-            meets && !self.leads(i) && coupled()
+            meets && !self.system.leads(i) && coupled()
         }));
         open.sort_unstable();
         open.dedup();
@@ -75,23 +71,23 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         let mut seen: Vec<Box<[Side]>> = Vec::new();
-        while *state.sides != *seen.last().map_or(before, |sides| &**sides) {
+        while *state.point.sides != *seen.last().map_or(before, |sides| &**sides) {
             let last = seen.last().map_or(before, |sides| &**sides);
-            if *state.sides == *before || seen.contains(&state.sides) {
+            if *state.point.sides == *before || seen.contains(&state.point.sides) {
                 let all = || seen.iter().map(|sides| &**sides).chain([before]);
-                let differs = |i: &usize| all().any(|sides| sides[*i] != state.sides[*i]);
+                let differs = |i: &usize| all().any(|sides| sides[*i] != state.point.sides[*i]);
                 let switches = (0..before.len()).filter(differs).collect();
                 return Err(Status::Restless { switches });
             }
-            let changed = changes(last, &state.sides);
-            seen.push(state.sides.clone());
-            let last = std::mem::replace(&mut psi, self.psi(state));
+            let changed = changes(last, &state.point.sides);
+            seen.push(state.point.sides.clone());
+            let last = std::mem::replace(&mut psi, self.mode.all_psi(&state.point));
             let holds = |&i: &usize| {
                 let inside = &self.system.switches[i].inside;
                 (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
             };
             let held: Vec<usize> = (0..before.len()).filter(holds).collect();
-            self.measure_bands(state, &held, t1 - state.t);
+            self.mode.measure_bands(state, &held, t1 - state.point.t);
             for i in held {
                 self.jump(state, i, last[i], psi[i], open);
             }
@@ -108,63 +104,109 @@ impl Simulator {
         psi: f64,
         open: &mut Vec<usize>,
     ) {
-        let band = state.band[i];
+        let band = state.bands.width[i];
         // z jumps with an equation, which stays one.
         if self.system.role(i) != Role::Step {
             return;
         }
         if self.system.relay(i).is_some() {
-            state.armed[i] = psi.abs() <= band;
-            if psi * state.sides[i].sign() < -band {
+            state.bands.armed[i] = psi.abs() <= band;
+            if psi * state.point.sides[i].sign() < -band {
                 self.flip(state, &[i]);
             }
         } else if (psi - last).abs() > band {
-            state.armed[i] = false;
+            state.bands.armed[i] = false;
             if psi.abs() <= band {
                 open.push(i);
             } else {
                 open.retain(|&other| other != i);
-                let mut sides = state.sides.clone();
-                sides[i] = Side::of(psi);
-                state.set_sides(sides);
+                state.point.change_sides(&[i], &[Side::of(psi)]);
             }
         }
     }
 
     /// Sends relays to their other side.
     fn flip(&self, state: &mut State, relays: &[usize]) {
-        let mut sides = state.sides.clone();
+        let mut sides = state.point.sides.clone();
         for &i in relays {
-            state.armed[i] = false;
+            state.bands.armed[i] = false;
             sides[i] = Side::of(-sides[i].sign());
         }
-        state.set_sides(sides);
-    }
-
-    /// ψ of all switches.
-    pub(crate) fn psi(&mut self, state: &State) -> Vec<f64> {
-        self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.enter_surfaces(&self.system, &state.sides);
-        (0..state.sides.len()).map(|i| self.mode.psi(i)).collect()
+        state.point.set_sides(sides);
     }
 
     /// True when a relay on its threshold goes beyond it, in the present mode.
     fn leaves(&mut self, state: &mut State, relay: usize, t1: f64) -> bool {
         let tolerance = self.settings.local_tolerance();
-        let mut alpha = state.alpha.clone();
-        let mode = &mut self.mode;
-        mode.enter(&self.system, &state.sides);
-        if mode.expand(state.t, &state.x, &mut alpha).is_err() {
+        let mut alpha = state.point.alpha.clone();
+        let mode = &mut *self.mode;
+        mode.enter(&state.point.sides);
+        if mode
+            .expand(state.point.t, &state.point.x, &mut alpha)
+            .is_err()
+        {
             return true;
         }
-        mode.measure_terms(state);
-        mode.expand_psi(relay, state);
-        mode.watched.clear();
-        mode.watched.push(relay);
-        let h = mode.step_size(tolerance, state, t1 - state.t);
-        let h = mode.step_size_of_psi(tolerance, state, h);
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        mode.expand_psi(relay, &mut state.bands);
+        mode.monitored.switches.clear();
+        mode.monitored.switches.push(relay);
+        let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
+        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let c = mode.psi_series(relay);
-        let leading = series::leading(c, h, state.band[relay]);
-        leading.is_some_and(|k| c[k] * state.sides[relay].sign() < 0.0)
+        let leading = series::leading(c, h, state.bands.width[relay]);
+        leading.is_some_and(|k| c[k] * state.point.sides[relay].sign() < 0.0)
+    }
+
+    /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
+    /// the same instant.
+    pub(crate) fn pass_breakpoint(
+        &mut self,
+        state: &mut State,
+        triggers: &[usize],
+        t1: f64,
+    ) -> Result<(), Status> {
+        let switches = std::mem::take(&mut self.pieces.switches);
+        self.mode.move_to(&state.point);
+        self.mode.enter_surfaces(&state.point.sides);
+        for &i in &switches {
+            self.mode.surfaces.stand_for(i, 0);
+        }
+        let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
+        self.pieces.until = self.mode.load(state.point.t);
+        self.mode
+            .measure_bands(state, &switches, t1 - state.point.t);
+        let mut open = triggers.to_vec();
+        if !switches.is_empty() {
+            let (before, psi) = (state.point.sides.clone(), self.mode.all_psi(&state.point));
+            for (&i, last) in switches.iter().zip(last) {
+                self.jump(state, i, last, psi[i], &mut open);
+                let stays = (psi[i] - last).abs() <= state.bands.width[i];
+                if stays && psi[i].abs() <= state.bands.width[i] {
+                    open.push(i);
+                }
+            }
+            self.cascade(state, &before, psi, &mut open, t1)?;
+        }
+        self.pieces.switches = switches;
+        let meets = |&&i: &&usize| {
+            (state.point.sides[i] == Side::Slide || state.bands.armed[i]) && !self.system.leads(i)
+        };
+        open.extend(self.pieces.rates.iter().filter(meets));
+        open.sort_unstable();
+        open.dedup();
+        if open.is_empty() && !Initialization::is_unsettled(self.mode, state, t1) {
+            return Ok(());
+        }
+        self.change(state, &open, t1)
+    }
+
+    /// The mode behind what was met, without jumps.
+    pub(crate) fn pass(&mut self, state: &mut State, met: Met, t1: f64) -> Result<(), Status> {
+        match met {
+            Met::Surfaces(on) if on.is_empty() => Ok(()),
+            Met::Surfaces(on) => self.change(state, &on, t1),
+            Met::Breakpoint(on) => self.pass_breakpoint(state, &on, t1),
+        }
     }
 }

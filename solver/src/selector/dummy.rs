@@ -5,12 +5,13 @@
 //! At a fold it is at rest in the mode that ends: it goes on in the direction in which φ has its sign around it.
 //! Where it starts at rest at a bound, the series of the side decide whether the state leaves there.
 
-use super::judge::TIE;
+use super::judge::{Judge, TIE};
 use super::select::Choice;
-use crate::event::Simulator;
-use crate::hybrid::state::{Entry, State};
-use crate::hybrid::{Side, Status};
-use crate::selector::nonlinear::{Decision, SlidingMode};
+use crate::event::state::State;
+use crate::expansion::mode::Mode;
+use crate::hybrid::point::Point;
+use crate::hybrid::{Settings, Side, Status};
+use crate::selector::selection::{Decision, Entry, SlidingMode};
 
 /// How the dummy system starts.
 #[derive(Clone, Copy, PartialEq)]
@@ -33,10 +34,14 @@ enum End {
 impl Start {
     /// Where a switch starts.
     fn of(state: &State, switch: usize) -> Self {
-        let turn = state.fold.as_ref().and_then(|fold| fold.turn(switch));
-        match (turn, state.entry[switch]) {
+        let turn = state
+            .selection
+            .fold
+            .as_ref()
+            .and_then(|fold| fold.turn(switch));
+        match (turn, state.selection.entry[switch]) {
             (Some(turn), _) => Start::Fold(turn.alpha, turn.direction),
-            (_, Entry::Present) => Start::At(state.alpha[switch]),
+            (_, Entry::Present) => Start::At(state.point.alpha[switch]),
             (_, Entry::From(alpha)) => Start::At(alpha),
             (_, Entry::Unknown) => Start::Unknown,
         }
@@ -62,12 +67,10 @@ fn take(state: &mut State, switch: usize, end: End, (modes, folds): (Vec<Sliding
         End::Slides(alpha) => (Side::Slide, alpha),
         End::Leaves(side) => (side, 0.5 + 0.5 * side.sign()),
     };
-    let mut sides = state.sides.clone();
-    sides[switch] = side;
-    state.set_sides(sides);
-    state.alpha[switch] = alpha;
-    state.entry[switch] = Entry::Present;
-    state.decisions.push(Decision {
+    state.point.change_sides(&[switch], &[side]);
+    state.point.alpha[switch] = alpha;
+    state.selection.entry[switch] = Entry::Present;
+    state.selection.decisions.push(Decision {
         switch,
         modes,
         taken: (side == Side::Slide).then_some(alpha),
@@ -78,10 +81,21 @@ fn take(state: &mut State, switch: usize, end: End, (modes, folds): (Vec<Sliding
 /// From a double zero the next one is at least this far away.
 const APART: f64 = 1e-4;
 
-impl Simulator {
+/// Decides a nonlinear switch that interacts with no other one.
+pub(crate) struct Single<'a> {
+    mode: &'a mut Mode,
+    settings: &'a Settings,
+}
+
+impl<'a> Single<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Single { mode, settings }
+    }
+
     /// Decides a nonlinear switch that interacts with no other one here; false, with nothing set, where that takes
     /// series and `series` does not allow it.
-    pub(crate) fn decide_nonlinear(
+    pub(crate) fn decide(
         &mut self,
         state: &mut State,
         switch: usize,
@@ -90,7 +104,7 @@ impl Simulator {
         series: bool,
     ) -> Result<bool, Status> {
         let start = Start::of(state, switch);
-        let mut alphas = state.alpha.clone();
+        let mut alphas = state.point.alpha.clone();
         let modes = self.mode.sliding_modes(switch, &mut alphas);
         let modes = modes.map_err(|_| Status::Undetermined {
             switches: vec![switch],
@@ -98,7 +112,7 @@ impl Simulator {
         let ends = [0.0, 1.0].map(|end| self.mode.rate_at(switch, &mut alphas, end)[0]);
         let sides = [Side::Minus, Side::Plus];
         let choices = sides.map(|side| self.choice(state, switch, side, 0.5 + 0.5 * side.sign()));
-        let scale = self.rates(state, &[switch], &choices)[0];
+        let scale = Judge::new(self.mode, self.settings).rates(state, &[switch], &choices)[0];
         let rests = ends.map(|rate| rate.abs() <= TIE * scale);
         let is_tied = [0, 1]
             .iter()
@@ -110,9 +124,15 @@ impl Simulator {
         let mut leaves = [ends[0] < 0.0, ends[1] > 0.0];
         for end in 0..2 {
             if rests[end] && start.meets(end) {
-                let verdict = self.verdict(state, &[switch], &choices[end], &[1.0], t1);
+                let verdict = Judge::new(self.mode, self.settings).verdict(
+                    state,
+                    &[switch],
+                    &choices[end],
+                    &[1.0],
+                    t1,
+                );
                 leaves[end] = verdict.is_some_and(|verdict| verdict.agrees);
-                self.look_at(state, switch);
+                self.look_at(&state.point, switch);
             }
         }
         let walk = |from: f64, up: bool, apart: f64| -> End {
@@ -138,7 +158,7 @@ impl Simulator {
             Start::At(alpha) => match (0..2).find(|&end| start.meets(end)) {
                 Some(end) if leaves[end] => End::Leaves(sides[end]),
                 Some(end) => walk(alpha, end == 0, TIE),
-                None => self.follow(state, switch, alpha, &modes, scale, walk),
+                None => self.follow(&state.point, switch, alpha, &modes, scale, walk),
             },
             Start::Unknown => self.name_ends(switch, &modes, leaves, wanted)?,
         };
@@ -155,14 +175,14 @@ impl Simulator {
     /// there.
     fn follow(
         &mut self,
-        state: &State,
+        point: &Point,
         switch: usize,
         alpha: f64,
         modes: &[SlidingMode],
         scale: f64,
         walk: impl Fn(f64, bool, f64) -> End,
     ) -> End {
-        let mut alphas = state.alpha.clone();
+        let mut alphas = point.alpha.clone();
         let [rate, ..] = self.mode.rate_at(switch, &mut alphas, alpha);
         if rate.abs() > TIE * scale {
             return walk(alpha, rate > 0.0, 0.0);
@@ -214,7 +234,7 @@ impl Simulator {
 
     /// One side of a switch in focus, with the rates there.
     fn choice(&mut self, state: &State, switch: usize, side: Side, alpha: f64) -> Choice {
-        let mut alphas = state.alpha.clone();
+        let mut alphas = state.point.alpha.clone();
         alphas[switch] = alpha;
         let mode = &mut self.mode;
         mode.vary(&alphas);
@@ -227,10 +247,9 @@ impl Simulator {
     }
 
     /// Moves to where α of a switch on its surface is to be varied.
-    pub(crate) fn look_at(&mut self, state: &State, switch: usize) {
-        let mut sides = state.sides.clone();
-        sides[switch] = Side::Slide;
-        self.mode.enter(&self.system, &sides);
-        self.mode.focus(state.t, &state.x, &state.alpha, &[switch]);
+    pub(crate) fn look_at(&mut self, point: &Point, switch: usize) {
+        let sides = point.sides_sliding(&[switch]);
+        self.mode.enter(&sides);
+        self.mode.focus(point.t, &point.x, &point.alpha, &[switch]);
     }
 }

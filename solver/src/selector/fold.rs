@@ -16,8 +16,12 @@
 //! which is regular in the fold (Govaerts 2000, chapter 3). The state moves there by (t_f - t) f at the mean of α, which
 //! is α + (α_f - α)/3; what this neglects is of order (α_f - α)⁴.
 
+use super::selection::{Fold, Turn};
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::hybrid::state::State;
+use crate::expansion::scales::Bands;
+use crate::hybrid::Status;
+use crate::hybrid::point::Point;
 use crate::linalg::DenseLu;
 
 /// Steps end at the fold once α is this close to it.
@@ -32,30 +36,27 @@ const ROUNDINGS: f64 = 4.0;
 /// A change of α over which dt/ds is compared.
 const APART: f64 = 1e-5;
 
-/// Where a branch ends.
-#[derive(Clone, Debug)]
-pub(crate) struct Fold {
-    /// The switch whose α is fastest.
-    pub switch: usize,
-    /// How long after the start of the step.
-    pub after: f64,
-    /// The switches that interact, that one among them.
-    pub turns: Vec<Turn>,
-}
-
-/// A switch in a fold.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Turn {
-    pub switch: usize,
-    pub alpha: f64,
-    /// Where the dummy system goes from there, relative to the one that goes farthest.
-    pub direction: f64,
-}
-
 impl Fold {
-    /// What becomes of a switch in it.
-    pub(crate) fn turn(&self, switch: usize) -> Option<&Turn> {
-        self.turns.iter().find(|turn| turn.switch == switch)
+    /// A fold in which the state is.
+    pub(crate) fn at(mode: &mut Mode, point: &Point, switch: usize) -> Result<Fold, Status> {
+        mode.move_to(point);
+        let alpha = point.alpha[switch];
+        let direction = mode.direction_at(switch, alpha);
+        if direction == 0.0 || !direction.is_finite() {
+            return Err(Status::Undetermined {
+                switches: vec![switch],
+            });
+        }
+        let turn = Turn {
+            switch,
+            alpha,
+            direction,
+        };
+        Ok(Fold {
+            switch,
+            after: 0.0,
+            turns: vec![turn],
+        })
     }
 }
 
@@ -97,11 +98,11 @@ impl Bordered {
 }
 
 impl Mode {
-    /// The fold that nonlinear switches are about to reach, with the state there in `state.next`.
+    /// The fold that nonlinear switches are about to reach, with the state there in `state.trial.x`.
     pub(crate) fn fold_ahead(&mut self, state: &mut State, remaining: f64) -> Option<Fold> {
         for at in 0..self.sliding.len() {
             let i = self.sliding[at];
-            if !self.nonlinear[i] {
+            if !self.system.switches[i].is_nonlinear {
                 continue;
             }
             let a = self.alpha_series(i);
@@ -123,7 +124,7 @@ impl Mode {
         let own = |switches: &&[usize]| switches.contains(&i);
         let switches = self.equations.components().find(own)?.to_vec();
         let n = switches.len();
-        let start: Vec<f64> = switches.iter().map(|&k| state.alpha[k]).collect();
+        let start: Vec<f64> = switches.iter().map(|&k| state.point.alpha[k]).collect();
         let moves = |&k: &usize| 2.0 * self.alpha_series(k)[1] * left;
         let moves: Vec<f64> = switches.iter().map(moves).collect();
         let size = norm(&moves);
@@ -131,7 +132,7 @@ impl Mode {
         let mut alpha = sum(&start, 1.0, &moves);
         let (mut tau, mut rate) = (left, vec![0.0; self.n]);
         for _ in 0..MAX_ITERATIONS {
-            self.set(state.t, &state.x, &state.alpha);
+            self.move_to(&state.point);
             let moved = sum(&alpha, -1.0, &start);
             self.rates_at(&switches, &sum(&start, 1.0 / 3.0, &moved));
             rate.copy_from_slice(self.f());
@@ -150,7 +151,7 @@ impl Mode {
             // An instant is known as far as rounding in t and in φ lets it be.
             let terms = switches.iter().map(|&k| self.terms_of_phi(k));
             let terms = terms.fold(0.0, f64::max) / norm(&by_time);
-            let rounding = ROUNDINGS * f64::EPSILON * (state.t.abs() + terms);
+            let rounding = ROUNDINGS * f64::EPSILON * (state.point.t.abs() + terms);
             alpha = sum(&sum(&alpha, 1.0, &step[..n]), by, &tangent[..n]);
             tau += step[n] + by * tangent[n];
             let is_near = norm(&sum(&sum(&alpha, -1.0, &start), -1.0, &moves)) <= 0.5 * size
@@ -161,7 +162,7 @@ impl Mode {
             let is_there = by.abs() <= 1e-12 && step[n].abs() <= (1e-10 * left).max(rounding);
             if is_there && norm(&step[..n]) <= 1e-12 {
                 self.shift(state, tau, &rate);
-                let leaves = self.leaves_before(state, i);
+                let leaves = self.leaves_before(&state.bands, i);
                 let turns = self.turns(&switches, &alpha, &by_time, &along)?;
                 let speed = |turn: &&Turn| turn.direction.abs();
                 let fastest = turns.iter().max_by(|a, b| speed(a).total_cmp(&speed(b)));
@@ -230,10 +231,14 @@ impl Mode {
 
     /// Takes a state at a rate, some time after the start of the step, into `next`, and moves there.
     fn shift(&mut self, state: &mut State, tau: f64, rate: &[f64]) {
-        for (next, (x, rate)) in state.next.iter_mut().zip(state.x.iter().zip(rate)) {
+        for (next, (x, rate)) in state.trial.x.iter_mut().zip(state.point.x.iter().zip(rate)) {
             *next = x + tau * rate;
         }
-        self.set(state.t + (tau + state.t_low), &state.next, &state.alpha);
+        self.set(
+            state.point.t + (tau + state.point.t_low),
+            &state.trial.x,
+            &state.point.alpha,
+        );
     }
 
     /// Rates of switches and their derivatives at these α, where the point is.
@@ -253,11 +258,11 @@ impl Mode {
     }
 
     /// True when another surface is left behind at the state in `next`.
-    fn leaves_before(&mut self, state: &State, fold: usize) -> bool {
+    fn leaves_before(&mut self, bands: &Bands, fold: usize) -> bool {
         (0..self.sides.len()).any(|i| {
             let watched =
-                i != fold && self.sides[i] != crate::hybrid::Side::Slide && !state.armed[i];
-            watched && self.psi(i) * self.sides[i].sign() < -state.band[i]
+                i != fold && self.sides[i] != crate::hybrid::Side::Slide && !bands.armed[i];
+            watched && self.psi(i) * self.sides[i].sign() < -bands.width[i]
         })
     }
 }

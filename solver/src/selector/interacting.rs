@@ -5,13 +5,17 @@
 //! where z_i does for ever. Fixed points do not depend on the rates c_i, which say how steep the switches are,
 //! but their basins and stability may; so several are tried, and different outcomes are reported.
 
-use super::judge::TIE;
-use super::select::{Candidate, Choice};
-use crate::event::Simulator;
-use crate::hybrid::state::{Entry, State};
-use crate::hybrid::{Role, Side, Status};
+use crate::hybrid::point::Point;
+use std::sync::Arc;
+
+use super::judge::{Judge, TIE};
+use super::select::Choice;
+use crate::event::state::State;
+use crate::expansion::mode::Mode;
+use crate::hybrid::status::Candidate;
+use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
-use crate::selector::nonlinear::Decision;
+use crate::selector::selection::{Decision, Entry};
 
 /// Steepness of one switch relative to that of the others.
 const STEEPNESS: [f64; 2] = [8.0, 0.125];
@@ -33,7 +37,7 @@ const NUDGE: f64 = 1e-3;
 
 /// The dummy system of a group in focus.
 struct Dummy<'m> {
-    mode: &'m mut crate::expansion::mode::Mode,
+    mode: &'m mut Mode,
     group: &'m [usize],
     /// α of all switches.
     alphas: Vec<f64>,
@@ -170,9 +174,25 @@ impl Dummy<'_> {
     }
 }
 
-impl Simulator {
+/// Decides switches that interact, nonlinear ones among them.
+pub(crate) struct Several<'a> {
+    mode: &'a mut Mode,
+    system: Arc<HybridSystem>,
+    settings: &'a Settings,
+}
+
+impl<'a> Several<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Several {
+            system: mode.system.clone(),
+            mode,
+            settings,
+        }
+    }
+
     /// Decides a group of switches that interact, nonlinear ones among them.
-    pub(crate) fn decide_several(
+    pub(crate) fn decide(
         &mut self,
         state: &mut State,
         group: &[usize],
@@ -192,7 +212,7 @@ impl Simulator {
         }
         let starts = self.starts(state, group);
         let (scales, sizes) = self.sizes(state, group).ok_or_else(undetermined)?;
-        let ways = self.ways(state, group, &starts, [&scales, &sizes]);
+        let ways = self.ways(&state.point, group, &starts, [&scales, &sizes]);
         let mut ways = ways.ok_or_else(undetermined)?;
         if ways.len() > 1 {
             let name = |way: &Way| -> Candidate {
@@ -222,7 +242,7 @@ impl Simulator {
     /// nothing where a rate has no size.
     fn sizes(&mut self, state: &State, group: &[usize]) -> Option<(Vec<f64>, Vec<f64>)> {
         let corners = [0.0, 1.0].map(|end| {
-            let mut alphas = state.alpha.clone();
+            let mut alphas = state.point.alpha.clone();
             group.iter().for_each(|&i| alphas[i] = end);
             self.mode.vary(&alphas);
             let states = self.mode.states_in_focus().iter();
@@ -232,7 +252,7 @@ impl Simulator {
                 f: states.map(|&state| self.mode.f()[state]).collect(),
             }
         });
-        let scales = self.rates(state, group, &corners);
+        let scales = Judge::new(self.mode, self.settings).rates(state, group, &corners);
         if scales.iter().any(|scale| *scale <= 0.0) {
             return None;
         }
@@ -253,7 +273,7 @@ impl Simulator {
     /// nothing where it has no limit.
     fn ways(
         &mut self,
-        state: &State,
+        point: &Point,
         group: &[usize],
         starts: &[Vec<f64>],
         [scales, sizes]: [&[f64]; 2],
@@ -268,7 +288,7 @@ impl Simulator {
                 let mut dummy = Dummy {
                     mode: &mut self.mode,
                     group,
-                    alphas: state.alpha.clone(),
+                    alphas: point.alpha.clone(),
                     speeds,
                     scales,
                 };
@@ -301,16 +321,15 @@ impl Simulator {
                 alpha: way.alpha.clone(),
                 f: Vec::new(),
             };
-            let verdict = self.verdict(state, group, &choice, &units, t1);
+            let verdict =
+                Judge::new(self.mode, self.settings).verdict(state, group, &choice, &units, t1);
             verdict.is_some_and(|verdict| verdict.agrees)
         };
         let found = [way, slides].into_iter().find(|way| agrees(way));
-        let mut sides = state.sides.clone();
-        for &i in group {
-            sides[i] = Side::Slide;
-        }
-        self.mode.enter(&self.system, &sides);
-        self.mode.focus(state.t, &state.x, &state.alpha, group);
+        let sides = state.point.sides_sliding(group);
+        self.mode.enter(&sides);
+        self.mode
+            .focus(state.point.t, &state.point.x, &state.point.alpha, group);
         found
     }
 
@@ -318,10 +337,10 @@ impl Simulator {
     fn starts(&self, state: &State, group: &[usize]) -> Vec<Vec<f64>> {
         let mut starts = vec![Vec::new()];
         for &i in group {
-            let turn = state.fold.as_ref().and_then(|fold| fold.turn(i));
+            let turn = state.selection.fold.as_ref().and_then(|fold| fold.turn(i));
             let nudge = turn.map_or(0.0, |turn| NUDGE * turn.direction);
-            let values: &[f64] = match state.entry[i] {
-                Entry::Present => &[state.alpha[i] + nudge],
+            let values: &[f64] = match state.selection.entry[i] {
+                Entry::Present => &[state.point.alpha[i] + nudge],
                 Entry::From(alpha) => &[alpha],
                 Entry::Unknown => &[0.0, 1.0],
             };
@@ -343,13 +362,13 @@ impl Simulator {
         chosen: &[Side],
         alpha: &[f64],
     ) -> Result<(), Status> {
-        let folded = state.fold.as_ref().map(|fold| fold.switch);
-        let mut alphas = state.alpha.clone();
+        let folded = state.selection.fold.as_ref().map(|fold| fold.switch);
+        let mut alphas = state.point.alpha.clone();
         for (&i, &a) in group.iter().zip(alpha) {
             alphas[i] = a;
         }
         for (at, &i) in group.iter().enumerate() {
-            if !self.mode.nonlinear[i] {
+            if !self.mode.system.switches[i].is_nonlinear {
                 continue;
             }
             let modes = self.mode.sliding_modes(i, &mut alphas);
@@ -360,21 +379,17 @@ impl Simulator {
             let distance = |a: f64| (a - alpha[at]).abs();
             let nearest = modes.iter().map(|mode| mode.alpha);
             let nearest = nearest.min_by(|a, b| distance(*a).total_cmp(&distance(*b)));
-            state.decisions.push(Decision {
+            state.selection.decisions.push(Decision {
                 switch: i,
                 taken: nearest.filter(|_| chosen[at] == Side::Slide),
                 modes,
                 folds: folded == Some(i),
             });
         }
-        let mut sides = state.sides.clone();
-        for (&i, &side) in group.iter().zip(chosen) {
-            sides[i] = side;
-        }
-        state.set_sides(sides);
+        state.point.change_sides(group, chosen);
         for (&i, &a) in group.iter().zip(alpha) {
-            state.alpha[i] = a;
-            state.entry[i] = Entry::Present;
+            state.point.alpha[i] = a;
+            state.selection.entry[i] = Entry::Present;
         }
         Ok(())
     }

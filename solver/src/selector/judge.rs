@@ -5,15 +5,17 @@
 //! mode decide by their first non-negligible term, so that tangencies of any order
 //! are the same rule.
 
+use crate::hybrid::point::Point;
+use std::sync::Arc;
+
 use super::select::Choice;
 use crate::contact::friction_disk;
-use crate::contact::slip_onset::Departure;
-use crate::event::Simulator;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
-use crate::hybrid::state::State;
-use crate::hybrid::{Role, Side};
+use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
+use crate::selector::selection::Departure;
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
 pub(crate) const TIE: f64 = 1e-9;
@@ -69,25 +71,41 @@ impl Verdict {
     }
 }
 
-impl Simulator {
+/// Judges choices of sides by their rates and by their series.
+pub(crate) struct Judge<'a> {
+    mode: &'a mut Mode,
+    system: Arc<HybridSystem>,
+    settings: &'a Settings,
+}
+
+impl<'a> Judge<'a> {
+    /// In a mode, as the settings of a run say.
+    pub(crate) fn new(mode: &'a mut Mode, settings: &'a Settings) -> Self {
+        Judge {
+            system: mode.system.clone(),
+            mode,
+            settings,
+        }
+    }
+
     /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
     /// cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
     /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.
     pub(crate) fn rates(&mut self, state: &State, group: &[usize], choices: &[Choice]) -> Vec<f64> {
         let mode = &mut self.mode;
-        mode.vary(&state.alpha);
+        mode.vary(&state.point.alpha);
         mode.linearize(group);
         let states = mode.states_in_focus().to_vec();
         let largest = |component: usize| {
             let at = states.partition_point(|&state| state < component);
             let values = choices.iter().map(|choice| choice.f[at].abs());
-            values.fold(state.activity[component], f64::max)
+            values.fold(state.scales.activity[component], f64::max)
         };
         let rate = |i: &usize| {
             let terms = mode.weigh(*i, largest);
-            let size = mode.weigh(*i, |j| state.size(j));
-            let within_a_step = if state.last_step > 0.0 {
-                size / state.last_step
+            let size = mode.weigh(*i, |j| state.scales.size(j));
+            let within_a_step = if state.scales.last_step > 0.0 {
+                size / state.scales.last_step
             } else {
                 0.0
             };
@@ -103,25 +121,22 @@ impl Simulator {
     /// What the rates and α say, in the mode where the group is free.
     pub(crate) fn check(
         &mut self,
-        state: &State,
+        point: &Point,
         group: &[usize],
         choice: &Choice,
         rates: &[f64],
         units: &[f64],
     ) -> Check {
-        self.enter_surfaces(state, group, &choice.sides);
+        self.mode.enter_choice(point, group, &choice.sides);
         let mode = &mut self.mode;
-        let mut alpha = state.alpha.clone();
+        let mut alpha = point.alpha.clone();
         for (&i, &a) in group.iter().zip(&choice.alpha) {
             alpha[i] = a;
         }
         mode.vary(&alpha);
         mode.linearize(group);
         let mut tie = false;
-        let mut sides = state.sides.clone();
-        for (&i, &side) in group.iter().zip(&choice.sides) {
-            sides[i] = side;
-        }
+        let sides = point.sides_with(group, &choice.sides);
         for (at, &i) in group.iter().enumerate() {
             if mode.is_idle(i, &sides) {
                 continue;
@@ -130,8 +145,8 @@ impl Simulator {
             let margin = match choice.sides[at] {
                 _ if mode.is_second(i) => continue,
                 side if mode.is_in_disc(i) => mode.margin_in_disc(i, side, &alpha, rates[at]),
-                Side::Slide if mode.roles[i] != Role::Step => continue,
-                Side::Slide if mode.is_unilateral(i) => {
+                Side::Slide if mode.system.role(i) != Role::Step => continue,
+                Side::Slide if mode.system.is_unilateral(i) => {
                     let force = 1.0 - choice.alpha[at];
                     let gain = mode.coupling(i, i).abs();
                     force
@@ -160,8 +175,8 @@ impl Simulator {
     fn spread(&mut self, state: &State, group: &[usize], units: &[f64], h: f64) -> Vec<f64> {
         let mut entries = Vec::new();
         let keep = |row, column, value: f64| entries.push((row, column, value.abs() * h));
-        self.mode.jacobian(&self.system, keep);
-        let mut spread = state.activity.clone();
+        self.mode.jacobian(keep);
+        let mut spread = state.scales.activity.clone();
         let forces = group.iter().zip(units);
         let forces: Vec<_> = forces.filter(|(i, _)| self.mode.is_contact(**i)).collect();
         // Masses couple states: what is left of a force in one is rounded as it is where it acts most.
@@ -177,7 +192,7 @@ impl Simulator {
                 .for_each(|state| spread[state] += TIE * unit * most / ROUNDINGS);
         }
         let mut last = spread.clone();
-        for k in 1..=self.order {
+        for k in 1..=self.mode.order {
             let mut next = vec![0.0; last.len()];
             for &(row, column, value) in &entries {
                 next[row] += value * last[column] / k as f64;
@@ -188,7 +203,7 @@ impl Simulator {
                 .for_each(|(sum, term)| *sum += term);
             last = next;
         }
-        let most = GROWTH * state.activity.iter().copied().fold(0.0, f64::max);
+        let most = GROWTH * state.scales.activity.iter().copied().fold(0.0, f64::max);
         spread.iter_mut().for_each(|size| *size = size.min(most));
         spread
     }
@@ -214,8 +229,8 @@ impl Simulator {
         };
         let unit = |(at, &rate): (usize, &f64)| {
             let i = group[at];
-            let gain = match mode.roles[i] {
-                _ if mode.is_unilateral(i) => mode.coupling(i, i).abs(),
+            let gain = match mode.system.role(i) {
+                _ if mode.system.is_unilateral(i) => mode.coupling(i, i).abs(),
                 Role::Step if slides(&at) && !mode.is_in_disc(i) => gain(at),
                 _ => return 1.0,
             };
@@ -249,9 +264,9 @@ impl Simulator {
         root: Option<usize>,
         t1: f64,
     ) -> Option<bool> {
-        self.hold(sides, departures);
+        Departure::hold(departures, &mut self.mode, sides);
         let tolerance = self.settings.local_tolerance();
-        let left = t1 - state.t;
+        let left = t1 - state.point.t;
         if !departures.is_empty()
             && (self.mode).expand_departures(state, alpha, departures, tolerance, left)
         {
@@ -259,11 +274,13 @@ impl Simulator {
         }
         let mut x = match root {
             Some(i) => self.mode.onto_surface(state, i),
-            None => state.x.clone(),
+            None => state.point.x.clone(),
         };
-        self.depart(state, &mut x, departures, t1);
-        self.mode.enter(&self.system, sides);
-        self.mode.expand(state.t, &x, alpha).ok()?;
+        for departure in departures {
+            departure.nudge(&mut self.mode, &state.point, &state.scales, &mut x, t1);
+        }
+        self.mode.enter(sides);
+        self.mode.expand(state.point.t, &x, alpha).ok()?;
         Some(false)
     }
 
@@ -276,15 +293,15 @@ impl Simulator {
         units: &[f64],
         t1: f64,
     ) -> Option<Verdict> {
-        let (mut sides, mut alpha) = (state.sides.clone(), state.alpha.clone());
+        let (mut sides, mut alpha) = (state.point.sides.clone(), state.point.alpha.clone());
         for (at, &i) in group.iter().enumerate() {
             sides[i] = choice.sides[at];
             alpha[i] = choice.alpha[at];
         }
         let tolerance = self.settings.local_tolerance();
-        let mut departures = self.departures(state, group, choice);
+        let mut departures = Departure::all(&self.mode, &state.point, group, choice);
         // What another group has been found to set off with moves from now on.
-        let others = state.departures.iter();
+        let others = state.selection.departures.iter();
         departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
         let root = group
             .iter()
@@ -294,21 +311,21 @@ impl Simulator {
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
         // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
-        let is_smooth = match (root, mode.roots.contains(&true)) {
+        let is_smooth = match (root, mode.has_roots()) {
             (Some(_), _) => mode.cut_short(2),
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
-        mode.measure_terms(state);
-        mode.watch_sides(state, group, &sides, sets_off);
-        let mut longest = t1 - state.t;
+        mode.measure_terms(&mut state.scales, &mut state.bands);
+        mode.monitor_sides(state, group, &sides, sets_off);
+        let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
-            longest = longest.min(mode.sight(&self.system));
+            longest = longest.min(mode.prediction_horizon());
         }
-        let h = mode.step_size(tolerance, state, longest);
-        let h = mode.step_size_of_psi(tolerance, state, h);
+        let h = mode.step_size(tolerance, &state.scales, longest);
+        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let h = match departs {
             true => h,
-            false => mode.leaves_rest(tolerance, state, h),
+            false => mode.leaves_rest(tolerance, &state.bands, h),
         };
         // Where series end early, rates a moment later tell.
         let later = match is_smooth {
@@ -317,7 +334,7 @@ impl Simulator {
         };
         let mode = &self.mode;
         // A gap that is still open is struck behind this instant.
-        let near = &self.jumps.near;
+        let near = &state.jumps.near;
         let comes = |i: usize| {
             let c = mode.psi_series(i);
             let is_near = near.iter().any(|&(_, switch)| switch == i);
@@ -334,7 +351,7 @@ impl Simulator {
             _ if comes(i) => true,
             side => {
                 let series = mode.psi_series(i);
-                let leading = series::leading(series, h, state.level(i, series, h));
+                let leading = series::leading(series, h, state.bands.level(i, series, h));
                 leading.map_or_else(|| goes_there(i, *side), |k| series[k] * side.sign() > 0.0)
             }
         };
@@ -352,18 +369,18 @@ impl Simulator {
 
 impl Mode {
     /// Watches the ψ of those of a group that are off their surfaces, and do not set off from rest.
-    fn watch_sides(
+    fn monitor_sides(
         &mut self,
         state: &mut State,
         group: &[usize],
         sides: &[Side],
         sets_off: impl Fn(usize) -> bool,
     ) {
-        self.watched.clear();
+        self.monitored.switches.clear();
         for &i in group {
             if sides[i] != Side::Slide && !self.is_idle(i, sides) && !sets_off(i) {
-                self.expand_psi(i, state);
-                self.watched.push(i);
+                self.expand_psi(i, &mut state.bands);
+                self.monitored.switches.push(i);
             }
         }
     }
@@ -371,14 +388,14 @@ impl Mode {
     /// Whether the series of a sliding switch keep it on its surface for a time h: an α within a tie of its bound goes
     /// inward.
     fn keeps_sliding(&self, switch: usize, h: f64, tie: f64) -> bool {
-        if self.roles[switch] != Role::Step {
+        if self.system.role(switch) != Role::Step {
             return true;
         }
         if self.is_in_disc(switch) {
             return friction_disk::goes_on(self, switch, h);
         }
         let series = self.alpha_series(switch);
-        let inward = if series[0] <= tie && !self.is_unilateral(switch) {
+        let inward = if series[0] <= tie && !self.system.is_unilateral(switch) {
             1.0
         } else if series[0] >= 1.0 - tie {
             -1.0

@@ -1,9 +1,9 @@
 //! More surfaces than can be enumerated: one choice by Lemke's method, others by search.
 
 use super::judge::TIE;
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::Side;
-use crate::hybrid::state::State;
 use crate::optimization::lcp;
 
 /// α and rates this close to their bounds after Lemke's method are tried on both sides.
@@ -42,7 +42,7 @@ impl Problem<'_> {
 
     /// True when -A is proved to be a P-matrix here, so that there is exactly one solution.
     pub(crate) fn is_unique(&mut self) -> bool {
-        self.mode.vary(&self.state.alpha);
+        self.mode.vary(&self.state.point.alpha);
         self.mode.linearize(self.group);
         let (matrix, _) = self.matrix();
         lcp::is_p_matrix(&matrix, self.group.len()) == Some(true)
@@ -54,7 +54,7 @@ impl Problem<'_> {
     /// w = Mz + q with z = (α, p), w = (n, 1 - α), M = (-A I; -I 0), q = (-b, e).
     pub(crate) fn pivot(&mut self, options: &[Vec<Side>]) -> Option<Vec<Vec<Side>>> {
         let n = self.group.len();
-        let mut alpha = self.state.alpha.clone();
+        let mut alpha = self.state.point.alpha.clone();
         let mut last = Vec::new();
         for _ in 0..20 {
             self.mode.vary(&alpha);
@@ -99,14 +99,14 @@ impl Problem<'_> {
     /// sliding switches do.
     pub(crate) fn search(&mut self, options: &[Vec<Side>]) -> (Vec<Vec<Side>>, bool) {
         let n = self.group.len();
-        self.mode.vary(&self.state.alpha);
+        self.mode.vary(&self.state.point.alpha);
         self.mode.linearize(self.group);
         let (matrix, sizes) = self.matrix();
         let (mut low, mut high) = (vec![0.0; n], vec![0.0; n]);
         for row in 0..n {
             let mut start = self.mode.phi(self.group[row]) / sizes[row];
             for (entry, &i) in matrix[row * n..(row + 1) * n].iter().zip(self.group) {
-                start += entry * self.state.alpha[i];
+                start += entry * self.state.point.alpha[i];
                 low[row] -= entry.max(0.0);
                 high[row] -= entry.min(0.0);
             }

@@ -5,32 +5,11 @@
 //! as an enclosure of φ or its mean value form φ(m) + S([a, b]) (α - m) excludes zero, or one at most, as an
 //! enclosure of S does.
 
+use super::selection::SlidingMode;
 use crate::event::Simulator;
 use crate::expansion::mode::Mode;
 use crate::hybrid::Side;
 use crate::tape::Ball;
-
-/// An α that keeps the state on the surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SlidingMode {
-    /// α ∈ [0, 1].
-    pub alpha: f64,
-    /// S = ∂φ/∂α: attracting where it is negative, repelling where it is positive.
-    pub stability: f64,
-}
-
-/// What decided about nonlinear switches at an event.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Decision {
-    /// The switch.
-    pub switch: usize,
-    /// All sliding modes at the event, other switches being as they are afterwards; α ascending.
-    pub modes: Vec<SlidingMode>,
-    /// α with which it slides on; none where it leaves its surface, or crosses it.
-    pub taken: Option<f64>,
-    /// A sliding mode has ended in a fold here.
-    pub folds: bool,
-}
 
 /// Parts of [0, 1] looked at before a search gives up.
 const MAX_PARTS: usize = 20_000;
@@ -166,7 +145,9 @@ impl Mode {
 
     /// True when a nonlinear switch slides.
     pub(crate) fn slides_nonlinearly(&self) -> bool {
-        self.sliding.iter().any(|&i| self.nonlinear[i])
+        self.sliding
+            .iter()
+            .any(|&i| self.system.switches[i].is_nonlinear)
     }
 }
 
@@ -181,12 +162,12 @@ impl Simulator {
         switch: usize,
         held: &[usize],
     ) -> Option<Vec<SlidingMode>> {
-        self.pieces.until = self.mode.load(&self.system, t);
+        self.pieces.until = self.mode.load(t);
         let mut alphas = vec![1.0; self.system.n_switches()];
         let mut sides = vec![Side::Plus; alphas.len()];
         sides[switch] = Side::Slide;
         for _ in 0..MAX_MOVES {
-            self.mode.enter(&self.system, &sides);
+            self.mode.enter(&sides);
             self.mode.set(t, x, &alphas);
             for i in 0..sides.len() {
                 if i != switch {
@@ -194,7 +175,7 @@ impl Simulator {
                     alphas[i] = 0.5 + 0.5 * sides[i].sign();
                 }
             }
-            self.mode.enter(&self.system, &sides);
+            self.mode.enter(&sides);
             self.mode.focus(t, x, &alphas, &[switch]);
             self.mode.linearize(&[switch]);
             let psi = self.mode.psi(switch);

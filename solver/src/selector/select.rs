@@ -5,16 +5,20 @@
 //! one group after the other, those whose rates decide before those that need
 //! higher derivatives, which depend on the others' sides.
 
-use super::judge::{Check, Verdict};
-use crate::event::Simulator;
-use crate::event::jump::{Met, TOUCH};
-use crate::expansion::mode::Mode;
-use crate::hybrid::state::{Entry, State};
-use crate::hybrid::{Note, Role, Settings, Side, Status};
-use crate::integrate::singular_rates::Settling;
+use crate::hybrid::breakpoints::Pieces;
+use std::sync::Arc;
 
-/// One way to go on: the sides of the switches that meet.
-pub type Candidate = Vec<(usize, Side)>;
+use super::candidates::Enumeration;
+use super::coupling::Coupling;
+use super::dummy::Single;
+use super::interacting::Several;
+use super::judge::{Check, Judge, Verdict};
+use crate::event::state::State;
+use crate::expansion::mode::Mode;
+use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
+use crate::integrate::singular_rates::{Rest, Settling};
+use crate::selector::algebraic::Initialization;
+use crate::selector::selection::{Departure, Entry};
 
 /// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
 /// equation below this fraction of how large they are.
@@ -26,8 +30,20 @@ const AT_START: f64 = 2.0;
 const LATER: f64 = 4.0;
 const LEFT: f64 = 16.0;
 
+/// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
+/// by, so that bodies that graze two others at once are not taken for jammed between them.
+pub(crate) const TOUCH: f64 = 1.0 / 64.0;
+
 /// Solutions looked for where one cannot be chosen: as many as three repelling surfaces have.
 pub const MAX_NAMED: usize = 27;
+
+/// What a new mode is found for.
+pub(crate) enum Met {
+    /// Switches on their surface, or at the end of their sliding.
+    Surfaces(Vec<usize>),
+    /// New pieces of data, together with such switches.
+    Breakpoint(Vec<usize>),
+}
 
 /// A choice on one group of interacting surfaces.
 #[derive(Clone)]
@@ -58,14 +74,14 @@ impl Mode {
     fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
         let by_time = self.time_gradient(switch).abs();
         if !self.is_plain(switch) {
-            let size = self.weigh(switch, |j| state.size(j));
+            let size = self.weigh(switch, |j| state.scales.size(j));
             return BAND * (size + by_time * horizon);
         }
-        if !state.begun {
+        if !state.selection.begun {
             return AT_START * rounding;
         }
-        let motion = self.weigh(switch, |j| state.motion(j));
-        (LATER * rounding).max(BAND * (motion + by_time * state.t.abs()))
+        let motion = self.weigh(switch, |j| state.scales.motion(j));
+        (LATER * rounding).max(BAND * (motion + by_time * state.point.t.abs()))
     }
 
     /// One rounding of every term of ψ of a switch where the point is, be it one that cancels within ψ. The switch
@@ -73,8 +89,9 @@ impl Mode {
     fn rounding(&mut self, switch: usize, state: &State) -> f64 {
         self.surfaces.stand_for(switch, 0);
         self.surfaces.linearize(switch, &self.memory.values);
-        let size = self.weigh(switch, |j| state.size(j));
-        let of_inputs = f64::EPSILON * (size + self.time_gradient(switch).abs() * state.t.abs());
+        let size = self.weigh(switch, |j| state.scales.size(j));
+        let of_inputs =
+            f64::EPSILON * (size + self.time_gradient(switch).abs() * state.point.t.abs());
         match self.is_plain(switch) {
             true => of_inputs.max(self.running_error(switch)),
             false => of_inputs,
@@ -84,14 +101,24 @@ impl Mode {
     /// What rounding makes of a ψ that has just left its surface, or waits there, within a step h: its own, and how far
     /// what follows from states that are held at zero takes it.
     pub(crate) fn rounding_of_motion(&self, switch: usize, state: &State, h: f64) -> f64 {
-        let held = self.weigh(switch, |j| state.held[j]);
-        state.rounding[switch] + LEFT * f64::EPSILON * held * h
+        let held = self.weigh(switch, |j| state.scales.held[j]);
+        state.bands.rounding[switch] + LEFT * f64::EPSILON * held * h
     }
 
     /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
     pub(crate) fn is_plain(&self, switch: usize) -> bool {
-        let is_slip = self.slip_of[switch].is_some();
-        self.roles[switch] == Role::Step && !self.unilateral[switch] && !is_slip
+        let is_slip = self.system.slip_of(switch).is_some();
+        self.system.role(switch) == Role::Step && !self.system.is_unilateral(switch) && !is_slip
+    }
+
+    /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
+    pub(crate) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
+        self.move_to(&state.point);
+        for &i in switches {
+            let rounding = self.rounding(i, state);
+            state.bands.width[i] = self.band_above(rounding, i, state, horizon);
+            state.bands.rounding[i] = LEFT * rounding;
+        }
     }
 }
 
@@ -102,33 +129,16 @@ struct Checked {
     units: Vec<f64>,
 }
 
-impl Simulator {
-    /// Finds the mode at the start, taking every surface that holds the state as meeting there.
-    pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
-        self.load(state);
-        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
-        state.set_sides((0..state.sides.len()).map(relay).collect());
-        let on = self.place(state, horizon, &[])?;
-        let t1 = state.t + horizon;
-        self.enter(state, on, t1)
-    }
+/// Selects the mode that goes on from an event.
+pub(crate) struct Selector<'a> {
+    pub system: Arc<HybridSystem>,
+    pub mode: &'a mut Mode,
+    pub settings: &'a Settings,
+    pub coupling: &'a Coupling,
+    pub pieces: &'a mut Pieces,
+}
 
-    /// Takes the mode of a state that was set, which is on these surfaces.
-    pub(crate) fn enter(
-        &mut self,
-        state: &mut State,
-        on: Vec<usize>,
-        t1: f64,
-    ) -> Result<(), Status> {
-        if self.has_jumps() {
-            self.jump_and_change(state, Met::Surfaces(on), t1)
-        } else if on.is_empty() {
-            Ok(())
-        } else {
-            self.change(state, &on, t1)
-        }
-    }
-
+impl Selector<'_> {
     /// Takes the sides that ψ have where the state is, and returns the switches on their surface: closed contacts that
     /// are `kept` where they are, too, whose gaps are rounding.
     pub(crate) fn place(
@@ -137,56 +147,60 @@ impl Simulator {
         horizon: f64,
         kept: &[usize],
     ) -> Result<Vec<usize>, Status> {
-        let all: Vec<usize> = (0..state.sides.len()).collect();
-        let before = state.alpha.clone();
-        self.settle(state, horizon)?;
+        let all: Vec<usize> = (0..state.point.sides.len()).collect();
+        let before = state.point.alpha.clone();
+        Initialization::settle(self.mode, state, horizon)?;
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
-            let psi = self.psi(state);
+            let psi = self.mode.all_psi(&state.point);
             let side = |(i, &psi): (usize, &f64)| match self.system.relay(i) {
                 // A relay stays where ψ is zero.
-                Some(_) if psi == 0.0 => state.sides[i],
-                _ if self.system.role(i) != Role::Step => state.sides[i],
+                Some(_) if psi == 0.0 => state.point.sides[i],
+                _ if self.system.role(i) != Role::Step => state.point.sides[i],
                 _ if self.system.is_unilateral(i) || self.system.across(i).is_some() => Side::Plus,
                 _ => Side::of(psi),
             };
             let sides: Box<[Side]> = psi.iter().enumerate().map(side).collect();
-            if sides == state.sides {
+            if sides == state.point.sides {
                 break;
             }
             if round > all.len() {
                 let switches = (all.into_iter())
-                    .filter(|&i| sides[i] != state.sides[i])
+                    .filter(|&i| sides[i] != state.point.sides[i])
                     .collect();
                 return Err(Status::Restless { switches });
             }
-            state.set_sides(sides);
-            self.mode.set(state.t, &state.x, &state.alpha);
+            state.point.set_sides(sides);
+            self.mode.move_to(&state.point);
         }
-        self.measure_bands(state, &all, horizon);
+        self.mode.measure_bands(state, &all, horizon);
         let below = |&&i: &&usize| {
             let is_kept = kept.contains(&i) || !self.system.is_unilateral(i);
-            !is_kept && self.mode.psi(i) < -state.band[i]
+            !is_kept && self.mode.psi(i) < -state.bands.width[i]
         };
         if let Some(&switch) = all.iter().find(below) {
             return Err(Status::Penetrates { switch });
         }
         let near: Vec<bool> = (all.iter())
             .map(|&i| {
-                let share = if self.is_contact(i) { TOUCH } else { 1.0 };
-                kept.contains(&i) || self.mode.psi(i).abs() <= share * state.band[i]
+                let share = if self.system.is_struck(i) { TOUCH } else { 1.0 };
+                kept.contains(&i) || self.mode.psi(i).abs() <= share * state.bands.width[i]
             })
             .collect();
         let near: Vec<bool> = (all.iter())
             .map(|&i| near[i] && self.system.across(i).is_none_or(|other| near[other]))
             .collect();
-        let is_kept = |i: usize| self.system.role(i) != Role::Step && state.sides[i] == Side::Slide;
+        let is_kept =
+            |i: usize| self.system.role(i) != Role::Step && state.point.sides[i] == Side::Slide;
         let on =
             |&i: &usize| near[i] && !is_kept(i) && self.system.slip_of(i).is_none_or(|of| near[of]);
         let on: Vec<usize> = all.into_iter().filter(on).collect();
-        state.armed.fill(false);
-        for &i in on.iter().filter(|i| self.mode.nonlinear[**i]) {
-            state.entry[i] = match state.begun {
+        state.bands.armed.fill(false);
+        for &i in on
+            .iter()
+            .filter(|i| self.mode.system.switches[**i].is_nonlinear)
+        {
+            state.selection.entry[i] = match state.selection.begun {
                 true => Entry::From(before[i]),
                 false => Entry::Unknown,
             };
@@ -200,9 +214,9 @@ impl Simulator {
         state: &mut State,
         horizon: f64,
     ) -> Result<Vec<usize>, Status> {
-        let kept = std::mem::take(&mut self.jumps.kept);
+        let kept = std::mem::take(&mut state.jumps.kept);
         let on = self.place(state, horizon, &kept);
-        self.jumps.kept = kept;
+        state.jumps.kept = kept;
         on
     }
 
@@ -214,27 +228,17 @@ impl Simulator {
         t1: f64,
     ) -> Result<(), Status> {
         let open = self.lead(state, triggers, t1)?;
-        let selected = match self.is_unsettled(state, t1) {
+        let selected = match Initialization::is_unsettled(self.mode, state, t1) {
             true => None,
             false => Some(self.select(state, &open, t1)),
         };
         match selected {
             // Algebraic states jump, with others or where their rows depend on each other.
             None | Some(Err(Status::Inconsistent { .. })) => {
-                let on = self.place_kept(state, t1 - state.t)?;
+                let on = self.place_kept(state, t1 - state.point.t)?;
                 self.select(state, &on, t1)
             }
             Some(selected) => selected,
-        }
-    }
-
-    /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
-    pub(crate) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
-        self.mode.set(state.t, &state.x, &state.alpha);
-        for &i in switches {
-            let rounding = self.mode.rounding(i, state);
-            state.band[i] = self.mode.band_above(rounding, i, state, horizon);
-            state.rounding[i] = LEFT * rounding;
         }
     }
 
@@ -243,28 +247,30 @@ impl Simulator {
         let mut triggers = triggers.to_vec();
         self.wake_free(state, &mut triggers, t1);
         // What made no difference may make one behind this event.
-        triggers.extend((0..state.open.len()).filter(|&i| state.open[i] && state.armed[i]));
+        triggers.extend(
+            (0..state.bands.open.len()).filter(|&i| state.bands.open[i] && state.bands.armed[i]),
+        );
         let others = triggers.iter().filter_map(|&i| self.system.across(i));
         let others: Vec<usize> = others.collect();
         triggers.extend(others);
         triggers.sort_unstable();
         triggers.dedup();
-        triggers.retain(|&i| !self.has_no_rate(state, i));
+        triggers.retain(|&i| !self.mode.has_no_rate(&state.point, i));
         let triggers = &triggers[..];
-        let meets = |i: &usize| state.sides[*i] == Side::Slide || state.armed[*i];
-        let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.leads(*i);
-        let meeting: Vec<usize> = (0..state.sides.len())
+        let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
+        let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.system.leads(*i);
+        let meeting: Vec<usize> = (0..state.point.sides.len())
             .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
             .collect();
-        self.measure_bands(state, &meeting, t1 - state.t);
+        self.mode.measure_bands(state, &meeting, t1 - state.point.t);
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for &trigger in triggers {
             if !groups.iter().any(|group| group.contains(&trigger)) {
-                groups.push(self.interacting(trigger, &meeting));
+                groups.push(self.coupling.interacting(trigger, &meeting));
             }
         }
         // What only looks at others is decided behind them.
-        for &i in meeting.iter().filter(|i| self.only_watches(**i)) {
+        for &i in meeting.iter().filter(|i| self.coupling.only_watches(**i)) {
             let watches = |j: &usize| self.system.switches[i].couplings.contains(j);
             let known = |group: &Vec<usize>| group.contains(&i);
             if groups.iter().flatten().any(watches) && !groups.iter().any(known) {
@@ -273,7 +279,7 @@ impl Simulator {
         }
         let mut decided = groups.concat();
         decided.sort_unstable();
-        let is_behind = |group: &Vec<usize>| group.iter().all(|&i| self.only_watches(i));
+        let is_behind = |group: &Vec<usize>| group.iter().all(|&i| self.coupling.only_watches(i));
         let (behind, first): (Vec<_>, Vec<_>) = groups.into_iter().partition(is_behind);
         for groups in [first, behind] {
             let mut tied = Vec::new();
@@ -288,17 +294,17 @@ impl Simulator {
             }
         }
         for &i in &meeting {
-            state.armed[i] = true;
+            state.bands.armed[i] = true;
         }
         // What was small before the event is zero after it.
         let deep = |&i: &usize| self.mode.surfaces.n_derivatives(i) > 0;
         if meeting.iter().any(deep) {
             if meeting.iter().any(|&i| self.mode.is_contact(i)) {
-                self.halt(state);
+                self.mode.halt(state);
             }
-            self.mode.enter(&self.system, &state.sides);
-            self.mode.start_equations(state);
-            self.mode.project(&self.system, state);
+            self.mode.enter(&state.point.sides);
+            self.mode.start_equations(&state.point);
+            self.mode.project(state);
         }
         Ok(())
     }
@@ -315,45 +321,6 @@ impl Simulator {
         group.iter().map(of_switch).collect()
     }
 
-    /// True for a switch whose α no rate of a switching function contains, as that of a term in an output.
-    fn only_watches(&self, switch: usize) -> bool {
-        let is_step = self.system.role(switch) == Role::Step;
-        is_step
-            && self.coupled_by[switch].is_empty()
-            && self.system.slip_of(switch).is_none()
-            && !self.system.is_unilateral(switch)
-    }
-
-    /// The surfaces among `meeting` that `switch` interacts with, in order.
-    pub(crate) fn interacting(&self, switch: usize, meeting: &[usize]) -> Vec<usize> {
-        let mut group = vec![switch];
-        if self.only_watches(switch) {
-            return group;
-        }
-        let mut next = 0;
-        while next < group.len() {
-            let i = group[next];
-            let linked = self.system.switches[i]
-                .couplings
-                .iter()
-                .chain(&self.coupled_by[i]);
-            let partner = match self.system.role(i) {
-                Role::Member(partner) => Some(partner),
-                Role::Step | Role::Equation => None,
-            };
-            let across = self.system.across(i);
-            for &j in linked.chain(&partner).chain(&across) {
-                let is_met = meeting.binary_search(&j).is_ok() && !self.only_watches(j);
-                if is_met && !group.contains(&j) {
-                    group.push(j);
-                }
-            }
-            next += 1;
-        }
-        group.sort_unstable();
-        group
-    }
-
     /// Decides one group of interacting surfaces and sets its sides; false, with nothing set, where
     /// that takes the series and `series` does not allow it.
     pub(crate) fn choose(
@@ -364,39 +331,50 @@ impl Simulator {
         t1: f64,
         series: bool,
     ) -> Result<bool, Status> {
-        if group.iter().any(|&i| self.mode.rests[i]) {
+        if group.iter().any(|&i| self.mode.system.rests(i)) {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
-        let settling = self.settling(state, group);
-        let mut sides = state.sides.clone();
+        let settling = Rest::new(self.mode, self.settings).settling(state, group);
+        let mut sides = state.point.sides.clone();
         for &i in group {
             sides[i] = Side::Slide;
-            state.open[i] = false;
+            state.bands.open[i] = false;
         }
-        self.mode.enter(&self.system, &sides);
+        self.mode.enter(&sides);
         for &i in group {
             let settles = settling.iter().any(|one| one.switch == i);
             self.take_order(state, i, settles);
         }
-        self.mode.focus(state.t, &state.x, &state.alpha, group);
+        self.mode
+            .focus(state.point.t, &state.point.x, &state.point.alpha, group);
         if let ([switch], [wanted]) = (group, wanted)
-            && self.mode.nonlinear[*switch]
+            && self.mode.system.switches[*switch].is_nonlinear
         {
-            return self.decide_nonlinear(state, *switch, *wanted, t1, series);
+            return Single::new(self.mode, self.settings)
+                .decide(state, *switch, *wanted, t1, series);
         }
         // What follows takes rates to be affine in each α.
-        if group.iter().any(|&i| self.mode.nonlinear[i]) {
-            return self.decide_several(state, group, wanted, t1);
+        if group
+            .iter()
+            .any(|&i| self.mode.system.switches[i].is_nonlinear)
+        {
+            return Several::new(self.mode, self.settings).decide(state, group, wanted, t1);
         }
-        let choices = self.choices(state, group)?;
-        let rates = self.rates(state, group, &choices.found);
+        let choices = Enumeration::new(self.mode, self.settings).choices(state, group)?;
+        let rates = Judge::new(self.mode, self.settings).rates(state, group, &choices.found);
         let measured = choices.found.into_iter().map(|choice| {
-            let units = self.units(group, &choice, &rates);
+            let units = Judge::new(self.mode, self.settings).units(group, &choice, &rates);
             (choice, units)
         });
         let mut checked = Vec::new();
         for (choice, units) in measured.collect::<Vec<_>>() {
-            match self.check(state, group, &choice, &rates, &units) {
+            match Judge::new(self.mode, self.settings).check(
+                &state.point,
+                group,
+                &choice,
+                &rates,
+                &units,
+            ) {
                 Check::Inconsistent => {}
                 Check::Tie if !series => return Ok(false),
                 check => checked.push(Checked {
@@ -408,8 +386,8 @@ impl Simulator {
         }
         let valid = self.confirm(state, group, checked, t1);
         if !choices.all && valid.len() == 1 {
-            state.note(Note::Unsearched {
-                time: state.t,
+            state.report.note(Note::Unsearched {
+                time: state.point.t,
                 switches: group.to_vec(),
             });
         }
@@ -461,25 +439,22 @@ impl Simulator {
         choice: &Choice,
         settling: Vec<Settling>,
     ) {
-        let mut sides = state.sides.clone();
-        for (&i, &side) in group.iter().zip(&choice.sides) {
-            sides[i] = side;
-        }
-        state.set_sides(sides);
+        state.point.change_sides(group, &choice.sides);
         for (&i, &alpha) in group.iter().zip(&choice.alpha) {
-            state.alpha[i] = alpha;
+            state.point.alpha[i] = alpha;
         }
         for one in settling {
-            if state.sides[one.switch] == Side::Slide {
-                let moved = state.x.iter_mut().zip(one.moves);
+            if state.point.sides[one.switch] == Side::Slide {
+                let moved = state.point.x.iter_mut().zip(one.moves);
                 moved.for_each(|(x, by)| *x += by);
             }
         }
         state
+            .selection
             .departures
             .retain(|one| !group.contains(&one.switches[0]));
-        let departures = self.departures(state, group, choice);
-        state.departures.extend(departures);
+        let departures = Departure::all(self.mode, &state.point, group, choice);
+        state.selection.departures.extend(departures);
     }
 
     /// Lets a switch of higher relative degree that is free be decided by its highest derivative where
@@ -488,13 +463,13 @@ impl Simulator {
         let mode = &mut self.mode;
         let highest = mode.surfaces.n_derivatives(switch);
         let is_contact = mode.is_contact(switch);
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.move_to(&state.point);
         let mut vanishes = |order: usize| {
             mode.surfaces.stand_for(switch, order);
             mode.surfaces.linearize(switch, &mode.memory.values);
-            let size = mode.weigh(switch, |j| state.size(j));
+            let size = mode.weigh(switch, |j| state.scales.size(j));
             if order == 1 && is_contact {
-                state.still[switch] = BAND * size;
+                state.bands.still[switch] = BAND * size;
             }
             mode.surfaces.value(switch, &mode.memory.values).abs() <= BAND * size
         };
@@ -526,7 +501,8 @@ impl Simulator {
             if alone && matches!(check, Check::Consistent) {
                 return vec![choice];
             }
-            let verdict = self.verdict(state, group, &choice, &units, t1);
+            let verdict =
+                Judge::new(self.mode, self.settings).verdict(state, group, &choice, &units, t1);
             let consistent = match check {
                 Check::Tie => verdict.as_ref().is_some_and(|verdict| verdict.agrees),
                 _ => true,
@@ -541,7 +517,7 @@ impl Simulator {
             if let Some(at) = known {
                 let sides = choice.sides.iter().zip(&valid[at].0.sides);
                 for (&i, (side, other)) in group.iter().zip(sides) {
-                    state.open[i] |= side != other && !self.system.is_continuous(i);
+                    state.bands.open[i] |= side != other && !self.system.is_continuous(i);
                 }
             }
             match known {
@@ -560,5 +536,91 @@ impl Simulator {
             }
         }
         valid.into_iter().map(|(choice, _)| choice).collect()
+    }
+
+    /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest
+    /// they are decided together.
+    pub(crate) fn wake_free(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
+        for i in 0..state.point.sides.len() {
+            let Some(other) = self.mode.other(i) else {
+                continue;
+            };
+            let frees = &self.mode.system.switches[i].idle_above;
+            let changes = triggers.iter().any(|trigger| frees.contains(trigger));
+            if !changes || !self.mode.is_free(i, &state.point.sides) {
+                continue;
+            }
+            self.mode
+                .measure_bands(state, &[i, other], t1 - state.point.t);
+            if self.mode.is_near(i, &state.bands) {
+                triggers.push(i);
+            }
+        }
+    }
+
+    /// Decides a group of which some switches may rest: the others first, whose rates do not depend on the sides of these,
+    /// and then these, one after another until none changes. False, with nothing settled, where that takes series and
+    /// `series` does not allow it.
+    pub(crate) fn choose_around_rest(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        wanted: &[Option<Side>],
+        t1: f64,
+        series: bool,
+    ) -> Result<bool, Status> {
+        if !series {
+            return Ok(false);
+        }
+        let pairs = group.iter().copied().zip(wanted.iter().copied());
+        let (roots, others): (Vec<_>, Vec<_>) =
+            pairs.partition(|(i, _)| self.mode.system.rests(*i));
+        let mut sides = state.point.sides.clone();
+        roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
+        state.point.set_sides(sides);
+        if !others.is_empty() {
+            let (others, wanted): (Vec<usize>, Vec<Option<Side>>) = others.into_iter().unzip();
+            self.choose(state, &others, &wanted, t1, true)?;
+        }
+        for _ in 0..=roots.len() {
+            let before = state.point.sides.clone();
+            for &(i, wanted) in &roots {
+                let side = Rest::new(self.mode, self.settings).decide(state, i, wanted, t1)?;
+                state.point.change_sides(&[i], &[side]);
+            }
+            if state.point.sides == before {
+                break;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Looks again at the slip velocities of contacts that are met, which nobody has watched while they were
+    /// open.
+    pub(crate) fn wake(&mut self, state: &mut State, on: &mut Vec<usize>, t1: f64) {
+        for slip in 0..state.point.sides.len() {
+            let Some(contact) = self.system.slip_of(slip) else {
+                continue;
+            };
+            if state.point.sides[contact] == Side::Slide || !on.contains(&contact) {
+                continue;
+            }
+            let other = self.system.across(slip);
+            let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
+            self.mode.measure_bands(state, &entries, t1 - state.point.t);
+            let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
+            state.point.change_sides(
+                &[slip],
+                &[match other {
+                    Some(_) => Side::Plus,
+                    None => Side::of(speeds[0]),
+                }],
+            );
+            let mut all = entries.iter().zip(&speeds);
+            if all.all(|(&i, speed)| speed.abs() <= state.bands.width[i]) && !on.contains(&slip) {
+                on.push(slip);
+            }
+        }
+        on.sort_unstable();
     }
 }

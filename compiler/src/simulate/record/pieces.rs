@@ -27,7 +27,7 @@ pub(crate) fn of_segment(segment: &Segment, end: f64, data: &[Data]) -> Piece {
         coefficients.extend_from_slice(segment.state_series(i));
     }
     for i in 0..segment.sides.len() {
-        let is_known = !segment.blind().contains(&i);
+        let is_known = !segment.unobserved().contains(&i);
         match segment.alpha_series(i) {
             None if !is_known => {
                 coefficients.resize(coefficients.len() + n_coefficients, f64::NAN);

@@ -1,7 +1,7 @@
 //! The active set where switches are nonlinear.
 //!
 //! Several sliding modes may satisfy the complementarity conditions at once, so that these do not say which one is
-//! taken: a guide does, from the side that the state comes from. The active set follows from the sides that it names,
+//! taken: a mode selector does, from the side that the state comes from. The active set follows from the sides that it names,
 //! and z from the α that it names, as the solution of the directional equations next to them.
 
 use super::directional::{Solved, TIE};
@@ -10,7 +10,7 @@ use crate::fesd::system::{ComplementaritySystem, Zero};
 use crate::fesd::watch::BAND;
 use crate::fesd::{Member, Pair, Run, Simulator};
 use crate::hybrid::{Side, Status};
-use crate::selector::{Next, Standing};
+use crate::selector::{Next, Query};
 
 /// How far α of the directional equations may be from the α that was named.
 const SAME: f64 = 1e-7;
@@ -20,7 +20,7 @@ impl Simulator<'_> {
     pub(crate) fn begin_guided(&mut self, run: &mut Run, horizon: f64) -> Result<(), Status> {
         let bands = self.bands(run);
         let (x, scale) = (run.x.clone(), run.scale.clone());
-        let next = self.ask(Standing {
+        let next = self.ask(Query {
             t: run.t,
             t1: run.t1,
             x: &x,
@@ -41,7 +41,7 @@ impl Simulator<'_> {
         bands: &[f64],
         length: f64,
     ) -> Result<(), Status> {
-        let (sides, alpha) = self.standing(run);
+        let (sides, alpha) = self.query(run);
         let mut triggers = self.triggers(run, &sides, &alpha, bands);
         triggers.extend(run.fold);
         self.ask_from(run, (&sides, &alpha), &triggers, bands, length)
@@ -50,7 +50,7 @@ impl Simulator<'_> {
     /// Finds the set that goes on where functions of time do with other pieces, on which no ψ depends: what slides may
     /// slide otherwise.
     pub(crate) fn pass_guided(&mut self, run: &mut Run, length: f64) -> Result<(), Status> {
-        let (sides, alpha) = self.standing(run);
+        let (sides, alpha) = self.query(run);
         let slides = (0..sides.len()).filter(|&i| sides[i] == Side::Slide);
         let triggers: Vec<usize> = slides.collect();
         let bands = self.bands(run);
@@ -58,7 +58,7 @@ impl Simulator<'_> {
     }
 
     /// Sides and α of all switches.
-    fn standing(&mut self, run: &Run) -> (Box<[Side]>, Vec<f64>) {
+    fn query(&mut self, run: &Run) -> (Box<[Side]>, Vec<f64>) {
         let sides = self.modes[run.mode].element.reduced.sides.clone();
         let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
         self.alphas(run, &mut alpha);
@@ -75,7 +75,7 @@ impl Simulator<'_> {
         length: f64,
     ) -> Result<(), Status> {
         let (x, scale) = (run.x.clone(), run.scale.clone());
-        let next = self.ask(Standing {
+        let next = self.ask(Query {
             t: run.t,
             t1: run.t1,
             x: &x,
@@ -87,11 +87,11 @@ impl Simulator<'_> {
         self.take_guided(run, next, bands, length)
     }
 
-    fn ask(&mut self, standing: Standing) -> Result<Next, Status> {
-        let guide = self.guide.as_mut();
-        guide
-            .expect("a guided simulator has a guide")
-            .next(standing)
+    fn ask(&mut self, query: Query) -> Result<Next, Status> {
+        let selector = self.mode_selector.as_mut();
+        selector
+            .expect("only asked for where there is a selector")
+            .next(query)
     }
 
     /// The switches that have come to their surface, or whose α is at its bound.
@@ -147,7 +147,7 @@ impl Simulator<'_> {
         found
     }
 
-    /// Goes on with the mode that a guide has named.
+    /// Goes on with the mode that a selector has named.
     fn take_guided(
         &mut self,
         run: &mut Run,

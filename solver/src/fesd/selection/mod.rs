@@ -77,7 +77,7 @@ impl Simulator<'_> {
 
     /// Finds the set that a run starts with.
     pub(crate) fn begin(&mut self, run: &mut Run, horizon: f64) -> Result<(), Status> {
-        if self.guide.is_some() {
+        if self.mode_selector.is_some() {
             return self.begin_guided(run, horizon);
         }
         run.slips.step = horizon;
@@ -122,7 +122,7 @@ impl Simulator<'_> {
         // The instant may be just ahead, by rounding.
         let from = run.t.max(run.until);
         self.load(run, from);
-        if self.guide.is_some() {
+        if self.mode_selector.is_some() {
             run.go_to(from);
             self.pass_guided(run, length)?;
         } else {
@@ -150,7 +150,7 @@ impl Simulator<'_> {
         run.slips.step = length;
         self.measure_balance(run);
         let bands = self.bands(run);
-        if self.guide.is_some() {
+        if self.mode_selector.is_some() {
             return self.select_guided(run, &bands, length);
         }
         let led = self.led(run);

@@ -247,7 +247,7 @@ pub(super) fn simulator<'s>(
     let simulator = Simulator::new(complementarity, settings);
     let simulator = simulator.expect("the number of nodes has been checked");
     match guide {
-        Some(hybrid) => simulator.guided(event::Simulator::new(
+        Some(hybrid) => simulator.with_mode_selector(event::Simulator::new(
             hybrid.clone(),
             nsd_solver::hybrid::Settings::default(),
         )),

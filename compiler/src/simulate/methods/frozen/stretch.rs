@@ -91,7 +91,7 @@ impl Polynomials for Stretched {
         &self.rows[self.n_states + switch]
     }
 
-    fn blind(&self) -> &[usize] {
+    fn unobserved(&self) -> &[usize] {
         &self.blind
     }
 }

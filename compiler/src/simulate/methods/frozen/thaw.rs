@@ -95,7 +95,7 @@ impl Polynomials for Thawed<'_> {
             .alpha(place.expect("relays and contacts that bounce do not slide"))
     }
 
-    fn blind(&self) -> &[usize] {
+    fn unobserved(&self) -> &[usize] {
         self.blind
     }
 }
@@ -320,7 +320,7 @@ impl Observer for Thaw<'_, '_> {
             }
         }
         let (inner, places) = (segment.polynomials(), &self.frozen.places[..]);
-        let of_frozen = segment.blind();
+        let of_frozen = segment.unobserved();
         let is_blind = |i: &usize| places[*i].is_some_and(|place| of_frozen.contains(&place));
         let blind: Vec<usize> = (0..places.len()).filter(is_blind).collect();
         let seen = Thawed {

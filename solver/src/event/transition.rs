@@ -1,0 +1,110 @@
+//! From one mode to the next at an event: jumps, and the mode that goes on from where they lead.
+
+use super::Simulator;
+use super::jump::JumpLaws;
+use crate::contact::impact::Impacts;
+use crate::event::state::State;
+use crate::hybrid::{Effect, Side, Status};
+use crate::selector::select::{Met, Selector};
+
+/// Jumps at one instant before they count as endless.
+const MAX_ROUNDS: usize = 100;
+
+impl Simulator {
+    /// What selects the next mode.
+    pub(crate) fn selector(&mut self) -> Selector<'_> {
+        Selector {
+            system: self.system.clone(),
+            mode: &mut self.mode,
+            settings: &self.settings,
+            coupling: &self.coupling,
+            pieces: &mut self.pieces,
+        }
+    }
+
+    /// Finds the mode at the start, taking every surface that holds the state as meeting there.
+    pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+        self.pieces.until = self.mode.load(state.point.t);
+        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        state
+            .point
+            .set_sides((0..state.point.sides.len()).map(relay).collect());
+        let on = self.selector().place(state, horizon, &[])?;
+        let t1 = state.point.t + horizon;
+        self.pass(state, Met::Surfaces(on), t1)
+    }
+
+    /// Finds the mode behind what was met.
+    pub(crate) fn pass(&mut self, state: &mut State, met: Met, t1: f64) -> Result<(), Status> {
+        match self.system.laws.is_empty() {
+            true => self.selector().pass(state, met, t1),
+            false => self.jump_and_pass(state, met, t1),
+        }
+    }
+
+    /// Lets everything jump that jumps here, and finds the mode that goes on.
+    fn jump_and_pass(&mut self, state: &mut State, mut met: Met, t1: f64) -> Result<(), Status> {
+        state.jumps.begin();
+        let mut last: Vec<usize> = Vec::new();
+        let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
+        self.selector().wake(state, on, t1);
+        JumpLaws::new(&mut self.mode).find_near(state, on, t1);
+        for _ in 0..MAX_ROUNDS {
+            let mut fired = JumpLaws::new(&mut self.mode).struck(state);
+            if fired.is_empty() {
+                // What stops at a contact may no longer stick there.
+                if !state.jumps.fired.is_empty()
+                    && JumpLaws::new(&mut self.mode).close(state)
+                    && let Met::Surfaces(on) = &mut met
+                {
+                    *on = self.selector().place_kept(state, t1 - state.point.t)?;
+                }
+                self.selector().pass(state, met, t1)?;
+                fired = JumpLaws::new(&mut self.mode).holding(state);
+            }
+            if fired.is_empty() {
+                return Ok(());
+            }
+            // What one impact sets in motion may strike the same contact again.
+            let again = |law: &&usize| {
+                let effect = &self.system.laws[**law].effect;
+                last.contains(law) && matches!(effect, Effect::Reset(_))
+            };
+            if let Some(&law) = fired.iter().find(again) {
+                return Err(Status::StaysInGuard { law });
+            }
+            JumpLaws::new(&mut self.mode).apply(state, &fired)?;
+            Impacts {
+                system: self.system.clone(),
+                mode: &mut self.mode,
+                settings: &self.settings,
+                coupling: &self.coupling,
+            }
+            .strike_all(state, &fired)?;
+            let moves = |law: &usize| matches!(self.system.laws[*law].effect, Effect::Reset(_));
+            let moves = fired.iter().any(moves);
+            if moves {
+                state.jumps.kept.clear();
+            }
+            let on = self.selector().place_kept(state, t1 - state.point.t)?;
+            if moves {
+                JumpLaws::new(&mut self.mode).find_near(state, &on, t1);
+            }
+            met = Met::Surfaces(on);
+            last = fired;
+        }
+        Err(Status::EndlessJumps { laws: last })
+    }
+
+    /// Kicks the state at one of these instants, and finds the mode where it is then. Sliding does not survive where
+    /// ψ leaves zero.
+    pub(crate) fn kick(&mut self, state: &mut State, instant: f64, t1: f64) -> Result<(), Status> {
+        if let Some(kicks) = &self.settings.kicks {
+            let number = (instant / kicks.every).round();
+            kicks.apply(number as u64, &mut state.point.x);
+        }
+        self.stepper.stiffness.after_event();
+        let on = self.selector().place(state, t1 - state.point.t, &[])?;
+        self.pass(state, Met::Surfaces(on), t1)
+    }
+}

@@ -1,0 +1,98 @@
+//! What a selection of the next mode knows of the ones before, and leaves to the step behind it.
+
+use crate::expansion::scales::refill;
+
+/// From which α a nonlinear switch goes on where it is on its surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Entry {
+    /// The one it has.
+    #[default]
+    Present,
+    /// One that it had before all sides were looked at again.
+    From(f64),
+    /// None: the run starts on the surface.
+    Unknown,
+}
+
+/// Where a branch ends.
+#[derive(Clone, Debug)]
+pub(crate) struct Fold {
+    /// The switch whose α is fastest.
+    pub switch: usize,
+    /// How long after the start of the step.
+    pub after: f64,
+    /// The switches that interact, that one among them.
+    pub turns: Vec<Turn>,
+}
+
+/// A switch in a fold.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turn {
+    pub switch: usize,
+    pub alpha: f64,
+    /// Where the dummy system goes from there, relative to the one that goes farthest.
+    pub direction: f64,
+}
+
+impl Fold {
+    /// What becomes of a switch in it.
+    pub(crate) fn turn(&self, switch: usize) -> Option<&Turn> {
+        self.turns.iter().find(|turn| turn.switch == switch)
+    }
+}
+
+/// An α that keeps the state on the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlidingMode {
+    /// α ∈ [0, 1].
+    pub alpha: f64,
+    /// S = ∂φ/∂α: attracting where it is negative, repelling where it is positive.
+    pub stability: f64,
+}
+
+/// What decided about nonlinear switches at an event.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decision {
+    /// The switch.
+    pub switch: usize,
+    /// All sliding modes at the event, other switches being as they are afterwards; α ascending.
+    pub modes: Vec<SlidingMode>,
+    /// α with which it slides on; none where it leaves its surface, or crosses it.
+    pub taken: Option<f64>,
+    /// A sliding mode has ended in a fold here.
+    pub folds: bool,
+}
+
+/// A slip velocity with two entries that starts from rest.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Departure {
+    /// Both switches.
+    pub switches: [usize; 2],
+    /// Of unit length.
+    pub direction: [f64; 2],
+}
+
+/// How the present mode was chosen.
+#[derive(Default)]
+pub(crate) struct Selection {
+    /// The mode at the start is known.
+    pub begun: bool,
+    /// Where nonlinear switches come from.
+    pub entry: Vec<Entry>,
+    /// The fold that the last step has ended in.
+    pub fold: Option<Fold>,
+    /// What decided about nonlinear switches at the last event.
+    pub decisions: Vec<Decision>,
+    /// Slip velocities with two entries that start from rest at the last event.
+    pub departures: Vec<Departure>,
+}
+
+impl Selection {
+    /// Knows nothing of n switches.
+    pub(crate) fn begin(&mut self, n: usize) {
+        (self.fold, self.begun) = (None, false);
+        refill(&mut self.entry, n, Entry::Present);
+        self.decisions.clear();
+        self.departures.clear();
+    }
+}
