@@ -8,6 +8,7 @@
 //! From rest w starts as `depart` says; where that is not known, in the direction that the forces of contacts give it,
 //! with a length that is rounding: w/|w| has a value then.
 
+use super::rows::Rows;
 use crate::contact::slip_onset::Departure;
 use crate::event::Simulator;
 use crate::events::roots::{Root, RootFinder};
@@ -424,7 +425,7 @@ impl Simulator {
         let mut alpha = state.alpha.clone();
         switches.iter().for_each(|&i| alpha[i] = 0.5);
         mode.eval(state.t, x, &alpha);
-        mode.linearize_impulses(&switches);
+        Rows::linearize(mode, &switches);
         let sizes = switches.map(|i| mode.weigh(i, |j| state.size(j)));
         // Where nothing has moved yet, what the forces would make of it.
         let last = if state.longest_step > 0.0 {
@@ -440,8 +441,8 @@ impl Simulator {
         }
         let missing = [0, 1].map(|k| speed * direction[k] - w[k]);
         let [first, second] = switches;
-        let [a, b] = [first, second].map(|by| mode.coupling(first, by));
-        let [c, d] = [first, second].map(|by| mode.coupling(second, by));
+        let [[a, b], [c, d]] =
+            [first, second].map(|of| [first, second].map(|by| mode.coupling(of, by)));
         let determinant = a * d - b * c;
         let shares = [
             (d * missing[0] - b * missing[1]) / determinant,
@@ -450,12 +451,9 @@ impl Simulator {
         if !shares.iter().all(|share| share.is_finite()) {
             return;
         }
-        for (j, x) in x.iter_mut().enumerate() {
-            for (switch, slope) in mode.field.slopes(j) {
-                if let Some(at) = switches.iter().position(|&i| i == switch) {
-                    *x += slope * shares[at];
-                }
-            }
-        }
+        Rows::of(mode).take(x, |switch| {
+            let at = switches.iter().position(|&i| i == switch);
+            at.map(|at| -shares[at])
+        });
     }
 }
