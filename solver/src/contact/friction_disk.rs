@@ -8,6 +8,7 @@
 //! From rest w starts as `depart` says; where that is not known, in the direction that the forces of contacts give it,
 //! with a length that is rounding: w/|w| has a value then.
 
+use super::rows::Rows;
 use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
@@ -425,7 +426,7 @@ impl Departure {
         let mut alpha = point.alpha.clone();
         switches.iter().for_each(|&i| alpha[i] = 0.5);
         mode.eval(point.t, x, &alpha);
-        mode.linearize_impulses(&switches);
+        Rows::linearize(mode, &switches);
         let sizes = switches.map(|i| mode.weigh(i, |j| scales.size(j)));
         // Where nothing has moved yet, what the forces would make of it.
         let last = if scales.longest_step > 0.0 {
@@ -441,8 +442,8 @@ impl Departure {
         }
         let missing = [0, 1].map(|k| speed * direction[k] - w[k]);
         let [first, second] = switches;
-        let [a, b] = [first, second].map(|by| mode.coupling(first, by));
-        let [c, d] = [first, second].map(|by| mode.coupling(second, by));
+        let [[a, b], [c, d]] =
+            [first, second].map(|of| [first, second].map(|by| mode.coupling(of, by)));
         let determinant = a * d - b * c;
         let shares = [
             (d * missing[0] - b * missing[1]) / determinant,
@@ -451,12 +452,9 @@ impl Departure {
         if !shares.iter().all(|share| share.is_finite()) {
             return;
         }
-        for (j, x) in x.iter_mut().enumerate() {
-            for (switch, slope) in mode.field.slopes(j) {
-                if let Some(at) = switches.iter().position(|&i| i == switch) {
-                    *x += slope * shares[at];
-                }
-            }
-        }
+        Rows::of(mode).take(x, |switch| {
+            let at = switches.iter().position(|&i| i == switch);
+            at.map(|at| -shares[at])
+        });
     }
 }

@@ -7,7 +7,8 @@
 //! the rates of all contacts that are closed, and the slip velocities of those that stick, are zero. v⁺ is the nearest
 //! point to v in the metric of M, so that its energy is no larger; any other way to zero may add some.
 
-use crate::contact::redundancy::eliminate;
+use super::coulomb::redundancy::eliminate;
+use super::rows::Rows;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::Side;
@@ -36,21 +37,15 @@ impl Mode {
         let mode = self;
         mode.enter(&sides);
         mode.eval(state.point.t, &state.point.x, &alpha);
-        mode.linearize_impulses(&rows);
-        let mut matrix = Vec::with_capacity(rows.len() * rows.len());
-        for &row in &rows {
-            matrix.extend(rows.iter().map(|&by| mode.coupling(row, by)));
-        }
         let mut impulses: Vec<f64> = rows.iter().map(|&row| mode.psi(row)).collect();
-        let sticks = |at: usize| mode.system.slip_of(rows[at]).is_some();
+        let system = mode.system.clone();
+        let of_contacts = Rows::linearize(mode, &rows);
+        let mut matrix = of_contacts.couplings(&rows);
+        let sticks = |at: usize| system.slip_of(rows[at]).is_some();
         eliminate(&mut matrix, &mut impulses, sticks);
-        for (j, x) in state.point.x.iter_mut().enumerate() {
-            for (switch, slope) in mode.field.slopes(j) {
-                if let Ok(at) = rows.binary_search(&switch) {
-                    *x -= slope * impulses[at];
-                }
-            }
-        }
+        of_contacts.take(&mut state.point.x, |switch| {
+            rows.binary_search(&switch).ok().map(|at| impulses[at])
+        });
         mode.turn(state);
     }
 

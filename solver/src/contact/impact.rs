@@ -3,7 +3,7 @@
 //! v⁺ = v⁻ + D Λ - T β,   0 ≤ Λ ⟂ J_nᵀ(v⁺ + e v⁻) ≥ 0,   β ∈ Λ ∂|J_tᵀ v⁺|,
 //!
 //! over all closed contacts that hang together, those at rest too: Newton's law with Coulomb's friction for
-//! impulses (Moreau 1988), the problem of `meeting` with a₀ = (1 + e) J_nᵀv⁻ and b₀ = J_tᵀv⁻.
+//! impulses (Moreau 1988), the problem of `coulomb` with a₀ = (1 + e) J_nᵀv⁻ and b₀ = J_tᵀv⁻.
 //!
 //! Poisson's law is that problem twice (Glocker & Pfeiffer 1995). Compression is the impact with e = 0,
 //!
@@ -20,7 +20,9 @@ use std::sync::Arc;
 
 use crate::selector::coupling::Coupling;
 
-use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
+use super::coulomb::impact::{by_newton, by_poisson};
+use super::coulomb::problem::{NoSolution, Problem, Work};
+use super::rows::{ContactSwitches, Rows};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{
@@ -92,17 +94,17 @@ impl Impacts<'_> {
 
     /// One impact of contacts that hang together.
     fn strike(&mut self, state: &mut State, impacts: &[(usize, &Impact)]) -> Result<(), Status> {
-        let touch = |&(normal, impact): &(usize, &Impact)| Touch {
+        let of_impact = |&(normal, impact): &(usize, &Impact)| ContactSwitches {
             normal,
             slips: impact.slips.clone(),
         };
-        let contacts: Vec<Touch> = impacts.iter().map(touch).collect();
+        let contacts: Vec<ContactSwitches> = impacts.iter().map(of_impact).collect();
         let switches = || impacts.iter().map(|&(normal, _)| normal).collect();
         let mut sides = state.point.sides.clone();
-        for touch in &contacts {
-            sides[touch.normal] = Side::Slide;
-            state.point.alpha[touch.normal] = 0.0;
-            for &slip in &touch.slips {
+        for contact in &contacts {
+            sides[contact.normal] = Side::Slide;
+            state.point.alpha[contact.normal] = 0.0;
+            for &slip in &contact.slips {
                 sides[slip] = Side::Slide;
                 state.point.alpha[slip] = 0.5;
             }
@@ -122,47 +124,56 @@ impl Impacts<'_> {
                 });
             }
         }
-        let mode = &mut *self.mode;
-        let mut all: Vec<usize> = contacts.iter().flat_map(Touch::switches).collect();
+        let mut all: Vec<usize> = contacts.iter().flat_map(ContactSwitches::all).collect();
         all.sort_unstable();
-        mode.linearize_impulses(&all);
-        let speeds: Vec<f64> = contacts.iter().map(|c| mode.psi(c.normal)).collect();
-        let slips = contacts.iter().flat_map(|c| &c.slips);
-        let slips: Vec<f64> = slips.map(|&t| mode.psi(t)).collect();
-        let mut meeting = Meeting::of(mode, contacts);
+        let normals = contacts.iter().map(|contact| contact.normal);
+        let slips = contacts
+            .iter()
+            .flat_map(|contact| contact.slips.iter().copied());
+        let rows: Vec<usize> = normals.chain(slips).collect();
+        let before: Vec<f64> = rows.iter().map(|&i| self.mode.psi(i)).collect();
+        let of_contacts = Rows::linearize(&mut self.mode, &all);
+        let w = of_contacts.delassus(&contacts);
+        // Friction has μ in its rows.
+        let mut problem = Problem::new(w, vec![1.0; contacts.len()], before.clone());
         let e: Vec<f64> = numbers.iter().map(|[e, _]| *e).collect();
         let is_poisson = impacts.iter().any(|(_, i)| i.law == ImpactLaw::Poisson);
         let impulses = match is_poisson {
-            true => by_poisson(&mut meeting, &speeds, &slips, &e),
-            false => by_newton(&meeting, &speeds, &slips, &e),
+            true => by_poisson(&mut problem, &e),
+            false => by_newton(&mut problem, &e),
         };
         let impulses = impulses.map_err(|why| match why {
-            NoForces::Paradox(at) => Status::Painleve {
+            NoSolution::Paradox(at) => Status::Painleve {
                 switch: impacts[at].0,
             },
-            NoForces::NotFound => Status::NoSolution {
+            NoSolution::NotFound => Status::NoSolution {
                 switches: switches(),
             },
         })?;
         state.report.complementarity = state.report.complementarity.max(impulses.residual);
-        push(&mut state.point.x, mode, &meeting, &impulses);
+        let forces: Vec<f64> = (impulses.normal.iter().copied())
+            .chain(impulses.tangential.iter().map(|beta| -0.5 * beta))
+            .collect();
+        of_contacts.take(&mut state.point.x, |switch| {
+            rows.iter()
+                .position(|&row| row == switch)
+                .map(|row| forces[row])
+        });
         if !state.point.x.iter().all(|x| x.is_finite()) {
             return Err(Status::NotFinite);
         }
-        // ½ (v⁺ + v⁻)ᵀ M (v⁺ - v⁻), impulse by impulse.
-        mode.move_to(&state.point);
-        let (mut gain, mut exchanged) = (0.0, 0.0);
-        for (i, touch) in meeting.contacts.iter().enumerate() {
-            let speed = mode.psi(touch.normal) + speeds[i];
-            gain += 0.5 * impulses.normal[i] * speed;
-            exchanged += impulses.normal[i] * speeds[i].abs();
-            for (&slip, t) in touch.slips.iter().zip(meeting.entries(i)) {
-                let drag = numbers[i][1] * impulses.friction[t];
-                gain -= 0.5 * drag * (mode.psi(slip) + slips[t]);
-                exchanged += (drag * slips[t]).abs();
+        self.mode.move_to(&state.point);
+        let mut work = Work::default();
+        for (i, contact) in contacts.iter().enumerate() {
+            let after = self.mode.psi(contact.normal);
+            work.add(impulses.normal[i], before[i], after);
+            for (&slip, t) in contact.slips.iter().zip(problem.w.slips(i)) {
+                let friction = -numbers[i][1] * impulses.tangential[t];
+                let after = self.mode.psi(slip);
+                work.add(friction, before[contacts.len() + t], after);
             }
         }
-        if gain > GAIN * exchanged {
+        if work.gain > GAIN * work.exchanged {
             state.report.note(Note::EnergyGained {
                 time: state.point.t,
                 switches: switches(),
@@ -181,55 +192,6 @@ impl Impacts<'_> {
         let mut numbers = impact.numbers.results(registers);
         [numbers.next().unwrap_or(0.0), numbers.next().unwrap_or(0.0)]
     }
-}
-
-/// x⁺ = x⁻ + D Λ - T β
-fn push(x: &mut [f64], mode: &Mode, meeting: &Meeting, impulses: &Forces) {
-    for (j, x) in x.iter_mut().enumerate() {
-        for (switch, slope) in mode.field.slopes(j) {
-            for (i, touch) in meeting.contacts.iter().enumerate() {
-                if switch == touch.normal {
-                    *x -= slope * impulses.normal[i];
-                } else if let Some(k) = touch.slips.iter().position(|&slip| slip == switch) {
-                    *x += 0.5 * slope * impulses.friction[meeting.entries(i).start + k];
-                }
-            }
-        }
-    }
-}
-
-/// Impulses of Newton's law with e, for these speeds of gaps and slips before.
-fn by_newton(
-    meeting: &Meeting,
-    speeds: &[f64],
-    slips: &[f64],
-    e: &[f64],
-) -> Result<Forces, NoForces> {
-    let rebound = speeds.iter().zip(e).map(|(speed, e)| (1.0 + e) * speed);
-    let rebound: Vec<f64> = rebound.collect();
-    meeting.solve(&rebound, slips, slips)
-}
-
-/// The same of Poisson's law: those of compression and expansion together.
-fn by_poisson(
-    meeting: &mut Meeting,
-    speeds: &[f64],
-    slips: &[f64],
-    e: &[f64],
-) -> Result<Forces, NoForces> {
-    let compression = meeting.solve(speeds, slips, slips)?;
-    let given_back = compression.normal.iter().zip(e);
-    meeting.least = given_back.map(|(impulse, e)| e * impulse).collect();
-    let (rates, slips) = (&compression.rates, &compression.slips);
-    let mut both = meeting.solve(rates, slips, slips)?;
-    for (sum, impulse) in both.normal.iter_mut().zip(&compression.normal) {
-        *sum += impulse;
-    }
-    for (sum, impulse) in both.friction.iter_mut().zip(&compression.friction) {
-        *sum += impulse;
-    }
-    both.residual = both.residual.max(compression.residual);
-    Ok(both)
 }
 
 /// The switch and the impact of a law that is one.

@@ -1,15 +1,13 @@
 //! Unilateral contacts with Coulomb friction: impacts, forces that last, slip onset, stabilization.
 
 pub(crate) mod coefficients;
-pub(crate) mod cones;
-pub(crate) mod distribution;
+pub(crate) mod coulomb;
 pub(crate) mod friction_disk;
 pub(crate) mod halt;
 pub(crate) mod impact;
 pub(crate) mod impact_order;
 pub(crate) mod prediction;
-pub(crate) mod problem;
-pub(crate) mod redundancy;
+pub(crate) mod rows;
 pub(crate) mod slip_onset;
 pub(crate) mod slip_onset_beside;
 pub(crate) mod stabilization;

@@ -9,7 +9,8 @@
 //! where a contact slips. Sizes of states are no measure here: what has always rested at zero is as small as its
 //! rounding, and measured by that a body may turn by any angle for a gap of 1e-17.
 
-use crate::contact::redundancy::eliminate;
+use super::coulomb::redundancy::eliminate;
+use super::rows::Rows;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::Sliding;
@@ -168,7 +169,7 @@ impl Mode {
             pushed,
             ..
         } = mend;
-        self.linearize_impulses(rows);
+        Rows::linearize(self, rows);
         let n = rows.len();
         matrix.clear();
         matrix.resize(n * n, 0.0);

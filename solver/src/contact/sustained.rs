@@ -1,10 +1,13 @@
 //! Which contacts stay closed, which stick, and which open: accelerations decide.
 //!
-//! Where J_nᵀv = 0 the problem of `meeting` holds for the accelerations, a₀ those without forces of the contacts
+//! Where J_nᵀv = 0 the problem of `coulomb` holds for the accelerations, a₀ those without forces of the contacts
 //! that meet. Its solution proposes sides; what is neither clearly closed nor clearly open, neither clearly at
 //! rest nor clearly slipping, is tried both ways, and the series of every choice decide.
 
-use crate::contact::problem::{Forces, Meeting, NoForces, Touch, norm};
+use super::coulomb::ladder;
+use super::coulomb::law::norm;
+use super::coulomb::problem::{Delassus, NoSolution, Problem, Solution};
+use super::rows::{ContactSwitches, Rows};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Scales;
@@ -29,8 +32,9 @@ type Sides = (Side, Side);
 
 /// The forces of contacts that meet.
 struct Found {
-    meeting: Meeting,
-    forces: Forces,
+    contacts: Vec<ContactSwitches>,
+    w: Delassus,
+    forces: Solution,
     /// Contacts that open with a speed of their own, and take no part.
     leaves: Vec<usize>,
     /// α of all switches, of those that meet in the middle of where forces are.
@@ -42,12 +46,12 @@ struct Found {
 impl Found {
     /// Whether a contact on these sides, closed and with friction in two directions, starts to slip.
     fn sets_off(&self, candidate: &[Sides]) -> bool {
-        let meeting = &self.meeting;
+        let w = &self.w;
         candidate
             .iter()
             .enumerate()
             .any(|(i, &(of_normal, of_slip))| {
-                let rubs = meeting.entries(i).len() > 1 && meeting.resistance(i) > 0.0;
+                let rubs = w.slips(i).len() > 1 && w.resistance(i) > 0.0;
                 of_normal == Side::Slide && of_slip != Side::Slide && rubs
             })
     }
@@ -76,8 +80,8 @@ impl Enumeration<'_> {
                 break found;
             }
         };
-        let options: Vec<Vec<Sides>> = (0..found.meeting.contacts.len())
-            .map(|i| options(&found.meeting, &found.forces, i, found.near))
+        let options: Vec<Vec<Sides>> = (0..found.contacts.len())
+            .map(|i| options(&found.w, &found.forces, i, found.near))
             .collect();
         let mut choices = Choices {
             found: Vec::new(),
@@ -88,7 +92,7 @@ impl Enumeration<'_> {
             let held = candidate
                 .iter()
                 .map(|(of_normal, of_slip)| (*of_normal == Side::Slide, *of_slip == Side::Slide));
-            if found.meeting.keeps_slipping_one(&held.collect::<Vec<_>>()) {
+            if found.w.keeps_slipping_one(&held.collect::<Vec<_>>()) {
                 continue;
             }
             let sides = self.propose(group, &mut found, &candidate);
@@ -96,7 +100,9 @@ impl Enumeration<'_> {
             let choice = self.refine(group, &sides, &found.alpha);
             choices.singular |= choice.is_none();
             // When it does depends on what each of them has taken, which nothing determines.
-            if choice.is_some() && found.sets_off(&candidate) && found.meeting.wedges(&found.forces)
+            if choice.is_some()
+                && found.sets_off(&candidate)
+                && found.w.wedges(&found.forces.normal)
             {
                 let switches = group.to_vec();
                 return Err(Status::Undetermined { switches });
@@ -109,7 +115,8 @@ impl Enumeration<'_> {
     /// The sides of a group where the contacts that meet are on these, and α from their forces.
     fn propose(&self, group: &[usize], found: &mut Found, candidate: &[Sides]) -> Vec<Side> {
         let Found {
-            meeting,
+            contacts,
+            w,
             forces,
             leaves,
             alpha,
@@ -134,17 +141,17 @@ impl Enumeration<'_> {
             }
         }
         for (i, &(of_normal, of_slip)) in candidate.iter().enumerate() {
-            let Touch { normal, slips } = &meeting.contacts[i];
+            let ContactSwitches { normal, slips } = &contacts[i];
             let force = forces.normal[i];
             set(*normal, of_normal, alpha_on(of_normal, 1.0 - force));
             if slips.len() > 1 && of_slip != Side::Slide {
                 // The direction in which it slips.
-                for (&slip, d) in slips.iter().zip(direction(meeting, forces, i)) {
+                for (&slip, d) in slips.iter().zip(direction(w, forces, i)) {
                     set(slip, of_slip, 0.5 + 0.5 * d);
                 }
                 continue;
             }
-            let drags = &forces.friction[meeting.entries(i)];
+            let drags = &forces.tangential[w.slips(i)];
             for (&slip, drag) in slips.iter().zip(drags) {
                 let share = if force > 0.0 { drag / force } else { 0.0 };
                 set(slip, of_slip, alpha_on(of_slip, 0.5 + 0.5 * share));
@@ -197,11 +204,11 @@ impl Enumeration<'_> {
         let normals = group.iter().copied().filter(|&i| system.is_unilateral(i));
         let (meets, leaves): (Vec<usize>, Vec<usize>) =
             normals.partition(|&i| self.mode.surfaces.is_deep(i));
-        let touch = |&normal: &usize| Touch {
+        let of_normal = |&normal: &usize| ContactSwitches {
             normal,
             slips: self.slips_among(group, normal),
         };
-        let contacts: Vec<Touch> = meets.iter().map(touch).collect();
+        let contacts: Vec<ContactSwitches> = meets.iter().map(of_normal).collect();
         let mut alpha = state.point.alpha.clone();
         for &i in group {
             alpha[i] = if system.is_unilateral(i) { 1.0 } else { 0.5 };
@@ -209,39 +216,42 @@ impl Enumeration<'_> {
         let mode = &mut self.mode;
         mode.vary(&alpha);
         mode.linearize(group);
-        let a: Vec<f64> = contacts.iter().map(|c| mode.phi(c.normal)).collect();
-        let slips = contacts.iter().flat_map(|c| &c.slips);
-        let b: Vec<f64> = slips.map(|&t| mode.phi(t)).collect();
-        let all = contacts.iter().flat_map(Touch::switches);
+        let normals = contacts.iter().map(|contact| contact.normal);
+        let slips = contacts.iter().flat_map(|contact| &contact.slips);
+        let rows: Vec<usize> = normals.chain(slips.copied()).collect();
+        let q: Vec<f64> = rows.iter().map(|&i| mode.phi(i)).collect();
         let (mut terms, mut tie) = (0.0_f64, 0.0_f64);
-        for i in all {
+        for &i in &rows {
             terms = terms.max(mode.terms_of_phi(i));
             tie = tie.max(TIE * mode.activity_of_phi(&state.scales, i));
         }
-        let size = a.iter().chain(&b).fold(0.0_f64, |s, v| s.max(v.abs()));
+        let size = q.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
         for &i in &meets {
             alpha[i] = 0.0;
         }
         mode.vary(&alpha);
         mode.linearize(group);
-        let meeting = Meeting::of(mode, contacts);
+        let w = Rows::of(mode).delassus(&contacts);
         // Where accelerations cancel, what is left is rounding: of their terms, and of α = 1, which is no force. What
         // series will take for a tie is tried both ways.
-        let push = (0..a.len()).fold(0.0_f64, |push, i| push.max(meeting.push(i).abs()));
+        let push = (0..contacts.len()).fold(0.0_f64, |push, i| push.max(w.push(i).abs()));
         let rounding = f64::max(ROUNDING * terms, 8.0 * f64::EPSILON * push);
         let near = f64::max(NEAR * size, rounding).max(tie);
-        let at_rest = vec![0.0; b.len()];
-        let forces = meeting.solve(&a, &b, &at_rest).map_err(|why| match why {
-            NoForces::Paradox(at) => Status::Painleve {
-                switch: meeting.contacts[at].normal,
+        let at_rest = vec![0.0; w.n_slips()];
+        // Friction has μ in its rows.
+        let problem = Problem::new(w, vec![1.0; contacts.len()], q);
+        let forces = ladder::solve(&problem, &at_rest).map_err(|why| match why {
+            NoSolution::Paradox(at) => Status::Painleve {
+                switch: contacts[at].normal,
             },
-            NoForces::NotFound => Status::NoSolution {
+            NoSolution::NotFound => Status::NoSolution {
                 switches: group.to_vec(),
             },
         })?;
         state.report.complementarity = state.report.complementarity.max(forces.residual);
         Ok(Found {
-            meeting,
+            contacts,
+            w: problem.w,
             forces,
             leaves,
             alpha,
@@ -253,13 +263,11 @@ impl Enumeration<'_> {
     /// is none.
     fn shut_bent(&mut self, state: &mut State, found: &Found) -> bool {
         let mut alpha = found.alpha.clone();
-        let Found {
-            meeting, forces, ..
-        } = found;
-        for (i, Touch { normal, slips }) in meeting.contacts.iter().enumerate() {
+        let Found { w, forces, .. } = found;
+        for (i, ContactSwitches { normal, slips }) in found.contacts.iter().enumerate() {
             let force = forces.normal[i];
             alpha[*normal] = 1.0 - force;
-            let drags = &forces.friction[meeting.entries(i)];
+            let drags = &forces.tangential[w.slips(i)];
             for (&slip, drag) in slips.iter().zip(drags).filter(|_| force > 0.0) {
                 alpha[slip] = 0.5 + 0.5 * drag / force;
             }
@@ -342,15 +350,15 @@ impl Mode {
 }
 
 /// The sides of a contact that its force and its accelerations stand for, the first one more likely.
-fn options(meeting: &Meeting, forces: &Forces, i: usize, near: f64) -> Vec<Sides> {
-    let pushes = forces.normal[i] * meeting.push(i) > near;
+fn options(w: &Delassus, forces: &Solution, i: usize, near: f64) -> Vec<Sides> {
+    let pushes = forces.normal[i] * w.push(i) > near;
     let opens = forces.rates[i] > near;
     let open = (Side::Plus, Side::Plus);
     if opens && !pushes {
         return vec![open];
     }
-    let entries = meeting.entries(i);
-    let [drags, bends] = [&forces.friction, &forces.slips].map(|v| &v[entries.clone()]);
+    let entries = w.slips(i);
+    let [drags, bends] = [&forces.tangential, &forces.slips].map(|v| &v[entries.clone()]);
     let (drag, bend) = (norm(drags), norm(bends));
     let turned = match (drags, bends) {
         (&[drag], &[bend]) if drag + bend < 0.0 => Side::Minus,
@@ -360,12 +368,12 @@ fn options(meeting: &Meeting, forces: &Forces, i: usize, near: f64) -> Vec<Sides
         &[Side::Plus]
     } else if entries.len() > 1 {
         match drag <= (1.0 - NEAR) * forces.normal[i] {
-            _ if meeting.resistance(i) <= 0.0 || bend > near => &[Side::Plus],
+            _ if w.resistance(i) <= 0.0 || bend > near => &[Side::Plus],
             true => &[Side::Slide],
             // At the rim of its cone.
             false => &[Side::Slide, Side::Plus],
         }
-    } else if meeting.resistance(i) <= 0.0 || bend > near {
+    } else if w.resistance(i) <= 0.0 || bend > near {
         &[turned]
     } else if !pushes {
         &[Side::Slide, Side::Plus, Side::Minus]
@@ -380,9 +388,9 @@ fn options(meeting: &Meeting, forces: &Forces, i: usize, near: f64) -> Vec<Sides
 }
 
 /// The direction in which a contact slips from rest in a plane: against its friction, or as it is accelerated.
-fn direction(meeting: &Meeting, forces: &Forces, i: usize) -> Vec<f64> {
-    let of_contact = |v: &[f64]| v[meeting.entries(i)].to_vec();
-    let (drag, bend) = (of_contact(&forces.friction), of_contact(&forces.slips));
+fn direction(w: &Delassus, forces: &Solution, i: usize) -> Vec<f64> {
+    let of_contact = |v: &[f64]| v[w.slips(i)].to_vec();
+    let (drag, bend) = (of_contact(&forces.tangential), of_contact(&forces.slips));
     let along = if norm(&drag) > 0.0 { drag } else { bend };
     let length = norm(&along);
     match length > 0.0 {

@@ -7,8 +7,8 @@
 use super::field::Field;
 use super::mode::Mode;
 use super::surfaces::Surfaces;
-use crate::contact::distribution::least_changes;
-use crate::contact::redundancy::eliminate;
+use crate::contact::coulomb::distribution::least_changes;
+use crate::contact::coulomb::redundancy::eliminate;
 use crate::linalg::{BlockLu, Singular};
 
 #[derive(Default)]

@@ -9,10 +9,11 @@
 //!
 //! Contacts that time moves, or that slip on something driven, may do work; their islands are left alone.
 
-use super::islands::Islands;
-use super::rows::{Bodies, Linear, Rows};
+use super::rows::{Bodies, Linear};
 use super::scene::Free;
 use super::{Stepper, Velocities};
+use crate::contact::coulomb::islands::Islands;
+use crate::contact::coulomb::rows::Rows;
 
 /// A debt below this share of the kinetic energy is rounding.
 const ROUNDING: f64 = 1e-15;
@@ -57,17 +58,20 @@ impl Energy {
 
     /// Opens the account of a step that was observed.
     pub fn begin(&mut self, bodies: &Bodies, active: &Linear) {
-        let n = bodies.n_bodies();
+        let n = bodies.mass.n_bodies();
         self.lifted.clear();
         self.lifted.resize(n, 0.0);
         self.left.clear();
         self.left.resize(n, false);
         self.driven.clear();
         self.driven.resize(n, false);
-        self.joined.begin(bodies);
-        self.joined.join(active, bodies);
+        self.joined.begin(&bodies.mass);
+        self.joined
+            .join(&active.rows, active.of_contacts(), &bodies.mass);
         for contact in &active.contacts {
-            let body = bodies.body_of(active.rows.columns(contact.normal)[0] as usize);
+            let body = bodies
+                .mass
+                .body_of(active.rows.columns(contact.rows.normal)[0] as usize);
             self.driven[body] |= contact.is_driven || contact.slip != [0.0; 2];
         }
     }
@@ -77,11 +81,11 @@ impl Energy {
     pub fn gain(&self, bodies: &Bodies, rows: &Rows, row: usize) -> f64 {
         let (mut last, mut sum, mut square) = (usize::MAX, 0.0, 0.0);
         for &column in rows.columns(row) {
-            let body = bodies.body_of(column as usize);
+            let body = bodies.mass.body_of(column as usize);
             if body != last {
-                let change = &self.change[bodies.velocities_of(body)];
+                let change = &self.change[bodies.mass.velocities_of(body)];
                 square += change.iter().map(|v| v * v).sum::<f64>();
-                sum += bodies.product(body, &self.change, &self.change);
+                sum += bodies.mass.product(body, &self.change, &self.change);
                 last = body;
             }
         }
@@ -103,18 +107,21 @@ impl Energy {
     /// Books that a body without velocity has not moved: it is h/2 (v̂ - v) away from where it would be without
     /// contacts.
     pub fn stay(&mut self, body: usize, bodies: &Bodies) {
-        self.lifted[body] = 0.5 * bodies.product(body, &self.change, &self.change);
+        self.lifted[body] = 0.5 * bodies.mass.product(body, &self.change, &self.change);
     }
 
     /// Books a displacement s w of contacts, which are joined.
     pub fn lift(&mut self, (s, h): (f64, f64), w: &[f64], moved: &Linear, bodies: &Bodies) {
-        self.joined.join(moved, bodies);
+        self.joined
+            .join(&moved.rows, moved.of_contacts(), &bodies.mass);
         for contact in &moved.contacts {
-            let body = bodies.body_of(moved.rows.columns(contact.normal)[0] as usize);
+            let body = bodies
+                .mass
+                .body_of(moved.rows.columns(contact.rows.normal)[0] as usize);
             self.driven[body] |= contact.is_driven;
         }
         for (body, lifted) in self.lifted.iter_mut().enumerate() {
-            *lifted -= s / h * bodies.product(body, &self.change, w);
+            *lifted -= s / h * bodies.mass.product(body, &self.change, w);
         }
     }
 }
@@ -135,8 +142,8 @@ impl<F: Free> Stepper<F> {
             any = true;
             energy.left[body] = true;
             of_body.positions.iter().for_each(|&q| y[q] = x[q]);
-            velocities.after[bodies.velocities_of(body)].fill(0.0);
-            let energy_of = |v: &[f64]| 0.5 * bodies.product(body, v, v);
+            velocities.after[bodies.mass.velocities_of(body)].fill(0.0);
+            let energy_of = |v: &[f64]| 0.5 * bodies.mass.product(body, v, v);
             energy.lifted[body] = energy_of(&velocities.free) - energy_of(&velocities.before);
         }
         any
@@ -145,7 +152,7 @@ impl<F: Free> Stepper<F> {
     /// Takes from velocities what displacements cost more than impulses have taken.
     pub(super) fn pay(&mut self, velocities: &mut Velocities) {
         let (energy, bodies) = (&mut self.energy, &self.bodies);
-        for body in 0..bodies.n_bodies() {
+        for body in 0..bodies.mass.n_bodies() {
             let debt = energy.debts[energy.joined.of_body(body)];
             let Debt {
                 missing, kinetic, ..
@@ -154,7 +161,7 @@ impl<F: Free> Stepper<F> {
                 continue;
             }
             let factor = (1.0 - missing / kinetic).max(0.0).sqrt();
-            for v in bodies.velocities_of(body) {
+            for v in bodies.mass.velocities_of(body) {
                 velocities.after[v] *= factor;
             }
         }
@@ -164,10 +171,10 @@ impl<F: Free> Stepper<F> {
     fn balance(&mut self, velocities: &Velocities) {
         let (energy, bodies) = (&mut self.energy, &self.bodies);
         energy.debts.clear();
-        energy.debts.resize(bodies.n_bodies(), Debt::default());
+        energy.debts.resize(bodies.mass.n_bodies(), Debt::default());
         for (body, of_body) in self.scene.bodies.iter().enumerate() {
             let island = energy.joined.of_body(body);
-            let energy_of = |v: &[f64]| 0.5 * bodies.product(body, v, v);
+            let energy_of = |v: &[f64]| 0.5 * bodies.mass.product(body, v, v);
             let (free, after) = (energy_of(&velocities.free), energy_of(&velocities.after));
             let debt = &mut energy.debts[island];
             debt.missing += energy.lifted[body] + after - free;

@@ -1,10 +1,10 @@
 //! What contacts do from step to step: they strike, close, open, stick and slip.
 
-use super::rows::Pair;
 use super::scene::Free;
 use super::{Stepper, Velocities, rows};
+use crate::contact::coulomb::law;
+use crate::contact::coulomb::law::Pair;
 use crate::event;
-use crate::moreau::solvers::cone;
 
 /// What a contact does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,9 +131,10 @@ impl<F: Free> Stepper<F> {
         contacts.present.clear();
         contacts.changes.clear();
         for (c, contact) in self.active.contacts.iter().enumerate() {
-            let (normal, tangential) = (self.impulses.normal[c], self.impulses.tangential[c]);
+            let impulses = &self.impulses.impulses;
+            let (normal, tangential) = (impulses.normal[c], impulses.tangential[c]);
             let at = contact.contact as usize;
-            let rate = |v: &[f64]| rows.rate(contact.normal, v) + contact.offset;
+            let rate = |v: &[f64]| rows.rate(contact.rows.normal, v) + contact.offset;
             let approach = -rate(&velocities.before);
             // What the free motion changes the rate by in a step.
             let change = (rate(&velocities.free) + approach).abs();
@@ -143,9 +144,9 @@ impl<F: Free> Stepper<F> {
             }
             contacts.present.push(contact.contact);
             contacts.impulses[at] = (normal, tangential);
-            let bounces = self.impulses.normal_rate[c] < contact.offset;
-            let rubs = || cone::length(tangential);
-            let mode = match (bounces, contact.is_rough()) {
+            let bounces = self.impulses.laws.normal_rate[c] < contact.offset;
+            let rubs = || law::length(tangential);
+            let mode = match (bounces, contact.rows.is_rough()) {
                 (true, _) => Mode::Struck,
                 (false, false) => Mode::Closed,
                 (false, true) if rubs() < (1.0 - SLIPS) * contact.friction * normal => Mode::Stick,

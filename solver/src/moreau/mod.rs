@@ -6,7 +6,7 @@
 //! 2. Contacts with gap(q̂) ≤ 0 are *active*, and so are those that pushed in the last step and have not opened in it
 //!    by more than the free motion could close: a body between two others rests on both, not on one after the other.
 //!    Their impulses act at the end of the step (Moreau 1988; Jean 1999),
-//!    v⁺ = v̂ + M⁻¹(J_nΛ - J_tβ),   0 ≤ Λ ⟂ J_nᵀv⁺ + e min(J_nᵀv, 0) ≥ 0,   β ∈ μΛ ∂|J_tᵀv⁺|   (`impulse.rs`).
+//!    v⁺ = v̂ + M⁻¹(J_nΛ - J_tβ),   0 ≤ Λ ⟂ J_nᵀv⁺ + e min(J_nᵀv, 0) ≥ 0,   β ∈ μΛ ∂|J_tᵀv⁺|   (`contact/coulomb`).
 //!    The rebound is that of the speed at which the step began: what v̂ has gained since then was gained below the
 //!    surface.
 //! 3. q̂ + h/2 M⁻¹(J_nΛ - J_tβ), the positions of the θ-method, are projected onto gap ≥ 0 in the metric of M
@@ -23,15 +23,12 @@
 mod energy;
 mod events;
 mod free;
-mod impulse;
-mod islands;
 mod pairs;
 mod project;
 mod rest;
 mod rows;
 mod scene;
 mod search;
-pub mod solvers;
 mod strike;
 
 use std::ops::ControlFlow;
@@ -39,6 +36,8 @@ use std::ops::ControlFlow;
 pub use events::{Change, Observer};
 pub use scene::{Body, Family, Free, Scene};
 
+use crate::contact::coulomb::islands::Islands;
+use crate::contact::coulomb::ladder::Ladder;
 use crate::event::Segment;
 use crate::expansion::dense::ElementSeries;
 use crate::hybrid::{Outcome, Side, Stats, Status};
@@ -47,8 +46,6 @@ use crate::tape::LaneScratch;
 use energy::Energy;
 use events::Contacts;
 use free::FreeStep;
-use impulse::Impulses;
-use islands::Islands;
 use rows::{Bodies, Linear};
 use search::Search;
 
@@ -93,9 +90,9 @@ pub struct Stepper<F> {
     search: Search,
     contacts: Contacts,
     active: Linear,
-    impulses: Impulses,
+    impulses: Ladder,
     projected: Linear,
-    shifts: Impulses,
+    shifts: Ladder,
     islands: Islands,
     energy: Energy,
     /// t, x, coefficients, numbers.
@@ -150,9 +147,9 @@ impl<F: Free> Stepper<F> {
             search: Search::new(&scene, n),
             contacts: Contacts::new(scene.n_contacts),
             active: Linear::default(),
-            impulses: Impulses::default(),
+            impulses: Ladder::default(),
             projected: Linear::default(),
-            shifts: Impulses::default(),
+            shifts: Ladder::default(),
             islands: Islands::default(),
             energy: Energy::default(),
             memory,
@@ -231,8 +228,9 @@ impl<F: Free> Stepper<F> {
             }
         };
         stats.events = self.contacts.n_changes();
-        stats.newton_iterations = self.impulses.sweeps + self.shifts.sweeps;
-        stats.factorizations = self.impulses.factorizations + self.shifts.factorizations;
+        stats.newton_iterations = self.impulses.solvers.sweeps + self.shifts.solvers.sweeps;
+        stats.factorizations =
+            self.impulses.solvers.factorizations + self.shifts.solvers.factorizations;
         Solution {
             outcome: Outcome {
                 complementarity: self.counts.residual,
@@ -377,9 +375,9 @@ impl<F: Free> Stepper<F> {
         }
         let (rows, energy, bodies) = (&self.active.rows, &self.energy, &self.bodies);
         self.active.contacts.retain(|contact| {
-            let start =
-                contact.gap - h * (rows.rate(contact.normal, &velocities.free) + contact.offset);
-            !(contact.gap > touch && start > h * energy.gain(bodies, rows, contact.normal))
+            let start = contact.gap
+                - h * (rows.rate(contact.rows.normal, &velocities.free) + contact.offset);
+            !(contact.gap > touch && start > h * energy.gain(bodies, rows, contact.rows.normal))
         });
     }
 

@@ -3,8 +3,10 @@
 //! min ½ wᵀMw subject to gap(q + K w) ≥ 0, by successive linearization: w = D P, 0 ≤ P ⟂ gap + J w ≥ 0, until no gap
 //! is negative. A contact that a displacement closes joins in with the next one.
 
+use super::rows::Linear;
 use super::scene::Free;
 use super::{Stepper, TOUCH, Velocities};
+use crate::contact::coulomb::ladder::Options;
 
 /// A gap is not negative where it is above minus this share of the size of positions.
 const DEPTH: f64 = 1e-12;
@@ -56,30 +58,31 @@ impl<F: Free> Stepper<F> {
             }
             depth = depth.max(-least);
             let shifts = &mut self.shifts;
-            shifts.begin(&self.projected);
-            (shifts.attempts, shifts.tolerance) = (ATTEMPTS, SOLVED);
-            shifts.rounding = 0.1 * DEPTH * size;
-            for (c, contact) in self.projected.contacts.iter_mut().enumerate() {
-                contact.slips = 0;
-                shifts.normal_rate[c] = contact.gap;
+            let options = Options {
+                attempts: ATTEMPTS,
+                tolerance: SOLVED,
+                rounding: 0.1 * DEPTH * size,
+            };
+            let contacts = self.projected.contacts.iter_mut();
+            contacts.for_each(|contact| contact.rows.slips = 0);
+            let Linear { rows, contacts, .. } = &self.projected;
+            shifts.begin(rows, self.projected.of_contacts(), options);
+            for (c, contact) in contacts.iter().enumerate() {
+                shifts.laws.normal_rate[c] = contact.gap;
                 if round == 0 && contact.gap < 0.0 {
                     let last = self.contacts.last_shift(contact.contact as usize);
-                    shifts.normal[c] = last * h * h;
+                    shifts.impulses.normal[c] = last * h * h;
                 }
             }
             self.lift.fill(0.0);
-            self.islands.begin(&self.bodies);
-            self.islands.join(&self.projected, &self.bodies);
+            let mass = &self.bodies.mass;
+            self.islands.begin(mass);
+            self.islands.join(rows, self.projected.of_contacts(), mass);
             // Linearized gaps may contradict each other where the gaps do not; the next round sees.
-            let _ = shifts.solve(
-                &self.projected,
-                &mut self.islands,
-                &self.bodies,
-                &mut self.lift,
-            );
+            let _ = shifts.solve(rows, &mut self.islands, mass, &mut self.lift);
             if round == 0 {
                 for (c, contact) in self.projected.contacts.iter().enumerate() {
-                    let shift = shifts.normal[c] / (h * h);
+                    let shift = shifts.impulses.normal[c] / (h * h);
                     self.contacts.keep_shift(contact.contact as usize, shift);
                 }
             }

@@ -20,9 +20,9 @@ impl<F: Free> Stepper<F> {
     ) {
         let (bodies, energy, moves) = (&self.bodies, &mut self.energy, &mut self.moves);
         moves.clear();
-        moves.resize(bodies.n_bodies(), false);
+        moves.resize(bodies.mass.n_bodies(), false);
         for (body, of_body) in self.scene.bodies.iter().enumerate() {
-            let square = |v: &[f64]| bodies.product(body, v, v);
+            let square = |v: &[f64]| bodies.mass.product(body, v, v);
             let most = SOLVED * SOLVED * square(energy.change());
             let speed = square(&velocities.before).max(square(&velocities.after));
             let drifts = of_body.positions.iter().any(|&q| bodies.drift[q] != 0.0);
@@ -32,10 +32,10 @@ impl<F: Free> Stepper<F> {
         self.set_memory(t + h, x);
         for c in 0..self.active.contacts.len() {
             let contact = self.active.contacts[c];
-            let column = self.active.rows.columns(contact.normal)[0] as usize;
-            let island = self.energy.island_of(self.bodies.body_of(column));
+            let column = self.active.rows.columns(contact.rows.normal)[0] as usize;
+            let island = self.energy.island_of(self.bodies.mass.body_of(column));
             // Contacts that push may still be open, by less than the free motion closes.
-            if !self.moves[island] && self.impulses.normal[c] > 0.0 {
+            if !self.moves[island] && self.impulses.impulses.normal[c] > 0.0 {
                 self.moves[island] = self.gap_of(contact.contact) > touch;
             }
         }
@@ -43,7 +43,7 @@ impl<F: Free> Stepper<F> {
         for (body, of_body) in self.scene.bodies.iter().enumerate() {
             if !moves[energy.island_of(body)] {
                 of_body.positions.iter().for_each(|&q| y[q] = x[q]);
-                velocities.after[bodies.velocities_of(body)].fill(0.0);
+                velocities.after[bodies.mass.velocities_of(body)].fill(0.0);
                 energy.stay(body, bodies);
             }
         }

@@ -2,6 +2,7 @@
 
 use super::scene::Free;
 use super::{Failed, SOLVED, Stepper, TOUCH, Velocities};
+use crate::contact::coulomb::ladder::{Ladder, Options};
 use crate::hybrid::{Coefficient, Status};
 
 /// A speed below this share of the largest is rounding.
@@ -56,18 +57,18 @@ impl<F: Free> Stepper<F> {
 
     /// Lets the active contacts give impulses.
     fn strike_all(&mut self, velocities: &mut Velocities) -> Result<Impact, usize> {
-        self.islands.begin(&self.bodies);
-        self.islands.join(&self.active, &self.bodies);
+        let (active, mass) = (&self.active, &self.bodies.mass);
+        self.islands.begin(mass);
+        self.islands.join(&active.rows, active.of_contacts(), mass);
         let mut solved = Ok(Impact::AsStated);
         // Restitutions of contacts that depend on each other may contradict each other.
         for impact in [Impact::AsStated, Impact::Plastic] {
             let bounced = self.set_impulses(velocities, impact == Impact::AsStated);
-            let (active, impulses) = (&self.active, &mut self.impulses);
             velocities.after.clone_from(&velocities.free);
-            let found = impulses.solve(
-                active,
+            let found = self.impulses.solve(
+                &self.active.rows,
                 &mut self.islands,
-                &self.bodies,
+                &self.bodies.mass,
                 &mut velocities.after,
             );
             solved = found.map(|()| impact);
@@ -81,24 +82,30 @@ impl<F: Free> Stepper<F> {
     /// States the laws of the active contacts, and starts from the impulses of the step before. Whether any rebounds.
     fn set_impulses(&mut self, velocities: &Velocities, rebounds: bool) -> bool {
         let (active, impulses) = (&self.active, &mut self.impulses);
-        impulses.begin(active);
-        (impulses.attempts, impulses.tolerance) = (ATTEMPTS, SOLVED);
         let speeds = velocities.free.iter();
-        impulses.rounding = ROUNDING * speeds.fold(0.0_f64, |most, v| most.max(v.abs()));
+        let options = Options {
+            attempts: ATTEMPTS,
+            tolerance: SOLVED,
+            rounding: ROUNDING * speeds.fold(0.0_f64, |most, v| most.max(v.abs())),
+        };
+        impulses.begin(&active.rows, active.of_contacts(), options);
+        let Ladder { laws, impulses, .. } = impulses;
         let mut any = false;
         for (c, contact) in active.contacts.iter().enumerate() {
-            let before = active.rows.rate(contact.normal, &velocities.before) + contact.offset;
+            let before = active.rows.rate(contact.rows.normal, &velocities.before) + contact.offset;
             let rebound = contact.restitution * before;
-            impulses.normal_rate[c] = contact.offset;
+            laws.normal_rate[c] = contact.offset;
             // A rebound that cannot outlast a step is none, whatever presses: what moves the bodies may reach the
             // contact through others.
-            let change = self.energy.gain(&self.bodies, &active.rows, contact.normal);
+            let change = self
+                .energy
+                .gain(&self.bodies, &active.rows, contact.rows.normal);
             if rebounds && rebound.abs() > 0.5 * change {
-                impulses.normal_rate[c] += rebound;
+                laws.normal_rate[c] += rebound;
                 any = true;
             }
-            impulses.friction[c] = contact.friction;
-            impulses.slip_rate[c] = contact.slip;
+            laws.friction[c] = contact.friction;
+            laws.slip_rate[c] = contact.slip;
             let known = self.contacts.last(contact.contact as usize);
             (impulses.normal[c], impulses.tangential[c]) = known;
         }
@@ -107,17 +114,17 @@ impl<F: Free> Stepper<F> {
 
     /// q̂ + h/2 M⁻¹(J_nΛ - J_tβ), of Λ those of rough contacts that stay.
     pub(super) fn let_impulses_move(&mut self, h: f64, velocities: &Velocities, y: &mut [f64]) {
-        let (rows, impulses) = (&self.active.rows, &self.impulses);
+        let (rows, impulses) = (&self.active.rows, &self.impulses.impulses);
         self.shift.clear();
         self.shift.resize(velocities.before.len(), 0.0);
         for (c, contact) in self.active.contacts.iter().enumerate() {
-            let rate = |v: &[f64]| rows.rate(contact.normal, v) + contact.offset;
+            let rate = |v: &[f64]| rows.rate(contact.rows.normal, v) + contact.offset;
             let before = rate(&velocities.before);
             let change = (rate(&velocities.free) - before).abs();
-            if contact.is_rough() && before.abs() <= STAYS * change {
-                rows.push_by(contact.normal, impulses.normal[c], &mut self.shift);
+            if contact.rows.is_rough() && before.abs() <= STAYS * change {
+                rows.add_impulse(contact.rows.normal, impulses.normal[c], &mut self.shift);
             }
-            rows.rub(contact, impulses.tangential[c], &mut self.shift);
+            rows.add_friction(&contact.rows, impulses.tangential[c], &mut self.shift);
         }
         self.bodies.displace(0.5 * h, &self.shift, y);
         self.energy

@@ -4,22 +4,16 @@
 //! u = Lᵀ(v⁺ - v) it is min ½ |u|² subject to (L⁻¹Jᵀ)ᵀu + J v + c ≥ 0: whatever contacts depend on each other, the
 //! solution is one, and an interior point method finds it.
 
-use crate::moreau::impulse::{Impulses, Island};
-use crate::moreau::rows::Bodies;
+use super::island::{Island, Motion};
+use super::rows::Mass;
 use crate::optimization::qp;
 use crate::optimization::qp::HalfSpace;
 
 /// Sets impulses and velocities of contacts without friction to a solution; false where there is none.
-pub(crate) fn solve(
-    island: &Island,
-    bodies: &Bodies,
-    impulses: &mut Impulses,
-    v: &mut [f64],
-) -> bool {
-    let rows = &island.linear.rows;
-    for (c, contact) in island.iter() {
-        rows.push_by(contact.normal, -impulses.normal[c], v);
-        impulses.normal[c] = 0.0;
+pub(crate) fn solve(island: &Island, mass: &Mass, motion: &mut Motion) -> bool {
+    let rows = island.rows;
+    for (c, _) in island.iter() {
+        motion.set_normal(island, c, 0.0);
     }
     let mut columns: Vec<u32> = (island.iter())
         .flat_map(|(_, contact)| rows.columns(contact.normal))
@@ -31,10 +25,10 @@ pub(crate) fn solve(
         .map(|(c, contact)| {
             let of_row = rows.columns(contact.normal).iter();
             let place = |column| columns.binary_search(column).expect("it is one of them");
-            let values = rows.rooted(contact.normal, bodies);
+            let values = rows.rooted(contact.normal, mass);
             HalfSpace {
                 normal: of_row.map(place).zip(values).collect(),
-                offset: rows.rate(contact.normal, v) + impulses.normal_rate[c],
+                offset: island.rate(c, motion.v),
             }
         })
         .collect();
@@ -52,9 +46,8 @@ pub(crate) fn solve(
     let Some((found, _)) = found.filter(|(found, _)| found.x.iter().all(|x| x.is_finite())) else {
         return false;
     };
-    for ((c, contact), multiplier) in island.iter().zip(found.multipliers) {
-        impulses.normal[c] = scale * multiplier;
-        rows.push_by(contact.normal, impulses.normal[c], v);
+    for ((c, _), multiplier) in island.iter().zip(found.multipliers) {
+        motion.set_normal(island, c, scale * multiplier);
     }
     true
 }

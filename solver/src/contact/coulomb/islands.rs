@@ -1,6 +1,6 @@
 //! Islands: contacts that act on each other, through bodies that they have in common.
 
-use super::rows::{Bodies, Linear};
+use super::rows::{ContactRows, Mass, Rows};
 
 /// Contacts by island.
 #[derive(Default)]
@@ -16,19 +16,19 @@ const NONE: u32 = u32::MAX;
 
 impl Islands {
     /// Forgets all contacts.
-    pub fn begin(&mut self, bodies: &Bodies) {
+    pub fn begin(&mut self, mass: &Mass) {
         self.parents.clear();
-        self.parents.extend(0..bodies.n_bodies() as u32);
+        self.parents.extend(0..mass.n_bodies() as u32);
     }
 
     /// Joins the bodies of all contacts.
-    pub fn join(&mut self, linear: &Linear, bodies: &Bodies) {
-        for contact in &linear.contacts {
+    pub fn join(&mut self, rows: &Rows, contacts: impl Iterator<Item = ContactRows>, mass: &Mass) {
+        for contact in contacts {
             // Friction also acts on bodies that the gap does not see.
-            let columns = linear.rows.columns_of(contact);
+            let columns = rows.columns_of(&contact);
             let first = columns[0] as usize;
             for &column in columns {
-                let (a, b) = (bodies.body_of(first), bodies.body_of(column as usize));
+                let (a, b) = (mass.body_of(first), mass.body_of(column as usize));
                 let (a, b) = (self.root(a as u32), self.root(b as u32));
                 self.parents[a.max(b) as usize] = a.min(b);
             }
@@ -50,19 +50,19 @@ impl Islands {
     }
 
     /// The first body of the island of a contact.
-    pub fn of(&mut self, linear: &Linear, contact: usize, bodies: &Bodies) -> usize {
-        let columns = linear.rows.columns(linear.contacts[contact].normal);
-        self.of_body(bodies.body_of(columns[0] as usize))
+    fn of(&mut self, rows: &Rows, contact: &ContactRows, mass: &Mass) -> usize {
+        let columns = rows.columns(contact.normal);
+        self.of_body(mass.body_of(columns[0] as usize))
     }
 
     /// Sorts contacts by island.
-    pub fn sort(&mut self, linear: &Linear, bodies: &Bodies) {
+    pub fn sort(&mut self, rows: &Rows, contacts: &[ContactRows], mass: &Mass) {
         self.number.clear();
-        self.number.resize(bodies.n_bodies(), NONE);
+        self.number.resize(mass.n_bodies(), NONE);
         self.of_contact.clear();
         let mut count = 0;
-        for contact in 0..linear.contacts.len() {
-            let root = self.of(linear, contact, bodies);
+        for contact in contacts {
+            let root = self.of(rows, contact, mass);
             if self.number[root] == NONE {
                 self.number[root] = count;
                 count += 1;

@@ -5,10 +5,9 @@
 //! below μ Λ. Friction of contacts that slip stays what it is. Contacts that depend on each other make the matrix
 //! singular: it gets a small share of its diagonal, and refinement takes the effect of that away again.
 
-use super::cone;
+use super::island::{Island, Motion};
+use super::law;
 use crate::linalg::envelope::Envelope;
-use crate::moreau::impulse::{Impulses, Island};
-use crate::moreau::rows::Pair;
 
 /// Added to the diagonal, relative to it.
 const SHARE: f64 = 1e-12;
@@ -27,7 +26,7 @@ struct Equation {
 
 /// Memory for systems of equations.
 #[derive(Default)]
-pub(crate) struct Direct {
+pub(crate) struct ActiveSet {
     equations: Vec<Equation>,
     previous: Vec<Equation>,
     /// By velocity the last of its equations, which are linked: (equation, the one before).
@@ -40,83 +39,51 @@ pub(crate) struct Direct {
     factors: Envelope,
     rhs: Vec<f64>,
     settled: bool,
-    saved: (Vec<f64>, Vec<Pair>, Vec<f64>),
 }
 
-impl Direct {
+impl ActiveSet {
     /// Whether the last solution has led to the same equations again.
     pub fn is_settled(&self) -> bool {
         self.settled
     }
 
-    /// Keeps impulses and velocities.
-    pub fn save(&mut self, island: &Island, impulses: &Impulses, v: &[f64]) {
-        let (normal, tangential, velocities) = &mut self.saved;
-        normal.clear();
-        tangential.clear();
-        for (c, _) in island.iter() {
-            normal.push(impulses.normal[c]);
-            tangential.push(impulses.tangential[c]);
-        }
-        velocities.clear();
-        for (_, contact) in island.iter() {
-            let columns = island.linear.rows.columns_of(contact).iter();
-            velocities.extend(columns.map(|&column| v[column as usize]));
-        }
-    }
-
-    /// Brings back what was kept.
-    pub fn restore(&mut self, island: &Island, impulses: &mut Impulses, v: &mut [f64]) {
-        let (normal, tangential, velocities) = &self.saved;
-        for ((c, _), (normal, tangential)) in island.iter().zip(normal.iter().zip(tangential)) {
-            (impulses.normal[c], impulses.tangential[c]) = (*normal, *tangential);
-        }
-        let mut velocities = velocities.iter();
-        for (_, contact) in island.iter() {
-            let columns = island.linear.rows.columns_of(contact).iter();
-            for (&column, value) in columns.zip(&mut velocities) {
-                v[column as usize] = *value;
-            }
-        }
-    }
-
     /// Solves for the impulses; false where the matrix cannot be factored.
-    pub fn solve(&mut self, island: &Island, impulses: &mut Impulses, v: &mut [f64]) -> bool {
+    pub fn solve(&mut self, island: &Island, motion: &mut Motion) -> bool {
         std::mem::swap(&mut self.previous, &mut self.equations);
-        self.choose(island, impulses, v);
+        self.choose(island, motion);
         self.settled = self.equations == self.previous;
         if !self.factor(island) {
             return false;
         }
         for _ in 0..REFINEMENTS {
-            let size = self.defect(island, impulses, v);
+            let size = self.defect(island, motion);
             if size == 0.0 {
                 break;
             }
             self.factors.solve(&mut self.rhs);
-            let rows = &island.linear.rows;
+            let rows = island.rows;
             for (equation, &z) in self.equations.iter().zip(&self.rhs) {
                 let c = equation.contact as usize;
-                let normal = island.linear.contacts[c].normal;
+                let normal = island.laws.contacts()[c].normal;
                 match equation.row {
-                    0 => impulses.normal[c] += z,
-                    k => impulses.tangential[c][usize::from(k) - 1] -= z,
+                    0 => motion.impulses.normal[c] += z,
+                    k => motion.impulses.tangential[c][usize::from(k) - 1] -= z,
                 }
-                rows.push_by(normal + usize::from(equation.row), z, v);
+                rows.add_impulse(normal + usize::from(equation.row), z, motion.v);
             }
         }
         true
     }
 
     /// Picks the equations, and takes the impulses of all others away.
-    fn choose(&mut self, island: &Island, impulses: &mut Impulses, v: &mut [f64]) {
+    fn choose(&mut self, island: &Island, motion: &mut Motion) {
         self.equations.clear();
-        let rows = &island.linear.rows;
+        let most = |c: usize, motion: &Motion| {
+            island.laws.friction[c] * motion.impulses.normal[c].max(0.0)
+        };
         // All are judged before anything changes.
         for (c, contact) in island.iter() {
-            let [normal, tangential] = impulses.diagonal(c);
-            let rate = rows.rate(contact.normal, v) + impulses.normal_rate[c];
-            if impulses.normal[c] - rate / normal <= 0.0 {
+            if motion.trial_normal(island, c) <= 0.0 {
                 continue;
             }
             let equation = |row| Equation {
@@ -124,12 +91,10 @@ impl Direct {
                 row,
             };
             self.equations.push(equation(0));
-            if contact.is_rough() && tangential > 0.0 {
-                let most = impulses.friction[c] * impulses.normal[c].max(0.0);
-                if cone::length(impulses.stopping(rows, c, contact, v)) < most {
-                    self.equations
-                        .extend((1..=contact.slips as u8).map(equation));
-                }
+            let has_friction = contact.is_rough() && island.diagonal(c)[1] > 0.0;
+            if has_friction && law::length(motion.trial_friction(island, c)) < most(c, motion) {
+                self.equations
+                    .extend((1..=contact.slips as u8).map(equation));
             }
         }
         let mut chosen = self.equations.iter().peekable();
@@ -142,45 +107,41 @@ impl Direct {
             while chosen.next_if(|equation| is_of(equation, true)).is_some() {
                 sticks = true;
             }
-            if !pushes && impulses.normal[c] != 0.0 {
-                rows.push_by(contact.normal, -impulses.normal[c], v);
-                impulses.normal[c] = 0.0;
+            if !pushes && motion.impulses.normal[c] != 0.0 {
+                motion.set_normal(island, c, 0.0);
             }
             if contact.is_rough() && !sticks {
-                let most = impulses.friction[c] * impulses.normal[c].max(0.0);
-                let is_fixed = contact.is_conic() && impulses.diagonal(c)[1] == 0.0;
+                let most = most(c, motion);
+                let is_fixed = contact.is_conic() && island.diagonal(c)[1] == 0.0;
                 let next = match (pushes && !is_fixed, contact.is_conic()) {
                     (false, _) => [0.0; 2],
-                    (true, false) => {
-                        let slip = rows.rate(contact.normal + 1, v) + impulses.slip_rate[c][0];
-                        [most.copysign(slip), 0.0]
-                    }
-                    (true, true) => cone::bounded(impulses.stopping(rows, c, contact, v), most),
+                    (true, false) => [most.copysign(island.slip(c, motion.v)[0]), 0.0],
+                    (true, true) => law::bounded(motion.trial_friction(island, c), most),
                 };
-                impulses.rub_to(rows, c, contact, next, v);
+                motion.set_tangential(island, c, next);
             }
         }
     }
 
     /// Row and sign of an equation: friction acts against its row.
     fn row(&self, island: &Island, equation: Equation) -> usize {
-        let normal = island.linear.contacts[equation.contact as usize].normal;
+        let normal = island.laws.contacts()[equation.contact as usize].normal;
         normal + usize::from(equation.row)
     }
 
     /// -(J v + c) of all equations; its size.
-    fn defect(&mut self, island: &Island, impulses: &Impulses, v: &[f64]) -> f64 {
-        let rows = &island.linear.rows;
+    fn defect(&mut self, island: &Island, motion: &Motion) -> f64 {
+        let rows = island.rows;
         let mut size = 0.0_f64;
         let mut rhs = std::mem::take(&mut self.rhs);
         rhs.clear();
         for &equation in &self.equations {
             let c = equation.contact as usize;
             let rate = match equation.row {
-                0 => impulses.normal_rate[c],
-                k => impulses.slip_rate[c][usize::from(k) - 1],
+                0 => island.laws.normal_rate[c],
+                k => island.laws.slip_rate[c][usize::from(k) - 1],
             };
-            let defect = rows.rate(self.row(island, equation), v) + rate;
+            let defect = rows.rate(self.row(island, equation), motion.v) + rate;
             size = size.max(defect.abs());
             rhs.push(-defect);
         }
@@ -195,7 +156,7 @@ impl Direct {
         }
         self.find_beside(island);
         self.factors.arrange(&self.starts, &self.beside);
-        let rows = &island.linear.rows;
+        let rows = island.rows;
         for (e, &equation) in self.equations.iter().enumerate() {
             let row = self.row(island, equation);
             let beside = &self.beside[self.starts[e]..self.starts[e + 1]];
@@ -212,7 +173,7 @@ impl Direct {
 
     /// Finds which equations have velocities in common.
     fn find_beside(&mut self, island: &Island) {
-        let rows = &island.linear.rows;
+        let rows = island.rows;
         let n = self.equations.len();
         self.links.clear();
         for e in 0..n {

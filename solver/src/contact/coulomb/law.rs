@@ -12,7 +12,7 @@
 //! β is r times the friction e of b = 0 and s = 0 with Λ = 1/μ, and r_n/r is not less than μ times the quadratic form
 //! of W for (1/μ, -e) and the work that e takes. So there is a root, for any μ, and it is bracketed.
 
-use crate::moreau::rows::{Contact, Pair, Rows};
+use super::rows::{ContactRows, Rows};
 
 /// An eigenvalue below this share of the other one is zero, and a velocity that nothing changes below this share of the
 /// other one is.
@@ -20,6 +20,9 @@ const ROUNDING: f64 = 1e-13;
 /// Steps to the ρ and to the r of a contact.
 const MOST_SHIFTS: usize = 40;
 const MOST_BOUNDS: usize = 80;
+
+/// Up to two numbers, of the entries of a slip velocity; zero where there are less.
+pub(crate) type Pair = [f64; 2];
 
 /// W of a contact, in the axes in which W_tt is diagonal.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +38,7 @@ pub(crate) struct Cone {
 
 impl Cone {
     /// W of a contact.
-    pub fn of(rows: &Rows, contact: &Contact) -> Self {
+    pub fn of(rows: &Rows, contact: &ContactRows) -> Self {
         let [n, t, u] = [contact.normal, contact.normal + 1, contact.normal + 2];
         let tangential = [rows.diagonal(t), rows.coupling(t, u), rows.diagonal(u)];
         let cross = [rows.coupling(t, n), rows.coupling(u, n)];
@@ -96,7 +99,7 @@ impl Cone {
         }
         let at = |r: f64| {
             let normal = r / friction;
-            let beta = self.rub([s[0] + along * normal, s[1] + across * normal], r);
+            let beta = self.friction([s[0] + along * normal, s[1] + across * normal], r);
             let rest = b + self.normal * normal - along * beta[0] - across * beta[1];
             (rest, beta)
         };
@@ -108,7 +111,7 @@ impl Cone {
     }
 
     /// β with |β| ≤ r for a velocity s that slips without it.
-    fn rub(&self, s: Pair, r: f64) -> Pair {
+    fn friction(&self, s: Pair, r: f64) -> Pair {
         if r <= 0.0 {
             return [0.0; 2];
         }
@@ -168,6 +171,14 @@ pub(crate) fn length([x, y]: Pair) -> f64 {
     if y == 0.0 { x.abs() } else { x.hypot(y) }
 }
 
+/// |v|
+pub(crate) fn norm(v: &[f64]) -> f64 {
+    match v {
+        [one] => one.abs(),
+        _ => v.iter().copied().fold(0.0, f64::hypot),
+    }
+}
+
 fn unit([x, y]: Pair) -> Pair {
     let length = x.hypot(y);
     [x / length, y / length]
@@ -216,20 +227,8 @@ fn root(size: f64, guess: f64, at: impl Fn(f64) -> (f64, Pair)) -> (f64, Pair) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::Numbers;
     use super::*;
-
-    /// Numbers between -1 and 1.
-    struct Numbers(u64);
-
-    impl Numbers {
-        fn next(&mut self) -> f64 {
-            self.0 = self
-                .0
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-        }
-    }
 
     /// Random W = A Aᵀ, with rows that depend on each other in every third, velocities and μ up to 4.
     #[test]
