@@ -79,7 +79,7 @@ pub struct Stats {
 }
 
 /// What is known about a result.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Certificate {
     /// Kind of stationarity of an optimum.
     pub stationarity: Stationarity,
