@@ -176,6 +176,14 @@ impl Series {
         &self.values[k * n..(k + 1) * n]
     }
 
+    /// The entries by their names, with their values at all instants.
+    #[cfg(feature = "plots")]
+    pub(crate) fn columns(&self) -> impl Iterator<Item = (String, Vec<f64>)> {
+        let n = self.n_entries();
+        let column = move |k| self.values.iter().skip(k).step_by(n).copied().collect();
+        self.entry_names().into_iter().zip((0..n).map(column))
+    }
+
     /// `x` and `[2, 1]` of `x[2..3,1..2]`: what it is a part of, and its first indices.
     fn part(&self) -> Option<(&str, Vec<usize>)> {
         let (base, indices) = self.name.strip_suffix(']')?.rsplit_once('[')?;
