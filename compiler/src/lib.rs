@@ -273,7 +273,7 @@ fn open_algebraics(system: &System, settings: &Settings) -> Option<ExperimentErr
         return Some(ExperimentError::OpenAlgebraic { what, span });
     }
     // Elsewhere left ends are nodes, or right ends are none.
-    let is_radau = task.scheme.0 == Family::RadauIia;
+    let is_radau = task.discretization.scheme.0 == Family::RadauIia;
     let has_other_lefts = settings.freezes() || settings.takes_impulses();
     (!is_radau || has_other_lefts).then(|| ExperimentError::OpenAlgebraicScheme {
         what,
@@ -353,7 +353,7 @@ fn bends(data: &model::Data, settings: &Settings) -> Result<(), ExperimentError>
         return Ok(());
     };
     let horizon = task.horizon.unwrap_or((settings.horizon, settings.horizon));
-    match lowering::discretize::inside(&data.table, horizon, task.intervals) {
+    match lowering::discretize::inside(&data.table, horizon, task.discretization.intervals) {
         None => Ok(()),
         Some(time) => Err(ExperimentError::Bends {
             name: data.name.clone(),

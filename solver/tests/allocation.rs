@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nsd_solver::event::{Event, Observer, Segment, Simulator};
 use nsd_solver::hybrid::{HybridSystem, Input, Settings, Side, Status, Switch, SwitchKind};
 use nsd_solver::optimization::ipm::{BarrierRule, Options, solve};
-use nsd_solver::optimization::problem::{Bounds, Nlp, Pattern};
+use nsd_solver::optimization::problem::{Bounds, Nlp, Pattern, Structure};
 use nsd_solver::tape::{Tape, TapeBuilder, Value};
 
 /// x₁' = x₂, x₂' = -x₁, x₃' = 1 + x₁/2 - 2α on ψ₁ = x₃, and ψ₂ = x₁ - 1.001 and ψ₃ = x₁² - 1.001,
@@ -169,38 +169,20 @@ impl Chain {
 }
 
 impl Nlp for Chain {
-    fn n_variables(&self) -> usize {
-        self.start.len()
-    }
-
-    fn n_rows(&self) -> usize {
-        self.start.len() - 1
-    }
-
-    fn variable_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.bounds[0],
-            upper: &self.bounds[1],
+    fn structure(&self) -> Structure<'_> {
+        Structure {
+            variables: Bounds {
+                lower: &self.bounds[0],
+                upper: &self.bounds[1],
+            },
+            rows: Bounds {
+                lower: &self.bounds[2],
+                upper: &self.bounds[3],
+            },
+            start: &self.start,
+            jacobian: &self.jacobian,
+            hessian: &self.hessian,
         }
-    }
-
-    fn row_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.bounds[2],
-            upper: &self.bounds[3],
-        }
-    }
-
-    fn start(&self) -> &[f64] {
-        &self.start
-    }
-
-    fn jacobian_pattern(&self) -> &Pattern {
-        &self.jacobian
-    }
-
-    fn hessian_pattern(&self) -> &Pattern {
-        &self.hessian
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {

@@ -261,7 +261,7 @@ fn printed_forms() {
         let grid = Grid {
             start: 0.0,
             horizon: settings.horizon,
-            steps: task.intervals,
+            steps: task.discretization.intervals,
         };
         let options = discretize::Options::optimize(task);
         let (mpcc, _) = discretize(&dcs, grid, &options).expect("it is small");

@@ -317,7 +317,7 @@ fn started(text: &str) -> Vec<f64> {
         let program = optimize::program(system, settings, task, &[]).expect("the program is small");
         let states = program.variables.iter().rfind(|block| block.name == "x");
         let guesses = &states.expect("there is a state").bounds;
-        let per_interval = guesses.len() / task.intervals;
+        let per_interval = guesses.len() / task.discretization.intervals;
         let ends = guesses.chunks(per_interval).map(|of| of[per_interval - 1]);
         ends.map(|bounds| bounds.guess).collect()
     })

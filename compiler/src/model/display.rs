@@ -35,8 +35,8 @@ impl<'e> fmt::Display for Model<'e> {
         self.switches
             .iter()
             .try_for_each(|switch| write_switch(f, switch))?;
-        self.write_rates(f, "", &self.dynamics)?;
-        for region in &self.regions {
+        self.write_rates(f, "", &self.statements.dynamics)?;
+        for region in &self.statements.regions {
             write!(f, "region {} ", region.name)?;
             match region.indicator {
                 Some(indicator) => writeln!(f, "indicator {indicator}")?,
@@ -45,23 +45,24 @@ impl<'e> fmt::Display for Model<'e> {
             }
             self.write_rates(f, "  ", &region.rates)?;
         }
-        for hidden in &self.hidden {
+        for hidden in &self.statements.hidden {
             writeln!(f, "hidden on {}", self.switches[hidden.switch].name)?;
             self.write_rates(f, "  ", &hidden.rates)?;
         }
         self.write_decompositions(f)?;
-        self.contacts
+        self.statements
+            .contacts
             .iter()
             .try_for_each(|contact| write_contact(f, contact))?;
         self.write_projections(f)?;
-        for equation in &self.equations {
+        for equation in &self.statements.equations {
             writeln!(f, "0 = {}", equation.residual)?;
         }
-        for pair in &self.complementarities {
+        for pair in &self.statements.complementarities {
             let [a, b] = pair.members;
             writeln!(f, "0 <= {a} perp {b} >= 0")?;
         }
-        for jump in &self.jumps {
+        for jump in &self.statements.jumps {
             writeln!(f, "jump {} {}", jump.name, jump.guard)?;
             for reset in &jump.resets {
                 writeln!(f, "  {} := {}", self.entry_name(reset.entry), reset.value)?;
@@ -91,7 +92,7 @@ impl Model<'_> {
     }
 
     fn write_projections(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for projection in &self.projections {
+        for projection in &self.statements.projections {
             let entries = projection.entries.iter();
             let names: Vec<String> = entries.map(|&entry| self.entry_name(entry)).collect();
             writeln!(f, "project {}", names.join(", "))?;

@@ -82,12 +82,29 @@ pub struct Model<'e> {
     pub outputs: Vec<Named<'e>>,
     /// Named switching terms.
     pub switches: Vec<NamedSwitch<'e>>,
+    /// What the statements say.
+    pub statements: Statements<'e>,
+    /// Regions that set a common state, with the states they set.
+    pub partitions: Vec<Partition>,
+    /// Every switching function with the name users know it by.
+    pub surfaces: Vec<Surface<'e>>,
+    /// Calls of `floor` and `mod`, inner ones first.
+    pub rounded: Vec<Rounded<'e>>,
+    /// Params in an order in which their defaults can be evaluated.
+    pub param_order: Vec<usize>,
+    /// Names, for the expressions of an experiment.
+    pub scope: Scope<'e>,
+    /// The `model` item.
+    pub span: Span,
+}
+
+/// What the statements of a model say, those of its parts included.
+#[derive(Clone, Debug, Default)]
+pub struct Statements<'e> {
     /// Dynamics outside regions.
     pub dynamics: Vec<Rate<'e>>,
     /// Piecewise dynamics.
     pub regions: Vec<Region<'e>>,
-    /// Regions that set a common state, with the states they set.
-    pub partitions: Vec<Partition>,
     /// Terms that vanish off a switch's surface.
     pub hidden: Vec<Hidden<'e>>,
     /// Laws by which states jump, in order.
@@ -106,16 +123,6 @@ pub struct Model<'e> {
     pub multipliers: Vec<Multiplier<'e>>,
     /// Programs, the conditions of which are among equations and complementarities.
     pub programs: Vec<Program<'e>>,
-    /// Every switching function with the name users know it by.
-    pub surfaces: Vec<Surface<'e>>,
-    /// Calls of `floor` and `mod`, inner ones first.
-    pub rounded: Vec<Rounded<'e>>,
-    /// Params in an order in which their defaults can be evaluated.
-    pub param_order: Vec<usize>,
-    /// Names, for the expressions of an experiment.
-    pub scope: Scope<'e>,
-    /// The `model` item.
-    pub span: Span,
 }
 
 /// A param, state, control or input.
@@ -444,7 +451,7 @@ impl<'e> Model<'e> {
             let entries = z.vars.iter().enumerate();
             entries.map(|(k, &var)| (var, z.shape.entry_name(&z.name, k), z.span))
         });
-        let multipliers = self.multipliers.iter();
+        let multipliers = self.statements.multipliers.iter();
         declared.chain(multipliers.map(|m| (m.var, m.name.clone(), m.span)))
     }
 

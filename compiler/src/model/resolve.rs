@@ -102,12 +102,7 @@ fn walk<'e>(
         let inner = instance.parts.iter().map(|inner| &inner.instance);
         open.extend(inner.rev());
     }
-    (model.dynamics, model.regions, model.hidden) = (walk.dynamics, walk.regions, walk.hidden);
-    model.jumps = walk.jumps;
-    (model.bodies, model.contacts) = (walk.bodies, walk.contacts);
-    model.projections = walk.projections;
-    (model.equations, model.complementarities) = (walk.equations, walk.complementarities);
-    (model.multipliers, model.programs) = (walk.multipliers, walk.programs);
+    model.statements = walk.found;
     walk.touched
 }
 

@@ -9,7 +9,6 @@ mod error;
 mod json;
 mod text;
 
-use nsd_solver::optimization::mpcc::Class;
 use nsd_solver::optimization::nl::{Code, Named, Problem, Quality};
 use nsd_solver::optimization::problem::Nlp;
 use nsd_solver::optimization::{mpcc, nl};
@@ -130,7 +129,7 @@ pub fn solve(
         is_maximized: problem.sense == nl::Sense::Maximize,
         quality,
         worst,
-        stationarity: stationarity(solution.class, solution.b_stationary),
+        stationarity: Stationarity::of(solution.class, solution.b_stationary),
         stats: Stats {
             compile_s: read_s,
             solve_s,
@@ -165,18 +164,5 @@ fn outcome(status: mpcc::Status) -> (Status, Code) {
         mpcc::Status::Evaluation | mpcc::Status::NumericalFailure => {
             (Status::NumericalFailure, Code::Failure)
         }
-    }
-}
-
-/// The strongest statement: S implies B, B implies nothing that the multipliers would show.
-fn stationarity(class: Class, b_stationary: Option<bool>) -> Stationarity {
-    match (class, b_stationary) {
-        (Class::S, _) => Stationarity::S,
-        (_, Some(true)) => Stationarity::B,
-        (Class::M, _) => Stationarity::M,
-        (Class::C, _) => Stationarity::C,
-        (Class::A, _) => Stationarity::A,
-        (Class::W, _) => Stationarity::W,
-        (Class::None, _) => Stationarity::None,
     }
 }

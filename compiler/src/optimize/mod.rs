@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 use nsd_solver::linalg::analyses::Analyses;
 use nsd_solver::optimization::mpcc;
-use nsd_solver::optimization::mpcc::{Class, MultiStart, Solution};
+use nsd_solver::optimization::mpcc::{MultiStart, Solution};
 use nsd_solver::optimization::problem::Nlp;
 
 use crate::expr::Var;
@@ -279,7 +279,7 @@ impl<'e> Problem<'e> {
         let grid = Grid {
             start: 0.0,
             horizon: settings.horizon,
-            steps: task.intervals,
+            steps: task.discretization.intervals,
         };
         let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
         let program = match given {
@@ -344,7 +344,8 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 /// What the solver says about its solution.
 fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory) {
     let Problem { task, settings, .. } = problem;
-    let (family, nodes) = task.scheme;
+    let grid = &task.discretization;
+    let (family, nodes) = grid.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
     let formulation = problem.dcs.formulation.word();
@@ -362,8 +363,8 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
         name: "mpcc".into(),
         options: vec![
             word("scheme", &format!("{}({nodes})", family.word())),
-            number("intervals", task.intervals),
-            number("elements", task.elements),
+            number("intervals", grid.intervals),
+            number("elements", grid.elements),
             word("lowering", &lowering),
             number("variables", problem.program.n_variables()),
             number("rows", problem.program.n_rows()),
@@ -371,19 +372,11 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
         ],
     };
     trajectory.certificate = Certificate {
-        stationarity: match (solution.class, solution.b_stationary) {
-            (Class::S, _) => Stationarity::S,
-            (_, Some(true)) => Stationarity::B,
-            (Class::M, _) => Stationarity::M,
-            (Class::C, _) => Stationarity::C,
-            (Class::A, _) => Stationarity::A,
-            (Class::W, _) => Stationarity::W,
-            (Class::None, _) => Stationarity::None,
-        },
+        stationarity: Stationarity::of(solution.class, solution.b_stationary),
         max_violation: solution.residuals.violation,
     };
     trajectory.stats = Stats {
-        steps: (task.intervals * task.elements) as u64,
+        steps: (grid.intervals * grid.elements) as u64,
         newton_iterations: solution.stats.iterations as u64,
         homotopy_steps: solution.stats.relaxed as u64,
         complementarity_residual: solution.residuals.complementarity,

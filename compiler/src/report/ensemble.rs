@@ -1,7 +1,7 @@
 //! Quantiles of many runs.
 
 /// What many runs of an experiment say together.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Ensemble {
     /// How many.
     pub runs: usize,
@@ -14,6 +14,7 @@ pub struct Ensemble {
     /// Instants of the quantiles.
     pub time: Vec<f64>,
     /// One for every entry of states and outputs.
+    #[serde(rename = "quantiles", serialize_with = "super::forms::json::quantiles")]
     pub bands: Vec<Bands>,
 }
 

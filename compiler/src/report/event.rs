@@ -3,7 +3,7 @@
 use crate::source::Span;
 
 /// Something that happened at an instant.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Event {
     /// When.
     pub time: f64,
@@ -16,13 +16,15 @@ pub struct Event {
     /// The mode after.
     pub to: String,
     /// Where the surface is written.
+    #[serde(skip)]
     pub span: Option<Span>,
     /// The sliding modes there, where a nonlinear switch had to choose.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sliding: Vec<SlidingMode>,
 }
 
 /// A value of a nonlinear switch that keeps the state on its surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SlidingMode {
     /// The value of the switch, as its statement reads it.
     pub value: f64,

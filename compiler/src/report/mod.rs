@@ -105,11 +105,12 @@ pub struct Averaged {
 }
 
 /// Algebraic variables at instants of their own.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Multipliers {
     /// Instants, ascending; twice where two elements meet, as what jumps has two values there.
     pub time: Vec<f64>,
     /// One scalar series per variable.
+    #[serde(serialize_with = "forms::json::by_name")]
     pub values: Vec<Series>,
 }
 
@@ -134,11 +135,12 @@ impl Kind {
 }
 
 /// A method with the options it ran with.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Method {
     /// `event`, `fesd`, ...
     pub name: String,
     /// Options by name.
+    #[serde(flatten, serialize_with = "forms::json::as_map")]
     pub options: Vec<(String, MethodOption)>,
 }
 
@@ -172,6 +174,14 @@ impl Series {
     pub fn at(&self, k: usize) -> &[f64] {
         let n = self.n_entries();
         &self.values[k * n..(k + 1) * n]
+    }
+
+    /// The entries by their names, with their values at all instants.
+    #[cfg(feature = "plots")]
+    pub(crate) fn columns(&self) -> impl Iterator<Item = (String, Vec<f64>)> {
+        let n = self.n_entries();
+        let column = move |k| self.values.iter().skip(k).step_by(n).copied().collect();
+        self.entry_names().into_iter().zip((0..n).map(column))
     }
 
     /// `x` and `[2, 1]` of `x[2..3,1..2]`: what it is a part of, and its first indices.
@@ -210,7 +220,7 @@ impl Series {
 }
 
 /// An interval of time without a change of mode.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ModeInterval {
     /// First instant.
     pub from: f64,
@@ -219,12 +229,16 @@ pub struct ModeInterval {
     /// Regions and sliding surfaces, as printed: `inside, sliding on x[1]`.
     pub mode: String,
     /// Names of the regions the state is in; none while it slides between them.
+    #[serde(skip)]
     pub regions: Vec<String>,
     /// Regions with indicators that the state slides between, by partition.
+    #[serde(skip)]
     pub between: Vec<Vec<String>>,
     /// The side of every switch, in the order of [`Trajectory::switches`].
+    #[serde(skip)]
     pub sides: Vec<Side>,
     /// Contacts of steps of time that are not open, by their index in the system, ascending.
+    #[serde(skip)]
     pub contacts: Vec<(usize, Side)>,
 }
 
@@ -256,13 +270,14 @@ pub enum Side {
 }
 
 /// A warning of a run.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Warning {
     /// Its code, `W0102`.
     pub code: String,
     /// The fact.
     pub message: String,
     /// Where it comes from.
+    #[serde(skip)]
     pub span: Option<Span>,
 }
 

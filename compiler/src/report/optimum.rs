@@ -32,11 +32,13 @@ pub struct Optimum {
 }
 
 /// What an optimum consists of.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Values {
     /// Free parameters, by their names with index.
+    #[serde(serialize_with = "super::forms::json::as_map")]
     pub free: Vec<(String, f64)>,
     /// The terms of the objective, as they are written; none where they do not come apart.
+    #[serde(rename = "objective_terms")]
     pub terms: Vec<Term>,
     /// Bounds with their multipliers; none where these are not known to be derivatives.
     pub constraints: Vec<Constraint>,

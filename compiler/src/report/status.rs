@@ -1,5 +1,7 @@
 //! How a run ended, what it cost, and what is known about its result.
 
+use nsd_solver::optimization::mpcc::Class;
+
 /// How a run ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Status {
@@ -79,7 +81,7 @@ pub struct Stats {
 }
 
 /// What is known about a result.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Certificate {
     /// Kind of stationarity of an optimum.
     pub stationarity: Stationarity,
@@ -108,6 +110,19 @@ pub enum Stationarity {
 }
 
 impl Stationarity {
+    /// The strongest statement: S implies B, B implies nothing that the multipliers would show.
+    pub(crate) fn of(class: Class, b_stationary: Option<bool>) -> Self {
+        match (class, b_stationary) {
+            (Class::S, _) => Stationarity::S,
+            (_, Some(true)) => Stationarity::B,
+            (Class::M, _) => Stationarity::M,
+            (Class::C, _) => Stationarity::C,
+            (Class::A, _) => Stationarity::A,
+            (Class::W, _) => Stationarity::W,
+            (Class::None, _) => Stationarity::None,
+        }
+    }
+
     /// The word of the JSON form.
     pub fn as_str(self) -> &'static str {
         match self {

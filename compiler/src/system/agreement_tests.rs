@@ -56,8 +56,8 @@ fn agrees(compiled: &Compiled<'_>) {
             values.insert(switch.alpha.as_variable().unwrap(), side);
         }
         for (entry, state) in system.states.iter().enumerate() {
-            let outside = model.dynamics.iter().map(|rate| (rate, 1.0));
-            let inside = model.regions.iter().flat_map(|region| {
+            let outside = model.statements.dynamics.iter().map(|rate| (rate, 1.0));
+            let inside = model.statements.regions.iter().flat_map(|region| {
                 let weight = of(region.guard, &values);
                 region.rates.iter().map(move |rate| (rate, weight))
             });
@@ -71,7 +71,7 @@ fn agrees(compiled: &Compiled<'_>) {
                 "{} at {at:?}: {written}, {lowered}",
                 state.name
             );
-            for rate in &model.dynamics {
+            for rate in &model.statements.dynamics {
                 let read = of(system.read(rate.value), &values);
                 assert!(
                     (read - of(rate.value, &values)).abs() < 1e-9,

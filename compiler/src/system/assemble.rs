@@ -273,10 +273,13 @@ impl<'e> Lowering<'_, 'e> {
 
     fn states(&self, rates: &[Expr<'e>], algebraics: Vec<State<'e>>) -> Vec<State<'e>> {
         let model = self.model;
-        let statements = model
-            .dynamics
-            .iter()
-            .chain(model.regions.iter().flat_map(|region| &region.rates));
+        let statements = model.statements.dynamics.iter().chain(
+            model
+                .statements
+                .regions
+                .iter()
+                .flat_map(|region| &region.rates),
+        );
         let mut set_at: FxHashMap<usize, Span> = FxHashMap::default();
         for rate in statements.filter(|rate| !rate.adds) {
             set_at.entry(rate.entry).or_insert(rate.span);

@@ -285,7 +285,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
                 terms.push(value);
             }
         };
-        for rate in &model.dynamics {
+        for rate in &model.statements.dynamics {
             if !self.needs.entries[rate.entry] {
                 continue;
             }
@@ -293,7 +293,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
             self.check(value, rate.span, diags);
             add(rate, value);
         }
-        for (r, region) in model.regions.iter().enumerate() {
+        for (r, region) in model.statements.regions.iter().enumerate() {
             if !self.needs.regions[r] {
                 continue;
             }
@@ -310,7 +310,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
                 add(rate, weight * value);
             }
         }
-        for hidden in &model.hidden {
+        for hidden in &model.statements.hidden {
             let reading = self.sliding(hidden.switch);
             let mut asks = reading.is_none();
             for rate in &hidden.rates {

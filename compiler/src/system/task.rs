@@ -220,7 +220,7 @@ impl<'e> Lowering<'_, 'e> {
         };
         Some(Task {
             controls: self.decided(),
-            shape: asked.controls,
+            shape: asked.discretization.controls,
             horizon: asked.horizon,
             params: places(&asked.params, &params),
             initial: [places(&asked.initial, &states), tied].concat(),

@@ -7,8 +7,10 @@
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus,
-    ZeroConeT,
+    SupportedConeT, ZeroConeT,
 };
+
+use crate::runtime::limit::Limit;
 
 /// K: where several affine functions lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,53 +46,137 @@ pub struct Solution {
 /// `hessian` is P row by row, symmetric and positive semidefinite, and `cost` is c.
 pub fn solve(hessian: &[f64], cost: &[f64], blocks: &[Block]) -> Option<Solution> {
     let n = cost.len();
-    let (mut rows, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
-    for i in 0..n {
-        for j in i..n {
-            rows.push(i);
-            columns.push(j);
-            values.push(hessian[i * n + j]);
-        }
+    let mut program = Program::default();
+    for (i, j) in (0..n).flat_map(|i| (i..n).map(move |j| (i, j))) {
+        program.hessian.push((i, j, hessian[i * n + j]));
     }
-    let hessian = CscMatrix::new_from_triplets(n, n, rows, columns, values);
-    // Clarabel's rows are -A x + s = b with s in the cone.
-    let (mut rows, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
-    let mut offsets = Vec::new();
-    for (a, b) in blocks.iter().flat_map(|block| &block.rows) {
-        for (j, a) in a.iter().enumerate().filter(|(_, a)| **a != 0.0) {
-            rows.push(offsets.len());
-            columns.push(j);
-            values.push(-a);
-        }
-        offsets.push(*b);
+    for block in blocks {
+        let rows = block.rows.iter();
+        let sparse = |a: &[f64]| -> Vec<(usize, f64)> {
+            let entries = a.iter().copied().enumerate();
+            entries.filter(|&(_, a)| a != 0.0).collect()
+        };
+        program.add(block.set, rows.map(|(a, b)| (sparse(a), *b)));
     }
-    let matrix = CscMatrix::new_from_triplets(offsets.len(), n, rows, columns, values);
-    let cones = blocks.iter().map(|block| match block.set {
-        Set::Zero => ZeroConeT(block.rows.len()),
-        Set::NonNegative => NonnegativeConeT(block.rows.len()),
-        Set::SecondOrder => SecondOrderConeT(block.rows.len()),
-    });
-    let cones: Vec<_> = cones.collect();
-    let settings = DefaultSettings {
-        verbose: false,
-        presolve_enable: false,
-        ..DefaultSettings::default()
-    };
-    let mut solver =
-        DefaultSolver::new(&hessian, cost, &matrix, &offsets, &cones, settings).ok()?;
-    solver.solve();
-    let solution = &solver.solution;
-    let is_solved = matches!(
-        solution.status,
-        SolverStatus::Solved | SolverStatus::AlmostSolved
-    );
-    let mut duals = solution.z.iter().copied();
-    is_solved.then(|| Solution {
-        x: solution.x.clone(),
+    let found = program.minimize(cost, DefaultSettings::default(), None)?;
+    let mut duals = found.z.into_iter();
+    (found.end == End::Solved).then(|| Solution {
+        x: found.x,
         duals: (blocks.iter())
             .map(|block| duals.by_ref().take(block.rows.len()).collect())
             .collect(),
     })
+}
+
+/// The program as Clarabel takes it: minimize ½ xᵀP x + cᵀx  subject to  -A x + s = b, s ∈ K.
+#[derive(Default)]
+pub(crate) struct Program {
+    /// The entries (row, column, value) of the upper triangle of P.
+    pub hessian: Vec<(usize, usize, f64)>,
+    /// Those of -A.
+    rows: Vec<(usize, usize, f64)>,
+    /// b.
+    offsets: Vec<f64>,
+    /// The factors of K, in the order of the rows.
+    cones: Vec<SupportedConeT<f64>>,
+}
+
+/// The last iterate of the method.
+pub(crate) struct Iterate {
+    /// x.
+    pub x: Vec<f64>,
+    /// A multiplier for every row.
+    pub z: Vec<f64>,
+    /// How the method has ended there.
+    pub end: End,
+}
+
+/// How the method ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    /// With a solution to the tolerance, or to the reduced one.
+    Solved,
+    /// With a proof that no x satisfies all rows.
+    Infeasible,
+    /// With neither.
+    Failed,
+}
+
+impl Program {
+    /// Adds A x + b ∈ K, with the entries of A and b row by row.
+    pub fn add<R>(&mut self, set: Set, rows: impl IntoIterator<Item = (R, f64)>)
+    where
+        R: IntoIterator<Item = (usize, f64)>,
+    {
+        let first = self.offsets.len();
+        for (a, b) in rows {
+            let row = self.offsets.len();
+            self.rows.extend(a.into_iter().map(|(j, a)| (row, j, -a)));
+            self.offsets.push(b);
+        }
+        let n = self.offsets.len() - first;
+        self.cones.push(match set {
+            Set::Zero => ZeroConeT(n),
+            Set::NonNegative => NonnegativeConeT(n),
+            Set::SecondOrder => SecondOrderConeT(n),
+        });
+    }
+
+    /// Runs the method, as long as the limit allows; `None` where Clarabel takes no such program.
+    pub fn minimize(
+        self,
+        cost: &[f64],
+        settings: DefaultSettings<f64>,
+        limit: Option<&Limit>,
+    ) -> Option<Iterate> {
+        let n = cost.len();
+        let hessian = matrix(n, n, &self.hessian);
+        let rows = matrix(self.offsets.len(), n, &self.rows);
+        let settings = DefaultSettings {
+            verbose: false,
+            presolve_enable: false,
+            ..settings
+        };
+        let (offsets, cones) = (&self.offsets, &self.cones);
+        let mut solver =
+            DefaultSolver::new(&hessian, cost, &rows, offsets, cones, settings).ok()?;
+        if let Some(limit) = limit.cloned() {
+            solver.set_termination_callback(move |_: &_| limit.is_over());
+        }
+        solver.solve();
+        let solution = solver.solution;
+        let end = match solution.status {
+            SolverStatus::Solved | SolverStatus::AlmostSolved => End::Solved,
+            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
+                End::Infeasible
+            }
+            _ => End::Failed,
+        };
+        let (x, z) = (solution.x, solution.z);
+        Some(Iterate { x, z, end })
+    }
+}
+
+/// A matrix of its entries (row, column, value).
+fn matrix(n_rows: usize, n_columns: usize, entries: &[(usize, usize, f64)]) -> CscMatrix<f64> {
+    let rows = entries.iter().map(|entry| entry.0).collect();
+    let columns = entries.iter().map(|entry| entry.1).collect();
+    let values = entries.iter().map(|entry| entry.2).collect();
+    CscMatrix::new_from_triplets(n_rows, n_columns, rows, columns, values)
+}
+
+/// Settings with what is asked of residuals and of the duality gap, relative to the size of the problem, and what is a
+/// solution too where the method stalls above it.
+pub(crate) fn settings(tolerance: f64, reduced: f64) -> DefaultSettings<f64> {
+    DefaultSettings {
+        tol_gap_abs: tolerance,
+        tol_gap_rel: tolerance,
+        tol_feas: tolerance,
+        reduced_tol_gap_abs: reduced,
+        reduced_tol_gap_rel: reduced,
+        reduced_tol_feas: reduced,
+        ..DefaultSettings::default()
+    }
 }
 
 #[cfg(test)]

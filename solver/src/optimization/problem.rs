@@ -23,25 +23,83 @@ pub struct Bounds<'a> {
     pub upper: &'a [f64],
 }
 
+/// [`Bounds`] that are held.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Intervals {
+    /// Lower bounds.
+    pub lower: Vec<f64>,
+    /// Upper bounds.
+    pub upper: Vec<f64>,
+}
+
+impl Intervals {
+    /// The bounds.
+    pub fn view(&self) -> Bounds<'_> {
+        Bounds {
+            lower: &self.lower,
+            upper: &self.upper,
+        }
+    }
+
+    /// Bounds, and more with one interval each.
+    pub fn extended(bounds: Bounds<'_>, n: usize, [lower, upper]: [f64; 2]) -> Self {
+        Intervals {
+            lower: [bounds.lower, &vec![lower; n]].concat(),
+            upper: [bounds.upper, &vec![upper; n]].concat(),
+        }
+    }
+}
+
+/// The bounds, the start and the patterns of a program.
+#[derive(Clone, Copy, Debug)]
+pub struct Structure<'a> {
+    /// l and u.
+    pub variables: Bounds<'a>,
+    /// cl and cu; equal for equations.
+    pub rows: Bounds<'a>,
+    /// Where to start; not necessarily within the bounds.
+    pub start: &'a [f64],
+    /// The pattern of the Jacobian of c, m by n.
+    pub jacobian: &'a Pattern,
+    /// The pattern of the lower triangle of the Hessian of the Lagrangian, n by n: columns do not exceed their row.
+    pub hessian: &'a Pattern,
+}
+
 /// minimize f(w) subject to cl <= c(w) <= cu, l <= w <= u; f and c are twice differentiable.
 ///
 /// Values that are not finite are allowed: a solver takes a shorter step there. Slices have the lengths that their
 /// names say, and the functions allocate nothing.
 pub trait Nlp {
+    /// What is known before any function is evaluated.
+    fn structure(&self) -> Structure<'_>;
     /// The number n of variables.
-    fn n_variables(&self) -> usize;
+    fn n_variables(&self) -> usize {
+        self.structure().variables.lower.len()
+    }
     /// The number m of rows c.
-    fn n_rows(&self) -> usize;
+    fn n_rows(&self) -> usize {
+        self.structure().rows.lower.len()
+    }
     /// l and u.
-    fn variable_bounds(&self) -> Bounds<'_>;
+    fn variable_bounds(&self) -> Bounds<'_> {
+        self.structure().variables
+    }
     /// cl and cu; equal for equations.
-    fn row_bounds(&self) -> Bounds<'_>;
-    /// Where to start; not necessarily within the bounds.
-    fn start(&self) -> &[f64];
-    /// The pattern of the Jacobian of c, m by n.
-    fn jacobian_pattern(&self) -> &Pattern;
-    /// The pattern of the lower triangle of the Hessian of the Lagrangian, n by n: columns do not exceed their row.
-    fn hessian_pattern(&self) -> &Pattern;
+    fn row_bounds(&self) -> Bounds<'_> {
+        self.structure().rows
+    }
+    /// Where to start.
+    fn start(&self) -> &[f64] {
+        self.structure().start
+    }
+    /// The pattern of the Jacobian.
+    fn jacobian_pattern(&self) -> &Pattern {
+        self.structure().jacobian
+    }
+    /// The pattern of the Hessian.
+    fn hessian_pattern(&self) -> &Pattern {
+        self.structure().hessian
+    }
     /// Whether f depends on anything; where it does not, all feasible points are minima.
     fn has_objective(&self) -> bool {
         true

@@ -1,12 +1,10 @@
-//! Convex quadratic programs with a diagonal Hessian, by the interior point method of Clarabel.
+//! Convex quadratic programs with a diagonal Hessian, as programs over the cone of what is not negative ([`super::conic`]).
 //!
 //! minimize ½ Σ d_j x_j² + cᵀx  subject to  a_i·x + b_i >= 0
 //!
-//! Goulart & Chen 2024, *Clarabel: an interior-point solver for conic programs with quadratic objectives*.
 //! Linear programs have d = 0.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
+use super::conic::{self, End, Program, Set};
 
 /// The half-space a·x + b >= 0, a by its entries that are not zero.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +27,9 @@ pub struct Solution {
 /// What is asked of residuals and of the duality gap, relative to the size of the problem.
 const TOLERANCE: f64 = 1e-11;
 
+/// What stalls just above the tolerance is a solution too, within this.
+const REDUCED: f64 = 1e3 * TOLERANCE;
+
 /// Solves the program; `None` where the method finds no solution.
 ///
 /// `curvature` is d and `cost` is c, both with an entry per variable.
@@ -39,53 +40,21 @@ pub fn solve(curvature: &[f64], cost: &[f64], rows: &[HalfSpace]) -> Option<Solu
 
 /// The last iterate, and whether it is a solution to the tolerance.
 pub fn approach(curvature: &[f64], cost: &[f64], rows: &[HalfSpace]) -> Option<(Solution, bool)> {
-    let n = cost.len();
-    let settings = DefaultSettings {
-        verbose: false,
-        tol_gap_abs: TOLERANCE,
-        tol_gap_rel: TOLERANCE,
-        tol_feas: TOLERANCE,
-        // What stalls just above the tolerance is a solution too, within this.
-        reduced_tol_gap_abs: 1e3 * TOLERANCE,
-        reduced_tol_gap_rel: 1e3 * TOLERANCE,
-        reduced_tol_feas: 1e3 * TOLERANCE,
-        presolve_enable: false,
-        ..DefaultSettings::default()
-    };
-    let entries = |d: &[f64]| -> Vec<usize> { (0..d.len()).filter(|&j| d[j] != 0.0).collect() };
-    let curved = entries(curvature);
-    let hessian = CscMatrix::new_from_triplets(
-        n,
-        n,
-        curved.clone(),
-        curved.clone(),
-        curved.iter().map(|&j| curvature[j]).collect(),
-    );
-    // Clarabel's rows are A x + s = b with s >= 0, that is -a·x + s = b.
-    let (mut at_row, mut at_column, mut values) = (Vec::new(), Vec::new(), Vec::new());
-    for (i, row) in rows.iter().enumerate() {
-        for &(j, a) in &row.normal {
-            at_row.push(i);
-            at_column.push(j);
-            values.push(-a);
-        }
+    let mut program = Program::default();
+    for (j, &d) in curvature.iter().enumerate().filter(|(_, d)| **d != 0.0) {
+        program.hessian.push((j, j, d));
     }
-    let matrix = CscMatrix::new_from_triplets(rows.len(), n, at_row, at_column, values);
-    let offsets: Vec<f64> = rows.iter().map(|row| row.offset).collect();
-    let cones = [NonnegativeConeT(rows.len())];
-    let mut solver =
-        DefaultSolver::new(&hessian, cost, &matrix, &offsets, &cones, settings).ok()?;
-    solver.solve();
-    let solution = &solver.solution;
-    let is_solved = matches!(
-        solution.status,
-        SolverStatus::Solved | SolverStatus::AlmostSolved
+    let rows = rows.iter();
+    program.add(
+        Set::NonNegative,
+        rows.map(|row| (row.normal.iter().copied(), row.offset)),
     );
-    let found = Solution {
-        x: solution.x.clone(),
-        multipliers: solution.z.iter().map(|z| z.max(0.0)).collect(),
+    let found = program.minimize(cost, conic::settings(TOLERANCE, REDUCED), None)?;
+    let solution = Solution {
+        x: found.x,
+        multipliers: found.z.iter().map(|z| z.max(0.0)).collect(),
     };
-    Some((found, is_solved))
+    Some((solution, found.end == End::Solved))
 }
 
 impl HalfSpace {

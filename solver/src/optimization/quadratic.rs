@@ -18,7 +18,7 @@
 //! assert_eq!(problem.objective(&[1.0, 0.0]), 1.0);
 //! ```
 
-use crate::optimization::problem::{Bounds, Mpcc, Nlp, Pair, Pattern, Side};
+use crate::optimization::problem::{Intervals, Mpcc, Nlp, Pair, Pattern, Side, Structure};
 
 /// constant + Σ c_j w_j + Σ q_ij w_i w_j.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -75,10 +75,8 @@ impl Function {
 pub struct Quadratic {
     objective: Function,
     rows: Vec<Function>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-    row_lower: Vec<f64>,
-    row_upper: Vec<f64>,
+    bounds: Intervals,
+    row_bounds: Intervals,
     start: Vec<f64>,
     pairs: Vec<Pair>,
     jacobian: Pattern,
@@ -100,10 +98,14 @@ impl Quadratic {
             jacobian: Pattern::new(rows.len(), entries),
             hessian: Pattern::new(n, second),
             objective,
-            lower: vec![f64::NEG_INFINITY; n],
-            upper: vec![f64::INFINITY; n],
-            row_lower: rows.iter().map(|row| row.1).collect(),
-            row_upper: rows.iter().map(|row| row.2).collect(),
+            bounds: Intervals {
+                lower: vec![f64::NEG_INFINITY; n],
+                upper: vec![f64::INFINITY; n],
+            },
+            row_bounds: Intervals {
+                lower: rows.iter().map(|row| row.1).collect(),
+                upper: rows.iter().map(|row| row.2).collect(),
+            },
             rows: rows.into_iter().map(|row| row.0).collect(),
             start: vec![0.0; n],
             pairs: Vec::new(),
@@ -112,7 +114,7 @@ impl Quadratic {
 
     /// Bounds a variable.
     pub fn bound(mut self, j: usize, lower: f64, upper: f64) -> Self {
-        (self.lower[j], self.upper[j]) = (lower, upper);
+        (self.bounds.lower[j], self.bounds.upper[j]) = (lower, upper);
         self
     }
 
@@ -130,38 +132,14 @@ impl Quadratic {
 }
 
 impl Nlp for Quadratic {
-    fn n_variables(&self) -> usize {
-        self.lower.len()
-    }
-
-    fn n_rows(&self) -> usize {
-        self.rows.len()
-    }
-
-    fn variable_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.lower,
-            upper: &self.upper,
+    fn structure(&self) -> Structure<'_> {
+        Structure {
+            variables: self.bounds.view(),
+            rows: self.row_bounds.view(),
+            start: &self.start,
+            jacobian: &self.jacobian,
+            hessian: &self.hessian,
         }
-    }
-
-    fn row_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.row_lower,
-            upper: &self.row_upper,
-        }
-    }
-
-    fn start(&self) -> &[f64] {
-        &self.start
-    }
-
-    fn jacobian_pattern(&self) -> &Pattern {
-        &self.jacobian
-    }
-
-    fn hessian_pattern(&self) -> &Pattern {
-        &self.hessian
     }
 
     fn has_objective(&self) -> bool {

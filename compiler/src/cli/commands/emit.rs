@@ -200,7 +200,10 @@ impl From<DiscretizeError> for Refused {
 /// The grid of an experiment, and how its program is made on it.
 fn discretization(settings: &Settings<'_>) -> (Grid, discretize::Options) {
     let (steps, options) = match (&settings.optimize, &settings.method) {
-        (Some(task), _) => (Some(task.intervals), discretize::Options::optimize(task)),
+        (Some(task), _) => (
+            Some(task.discretization.intervals),
+            discretize::Options::optimize(task),
+        ),
         (None, Method::Fesd(options)) => (options.steps, discretize::Options::fesd(options)),
         (None, Method::Timestepping(options)) => {
             (Some(options.steps), discretize::Options::stepping(options))

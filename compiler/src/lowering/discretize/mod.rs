@@ -128,14 +128,14 @@ impl Options {
     /// Those of an `optimize`.
     pub fn optimize(task: &Optimize) -> Self {
         Options {
-            scheme: task.scheme,
+            scheme: task.discretization.scheme,
             form: None,
             detection: Some(Detection {
-                elements: task.elements,
+                elements: task.discretization.elements,
                 cross: task.options.cross,
                 equilibration: task.options.equilibration,
                 // An element may be as long as its interval: which of them a switch is between is the solver's choice.
-                spread: task.elements as f64 - 1.0,
+                spread: task.discretization.elements as f64 - 1.0,
             }),
         }
     }

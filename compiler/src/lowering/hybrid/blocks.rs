@@ -4,6 +4,7 @@
 //! common is no reason: then every change of one side would concern all that is connected.
 
 use nsd_solver::hybrid::Block;
+use petgraph::unionfind::UnionFind;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::expr::{Expr, Node, Var};
@@ -23,22 +24,24 @@ pub(crate) fn cut(rates: &[Expr], switches: &[Vec<usize>], alphas: &[Var]) -> Ve
         alphas: alphas.iter().copied().collect(),
         costs: FxHashMap::default(),
         owners: FxHashMap::default(),
-        parents: (0..rates.len()).collect(),
+        joined: UnionFind::new(rates.len()),
     };
     let small = rates.len() <= SMALL && alphas.len() <= SMALL;
     for (state, &rate) in rates.iter().enumerate() {
         if small {
-            cutter.join(state, 0);
+            cutter.joined.union(state, 0);
         }
         cutter.visit(rate, state);
     }
     let mut blocks: Vec<Block> = Vec::new();
     let mut place = FxHashMap::default();
     for (state, inside) in switches.iter().enumerate() {
-        let at = *place.entry(cutter.root(state)).or_insert_with(|| {
-            blocks.push(Block::default());
-            blocks.len() - 1
-        });
+        let at = *place
+            .entry(cutter.joined.find_mut(state))
+            .or_insert_with(|| {
+                blocks.push(Block::default());
+                blocks.len() - 1
+            });
         blocks[at].states.push(state);
         blocks[at].switches.extend(inside);
     }
@@ -55,7 +58,8 @@ struct Cutter<'e> {
     costs: FxHashMap<Expr<'e>, u32>,
     /// The first rate that an expression occurs in.
     owners: FxHashMap<Expr<'e>, usize>,
-    parents: Vec<usize>,
+    /// The blocks as sets of rates.
+    joined: UnionFind<usize>,
 }
 
 impl<'e> Cutter<'e> {
@@ -65,7 +69,7 @@ impl<'e> Cutter<'e> {
         while let Some(e) = stack.pop() {
             if let Some(&owner) = self.owners.get(&e) {
                 if self.cost(e) >= CHEAP {
-                    self.join(state, owner);
+                    self.joined.union(state, owner);
                 }
                 continue;
             }
@@ -95,20 +99,6 @@ impl<'e> Cutter<'e> {
             self.costs.insert(e, cost.min(CHEAP));
         }
         self.costs[&root]
-    }
-
-    fn root(&mut self, mut state: usize) -> usize {
-        while self.parents[state] != state {
-            self.parents[state] = self.parents[self.parents[state]];
-            state = self.parents[state];
-        }
-        state
-    }
-
-    /// Joins two blocks under the lesser state.
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b)] = a.min(b);
     }
 }
 

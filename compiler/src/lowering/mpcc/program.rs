@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use nsd_solver::optimization::kernels::ProgramBuilder;
-use nsd_solver::optimization::problem::{Member, Nlp, Other, Pair, Pattern, Side};
+use nsd_solver::optimization::problem::{Member, Nlp, Other, Pair, Side, Structure};
 use nsd_solver::optimization::{kernels, problem};
 use rustc_hash::FxHashMap;
 
@@ -331,32 +331,8 @@ impl Program {
 }
 
 impl Nlp for Program {
-    fn n_variables(&self) -> usize {
-        self.kernels.n_variables()
-    }
-
-    fn n_rows(&self) -> usize {
-        self.kernels.n_rows()
-    }
-
-    fn variable_bounds(&self) -> problem::Bounds<'_> {
-        self.kernels.variable_bounds()
-    }
-
-    fn row_bounds(&self) -> problem::Bounds<'_> {
-        self.kernels.row_bounds()
-    }
-
-    fn start(&self) -> &[f64] {
-        self.kernels.start()
-    }
-
-    fn jacobian_pattern(&self) -> &Pattern {
-        self.kernels.jacobian_pattern()
-    }
-
-    fn hessian_pattern(&self) -> &Pattern {
-        self.kernels.hessian_pattern()
+    fn structure(&self) -> Structure<'_> {
+        self.kernels.structure()
     }
 
     fn has_objective(&self) -> bool {

@@ -44,7 +44,7 @@ pub(crate) fn connect<'e>(
     model.controls = connected.split(controls, TargetKind::Control, model);
 
     connected.put_into(model);
-    for hidden in &mut model.hidden {
+    for hidden in &mut model.statements.hidden {
         let mut places = switch_order.iter();
         let place = places.position(|&old| old == hidden.switch);
         hidden.switch = place.unwrap_or(hidden.switch);
@@ -58,9 +58,13 @@ pub(crate) fn connect<'e>(
 
 /// Reports the guards that are true or false at all times; false where there are any.
 fn check_guards(model: &Model<'_>, diags: &mut Diagnostics) -> bool {
-    let regions = model.regions.iter().filter(|region| !region.is_else);
+    let regions = model
+        .statements
+        .regions
+        .iter()
+        .filter(|region| !region.is_else);
     let regions = regions.map(|region| (region.guard, region.guard_span));
-    let jumps = model.jumps.iter();
+    let jumps = model.statements.jumps.iter();
     let guards = regions.chain(jumps.map(|jump| (jump.guard, jump.guard_span)));
     let mut fine = true;
     for (guard, span) in guards {
@@ -163,27 +167,42 @@ impl<'e> Connected<'e> {
         for switch in &mut model.switches {
             self.replace(&mut switch.psi);
         }
-        let in_regions = model.regions.iter_mut();
+        let in_regions = model.statements.regions.iter_mut();
         let in_regions = in_regions.flat_map(|region| &mut region.rates);
-        let hidden = model.hidden.iter_mut().flat_map(|hidden| &mut hidden.rates);
-        let rates = model.dynamics.iter_mut().chain(in_regions).chain(hidden);
+        let hidden = model
+            .statements
+            .hidden
+            .iter_mut()
+            .flat_map(|hidden| &mut hidden.rates);
+        let rates = model
+            .statements
+            .dynamics
+            .iter_mut()
+            .chain(in_regions)
+            .chain(hidden);
         self.replace_each(rates.map(|rate| &mut rate.value));
-        self.replace_each(model.regions.iter_mut().map(|region| &mut region.guard));
-        for body in &mut model.bodies {
+        self.replace_each(
+            model
+                .statements
+                .regions
+                .iter_mut()
+                .map(|region| &mut region.guard),
+        );
+        for body in &mut model.statements.bodies {
             self.replace(&mut body.mass);
             self.replace(&mut body.inverse);
             self.replace(&mut body.force);
         }
-        for contact in &mut model.contacts {
+        for contact in &mut model.statements.contacts {
             let friction = contact.friction.as_mut().map(|friction| &mut friction.0);
             let exprs = [&mut contact.gap, &mut contact.restitution.coefficient].into_iter();
             self.replace_each(exprs.chain(friction).chain(&mut contact.slip.0));
         }
-        for projection in &mut model.projections {
+        for projection in &mut model.statements.projections {
             let constraints = projection.constraints.iter_mut().map(|row| &mut row.c);
             self.replace_each(constraints.chain(projection.metric.iter_mut().flatten()));
         }
-        for jump in &mut model.jumps {
+        for jump in &mut model.statements.jumps {
             let values = jump.resets.iter_mut().map(|reset| &mut reset.value);
             self.replace_each([&mut jump.guard].into_iter().chain(values));
         }

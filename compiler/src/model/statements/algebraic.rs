@@ -17,7 +17,8 @@ impl<'e> Walk<'e> {
     ) -> Result<(), Reported> {
         let value = lowering.numbers(residual)?;
         let entries = value.data.into_iter();
-        self.equations
+        self.found
+            .equations
             .extend(entries.map(|residual| Equation { residual, span }));
         Ok(())
     }
@@ -47,7 +48,8 @@ impl<'e> Walk<'e> {
             });
         };
         let pairs = a.data.into_iter().zip(b.data);
-        self.complementarities
+        self.found
+            .complementarities
             .extend(pairs.map(|(a, b)| Complementarity {
                 members: [a, b],
                 spans: [left.span, right.span],
@@ -60,12 +62,20 @@ impl<'e> Walk<'e> {
 /// Reports algebraic states that are not as many as the equations and complementarities.
 pub(crate) fn count(model: &Model<'_>, diags: &mut Diagnostics) {
     let unknowns = model.algebraic_entries().count();
-    let rows = model.equations.len() + model.complementarities.len();
+    let rows = model.statements.equations.len() + model.statements.complementarities.len();
     if unknowns == rows || diags.has_errors() {
         return;
     }
-    let equations = model.equations.iter().map(|equation| equation.span);
-    let pairs = model.complementarities.iter().map(|pair| pair.span);
+    let equations = model
+        .statements
+        .equations
+        .iter()
+        .map(|equation| equation.span);
+    let pairs = model
+        .statements
+        .complementarities
+        .iter()
+        .map(|pair| pair.span);
     let span = match unknowns < rows {
         true => equations.chain(pairs).last(),
         false => model.algebraics.last().map(|z| z.span),

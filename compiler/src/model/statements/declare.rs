@@ -10,7 +10,7 @@ use crate::model::names::parts::{Files, Given, Inner};
 use crate::model::names::scope::{Meaning, Reported, Scope, Value};
 use crate::model::names::{Declared, Frame, Item};
 use crate::model::resolve::given;
-use crate::model::{Model, ModelError, Named, Quantity, Shape, TargetKind, Tensor};
+use crate::model::{Model, ModelError, Named, Quantity, Shape, Statements, TargetKind, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, Bind, DeclKind, NamedKind};
 
@@ -60,18 +60,8 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             lets: vec![],
             outputs: vec![],
             switches: vec![],
-            dynamics: vec![],
-            regions: vec![],
+            statements: Statements::default(),
             partitions: vec![],
-            hidden: vec![],
-            jumps: vec![],
-            bodies: vec![],
-            contacts: vec![],
-            projections: vec![],
-            equations: vec![],
-            complementarities: vec![],
-            multipliers: vec![],
-            programs: vec![],
             surfaces: vec![],
             rounded: vec![],
             param_order: vec![],

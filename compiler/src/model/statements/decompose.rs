@@ -91,8 +91,12 @@ impl Model<'_> {
                 continue;
             }
             let is_sign = matches!(switch.kind, SwitchKind::Sign);
-            let hidden = self.hidden.iter().filter(|hidden| hidden.switch == k);
-            let rates = self.dynamics.iter();
+            let hidden = self
+                .statements
+                .hidden
+                .iter()
+                .filter(|hidden| hidden.switch == k);
+            let rates = self.statements.dynamics.iter();
             let rates: Vec<_> = rates
                 .chain(hidden.flat_map(|hidden| &hidden.rates))
                 .collect();

@@ -7,10 +7,7 @@ use crate::expr::{Expr, Var};
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Meaning, Reported};
 use crate::model::names::{local_lets, target};
-use crate::model::{
-    Body, Complementarity, Contact, DynamicsError, Equation, Hidden, Jump, Model, Multiplier,
-    Program, Projection, Rate, Region, TargetKind,
-};
+use crate::model::{DynamicsError, Model, Rate, Region, Statements, TargetKind};
 use crate::syntax::{self, For, RegionGuard, Stmt};
 
 /// What a walk over the statements of a model has found.
@@ -24,17 +21,8 @@ pub(crate) struct Walk<'e> {
     pub(crate) ranges: FxHashMap<Var, Range>,
     /// Indices of the loops around, as in `R[1,2]`.
     indices: Vec<i64>,
-    pub dynamics: Vec<Rate<'e>>,
-    pub regions: Vec<Region<'e>>,
-    pub hidden: Vec<Hidden<'e>>,
-    pub jumps: Vec<Jump<'e>>,
-    pub bodies: Vec<Body<'e>>,
-    pub contacts: Vec<Contact<'e>>,
-    pub projections: Vec<Projection<'e>>,
-    pub equations: Vec<Equation<'e>>,
-    pub complementarities: Vec<Complementarity<'e>>,
-    pub multipliers: Vec<Multiplier<'e>>,
-    pub programs: Vec<Program<'e>>,
+    /// What the statements say.
+    pub found: Statements<'e>,
     /// States with a statement that is wrong: whether they are set is unknown.
     pub touched: FxHashSet<String>,
 }
@@ -58,17 +46,7 @@ impl<'e> Walk<'e> {
             switches: model.switches.clone(),
             ranges: hidden::ranges(model),
             indices: vec![],
-            dynamics: vec![],
-            regions: vec![],
-            hidden: vec![],
-            jumps: vec![],
-            bodies: vec![],
-            contacts: vec![],
-            projections: vec![],
-            equations: vec![],
-            complementarities: vec![],
-            multipliers: vec![],
-            programs: vec![],
+            found: Statements::default(),
             vars: model.state_vars().collect(),
             touched: FxHashSet::default(),
         }
@@ -175,7 +153,7 @@ impl<'e> Walk<'e> {
                 let name = format!("{}{name}", lowering.scope.prefix);
                 self.touched.insert(name);
             }
-            (Ok(rates), Sink::Outside) => self.dynamics.extend(rates),
+            (Ok(rates), Sink::Outside) => self.found.dynamics.extend(rates),
             (Ok(rates), Sink::Region(list) | Sink::Hidden(list)) => list.extend(rates),
         }
         result.map(|_| ())
@@ -278,7 +256,7 @@ impl<'e> Walk<'e> {
             (Ok((guard, indicator)), Ok(())) => {
                 let name = self.indexed(&region.name.name);
                 let name = format!("{}{name}", lowering.scope.prefix);
-                self.regions.push(Region {
+                self.found.regions.push(Region {
                     name,
                     guard,
                     indicator,

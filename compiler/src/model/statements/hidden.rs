@@ -144,7 +144,7 @@ impl<'e> Walk<'e> {
         for rate in &rates {
             self.check_hidden(lowering, switch, &target.entries, rate)?;
         }
-        self.hidden.push(Hidden {
+        self.found.hidden.push(Hidden {
             switch,
             rates,
             span: hidden.span,

@@ -17,28 +17,30 @@ use crate::model::{DynamicsError, Model, Surface};
 
 /// Checks the indicators of all partitions and makes guards of them.
 pub(crate) fn compare<'e>(model: &mut Model<'e>, diags: &mut Diagnostics) {
-    let alone = (0..model.regions.len()).filter(|&index| {
+    let alone = (0..model.statements.regions.len()).filter(|&index| {
         let partition = model.partitions.iter().find(|p| p.regions.contains(&index));
         let is_alone = partition.is_none_or(|partition| partition.regions.len() == 1);
-        is_alone && model.regions[index].indicator.is_some()
+        is_alone && model.statements.regions[index].indicator.is_some()
     });
     for index in alone {
         diags.push(DynamicsError::LoneIndicator {
-            region: local(&model.regions[index].name),
-            span: model.regions[index].guard_span,
+            region: local(&model.statements.regions[index].name),
+            span: model.statements.regions[index].guard_span,
         });
     }
     for partition in model.partitions.clone() {
         let regions = &partition.regions;
-        let indicators = regions.iter().map(|&index| model.regions[index].indicator);
+        let indicators = regions
+            .iter()
+            .map(|&index| model.statements.regions[index].indicator);
         let indicators: Vec<Option<Expr<'e>>> = indicators.collect();
         let Some(first) = indicators.iter().position(Option::is_some) else {
             continue;
         };
         if let Some(second) = indicators.iter().position(Option::is_none) {
             let (first, second) = (
-                &model.regions[regions[first]],
-                &model.regions[regions[second]],
+                &model.statements.regions[regions[first]],
+                &model.statements.regions[regions[second]],
             );
             diags.push(DynamicsError::MixedGuards {
                 first: local(&first.name),
@@ -73,7 +75,10 @@ fn has_boundaries(
             continue;
         };
         fine = false;
-        let (first, second) = (&model.regions[regions[i]], &model.regions[regions[j]]);
+        let (first, second) = (
+            &model.statements.regions[regions[i]],
+            &model.statements.regions[regions[j]],
+        );
         diags.push(DynamicsError::NoBoundary {
             first: local(&first.name),
             second: local(&second.name),
@@ -89,13 +94,13 @@ fn has_boundaries(
 }
 
 fn tournament<'e>(model: &mut Model<'e>, regions: &[usize], indicators: &[Expr<'e>]) {
-    let mut names = local(&model.regions[regions[0]].name);
+    let mut names = local(&model.statements.regions[regions[0]].name);
     let mut smallest = indicators[0];
-    model.regions[regions[0]].guard = model.exprs.constant(1.0);
+    model.statements.regions[regions[0]].guard = model.exprs.constant(1.0);
     for (k, &g) in indicators.iter().enumerate().skip(1) {
         let psi = smallest - g;
         let beats = psi.step();
-        let region = &model.regions[regions[k]];
+        let region = &model.statements.regions[regions[k]];
         let name = local(&region.name);
         model.surfaces.push(Surface {
             name: format!("{names} | {name}"),
@@ -103,9 +108,10 @@ fn tournament<'e>(model: &mut Model<'e>, regions: &[usize], indicators: &[Expr<'
             span: region.guard_span,
         });
         for &earlier in &regions[..k] {
-            model.regions[earlier].guard = model.regions[earlier].guard * (1.0 - beats);
+            model.statements.regions[earlier].guard =
+                model.statements.regions[earlier].guard * (1.0 - beats);
         }
-        model.regions[regions[k]].guard = beats;
+        model.statements.regions[regions[k]].guard = beats;
         smallest = smallest.min(g);
         names = format!("{names}, {name}");
     }

@@ -37,7 +37,7 @@ impl<'e> Walk<'e> {
         let guard = guard?;
         result?;
         let name = self.indexed(&jump.name.name);
-        self.jumps.push(Jump {
+        self.found.jumps.push(Jump {
             name: format!("{}{name}", lowering.scope.prefix),
             guard,
             guard_span: jump.guard.span,

@@ -40,7 +40,7 @@ impl<'e> Walk<'e> {
                 .insert(format!("{}{name}", lowering.scope.prefix));
         }
         let velocities = body.as_ref().ok().map(|body| body.velocities.clone());
-        let mut result = body.map(|body| self.bodies.push(body));
+        let mut result = body.map(|body| self.found.bodies.push(body));
         for contact in &mechanics.contacts {
             result = result.and(self.contact(lowering, contact, velocities.as_deref()));
         }
@@ -75,7 +75,7 @@ impl<'e> Walk<'e> {
         let velocities: Vec<usize> = v.entries.iter().map(|&entry| first + entry).collect();
         for (i, &entry) in velocities.iter().enumerate() {
             let row = (0..n).map(|j| inverse[i * n + j] * force.data[j]);
-            self.dynamics.push(Rate {
+            self.found.dynamics.push(Rate {
                 entry,
                 value: lowering.scope.exprs.sum(row),
                 adds: false,
@@ -130,7 +130,7 @@ impl<'e> Walk<'e> {
             return wrong(lowering, (what, help), slip.1);
         }
         let name = self.indexed(&contact.name.name);
-        self.contacts.push(Contact {
+        self.found.contacts.push(Contact {
             name: format!("{}{name}", lowering.scope.prefix),
             gap: gap_value?,
             gap_span: gap.value.span,

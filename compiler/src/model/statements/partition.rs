@@ -18,7 +18,7 @@ pub(crate) fn partition(
 ) {
     thin_guards(model, diags);
     let outside = set_outside(model, diags);
-    let inside: Vec<FxHashMap<usize, Span>> = (0..model.regions.len())
+    let inside: Vec<FxHashMap<usize, Span>> = (0..model.statements.regions.len())
         .map(|r| set_inside(model, r, diags))
         .collect();
     for set in &inside {
@@ -36,7 +36,7 @@ pub(crate) fn partition(
         }
     }
     model.partitions = components(&inside, model);
-    for (index, region) in model.regions.iter().enumerate() {
+    for (index, region) in model.statements.regions.iter().enumerate() {
         if region.is_else && inside[index].is_empty() {
             diags.push(DynamicsError::ElseAlone {
                 region: local(&region.name),
@@ -55,7 +55,7 @@ pub(crate) fn partition(
 /// Guards that hold on no side of their surfaces.
 fn thin_guards(model: &Model<'_>, diags: &mut Diagnostics) {
     let guarded = |region: &&Region<'_>| !region.is_else && region.indicator.is_none();
-    for region in model.regions.iter().filter(guarded) {
+    for region in model.statements.regions.iter().filter(guarded) {
         if corners_are_empty(region.guard) {
             diags.push(DynamicsError::ThinGuard {
                 span: region.guard_span,
@@ -66,6 +66,7 @@ fn thin_guards(model: &Model<'_>, diags: &mut Diagnostics) {
 
 fn set_outside(model: &Model<'_>, diags: &mut Diagnostics) -> FxHashMap<usize, Span> {
     let rates = model
+        .statements
         .dynamics
         .iter()
         .filter(|rate| !rate.adds)
@@ -74,7 +75,7 @@ fn set_outside(model: &Model<'_>, diags: &mut Diagnostics) -> FxHashMap<usize, S
 }
 
 fn set_inside(model: &Model<'_>, region: usize, diags: &mut Diagnostics) -> FxHashMap<usize, Span> {
-    let rates = model.regions[region]
+    let rates = model.statements.regions[region]
         .rates
         .iter()
         .filter(|rate| !rate.adds)
@@ -138,7 +139,7 @@ fn components(inside: &[FxHashMap<usize, Span>], model: &Model<'_>) -> Vec<Parti
     let tidy = |(_, mut partition): (usize, Partition)| {
         partition
             .regions
-            .sort_by_key(|&region| (model.regions[region].is_else, region));
+            .sort_by_key(|&region| (model.statements.regions[region].is_else, region));
         partition.entries.sort_unstable();
         partition.entries.dedup();
         partition
@@ -154,7 +155,7 @@ fn check(
     touched: &FxHashSet<String>,
     diags: &mut Diagnostics,
 ) {
-    let region = |index: usize| &model.regions[index];
+    let region = |index: usize| &model.statements.regions[index];
     let is_touched = |entry: usize| touched.contains(&state_name(model, entry));
     if let [only] = partition.regions[..] {
         let Some(&entry) = partition.entries.first() else {
@@ -284,11 +285,13 @@ fn complements(model: &mut Model<'_>) {
         let Some((&last, others)) = partition.regions.split_last() else {
             continue;
         };
-        if model.regions[last].is_else {
-            let covered = model
-                .exprs
-                .sum(others.iter().map(|&index| model.regions[index].guard));
-            model.regions[last].guard = 1.0 - covered;
+        if model.statements.regions[last].is_else {
+            let covered = model.exprs.sum(
+                others
+                    .iter()
+                    .map(|&index| model.statements.regions[index].guard),
+            );
+            model.statements.regions[last].guard = 1.0 - covered;
         }
     }
 }

@@ -99,12 +99,12 @@ impl<'e> Walk<'e> {
             multipliers.push(self.conditions(&name, k, row, &vars, &mut stationary));
         }
         let span = objective.map_or(program.span, |(_, span)| span);
-        self.equations.extend(
+        self.found.equations.extend(
             stationary
                 .into_iter()
                 .map(|residual| Equation { residual, span }),
         );
-        self.programs.push(Program {
+        self.found.programs.push(Program {
             unknowns: z.data,
             map,
             objective,
@@ -134,9 +134,11 @@ impl<'e> Walk<'e> {
                 *sum = *sum - value.exprs().sum(forces);
             }
             let multipliers = of_row.multipliers.iter().map(|m| m.var).collect();
-            self.multipliers.extend(of_row.multipliers);
-            self.equations.extend(of_row.equations);
-            self.complementarities.extend(of_row.complementarities);
+            self.found.multipliers.extend(of_row.multipliers);
+            self.found.equations.extend(of_row.equations);
+            self.found
+                .complementarities
+                .extend(of_row.complementarities);
             return multipliers;
         }
         let name = format!("{program}.multiplier[{k}]");
@@ -144,7 +146,7 @@ impl<'e> Walk<'e> {
         for (sum, &var) in stationary.iter_mut().zip(vars) {
             *sum = *sum - multiplier * value.diff(var);
         }
-        self.multipliers.push(Multiplier {
+        self.found.multipliers.push(Multiplier {
             var: multiplier,
             name,
             guess: 0.0,
@@ -152,9 +154,9 @@ impl<'e> Walk<'e> {
         });
         if row.is_equation {
             let residual = value;
-            self.equations.push(Equation { residual, span });
+            self.found.equations.push(Equation { residual, span });
         } else {
-            self.complementarities.push(Complementarity {
+            self.found.complementarities.push(Complementarity {
                 members: [multiplier, value],
                 spans: [span, span],
                 span,

@@ -35,7 +35,7 @@ impl<'e> Walk<'e> {
             constraints.extend(halves(lowering, comparison)?);
         }
         let first = self.offset(&state);
-        self.projections.push(Projection {
+        self.found.projections.push(Projection {
             entries: state.entries.iter().map(|&entry| first + entry).collect(),
             constraints,
             metric,

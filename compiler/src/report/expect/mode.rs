@@ -304,6 +304,7 @@ fn opposite(side: Side) -> Side {
 fn all_regions(subject: &Subject<'_, '_>) -> Vec<String> {
     subject
         .model
+        .statements
         .regions
         .iter()
         .map(|region| region.name.clone())

@@ -2,11 +2,12 @@
 //!
 //! Numbers round-trip; those that are not finite are `null`.
 
-use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
+use serde::ser::{Serialize, SerializeSeq, Serializer};
 
 use crate::report::{
-    Averaged, Bands, Constraint, Ensemble, Event, Method, MethodOption, ModeInterval, Optimum,
-    Series, SlidingMode, Stats, Term, Trajectory, Warning,
+    Averaged, Bands, Certificate, Confirmation, Ensemble, Event, EventKind, Kind, Method,
+    MethodOption, ModeInterval, Multipliers, Optimum, Series, Stationarity, Stats, Status,
+    Trajectory, Values, Warning,
 };
 
 /// The object, without a line break.
@@ -20,26 +21,31 @@ pub fn write(trajectory: &Trajectory) -> String {
 struct Object<'a> {
     experiment: &'a str,
     model: &'a str,
-    kind: &'a str,
-    status: &'a str,
+    kind: Kind,
+    status: Status,
     method: &'a Method,
     time: &'a [f64],
-    states: ByName<'a>,
-    outputs: ByName<'a>,
-    controls: ByName<'a>,
+    #[serde(serialize_with = "by_name")]
+    states: &'a [Series],
+    #[serde(serialize_with = "by_name")]
+    outputs: &'a [Series],
+    #[serde(serialize_with = "by_name")]
+    controls: &'a [Series],
     #[serde(skip_serializing_if = "Option::is_none")]
-    multipliers: Option<Multipliers<'a>>,
-    r#final: Last<'a>,
+    multipliers: Option<&'a Multipliers>,
+    /// States at the last instant.
+    #[serde(serialize_with = "as_map")]
+    r#final: Vec<(&'a str, Shaped<'a>)>,
     objective: Option<f64>,
     events: &'a [Event],
     modes: &'a [ModeInterval],
     error_estimate: Option<f64>,
     stats: &'a Stats,
-    certificate: Certificate<'a>,
+    certificate: Certificate,
     #[serde(skip_serializing_if = "Option::is_none")]
     optimum: Option<Found<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    ensemble: Option<Many<'a>>,
+    ensemble: Option<&'a Ensemble>,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     averaged: &'a [Averaged],
     skipped: &'a [String],
@@ -47,64 +53,11 @@ struct Object<'a> {
     warnings: Vec<Warning>,
 }
 
-/// `{ "time": [..], "values": { "lambda[..]": [..] } }`
-#[derive(serde::Serialize)]
-struct Multipliers<'a> {
-    time: &'a [f64],
-    values: ByName<'a>,
-}
-
-#[derive(serde::Serialize)]
-struct Certificate<'a> {
-    stationarity: &'a str,
-    max_violation: f64,
-}
-
-/// Quantiles of many runs: `"quantiles": { "x": [[..], ..] }`, a list over time for every level.
-#[derive(serde::Serialize)]
-struct Many<'a> {
-    runs: usize,
-    first_seed: u64,
-    failed_seeds: &'a [u64],
-    levels: &'a [f64],
-    time: &'a [f64],
-    quantiles: Quantiles<'a>,
-}
-
-impl<'a> Many<'a> {
-    fn of(ensemble: &'a Ensemble) -> Self {
-        Many {
-            runs: ensemble.runs,
-            first_seed: ensemble.first_seed,
-            failed_seeds: &ensemble.failed_seeds,
-            levels: &ensemble.levels,
-            time: &ensemble.time,
-            quantiles: Quantiles(&ensemble.bands),
-        }
-    }
-}
-
-/// `{ "x[1]": [[..], ..] }`
-struct Quantiles<'a>(&'a [Bands]);
-
-impl Serialize for Quantiles<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.0.iter().map(|bands| (&bands.name, &bands.values)))
-    }
-}
-
-/// Numbers by their names, in order.
-fn as_map<S: Serializer>(numbers: &[(String, f64)], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(numbers.iter().map(|(name, value)| (name, value)))
-}
-
 /// How an optimum was found; what is not known is `null`.
 #[derive(serde::Serialize)]
 struct Found<'a> {
-    #[serde(serialize_with = "as_map")]
-    free: &'a [(String, f64)],
-    objective_terms: &'a [Term],
-    constraints: &'a [Constraint],
+    #[serde(flatten)]
+    values: &'a Values,
     starts: usize,
     feasible: usize,
     at_best: usize,
@@ -113,7 +66,7 @@ struct Found<'a> {
     worst: Option<f64>,
     median_solve_s: f64,
     branches: usize,
-    confirmation: &'static str,
+    confirmation: Confirmation,
     factor_entries: usize,
     terminal_error: Option<f64>,
     objective_error: Option<f64>,
@@ -123,9 +76,7 @@ impl<'a> Found<'a> {
     fn of(optimum: &'a Optimum) -> Self {
         let (spread, check) = (optimum.spread.as_ref(), optimum.check.as_ref());
         Found {
-            free: &optimum.values.free,
-            objective_terms: &optimum.values.terms,
-            constraints: &optimum.values.constraints,
+            values: &optimum.values,
             starts: optimum.starts,
             feasible: spread.map_or(0, |spread| spread.n_feasible),
             at_best: spread.map_or(0, |spread| spread.n_best),
@@ -134,7 +85,7 @@ impl<'a> Found<'a> {
             worst: spread.map(|spread| spread.worst),
             median_solve_s: optimum.median_s,
             branches: optimum.branches,
-            confirmation: optimum.confirmation.as_str(),
+            confirmation: optimum.confirmation,
             factor_entries: optimum.factor_entries,
             terminal_error: check.map(|check| check.terminal_error),
             objective_error: check.map(|check| check.objective_error),
@@ -144,86 +95,66 @@ impl<'a> Found<'a> {
 
 impl<'a> From<&'a Trajectory> for Object<'a> {
     fn from(trajectory: &'a Trajectory) -> Self {
+        let last = trajectory.time.len().checked_sub(1);
+        let at_end = last.into_iter().flat_map(|last| {
+            let states = trajectory.states.iter();
+            states.map(move |series| (series.name.as_str(), Shaped::new(series, last)))
+        });
+        let failure = trajectory.failure.iter();
+        let failure = failure.map(|failure| Warning::of(failure));
         Object {
             experiment: &trajectory.experiment,
             model: &trajectory.model,
-            kind: trajectory.kind.as_str(),
-            status: trajectory.status.as_str(),
+            kind: trajectory.kind,
+            status: trajectory.status,
             method: &trajectory.method,
             time: &trajectory.time,
-            states: ByName(&trajectory.states),
-            outputs: ByName(&trajectory.outputs),
-            controls: ByName(&trajectory.controls),
-            multipliers: trajectory.multipliers.as_ref().map(|kept| Multipliers {
-                time: &kept.time,
-                values: ByName(&kept.values),
-            }),
-            r#final: Last {
-                series: &trajectory.states,
-                n_instants: trajectory.time.len(),
-            },
+            states: &trajectory.states,
+            outputs: &trajectory.outputs,
+            controls: &trajectory.controls,
+            multipliers: trajectory.multipliers.as_ref(),
+            r#final: at_end.collect(),
             objective: trajectory.objective,
             events: &trajectory.events,
             modes: &trajectory.modes,
             error_estimate: trajectory.error_estimate,
             stats: &trajectory.stats,
-            certificate: Certificate {
-                stationarity: trajectory.certificate.stationarity.as_str(),
-                max_violation: trajectory.certificate.max_violation,
-            },
+            certificate: trajectory.certificate,
             optimum: trajectory.optimum.as_ref().map(Found::of),
-            ensemble: trajectory.ensemble.as_ref().map(Many::of),
+            ensemble: trajectory.ensemble.as_ref(),
             averaged: &trajectory.averaged,
             skipped: &trajectory.skipped,
             warnings: (trajectory.warnings.iter().cloned())
-                .chain(
-                    trajectory
-                        .failure
-                        .as_ref()
-                        .map(|failure| Warning::of(failure)),
-                )
+                .chain(failure)
                 .collect(),
         }
     }
 }
 
+/// `{ "name": value, .. }`, in order.
+pub(crate) fn as_map<S: Serializer, K: Serialize, V: Serialize>(
+    entries: &[(K, V)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(entries.iter().map(|(name, value)| (name, value)))
+}
+
 /// `{ "x": [value, value, ...] }`
-struct ByName<'a>(&'a [Series]);
-
-impl Serialize for ByName<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.0.iter().map(|series| (&series.name, Values(series))))
-    }
+pub(crate) fn by_name<S: Serializer>(series: &[Series], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(series.iter().map(|series| (&series.name, series)))
 }
 
-/// `{ "x": value }` at the last instant.
-struct Last<'a> {
-    series: &'a [Series],
-    n_instants: usize,
+/// `{ "x[1]": [[..], ..] }`, a list over time for every level.
+pub(crate) fn quantiles<S: Serializer>(bands: &[Bands], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(bands.iter().map(|bands| (&bands.name, &bands.values)))
 }
 
-impl Serialize for Last<'_> {
+/// The values, instant by instant.
+impl Serialize for Series {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        if let Some(last) = self.n_instants.checked_sub(1) {
-            for series in self.series {
-                map.serialize_entry(&series.name, &Shaped::new(series, last))?;
-            }
-        }
-        map.end()
-    }
-}
-
-/// The values of a series, instant by instant.
-struct Values<'a>(&'a Series);
-
-impl Serialize for Values<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let n_instants = match self.0.n_entries() {
-            0 => 0,
-            n => self.0.values.len() / n,
-        };
-        serializer.collect_seq((0..n_instants).map(|k| Shaped::new(self.0, k)))
+        let n_instants = self.values.len().checked_div(self.n_entries());
+        let instants = 0..n_instants.unwrap_or(0);
+        serializer.collect_seq(instants.map(|k| Shaped::new(self, k)))
     }
 }
 
@@ -262,72 +193,31 @@ impl Serialize for Shaped<'_> {
     }
 }
 
-impl Serialize for Method {
+/// A number without a point where it reads better so.
+impl Serialize for MethodOption {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        map.serialize_entry("name", &self.name)?;
-        for (name, value) in &self.options {
-            match value {
-                MethodOption::Number(number) if is_count(*number) => {
-                    map.serialize_entry(name, &(*number as i64))?;
-                }
-                MethodOption::Number(number) => map.serialize_entry(name, number)?,
-                MethodOption::Text(text) => map.serialize_entry(name, text)?,
+        match *self {
+            MethodOption::Number(number) if number.fract() == 0.0 && number.abs() < 1e9 => {
+                serializer.serialize_i64(number as i64)
+            }
+            MethodOption::Number(number) => serializer.serialize_f64(number),
+            MethodOption::Text(ref text) => serializer.serialize_str(text),
+        }
+    }
+}
+
+/// Kinds stand as their words.
+macro_rules! words {
+    ($($kind:ty),*) => {$(
+        impl Serialize for $kind {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str(self.as_str())
             }
         }
-        map.end()
-    }
+    )*};
 }
 
-/// Whether a number reads better without a point.
-fn is_count(number: f64) -> bool {
-    number.fract() == 0.0 && number.abs() < 1e9
-}
-
-impl Serialize for Event {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let more = usize::from(!self.sliding.is_empty());
-        let mut map = serializer.serialize_map(Some(5 + more))?;
-        map.serialize_entry("time", &self.time)?;
-        map.serialize_entry("kind", self.kind.as_str())?;
-        map.serialize_entry("surface", &self.surface)?;
-        map.serialize_entry("from", &self.from)?;
-        map.serialize_entry("to", &self.to)?;
-        if more > 0 {
-            map.serialize_entry("sliding", &self.sliding)?;
-        }
-        map.end()
-    }
-}
-
-impl Serialize for SlidingMode {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(3))?;
-        map.serialize_entry("value", &self.value)?;
-        map.serialize_entry("stability", &self.stability)?;
-        map.serialize_entry("taken", &self.taken)?;
-        map.end()
-    }
-}
-
-impl Serialize for ModeInterval {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(3))?;
-        map.serialize_entry("from", &self.from)?;
-        map.serialize_entry("to", &self.to)?;
-        map.serialize_entry("mode", &self.mode)?;
-        map.end()
-    }
-}
-
-impl Serialize for Warning {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(2))?;
-        map.serialize_entry("code", &self.code)?;
-        map.serialize_entry("message", &self.message)?;
-        map.end()
-    }
-}
+words!(Confirmation, EventKind, Kind, Stationarity, Status);
 
 #[cfg(test)]
 mod tests {

@@ -1,8 +1,17 @@
 //! A range of numbers with round ticks, and its place on the sheet.
 
+use std::ops::RangeInclusive;
+
+/// Labels of decades along an axis.
+const MOST_LABELS: i32 = 9;
+/// Decades of an axis that has lines between them.
+const MOST_DIVIDED: f64 = 4.5;
+
 /// An axis: numbers from `lo` to `hi`, drawn from `start` to `end` in points.
 #[derive(Clone, Debug)]
 pub struct Axis {
+    /// Whether these are logarithms to base 10 of the numbers that are drawn.
+    is_logarithmic: bool,
     /// Smallest number.
     pub lo: f64,
     /// Largest number.
@@ -17,6 +26,7 @@ impl Axis {
     /// From `lo` to `hi`, not placed yet.
     pub fn new(lo: f64, hi: f64) -> Self {
         Axis {
+            is_logarithmic: false,
             lo,
             hi,
             start: 0.0,
@@ -26,13 +36,9 @@ impl Axis {
 
     /// Covers all finite values with a margin; rounding errors are not blown up to fill it.
     pub fn around(values: impl IntoIterator<Item = f64>) -> Self {
-        let finite = values.into_iter().filter(|v| v.is_finite());
-        let (lo, hi) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
-            (lo.min(v), hi.max(v))
-        });
-        if lo > hi {
+        let Some((lo, hi)) = range(values) else {
             return Axis::new(-1.0, 1.0);
-        }
+        };
         let size = lo.abs().max(hi.abs());
         let span = hi - lo;
         if span <= 1e-9 * size || size < 1e-12 {
@@ -40,6 +46,18 @@ impl Axis {
             return Axis::new(lo - half, hi + half);
         }
         Axis::new(lo - 0.06 * span, hi + 0.06 * span)
+    }
+
+    /// A logarithmic axis that covers all positive values with a margin.
+    pub fn decades(values: impl IntoIterator<Item = f64>) -> Self {
+        let positive = values.into_iter().filter(|v| *v > 0.0);
+        let (lo, hi) = range(positive.map(f64::log10)).unwrap_or((-1.0, 0.0));
+        // A decade at least has its line in the frame.
+        let margin = (0.04 * (hi - lo)).max(0.5 * (1.1 - (hi - lo)));
+        Axis {
+            is_logarithmic: true,
+            ..Axis::new(lo - margin, hi + margin)
+        }
     }
 
     /// The axis drawn from `start` to `end`.
@@ -50,11 +68,64 @@ impl Axis {
 
     /// Where a number is drawn.
     pub fn at(&self, value: f64) -> f64 {
+        let value = if self.is_logarithmic {
+            value.log10()
+        } else {
+            value
+        };
         self.start + (value - self.lo) / (self.hi - self.lo) * (self.end - self.start)
     }
 
-    /// Round numbers, at most `n` steps, with their labels and the power of ten taken out of them.
+    /// Where it is drawn from, and to.
+    pub fn ends(&self) -> [f64; 2] {
+        [self.start, self.end]
+    }
+
+    /// Half way between its ends.
+    pub fn middle(&self) -> f64 {
+        0.5 * (self.start + self.end)
+    }
+
+    /// Powers of ten on a logarithmic axis.
+    pub fn powers(&self) -> impl Iterator<Item = f64> + use<> {
+        self.exponents().map(|decade| 10f64.powi(decade))
+    }
+
+    fn exponents(&self) -> RangeInclusive<i32> {
+        self.lo.ceil() as i32..=self.hi.floor() as i32
+    }
+
+    /// 2, 3, .., 9 times powers of ten on a logarithmic axis, where there is room for them.
+    pub fn between_powers(&self) -> Vec<f64> {
+        if self.hi - self.lo > MOST_DIVIDED {
+            return Vec::new();
+        }
+        let decades = self.lo.floor() as i32..=self.hi.ceil() as i32;
+        let all =
+            decades.flat_map(|decade| (2..10).map(move |k| f64::from(k) * 10f64.powi(decade)));
+        all.filter(|value| (self.lo..=self.hi).contains(&value.log10()))
+            .collect()
+    }
+
+    /// Powers of ten with labels: every one, every second one, ..
+    fn ticks_at_powers(&self) -> Ticks {
+        let n = self.exponents().count() as i32;
+        let every = ((n + MOST_LABELS - 1) / MOST_LABELS).max(1);
+        let shown = self.exponents().filter(|k| k.rem_euclid(every) == 0);
+        Ticks {
+            marks: shown
+                .map(|k| (10f64.powi(k), format!("10{}", superscripts(k))))
+                .collect(),
+            exponent: 0,
+        }
+    }
+
+    /// Round numbers, at most `n` steps, with their labels and the power of ten taken out of them; on a logarithmic
+    /// axis powers of ten.
     pub fn ticks(&self, n: usize) -> Ticks {
+        if self.is_logarithmic {
+            return self.ticks_at_powers();
+        }
         let step = round_step((self.hi - self.lo) / n.max(1) as f64);
         let (first, last) = ((self.lo / step).ceil(), (self.hi / step).floor());
         let size = self.lo.abs().max(self.hi.abs());
@@ -74,6 +145,15 @@ impl Axis {
             exponent,
         }
     }
+}
+
+/// The least and the largest of those values that are finite; none where there are none.
+pub fn range(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
+    let finite = values.into_iter().filter(|value| value.is_finite());
+    finite.fold(None, |range, v| match range {
+        None => Some((v, v)),
+        Some((lo, hi)) => Some((lo.min(v), hi.max(v))),
+    })
 }
 
 /// The ticks of an [`Axis`].
@@ -113,7 +193,7 @@ fn minus(label: &str) -> String {
 }
 
 /// A whole number as an exponent.
-pub fn superscripts(exponent: i32) -> String {
+fn superscripts(exponent: i32) -> String {
     exponent.to_string().chars().map(superscript).collect()
 }
 

@@ -2,19 +2,14 @@
 
 use plotters::style::RGBColor;
 
-use super::MARGIN;
 use super::axis::Axis;
-use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
-use super::panel::{frame, vertical_ticks};
+use super::canvas::{Align, Canvas, INK, Point, Stroke};
+use super::frame::{FOOT, Frame, MARGIN, left_space, right_space};
 use crate::report::{Change, Map, Sample};
 
 const WIDTH: f64 = 380.0;
 const HEIGHT: f64 = 240.0;
-/// Below the frame: labels of the ticks and the title of the axis.
-const FOOT: f64 = 34.0;
-/// Left of it: the same.
-const SIDE: f64 = 48.0;
-/// Above it: numbers of modes.
+/// Above the frame: numbers of modes.
 const HEAD: f64 = 16.0;
 const N_TICKS: usize = 6;
 /// Distinct to colour-blind readers.
@@ -25,19 +20,17 @@ const GRID: Stroke = Stroke(0.5, RGBColor(205, 205, 205));
 
 /// The SVG text.
 pub fn write(map: &Map) -> String {
-    let (left, top) = (MARGIN + SIDE, MARGIN + HEAD);
-    let (right, bottom) = (left + WIDTH, top + HEIGHT);
     let ends = [map.samples.first(), map.samples.last()];
     let [lo, hi] = ends.map(|sample| sample.map_or(0.0, |sample| sample.at));
-    let x = Axis::new(lo, hi).placed(left, right);
-    let y = Axis::around(map.sides).placed(bottom, top);
+    let (x, y) = (Axis::new(lo, hi), Axis::around(map.sides));
+    let corner = (MARGIN + left_space(&y.ticks(N_TICKS)), MARGIN + HEAD);
+    let frame = Frame::new(x, y, corner, (WIDTH, HEIGHT));
     let legend = [("attracting", ATTRACTING), ("repelling", REPELLING)];
-    let names = legend.map(|(name, _)| text_width(name, TEXT_SIZE));
-    let width = right + 40.0 + names.into_iter().fold(0.0, f64::max) + MARGIN;
-    Canvas::svg(width, bottom + FOOT + MARGIN, |canvas| {
+    let names = legend.map(|(name, _)| name);
+    let width = frame.x.end + right_space(names) + MARGIN;
+    Canvas::svg(width, frame.y.start + FOOT + MARGIN, |canvas| {
         for boundary in &map.boundaries {
-            let at = x.at(boundary.at);
-            canvas.line(&[(at, top), (at, bottom)], GRID);
+            canvas.line(&frame.vertical(frame.x.at(boundary.at)), GRID);
         }
         let starts = std::iter::once(lo).chain(map.boundaries.iter().map(|b| b.at));
         let stops = map.boundaries.iter().map(|b| b.at).chain([hi]);
@@ -45,50 +38,27 @@ pub fn write(map: &Map) -> String {
             let inside: Vec<&Sample> = (map.samples.iter())
                 .filter(|sample| from <= sample.at && sample.at <= to)
                 .collect();
-            draw(canvas, &inside, 0.5 * (from + to), [&x, &y], top);
+            draw(canvas, &inside, 0.5 * (from + to), &frame);
         }
         for boundary in &map.boundaries {
             if let (Change::Fold, Some(value)) = (boundary.change, boundary.value) {
-                canvas.disc((x.at(boundary.at), y.at(value)), 3.2, INK);
+                let place = (frame.x.at(boundary.at), frame.y.at(value));
+                canvas.disc(place, 3.2, INK);
             }
         }
-        frame(canvas, (left, top), (right, bottom));
-        let ticks = x.ticks(N_TICKS);
-        for (value, label) in &ticks.marks {
-            let at = x.at(*value);
-            canvas.line(&[(at, bottom), (at, bottom - 3.0)], Stroke(0.7, INK));
-            canvas.text((at, bottom + 9.0), label, Align::Centre, INK);
-        }
-        let title = ticks.title(&map.state);
-        canvas.text(
-            (0.5 * (left + right), bottom + 24.0),
-            &title,
-            Align::Centre,
-            INK,
-        );
-        let ticks = y.ticks(N_TICKS);
-        vertical_ticks(canvas, &y, &ticks, left);
-        let title = ticks.title(&map.switch);
-        canvas.text(
-            (MARGIN + 6.0, 0.5 * (top + bottom)),
-            &title,
-            Align::Upwards,
-            INK,
-        );
+        frame.draw(canvas, [&map.state, &map.switch], N_TICKS);
         for (k, (name, stroke)) in legend.into_iter().enumerate() {
-            let at = top + 10.0 + 16.0 * k as f64;
-            let sample = [(right + 10.0, at), (right + 32.0, at)];
             match k {
-                0 => canvas.line(&sample, stroke),
-                _ => canvas.dashed(&sample, DASHES, stroke),
+                0 => canvas.line(&frame.sample(k), stroke),
+                _ => canvas.dashed(&frame.sample(k), DASHES, stroke),
             }
-            canvas.text((right + 38.0, at), name, Align::Left, INK);
+            frame.name(canvas, k, name);
         }
     })
 }
 
 /// The branches in an interval without a change, with their number above them.
-fn draw(canvas: &Canvas<'_>, samples: &[&Sample], middle: f64, [x, y]: [&Axis; 2], top: f64) {
+fn draw(canvas: &Canvas<'_>, samples: &[&Sample], middle: f64, Frame { x, y }: &Frame) {
     let distance = |sample: &&&Sample| (sample.at - middle).abs();
     let nearest = samples
         .iter()
@@ -97,7 +67,7 @@ fn draw(canvas: &Canvas<'_>, samples: &[&Sample], middle: f64, [x, y]: [&Axis; 2
         return;
     };
     let count = attracts.len().to_string();
-    canvas.text((x.at(middle), top - 8.0), &count, Align::Centre, INK);
+    canvas.text((x.at(middle), y.end - 8.0), &count, Align::Centre, INK);
     let usual = samples
         .iter()
         .filter(|sample| sample.pattern().as_ref() == Some(&attracts));

@@ -162,6 +162,25 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     size * text.chars().map(width).sum::<f64>()
 }
 
+/// The width of the widest of some texts.
+pub fn widest<'t>(texts: impl IntoIterator<Item = &'t str>) -> f64 {
+    let widths = texts.into_iter().map(|text| text_width(text, TEXT_SIZE));
+    widths.fold(0.0, f64::max)
+}
+
+/// A share of the way from one colour to another.
+pub fn mixed(from: RGBColor, to: RGBColor, share: f64) -> RGBColor {
+    let mix = |a: u8, b: u8| (f64::from(a) + share * (f64::from(b) - f64::from(a))).round() as u8;
+    RGBColor(mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
+}
+
+/// The colour at a share of the way through these.
+pub fn shade(colors: &[RGBColor], share: f64) -> RGBColor {
+    let place = share.clamp(0.0, 1.0) * (colors.len() - 1) as f64;
+    let k = (place as usize).min(colors.len() - 2);
+    mixed(colors[k], colors[k + 1], place - k as f64)
+}
+
 /// The points of a line without those too close to their predecessor to be seen.
 fn visible(line: &[Point]) -> impl Iterator<Item = Point> {
     let mut kept = (f64::INFINITY, f64::INFINITY);

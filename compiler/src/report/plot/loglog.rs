@@ -2,10 +2,9 @@
 
 use plotters::style::RGBColor;
 
-use super::MARGIN;
-use super::axis::superscripts;
-use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
-use super::panel::frame;
+use super::axis::Axis;
+use super::canvas::{Align, Canvas, INK, Point, Stroke, mixed, widest};
+use super::frame::{FOOT, Frame, GAP, MARGIN, left_space, right_space};
 
 /// Points in the positive quadrant.
 pub struct Curve {
@@ -33,17 +32,6 @@ pub struct LogLog<'a> {
 
 const WIDTH: f64 = 380.0;
 const HEIGHT: f64 = 330.0;
-/// Below the frame: labels of the ticks and the title of the axis.
-const FOOT: f64 = 36.0;
-/// Between the frame and the legend, and between name and remark in it.
-const GAP: f64 = 14.0;
-/// Length of a sample in the legend, and height of its row.
-const SAMPLE: f64 = 24.0;
-const ROW: f64 = 16.0;
-/// Labels of decades along an axis.
-const MOST_LABELS: i32 = 9;
-/// Decades of an axis that has lines between them.
-const MOST_DIVIDED: f64 = 4.5;
 const DECADE: Stroke = Stroke(0.5, RGBColor(205, 205, 205));
 const BETWEEN: Stroke = Stroke(0.35, RGBColor(233, 233, 233));
 const DOTS: (f64, f64) = (1.5, 2.5);
@@ -62,168 +50,78 @@ const FAMILIES: [[RGBColor; 2]; 6] = [
 /// Members with shades of their own.
 const MEMBERS: usize = 4;
 
-/// A logarithmic axis.
-pub(super) struct Decades {
-    /// Logarithms to base 10.
-    lo: f64,
-    hi: f64,
-    start: f64,
-    end: f64,
-}
-
-impl Decades {
-    /// Covers all positive values with a margin.
-    pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
-        let logs = values.filter(|v| *v > 0.0 && v.is_finite()).map(f64::log10);
-        let (lo, hi) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
-            (lo.min(v), hi.max(v))
-        });
-        let (lo, hi) = if lo > hi { (-1.0, 0.0) } else { (lo, hi) };
-        // A decade at least has its line in the frame.
-        let margin = (0.04 * (hi - lo)).max(0.5 * (1.1 - (hi - lo)));
-        Decades {
-            lo: lo - margin,
-            hi: hi + margin,
-            start: 0.0,
-            end: 1.0,
-        }
-    }
-
-    pub(super) fn placed(self, start: f64, end: f64) -> Self {
-        Decades { start, end, ..self }
-    }
-
-    pub(super) fn at(&self, value: f64) -> f64 {
-        let share = (value.log10() - self.lo) / (self.hi - self.lo);
-        self.start + share * (self.end - self.start)
-    }
-
-    /// Powers of ten in the range.
-    fn decades(&self) -> std::ops::RangeInclusive<i32> {
-        self.lo.ceil() as i32..=self.hi.floor() as i32
-    }
-
-    /// Powers of ten with labels: every one, every second one, ..
-    pub(super) fn labels(&self) -> Vec<(f64, String)> {
-        let n = self.decades().count() as i32;
-        let every = (n + MOST_LABELS - 1) / MOST_LABELS;
-        let shown = self
-            .decades()
-            .filter(|decade| decade.rem_euclid(every.max(1)) == 0);
-        shown
-            .map(|decade| {
-                let label = format!("10{}", superscripts(decade));
-                (10f64.powi(decade), label)
-            })
-            .collect()
-    }
-
-    /// 2, 3, .., 9 times powers of ten, where there is room for them.
-    fn between(&self) -> Vec<f64> {
-        if self.hi - self.lo > MOST_DIVIDED {
-            return Vec::new();
-        }
-        let decades = self.lo.floor() as i32..=self.hi.ceil() as i32;
-        let all =
-            decades.flat_map(|decade| (2..10).map(move |k| f64::from(k) * 10f64.powi(decade)));
-        all.filter(|value| (self.lo..=self.hi).contains(&value.log10()))
-            .collect()
-    }
-}
-
 impl LogLog<'_> {
     /// The SVG text.
     pub fn write(&self) -> String {
         let points = || self.curves.iter().flat_map(|curve| &curve.points);
         let points = || points().filter(|p| p.0 > 0.0 && p.1 > 0.0);
-        let x = Decades::around(points().map(|p| p.0));
-        let y = Decades::around(points().map(|p| p.1));
-        let widest = |texts: &mut dyn Iterator<Item = &str>| {
-            texts
-                .map(|text| text_width(text, TEXT_SIZE))
-                .fold(0.0, f64::max)
-        };
-        let labels = y.labels();
-        let labels = widest(&mut labels.iter().map(|(_, label)| label.as_str()));
-        let names = widest(&mut self.curves.iter().map(|curve| curve.name.as_str()));
-        let remarks = widest(&mut self.curves.iter().map(|curve| curve.remark.as_str()));
-        let left = MARGIN + 1.8 * TEXT_SIZE + labels + 7.0;
-        let (top, right) = (MARGIN, left + WIDTH);
-        let bottom = top + HEIGHT;
-        let legend = right + GAP;
-        let entries = (names + GAP + remarks).max(text_width(FLOOR_NAME, TEXT_SIZE));
-        let width = legend + SAMPLE + 6.0 + entries + MARGIN;
-        let (x, y) = (x.placed(left, right), y.placed(bottom, top));
+        let x = Axis::decades(points().map(|p| p.0));
+        let y = Axis::decades(points().map(|p| p.1));
+        let left = MARGIN + left_space(&y.ticks(0));
+        let frame = Frame::new(x, y, (left, MARGIN), (WIDTH, HEIGHT));
+        let ([bottom, top], right) = (frame.y.ends(), frame.x.end);
+        let names = || self.curves.iter().map(|curve| curve.name.as_str());
+        let remarks = widest(self.curves.iter().map(|curve| curve.remark.as_str()));
+        let entries = (right_space(names()) + GAP + remarks).max(right_space([FLOOR_NAME]));
+        let width = right + entries + MARGIN;
 
         Canvas::svg(width, bottom + FOOT + MARGIN, |canvas| {
-            grid(canvas, &x, &y);
-            let floor = y.at(self.floor);
+            grid(canvas, &frame);
+            let floor = frame.y.at(self.floor);
             let shows_floor = self.floor > 0.0 && (top..bottom).contains(&floor);
             if shows_floor {
-                canvas.dashed(&[(left, floor), (right, floor)], DOTS, FLOOR);
+                canvas.dashed(&frame.horizontal(floor), DOTS, FLOOR);
             }
             for curve in &self.curves {
-                curve.draw(canvas, &x, &y);
+                curve.draw(canvas, &frame);
             }
-            frame(canvas, (left, top), (right, bottom));
-            for (value, label) in x.labels() {
-                canvas.text((x.at(value), bottom + 11.0), &label, Align::Centre, INK);
-            }
-            for (value, label) in y.labels() {
-                canvas.text((left - 6.0, y.at(value)), &label, Align::Right, INK);
-            }
-            let middle = (0.5 * (left + right), bottom + 28.0);
-            canvas.text(middle, self.x_title, Align::Centre, INK);
-            let middle = (MARGIN + 0.5 * TEXT_SIZE, 0.5 * (top + bottom));
-            canvas.text(middle, self.y_title, Align::Upwards, INK);
+            frame.draw(canvas, [self.x_title, self.y_title], 0);
+            let remark = right + right_space(names()) + GAP;
             for (k, curve) in self.curves.iter().enumerate() {
-                let y = top + (k as f64 + 0.5) * ROW;
-                let sample = [(legend, y), (legend + SAMPLE, y)];
-                canvas.line(&sample, Stroke(1.2, curve.color()));
-                curve.mark(canvas, (legend + 0.5 * SAMPLE, y));
-                let name = legend + SAMPLE + 6.0;
-                canvas.text((name, y), &curve.name, Align::Left, INK);
-                let remark = name + names + GAP;
-                canvas.text((remark, y), &curve.remark, Align::Left, INK);
+                let [from, to] = frame.sample(k);
+                canvas.line(&[from, to], Stroke(1.2, curve.color()));
+                curve.mark(canvas, (0.5 * (from.0 + to.0), from.1));
+                frame.name(canvas, k, &curve.name);
+                canvas.text((remark, from.1), &curve.remark, Align::Left, INK);
             }
             if shows_floor {
-                let y = top + (self.curves.len() as f64 + 0.5) * ROW;
-                canvas.dashed(&[(legend, y), (legend + SAMPLE, y)], DOTS, FLOOR);
-                canvas.text((legend + SAMPLE + 6.0, y), FLOOR_NAME, Align::Left, INK);
+                let row = self.curves.len();
+                canvas.dashed(&frame.sample(row), DOTS, FLOOR);
+                frame.name(canvas, row, FLOOR_NAME);
             }
         })
     }
 }
 
 /// Fine lines, then those of decades above them.
-fn grid(canvas: &Canvas<'_>, x: &Decades, y: &Decades) {
-    let vertical = |value: f64| [(x.at(value), y.start), (x.at(value), y.end)];
-    let horizontal = |value: f64| [(x.start, y.at(value)), (x.end, y.at(value))];
-    for value in x.between() {
-        canvas.line(&vertical(value), BETWEEN);
+fn grid(canvas: &Canvas<'_>, frame: &Frame) {
+    let (x, y) = (&frame.x, &frame.y);
+    for value in x.between_powers() {
+        canvas.line(&frame.vertical(x.at(value)), BETWEEN);
     }
-    for value in y.between() {
-        canvas.line(&horizontal(value), BETWEEN);
+    for value in y.between_powers() {
+        canvas.line(&frame.horizontal(y.at(value)), BETWEEN);
     }
-    for decade in x.decades() {
-        canvas.line(&vertical(10f64.powi(decade)), DECADE);
+    for value in x.powers() {
+        canvas.line(&frame.vertical(x.at(value)), DECADE);
     }
-    for decade in y.decades() {
-        canvas.line(&horizontal(10f64.powi(decade)), DECADE);
+    for value in y.powers() {
+        canvas.line(&frame.horizontal(y.at(value)), DECADE);
     }
 }
 
 impl Curve {
     fn color(&self) -> RGBColor {
-        let [RGBColor(r, g, b), last] = FAMILIES[self.place.0 % FAMILIES.len()];
+        let [first, last] = FAMILIES[self.place.0 % FAMILIES.len()];
         let share = (self.place.1 % MEMBERS) as f64 / (MEMBERS - 1) as f64;
-        let mix = |a: u8, b: u8| (f64::from(a) + share * (f64::from(b) - f64::from(a))) as u8;
-        RGBColor(mix(r, last.0), mix(g, last.1), mix(b, last.2))
+        mixed(first, last, share)
     }
 
-    fn draw(&self, canvas: &Canvas<'_>, x: &Decades, y: &Decades) {
+    fn draw(&self, canvas: &Canvas<'_>, frame: &Frame) {
         let positive = self.points.iter().filter(|p| p.0 > 0.0 && p.1 > 0.0);
-        let places: Vec<Point> = positive.map(|p| (x.at(p.0), y.at(p.1))).collect();
+        let places: Vec<Point> = positive
+            .map(|p| (frame.x.at(p.0), frame.y.at(p.1)))
+            .collect();
         canvas.line(&places, Stroke(1.2, self.color()));
         for place in places {
             self.mark(canvas, place);

@@ -3,6 +3,7 @@
 use plotters::style::RGBColor;
 
 use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
+use super::frame::swatch;
 use super::panel::{SHADES, SINGLE, pale};
 use crate::report::{Ensemble, EventKind, Trajectory};
 
@@ -220,8 +221,7 @@ impl Legend {
             let middle = (x + SAMPLE / 2.0, y);
             match entry {
                 Entry::Band(color) => {
-                    canvas.rect((x, y - 4.5), (x + SAMPLE - 1.0, y + 4.5), INK);
-                    canvas.rect((x + 0.5, y - 4.0), (x + SAMPLE - 1.5, y + 4.0), *color);
+                    swatch(canvas, [(x, y), (x + SAMPLE - 1.0, y)], *color);
                 }
                 Entry::Event(kind) => mark(canvas, *kind, middle, 3.6),
                 Entry::Curve { dash } => canvas.dashed(&[(x, y), (x + SAMPLE, y)], *dash, CURVE),

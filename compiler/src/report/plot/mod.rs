@@ -7,6 +7,7 @@ mod axis;
 pub mod branches;
 mod canvas;
 mod contour;
+mod frame;
 mod loglog;
 mod marks;
 mod panel;
@@ -19,7 +20,8 @@ use self::axis::Axis;
 pub use self::loglog::{Curve, LogLog};
 pub use self::sweep::Sweep;
 
-use self::canvas::{Align, Canvas, INK, Stroke};
+use self::canvas::{Canvas, Stroke};
+use self::frame::{FOOT, Frame, MARGIN};
 use self::marks::{Bands, Legend};
 use self::panel::Panel;
 use crate::report::Trajectory;
@@ -30,12 +32,10 @@ const WIDTH: f64 = 400.0;
 const HEIGHT: f64 = 96.0;
 /// Space between panels.
 const GAP: f64 = 9.0;
-/// Space at the border of the sheet.
-const MARGIN: f64 = 12.0;
 /// Strip of the event marks.
 const STRIP: f64 = 12.0;
-/// Below the last panel: labels of the ticks and the title of the axis.
-const FOOT: f64 = 34.0;
+/// Steps between ticks of time.
+const TIME_TICKS: usize = 6;
 /// Events before their lines would cover the curves.
 const MAX_EVENT_LINES: usize = 150;
 /// Events before their marks would cover each other.
@@ -87,28 +87,22 @@ pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
         let time = time_axis(trajectory).placed(left, left + WIDTH);
         for (k, panel) in panels.iter().enumerate() {
             let y = top + k as f64 * (height + GAP);
-            let ticks = time.ticks(6);
+            let frame = panel.frame(&time, (y, y + height));
             // Modes and events are those of one of many runs.
             if trajectory.ensemble.is_none() {
-                draw_bands(canvas, trajectory, &bands, &time, (y, y + height));
-                draw_event_lines(canvas, trajectory, &time, (y, y + height));
+                draw_bands(canvas, trajectory, &bands, &frame);
+                draw_event_lines(canvas, trajectory, &frame);
             }
-            panel.draw(canvas, trajectory, &time, (y, y + height), &ticks);
+            panel.draw(canvas, trajectory, &frame);
         }
         if trajectory.ensemble.is_none() {
             draw_event_marks(canvas, trajectory, &time, top - STRIP / 2.0);
         }
-        let ticks = time.ticks(6);
-        for (value, label) in &ticks.marks {
-            canvas.text((time.at(*value), bottom + 11.0), label, Align::Centre, INK);
-        }
-        let middle = left + WIDTH / 2.0;
-        canvas.text(
-            (middle, bottom + 27.0),
-            &ticks.title("time"),
-            Align::Centre,
-            INK,
-        );
+        let whole = Frame {
+            y: Axis::new(0.0, 1.0).placed(bottom, top),
+            x: time,
+        };
+        whole.labels_below(canvas, &whole.x.ticks(TIME_TICKS), "time");
         if let Some(plane) = &plane {
             plane.draw(canvas, trajectory, curves_end, (top, bottom));
         }
@@ -125,13 +119,8 @@ fn time_axis(trajectory: &Trajectory) -> Axis {
 }
 
 /// One rectangle per mode; intervals too short to see are left to their neighbours.
-fn draw_bands(
-    canvas: &Canvas<'_>,
-    trajectory: &Trajectory,
-    bands: &Bands,
-    time: &Axis,
-    y: (f64, f64),
-) {
+fn draw_bands(canvas: &Canvas<'_>, trajectory: &Trajectory, bands: &Bands, frame: &Frame) {
+    let (time, [bottom, top]) = (&frame.x, frame.y.ends());
     let mut from = time.start;
     for interval in &trajectory.modes {
         let to = time.at(interval.to.min(time.hi));
@@ -139,24 +128,24 @@ fn draw_bands(
             continue;
         }
         if let Some(color) = bands.color(&interval.mode) {
-            canvas.rect((from, y.0), (to, y.1), color);
+            canvas.rect((from, top), (to, bottom), color);
         }
         from = to;
     }
 }
 
-fn draw_event_lines(canvas: &Canvas<'_>, trajectory: &Trajectory, time: &Axis, y: (f64, f64)) {
+fn draw_event_lines(canvas: &Canvas<'_>, trajectory: &Trajectory, frame: &Frame) {
     if trajectory.events.len() > MAX_EVENT_LINES {
         return;
     }
     let grey = plotters::style::RGBColor(150, 150, 150);
-    let mut places: Vec<f64> = places(trajectory, time)
+    let mut places: Vec<f64> = places(trajectory, &frame.x)
         .into_iter()
         .map(|(x, _)| x)
         .collect();
     places.dedup_by(|next, kept| (*next - *kept).abs() < 1.2);
     for x in places {
-        canvas.line(&[(x, y.0), (x, y.1)], Stroke(0.45, grey));
+        canvas.line(&frame.vertical(x), Stroke(0.45, grey));
     }
 }
 

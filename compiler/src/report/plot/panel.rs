@@ -2,8 +2,9 @@
 
 use plotters::style::RGBColor;
 
-use super::axis::{Axis, Ticks};
-use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
+use super::axis::Axis;
+use super::canvas::{Align, Canvas, Point, Stroke, TEXT_SIZE, mixed, shade, widest};
+use super::frame::{Frame, MARGIN, left_space};
 use super::marks::LINES;
 use crate::report::{Ensemble, Series, Trajectory};
 
@@ -13,6 +14,14 @@ const MAX_PANELS: usize = 8;
 const MAX_CURVES: usize = LINES.len();
 /// Steps between ticks.
 const N_TICKS: usize = 4;
+
+/// Colours of more curves, from the first to the last.
+const MANY: [RGBColor; 4] = [
+    RGBColor(40, 60, 130),
+    RGBColor(35, 130, 140),
+    RGBColor(110, 170, 80),
+    RGBColor(220, 140, 30),
+];
 
 /// Width of the line of one of many runs.
 pub const SINGLE: f64 = 0.5;
@@ -66,14 +75,7 @@ pub fn arrange(trajectory: &Trajectory) -> Vec<Panel> {
 
 impl Panel {
     fn new(group: &[&Series], many: Option<&Ensemble>) -> Self {
-        let entries: Vec<(String, Vec<f64>)> = group
-            .iter()
-            .flat_map(|series| {
-                let n = series.n_entries();
-                let column = move |k| series.values.iter().skip(k).step_by(n).copied().collect();
-                series.entry_names().into_iter().zip((0..n).map(column))
-            })
-            .collect();
+        let entries: Vec<_> = group.iter().flat_map(|series| series.columns()).collect();
         let n = entries.len();
         let curves: Vec<Curve> = entries
             .into_iter()
@@ -86,7 +88,7 @@ impl Panel {
                 color: if n <= MAX_CURVES {
                     LINES[k]
                 } else {
-                    shade(k, n)
+                    shade(&MANY, k as f64 / (n - 1) as f64)
                 },
                 labelled: n > 1 && (n <= MAX_CURVES || k == 0 || k == n - 1),
             })
@@ -114,43 +116,36 @@ impl Panel {
 
     /// Space left of the frame for labels and title.
     pub fn left_space(&self) -> f64 {
-        let ticks = self.axis.ticks(N_TICKS);
-        let labels = ticks
-            .marks
-            .iter()
-            .map(|(_, label)| text_width(label, TEXT_SIZE));
-        labels.fold(0.0, f64::max) + 9.0 + 1.8 * TEXT_SIZE
+        left_space(&self.axis.ticks(N_TICKS))
     }
 
     /// Space right of the frame for the names of its curves.
     pub fn right_space(&self) -> f64 {
         let names = self.curves.iter().filter(|curve| curve.labelled);
-        let widest = names
-            .map(|curve| text_width(&curve.name, TEXT_SIZE))
-            .fold(0.0, f64::max);
+        let widest = widest(names.map(|curve| curve.name.as_str()));
         if widest > 0.0 { widest + 8.0 } else { 0.0 }
     }
 
-    /// Draws curves, frame, ticks and names between the heights `y`.
-    pub fn draw(
-        &self,
-        canvas: &Canvas<'_>,
-        trajectory: &Trajectory,
-        time: &Axis,
-        y: (f64, f64),
-        time_ticks: &Ticks,
-    ) {
-        let axis = self.axis.clone().placed(y.1, y.0);
+    /// Its frame over an axis of time that has been placed, between two heights.
+    pub fn frame(&self, time: &Axis, (top, bottom): (f64, f64)) -> Frame {
+        Frame {
+            x: time.clone(),
+            y: self.axis.clone().placed(bottom, top),
+        }
+    }
+
+    /// Draws curves, frame, ticks and names.
+    pub fn draw(&self, canvas: &Canvas<'_>, trajectory: &Trajectory, frame: &Frame) {
+        let Frame { x: time, y: axis } = frame;
         if axis.lo < 0.0 && axis.hi > 0.0 {
-            let zero = axis.at(0.0);
             let faint = RGBColor(190, 190, 190);
-            canvas.line(&[(time.start, zero), (time.end, zero)], Stroke(0.5, faint));
+            canvas.line(&frame.horizontal(axis.at(0.0)), Stroke(0.5, faint));
         }
         let width = if self.curves.len() > 8 { 0.8 } else { 1.3 };
         let many = trajectory.ensemble.as_ref();
         let width = if many.is_some() { SINGLE } else { width };
         for (curve, many) in self.curves.iter().filter_map(|curve| Some((curve, many?))) {
-            curve.draw_quantiles(canvas, &many.time, time, &axis);
+            curve.draw_quantiles(canvas, &many.time, frame);
         }
         for curve in &self.curves {
             let values = trajectory.time.iter().zip(&curve.values);
@@ -158,49 +153,43 @@ impl Panel {
             canvas.line(&interrupted(points), Stroke(width, curve.color));
         }
 
-        frame(canvas, (time.start, y.0), (time.end, y.1));
-        for (value, _) in &time_ticks.marks {
-            let x = time.at(*value);
-            canvas.line(&[(x, y.1), (x, y.1 - 3.0)], Stroke(0.7, INK));
-        }
-        let ticks = axis.ticks(N_TICKS);
-        vertical_ticks(canvas, &axis, &ticks, time.start);
-        let title = (super::MARGIN + 0.5 * TEXT_SIZE, 0.5 * (y.0 + y.1));
-        canvas.text(title, &ticks.title(&self.title), Align::Upwards, INK);
-        self.draw_names(canvas, &axis, time.end + 5.0, y);
+        frame.border(canvas);
+        frame.ticks_below(canvas, &time.ticks(super::TIME_TICKS));
+        frame.beside(canvas, &axis.ticks(N_TICKS), &self.title, MARGIN);
+        self.draw_names(canvas, frame);
     }
 
     /// The names of the curves at their ends, pushed apart where they would overlap.
-    fn draw_names(&self, canvas: &Canvas<'_>, axis: &Axis, x: f64, y: (f64, f64)) {
+    fn draw_names(&self, canvas: &Canvas<'_>, Frame { x, y }: &Frame) {
         let last = |curve: &Curve| curve.values.iter().rev().copied().find(|v| v.is_finite());
         let mut names: Vec<(f64, &Curve)> = self
             .curves
             .iter()
             .filter(|curve| curve.labelled)
-            .map(|curve| (axis.at(last(curve).unwrap_or(0.0)), curve))
+            .map(|curve| (y.at(last(curve).unwrap_or(0.0)), curve))
             .collect();
         names.sort_by(|a, b| a.0.total_cmp(&b.0));
         let distance = TEXT_SIZE + 2.0;
         for k in 1..names.len() {
             names[k].0 = names[k].0.max(names[k - 1].0 + distance);
         }
-        let mut limit = y.1 - 2.0;
+        let mut limit = y.start - 2.0;
         for (place, _) in names.iter_mut().rev() {
             *place = place.min(limit);
             limit = *place - distance;
         }
         for (place, curve) in names {
-            canvas.text((x, place), &curve.name, Align::Left, curve.color);
+            canvas.text((x.end + 5.0, place), &curve.name, Align::Left, curve.color);
         }
     }
 }
 
 impl Curve {
     /// The outer and the inner quantiles as bands, and the median as a line.
-    fn draw_quantiles(&self, canvas: &Canvas<'_>, instants: &[f64], time: &Axis, axis: &Axis) {
+    fn draw_quantiles(&self, canvas: &Canvas<'_>, instants: &[f64], Frame { x, y }: &Frame) {
         let points = |values: &[f64]| -> Vec<Point> {
             let points = instants.iter().zip(values);
-            points.map(|(&t, &v)| (time.at(t), axis.at(v))).collect()
+            points.map(|(&t, &v)| (x.at(t), y.at(v))).collect()
         };
         let n = self.quantiles.len();
         for k in 0..n / 2 {
@@ -217,26 +206,7 @@ impl Curve {
 
 /// A colour mixed with white, of which `share` is left.
 pub fn pale(color: RGBColor, share: f64) -> RGBColor {
-    let mix = |c: u8| (255.0 - share * (255.0 - f64::from(c))) as u8;
-    RGBColor(mix(color.0), mix(color.1), mix(color.2))
-}
-
-/// A thin frame.
-pub fn frame(canvas: &Canvas<'_>, from: Point, to: Point) {
-    let corners = [from, (to.0, from.1), to, (from.0, to.1), from];
-    canvas.line(&corners, Stroke(0.7, INK));
-}
-
-/// Ticks and labels along a vertical axis at `x`.
-pub fn vertical_ticks(canvas: &Canvas<'_>, axis: &Axis, ticks: &Ticks, x: f64) {
-    for (value, label) in &ticks.marks {
-        let y = axis.at(*value);
-        canvas.line(&[(x, y), (x + 3.0, y)], Stroke(0.7, INK));
-        // Labels in the corners would meet those of the next frame.
-        if (y - axis.start).abs().min((y - axis.end).abs()) > 3.5 {
-            canvas.text((x - 5.0, y), label, Align::Right, INK);
-        }
-    }
+    mixed(RGBColor(255, 255, 255), color, share)
 }
 
 /// The points with a gap where an instant stands twice and the value jumps visibly.
@@ -252,19 +222,4 @@ fn interrupted(points: impl Iterator<Item = Point>) -> Vec<Point> {
         line.push(point);
     }
     line
-}
-
-/// The k-th of n colours from dark blue to orange through grey green.
-fn shade(k: usize, n: usize) -> RGBColor {
-    const STOPS: [[f64; 3]; 4] = [
-        [40.0, 60.0, 130.0],
-        [35.0, 130.0, 140.0],
-        [110.0, 170.0, 80.0],
-        [220.0, 140.0, 30.0],
-    ];
-    let place = k as f64 / (n.max(2) - 1) as f64 * 3.0;
-    let stop = (place as usize).min(2);
-    let share = place - stop as f64;
-    let mix = |c: usize| (STOPS[stop][c] * (1.0 - share) + STOPS[stop + 1][c] * share) as u8;
-    RGBColor(mix(0), mix(1), mix(2))
 }

@@ -2,11 +2,11 @@
 
 use super::Surface;
 use super::axis::Axis;
-use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
+use super::canvas::{Canvas, INK, Point, Stroke};
 use super::contour::zero_set;
+use super::frame::{Frame, left_space};
 use super::marks::{self, CURVE, LINES, Legend};
-use super::panel::{frame, vertical_ticks};
-use crate::report::Trajectory;
+use crate::report::{Series, Trajectory};
 
 /// Dash patterns that tell switching curves apart.
 const DASHES: [(f64, f64); 4] = [(1e9, 0.0), (5.0, 3.0), (1.5, 2.0), (9.0, 3.0)];
@@ -29,16 +29,7 @@ pub struct Plane {
 impl Plane {
     /// The plane of the two states of `trajectory`, so wide and high.
     pub fn new(trajectory: &Trajectory, surfaces: &[Surface<'_>], width: f64, height: f64) -> Self {
-        let entries: Vec<(String, Vec<f64>)> = trajectory
-            .states
-            .iter()
-            .flat_map(|series| {
-                let n = series.n_entries();
-                let column = move |k| series.values.iter().skip(k).step_by(n).copied().collect();
-                series.entry_names().into_iter().zip((0..n).map(column))
-            })
-            .collect();
-        let mut entries = entries.into_iter();
+        let mut entries = trajectory.states.iter().flat_map(Series::columns);
         let (x_name, x) = entries.next().unwrap_or_default();
         let (y_name, y) = entries.next().unwrap_or_default();
         let around = |values: &[f64]| Axis::around(values.iter().copied());
@@ -74,12 +65,7 @@ impl Plane {
     }
 
     fn left_space(&self) -> f64 {
-        let ticks = self.axes[1].ticks(N_TICKS);
-        let labels = ticks
-            .marks
-            .iter()
-            .map(|(_, label)| text_width(label, TEXT_SIZE));
-        labels.fold(0.0, f64::max) + 9.0 + 1.8 * TEXT_SIZE
+        left_space(&self.axes[1].ticks(N_TICKS))
     }
 
     /// Draws it right of `left`, the frame between two heights.
@@ -92,8 +78,8 @@ impl Plane {
     ) {
         let start = left + self.left_space();
         let [x, y] = self.axes.clone();
-        let (x, y) = (x.placed(start, start + self.size.0), y.placed(bottom, top));
-        let at = |p: Point| (x.at(p.0), y.at(p.1));
+        let frame = Frame::new(x, y, (start, top), (self.size.0, bottom - top));
+        let at = |p: Point| (frame.x.at(p.0), frame.y.at(p.1));
 
         for (lines, dash) in self.curves.iter().zip(DASHES) {
             for line in lines {
@@ -133,24 +119,12 @@ impl Plane {
             marks::end(canvas, last);
         }
 
-        frame(canvas, (start, top), (start + self.size.0, bottom));
-        let ticks = y.ticks(N_TICKS);
-        vertical_ticks(canvas, &y, &ticks, start);
-        let title = (left + 0.5 * TEXT_SIZE, 0.5 * (top + bottom));
-        canvas.text(title, &ticks.title(&self.names[1]), Align::Upwards, INK);
-        let ticks = x.ticks(N_TICKS);
-        for (value, label) in &ticks.marks {
-            let place = x.at(*value);
-            canvas.line(&[(place, bottom), (place, bottom - 3.0)], Stroke(0.7, INK));
-            canvas.text((place, bottom + 11.0), label, Align::Centre, INK);
-        }
-        let middle = start + 0.5 * self.size.0;
-        canvas.text(
-            (middle, bottom + 27.0),
-            &ticks.title(&self.names[0]),
-            Align::Centre,
-            INK,
-        );
+        frame.border(canvas);
+        let [x_name, y_name] = &self.names;
+        frame.beside(canvas, &frame.y.ticks(N_TICKS), y_name, left);
+        let ticks = frame.x.ticks(N_TICKS);
+        frame.ticks_below(canvas, &ticks);
+        frame.labels_below(canvas, &ticks, x_name);
         let legend = (start, top - 3.0 - self.legend_height());
         self.legend.draw(canvas, legend, self.size.0);
     }

@@ -2,18 +2,13 @@
 
 use plotters::style::RGBColor;
 
-use super::MARGIN;
 use super::axis::Axis;
-use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
-use super::panel::{frame, vertical_ticks};
+use super::canvas::{Canvas, INK, Point, Stroke};
+use super::frame::{FOOT, Frame, MARGIN, left_space, right_space, swatch};
 use crate::report::{Change, Plane, words_of};
 
 const WIDTH: f64 = 340.0;
 const HEIGHT: f64 = 280.0;
-/// Below the frame: labels of the ticks and the title of the axis.
-const FOOT: f64 = 34.0;
-/// Left of it: the same.
-const SIDE: f64 = 48.0;
 const N_TICKS: usize = 6;
 /// Where no mode is, and where the surface is not met.
 const NONE: RGBColor = RGBColor(246, 246, 246);
@@ -35,15 +30,13 @@ const DASHES: (f64, f64) = (4.0, 2.5);
 
 /// The SVG text.
 pub fn write(plane: &Plane) -> String {
-    let (left, top) = (MARGIN + SIDE, MARGIN);
-    let (right, bottom) = (left + WIDTH, top + HEIGHT);
     let ends = |k: usize| {
         let (first, last) = (plane.at[k].first(), plane.at[k].last());
-        (first.copied().unwrap_or(0.0), last.copied().unwrap_or(1.0))
+        Axis::new(first.copied().unwrap_or(0.0), last.copied().unwrap_or(1.0))
     };
-    let ((x0, x1), (y0, y1)) = (ends(0), ends(1));
-    let x = Axis::new(x0, x1).placed(left, right);
-    let y = Axis::new(y0, y1).placed(bottom, top);
+    let (x, y) = (ends(0), ends(1));
+    let corner = (MARGIN + left_space(&y.ticks(N_TICKS)), MARGIN);
+    let frame = Frame::new(x, y, corner, (WIDTH, HEIGHT));
     let shares = plane.shares();
     let mut colors = (0..).map(color);
     let legend: Vec<(Option<Vec<bool>>, RGBColor)> = shares
@@ -61,52 +54,32 @@ pub fn write(plane: &Plane) -> String {
         .iter()
         .map(|(pattern, _)| words_of(pattern.as_deref()));
     let names: Vec<String> = names.collect();
-    let widest = names.iter().map(|name| text_width(name, TEXT_SIZE));
-    let widest = widest.fold(text_width("mode at a side", TEXT_SIZE), f64::max);
-    Canvas::svg(
-        right + 40.0 + widest + MARGIN,
-        bottom + FOOT + MARGIN,
-        |canvas| {
-            fill(canvas, plane, &legend, [&x, &y]);
-            for curve in &plane.curves {
-                let points = curve.points.iter();
-                let points: Vec<Point> = points.map(|[a, b]| (x.at(*a), y.at(*b))).collect();
-                match curve.change {
-                    Change::Fold => canvas.line(&points, FOLD),
-                    Change::Bound | Change::Other => canvas.dashed(&points, DASHES, BOUND),
-                }
+    let lines = ["fold", "mode at a side"];
+    let entries = names.iter().map(String::as_str).chain(lines);
+    let width = frame.x.end + right_space(entries.clone()) + MARGIN;
+    Canvas::svg(width, frame.y.start + FOOT + MARGIN, |canvas| {
+        fill(canvas, plane, &legend, &frame);
+        for curve in &plane.curves {
+            let points = curve.points.iter();
+            let points = points.map(|[a, b]| (frame.x.at(*a), frame.y.at(*b)));
+            let points: Vec<Point> = points.collect();
+            match curve.change {
+                Change::Fold => canvas.line(&points, FOLD),
+                Change::Bound | Change::Other => canvas.dashed(&points, DASHES, BOUND),
             }
-            frame(canvas, (left, top), (right, bottom));
-            let ticks = x.ticks(N_TICKS);
-            for (value, label) in &ticks.marks {
-                let at = x.at(*value);
-                canvas.line(&[(at, bottom), (at, bottom - 3.0)], Stroke(0.7, INK));
-                canvas.text((at, bottom + 9.0), label, Align::Centre, INK);
+        }
+        let [first, second] = &plane.states;
+        frame.draw(canvas, [first, second], N_TICKS);
+        for (k, name) in entries.enumerate() {
+            let sample = frame.sample(k);
+            match k.checked_sub(legend.len()) {
+                None => swatch(canvas, sample, legend[k].1),
+                Some(0) => canvas.line(&sample, FOLD),
+                Some(_) => canvas.dashed(&sample, DASHES, BOUND),
             }
-            let middle = 0.5 * (left + right);
-            let title = ticks.title(&plane.states[0]);
-            canvas.text((middle, bottom + 24.0), &title, Align::Centre, INK);
-            let ticks = y.ticks(N_TICKS);
-            vertical_ticks(canvas, &y, &ticks, left);
-            let title = ticks.title(&plane.states[1]);
-            let middle = 0.5 * (top + bottom);
-            canvas.text((MARGIN + 6.0, middle), &title, Align::Upwards, INK);
-            let row = |k: usize| top + 10.0 + 16.0 * k as f64;
-            for (k, (name, (_, color))) in names.iter().zip(&legend).enumerate() {
-                let at = row(k);
-                canvas.rect((right + 10.0, at - 5.0), (right + 32.0, at + 5.0), INK);
-                canvas.rect((right + 10.5, at - 4.5), (right + 31.5, at + 4.5), *color);
-                canvas.text((right + 38.0, at), name, Align::Left, INK);
-            }
-            let sample = |at: f64| [(right + 10.0, at), (right + 32.0, at)];
-            let at = row(names.len());
-            canvas.line(&sample(at), FOLD);
-            canvas.text((right + 38.0, at), "fold", Align::Left, INK);
-            let at = row(names.len() + 1);
-            canvas.dashed(&sample(at), DASHES, BOUND);
-            canvas.text((right + 38.0, at), "mode at a side", Align::Left, INK);
-        },
-    )
+            frame.name(canvas, k, name);
+        }
+    })
 }
 
 /// The colour of the k-th pattern.
@@ -122,7 +95,7 @@ fn fill(
     canvas: &Canvas<'_>,
     plane: &Plane,
     legend: &[(Option<Vec<bool>>, RGBColor)],
-    [x, y]: [&Axis; 2],
+    Frame { x, y }: &Frame,
 ) {
     let n = plane.at[0].len();
     let half = |axis: &Axis, at: &[f64], k: usize, up: bool| {

@@ -5,21 +5,12 @@
 
 use plotters::style::RGBColor;
 
-use super::MARGIN;
-use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
-use super::loglog::Decades;
-use super::panel::frame;
+use super::axis::{Axis, Ticks};
+use super::canvas::{Canvas, Point, Stroke};
+use super::frame::{FOOT, Frame, MARGIN, left_space, right_space};
 
 const WIDTH: f64 = 380.0;
 const HEIGHT: f64 = 280.0;
-/// Below the frame: labels of the ticks and the title of the axis.
-const FOOT: f64 = 36.0;
-/// Left of it: the same.
-const SIDE: f64 = 46.0;
-const GAP: f64 = 14.0;
-/// Length of a sample in the legend, and height of its row.
-const SAMPLE: f64 = 24.0;
-const ROW: f64 = 16.0;
 const GRID: Stroke = Stroke(0.5, RGBColor(215, 215, 215));
 /// Distinct to colour-blind readers; a solver and its second curve have one colour.
 const COLORS: [RGBColor; 2] = [RGBColor(0, 65, 130), RGBColor(200, 90, 0)];
@@ -37,50 +28,39 @@ pub fn write(curves: &[(String, Vec<Option<f64>>)]) -> String {
         .map(|(_, times)| costs(times, curves, is_alone))
         .collect();
     let all = costs.iter().flatten().copied();
-    let axis = Decades::around(all);
-    let names = curves.iter().map(|curve| text_width(&curve.0, TEXT_SIZE));
-    let (left, top) = (MARGIN + SIDE, MARGIN);
-    let (right, bottom) = (left + WIDTH, top + HEIGHT);
-    let legend = right + GAP;
-    let width = legend + SAMPLE + 6.0 + names.fold(0.0, f64::max) + MARGIN;
-    let axis = axis.placed(left, right);
-    let height = |share: f64| bottom - share * HEIGHT;
+    let quarters = (0..=4).map(|k| (0.25 * f64::from(k), format!("{} %", 25 * k)));
+    let shares = Ticks {
+        marks: quarters.collect(),
+        exponent: 0,
+    };
+    let left = MARGIN + left_space(&shares);
+    let (x, y) = (Axis::decades(all), Axis::new(0.0, 1.0));
+    let frame = Frame::new(x, y, (left, MARGIN), (WIDTH, HEIGHT));
+    let names = curves.iter().map(|curve| curve.0.as_str());
+    let width = frame.x.end + right_space(names) + MARGIN;
     let title = match is_alone {
         true => "seconds",
         false => "time, as a multiple of the best time of both",
     };
-    Canvas::svg(width, bottom + FOOT + MARGIN, |canvas| {
-        for quarter in 0..=4 {
-            let y = height(0.25 * f64::from(quarter));
-            canvas.line(&[(left, y), (right, y)], GRID);
-            let label = format!("{} %", 25 * quarter);
-            canvas.text((left - 6.0, y), &label, Align::Right, INK);
+    Canvas::svg(width, frame.y.start + FOOT + MARGIN, |canvas| {
+        for (share, _) in &shares.marks {
+            canvas.line(&frame.horizontal(frame.y.at(*share)), GRID);
         }
-        for (value, label) in axis.labels() {
-            let x = axis.at(value);
-            canvas.line(&[(x, top), (x, bottom)], GRID);
-            canvas.text((x, bottom + 11.0), &label, Align::Centre, INK);
+        let ticks = frame.x.ticks(0);
+        for (value, _) in &ticks.marks {
+            canvas.line(&frame.vertical(frame.x.at(*value)), GRID);
         }
         for (k, costs) in costs.iter().enumerate() {
-            stroke(
-                canvas,
-                k,
-                &steps(costs, n, |cost| axis.at(cost), height, (left, right)),
-            );
+            let (x, y) = (|cost| frame.x.at(cost), |share| frame.y.at(share));
+            let ends = (frame.x.start, frame.x.end);
+            stroke(canvas, k, &steps(costs, n, x, y, ends));
         }
-        frame(canvas, (left, top), (right, bottom));
-        canvas.text(
-            (0.5 * (left + right), bottom + 28.0),
-            title,
-            Align::Centre,
-            INK,
-        );
-        let middle = (MARGIN + 0.5 * TEXT_SIZE, 0.5 * (top + bottom));
-        canvas.text(middle, "share of problems", Align::Upwards, INK);
+        frame.border(canvas);
+        frame.labels_below(canvas, &ticks, title);
+        frame.beside(canvas, &shares, "share of problems", MARGIN);
         for (k, (name, _)) in curves.iter().enumerate() {
-            let y = top + (k as f64 + 0.5) * ROW;
-            stroke(canvas, k, &[(legend, y), (legend + SAMPLE, y)]);
-            canvas.text((legend + SAMPLE + 6.0, y), name, Align::Left, INK);
+            stroke(canvas, k, &frame.sample(k));
+            frame.name(canvas, k, name);
         }
     })
 }

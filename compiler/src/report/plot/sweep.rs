@@ -2,10 +2,9 @@
 
 use plotters::style::RGBColor;
 
-use super::MARGIN;
-use super::axis::Axis;
-use super::canvas::{Align, Canvas, INK, Point, Stroke};
-use super::panel::{frame, vertical_ticks};
+use super::axis::{Axis, range};
+use super::canvas::{Align, Canvas, INK, Point, Stroke, shade};
+use super::frame::{FOOT, Frame, MARGIN, left_space};
 
 /// Quantities with their values, and panels with a value for each run, the last quantity fastest; runs without one are
 /// no numbers.
@@ -21,9 +20,6 @@ const LINES: f64 = 96.0;
 const MAP: f64 = 200.0;
 /// Between panels.
 const GAP: f64 = 12.0;
-/// Below the last panel, and left of all of them: labels of the ticks and the title of the axis.
-const FOOT: f64 = 34.0;
-const SIDE: f64 = 58.0;
 /// The scale of colours: its distance, its width and the room for its labels.
 const SCALE: [f64; 3] = [10.0, 12.0, 52.0];
 const N_TICKS: usize = 6;
@@ -38,43 +34,58 @@ const STEPS: usize = 64;
 /// Of runs without a value.
 const NOTHING: RGBColor = RGBColor(225, 225, 225);
 /// From small to large values; their lightness grows, so that they are told apart without colours.
-const COLOURS: [[f64; 3]; 4] = [
-    [50.0, 30.0, 90.0],
-    [30.0, 110.0, 140.0],
-    [90.0, 180.0, 110.0],
-    [250.0, 230.0, 80.0],
+const COLOURS: [RGBColor; 4] = [
+    RGBColor(50, 30, 90),
+    RGBColor(30, 110, 140),
+    RGBColor(90, 180, 110),
+    RGBColor(250, 230, 80),
 ];
 
 impl Sweep<'_> {
     /// The SVG text.
     pub fn write(&self) -> String {
-        let is_map = self.axes.len() == 2;
-        let height = if is_map { MAP } else { LINES };
-        let n = self.panels.len() as f64;
-        let (left, top) = (MARGIN + SIDE, MARGIN);
-        let (right, bottom) = (left + WIDTH, top + n * height + (n - 1.0).max(0.0) * GAP);
-        let beside = if is_map { SCALE.iter().sum() } else { 0.0 };
         let (name, values) = self.axes[0];
-        let x = along(values).placed(left, right);
-        Canvas::svg(right + beside + MARGIN, bottom + FOOT + MARGIN, |canvas| {
-            for (k, panel) in self.panels.iter().enumerate() {
-                let y = top + k as f64 * (height + GAP);
-                match self.axes.get(1) {
+        let up = self.axes.get(1);
+        let height = if up.is_some() { MAP } else { LINES };
+        let vertical = |(_, values): &(&str, Vec<f64>)| match up {
+            Some((_, up)) => along(up),
+            None => Axis::around(values.iter().copied()),
+        };
+        let vertical: Vec<Axis> = self.panels.iter().map(vertical).collect();
+        let spaces = vertical.iter().map(|y| left_space(&y.ticks(N_TICKS)));
+        let left = MARGIN + spaces.fold(0.0, f64::max);
+        let frames = vertical.into_iter().enumerate().map(|(k, y)| {
+            let corner = (left, MARGIN + k as f64 * (height + GAP));
+            Frame::new(along(values), y, corner, (WIDTH, height))
+        });
+        let frames: Vec<Frame> = frames.collect();
+        let beside = if up.is_some() {
+            SCALE.iter().sum()
+        } else {
+            0.0
+        };
+        let bottom = frames.last().map_or(MARGIN, |frame| frame.y.start);
+        let width = left + WIDTH + beside + MARGIN;
+        Canvas::svg(width, bottom + FOOT + MARGIN, |canvas| {
+            for (frame, panel) in frames.iter().zip(&self.panels) {
+                let title = match up {
                     Some(&(other, up)) => {
-                        self.map(canvas, &x, (other, up), panel, [y, y + height]);
+                        self.map(canvas, frame, up, panel);
+                        other
                     }
-                    None => lines(canvas, (&x, values), panel, [y, y + height]),
-                }
-                frame(canvas, (left, y), (right, y + height));
+                    None => {
+                        lines(canvas, frame, values, &panel.1);
+                        panel.0
+                    }
+                };
+                frame.beside(canvas, &frame.y.ticks(N_TICKS), title, MARGIN);
+                frame.border(canvas);
             }
-            let ticks = x.ticks(N_TICKS);
-            for (value, label) in &ticks.marks {
-                let at = x.at(*value);
-                canvas.line(&[(at, bottom), (at, bottom - 3.0)], Stroke(0.7, INK));
-                canvas.text((at, bottom + 9.0), label, Align::Centre, INK);
+            if let Some(last) = frames.last() {
+                let ticks = last.x.ticks(N_TICKS);
+                last.ticks_below(canvas, &ticks);
+                last.labels_below(canvas, &ticks, name);
             }
-            let middle = (0.5 * (left + right), bottom + 24.0);
-            canvas.text(middle, &ticks.title(name), Align::Centre, INK);
         })
     }
 
@@ -82,20 +93,19 @@ impl Sweep<'_> {
     fn map(
         &self,
         canvas: &Canvas<'_>,
-        x: &Axis,
-        (other, up): (&str, &[f64]),
+        Frame { x, y }: &Frame,
+        up: &[f64],
         (name, values): &(&str, Vec<f64>),
-        [top, bottom]: [f64; 2],
     ) {
-        let y = along(up).placed(bottom, top);
+        let [bottom, top] = y.ends();
         let scale = extent(values).placed(bottom, top);
         let columns = cells(self.axes[0].1, x);
-        let rows = cells(up, &y);
+        let rows = cells(up, y);
         for &(i, [left, right]) in &columns {
             for &(j, [low, high]) in &rows {
                 let value = values[i * up.len() + j];
                 let colour = match value.is_finite() {
-                    true => shade((value - scale.lo) / (scale.hi - scale.lo)),
+                    true => shade(&COLOURS, (value - scale.lo) / (scale.hi - scale.lo)),
                     false => NOTHING,
                 };
                 // Cells overlap, so that nothing shows between them.
@@ -103,19 +113,10 @@ impl Sweep<'_> {
                 canvas.rect((left, low), (right, high), colour);
             }
         }
-        let ticks = y.ticks(N_TICKS);
-        vertical_ticks(canvas, &y, &ticks, x.start);
-        let middle = 0.5 * (top + bottom);
-        canvas.text(
-            (MARGIN + 6.0, middle),
-            &ticks.title(other),
-            Align::Upwards,
-            INK,
-        );
         let from = x.end + SCALE[0];
         for k in 0..STEPS {
             let at = |k: usize| bottom + (top - bottom) * k as f64 / STEPS as f64;
-            let colour = shade((k as f64 + 0.5) / STEPS as f64);
+            let colour = shade(&COLOURS, (k as f64 + 0.5) / STEPS as f64);
             let high = (at(k + 1) - OVERLAP).max(top);
             canvas.rect((from, high), (from + SCALE[1], at(k)), colour);
         }
@@ -124,19 +125,13 @@ impl Sweep<'_> {
             let beside = from + SCALE[1] + 4.0;
             canvas.text((beside, scale.at(*value)), label, Align::Left, INK);
         }
-        let title = (from + SCALE[1] + 46.0, middle);
+        let title = (from + SCALE[1] + 46.0, y.middle());
         canvas.text(title, &ticks.title(name), Align::Upwards, INK);
     }
 }
 
 /// Values as a line through the runs, which those without one interrupt.
-fn lines(
-    canvas: &Canvas<'_>,
-    (x, at): (&Axis, &[f64]),
-    (name, values): &(&str, Vec<f64>),
-    [top, bottom]: [f64; 2],
-) {
-    let y = Axis::around(values.iter().copied()).placed(bottom, top);
+fn lines(canvas: &Canvas<'_>, Frame { x, y }: &Frame, at: &[f64], values: &[f64]) {
     let mut points: Vec<Point> = at
         .iter()
         .zip(values)
@@ -148,39 +143,26 @@ fn lines(
         let finite = points.iter().filter(|point| point.1.is_finite());
         finite.for_each(|&point| canvas.disc(point, 1.8, DOT));
     }
-    let ticks = y.ticks(4);
-    vertical_ticks(canvas, &y, &ticks, x.start);
-    let middle = (MARGIN + 6.0, 0.5 * (top + bottom));
-    canvas.text(middle, &ticks.title(name), Align::Upwards, INK);
 }
 
 /// Covers the values with half a distance on either side.
 fn along(values: &[f64]) -> Axis {
-    let (lo, hi) = values
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &v| {
-            (lo.min(v), hi.max(v))
-        });
     let around = Axis::around(values.iter().copied());
-    match hi > lo {
-        true => {
+    match range(values.iter().copied()) {
+        Some((lo, hi)) if hi > lo => {
             let half = 0.5 * (hi - lo) / (values.len().max(2) - 1) as f64;
             Axis::new((lo - half).max(around.lo), (hi + half).min(around.hi))
         }
-        false => around,
+        _ => around,
     }
 }
 
 /// The range of finite values.
 fn extent(values: &[f64]) -> Axis {
-    let finite = values.iter().copied().filter(|value| value.is_finite());
-    let (lo, hi) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), value| {
-        (lo.min(value), hi.max(value))
-    });
     let around = Axis::around(values.iter().copied());
-    match hi - lo > 0.5 * (around.hi - around.lo) {
-        true => Axis::new(lo, hi),
-        false => around,
+    match range(values.iter().copied()) {
+        Some((lo, hi)) if hi - lo > 0.5 * (around.hi - around.lo) => Axis::new(lo, hi),
+        _ => around,
     }
 }
 
@@ -202,13 +184,4 @@ fn cells(values: &[f64], axis: &Axis) -> Vec<(usize, [f64; 2])> {
         (order[k], [low, high])
     };
     (0..order.len()).map(cell).collect()
-}
-
-/// The colour of a share from 0 to 1.
-fn shade(share: f64) -> RGBColor {
-    let place = share.clamp(0.0, 1.0) * (COLOURS.len() - 1) as f64;
-    let k = (place as usize).min(COLOURS.len() - 2);
-    let part = place - k as f64;
-    let mix = |c: usize| (COLOURS[k][c] + part * (COLOURS[k + 1][c] - COLOURS[k][c])).round() as u8;
-    RGBColor(mix(0), mix(1), mix(2))
 }

@@ -47,13 +47,13 @@ pub fn optima(all: &Optima) -> String {
         let mut object = run(&found.name, &found.run);
         let own = found.run.as_ref().ok();
         object["objective"] = json!(own.and_then(|run| run.objective));
-        object["stationarity"] = json!(own.map(|run| run.certificate.stationarity.as_str()));
+        object["stationarity"] = json!(own.map(|run| run.certificate.stationarity));
         object["simulation_error"] = json!(own.and_then(|run| run.error_estimate));
         object["from_best"] = json!(found.resumed.as_ref().map(|resumed| json!({
             "is_same_point": resumed.is_same_point,
-            "status": resumed.run.status.as_str(),
+            "status": resumed.run.status,
             "objective": resumed.run.objective,
-            "stationarity": resumed.run.certificate.stationarity.as_str(),
+            "stationarity": resumed.run.certificate.stationarity,
         })));
         let is_wrong = matches!(all.verdict(number), Verdict::Differs(_));
         object["is_explained"] = json!(!is_wrong);

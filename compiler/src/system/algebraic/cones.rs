@@ -22,10 +22,10 @@ impl<'e> Lowering<'_, 'e> {
     pub(crate) fn guess_programs(&self) -> FxHashMap<Var, f64> {
         let mut guesses = FxHashMap::default();
         if self.needs.algebraic {
-            let programs = self.model.programs.iter();
+            let programs = self.model.statements.programs.iter();
             let pairs = programs.flat_map(|program| &program.rows);
             let many = pairs.filter(|row| !row.is_equation).count() > MAX_PAIRS;
-            for program in &self.model.programs {
+            for program in &self.model.statements.programs {
                 let is_round = |row: &ProgramRow<'e>| row.cone.is_some() || row.radius.is_some();
                 let is_guessed = many || program.rows.iter().any(is_round);
                 let found = is_guessed.then(|| self.guess_program(program)).flatten();

@@ -135,9 +135,9 @@ impl<'e> Lowering<'_, 'e> {
                 span,
             }
         };
-        let equations = self.model.equations.iter();
+        let equations = self.model.statements.equations.iter();
         let equations = equations.map(|e| row(&[e.residual], &[e.span], e.span));
-        let pairs = self.model.complementarities.iter();
+        let pairs = self.model.statements.complementarities.iter();
         equations
             .chain(pairs.map(|pair| row(&pair.members, &pair.spans, pair.span)))
             .collect()

@@ -42,7 +42,7 @@ impl<'e> Lowering<'_, 'e> {
             return sampled;
         }
         let model = self.model;
-        for program in &model.programs {
+        for program in &model.statements.programs {
             let before = diags.errors().count();
             let rows: Vec<ProgramRow<'e>> = (program.rows.iter())
                 .map(|row| ProgramRow {

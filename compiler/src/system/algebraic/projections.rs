@@ -20,7 +20,7 @@ impl<'e> Lowering<'_, 'e> {
     /// Adds the forces of all constraints to the rates.
     pub(crate) fn projections(&mut self, rates: &mut [Expr<'e>], diags: &mut Diagnostics) {
         let model = self.model;
-        for projection in &model.projections {
+        for projection in &model.statements.projections {
             for row in &projection.constraints {
                 if let Err(error) = self.constrain(projection, row, rates) {
                     diags.push(*error);

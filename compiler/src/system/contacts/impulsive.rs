@@ -27,17 +27,21 @@ impl<'e> Lowering<'_, 'e> {
         diags: &mut Diagnostics,
     ) -> Vec<Impulsive<'e>> {
         let model = self.model;
-        if model.contacts.is_empty() {
+        if model.statements.contacts.is_empty() {
             return Vec::new();
         }
         let vars: Vec<Option<Var>> = model.state_vars().map(Expr::as_variable).collect();
-        let positions = model.bodies.iter().flat_map(|body| &body.positions);
+        let positions = model
+            .statements
+            .bodies
+            .iter()
+            .flat_map(|body| &body.positions);
         let known = Known {
             places: self.places(),
             positions: positions.filter_map(|&entry| vars[entry]).collect(),
         };
-        let mut contacts = Vec::with_capacity(model.contacts.len());
-        for contact in &model.contacts {
+        let mut contacts = Vec::with_capacity(model.statements.contacts.len());
+        for contact in &model.statements.contacts {
             match self.impulsive_contact(contact, rates, &known) {
                 Ok(contact) => contacts.extend(contact),
                 Err(error) => diags.push(*error),

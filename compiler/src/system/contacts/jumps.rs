@@ -51,7 +51,7 @@ impl<'e> Lowering<'_, 'e> {
     pub(crate) fn laws(&mut self) -> Vec<Lowered<'e>> {
         let model = self.model;
         let mut laws = Vec::new();
-        for (j, jump) in model.jumps.iter().enumerate() {
+        for (j, jump) in model.statements.jumps.iter().enumerate() {
             let kept = |entry: usize| self.needs.entries[entry];
             if !jump.resets.iter().any(|reset| kept(reset.entry)) && !jump.resets.is_empty() {
                 continue;
@@ -92,7 +92,7 @@ impl<'e> Lowering<'_, 'e> {
             .chain(limits.iter().map(|limit| limit.value))
             .collect();
         for at in 0..laws.len() {
-            let jump = &self.model.jumps[laws[at].jump];
+            let jump = &self.model.statements.jumps[laws[at].jump];
             let guards = laws.iter().enumerate().filter(|(other, _)| *other != at);
             let elsewhere: Vec<Expr<'e>> = (used.iter().copied().chain(rates.iter().copied()))
                 .chain(guards.map(|(_, law)| law.guard))
@@ -312,7 +312,7 @@ impl<'e> Lowering<'_, 'e> {
             .map(|(place, (entry, _))| (entry, place))
             .collect();
         let finish = |law: Lowered<'e>| {
-            let jump = &self.model.jumps[law.jump];
+            let jump = &self.model.statements.jumps[law.jump];
             let strikes = law
                 .strikes
                 .and_then(|k| kept.iter().position(|&other| other == k));

@@ -51,14 +51,14 @@ impl<'e> Lowering<'_, 'e> {
         diags: &mut Diagnostics,
     ) -> Vec<Contact<'e>> {
         let model = self.model;
-        if model.contacts.is_empty() {
+        if model.statements.contacts.is_empty() {
             return Vec::new();
         }
         let places = self.places();
         // Rates of positions have no forces in them.
         let free = rates.to_vec();
         let mut contacts = Vec::new();
-        for contact in &model.contacts {
+        for contact in &model.statements.contacts {
             match self.finish_contact(contact, &free, rates, &places) {
                 Ok(contact) => contacts.extend(contact),
                 Err(error) => diags.push(*error),
@@ -73,7 +73,7 @@ impl<'e> Lowering<'_, 'e> {
         let all: Vec<Expr<'e>> = model.state_vars().collect();
         let vars: Vec<Option<Var>> = all.iter().map(|var| var.as_variable()).collect();
         let mut velocities = FxHashMap::default();
-        for (b, body) in model.bodies.iter().enumerate() {
+        for (b, body) in model.statements.bodies.iter().enumerate() {
             let entries = body.velocities.iter().enumerate();
             velocities.extend(entries.filter_map(|(k, &entry)| Some((vars[entry]?, (b, k)))));
         }
@@ -194,7 +194,7 @@ impl<'e> Lowering<'_, 'e> {
         contact: &model::Contact<'e>,
     ) -> Result<Restitution<'e>, Box<SystemError>> {
         let e = self.coefficient(contact.restitution.coefficient, contact.span)?;
-        let all = self.model.contacts.iter();
+        let all = self.model.statements.contacts.iter();
         let mut before = all.take_while(|other| other.name != contact.name);
         if let Some(other) = before.find(|other| !other.restitution.agrees(contact.restitution)) {
             let what = format!("its law of restitution is not that of `{}`", other.name);
@@ -312,7 +312,7 @@ impl<'e> Lowering<'_, 'e> {
         };
         let mut length = None;
         let mut terms = Vec::new();
-        for body in &model.bodies {
+        for body in &model.statements.bodies {
             let touched = |&entry: &usize| row(entry).is_some_and(|row| !row.is_zero());
             if !body.velocities.iter().any(touched) {
                 continue;
@@ -373,7 +373,7 @@ impl<'e> Lowering<'_, 'e> {
         let vars = &places.all;
         let mut found = Vec::new();
         for b in bodies {
-            let body = &model.bodies[b];
+            let body = &model.statements.bodies[b];
             let n = body.velocities.len();
             let mut row = vec![zero; n];
             for &(_, k, slope) in slopes.iter().filter(|slope| slope.0 == b) {
@@ -401,7 +401,7 @@ impl<'e> Lowering<'_, 'e> {
             .map(|(place, (entry, _))| (entry, place))
             .collect();
         let mut bodies = Vec::new();
-        for body in &model.bodies {
+        for body in &model.statements.bodies {
             let kept: Vec<usize> = (0..body.velocities.len())
                 .filter(|&k| places.contains_key(&body.velocities[k]))
                 .collect();

@@ -92,11 +92,11 @@ impl Feature {
     fn place(self, seen: &Seen<'_, '_>, experiment: Span) -> Option<(String, Span)> {
         match (self, seen) {
             (Feature::Contacts, Seen::Model(model)) => {
-                let contact = model.contacts.first()?;
+                let contact = model.statements.contacts.first()?;
                 Some((contact.name.clone(), contact.span))
             }
             (Feature::Poisson, Seen::Model(model)) => {
-                let mut contacts = model.contacts.iter();
+                let mut contacts = model.statements.contacts.iter();
                 let contact = contacts.find(|contact| contact.restitution.newton().is_none())?;
                 Some((contact.name.clone(), contact.span))
             }

@@ -89,7 +89,7 @@ impl Settings<'_> {
     pub fn pace(&self) -> f64 {
         match &self.optimize {
             None => self.horizon,
-            Some(task) => self.horizon / task.intervals as f64,
+            Some(task) => self.horizon / task.discretization.intervals as f64,
         }
     }
 

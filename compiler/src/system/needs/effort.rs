@@ -33,7 +33,7 @@ impl<'e> Lowering<'_, 'e> {
                 diags.push(SystemError::TooManyRegions {
                     count: partition.regions.len(),
                     limit: MAX_REGIONS,
-                    span: self.model.regions[region].guard_span,
+                    span: self.model.statements.regions[region].guard_span,
                 });
             }
         }

@@ -42,7 +42,7 @@ impl<'e> Needs<'e> {
         if everything {
             return Needs {
                 entries: vec![true; model.state_vars().count()],
-                regions: vec![true; model.regions.len()],
+                regions: vec![true; model.statements.regions.len()],
                 algebraic: true,
                 surfaces: named.surfaces,
                 reached: None,
@@ -174,7 +174,11 @@ impl<'e> Named<'e> {
             }
             _ => {
                 let name = mode.to_string().split_whitespace().collect::<String>();
-                let found = model.regions.iter().position(|region| region.name == name);
+                let found = model
+                    .statements
+                    .regions
+                    .iter()
+                    .position(|region| region.name == name);
                 self.everything |= found.is_none();
                 self.regions.extend(found);
             }
@@ -197,10 +201,10 @@ impl<'e> Needed<'e> {
         let mut needed = Needed(vec![Vec::new(); model.state_vars().count()]);
         needed.add_rates(model);
         needed.add_bodies(model);
-        for projection in &model.projections {
+        for projection in &model.statements.projections {
             needed.add_projection(model, projection);
         }
-        for jump in &model.jumps {
+        for jump in &model.statements.jumps {
             for reset in &jump.resets {
                 needed.add(reset.entry, &[reset.value, jump.guard]);
             }
@@ -216,11 +220,15 @@ impl<'e> Needed<'e> {
 
     /// Rates, and the guards around them.
     fn add_rates(&mut self, model: &Model<'e>) {
-        let hidden = model.hidden.iter().flat_map(|hidden| &hidden.rates);
-        for rate in model.dynamics.iter().chain(hidden) {
+        let hidden = model
+            .statements
+            .hidden
+            .iter()
+            .flat_map(|hidden| &hidden.rates);
+        for rate in model.statements.dynamics.iter().chain(hidden) {
             self.add(rate.entry, &[rate.value]);
         }
-        for region in &model.regions {
+        for region in &model.statements.regions {
             for rate in &region.rates {
                 self.add(rate.entry, &[rate.value, region.guard]);
             }
@@ -231,7 +239,7 @@ impl<'e> Needed<'e> {
     fn add_bodies(&mut self, model: &Model<'e>) {
         let vars: Vec<Expr<'e>> = model.state_vars().collect();
         let mut body_of = FxHashMap::default();
-        for (b, body) in model.bodies.iter().enumerate() {
+        for (b, body) in model.statements.bodies.iter().enumerate() {
             let n = body.velocities.len();
             let entries = body.positions.iter().chain(&body.velocities);
             body_of.extend(entries.filter_map(|&entry| Some((vars[entry].as_variable()?, b))));
@@ -241,7 +249,7 @@ impl<'e> Needed<'e> {
                 self.add(entry, &all);
             }
         }
-        for contact in &model.contacts {
+        for contact in &model.statements.contacts {
             let exprs: Vec<Expr<'e>> = contact.exprs().collect();
             let touched = variables_of(&exprs).into_iter();
             let mut touched: Vec<usize> = touched
@@ -249,7 +257,7 @@ impl<'e> Needed<'e> {
                 .collect();
             touched.sort_unstable();
             touched.dedup();
-            let bodies = touched.into_iter().map(|b| &model.bodies[b]);
+            let bodies = touched.into_iter().map(|b| &model.statements.bodies[b]);
             for &entry in bodies.flat_map(|body| &body.velocities) {
                 self.add(entry, &exprs);
             }
@@ -320,12 +328,20 @@ impl<'m, 'e> Closure<'m, 'e> {
                 .filter_map(|(z, ..)| z.as_variable())
                 .collect(),
             equations: Some({
-                let pairs = model.complementarities.iter().flat_map(|pair| pair.members);
-                let equations = model.equations.iter().map(|equation| equation.residual);
+                let pairs = model
+                    .statements
+                    .complementarities
+                    .iter()
+                    .flat_map(|pair| pair.members);
+                let equations = model
+                    .statements
+                    .equations
+                    .iter()
+                    .map(|equation| equation.residual);
                 let all = model.algebraic_entries().map(|(z, ..)| z);
                 equations.chain(pairs).chain(all).collect()
             }),
-            named: vec![false; model.regions.len()],
+            named: vec![false; model.statements.regions.len()],
             below: Reach::default(),
             reached: FxHashSet::default(),
         }
@@ -362,7 +378,7 @@ impl<'m, 'e> Closure<'m, 'e> {
             }
             None => {
                 self.named[region] = true;
-                self.reach(model.regions[region].guard);
+                self.reach(model.statements.regions[region].guard);
             }
         }
     }
@@ -375,7 +391,7 @@ impl<'m, 'e> Closure<'m, 'e> {
         let is_needed = |(region, &named): (&Region<'e>, &bool)| {
             named || region.rates.iter().any(|rate| self.entries[rate.entry])
         };
-        let regions = self.model.regions.iter().zip(&self.named);
+        let regions = self.model.statements.regions.iter().zip(&self.named);
         Needs {
             regions: regions.map(is_needed).collect(),
             algebraic: self.equations.is_none(),

@@ -30,7 +30,7 @@ impl<'e> Lowering<'_, 'e> {
         let kept = self.needs.regions.clone();
         let zero = model.exprs.constant(0.0);
         let (mut guards, mut indicators) = (Vec::new(), Vec::new());
-        for (region, &kept) in model.regions.iter().zip(&kept) {
+        for (region, &kept) in model.statements.regions.iter().zip(&kept) {
             let mut value = |e: Expr<'e>| match kept {
                 true => self.weight(e, region.guard_span),
                 false => zero,
@@ -46,7 +46,7 @@ impl<'e> Lowering<'_, 'e> {
             thin: Vec::new(),
         };
         // What is no surface has no sides; it is reported.
-        if !self.switches.refused.is_empty() || model.regions.is_empty() {
+        if !self.switches.refused.is_empty() || model.statements.regions.is_empty() {
             return found;
         }
         let switches = self.switches.list.iter();
@@ -64,7 +64,9 @@ impl<'e> Lowering<'_, 'e> {
         for partition in self.kept_partitions() {
             let numbers = &partition.regions;
             let guards: Vec<Expr<'e>> = numbers.iter().map(|&r| found.guards[r]).collect();
-            let rest = numbers.iter().position(|&r| model.regions[r].is_else);
+            let rest = numbers
+                .iter()
+                .position(|&r| model.statements.regions[r].is_else);
             let proof = prove(&guards, rest, &frame);
             for (&r, &weight) in numbers.iter().zip(proof.weights.iter().flatten()) {
                 found.weights[r] = weight;
@@ -73,7 +75,7 @@ impl<'e> Lowering<'_, 'e> {
             found.proofs.push(proof);
         }
         // Regions that only add stand alone.
-        let mut alone: Vec<usize> = (0..model.regions.len()).collect();
+        let mut alone: Vec<usize> = (0..model.statements.regions.len()).collect();
         alone.retain(|&r| kept[r] && !model.partitions.iter().any(|p| p.regions.contains(&r)));
         alone.retain(|&r| !prove(&found.guards[r..=r], None, &frame).thin.is_empty());
         found.thin.extend(alone);
@@ -131,10 +133,10 @@ impl<'e> Lowering<'_, 'e> {
     ) -> Vec<Partition<'e>> {
         let model = self.model;
         let region = |&r: &usize| Region {
-            name: model.regions[r].name.clone(),
+            name: model.statements.regions[r].name.clone(),
             weight: found.weights[r],
             literals: regions::conjunction(found.weights[r], alphas),
-            span: model.regions[r].span,
+            span: model.statements.regions[r].span,
         };
         let place: Vec<usize> = self.kept_states().map(|(entry, _)| entry).collect();
         let mut partitions = Vec::new();
@@ -166,7 +168,9 @@ impl<'e> Lowering<'_, 'e> {
                     }
                 }
                 None => {
-                    let spans = numbers.iter().map(|&r| model.regions[r].guard_span);
+                    let spans = numbers
+                        .iter()
+                        .map(|&r| model.statements.regions[r].guard_span);
                     let spans: Vec<Span> = spans.collect();
                     let found = (guards.as_slice(), proof);
                     match regions::check(&built, found, states, switches, &spans, sampler) {
@@ -179,12 +183,12 @@ impl<'e> Lowering<'_, 'e> {
         }
         for &r in &found.thin {
             diags.push(SystemError::ThinGuard {
-                region: model.regions[r].name.clone(),
-                why: match model.regions[r].indicator {
+                region: model.statements.regions[r].name.clone(),
+                why: match model.statements.regions[r].indicator {
                     Some(_) => "is nowhere the smallest indicator",
                     None => "its comparisons exclude each other",
                 },
-                span: model.regions[r].guard_span,
+                span: model.statements.regions[r].guard_span,
             });
         }
         partitions

@@ -241,7 +241,7 @@ fn numbers<'e>(
         }
         complete = false;
     }
-    let multipliers = model.multipliers.iter();
+    let multipliers = model.statements.multipliers.iter();
     numbers.extend(multipliers.filter_map(|m| Some((m.var.as_variable()?, m.guess))));
     complete &= is_finite(model, given, &numbers, diags);
     complete &= in_range(model, given, &numbers, diags);

@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::fesd::selection::independent::Sets;
+use petgraph::unionfind::UnionFind;
+
 use crate::linalg::{BlockLu, Singular};
 
 /// A square matrix and its factors, block by block.
@@ -23,14 +24,14 @@ pub(crate) struct Blocks {
 impl Blocks {
     /// Memory for an n × n matrix with entries nowhere but at these (row, column).
     pub fn new(n: usize, entries: impl Iterator<Item = (usize, usize)>) -> Self {
-        let mut sets = Sets::new(2 * n);
+        let mut sets = UnionFind::<usize>::new(2 * n);
         for (row, column) in entries {
-            sets.join(n + row, column);
+            sets.union(n + row, column);
         }
         // The columns and rows of each.
         let mut blocks: BTreeMap<usize, [Vec<usize>; 2]> = BTreeMap::new();
-        for i in 0..2 * n {
-            blocks.entry(sets.of(i)).or_default()[i / n].push(i % n);
+        for (i, set) in sets.into_labeling().into_iter().enumerate() {
+            blocks.entry(set).or_default()[i / n].push(i % n);
         }
         if blocks
             .values()

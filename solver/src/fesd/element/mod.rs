@@ -26,6 +26,7 @@ use crate::fesd::element::scheme::{Scheme, WIDTH};
 use crate::fesd::system::hidden::Hidden;
 use crate::fesd::system::rounding::Rounding;
 use crate::linalg::DenseLu;
+use crate::linalg::newton::Newton;
 
 /// Why an element was not solved.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -36,9 +37,13 @@ pub(super) enum Unsolved {
     Diverged,
 }
 
-/// Newton iterations before a fresh Jacobian, and before giving up.
+/// Newton's method for an element, and its iterations before a fresh Jacobian.
+const NEWTON: Newton = Newton {
+    most: 25,
+    converged: 4.0 * f64::EPSILON,
+    rounding: 1e-11,
+};
 const MAX_CHORDS: usize = 6;
-const MAX_NEWTON: usize = 25;
 
 /// Relative change of h up to which a factorization is tried again, and up to which it serves while h
 /// is sought.
@@ -47,12 +52,6 @@ const CLOSE: f64 = 0.01;
 
 /// Contraction above which a factorization is given up.
 const SLOW: f64 = 0.1;
-
-/// Change of the unknowns, relative to their size, at which Newton's method has converged.
-const CONVERGED: f64 = 4.0 * f64::EPSILON;
-
-/// A change that no iteration makes smaller counts as rounding below this.
-const ROUNDING: f64 = 1e-11;
 
 /// An element and the memory to solve it.
 pub(super) struct Element {
@@ -281,7 +280,7 @@ impl Element {
         }
         let mut fresh = self.prepare(scheme, h)?;
         let (mut last, mut chords) = (f64::INFINITY, 0);
-        for _ in 0..MAX_NEWTON {
+        for _ in 0..NEWTON.most {
             self.residual(scheme);
             self.substitute(|element| &mut element.rhs)?;
             let change = self.advance(scale);
@@ -290,13 +289,15 @@ impl Element {
                 return Err(Unsolved::Diverged);
             }
             let rate = self.contraction;
-            if change <= CONVERGED || (rate < SLOW && rate / (1.0 - rate) * change <= CONVERGED) {
+            if change <= NEWTON.converged
+                || (rate < SLOW && rate / (1.0 - rate) * change <= NEWTON.converged)
+            {
                 self.finish(scheme);
                 return Ok(());
             }
             if last.is_finite() {
                 let rate = change / last;
-                if rate >= 0.5 && change <= ROUNDING {
+                if rate >= 0.5 && change <= NEWTON.rounding {
                     self.finish(scheme);
                     return Ok(());
                 }
@@ -326,7 +327,7 @@ impl Element {
     ) -> Result<f64, Unsolved> {
         let longest = self.h;
         let (mut last, mut last_step, mut is_slow) = (f64::INFINITY, f64::INFINITY, true);
-        for _ in 0..MAX_NEWTON {
+        for _ in 0..NEWTON.most {
             self.finish(scheme);
             if is_slow || (self.factored - self.h).abs() > CLOSE * self.h {
                 self.factor(scheme, self.h)?;
@@ -383,8 +384,7 @@ impl Element {
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }
-            let is_solved = change <= CONVERGED || (change >= 0.5 * last && change <= ROUNDING);
-            if is_solved || (is_multiple && change <= ROUNDING) {
+            if NEWTON.has_converged(change, last) || (is_multiple && change <= NEWTON.rounding) {
                 self.factored = 0.0;
                 self.finish(scheme);
                 return Ok(self.h);

@@ -15,12 +15,14 @@ use super::independent::{MAX_OPEN, rate_scale};
 use crate::fesd::element::blocks::Blocks;
 use crate::fesd::system::{ComplementaritySystem, Full, Member, Zero};
 use crate::fesd::watch::Start;
+use crate::linalg::newton::Newton;
 
 /// Directions from which one to set off in is looked for: there are at most four.
 const DIRECTIONS: usize = 8;
 
-/// Newton iterations for one active set.
+/// Newton iterations for one active set, and a change of u that has converged.
 const MAX_NEWTON: usize = 40;
+const CONVERGED: f64 = 1e-13;
 
 /// Values and rates below this, relative to their size, are zero: what comes next decides.
 pub(crate) const TIE: f64 = 1e-9;
@@ -351,15 +353,19 @@ impl Directional {
         zeros: &[Zero],
         mut u: Vec<f64>,
     ) -> Option<Vec<f64>> {
-        let is_affine = system.full.is_affine;
-        for _ in 0..MAX_NEWTON {
+        let newton = Newton {
+            most: MAX_NEWTON,
+            converged: match system.full.is_affine {
+                true => f64::INFINITY,
+                false => CONVERGED,
+            },
+            rounding: 0.0,
+        };
+        let found = newton.iterate(|| {
             self.linearize(system, &u);
-            let largest = self.choose(system, zeros, &mut u)?;
-            if is_affine || largest <= 1e-13 {
-                return Some(u);
-            }
-        }
-        None
+            self.choose(system, zeros, &mut u).ok_or(())
+        });
+        (found == Ok(true)).then_some(u)
     }
 
     /// Newton's step from u, where the problem was linearized, with these members zero. Returns its

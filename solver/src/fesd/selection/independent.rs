@@ -4,6 +4,8 @@
 //! are tried while the other groups stand at one solution of theirs, so that the effort is that of the
 //! groups one by one; a solution of the whole is made of one from each.
 
+use petgraph::unionfind::UnionFind;
+
 use super::directional::{Directional, Solved};
 use crate::fesd::system::{ComplementaritySystem, Zero};
 
@@ -113,7 +115,7 @@ fn groups(system: &ComplementaritySystem, open: &[usize]) -> Vec<Vec<usize>> {
             is_settled[i] = !is_open[i];
         }
     }
-    let mut sets = Sets::new(n_z);
+    let mut sets = UnionFind::<usize>::new(n_z);
     for row in rows {
         let gives = |&i: &usize| is_settled[i] && system.is_continuous(i) && occurs[i] == 1;
         if row.iter().any(gives) {
@@ -123,45 +125,20 @@ fn groups(system: &ComplementaritySystem, open: &[usize]) -> Vec<Vec<usize>> {
             .filter(|&i| !is_settled[i] || system.is_continuous(i))
             .collect();
         for two in tied.windows(2) {
-            sets.join(two[0], two[1]);
+            sets.union(two[0], two[1]);
         }
     }
     for &pair in open {
         let pair = &system.pairs[pair];
-        sets.join(pair.left.variable, pair.right.variable);
+        sets.union(pair.left.variable, pair.right.variable);
     }
     let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
     for &at in open {
-        let set = sets.of(system.pairs[at].left.variable);
+        let set = sets.find_mut(system.pairs[at].left.variable);
         match groups.iter_mut().find(|(of, _)| *of == set) {
             Some((_, group)) => group.push(at),
             None => groups.push((set, vec![at])),
         }
     }
     groups.into_iter().map(|(_, group)| group).collect()
-}
-
-/// Disjoint sets of variables, each named by one of its members.
-pub(crate) struct Sets(Vec<usize>);
-
-impl Sets {
-    /// Each of n alone.
-    pub fn new(n: usize) -> Self {
-        Sets((0..n).collect())
-    }
-
-    /// The one that names the set of a variable.
-    pub fn of(&mut self, mut i: usize) -> usize {
-        while self.0[i] != i {
-            self.0[i] = self.0[self.0[i]];
-            i = self.0[i];
-        }
-        i
-    }
-
-    /// Makes one set of those of two variables.
-    pub fn join(&mut self, i: usize, j: usize) {
-        let (i, j) = (self.of(i), self.of(j));
-        self.0[i] = j;
-    }
 }

@@ -3,13 +3,13 @@
 use crate::fesd::element::Unsolved;
 use crate::fesd::system::Reduced;
 use crate::linalg::DenseLu;
+use crate::linalg::newton::{Newton, subtract};
 
-/// Newton iterations for w in a point.
-const MAX_ITERATIONS: usize = 30;
-
-/// A change of w that has converged, and one that counts as rounding once it gets no smaller.
-const CONVERGED: f64 = 1e-14;
-const ROUNDING: f64 = 1e-10;
+const NEWTON: Newton = Newton {
+    most: 30,
+    converged: 1e-14,
+    rounding: 1e-10,
+};
 
 /// Memory to solve for w in a point.
 pub(crate) struct Hidden {
@@ -80,36 +80,19 @@ impl Hidden {
         if n_w == 0 {
             return Ok(());
         }
-        let mut last = f64::INFINITY;
-        for _ in 0..MAX_ITERATIONS {
+        let converges = NEWTON.iterate(|| {
             self.factor(reduced)?;
             self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
             reduced.hidden.run(&mut self.registers);
-            for (value, found) in self
-                .values
-                .iter_mut()
-                .zip(reduced.hidden.results(&self.registers))
-            {
+            let found = reduced.hidden.results(&self.registers);
+            for (value, found) in self.values.iter_mut().zip(found) {
                 *value = found;
             }
             self.lu.solve(&mut self.values[..n_w]);
-            let mut change = 0.0_f64;
-            for (w, step) in self.inputs[1 + self.n..][..n_w]
-                .iter_mut()
-                .zip(&self.values[..n_w])
-            {
-                *w -= step;
-                change = change.max(step.abs() / (1.0 + w.abs()));
-            }
-            if !self.w().iter().all(|w| w.is_finite()) {
-                return Err(Unsolved::Diverged);
-            }
-            if change <= CONVERGED || (change <= ROUNDING && change >= 0.5 * last) {
-                return Ok(());
-            }
-            last = change;
-        }
-        Err(Unsolved::Diverged)
+            let w = &mut self.inputs[1 + self.n..][..n_w];
+            Ok(subtract(w, &self.values[..n_w]))
+        })?;
+        converges.then_some(()).ok_or(Unsolved::Diverged)
     }
 
     /// dw/dt where the point is, while x moves at these rates.

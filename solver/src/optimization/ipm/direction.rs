@@ -8,7 +8,7 @@
 //! Infinite distances drop out by themselves.
 
 use super::Run;
-use super::kkt::largest;
+use super::kkt::{Entries, largest};
 use super::solution::Failure;
 
 /// Weight of the distance of a variable from its only bound, so that it does not run away.
@@ -55,13 +55,12 @@ impl Run<'_> {
 
     /// Solves the linear system for the right-hand side by the matrix factored last.
     pub(crate) fn solve_reduced(&mut self) -> Result<(), Failure> {
-        self.kkt.solve(
-            &self.form,
-            &self.hessian,
-            &self.jacobian,
-            &self.rhs,
-            &mut self.reduced,
-        )
+        let entries = |sparse, values| Entries { sparse, values };
+        let blocks = [
+            entries(&self.form.hessian, &self.hessian[..]),
+            entries(&self.form.jacobian, &self.jacobian[..]),
+        ];
+        self.kkt.solve(blocks, &self.rhs, &mut self.reduced)
     }
 
     /// The derivative of the barrier terms of variable i with μ.

@@ -78,7 +78,7 @@ pub fn solve(
         };
         let falling = run.falling(status);
         let factor_entries = run.kkt.n_entries();
-        let has_lost_pivots = run.kkt.has_lost_pivots;
+        let has_lost_pivots = run.kkt.has_lost_pivots();
         let Point { w, y, z_l, z_u, mu } = point;
         let residuals = residuals::residuals(nlp, &w, &y, &z_l, &z_u);
         return Solution {

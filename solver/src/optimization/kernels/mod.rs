@@ -11,7 +11,7 @@ mod block;
 
 use std::ops::Range;
 
-use crate::optimization::problem::{Bounds, Mpcc, Nlp, Pair, Pattern, Side};
+use crate::optimization::problem::{Intervals, Mpcc, Nlp, Pair, Pattern, Side, Structure};
 use crate::tape::Tape;
 use block::{Compiled, Slopes};
 
@@ -56,11 +56,9 @@ pub struct Block {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Program {
-    lower: Vec<f64>,
-    upper: Vec<f64>,
+    bounds: Intervals,
     start: Vec<f64>,
-    row_lower: Vec<f64>,
-    row_upper: Vec<f64>,
+    row_bounds: Intervals,
     pairs: Vec<Pair>,
     blocks: Vec<Compiled>,
     terms: Vec<Term>,
@@ -85,11 +83,9 @@ struct Term {
 /// Collects the parts of a [`Program`].
 #[derive(Clone, Debug)]
 pub struct ProgramBuilder {
-    lower: Vec<f64>,
-    upper: Vec<f64>,
+    bounds: Intervals,
     start: Vec<f64>,
-    row_lower: Vec<f64>,
-    row_upper: Vec<f64>,
+    row_bounds: Intervals,
     pairs: Vec<Pair>,
     blocks: Vec<(Range<usize>, Block)>,
     terms: Vec<Block>,
@@ -105,11 +101,12 @@ impl Program {
         assert_eq!(lower.len(), upper.len(), "one bound per variable");
         assert_eq!(lower.len(), start.len(), "one start per variable");
         ProgramBuilder {
-            lower: lower.to_vec(),
-            upper: upper.to_vec(),
+            bounds: Intervals {
+                lower: lower.to_vec(),
+                upper: upper.to_vec(),
+            },
             start: start.to_vec(),
-            row_lower: Vec::new(),
-            row_upper: Vec::new(),
+            row_bounds: Intervals::default(),
             pairs: Vec::new(),
             blocks: Vec::new(),
             terms: Vec::new(),
@@ -153,8 +150,8 @@ impl Program {
     ///
     /// If there is no such variable.
     pub fn set_variable_bounds(&mut self, variable: usize, lower: f64, upper: f64) {
-        self.lower[variable] = lower;
-        self.upper[variable] = upper;
+        self.bounds.lower[variable] = lower;
+        self.bounds.upper[variable] = upper;
     }
 
     /// Changes the bounds of a row that is no side of a pair.
@@ -163,8 +160,8 @@ impl Program {
     ///
     /// If there is no such row.
     pub fn set_row_bounds(&mut self, row: usize, lower: f64, upper: f64) {
-        self.row_lower[row] = lower;
-        self.row_upper[row] = upper;
+        self.row_bounds.lower[row] = lower;
+        self.row_bounds.upper[row] = upper;
     }
 }
 
@@ -175,13 +172,13 @@ impl ProgramBuilder {
     ///
     /// If there are not as many bounds as rows, or if the arguments of the block do not fit together.
     pub fn rows(&mut self, block: Block, lower: &[f64], upper: &[f64]) -> Range<usize> {
-        block.check(self.lower.len());
+        block.check(self.bounds.lower.len());
         let n_rows = block.values.n_outputs() * block.n_places;
         assert_eq!(lower.len(), n_rows, "one lower bound per row");
         assert_eq!(upper.len(), n_rows, "one upper bound per row");
-        let first = self.row_lower.len();
-        self.row_lower.extend_from_slice(lower);
-        self.row_upper.extend_from_slice(upper);
+        let first = self.row_bounds.lower.len();
+        self.row_bounds.lower.extend_from_slice(lower);
+        self.row_bounds.upper.extend_from_slice(upper);
         let rows = first..first + n_rows;
         self.blocks.push((rows.clone(), block));
         rows
@@ -193,7 +190,7 @@ impl ProgramBuilder {
     ///
     /// If the arguments of the block do not fit together.
     pub fn objective(&mut self, block: Block) -> usize {
-        block.check(self.lower.len());
+        block.check(self.bounds.lower.len());
         self.terms.push(block);
         self.terms.len() - 1
     }
@@ -206,11 +203,11 @@ impl ProgramBuilder {
     pub fn pair(&mut self, pair: Pair) {
         for side in [pair.a, pair.b] {
             let lower = match side {
-                Side::Variable(variable) => self.lower[variable as usize],
+                Side::Variable(variable) => self.bounds.lower[variable as usize],
                 Side::Row(row) => {
-                    let upper = self.row_upper[row as usize];
+                    let upper = self.row_bounds.upper[row as usize];
                     assert_eq!(upper, f64::INFINITY, "a row of a pair has no upper bound");
-                    self.row_lower[row as usize]
+                    self.row_bounds.lower[row as usize]
                 }
             };
             assert!(lower.is_finite(), "the sides of a pair have lower bounds");
@@ -220,7 +217,7 @@ impl ProgramBuilder {
 
     /// Makes the derivatives and their patterns.
     pub fn finish(self) -> Program {
-        let n = self.lower.len();
+        let n = self.bounds.lower.len();
         let mut slopes = Vec::new();
         let mut curvatures = Vec::new();
         let (mut of_rows, mut of_terms) = (Vec::new(), Vec::new());
@@ -237,7 +234,7 @@ impl ProgramBuilder {
             let block = Compiled::new(block, 0..0, &found, &mut curvatures);
             of_terms.push((block, found));
         }
-        let jacobian_pattern = Pattern::new(self.row_lower.len(), slopes);
+        let jacobian_pattern = Pattern::new(self.row_bounds.lower.len(), slopes);
         let hessian_pattern = Pattern::new(n, curvatures);
 
         let mut constant_slopes = vec![0.0; jacobian_pattern.n_entries()];
@@ -271,11 +268,9 @@ impl ProgramBuilder {
             });
         }
         Program {
-            lower: self.lower,
-            upper: self.upper,
+            bounds: self.bounds,
             start: self.start,
-            row_lower: self.row_lower,
-            row_upper: self.row_upper,
+            row_bounds: self.row_bounds,
             pairs: self.pairs,
             blocks: of_rows.into_iter().map(|(block, _)| block).collect(),
             terms,
@@ -311,38 +306,14 @@ impl Block {
 }
 
 impl Nlp for Program {
-    fn n_variables(&self) -> usize {
-        self.lower.len()
-    }
-
-    fn n_rows(&self) -> usize {
-        self.row_lower.len()
-    }
-
-    fn variable_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.lower,
-            upper: &self.upper,
+    fn structure(&self) -> Structure<'_> {
+        Structure {
+            variables: self.bounds.view(),
+            rows: self.row_bounds.view(),
+            start: &self.start,
+            jacobian: &self.jacobian_pattern,
+            hessian: &self.hessian_pattern,
         }
-    }
-
-    fn row_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.row_lower,
-            upper: &self.row_upper,
-        }
-    }
-
-    fn start(&self) -> &[f64] {
-        &self.start
-    }
-
-    fn jacobian_pattern(&self) -> &Pattern {
-        &self.jacobian_pattern
-    }
-
-    fn hessian_pattern(&self) -> &Pattern {
-        &self.hessian_pattern
     }
 
     fn has_objective(&self) -> bool {

@@ -4,7 +4,7 @@
 //! bounds. A row that belongs to several pairs has one slack.
 
 use crate::optimization::mpcc::branch::forcing::Forcing;
-use crate::optimization::problem::{Bounds, Member, Mpcc, Nlp, Other, Pattern, Side};
+use crate::optimization::problem::{Intervals, Member, Mpcc, Nlp, Other, Pattern, Side, Structure};
 
 /// A problem in vertical form: its variables are those of the original one, then the slacks.
 ///
@@ -28,10 +28,8 @@ pub struct Lifted<'p> {
     /// The rows that have a slack, ascending.
     lifted_rows: Vec<usize>,
     pairs: Vec<[u32; 2]>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-    row_lower: Vec<f64>,
-    row_upper: Vec<f64>,
+    bounds: Intervals,
+    row_bounds: Intervals,
     jacobian: Pattern,
     hessian: Pattern,
     /// Values of the original Jacobian.
@@ -70,14 +68,11 @@ impl<'p> Lifted<'p> {
             .collect();
 
         let n_slacks = lifted_rows.len();
-        let bounds = problem.variable_bounds();
-        let lower = [bounds.lower, &vec![0.0; n_slacks]].concat();
-        let upper = [bounds.upper, &vec![f64::INFINITY; n_slacks]].concat();
-        let bounds = problem.row_bounds();
-        let row_lower = bounds.lower.to_vec();
-        let mut row_upper = bounds.upper.to_vec();
+        let variables = problem.variable_bounds();
+        let bounds = Intervals::extended(variables, n_slacks, [0.0, f64::INFINITY]);
+        let mut row_bounds = Intervals::extended(problem.row_bounds(), 0, [0.0; 2]);
         for &row in &lifted_rows {
-            row_upper[row] = row_lower[row];
+            row_bounds.upper[row] = row_bounds.lower[row];
         }
 
         let original = problem.jacobian_pattern();
@@ -100,10 +95,8 @@ impl<'p> Lifted<'p> {
             problem,
             lifted_rows,
             pairs,
-            lower,
-            upper,
-            row_lower,
-            row_upper,
+            bounds,
+            row_bounds,
             jacobian,
             hessian,
             entries,
@@ -111,7 +104,7 @@ impl<'p> Lifted<'p> {
             forcing: Forcing::default(),
         };
         for &side in lifted.pairs.iter().flatten() {
-            let is_bounded = lifted.lower[side as usize].is_finite();
+            let is_bounded = lifted.bounds.lower[side as usize].is_finite();
             assert!(is_bounded, "both sides of a pair have finite lower bounds");
         }
         lifted.start = lifted.extend(&lifted.start.clone());
@@ -126,7 +119,7 @@ impl<'p> Lifted<'p> {
 
     /// How many variables the original problem has.
     pub fn n_original(&self) -> usize {
-        self.lower.len() - self.lifted_rows.len()
+        self.bounds.lower.len() - self.lifted_rows.len()
     }
 
     /// The rows that have a slack, with it.
@@ -136,10 +129,10 @@ impl<'p> Lifted<'p> {
 
     /// A point of the original problem with its slacks, which are not negative.
     pub fn extend(&mut self, w: &[f64]) -> Vec<f64> {
-        let mut rows = vec![0.0; self.row_lower.len()];
+        let mut rows = vec![0.0; self.row_bounds.lower.len()];
         self.problem.rows(w, &mut rows);
         let slacks = self.lifted_rows.iter().map(|&row| {
-            let distance = rows[row] - self.row_lower[row];
+            let distance = rows[row] - self.row_bounds.lower[row];
             if distance.is_finite() {
                 distance.max(0.0)
             } else {
@@ -156,28 +149,28 @@ impl<'p> Lifted<'p> {
         }
         let n = self.n_original();
         let bounds = self.problem.variable_bounds();
-        self.lower[..n].copy_from_slice(bounds.lower);
-        self.upper[..n].copy_from_slice(bounds.upper);
+        self.bounds.lower[..n].copy_from_slice(bounds.lower);
+        self.bounds.upper[..n].copy_from_slice(bounds.upper);
         let bounds = self.problem.row_bounds();
-        self.row_lower.copy_from_slice(bounds.lower);
-        self.row_upper.copy_from_slice(bounds.upper);
+        self.row_bounds.lower.copy_from_slice(bounds.lower);
+        self.row_bounds.upper.copy_from_slice(bounds.upper);
         for &row in &self.lifted_rows {
-            self.row_upper[row] = self.row_lower[row];
+            self.row_bounds.upper[row] = self.row_bounds.lower[row];
         }
     }
 
     /// Bounds of the variables when these members of pairs are held at zero, and with them what they force.
-    pub fn hold(&self, members: impl Iterator<Item = (usize, Member)>) -> (Vec<f64>, Vec<f64>) {
-        let (mut lower, mut upper) = (self.lower.clone(), self.upper.clone());
+    pub fn hold(&self, members: impl Iterator<Item = (usize, Member)>) -> Intervals {
+        let mut bounds = self.bounds.clone();
         for (pair, member) in members {
             let side = self.pairs[pair][member as usize];
             for &j in self.problem.terms(pair, member).iter().chain([&side]) {
-                upper[j as usize] = lower[j as usize];
+                bounds.upper[j as usize] = bounds.lower[j as usize];
             }
         }
-        self.forcing
-            .propagate(self.row_bounds(), &mut lower, &mut upper);
-        (lower, upper)
+        let rows = self.row_bounds.view();
+        self.forcing.propagate(rows, &mut bounds);
+        bounds
     }
 
     /// Points of other branches that mean the same.
@@ -201,43 +194,19 @@ impl<'p> Lifted<'p> {
 
     /// Distances a and b of a pair from their lower bounds.
     pub fn distances(&self, pair: usize, w: &[f64]) -> [f64; 2] {
-        self.pairs[pair].map(|side| w[side as usize] - self.lower[side as usize])
+        self.pairs[pair].map(|side| w[side as usize] - self.bounds.lower[side as usize])
     }
 }
 
 impl Nlp for Lifted<'_> {
-    fn n_variables(&self) -> usize {
-        self.lower.len()
-    }
-
-    fn n_rows(&self) -> usize {
-        self.row_lower.len()
-    }
-
-    fn variable_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.lower,
-            upper: &self.upper,
+    fn structure(&self) -> Structure<'_> {
+        Structure {
+            variables: self.bounds.view(),
+            rows: self.row_bounds.view(),
+            start: &self.start,
+            jacobian: &self.jacobian,
+            hessian: &self.hessian,
         }
-    }
-
-    fn row_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.row_lower,
-            upper: &self.row_upper,
-        }
-    }
-
-    fn start(&self) -> &[f64] {
-        &self.start
-    }
-
-    fn jacobian_pattern(&self) -> &Pattern {
-        &self.jacobian
-    }
-
-    fn hessian_pattern(&self) -> &Pattern {
-        &self.hessian
     }
 
     fn has_objective(&self) -> bool {

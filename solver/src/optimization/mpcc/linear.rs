@@ -1,10 +1,7 @@
-//! Sparse linear programs: minimize cᵀx subject to rl <= A x <= ru, l <= x <= u; solved by Clarabel.
+//! Sparse linear programs: minimize cᵀx subject to rl <= A x <= ru, l <= x <= u, by the method of
+//! [`conic`].
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
-};
-
+use crate::optimization::conic::{self, End, Program, Set};
 use crate::runtime::limit::Limit;
 
 /// A linear program, its rows as entries (row, column, value).
@@ -45,126 +42,81 @@ pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64], limit: &Limi
         return Outcome::Infeasible;
     }
     let free: Vec<usize> = (0..lower.len()).filter(|&j| lower[j] < upper[j]).collect();
-    let Some((system, n_equations)) = System::of(program, lower, upper, &free) else {
+    let Some(rows) = rows(program, lower, upper, &free) else {
         return Outcome::Infeasible;
     };
-    let n = free.len();
-    if n == 0 {
+    if free.is_empty() {
         return Outcome::Optimal(lower.to_vec());
     }
-    let n_inequalities = system.right.len() - n_equations;
-    let (rows, at, values) = (system.rows, system.columns, system.values);
-    let matrix = CscMatrix::new_from_triplets(system.right.len(), n, rows, at, values);
     let cost: Vec<f64> = free.iter().map(|&j| program.cost[j]).collect();
-    let cones = [ZeroConeT(n_equations), NonnegativeConeT(n_inequalities)];
-    let hessian = CscMatrix::zeros((n, n));
-    let solver = DefaultSolver::new(&hessian, &cost, &matrix, &system.right, &cones, settings());
-    let Ok(mut solver) = solver else {
-        return Outcome::Failed;
-    };
-    let limit = limit.clone();
-    solver.set_termination_callback(move |_: &_| limit.is_over());
-    solver.solve();
-    match solver.solution.status {
-        SolverStatus::Solved | SolverStatus::AlmostSolved => {
+    let mut settings = conic::settings(TOLERANCE, REDUCED);
+    settings.max_iter = 100;
+    match rows.minimize(&cost, settings, Some(limit)) {
+        Some(found) if found.end == End::Solved => {
             let mut x = lower.to_vec();
-            for (&j, &value) in free.iter().zip(&solver.solution.x) {
+            for (&j, &value) in free.iter().zip(&found.x) {
                 x[j] = value.clamp(lower[j], upper[j]);
             }
             Outcome::Optimal(x)
         }
-        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
-            Outcome::Infeasible
-        }
+        Some(found) if found.end == End::Infeasible => Outcome::Infeasible,
         _ => Outcome::Failed,
     }
 }
 
-fn settings() -> DefaultSettings<f64> {
-    DefaultSettings {
-        verbose: false,
-        max_iter: 100,
-        tol_gap_abs: TOLERANCE,
-        tol_gap_rel: TOLERANCE,
-        tol_feas: TOLERANCE,
-        reduced_tol_gap_abs: REDUCED,
-        reduced_tol_gap_rel: REDUCED,
-        reduced_tol_feas: REDUCED,
-        presolve_enable: false,
-        ..DefaultSettings::default()
+/// The rows over the free variables: equations, then inequalities, then bounds. Fixed variables are moved to the right-hand
+/// side. None where a row without variables is violated.
+fn rows(program: &LinearProgram, lower: &[f64], upper: &[f64], free: &[usize]) -> Option<Program> {
+    let mut columns = vec![None; lower.len()];
+    for (column, &j) in free.iter().enumerate() {
+        columns[j] = Some(column);
     }
+    let n_rows = program.row_lower.len();
+    let mut shift = vec![0.0; n_rows];
+    let mut lines = vec![Vec::new(); n_rows];
+    for &(row, j, value) in &program.entries {
+        match columns[j] {
+            Some(column) => lines[row].push((column, value)),
+            None => shift[row] += value * lower[j],
+        }
+    }
+    let bounds = program.row_lower.iter().zip(&program.row_upper);
+    let bounds = bounds
+        .zip(&shift)
+        .map(|((l, u), shift)| [l - shift, u - shift]);
+    let (lines, empty): (Vec<_>, Vec<_>) =
+        (lines.into_iter().zip(bounds)).partition(|(line, _)| !line.is_empty());
+    if empty.iter().any(|&(_, [l, u])| l > REDUCED || u < -REDUCED) {
+        return None;
+    }
+    let mut rows = Program::default();
+    let equations = lines.iter().filter(|(_, [l, u])| l == u);
+    rows.add(
+        Set::Zero,
+        equations.map(|(line, [_, u])| at_most(line, 1.0, *u)),
+    );
+    let inside = lines.iter().filter(|(_, [l, u])| l < u);
+    let inside = inside.map(|(line, bounds)| (&line[..], *bounds));
+    let units: Vec<_> = (0..free.len()).map(|column| [(column, 1.0)]).collect();
+    let boxes = free.iter().zip(&units);
+    let boxes = boxes.map(|(&j, unit)| (&unit[..], [lower[j], upper[j]]));
+    let inequalities = inside.chain(boxes).flat_map(|(line, [l, u])| {
+        let sides = [(1.0, u), (-1.0, -l)].into_iter();
+        let finite = sides.filter(|&(_, right)| right != f64::INFINITY);
+        finite.map(|(sign, right)| at_most(line, sign, right))
+    });
+    rows.add(Set::NonNegative, inequalities);
+    Some(rows)
 }
 
-/// The rows of A x <= b as triplets.
-#[derive(Default)]
-struct System {
-    rows: Vec<usize>,
-    columns: Vec<usize>,
-    values: Vec<f64>,
-    right: Vec<f64>,
-}
-
-impl System {
-    /// Clarabel's rows A x + s = b, with s = 0 for the first, whose number comes with them, and s >= 0 for the others; fixed
-    /// variables are moved to the right-hand side. None where a row without variables is violated.
-    fn of(
-        program: &LinearProgram,
-        lower: &[f64],
-        upper: &[f64],
-        free: &[usize],
-    ) -> Option<(Self, usize)> {
-        let mut columns = vec![None; lower.len()];
-        for (column, &j) in free.iter().enumerate() {
-            columns[j] = Some(column);
-        }
-        let n_rows = program.row_lower.len();
-        let mut shift = vec![0.0; n_rows];
-        let mut lines = vec![Vec::new(); n_rows];
-        for &(row, j, value) in &program.entries {
-            match columns[j] {
-                Some(column) => lines[row].push((column, value)),
-                None => shift[row] += value * lower[j],
-            }
-        }
-        let bounds = |row: usize| {
-            let [l, u] = [program.row_lower[row], program.row_upper[row]];
-            (l - shift[row], u - shift[row])
-        };
-        let mut system = System::default();
-        for (row, line) in lines.iter().enumerate() {
-            let (l, u) = bounds(row);
-            if line.is_empty() && (l > REDUCED || u < -REDUCED) {
-                return None;
-            }
-            if l == u && !line.is_empty() {
-                system.push(line, 1.0, u);
-            }
-        }
-        let n_equations = system.right.len();
-        for (row, line) in lines.iter().enumerate() {
-            let (l, u) = bounds(row);
-            if l < u && !line.is_empty() {
-                system.push(line, 1.0, u);
-                system.push(line, -1.0, -l);
-            }
-        }
-        for (column, &j) in free.iter().enumerate() {
-            system.push(&[(column, 1.0)], 1.0, upper[j]);
-            system.push(&[(column, 1.0)], -1.0, -lower[j]);
-        }
-        Some((system, n_equations))
-    }
-
-    /// Adds `sign` times the line, at most `right`; nothing when that is infinite.
-    fn push(&mut self, line: &[(usize, f64)], sign: f64, right: f64) {
-        if right == f64::INFINITY {
-            return;
-        }
-        for &(column, value) in line {
-            self.rows.push(self.right.len());
-            self.columns.push(column);
-            self.values.push(sign * value);
-        }
-        self.right.push(right);
-    }
+/// `right` less `sign` times the line.
+fn at_most(
+    line: &[(usize, f64)],
+    sign: f64,
+    right: f64,
+) -> (impl Iterator<Item = (usize, f64)>, f64) {
+    let entries = line
+        .iter()
+        .map(move |&(column, value)| (column, -sign * value));
+    (entries, right)
 }

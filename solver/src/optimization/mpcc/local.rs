@@ -86,8 +86,8 @@ impl Sets {
                 held.push((pair, if a <= b { Member::A } else { Member::B }));
             }
         }
-        let (lower, upper) = lifted.hold(held.into_iter());
-        let bounds = lower.iter().zip(&upper);
+        let bounds = lifted.hold(held.into_iter());
+        let bounds = bounds.lower.iter().zip(&bounds.upper);
         let fixed: Vec<bool> = bounds.map(|(l, u)| l == u).collect();
         // A pair that a fixed side satisfies leaves its other side a bound like any other.
         both.retain(|&pair| !lifted.pairs()[pair].iter().any(|&v| fixed[v as usize]));

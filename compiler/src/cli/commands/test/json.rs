@@ -14,14 +14,8 @@ struct Object<'c> {
     seconds: f64,
     failures: &'c [Missed],
     notes: &'c [String],
-    warnings: Vec<Told<'c>>,
-}
-
-/// As `nsdc run` tells a warning.
-#[derive(serde::Serialize)]
-struct Told<'c> {
-    code: &'c str,
-    message: &'c str,
+    /// As `nsdc run` tells them.
+    warnings: &'c [Warning],
 }
 
 /// One line per test.
@@ -45,7 +39,7 @@ impl<'c> From<&'c Case> for Object<'c> {
             seconds: case.seconds,
             failures: &[],
             notes: &[],
-            warnings: case.warnings.iter().map(Told::from).collect(),
+            warnings: &case.warnings,
         };
         match &case.outcome {
             Outcome::Passed(notes) => object.notes = notes,
@@ -57,14 +51,5 @@ impl<'c> From<&'c Case> for Object<'c> {
             }
         }
         object
-    }
-}
-
-impl<'c> From<&'c Warning> for Told<'c> {
-    fn from(warning: &'c Warning) -> Self {
-        Told {
-            code: &warning.code,
-            message: &warning.message,
-        }
     }
 }

@@ -17,11 +17,11 @@ impl<'e> Draft<'_, 'e> {
     pub(super) fn ranges(&mut self, reader: &mut Reader<'_, 'e>) {
         let model = reader.model;
         let start: &[At] = &[At::Start];
-        let ends: &[At] = match self.controls {
+        let ends: &[At] = match self.discretization.controls {
             Shape::Constant => &[At::Intervals],
             Shape::Linear => &[At::Start, At::Intervals],
         };
-        let nodes: &[At] = match self.scheme.0 {
+        let nodes: &[At] = match self.discretization.scheme.0 {
             Family::RadauIia => &[At::Nodes],
             _ => &[At::Nodes, At::Elements],
         };

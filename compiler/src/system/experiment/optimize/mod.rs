@@ -24,14 +24,8 @@ use crate::syntax::GuessSource;
 /// What an `optimize` experiment asks for besides what a simulation does.
 #[derive(Clone, Debug)]
 pub struct Optimize<'e> {
-    /// Control intervals N.
-    pub intervals: usize,
-    /// Finite elements per interval.
-    pub elements: usize,
-    /// Family of Runge-Kutta methods, and number of nodes.
-    pub scheme: (Family, usize),
-    /// What controls are within an interval.
-    pub controls: Shape,
+    /// How the horizon is cut.
+    pub discretization: Discretization,
     /// Bounds of the horizon, where it is free.
     pub horizon: Option<(f64, f64)>,
     /// Integrals over the horizon that the cost and the constraints contain.
@@ -54,6 +48,19 @@ pub struct Optimize<'e> {
     pub starts: Option<Starts>,
     /// How the program is made and solved.
     pub options: MpccOptions,
+}
+
+/// Control intervals with their finite elements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Discretization {
+    /// Control intervals N.
+    pub intervals: usize,
+    /// Finite elements per interval.
+    pub elements: usize,
+    /// Family of Runge-Kutta methods, and number of nodes.
+    pub scheme: (Family, usize),
+    /// What controls are within an interval.
+    pub controls: Shape,
 }
 
 /// What is minimized: the sum of its terms.

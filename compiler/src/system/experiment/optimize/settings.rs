@@ -6,7 +6,7 @@ use rustc_hash::FxHashSet;
 
 use super::super::{ExperimentError, MethodKind, Reader, fesd, method, unknown_choice, with};
 use super::goal::Words;
-use super::{At, Cost, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
+use super::{At, Cost, Discretization, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
 use crate::model::{Comparison, Domain, Model, Quantity, TargetKind};
 use crate::source::Span;
@@ -15,10 +15,7 @@ use crate::syntax::{self, GuessSource, Ident, Path, Relation, Row, Setting, Sett
 /// What has been read so far.
 pub(in super::super) struct Draft<'m, 'e> {
     words: Words<'m, 'e>,
-    intervals: usize,
-    elements: usize,
-    pub(super) scheme: (Family, usize),
-    pub(super) controls: Shape,
+    pub(super) discretization: Discretization,
     /// Bounds of a free horizon.
     horizon: Option<(f64, f64)>,
     /// Nothing in it after a mistake.
@@ -79,10 +76,12 @@ impl<'m, 'e> Draft<'m, 'e> {
     pub fn new(model: &'m Model<'e>) -> Self {
         Draft {
             words: Words::new(model),
-            intervals: 20,
-            elements: 2,
-            scheme: (Family::RadauIia, 3),
-            controls: Shape::Constant,
+            discretization: Discretization {
+                intervals: 20,
+                elements: 2,
+                scheme: (Family::RadauIia, 3),
+                controls: Shape::Constant,
+            },
             horizon: None,
             cost: None,
             comparisons: Vec::new(),
@@ -314,25 +313,26 @@ impl<'m, 'e> Draft<'m, 'e> {
         value: &syntax::Expr,
         span: Span,
     ) {
+        let grid = &mut self.discretization;
         match name.name.as_str() {
             "intervals" => {
                 reader.once("`intervals`", span);
                 let count = reader.count("`intervals`", value, MOST_INTERVALS);
-                self.intervals = count.unwrap_or(self.intervals);
+                grid.intervals = count.unwrap_or(grid.intervals);
             }
             "elements" => {
                 reader.once("`elements`", span);
                 let count = reader.count("`elements`", value, fesd::MOST_ELEMENTS);
-                self.elements = count.unwrap_or(self.elements);
+                grid.elements = count.unwrap_or(grid.elements);
             }
             "scheme" => {
                 reader.once("`scheme`", span);
-                self.scheme = fesd::scheme(reader, value).unwrap_or(self.scheme);
+                grid.scheme = fesd::scheme(reader, value).unwrap_or(grid.scheme);
             }
             "controls" => {
                 reader.once("`controls`", span);
                 let shape = fesd::word(reader, "shape of controls", value, &SHAPES);
-                self.controls = shape.unwrap_or(self.controls);
+                grid.controls = shape.unwrap_or(grid.controls);
             }
             "minimize" => {
                 reader.once("`minimize`", span);
@@ -410,10 +410,7 @@ impl<'m, 'e> Draft<'m, 'e> {
         };
         let tied = self.tied(reader);
         Some(Optimize {
-            intervals: self.intervals,
-            elements: self.elements,
-            scheme: self.scheme,
-            controls: self.controls,
+            discretization: self.discretization,
             horizon: self.horizon,
             integrals: self.words.into_integrals(),
             cost: cost?,

@@ -1,7 +1,7 @@
 //! Problems made of closures.
 
 use super::jet::Jet;
-use crate::optimization::problem::{Bounds, Nlp, Pattern};
+use crate::optimization::problem::{Bounds, Nlp, Pattern, Structure};
 
 pub const INF: f64 = f64::INFINITY;
 
@@ -83,38 +83,20 @@ fn variables(w: &[f64]) -> Vec<Jet> {
 }
 
 impl Nlp for Program {
-    fn n_variables(&self) -> usize {
-        self.start.len()
-    }
-
-    fn n_rows(&self) -> usize {
-        self.rows.len()
-    }
-
-    fn variable_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.lower,
-            upper: &self.upper,
+    fn structure(&self) -> Structure<'_> {
+        Structure {
+            variables: Bounds {
+                lower: &self.lower,
+                upper: &self.upper,
+            },
+            rows: Bounds {
+                lower: &self.row_lower,
+                upper: &self.row_upper,
+            },
+            start: &self.start,
+            jacobian: &self.jacobian,
+            hessian: &self.hessian,
         }
-    }
-
-    fn row_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.row_lower,
-            upper: &self.row_upper,
-        }
-    }
-
-    fn start(&self) -> &[f64] {
-        &self.start
-    }
-
-    fn jacobian_pattern(&self) -> &Pattern {
-        &self.jacobian
-    }
-
-    fn hessian_pattern(&self) -> &Pattern {
-        &self.hessian
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {

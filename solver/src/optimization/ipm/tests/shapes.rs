@@ -4,7 +4,7 @@ use super::program::{INF, Program};
 use super::{log, run};
 use crate::optimization::ipm::residuals::residuals;
 use crate::optimization::ipm::{Failure, Options, Point, Solution, Status, solve};
-use crate::optimization::problem::Nlp;
+use crate::optimization::problem::{Nlp, Structure};
 
 fn expect(mut program: Program, status: Status) -> Solution {
     let solution = run(&mut program);
@@ -288,27 +288,10 @@ struct Following {
 }
 
 impl Nlp for Following {
-    fn n_variables(&self) -> usize {
-        self.program.n_variables()
+    fn structure(&self) -> Structure<'_> {
+        self.program.structure()
     }
-    fn n_rows(&self) -> usize {
-        self.program.n_rows()
-    }
-    fn variable_bounds(&self) -> crate::optimization::problem::Bounds<'_> {
-        self.program.variable_bounds()
-    }
-    fn row_bounds(&self) -> crate::optimization::problem::Bounds<'_> {
-        self.program.row_bounds()
-    }
-    fn start(&self) -> &[f64] {
-        self.program.start()
-    }
-    fn jacobian_pattern(&self) -> &crate::optimization::problem::Pattern {
-        self.program.jacobian_pattern()
-    }
-    fn hessian_pattern(&self) -> &crate::optimization::problem::Pattern {
-        self.program.hessian_pattern()
-    }
+
     fn objective(&mut self, w: &[f64]) -> f64 {
         self.program.objective(w)
     }

@@ -5,7 +5,7 @@
 //! are (forcing constraints; Andersen and Andersen 1995). A branch that holds such a sum at zero has no interior until
 //! its terms are held, too.
 
-use crate::optimization::problem::{Bounds, Nlp};
+use crate::optimization::problem::{Bounds, Intervals, Nlp};
 
 /// The affine rows of a problem.
 #[derive(Clone, Debug, Default)]
@@ -65,7 +65,7 @@ impl Forcing {
     }
 
     /// Fixes what the rows force, until they force no more.
-    pub fn propagate(&self, rows: Bounds<'_>, lower: &mut [f64], upper: &mut [f64]) {
+    pub fn propagate(&self, rows: Bounds<'_>, bounds: &mut Intervals) {
         loop {
             let mut has_changed = false;
             for affine in &self.rows {
@@ -73,7 +73,7 @@ impl Forcing {
                     (1.0, rows.upper[affine.row]),
                     (-1.0, -rows.lower[affine.row]),
                 ] {
-                    has_changed |= affine.force(sign, bound, lower, upper);
+                    has_changed |= affine.force(sign, bound, bounds);
                 }
             }
             if !has_changed {
@@ -85,7 +85,8 @@ impl Forcing {
 
 impl Affine {
     /// Fixes the variables when the least value of `sign` times the row is `bound`; whether any was free.
-    fn force(&self, sign: f64, bound: f64, lower: &mut [f64], upper: &mut [f64]) -> bool {
+    fn force(&self, sign: f64, bound: f64, bounds: &mut Intervals) -> bool {
+        let (lower, upper) = (&mut bounds.lower, &mut bounds.upper);
         if !bound.is_finite() {
             return false;
         }
@@ -119,7 +120,7 @@ impl Affine {
 #[cfg(test)]
 mod tests {
     use super::Forcing;
-    use crate::optimization::problem::{Bounds, Nlp};
+    use crate::optimization::problem::{Intervals, Nlp};
     use crate::optimization::quadratic::{Function, Quadratic};
 
     /// x + y + z = s with x, y, z, s >= 0, and a row x y that is not affine.
@@ -139,16 +140,16 @@ mod tests {
     fn upper(held: Option<usize>) -> Vec<f64> {
         let mut problem = sum();
         let forcing = Forcing::new(&mut problem);
-        let mut lower = vec![0.0; 4];
-        let mut upper = vec![f64::INFINITY; 4];
+        let mut bounds = Intervals {
+            lower: vec![0.0; 4],
+            upper: vec![f64::INFINITY; 4],
+        };
         if let Some(held) = held {
-            upper[held] = 0.0;
+            bounds.upper[held] = 0.0;
         }
-        let Bounds { lower: l, upper: u } = problem.row_bounds();
-        let rows = Bounds { lower: l, upper: u };
-        forcing.propagate(rows, &mut lower, &mut upper);
-        assert_eq!(lower, [0.0; 4]);
-        upper
+        forcing.propagate(problem.row_bounds(), &mut bounds);
+        assert_eq!(bounds.lower, [0.0; 4]);
+        bounds.upper
     }
 
     #[test]

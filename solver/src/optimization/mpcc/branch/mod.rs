@@ -4,7 +4,7 @@ pub(crate) mod forcing;
 pub(crate) mod polish;
 pub(crate) mod reach;
 use super::lift::Lifted;
-use crate::optimization::problem::{Bounds, Member, Nlp, Pattern};
+use crate::optimization::problem::{Intervals, Member, Nlp, Structure};
 
 /// The sides that are held at zero at a point.
 ///
@@ -43,8 +43,7 @@ pub fn choose(lifted: &Lifted<'_>, w: &[f64]) -> Vec<Member> {
 /// The nonlinear program of a branch.
 pub struct Branch<'l, 'p> {
     lifted: &'l mut Lifted<'p>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
+    bounds: Intervals,
     start: Vec<f64>,
 }
 
@@ -52,15 +51,13 @@ impl<'l, 'p> Branch<'l, 'p> {
     /// The branch with these zeros, from a point of the vertical form. The problem is settled on it.
     pub fn new(lifted: &'l mut Lifted<'p>, zeros: &[Member], start: &[f64]) -> Self {
         lifted.settle(Some(zeros));
-        let (lower, upper) = lifted.hold(zeros.iter().copied().enumerate());
-        let bounds = lower.iter().zip(&upper);
-        let start = start.iter().zip(bounds);
+        let bounds = lifted.hold(zeros.iter().copied().enumerate());
+        let start = start.iter().zip(bounds.lower.iter().zip(&bounds.upper));
         let start = start.map(|(&w, (&l, &u))| if l == u { l } else { w });
         Branch {
             start: start.collect(),
             lifted,
-            lower,
-            upper,
+            bounds,
         }
     }
 }
@@ -70,7 +67,7 @@ impl Branch<'_, '_> {
     pub fn free_slacks(&self) -> Vec<(usize, usize)> {
         let slacks = self.lifted.slacks();
         slacks
-            .filter(|&(_, slack)| self.lower[slack] < self.upper[slack])
+            .filter(|&(_, slack)| self.bounds.lower[slack] < self.bounds.upper[slack])
             .collect()
     }
 
@@ -81,35 +78,12 @@ impl Branch<'_, '_> {
 }
 
 impl Nlp for Branch<'_, '_> {
-    fn n_variables(&self) -> usize {
-        self.upper.len()
-    }
-
-    fn n_rows(&self) -> usize {
-        self.lifted.n_rows()
-    }
-
-    fn variable_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.lower,
-            upper: &self.upper,
+    fn structure(&self) -> Structure<'_> {
+        Structure {
+            variables: self.bounds.view(),
+            start: &self.start,
+            ..self.lifted.structure()
         }
-    }
-
-    fn row_bounds(&self) -> Bounds<'_> {
-        self.lifted.row_bounds()
-    }
-
-    fn start(&self) -> &[f64] {
-        &self.start
-    }
-
-    fn jacobian_pattern(&self) -> &Pattern {
-        self.lifted.jacobian_pattern()
-    }
-
-    fn hessian_pattern(&self) -> &Pattern {
-        self.lifted.hessian_pattern()
     }
 
     fn has_objective(&self) -> bool {

@@ -11,7 +11,7 @@ mod relaxed_tests;
 use super::lift::Lifted;
 use crate::optimization::mpcc::relaxed::dual::{Dual, ENTRIES};
 use crate::optimization::mpcc::relaxed::relaxation::{Relaxation, Steering};
-use crate::optimization::problem::{Bounds, Nlp, Pattern};
+use crate::optimization::problem::{Intervals, Nlp, Pattern, Structure};
 
 /// What is chosen about a relaxation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -76,10 +76,8 @@ pub struct Relaxed<'l, 'p> {
     form: Form,
     sigma: f64,
     coupling: Option<Coupling>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-    row_lower: Vec<f64>,
-    row_upper: Vec<f64>,
+    bounds: Intervals,
+    row_bounds: Intervals,
     jacobian: Pattern,
     hessian: Pattern,
     /// Where the entries of the vertical form are in this Hessian.
@@ -98,17 +96,14 @@ impl<'l, 'p> Relaxed<'l, 'p> {
         let n_steering = form.steering.n_variables(n_pairs);
         let n_rows = form.relaxation.n_rows();
 
-        let bounds = lifted.variable_bounds();
-        let lower = [bounds.lower, &vec![0.0; n_steering]].concat();
-        let upper = [bounds.upper, &vec![f64::INFINITY; n_steering]].concat();
-        let bounds = lifted.row_bounds();
         let n_all = n_pairs * n_rows;
         let limit = match form.is_equation && form.relaxation.is_curve() {
             true => 0.0,
             false => f64::NEG_INFINITY,
         };
-        let row_lower = [bounds.lower, &vec![limit; n_all]].concat();
-        let row_upper = [bounds.upper, &vec![0.0; n_all]].concat();
+        let variables = lifted.variable_bounds();
+        let bounds = Intervals::extended(variables, n_steering, [0.0, f64::INFINITY]);
+        let row_bounds = Intervals::extended(lifted.row_bounds(), n_all, [limit, 0.0]);
 
         let steering = |pair: usize| Some(form.steering.variable(n, pair)? as u32);
         let mut jacobian = lifted.jacobian_pattern().clone();
@@ -155,10 +150,8 @@ impl<'l, 'p> Relaxed<'l, 'p> {
             form,
             sigma,
             coupling: None,
-            lower,
-            upper,
-            row_lower,
-            row_upper,
+            bounds,
+            row_bounds,
             jacobian,
             hessian,
             hessian_places,
@@ -187,7 +180,7 @@ impl<'l, 'p> Relaxed<'l, 'p> {
         let excess = self.form.relaxation.excess(sigma);
         let bounds = self.lifted.variable_bounds();
         for &side in self.lifted.pairs().iter().flatten() {
-            self.lower[side as usize] = bounds.lower[side as usize] - excess;
+            self.bounds.lower[side as usize] = bounds.lower[side as usize] - excess;
         }
     }
 
@@ -243,38 +236,14 @@ fn missing_curvature([aa, ba, bb]: [f64; 3], [a, b]: [f64; 2]) -> [f64; 3] {
 }
 
 impl Nlp for Relaxed<'_, '_> {
-    fn n_variables(&self) -> usize {
-        self.lower.len()
-    }
-
-    fn n_rows(&self) -> usize {
-        self.row_lower.len()
-    }
-
-    fn variable_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.lower,
-            upper: &self.upper,
+    fn structure(&self) -> Structure<'_> {
+        Structure {
+            variables: self.bounds.view(),
+            rows: self.row_bounds.view(),
+            start: &self.start,
+            jacobian: &self.jacobian,
+            hessian: &self.hessian,
         }
-    }
-
-    fn row_bounds(&self) -> Bounds<'_> {
-        Bounds {
-            lower: &self.row_lower,
-            upper: &self.row_upper,
-        }
-    }
-
-    fn start(&self) -> &[f64] {
-        &self.start
-    }
-
-    fn jacobian_pattern(&self) -> &Pattern {
-        &self.jacobian
-    }
-
-    fn hessian_pattern(&self) -> &Pattern {
-        &self.hessian
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {
