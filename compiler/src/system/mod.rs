@@ -55,6 +55,7 @@ pub(crate) mod switches;
 pub mod task;
 #[cfg(test)]
 mod tests;
+pub mod valuation;
 pub(crate) mod values;
 mod verify;
 
@@ -67,6 +68,7 @@ pub use experiment::ExperimentError;
 pub use lower::{Extent, lower};
 pub use read::Readings;
 pub use task::Task;
+pub use valuation::Valuation;
 
 use crate::expr::{Expr, Exprs, Var, variables_of};
 use crate::model::Data;

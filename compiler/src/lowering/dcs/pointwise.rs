@@ -65,8 +65,8 @@ impl Sides {
 
     /// At t = 0, with the system's parameters and initial values.
     pub fn at_start(system: &System) -> Self {
-        let start = start(system);
-        Sides::at(system, &|var| start.get(&var).copied().unwrap_or(f64::NAN))
+        let start = system.valuation_at_start();
+        Sides::at(system, &|var| start.number(var))
     }
 }
 
@@ -93,27 +93,14 @@ pub fn rules(system: &System, dcs: &Dcs) -> Rules {
     rules
 }
 
-/// Parameters, states, time and data at t = 0.
-fn start(system: &System) -> FxHashMap<Var, f64> {
-    let params = system.params.iter().map(|param| (param.var, param.value));
-    let states = system.states.iter().map(|state| (state.var, state.initial));
-    let data = (system.data.iter()).map(|data| (data.var, data.table.value(0.0)));
-    let known = (params.chain(states))
-        .chain([(system.time, 0.0)])
-        .chain(data);
-    let known = known.filter_map(|(var, value)| Some((var.as_variable()?, value)));
-    known.collect()
-}
-
 impl<'e> Dcs<'e> {
     /// Takes over the initial values of the system that this is a lowering of, and z there.
     pub fn restart(&mut self, system: &System<'e>) {
         for (own, state) in self.states.iter_mut().zip(&system.states) {
             own.initial = state.initial;
         }
-        let start = start(system);
-        let value = |var: Var| start.get(&var).copied().unwrap_or(f64::NAN);
-        let found = solve_pointwise(system, self, &value);
+        let start = system.valuation_at_start();
+        let found = solve_pointwise(system, self, &|var| start.number(var));
         for (own, z) in self.algebraics.iter_mut().zip(found.algebraics) {
             own.guess = if z.is_finite() { z } else { 0.0 };
         }
