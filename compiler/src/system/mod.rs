@@ -55,20 +55,19 @@ pub(crate) mod switches;
 pub mod task;
 #[cfg(test)]
 mod tests;
-pub mod valuation;
 pub(crate) mod values;
 mod verify;
 
 pub use crate::system::contacts::mechanics::{Body, Contact, Direction, Friction, Impulsive, Slip};
 pub(crate) use crate::system::switches::interaction::subsystems;
 pub use crate::system::values::limits::{Allowed, Limit};
+pub use crate::system::values::valuation::Valuation;
 pub use display::Structure;
 pub use error::SystemError;
 pub use experiment::ExperimentError;
 pub use lower::{Extent, lower};
 pub use read::Readings;
 pub use task::Task;
-pub use valuation::Valuation;
 
 use crate::expr::{Expr, Exprs, Var, variables_of};
 use crate::model::Data;

@@ -7,7 +7,7 @@ use nsd_solver::fesd::{Rule, Rules, alpha_of, alphas_of};
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Var};
-use crate::system::System;
+use crate::system::{System, Valuation};
 
 use super::{Dcs, Formulation, heaviside, stewart};
 
@@ -65,7 +65,7 @@ impl Sides {
 
     /// At t = 0, with the system's parameters and initial values.
     pub fn at_start(system: &System) -> Self {
-        let start = system.valuation_at_start();
+        let start = start(system);
         Sides::at(system, &|var| start.number(var))
     }
 }
@@ -93,13 +93,19 @@ pub fn rules(system: &System, dcs: &Dcs) -> Rules {
     rules
 }
 
+/// Parameters, states, time and data at t = 0.
+fn start(system: &System) -> Valuation {
+    let x: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    system.valuation(0.0, &x, &[])
+}
+
 impl<'e> Dcs<'e> {
     /// Takes over the initial values of the system that this is a lowering of, and z there.
     pub fn restart(&mut self, system: &System<'e>) {
         for (own, state) in self.states.iter_mut().zip(&system.states) {
             own.initial = state.initial;
         }
-        let start = system.valuation_at_start();
+        let start = start(system);
         let found = solve_pointwise(system, self, &|var| start.number(var));
         for (own, z) in self.algebraics.iter_mut().zip(found.algebraics) {
             own.guess = if z.is_finite() { z } else { 0.0 };

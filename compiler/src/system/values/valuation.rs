@@ -65,12 +65,6 @@ impl System<'_> {
         known
     }
 
-    /// The same where a run starts.
-    pub fn valuation_at_start(&self) -> Valuation {
-        let x: Vec<f64> = self.states.iter().map(|state| state.initial).collect();
-        self.valuation(0.0, &x, &[])
-    }
-
     /// Puts the sides of ψ for every α that is not a number, at a point with these states: those of outputs alone, of
     /// whose ψ no run has a series.
     ///
