@@ -37,7 +37,9 @@ pub use evaluate::Evaluator;
 pub use function::{BinaryFunction, Definition, Function, Steep, Unit};
 pub use interval::Interval;
 pub use operators::{dot, sum};
-pub use rewrite::{Reach, Substitution, n_nodes_of, rewrite, rewrite_all, transform, variables_of};
+pub use rewrite::{
+    Reach, Substitution, children, n_nodes_of, rewrite, rewrite_all, transform, variables_of,
+};
 
 /// The owner of all nodes.
 #[derive(Debug, Default)]

@@ -3,7 +3,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::arena::{Arena, Data, Id};
-use super::{Expr, Var};
+use super::{Expr, Node, Var};
 
 impl Arena {
     /// The nodes below the roots, roots included, children before parents.
@@ -112,6 +112,17 @@ fn transform_in<'e>(
     }
     let image = |root: &Expr<'e>| root.with(images[place(root.id)]);
     roots.iter().map(image).collect()
+}
+
+/// What an expression is made of.
+pub fn children(e: Expr<'_>) -> Vec<Expr<'_>> {
+    match e.node() {
+        Node::Constant(_) | Node::Variable(_) => Vec::new(),
+        Node::Sum { terms, .. } => terms.into_iter().map(|(_, term)| term).collect(),
+        Node::Product(factors) => factors.into_iter().map(|(factor, _)| factor).collect(),
+        Node::Unary(_, a) => vec![a],
+        Node::Binary(_, a, b) => vec![a, b],
+    }
 }
 
 /// The variables below the expressions, in order of creation.

@@ -274,7 +274,7 @@ pub struct Region<'e> {
 /// Regions of which exactly one holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Partition {
-    /// Indices into [`Model::regions`]; the `else` region last.
+    /// Indices into [`Statements::regions`]; the `else` region last.
     pub regions: Vec<usize>,
     /// State entries each of them sets.
     pub entries: Vec<usize>,

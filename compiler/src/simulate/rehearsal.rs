@@ -2,10 +2,8 @@
 
 use nsd_solver::fesd::jumps::CLOSED;
 
-use std::collections::HashMap;
-
 use super::{Plan, Request, run};
-use crate::expr::{Expr, Var};
+use crate::expr::Var;
 use crate::limit::Limit;
 use crate::lowering::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
 use crate::lowering::discretize::Layout;
@@ -270,21 +268,8 @@ impl<'e> Rehearsed<'e> {
 
     /// States of a run, parameters, time and data.
     fn known(&self, time: f64, row: &[f64]) -> impl Fn(Var) -> f64 {
-        let system = &self.system;
-        let states = system.states.iter().map(|state| state.var).zip(row);
-        let params = system.params.iter().map(|param| (param.var, &param.value));
-        let known = states.chain(params).chain([(system.time, &time)]);
-        let known: HashMap<Var, f64> = known
-            .filter_map(|(var, &value)| Some((var.as_variable()?, value)))
-            .collect();
-        move |var: Var| {
-            let data = || {
-                let is = |e: Expr| e.as_variable() == Some(var);
-                let data = system.data.iter().find(|data| is(data.var));
-                data.map_or(f64::NAN, |data| data.table.value(time))
-            };
-            known.get(&var).copied().unwrap_or_else(data)
-        }
+        let known = self.system.valuation(time, row, &[]);
+        move |var: Var| known.number(var)
     }
 
     /// z for the states and α of a run.

@@ -61,6 +61,7 @@ mod verify;
 pub use crate::system::contacts::mechanics::{Body, Contact, Direction, Friction, Impulsive, Slip};
 pub(crate) use crate::system::switches::interaction::subsystems;
 pub use crate::system::values::limits::{Allowed, Limit};
+pub use crate::system::values::valuation::Valuation;
 pub use display::Structure;
 pub use error::SystemError;
 pub use experiment::ExperimentError;

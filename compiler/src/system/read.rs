@@ -25,19 +25,37 @@ pub struct Readings<'e> {
     pub(super) params: Known,
 }
 
+impl<'e> Readings<'e> {
+    /// An expression of the model without named switches, controls and inputs.
+    fn resolve(&self, e: Expr<'e>) -> Expr<'e> {
+        let e = e.substitute(&self.named).substitute(&self.signals);
+        e.substitute(&self.named)
+    }
+
+    /// What takes the place of step(ψ).
+    fn alpha_of(&self, psi: Expr<'e>) -> Option<Expr<'e>> {
+        let (k, flipped) = self.switch_of(psi)?;
+        let alpha = self.alphas[k];
+        Some(if flipped { 1.0 - alpha } else { alpha })
+    }
+
+    /// Its place, and whether ψ is positive where it is 0.
+    fn switch_of(&self, psi: Expr<'e>) -> Option<(usize, bool)> {
+        let (scale, key) = surface::canonical(psi, &self.params);
+        let &(k, own_scale) = self.index.get(&key)?;
+        Some((k, scale * own_scale < 0.0))
+    }
+}
+
 impl<'e> System<'e> {
     /// An expression of the model in time, parameters, states and α.
     ///
     /// `sign` and `step` of a switching function of the system become its α, so that they have a
     /// value on the surface; other nonsmooth terms stay as they are.
     pub fn read(&self, e: Expr<'e>) -> Expr<'e> {
-        let e = e
-            .substitute(&self.readings.named)
-            .substitute(&self.readings.signals);
-        let e = e.substitute(&self.readings.named);
-        rewrite(e, &mut |e| match compared(e) {
+        rewrite(self.readings.resolve(e), &mut |e| match compared(e) {
             Some((psi, Entry::Condition | Entry::Term)) => {
-                (self.alpha_of(psi)).map_or(e, |alpha| at_alpha(e, alpha))
+                (self.readings.alpha_of(psi)).map_or(e, |alpha| at_alpha(e, alpha))
             }
             _ => e,
         })
@@ -46,18 +64,6 @@ impl<'e> System<'e> {
     /// Whether steep functions have taken the place of switches.
     pub fn is_smoothed(&self) -> bool {
         self.readings.alphas.len() > self.switches.len()
-    }
-
-    /// A nonsmooth term inside a switching function, in α.
-    fn inner(&self, e: Expr<'e>) -> Option<Expr<'e>> {
-        let (psi, _) = compared(e)?;
-        Some(at_alpha(e, self.alpha_of(psi)?))
-    }
-
-    fn alpha_of(&self, psi: Expr<'e>) -> Option<Expr<'e>> {
-        let (k, flipped) = self.switch_of_smooth(psi)?;
-        let alpha = self.readings.alphas[k];
-        Some(if flipped { 1.0 - alpha } else { alpha })
     }
 
     /// The relay that an entry of a named switch stands for.
@@ -69,18 +75,12 @@ impl<'e> System<'e> {
 
     /// The switch with the surface ψ = 0, and whether ψ is positive where its α is 0.
     pub fn switch_of(&self, psi: Expr<'e>) -> Option<(usize, bool)> {
-        let psi = psi
-            .substitute(&self.readings.named)
-            .substitute(&self.readings.signals)
-            .substitute(&self.readings.named);
-        let psi = rewrite(psi, &mut |e| self.inner(e).unwrap_or(e));
-        let found = self.switch_of_smooth(psi);
+        // Nonsmooth terms inside ψ are in α.
+        let psi = rewrite(self.readings.resolve(psi), &mut |e| {
+            let alpha = compared(e).and_then(|(psi, _)| self.readings.alpha_of(psi));
+            alpha.map_or(e, |alpha| at_alpha(e, alpha))
+        });
+        let found = self.readings.switch_of(psi);
         found.filter(|(k, _)| *k < self.switches.len())
-    }
-
-    fn switch_of_smooth(&self, psi: Expr<'e>) -> Option<(usize, bool)> {
-        let (scale, key) = surface::canonical(psi, &self.readings.params);
-        let &(k, own_scale) = self.readings.index.get(&key)?;
-        Some((k, scale * own_scale < 0.0))
     }
 }

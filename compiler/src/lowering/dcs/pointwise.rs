@@ -7,7 +7,7 @@ use nsd_solver::fesd::{Rule, Rules, alpha_of, alphas_of};
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Var};
-use crate::system::System;
+use crate::system::{System, Valuation};
 
 use super::{Dcs, Formulation, heaviside, stewart};
 
@@ -66,7 +66,7 @@ impl Sides {
     /// At t = 0, with the system's parameters and initial values.
     pub fn at_start(system: &System) -> Self {
         let start = start(system);
-        Sides::at(system, &|var| start.get(&var).copied().unwrap_or(f64::NAN))
+        Sides::at(system, &|var| start.number(var))
     }
 }
 
@@ -94,15 +94,9 @@ pub fn rules(system: &System, dcs: &Dcs) -> Rules {
 }
 
 /// Parameters, states, time and data at t = 0.
-fn start(system: &System) -> FxHashMap<Var, f64> {
-    let params = system.params.iter().map(|param| (param.var, param.value));
-    let states = system.states.iter().map(|state| (state.var, state.initial));
-    let data = (system.data.iter()).map(|data| (data.var, data.table.value(0.0)));
-    let known = (params.chain(states))
-        .chain([(system.time, 0.0)])
-        .chain(data);
-    let known = known.filter_map(|(var, value)| Some((var.as_variable()?, value)));
-    known.collect()
+fn start(system: &System) -> Valuation {
+    let x: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    system.valuation(0.0, &x, &[])
 }
 
 impl<'e> Dcs<'e> {
@@ -112,8 +106,7 @@ impl<'e> Dcs<'e> {
             own.initial = state.initial;
         }
         let start = start(system);
-        let value = |var: Var| start.get(&var).copied().unwrap_or(f64::NAN);
-        let found = solve_pointwise(system, self, &value);
+        let found = solve_pointwise(system, self, &|var| start.number(var));
         for (own, z) in self.algebraics.iter_mut().zip(found.algebraics) {
             own.guess = if z.is_finite() { z } else { 0.0 };
         }

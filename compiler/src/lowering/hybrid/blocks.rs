@@ -7,7 +7,7 @@ use nsd_solver::hybrid::Block;
 use petgraph::unionfind::UnionFind;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::expr::{Expr, Node, Var};
+use crate::expr::{Expr, Node, Var, children};
 
 /// Operations below this number are rather repeated than shared between blocks.
 const CHEAP: u32 = 6;
@@ -99,16 +99,5 @@ impl<'e> Cutter<'e> {
             self.costs.insert(e, cost.min(CHEAP));
         }
         self.costs[&root]
-    }
-}
-
-/// What an expression is made of.
-pub(crate) fn children(e: Expr<'_>) -> Vec<Expr<'_>> {
-    match e.node() {
-        Node::Constant(_) | Node::Variable(_) => Vec::new(),
-        Node::Sum { terms, .. } => terms.into_iter().map(|(_, term)| term).collect(),
-        Node::Product(factors) => factors.into_iter().map(|(factor, _)| factor).collect(),
-        Node::Unary(_, a) => vec![a],
-        Node::Binary(_, a, b) => vec![a, b],
     }
 }

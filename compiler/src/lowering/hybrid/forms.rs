@@ -205,7 +205,7 @@ fn below<'e>(functions: &[Expr<'e>]) -> Vec<Expr<'e>> {
                 }
             } else if !done.contains(&e) {
                 stack.push((e, true));
-                let children = super::blocks::children(e);
+                let children = expr::children(e);
                 stack.extend(children.into_iter().rev().map(|child| (child, false)));
             }
         }

@@ -110,7 +110,7 @@ fn exponents<'e>(functions: &[Expr<'e>]) -> Vec<Expr<'e>> {
         if let Node::Binary(BinaryFunction::Pow, _, exponent) = e.node() {
             found.push(exponent);
         }
-        left.extend(blocks::children(e));
+        left.extend(expr::children(e));
     }
     found
 }

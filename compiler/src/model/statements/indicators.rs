@@ -108,8 +108,8 @@ fn tournament<'e>(model: &mut Model<'e>, regions: &[usize], indicators: &[Expr<'
             span: region.guard_span,
         });
         for &earlier in &regions[..k] {
-            model.statements.regions[earlier].guard =
-                model.statements.regions[earlier].guard * (1.0 - beats);
+            let guard = &mut model.statements.regions[earlier].guard;
+            *guard = *guard * (1.0 - beats);
         }
         model.statements.regions[regions[k]].guard = beats;
         smallest = smallest.min(g);

@@ -3,15 +3,13 @@
 //! States follow from them by a simulation from event to event, that of the model: elements, nodes and the branches of
 //! a program are not in it.
 
-use rustc_hash::FxHashMap;
-
 use super::solved;
 use crate::expr::{Evaluator, Expr, Var};
 use crate::limit::Limit;
 use crate::optimize::Problem;
-use crate::system::System;
 use crate::system::experiment::At;
 use crate::system::task::Shape;
+use crate::system::{System, Valuation};
 
 /// What is free in a task.
 #[derive(Clone, Copy, Debug)]
@@ -249,22 +247,19 @@ impl<'r, 'e> Reduced<'r, 'e> {
 
 /// What the variables of costs and constraints are at an instant.
 struct Known {
-    values: FxHashMap<Var, f64>,
+    values: Valuation,
 }
 
 impl Known {
     fn new(problem: &Problem, w: &[f64]) -> Self {
         let system = &problem.system;
-        let mut values: FxHashMap<Var, f64> = FxHashMap::default();
-        let params = system.params.iter();
-        values.extend(params.filter_map(|p| Some((p.var.as_variable()?, p.value))));
+        let mut values = system.parameters();
         for (i, free) in system
             .task
             .iter()
             .flat_map(|task| task.params.iter().enumerate())
         {
-            let var = system.params[free.place].var.as_variable();
-            values.extend(var.map(|var| (var, w[problem.layout.p(i)])));
+            values.set(system.params[free.place].var, w[problem.layout.p(i)]);
         }
         Known { values }
     }
@@ -275,8 +270,7 @@ impl Known {
             .chain(system.switches.iter().map(|switch| switch.alpha));
         let data = (system.data.iter()).map(|data| (data.var, data.table.value(time)));
         let all = vars.zip(row.iter().copied()).chain(data);
-        let all = all.chain([(system.time, time)]);
-        (self.values).extend(all.filter_map(|(var, value)| Some((var.as_variable()?, value))));
+        self.values.extend(all.chain([(system.time, time)]));
     }
 
     /// Controls in interval k, at a share of it.
@@ -291,13 +285,13 @@ impl Known {
                         from + share.clamp(0.0, 1.0) * (to - from)
                     }
                 };
-                (self.values).extend(control.var.as_variable().map(|var| (var, value)));
+                self.values.set(control.var, value);
             }
         }
     }
 
     fn value(&self, var: Var) -> f64 {
-        self.values.get(&var).copied().unwrap_or(f64::NAN)
+        self.values.number(var)
     }
 }
 

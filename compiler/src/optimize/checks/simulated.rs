@@ -119,22 +119,7 @@ impl Problem<'_> {
         // Switches in the cost have the values they have in the program.
         let layout = &self.layout;
         let alphas = self.alphas(w, layout.steps, layout.elements, layout.nodes);
-        task.cost.value.eval(&|var| {
-            let is = |e: crate::expr::Expr| e.as_variable() == Some(var);
-            if is(solved.time) {
-                return horizon;
-            }
-            if let Some(i) = solved.states.iter().position(|state| is(state.var)) {
-                return x[i];
-            }
-            if let Some(i) = solved.switches.iter().position(|switch| is(switch.alpha)) {
-                return alphas[i];
-            }
-            if let Some(data) = solved.data.iter().find(|data| is(data.var)) {
-                return data.table.value(horizon);
-            }
-            let param = solved.params.iter().find(|param| is(param.var));
-            param.map_or(f64::NAN, |param| param.value)
-        })
+        let known = solved.valuation(horizon, x, &alphas);
+        known.value(task.cost.value)
     }
 }

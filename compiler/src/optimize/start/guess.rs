@@ -4,8 +4,6 @@
 //! in time, or by a trajectory, stretched to the horizon. Multipliers and the rest are what the switching functions
 //! say at the states.
 
-use rustc_hash::FxHashMap;
-
 use crate::expr::{Expr, Var};
 use crate::lowering::dcs::solve_pointwise;
 use crate::optimize::Problem;
@@ -181,34 +179,23 @@ impl Known<'_, '_> {
     ) {
         let Problem { layout, dcs, .. } = self.problem;
         let system = self.problem.lowered();
-        let mut values: FxHashMap<Var, f64> = FxHashMap::default();
-        let mut insert = |var: Expr, value: f64| {
-            values.extend(var.as_variable().map(|var| (var, value)));
-        };
-        insert(system.time, share * self.horizon);
-        for data in &system.data {
-            insert(data.var, data.table.value(share * self.horizon));
-        }
-        for param in &system.params {
-            insert(param.var, param.value);
-        }
+        let mut values = system.valuation(share * self.horizon, &[], &[]);
         for (i, state) in system.states.iter().enumerate() {
             let started = layout.started(k, i).filter(|_| (j, m) == (1, 0));
             let value = match i < layout.n_states() {
                 true => w[started.unwrap_or(layout.x(k, j, m) + i)],
                 false => 0.0,
             };
-            insert(state.var, value);
+            values.set(state.var, value);
         }
         for (i, control) in dcs
             .task
             .iter()
             .flat_map(|task| task.controls.iter().enumerate())
         {
-            insert(control.var, w[layout.u(k) + i]);
+            values.set(control.var, w[layout.u(k) + i]);
         }
-        let value = |var: Var| values.get(&var).copied().unwrap_or(f64::NAN);
-        let found = solve_pointwise(system, dcs, &value);
+        let found = solve_pointwise(system, dcs, &|var| values.number(var));
         for (i, &z) in found.algebraics.iter().enumerate() {
             let index = layout.z(k, j, m, i);
             if let Some(index) = index.filter(|&index| z.is_finite() && !bounds[index].is_fixed()) {

@@ -5,9 +5,6 @@
 //! controls as they are, and the multipliers that belong to its α. It is feasible there, with the same objective, if
 //! both programs are about the same system.
 
-use rustc_hash::FxHashMap;
-
-use crate::expr::{Expr, Var};
 use crate::lowering::dcs::solve_in_mode;
 use crate::optimize::Problem;
 use crate::system::task::Shape;
@@ -190,25 +187,15 @@ impl Problem<'_> {
         time: f64,
     ) -> Vec<f64> {
         let (layout, system) = (&self.layout, self.lowered());
-        let mut known: FxHashMap<Var, f64> = FxHashMap::default();
-        let mut insert = |var: Expr, value: f64| {
-            known.extend(var.as_variable().map(|var| (var, value)));
-        };
-        insert(system.time, time);
-        for data in &system.data {
-            insert(data.var, data.table.value(time));
-        }
-        for param in &system.params {
-            insert(param.var, param.value);
-        }
+        let mut known = system.valuation(time, &[], &[]);
         for (i, state) in system.states.iter().enumerate() {
             let started = element.started.get(i).copied().flatten();
             let value = element.states[m].get(i).copied().unwrap_or(0.0);
-            insert(state.var, started.filter(|_| m == 0).unwrap_or(value));
+            known.set(state.var, started.filter(|_| m == 0).unwrap_or(value));
         }
         if let Some(task) = &self.dcs.task {
             for (free, &value) in task.params.iter().zip(&point.params) {
-                insert(self.dcs.params[free.place].var, value);
+                known.set(self.dcs.params[free.place].var, value);
             }
             // Straight lines go from the end of one interval to that of the next.
             let share = time / point.horizon * layout.steps as f64 - (k - 1) as f64;
@@ -220,11 +207,11 @@ impl Problem<'_> {
                         from + share.clamp(0.0, 1.0) * (to - from)
                     }
                 };
-                insert(control.var, value);
+                known.set(control.var, value);
             }
         }
         let node = m.clamp(1, layout.nodes) - 1;
-        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        let value = |var| known.number(var);
         solve_in_mode(system, &self.dcs, &element.alphas[node], &value).algebraics
     }
 }

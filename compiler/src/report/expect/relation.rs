@@ -1,7 +1,7 @@
 //! `expect x at end ~ [1, 0] within 1e-9;`
 
 use super::error::ExpectError;
-use super::values::{Point, Run, Words};
+use super::values::{Run, Words, at};
 use super::{Findings, Subject, Verdict};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
@@ -90,7 +90,7 @@ pub fn at_end<'e>(
     words.value(&relation.right, &mut diags);
     let sides = resolve(subject, relation, span, &Run::Unknown, &mut diags);
     let Some(Sides { left, right, .. }) = sides.filter(|sides| {
-        let params = Point::of_params(subject);
+        let params = subject.system.parameters();
         relation.relation == ExpectOp::Close
             && sides.left_when == When::At(subject.horizon)
             && !words.has_list.get()
@@ -98,8 +98,8 @@ pub fn at_end<'e>(
     }) else {
         return Vec::new();
     };
-    let params = Point::of_params(subject);
-    let numbers = right.data.iter().map(|&entry| params.eval(entry));
+    let params = subject.system.parameters();
+    let numbers = right.data.iter().map(|&entry| params.value(entry));
     match right.shape {
         Shape::Scalar => left.data.into_iter().zip(numbers.cycle()).collect(),
         _ => left.data.into_iter().zip(numbers).collect(),
@@ -117,7 +117,7 @@ fn side<'e>(
         .value(expr, diags)?
         .map(|entry| subject.system.read(entry));
     if when == Some(When::Run)
-        && let Some(var) = Point::of_params(subject).unknown(&value.data)
+        && let Some(var) = subject.system.parameters().unknown(&value.data)
     {
         let name = subject.model.exprs.name(var);
         diags.push(ExpectError::NoInstant {
@@ -178,10 +178,10 @@ pub fn instant(
 fn number(subject: &Subject<'_, '_>, expr: &syntax::Expr, diags: &mut Diagnostics) -> Option<f64> {
     let words = Words::new(subject, &Run::Unknown);
     let value = words.value(expr, diags)?;
-    let params = Point::of_params(subject);
+    let params = subject.system.parameters();
     match value.as_scalar().map(|entry| subject.system.read(entry)) {
         Some(entry) if !words.has_list.get() && params.unknown(&[entry]).is_none() => {
-            Some(params.eval(entry))
+            Some(params.value(entry))
         }
         _ => {
             diags.push(ExpectError::NotAnInstant { span: expr.span });
@@ -298,16 +298,16 @@ fn values(
     time: f64,
 ) -> Result<Vec<f64>, String> {
     let point = match when {
-        When::Run => Some(Point::of_params(subject)),
-        When::At(instant) => Point::at(subject, trajectory, instant),
-        When::Always => Point::at(subject, trajectory, time),
+        When::Run => Some(subject.system.parameters()),
+        When::At(instant) => at(subject, trajectory, instant),
+        When::Always => at(subject, trajectory, time),
     };
     let reached = trajectory.time.last().copied().unwrap_or(0.0);
     let point = point.ok_or_else(|| format!("the run ended at {}", significant(reached, 12)))?;
     Ok(side
         .data
         .iter()
-        .map(|&entry: &Expr<'_>| point.eval(entry))
+        .map(|&entry: &Expr<'_>| point.value(entry))
         .collect())
 }
 

@@ -2,15 +2,14 @@
 
 use std::cell::{Cell, RefCell};
 
-use rustc_hash::FxHashMap;
-
 use super::error::ExpectError;
 use super::{Subject, as_name, mode};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Var};
+use crate::expr::Expr;
 use crate::model::Tensor;
 use crate::report::{EventKind, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
+use crate::system::Valuation;
 
 /// A run, or none yet.
 pub enum Run<'r> {
@@ -197,52 +196,12 @@ fn times(run: &Trajectory, is_wanted: impl Fn(&crate::report::Event) -> bool) ->
         .collect()
 }
 
-/// Numbers of all variables of a system at an instant.
-pub struct Point {
-    numbers: FxHashMap<Var, f64>,
-}
-
-impl Point {
-    /// Parameters only.
-    pub fn of_params(subject: &Subject<'_, '_>) -> Self {
-        let params = subject.system.params.iter();
-        let numbers = params.filter_map(|param| Some((param.var.as_variable()?, param.value)));
-        Point {
-            numbers: numbers.collect(),
-        }
-    }
-
-    /// Everything at an instant of a run; `None` where the run has no values.
-    pub fn at(subject: &Subject<'_, '_>, trajectory: &Trajectory, time: f64) -> Option<Self> {
-        let mut point = Point::of_params(subject);
-        let system = subject.system;
-        let variables = system
-            .states
-            .iter()
-            .map(|state| state.var)
-            .chain(system.switches.iter().map(|switch| switch.alpha));
-        let mut row = trajectory.row_at(time)?;
-        let n_states = system.states.len().min(row.len());
-        let (x, alpha) = row.split_at_mut(n_states);
-        system.see(time, x, alpha);
-        let data = (system.data.iter()).map(|data| (data.var, data.table.value(time)));
-        let entries = variables.zip(row).chain([(system.time, time)]).chain(data);
-        point
-            .numbers
-            .extend(entries.filter_map(|(var, value)| Some((var.as_variable()?, value))));
-        Some(point)
-    }
-
-    /// The value of an expression of the system; not a number where a variable has none.
-    pub fn eval(&self, expr: Expr<'_>) -> f64 {
-        expr.eval(&|var| self.numbers.get(&var).copied().unwrap_or(f64::NAN))
-    }
-
-    /// A variable of the expressions that has no value here.
-    pub fn unknown(&self, exprs: &[Expr<'_>]) -> Option<Var> {
-        let variables = crate::expr::variables_of(exprs);
-        variables
-            .into_iter()
-            .find(|var| !self.numbers.contains_key(var))
-    }
+/// All variables at an instant of a run; `None` where the run has no values.
+pub fn at(subject: &Subject<'_, '_>, trajectory: &Trajectory, time: f64) -> Option<Valuation> {
+    let system = subject.system;
+    let mut row = trajectory.row_at(time)?;
+    let n_states = system.states.len().min(row.len());
+    let (x, alpha) = row.split_at_mut(n_states);
+    system.see(time, x, alpha);
+    Some(system.valuation(time, x, alpha))
 }

@@ -29,7 +29,7 @@ pub(crate) fn warning(system: &System, outcome: &Outcome) -> Option<Warning> {
         return None;
     }
     let values = steepest::values(system, outcome);
-    let value = |e: Expr| e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN));
+    let value = |e: Expr| values.value(e);
     let [rates, switching] = with_numbers(system);
     let vanishing = Vanishing::of(system, &switching);
     let is_near = |u: Expr| {

@@ -7,12 +7,11 @@
 use miette::LabeledSpan;
 
 use nsd_solver::hybrid::Outcome;
-use rustc_hash::FxHashMap;
 
-use crate::expr::{Expr, Node, Var, variables_of};
+use crate::expr::{Expr, Var, children, variables_of};
 use crate::source::Span;
-use crate::system::System;
 use crate::system::switches::roots::{Root, Vanishing};
+use crate::system::{System, Valuation};
 
 /// A term with at least this share of the slope of what it stands in is to blame for it.
 const SHARE: f64 = 1e-3;
@@ -27,9 +26,6 @@ const STEEP: f64 = 1e6;
 /// Where on the tangent it is looked, as shares of what is ahead.
 const AHEAD: [f64; 6] = [0.0, 0.125, 0.25, 0.5, 1.0, 1.25];
 
-/// What all variables are.
-type Values = FxHashMap<Var, f64>;
-
 /// The line of the rate with the term, as a label; none where all rates are harmless.
 pub(crate) fn label<'e>(system: &System<'e>, outcome: &Outcome, ahead: f64) -> Option<LabeledSpan> {
     not_finite(system, outcome, ahead).or_else(|| steepest(system, outcome))
@@ -43,12 +39,8 @@ pub(crate) fn not_finite<'e>(
 ) -> Option<LabeledSpan> {
     let found = AHEAD.iter().find_map(|share| {
         let values = on_tangent(system, outcome, share * ahead);
-        let value = |e: Expr<'e>| at(&values, e);
-        let is_known = |e: Expr<'e>| {
-            variables_of(&[e])
-                .iter()
-                .all(|var| values.contains_key(var))
-        };
+        let value = |e: Expr<'e>| values.value(e);
+        let is_known = |e: Expr<'e>| values.unknown(&[e]).is_none();
         let (function, span) =
             functions(system).find(|(e, _)| is_known(*e) && !value(*e).is_finite())?;
         let size = |e: Expr<'e>| {
@@ -80,7 +72,7 @@ fn functions<'s, 'e>(system: &'s System<'e>) -> impl Iterator<Item = (Expr<'e>, 
 
 fn steepest<'e>(system: &System<'e>, outcome: &Outcome) -> Option<LabeledSpan> {
     let values = values(system, outcome);
-    let value = |e: Expr<'e>| at(&values, e);
+    let value = |e: Expr<'e>| values.value(e);
     let mut steepest: Option<(f64, Expr, Span, Var)> = None;
     for (function, span) in functions(system) {
         for var in variables_of(&[function]) {
@@ -109,15 +101,15 @@ pub(crate) fn turning<'e>(
     ahead: f64,
 ) -> Option<LabeledSpan> {
     let [here, there] = [0.0, ahead].map(|tau| on_tangent(system, outcome, tau));
-    let change = |e: Expr<'e>| (at(&there, e) - at(&here, e)).abs();
+    let change = |e: Expr<'e>| (there.value(e) - here.value(e)).abs();
     let rates = system.states.iter().map(|state| (state.rate, state.span));
     let (rate, span) = rates.max_by(|a, b| change(a.0).total_cmp(&change(b.0)))?;
     let most = change(rate);
-    if most.is_nan() || most <= TURNING * at(&here, rate).abs() {
+    if most.is_nan() || most <= TURNING * here.value(rate).abs() {
         return None;
     }
     let term = innermost(rate, &|e| f64::from(u8::from(change(e) >= 0.5 * most)));
-    let [from, to] = [&here, &there].map(|values| at(values, term));
+    let [from, to] = [&here, &there].map(|values| values.value(term));
     let name = match term.to_string() {
         long if long.len() > LONGEST => "this rate".to_owned(),
         term => format!("`{term}`"),
@@ -126,36 +118,29 @@ pub(crate) fn turning<'e>(
     Some(LabeledSpan::new_with_span(Some(text), span))
 }
 
-/// An expression where all variables are known.
-fn at(values: &Values, e: Expr) -> f64 {
-    e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN))
-}
-
 /// All variables some time after the run has ended, where states go on as they do there.
-fn on_tangent(system: &System, outcome: &Outcome, tau: f64) -> Values {
+fn on_tangent(system: &System, outcome: &Outcome, tau: f64) -> Valuation {
     let mut values = values(system, outcome);
     if tau == 0.0 {
         return values;
     }
     let rates = system.states.iter();
-    let rates: Vec<f64> = rates.map(|state| at(&values, state.rate)).collect();
+    let rates: Vec<f64> = rates.map(|state| values.value(state.rate)).collect();
     let time = (system.time, 1.0);
     let states = system.states.iter().map(|state| state.var).zip(rates);
-    for (e, rate) in states.chain([time]) {
-        let value = e.as_variable().and_then(|var| values.get_mut(&var));
-        if let Some(value) = value.filter(|_| rate.is_finite()) {
-            *value += tau * rate;
-        }
+    for (e, rate) in states.chain([time]).filter(|(_, rate)| rate.is_finite()) {
+        values.set(e, values.value(e) + tau * rate);
     }
     // Plain switches go along.
-    for switch in &system.switches {
-        let psi = at(&values, switch.psi);
-        let alpha = switch.alpha.as_variable();
-        if let Some(alpha) = alpha.and_then(|var| values.get_mut(&var))
-            && (*alpha == 0.0 || *alpha == 1.0)
-            && switch.relay.is_none()
-        {
-            *alpha = if psi > 0.0 { 1.0 } else { 0.0 };
+    for switch in system
+        .switches
+        .iter()
+        .filter(|switch| switch.relay.is_none())
+    {
+        let alpha = values.value(switch.alpha);
+        if alpha == 0.0 || alpha == 1.0 {
+            let psi = values.value(switch.psi);
+            values.set(switch.alpha, if psi > 0.0 { 1.0 } else { 0.0 });
         }
     }
     values
@@ -184,15 +169,8 @@ fn slope(value: f64) -> f64 {
 fn innermost<'e>(e: Expr<'e>, size: &dyn Fn(Expr<'e>) -> f64) -> Expr<'e> {
     let mut at = e;
     loop {
-        let below: Vec<Expr<'e>> = match at.node() {
-            Node::Constant(_) | Node::Variable(_) => return at,
-            Node::Sum { terms, .. } => terms.into_iter().map(|(_, term)| term).collect(),
-            Node::Product(factors) => factors.into_iter().map(|(factor, _)| factor).collect(),
-            Node::Unary(_, e) => vec![e],
-            Node::Binary(_, a, b) => vec![a, b],
-        };
         let wanted = SHARE * size(at);
-        match below.into_iter().find(|&part| size(part) >= wanted) {
+        match children(at).into_iter().find(|&part| size(part) >= wanted) {
             Some(part) => at = part,
             None => return at,
         }
@@ -200,18 +178,6 @@ fn innermost<'e>(e: Expr<'e>, size: &dyn Fn(Expr<'e>) -> f64) -> Expr<'e> {
 }
 
 /// All variables where the run has ended.
-pub(crate) fn values(system: &System, outcome: &Outcome) -> Values {
-    let states = system.states.iter().map(|state| state.var);
-    let switches = system.switches.iter().map(|switch| switch.alpha);
-    let params = system.params.iter().map(|param| (param.var, param.value));
-    let data = system.data.iter();
-    let data = data.map(|data| (data.var, data.table.value(outcome.time)));
-    let all = states.zip(outcome.x.iter().copied());
-    let all = all.chain(switches.zip(outcome.alpha.iter().copied()));
-    let all = all
-        .chain(params)
-        .chain(data)
-        .chain([(system.time, outcome.time)]);
-    all.filter_map(|(e, value)| Some((e.as_variable()?, value)))
-        .collect()
+pub(crate) fn values(system: &System, outcome: &Outcome) -> Valuation {
+    system.valuation(outcome.time, &outcome.x, &outcome.alpha)
 }

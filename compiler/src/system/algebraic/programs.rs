@@ -4,6 +4,7 @@
 //! one that holds what the program solves for at sample points of its feasible set: there a negative curvature is an
 //! error, and none is no proof, which is told as a warning.
 
+use nalgebra::DMatrix;
 use nsd_solver::optimization::qp;
 use nsd_solver::optimization::qp::HalfSpace;
 
@@ -111,7 +112,7 @@ impl<'e> Lowering<'_, 'e> {
             hessian.iter().map(|entry| entry.eval(&value)).collect()
         };
         if !holds_z {
-            return match is_semidefinite(at(&vec![0.0; n]), n) {
+            return match is_semidefinite(&at(&vec![0.0; n]), n) {
                 Some(true) if inside.iter().all(is_param) => Curvature::Proven,
                 Some(false) => Curvature::Negative,
                 _ => Curvature::Sampled,
@@ -121,7 +122,7 @@ impl<'e> Lowering<'_, 'e> {
             let z = point(sample, n);
             let value = |var: Var| self.start_value(program, &z, var);
             let is_inside = |row: &ProgramRow<'e>| row.is_equation || row.value.eval(&value) >= 0.0;
-            if rows.iter().all(is_inside) && is_semidefinite(at(&z), n) == Some(false) {
+            if rows.iter().all(is_inside) && is_semidefinite(&at(&z), n) == Some(false) {
                 return Curvature::Negative;
             }
         }
@@ -246,40 +247,15 @@ fn point(sample: usize, n: usize) -> Vec<f64> {
     (0..n).map(|k| size * angle(k).sin()).collect()
 }
 
-/// Whether a symmetric matrix has no negative eigenvalue, by Cholesky's factorization with the largest diagonal entry
-/// first; nothing where it holds what is no number.
-fn is_semidefinite(mut a: Vec<f64>, n: usize) -> Option<bool> {
-    let size = a.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    if a.iter().any(|v| !v.is_finite()) {
+/// Whether a symmetric matrix has no negative eigenvalue; nothing where it holds what is no number.
+fn is_semidefinite(a: &[f64], n: usize) -> Option<bool> {
+    if a.iter().any(|entry| !entry.is_finite()) {
         return None;
     }
-    let mut open: Vec<usize> = (0..n).collect();
-    while !open.is_empty() {
-        let best = (0..open.len()).max_by(|&i, &j| {
-            let diagonal = |k: usize| a[open[k] * n + open[k]];
-            diagonal(i).total_cmp(&diagonal(j))
-        })?;
-        let p = open.swap_remove(best);
-        let pivot = a[p * n + p];
-        if pivot <= FLAT * size {
-            // What is left must vanish.
-            let rest = || open.iter().chain([&p]);
-            let largest = rest()
-                .flat_map(|&i| rest().map(move |&j| (i, j)))
-                .map(|(i, j)| match i == j {
-                    true => -a[i * n + j],
-                    false => a[i * n + j].abs(),
-                })
-                .fold(0.0_f64, f64::max);
-            return Some(largest <= FLAT * size && pivot >= -FLAT * size);
-        }
-        for &i in &open {
-            for &j in &open {
-                a[i * n + j] -= a[i * n + p] * a[p * n + j] / pivot;
-            }
-        }
-    }
-    Some(true)
+    let matrix = DMatrix::from_row_slice(n, n, a);
+    let size = matrix.amax();
+    let least = (n > 0).then(|| matrix.symmetric_eigenvalues().min());
+    Some(least.is_none_or(|least| least >= -FLAT * size))
 }
 
 #[cfg(test)]
@@ -288,11 +264,11 @@ mod tests {
 
     #[test]
     fn signs_of_eigenvalues_are_seen() {
-        assert_eq!(is_semidefinite(vec![2.0, 1.0, 1.0, 2.0], 2), Some(true));
-        assert_eq!(is_semidefinite(vec![1.0, 2.0, 2.0, 1.0], 2), Some(false));
-        assert_eq!(is_semidefinite(vec![1.0, 1.0, 1.0, 1.0], 2), Some(true));
-        assert_eq!(is_semidefinite(vec![0.0, 1.0, 1.0, 0.0], 2), Some(false));
-        assert_eq!(is_semidefinite(vec![0.0, 0.0, 0.0, -1.0], 2), Some(false));
-        assert_eq!(is_semidefinite(vec![f64::NAN], 1), None);
+        assert_eq!(is_semidefinite(&[2.0, 1.0, 1.0, 2.0], 2), Some(true));
+        assert_eq!(is_semidefinite(&[1.0, 2.0, 2.0, 1.0], 2), Some(false));
+        assert_eq!(is_semidefinite(&[1.0, 1.0, 1.0, 1.0], 2), Some(true));
+        assert_eq!(is_semidefinite(&[0.0, 1.0, 1.0, 0.0], 2), Some(false));
+        assert_eq!(is_semidefinite(&[0.0, 0.0, 0.0, -1.0], 2), Some(false));
+        assert_eq!(is_semidefinite(&[f64::NAN], 1), None);
     }
 }

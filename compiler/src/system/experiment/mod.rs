@@ -358,24 +358,27 @@ impl<'e> Reader<'_, 'e> {
         })?;
         Some(number as usize)
     }
+}
 
-    fn sampling(&mut self, when: &OutputWhen, horizon: Option<f64>) -> Option<Sampling> {
+impl Sampling {
+    /// What an `output` statement says, within a horizon that may be unknown.
+    fn read(reader: &mut Reader<'_, '_>, when: &OutputWhen, horizon: Option<f64>) -> Option<Self> {
         match when {
             OutputWhen::Method => Some(Sampling::Method),
             OutputWhen::Every(period) => {
                 let fits = |x: f64| x > 0.0 && horizon.is_none_or(|end| end / x <= MOST_INSTANTS);
-                let period = self.within("the period", period, "positive, and not tiny", fits)?;
+                let period = reader.within("the period", period, "positive, and not tiny", fits)?;
                 Some(Sampling::Every(period))
             }
             OutputWhen::At(instants) => {
-                let mut times = self.numbers("the instants", instants)?;
+                let mut times = reader.numbers("the instants", instants)?;
                 if let Some(bad) = times
                     .iter()
                     .find(|time| !(**time >= 0.0 && horizon.is_none_or(|end| **time <= end)))
                 {
                     let (what, found) = ("every instant".to_owned(), bad.to_string());
                     let expected = "between 0 and the horizon".to_owned();
-                    self.error(ExperimentError::OutOfRange {
+                    reader.error(ExperimentError::OutOfRange {
                         what,
                         expected,
                         found,
@@ -388,13 +391,16 @@ impl<'e> Reader<'_, 'e> {
             }
         }
     }
+}
 
-    fn kept(&mut self, path: &syntax::Path) -> Option<Kept<'e>> {
-        let Some(target) = self.model.scope.target(path, self.diags) else {
-            self.failed = true;
+impl<'e> Kept<'e> {
+    /// What a path of an `output` statement names.
+    fn read(reader: &mut Reader<'_, 'e>, path: &syntax::Path) -> Option<Self> {
+        let Some(target) = reader.model.scope.target(path, reader.diags) else {
+            reader.failed = true;
             return None;
         };
-        let model = self.model;
+        let model = reader.model;
         let all: Option<&[Expr<'e>]> = match target.kind {
             TargetKind::State(k) => Some(&model.states[k].vars),
             TargetKind::Algebraic(k) => Some(&model.algebraics[k].vars),
@@ -409,7 +415,7 @@ impl<'e> Reader<'_, 'e> {
         let name = with::path_text(model, path, &target);
         let Some(all) = all else {
             let kind = target.kind.word();
-            self.error(ExperimentError::NoTrajectory {
+            reader.error(ExperimentError::NoTrajectory {
                 name,
                 kind,
                 span: path.span,

@@ -78,11 +78,11 @@ impl<'m, 'e> Statements<'m, 'e> {
             SettingKind::Output { paths, when } => {
                 reader.once("`output`", span);
                 if !paths.is_empty() {
-                    let kept = paths.iter().filter_map(|path| reader.kept(path));
+                    let kept = paths.iter().filter_map(|path| Kept::read(reader, path));
                     self.outputs = Some(kept.collect());
                 }
                 let end = self.horizon.and_then(|(end, _)| end);
-                let sampling = reader.sampling(when, end);
+                let sampling = Sampling::read(reader, when, end);
                 self.sampling = sampling.unwrap_or(Sampling::Method);
             }
             kind => self.of_one_kind(reader, kind, span),

@@ -20,7 +20,6 @@ pub(crate) mod surface;
 #[cfg(test)]
 mod switches_tests;
 pub(crate) mod terms;
-pub(crate) mod unseen;
 pub(crate) mod words;
 use std::cell::Cell;
 

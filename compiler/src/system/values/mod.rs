@@ -2,6 +2,7 @@
 
 pub(crate) mod limits;
 pub(crate) mod rounding;
+pub(crate) mod valuation;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::ExperimentError;

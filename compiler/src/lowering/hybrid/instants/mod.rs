@@ -16,9 +16,8 @@ use search::Search;
 
 use rustc_hash::FxHashSet;
 
-use super::blocks::children;
 use super::substituted::{functions, variable, with_numbers};
-use crate::expr::{Expr, Function, Node, Var, variables_of};
+use crate::expr::{Expr, Function, Node, Var, children, variables_of};
 use crate::report::Warning;
 use crate::system::System;
 use crate::system::experiment::Settings;

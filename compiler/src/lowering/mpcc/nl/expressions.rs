@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use rustc_hash::FxHashMap;
 
-use crate::expr::{BinaryFunction, Expr, Node, Var, rewrite_all};
+use crate::expr::{BinaryFunction, Expr, Node, Var, children, rewrite_all};
 
 /// Writes expressions; what occurs several times is a defined variable.
 pub(crate) struct Writer<'e> {
@@ -174,16 +174,6 @@ pub(crate) fn number(value: f64) -> String {
 
 pub(crate) fn line(out: &mut String, text: &str) {
     writeln!(out, "{text}").expect("text can be appended to a string");
-}
-
-fn children(e: Expr<'_>) -> Vec<Expr<'_>> {
-    match e.node() {
-        Node::Constant(_) | Node::Variable(_) => Vec::new(),
-        Node::Sum { terms, .. } => terms.iter().map(|&(_, term)| term).collect(),
-        Node::Product(factors) => factors.iter().map(|&(factor, _)| factor).collect(),
-        Node::Unary(_, a) => vec![a],
-        Node::Binary(_, a, b) => vec![a, b],
-    }
 }
 
 /// The code of a function (Gay 2005).

@@ -29,7 +29,7 @@ pub(super) fn warning(
         }
     }
     let values = steepest::values(system, outcome);
-    let value = |e: Expr| e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN));
+    let value = |e: Expr| values.value(e);
     let plain = (system.switches.iter()).filter(|switch| {
         switch.role == Role::Step && !switch.unilateral && switch.slip_of.is_none()
     });

@@ -1,0 +1,85 @@
+//! The numbers that variables stand for at a point of a run.
+
+use rustc_hash::FxHashMap;
+
+use crate::expr::{Expr, Var, variables_of};
+use crate::system::System;
+
+/// Variables with their numbers.
+#[derive(Clone, Debug, Default)]
+pub struct Valuation(FxHashMap<Var, f64>);
+
+impl Valuation {
+    /// Gives a variable a number.
+    pub fn set(&mut self, e: Expr<'_>, number: f64) {
+        self.0.extend(e.as_variable().map(|var| (var, number)));
+    }
+
+    /// Where a variable has a number, that one.
+    pub fn get(&self, var: Var) -> Option<f64> {
+        self.0.get(&var).copied()
+    }
+
+    /// The number of a variable, NaN where it has none.
+    pub fn number(&self, var: Var) -> f64 {
+        self.get(var).unwrap_or(f64::NAN)
+    }
+
+    /// The value of an expression; not a number where a variable has none.
+    pub fn value(&self, e: Expr<'_>) -> f64 {
+        e.eval(&|var| self.number(var))
+    }
+
+    /// A variable of the expressions that has no number.
+    pub fn unknown(&self, exprs: &[Expr<'_>]) -> Option<Var> {
+        let mut variables = variables_of(exprs).into_iter();
+        variables.find(|var| !self.0.contains_key(var))
+    }
+}
+
+impl<'e> Extend<(Expr<'e>, f64)> for Valuation {
+    fn extend<I: IntoIterator<Item = (Expr<'e>, f64)>>(&mut self, numbers: I) {
+        let numbers = numbers.into_iter();
+        (self.0).extend(numbers.filter_map(|(e, number)| Some((e.as_variable()?, number))));
+    }
+}
+
+impl System<'_> {
+    /// The parameters.
+    pub fn parameters(&self) -> Valuation {
+        let mut known = Valuation::default();
+        known.extend(self.params.iter().map(|param| (param.var, param.value)));
+        known
+    }
+
+    /// Parameters, time, data, states and, as far as they are given, α.
+    pub fn valuation(&self, time: f64, x: &[f64], alpha: &[f64]) -> Valuation {
+        let mut known = self.parameters();
+        known.set(self.time, time);
+        let data = self.data.iter();
+        known.extend(data.map(|data| (data.var, data.table.value(time))));
+        let states = self.states.iter().map(|state| state.var);
+        known.extend(states.zip(x.iter().copied()));
+        let alphas = self.switches.iter().map(|switch| switch.alpha);
+        known.extend(alphas.zip(alpha.iter().copied()));
+        known
+    }
+
+    /// Puts the sides of ψ for every α that is not a number, at a point with these states: those of outputs alone, of
+    /// whose ψ no run has a series.
+    ///
+    /// `max(norm(v), 1)` has a switch on |v| - 1, which has no derivative at v = 0. Its value is all that the output
+    /// needs.
+    pub fn see(&self, time: f64, x: &[f64], alpha: &mut [f64]) {
+        if !alpha.iter().any(|alpha| alpha.is_nan()) {
+            return;
+        }
+        let mut known = self.valuation(time, x, alpha);
+        for (switch, alpha) in self.switches.iter().zip(alpha) {
+            if alpha.is_nan() {
+                *alpha = f64::from(u8::from(known.value(switch.psi) >= 0.0));
+                known.set(switch.alpha, *alpha);
+            }
+        }
+    }
+}
