@@ -8,6 +8,7 @@ pub mod bunch_kaufman;
 pub mod envelope;
 pub mod ldl;
 pub mod matching;
+pub(crate) mod redundancy;
 pub mod symmetric;
 
 use nalgebra::ComplexField;
