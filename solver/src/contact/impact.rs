@@ -20,8 +20,8 @@ use std::sync::Arc;
 
 use crate::selector::coupling::Coupling;
 
-use super::coulomb::impact::{by_newton, by_poisson};
 use super::coulomb::problem::{NoSolution, Problem, Work};
+use super::rows;
 use super::rows::{ContactSwitches, Rows};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
@@ -100,18 +100,7 @@ impl Impacts<'_> {
         };
         let contacts: Vec<ContactSwitches> = impacts.iter().map(of_impact).collect();
         let switches = || impacts.iter().map(|&(normal, _)| normal).collect();
-        let mut sides = state.point.sides.clone();
-        for contact in &contacts {
-            sides[contact.normal] = Side::Slide;
-            state.point.alpha[contact.normal] = 0.0;
-            for &slip in &contact.slips {
-                sides[slip] = Side::Slide;
-                state.point.alpha[slip] = 0.5;
-            }
-        }
-        self.mode.enter(&sides);
-        self.mode
-            .eval(state.point.t, &state.point.x, &state.point.alpha);
+        self.enter_closed(state, &contacts);
         let numbers: Vec<[f64; 2]> = (impacts.iter())
             .map(|(_, i)| self.numbers(&mut state.jumps.registers, i))
             .collect();
@@ -126,11 +115,7 @@ impl Impacts<'_> {
         }
         let mut all: Vec<usize> = contacts.iter().flat_map(ContactSwitches::all).collect();
         all.sort_unstable();
-        let normals = contacts.iter().map(|contact| contact.normal);
-        let slips = contacts
-            .iter()
-            .flat_map(|contact| contact.slips.iter().copied());
-        let rows: Vec<usize> = normals.chain(slips).collect();
+        let rows = rows::in_order(&contacts);
         let before: Vec<f64> = rows.iter().map(|&i| self.mode.psi(i)).collect();
         let of_contacts = Rows::linearize(&mut self.mode, &all);
         let w = of_contacts.delassus(&contacts);
@@ -138,10 +123,12 @@ impl Impacts<'_> {
         let mut problem = Problem::new(w, vec![1.0; contacts.len()], before.clone());
         let e: Vec<f64> = numbers.iter().map(|[e, _]| *e).collect();
         let is_poisson = impacts.iter().any(|(_, i)| i.law == ImpactLaw::Poisson);
-        let impulses = match is_poisson {
-            true => by_poisson(&mut problem, &e),
-            false => by_newton(&mut problem, &e),
+        let law = if is_poisson {
+            ImpactLaw::Poisson
+        } else {
+            ImpactLaw::Newton
         };
+        let impulses = law.impulses(&mut problem, &e);
         let impulses = impulses.map_err(|why| match why {
             NoSolution::Paradox(at) => Status::Painleve {
                 switch: impacts[at].0,
@@ -180,6 +167,22 @@ impl Impacts<'_> {
             });
         }
         Ok(())
+    }
+
+    /// Evaluates rates in the mode in which these contacts are closed and stick, without forces in them.
+    fn enter_closed(&mut self, state: &mut State, contacts: &[ContactSwitches]) {
+        let mut sides = state.point.sides.clone();
+        for contact in contacts {
+            sides[contact.normal] = Side::Slide;
+            state.point.alpha[contact.normal] = 0.0;
+            for &slip in &contact.slips {
+                sides[slip] = Side::Slide;
+                state.point.alpha[slip] = 0.5;
+            }
+        }
+        self.mode.enter(&sides);
+        self.mode
+            .eval(state.point.t, &state.point.x, &state.point.alpha);
     }
 
     /// Restitution and friction where the state is.

@@ -3,7 +3,6 @@
 pub(crate) mod coefficients;
 pub(crate) mod coulomb;
 pub(crate) mod friction_disk;
-pub(crate) mod halt;
 pub(crate) mod impact;
 pub(crate) mod impact_order;
 pub(crate) mod prediction;
@@ -12,5 +11,6 @@ pub(crate) mod slip_onset;
 pub(crate) mod slip_onset_beside;
 pub(crate) mod stabilization;
 pub(crate) mod sustained;
+pub(crate) mod velocities;
 
 pub use crate::hybrid::ImpactLaw;

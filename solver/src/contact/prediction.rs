@@ -14,39 +14,37 @@ const GROWTH: f64 = 100.0;
 /// Rounds of the power method, each with the square of |∂f/∂x|: places are moved by speeds, and these by places.
 const ROUNDS: usize = 12;
 
-impl Mode {
-    /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
-    pub(crate) fn prediction_horizon(&mut self) -> f64 {
-        let mut entries = Vec::new();
-        self.jacobian(|row, column, value: f64| {
-            entries.push((row, column, value.abs()));
-        });
-        let times = |v: &[f64]| {
-            let mut product = vec![0.0; v.len()];
-            for &(row, column, value) in &entries {
-                product[row] += value * v[column];
-            }
-            product
-        };
-        let (mut v, mut square) = (vec![1.0; self.n], 0.0);
-        for _ in 0..ROUNDS {
-            v = times(&times(&v));
-            square = v.iter().copied().fold(0.0, f64::max);
-            if !(square > 0.0 && square.is_finite()) {
-                return f64::INFINITY;
-            }
-            v.iter_mut().for_each(|v| *v /= square);
+/// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
+pub(crate) fn horizon(mode: &mut Mode) -> f64 {
+    let mut entries = Vec::new();
+    mode.jacobian(|row, column, value: f64| {
+        entries.push((row, column, value.abs()));
+    });
+    let times = |v: &[f64]| {
+        let mut product = vec![0.0; v.len()];
+        for &(row, column, value) in &entries {
+            product[row] += value * v[column];
         }
-        GROWTH.ln() / square.sqrt()
+        product
+    };
+    let (mut v, mut square) = (vec![1.0; mode.n], 0.0);
+    for _ in 0..ROUNDS {
+        v = times(&times(&v));
+        square = v.iter().copied().fold(0.0, f64::max);
+        if !(square > 0.0 && square.is_finite()) {
+            return f64::INFINITY;
+        }
+        v.iter_mut().for_each(|v| *v /= square);
     }
+    GROWTH.ln() / square.sqrt()
+}
 
-    /// True where a contact touches and does not push, open or closed.
-    pub(crate) fn has_idle_contact(&self, state: &State) -> bool {
-        let idles = |i: usize| match state.point.sides[i] {
-            Side::Slide => (1.0 - state.point.alpha[i]).abs() <= TIE,
-            _ => state.bands.armed[i],
-        };
-        let mut all = 0..state.point.sides.len();
-        all.any(|i| self.is_contact(i) && idles(i))
-    }
+/// True where a contact touches and does not push, open or closed.
+pub(crate) fn has_idle_contact(mode: &Mode, state: &State) -> bool {
+    let idles = |i: usize| match state.point.sides[i] {
+        Side::Slide => (1.0 - state.point.alpha[i]).abs() <= TIE,
+        _ => state.bands.armed[i],
+    };
+    let mut all = 0..state.point.sides.len();
+    all.any(|i| mode.is_contact(i) && idles(i))
 }

@@ -21,6 +21,13 @@ impl ContactSwitches {
     }
 }
 
+/// The switches of contacts in the order of a problem: of all gaps, and then of all slip velocities.
+pub(crate) fn in_order(contacts: &[ContactSwitches]) -> Vec<usize> {
+    let slips = contacts.iter().flat_map(|contact| &contact.slips);
+    let normals = contacts.iter().map(|contact| contact.normal);
+    normals.chain(slips.copied()).collect()
+}
+
 /// The rows J of switches, with -D or -2T, where a mode was linearized at α_n = 0 and α_t = ½.
 pub(crate) struct Rows<'m> {
     mode: &'m Mode,
@@ -52,9 +59,7 @@ impl<'m> Rows<'m> {
 
     /// W = J (D, T).
     pub(crate) fn delassus(&self, contacts: &[ContactSwitches]) -> Delassus {
-        let slips = contacts.iter().flat_map(|contact| &contact.slips);
-        let normals = contacts.iter().map(|contact| contact.normal);
-        let switches: Vec<usize> = normals.chain(slips.copied()).collect();
+        let switches = in_order(contacts);
         let dims = contacts.iter().map(|contact| contact.slips.len());
         Delassus::new(dims, |of, by| {
             let share = if by < contacts.len() { 1.0 } else { 0.5 };

@@ -12,19 +12,17 @@
 //! force. The series need not converge, but their first terms are those of the solution, which the length of the step
 //! and its defect take care of.
 
-use crate::contact::friction_disk;
-use crate::contact::friction_disk::{RIM, STOPS, STRAIGHT};
+use super::friction_disk::{Disk, RIM, STOPS, STRAIGHT};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Scales;
 use crate::expansion::series;
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
 use crate::integrate::step::{Step, Stepper, Watch, first_event};
 use crate::linalg::DenseLu;
 use crate::selector::select::Choice;
-use crate::selector::selection::Departure;
+use crate::selector::selection::Onset;
 
 /// Rounds of Newton's method for the direction of a force that leaves its cone.
 const ROUNDS: usize = 5;
@@ -35,7 +33,7 @@ const LEAST: f64 = 1e-6;
 /// Halvings of the first step.
 const MAX_HALVINGS: usize = 40;
 
-/// The series of one of them.
+/// The series of a slip velocity with two entries that sets off.
 struct Leaving {
     switches: [usize; 2],
     /// m.
@@ -75,57 +73,59 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-impl Mode {
-    /// Expands x and α where slip velocities set off, in the mode in which they stick; false where they do not, or where
-    /// that is not known.
-    pub(crate) fn expand_departures(
-        &mut self,
+/// The series of a mode in which slip velocities set off.
+pub(crate) struct SlipOnset<'m> {
+    mode: &'m mut Mode,
+    leaving: Vec<Leaving>,
+}
+
+impl SlipOnset<'_> {
+    /// Expands x and α of a mode in which slip velocities stick that set off; false where they do not, or where that is
+    /// not known.
+    pub(crate) fn expand(
+        mode: &mut Mode,
         state: &State,
-        alpha: &[f64],
-        departures: &[Departure],
+        (alpha, onsets): (&[f64], &[Onset]),
         tolerance: f64,
         longest: f64,
     ) -> bool {
         let mut alpha = alpha.to_vec();
-        for departure in departures {
-            for (&i, d) in departure.switches.iter().zip(departure.direction) {
+        for onset in onsets {
+            for (&i, d) in onset.switches.iter().zip(onset.direction) {
                 alpha[i] = 0.5 + 0.5 * d;
             }
         }
-        let Some(mut leaving) = self.powers(state, &alpha, departures, tolerance, longest) else {
-            return false;
-        };
-        self.expand_leaving(&state.point, &mut alpha, &mut leaving)
-            .is_some_and(|()| {
-                let starts = leaving.iter().map(|one| one.rho.first());
-                starts
-                    .into_iter()
-                    .all(|rho| rho.is_some_and(|rho| *rho > 0.0))
-            })
+        let leaving = Vec::new();
+        let mut expansion = SlipOnset { mode, leaving };
+        let starts = |one: &Leaving| one.rho.first().is_some_and(|rho| *rho > 0.0);
+        expansion
+            .powers(state, (&alpha, onsets), tolerance, longest)
+            .and_then(|()| expansion.expand_leaving(&state.point, &mut alpha))
+            .is_some_and(|()| expansion.leaving.iter().all(starts))
     }
 
     /// The powers of time that they set off with, from what would hold them.
     fn powers(
         &mut self,
         state: &State,
-        alpha: &[f64],
-        departures: &[Departure],
+        (alpha, onsets): (&[f64], &[Onset]),
         tolerance: f64,
         longest: f64,
-    ) -> Option<Vec<Leaving>> {
+    ) -> Option<()> {
         let mut held = alpha.to_vec();
-        self.expand(state.point.t, &state.point.x, &mut held).ok()?;
-        let places = 0..self.sliding.len();
-        let is_shared = |at: usize| self.equations.tie(at).is_some() || self.equations.is_held(at);
+        self.mode
+            .expand(state.point.t, &state.point.x, &mut held)
+            .ok()?;
+        let places = 0..self.mode.sliding.len();
+        let is_shared =
+            |at: usize| self.mode.equations.tie(at).is_some() || self.mode.equations.is_held(at);
         if places.into_iter().any(is_shared) {
             return None;
         }
-        let h = self.step_size(tolerance, &state.scales, longest);
+        let h = self.mode.step_size(tolerance, &state.scales, longest);
         let mut margin = Vec::new();
-        let mut leaving = Vec::new();
-        for &Departure { switches, .. } in departures {
-            let [first, second] = switches;
-            friction_disk::margin(Dense::Taylor(self), first, second, &mut margin);
+        for &Onset { switches, .. } in onsets {
+            Disk::of(Dense::Taylor(self.mode), switches[0])?.margin(&mut margin);
             let (power, start) = if margin[0] < -RIM {
                 (1, alpha)
             } else {
@@ -135,122 +135,123 @@ impl Mode {
                 }
                 (leading + 1, &held[..])
             };
-            leaving.push(Leaving {
+            self.leaving.push(Leaving {
                 switches,
                 power,
                 u: vec![switches.map(|i| 2.0 * start[i] - 1.0)],
                 rho: Vec::new(),
             });
         }
-        Some(leaving)
+        Some(())
     }
 
-    fn expand_leaving(
-        &mut self,
-        point: &Point,
-        alpha: &mut [f64],
-        leaving: &mut [Leaving],
-    ) -> Option<()> {
-        for one in &*leaving {
+    fn expand_leaving(&mut self, point: &Point, alpha: &mut [f64]) -> Option<()> {
+        for one in &self.leaving {
             for (&i, u) in one.switches.iter().zip(one.u[0]) {
                 alpha[i] = 0.5 + 0.5 * u;
             }
         }
-        self.direct(point, alpha, leaving)?;
-        self.start_series(point.t, &point.x, alpha);
-        for k in 1..=self.order {
-            self.advance_field(k);
-            self.raise_states(k);
-            self.equate(k);
-            for one in &*leaving {
+        self.direct(point, alpha)?;
+        self.mode.start_series(point.t, &point.x, alpha);
+        for k in 1..=self.mode.order {
+            self.mode.advance_field(k);
+            self.mode.raise_states(k);
+            self.mode.equate(k);
+            for one in &self.leaving {
                 let known = one.known(k);
                 for (&i, known) in one.switches.iter().zip(known) {
-                    let at = self.place_of(i)?;
-                    self.equations.rhs[at] += (k + 1) as f64 * known;
+                    let at = place_of(self.mode, i)?;
+                    self.mode.equations.rhs[at] += (k + 1) as f64 * known;
                 }
             }
-            let ends: Vec<f64> = leaving.iter().map(|one| one.along(k)).collect();
-            let steps = self.solve_leaving(leaving, k, &ends)?;
-            for (one, step) in leaving.iter_mut().zip(steps) {
-                let u = one.switches.map(|i| self.place_of(i));
+            let ends: Vec<f64> = self.leaving.iter().map(|one| one.along(k)).collect();
+            let steps = self.solve_leaving(k, &ends)?;
+            for (one, step) in self.leaving.iter_mut().zip(steps) {
+                let u = one.switches.map(|i| place_of(self.mode, i));
                 let [Some(first), Some(second)] = u else {
                     return None;
                 };
                 one.u
-                    .push([first, second].map(|at| 2.0 * self.equations.rhs[at]));
+                    .push([first, second].map(|at| 2.0 * self.mode.equations.rhs[at]));
                 if one.moves(k) {
                     one.rho.push(step);
                 }
             }
-            self.take_alpha(k);
+            self.mode.take_alpha(k);
         }
-        if self.slips_in_a_plane() {
-            self.cut_overflow();
+        if self.mode.slips_in_a_plane() {
+            self.mode.cut_overflow();
         }
         Some(())
     }
 
     /// α where they set off: φ = 0 of what goes on to slide, and φ = ρ u of a force that leaves its cone. The matrix of
     /// the equations is that of this place afterwards.
-    fn direct(&mut self, point: &Point, alpha: &mut [f64], leaving: &mut [Leaving]) -> Option<()> {
-        for one in leaving.iter_mut().filter(|one| one.power == 1) {
+    fn direct(&mut self, point: &Point, alpha: &mut [f64]) -> Option<()> {
+        for one in self.leaving.iter_mut().filter(|one| one.power == 1) {
             one.rho.push(f64::NAN);
         }
         for _ in 0..ROUNDS {
-            self.eval(point.t, &point.x, alpha);
-            self.linearize_surfaces();
-            self.factor().ok()?;
-            for at in 0..self.sliding.len() {
-                self.equations.rhs[at] = -self.phi(self.equations.switches[at]);
+            self.mode.eval(point.t, &point.x, alpha);
+            self.mode.linearize_surfaces();
+            self.mode.factor().ok()?;
+            for at in 0..self.mode.sliding.len() {
+                self.mode.equations.rhs[at] = -self.mode.phi(self.mode.equations.switches[at]);
             }
             let mut ends = Vec::new();
-            for one in leaving.iter_mut() {
+            for one in &mut self.leaving {
                 if one.power > 1 {
                     ends.push(0.0);
                     continue;
                 }
-                let rate = one.switches.map(|i| self.phi(i));
+                let rate = one.switches.map(|i| self.mode.phi(i));
                 if one.rho[0].is_nan() {
                     one.rho[0] = dot(rate, one.u[0]);
                 }
                 for (&i, u) in one.switches.iter().zip(one.u[0]) {
-                    let at = self.place_of(i)?;
-                    self.equations.rhs[at] += one.rho[0] * u;
+                    let at = place_of(self.mode, i)?;
+                    self.mode.equations.rhs[at] += one.rho[0] * u;
                 }
                 ends.push(0.5 * (1.0 - dot(one.u[0], one.u[0])));
             }
-            let steps = self.solve_leaving(leaving, 0, &ends)?;
-            for (&i, step) in self.equations.switches.iter().zip(&self.equations.rhs) {
+            let steps = self.solve_leaving(0, &ends)?;
+            for (&i, step) in self
+                .mode
+                .equations
+                .switches
+                .iter()
+                .zip(&self.mode.equations.rhs)
+            {
                 alpha[i] += step;
             }
-            for (one, step) in leaving.iter_mut().zip(steps) {
+            for (one, step) in self.leaving.iter_mut().zip(steps) {
                 one.u[0] = one.switches.map(|i| 2.0 * alpha[i] - 1.0);
                 if one.power == 1 {
                     one.rho[0] += step;
                 }
             }
         }
-        self.eval(point.t, &point.x, alpha);
-        self.linearize_surfaces();
-        self.factor().ok()?;
-        self.equations.expand_here();
+        self.mode.eval(point.t, &point.x, alpha);
+        self.mode.linearize_surfaces();
+        self.mode.factor().ok()?;
+        self.mode.equations.expand_here();
         Some(())
     }
 
     /// Solves A α_k - (k + 1) (ρ u₀ + ρ₀ u_k) = rhs with u₀ᵀ u_k given, where u_k belongs to the same order of w as ρ
     /// does for m = 1 alone. Leaves α_k in the right-hand sides, and returns ρ.
-    fn solve_leaving(&mut self, leaving: &[Leaving], k: usize, ends: &[f64]) -> Option<Vec<f64>> {
-        let n = self.equations.switches.len();
-        let size = n + leaving.len();
+    fn solve_leaving(&mut self, k: usize, ends: &[f64]) -> Option<Vec<f64>> {
+        let n = self.mode.equations.switches.len();
+        let size = n + self.leaving.len();
         let mut matrix = vec![0.0; size * size];
-        for (row, &i) in self.equations.switches.iter().enumerate() {
-            for (column, &j) in self.equations.switches.iter().enumerate() {
-                matrix[row * size + column] = self.coupling(i, j);
+        for (row, &i) in self.mode.equations.switches.iter().enumerate() {
+            for (column, &j) in self.mode.equations.switches.iter().enumerate() {
+                matrix[row * size + column] = self.mode.coupling(i, j);
             }
         }
         let order = (k + 1) as f64;
-        let mut z = self.equations.rhs.clone();
-        for (at, one) in leaving.iter().enumerate() {
+        let mut z = self.mode.equations.rhs.clone();
+        for (at, one) in self.leaving.iter().enumerate() {
             let row = n + at;
             z.push(if one.moves(k) { ends[at] } else { 0.0 });
             if !one.moves(k) {
@@ -258,7 +259,7 @@ impl Mode {
                 continue;
             }
             for (&i, u) in one.switches.iter().zip(one.u[0]) {
-                let place = self.place_of(i)?;
+                let place = place_of(self.mode, i)?;
                 matrix[row * size + place] = 2.0 * u;
                 matrix[place * size + row] = -order * u;
                 if one.power == 1 {
@@ -269,44 +270,20 @@ impl Mode {
         let mut lu = DenseLu::new(size);
         lu.factor(&matrix).ok()?;
         lu.solve(&mut z);
-        self.equations.rhs.copy_from_slice(&z[..n]);
+        self.mode.equations.rhs.copy_from_slice(&z[..n]);
         Some(z[n..].to_vec())
-    }
-
-    fn place_of(&self, switch: usize) -> Option<usize> {
-        let mut switches = self.equations.switches.iter();
-        switches.position(|&i| i == switch)
-    }
-
-    /// Whether a slip velocity that sets off has the direction that its α say, where the point is.
-    pub(crate) fn goes_along(&mut self, switch: usize, scales: &Scales, allowed: f64) -> bool {
-        let Some(other) = self.other(switch) else {
-            return true;
-        };
-        let [first, second] = [switch, other].map(|i| {
-            self.surfaces.linearize(i, &self.memory.values);
-            let size = self.weigh(i, |j| scales.size(j));
-            (
-                self.psi(i),
-                2.0 * self.memory.values[1 + self.n + i] - 1.0,
-                size,
-            )
-        });
-        let speed = first.0.hypot(second.0);
-        let rounding = 64.0 * f64::EPSILON * (first.2 + second.2);
-        let off = (first.0 - speed * first.1).hypot(second.0 - speed * second.1);
-        off <= allowed * speed + rounding
     }
 }
 
-impl Departure {
+/// Where a sliding switch is among the equations.
+fn place_of(mode: &Mode, switch: usize) -> Option<usize> {
+    let mut switches = mode.equations.switches.iter();
+    switches.position(|&i| i == switch)
+}
+
+impl Onset {
     /// The switches of a group that slip from where they may be at rest, with their directions.
-    pub(crate) fn all(
-        mode: &Mode,
-        point: &Point,
-        group: &[usize],
-        choice: &Choice,
-    ) -> Vec<Departure> {
+    pub(crate) fn all(mode: &Mode, point: &Point, group: &[usize], choice: &Choice) -> Vec<Onset> {
         let mut found = Vec::new();
         let sides = point.sides_with(group, &choice.sides);
         for (at, &i) in group.iter().enumerate() {
@@ -320,7 +297,7 @@ impl Departure {
             if meets && rubs(mode, i, &sides) && choice.sides[at] != Side::Slide {
                 let entry = |at: usize| 2.0 * choice.alpha[at] - 1.0;
                 let straight = |u: f64| if u.abs() <= STRAIGHT { 0.0 } else { u };
-                found.push(Departure {
+                found.push(Onset {
                     switches: [i, other],
                     direction: [at, of_other].map(|at| straight(entry(at))),
                 });
@@ -330,7 +307,7 @@ impl Departure {
     }
 
     /// Takes the functions in which these slip velocities stick.
-    pub(crate) fn hold(departures: &[Departure], mode: &mut Mode, sides: &[Side]) {
+    pub(crate) fn hold(departures: &[Onset], mode: &mut Mode, sides: &[Side]) {
         let mut held: Box<[Side]> = sides.into();
         for i in departures.iter().flat_map(|one| one.switches) {
             held[i] = Side::Slide;
@@ -350,7 +327,7 @@ fn rubs(mode: &Mode, switch: usize, sides: &[Side]) -> bool {
 impl Stepper {
     /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
     /// that is rounding.
-    pub(crate) fn departure_step(
+    pub(crate) fn slip_onset_step(
         &mut self,
         mode: &mut Mode,
         state: &mut State,
@@ -369,9 +346,9 @@ impl Stepper {
         if departures.is_empty() {
             return None;
         }
-        Departure::hold(&departures, mode, &state.point.sides);
-        let step = self.set_off(mode, state, &departures, goal, t1);
-        mode.departing.clear();
+        Onset::hold(&departures, mode, &state.point.sides);
+        let step = self.step_from_rest(mode, state, &departures, goal, t1);
+        mode.planes.onsets.clear();
         if step.is_none() {
             let mut x = state.point.x.clone();
             for departure in &departures {
@@ -383,11 +360,11 @@ impl Stepper {
         step
     }
 
-    fn set_off(
+    fn step_from_rest(
         &mut self,
         mode: &mut Mode,
         state: &mut State,
-        departures: &[Departure],
+        departures: &[Onset],
         goal: f64,
         t1: f64,
     ) -> Option<Step> {
@@ -395,12 +372,18 @@ impl Stepper {
         let remaining = state.point.remaining(goal);
         mode.monitored.unobserved.clear();
         let longest = t1 - state.point.t;
-        if !mode.expand_departures(state, &state.point.alpha, departures, tolerance, longest) {
+        if !SlipOnset::expand(
+            mode,
+            state,
+            (&state.point.alpha, departures),
+            tolerance,
+            longest,
+        ) {
             return None;
         }
         mode.measure_terms(&mut state.scales, &mut state.bands);
         state.report.stats.rhs_evaluations += 2 * order;
-        mode.departing = departures.iter().flat_map(|one| one.switches).collect();
+        mode.planes.onsets = departures.iter().flat_map(|one| one.switches).collect();
         let allowed = self.allowed_defect(mode);
         let h = mode.step_size(tolerance, &state.scales, remaining);
         // Rounding in the last terms of what does not move at all shows no length: then the defect does, which allows
@@ -447,7 +430,7 @@ impl Stepper {
                 }
                 std::mem::swap(&mut state.point.x, &mut state.trial.x);
                 dense.alphas_at(h, &mut state.point.alpha);
-                for &i in &mode.departing {
+                for &i in &mode.planes.onsets {
                     state.point.alpha[i] = 1.0;
                 }
                 state.scales.last_step = h;

@@ -80,7 +80,7 @@ impl Enumeration<'_> {
             self.mode.enter_choice(&state.point, group, &sides);
             let outcome = match leaving.is_empty() {
                 true => self.solve(state, group, &sides, &mut choices.found),
-                false => self.set_out(state, group, &sides, &leaving, &mut choices),
+                false => self.add_onsets(state, group, &sides, &leaving, &mut choices),
             };
             choices.singular |= outcome == Search::Singular;
             choices.all &= outcome != Search::Bounded;
@@ -89,7 +89,7 @@ impl Enumeration<'_> {
     }
 
     /// Adds the solutions in which `leaving` set off, the first switch of each.
-    fn set_out(
+    fn add_onsets(
         &mut self,
         state: &State,
         group: &[usize],
@@ -112,7 +112,7 @@ impl Enumeration<'_> {
         let mode = &mut self.mode;
         let pairs = leaving.iter().map(|&i| [i, mode.other(i).unwrap_or(i)]);
         let pairs: Vec<[usize; 2]> = pairs.collect();
-        let mut start = SetOff {
+        let mut start = OnsetEquations {
             mode,
             alpha,
             sliding,
@@ -173,7 +173,7 @@ fn start_along(mode: &mut Mode, pairs: &[[usize; 2]], alpha: &[f64]) -> bool {
 }
 
 /// The equations of what sets off, and of what slides with it.
-struct SetOff<'m> {
+struct OnsetEquations<'m> {
     mode: &'m mut Mode,
     /// Where Newton's method starts.
     alpha: Vec<f64>,
@@ -183,7 +183,7 @@ struct SetOff<'m> {
     leaving: Vec<[usize; 2]>,
 }
 
-impl SetOff<'_> {
+impl OnsetEquations<'_> {
     /// Starts in the direction with this number.
     fn point(&mut self, mut number: usize) {
         for (k, pair) in self.leaving.iter().enumerate() {

@@ -7,11 +7,10 @@
 use super::coulomb::ladder;
 use super::coulomb::law::norm;
 use super::coulomb::problem::{Delassus, NoSolution, Problem, Solution};
+use super::rows;
 use super::rows::{ContactSwitches, Rows};
 use crate::event::state::State;
-use crate::expansion::mode::Mode;
-use crate::expansion::scales::Scales;
-use crate::hybrid::{Role, Side, Status};
+use crate::hybrid::{Side, Status};
 use crate::selector::candidates::{Enumeration, Zeros, product};
 use crate::selector::closing::{Bent, Closing, ROUNDING};
 use crate::selector::judge::TIE;
@@ -216,14 +215,12 @@ impl Enumeration<'_> {
         let mode = &mut self.mode;
         mode.vary(&alpha);
         mode.linearize(group);
-        let normals = contacts.iter().map(|contact| contact.normal);
-        let slips = contacts.iter().flat_map(|contact| &contact.slips);
-        let rows: Vec<usize> = normals.chain(slips.copied()).collect();
+        let rows = rows::in_order(&contacts);
         let q: Vec<f64> = rows.iter().map(|&i| mode.phi(i)).collect();
         let (mut terms, mut tie) = (0.0_f64, 0.0_f64);
         for &i in &rows {
             terms = terms.max(mode.terms_of_phi(i));
-            tie = tie.max(TIE * mode.activity_of_phi(&state.scales, i));
+            tie = tie.max(TIE * mode.weigh(i, |j| state.scales.activity[j]));
         }
         let size = q.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
         for &i in &meets {
@@ -308,44 +305,6 @@ impl Enumeration<'_> {
             alpha: group.iter().map(|&i| alpha[i]).collect(),
             f: states.map(|&state| mode.f()[state]).collect(),
         })
-    }
-}
-
-impl Mode {
-    /// Σ |∇ψ_j| times the terms of f_j, which may cancel.
-    fn activity_of_phi(&self, scales: &Scales, switch: usize) -> f64 {
-        self.weigh(switch, |j| scales.activity[j])
-    }
-
-    /// True for the gap of a contact, whose rate has no force in it.
-    pub(crate) fn is_contact(&self, switch: usize) -> bool {
-        self.system.is_unilateral(switch) && self.surfaces.n_derivatives(switch) > 0
-    }
-
-    /// True for the slip velocity of a contact that is open, which does not matter, and for the second entry of one that
-    /// slips, which the first one stands for.
-    pub(crate) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
-        self.system
-            .slip_of(switch)
-            .is_some_and(|of| sides[of] != Side::Slide)
-            || self.is_free(switch, sides)
-            || self.is_second(switch) && sides[switch] != Side::Slide
-    }
-
-    /// True for a slip velocity that no rate on these sides reads the α of.
-    pub(crate) fn is_free(&self, switch: usize, sides: &[Side]) -> bool {
-        let mut others = self.system.switches[switch].idle_above.iter();
-        others.any(|&other| sides[other] == Side::Plus)
-    }
-
-    /// What α of a sliding switch must not pass.
-    pub(crate) fn limits(&self, switch: usize) -> &'static [f64] {
-        match self.system.role(switch) {
-            Role::Step if self.is_in_disc(switch) => &[],
-            Role::Step if self.system.is_unilateral(switch) => &[1.0],
-            Role::Step => &[0.0, 1.0],
-            Role::Equation | Role::Member(_) => &[],
-        }
     }
 }
 

@@ -32,6 +32,7 @@ pub use crate::event::perturbation::{KickSize, Kicks};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::breakpoints::Pieces;
+use crate::integrate::drift::Projection;
 use crate::integrate::step::Stepper;
 pub use observer::{Event, Observer, Segment};
 
@@ -43,6 +44,7 @@ pub struct Simulator {
     pub(crate) coupling: Coupling,
     pub(crate) pieces: Pieces,
     pub(crate) stepper: Stepper,
+    pub(crate) projection: Projection,
     /// Memory that one run leaves to the next.
     pub(crate) state: State,
 }
@@ -57,6 +59,7 @@ impl Simulator {
             mode: Mode::new(&system, order),
             coupling: Coupling::new(system.clone()),
             pieces: Pieces::new(&system),
+            projection: Projection::default(),
             state: State::default(),
             system,
         }
@@ -106,6 +109,11 @@ impl Simulator {
     /// share them.
     pub fn n_functions(&self) -> usize {
         self.mode.library.len()
+    }
+
+    /// Projects the state onto the surfaces that its mode slides on; the largest drift.
+    pub(crate) fn project(&mut self, state: &mut State) -> f64 {
+        self.projection.project(&mut self.mode, state)
     }
 
     /// The settings in force.

@@ -244,7 +244,8 @@ impl Simulator {
             state.point.advance(step.length);
         }
         if !step.departs {
-            history.drift = f64::max(history.drift, self.mode.project(state));
+            let drift = self.project(state);
+            history.drift = f64::max(history.drift, drift);
         }
         state.scales.record(&state.point.x, step.length);
         state.report.stats.steps += 1;

@@ -19,6 +19,7 @@ impl Simulator {
             settings: &self.settings,
             coupling: &self.coupling,
             pieces: &mut self.pieces,
+            projection: &mut self.projection,
         }
     }
 

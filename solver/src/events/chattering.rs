@@ -215,7 +215,7 @@ impl Simulator {
         let solved = self.mode.solve_alpha(time, &x, &mut state.point.alpha);
         let mut slides = solved.is_ok() && is_affine(&mut self.mode, &state.point);
         if slides {
-            self.mode.project(state);
+            self.project(state);
             let on = self.selector().place(state, t1 - time, &[])?;
             self.pass(state, Met::Surfaces(on), t1)?;
             slides = last

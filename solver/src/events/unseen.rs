@@ -242,7 +242,9 @@ impl Mode {
     fn stays_on(&mut self, state: &State, allowed: f64) -> bool {
         (0..self.sliding.len()).all(|at| {
             let i = self.sliding[at];
-            if self.surfaces.is_affine(i) || self.surfaces.is_deep(i) || self.departing.contains(&i)
+            if self.surfaces.is_affine(i)
+                || self.surfaces.is_deep(i)
+                || self.planes.onsets.contains(&i)
             {
                 return true;
             }

@@ -4,6 +4,7 @@ pub(crate) mod dense;
 pub(crate) mod field;
 pub(crate) mod layout;
 pub(crate) mod mode;
+pub(crate) mod planes;
 pub(crate) mod psi;
 pub(crate) mod rounding;
 pub(crate) mod scales;

@@ -13,9 +13,9 @@ use std::sync::Arc;
 
 use super::field::Field;
 use super::layout::Memory;
+use super::planes::Planes;
 use super::sliding::Sliding;
 use super::surfaces::Surfaces;
-use crate::contact::friction_disk::Discs;
 use crate::expansion::step_size::{Probed, Terms};
 use crate::expansion::unobserved::Monitored;
 use crate::hybrid::form::Library;
@@ -41,16 +41,12 @@ pub(crate) struct Mode {
     pub(crate) still: Vec<bool>,
     /// Whether some switch may rest on its surface.
     pub(crate) may_rest: bool,
-    /// Slip velocities with two entries, by the first of their switches.
-    pub(crate) discs: Discs,
+    /// Switching functions that come in twos.
+    pub(crate) planes: Planes,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
     pub terms: Terms,
     pub monitored: Monitored,
-    /// What projections of contacts take.
-    pub(crate) mend: crate::contact::stabilization::Mend,
-    /// Switches of slip velocities that set off from rest within the step.
-    pub(crate) departing: Vec<usize>,
     focus: Focus,
     pub probed: Probed,
     pub(crate) rounding: super::rounding::Rounding,
@@ -88,16 +84,45 @@ impl Mode {
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
             still: vec![false; n],
-            discs: Discs::new(system),
+            planes: Planes::new(system),
             arranged: false,
             terms: Terms::new(n),
             monitored: Monitored::new(system),
-            mend: crate::contact::stabilization::Mend::default(),
-            departing: Vec::new(),
             focus: Focus::default(),
             probed: Probed::new(n),
             rounding: super::rounding::Rounding::default(),
             implicit: Workspace::default(),
+        }
+    }
+
+    /// True for the gap of a contact, whose rate has no force in it.
+    pub(crate) fn is_contact(&self, switch: usize) -> bool {
+        self.system.is_unilateral(switch) && self.surfaces.n_derivatives(switch) > 0
+    }
+
+    /// True for the slip velocity of a contact that is open, which does not matter, and for the second entry of one that
+    /// slips, which the first one stands for.
+    pub(crate) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
+        self.system
+            .slip_of(switch)
+            .is_some_and(|of| sides[of] != Side::Slide)
+            || self.is_free(switch, sides)
+            || self.is_second(switch) && sides[switch] != Side::Slide
+    }
+
+    /// True for a slip velocity that no rate on these sides reads the α of.
+    pub(crate) fn is_free(&self, switch: usize, sides: &[Side]) -> bool {
+        let mut others = self.system.switches[switch].idle_above.iter();
+        others.any(|&other| sides[other] == Side::Plus)
+    }
+
+    /// What α of a sliding switch must not pass.
+    pub(crate) fn limits(&self, switch: usize) -> &'static [f64] {
+        match self.system.role(switch) {
+            Role::Step if self.is_in_disc(switch) => &[],
+            Role::Step if self.system.is_unilateral(switch) => &[1.0],
+            Role::Step => &[0.0, 1.0],
+            Role::Equation | Role::Member(_) => &[],
         }
     }
 
@@ -284,7 +309,6 @@ impl Mode {
             self.equations
                 .arrange(&self.sliding, &self.field, &self.surfaces);
             self.hold_still();
-            self.find_mended();
             self.arranged = true;
         }
     }
@@ -387,7 +411,7 @@ impl Mode {
 
     /// Series of ψ of a switch, or of what is monitored of two entries, after `expand_psi`.
     pub(crate) fn psi_series(&self, switch: usize) -> &[f64] {
-        let along = self.series_along(switch);
+        let along = self.planes.series(switch);
         along.unwrap_or_else(|| self.row(self.surfaces.row(switch)))
     }
 

@@ -7,9 +7,8 @@
 use super::field::Field;
 use super::mode::Mode;
 use super::surfaces::Surfaces;
-use crate::contact::coulomb::distribution::least_changes;
-use crate::contact::coulomb::redundancy::eliminate;
-use crate::linalg::{BlockLu, Singular};
+use crate::linalg::redundancy::eliminate;
+use crate::linalg::{BlockLu, DenseLu, Singular};
 
 #[derive(Default)]
 pub(crate) struct Sliding {
@@ -319,4 +318,47 @@ fn root(parent: &mut [usize], mut at: usize) -> usize {
 fn join(parent: &mut [usize], a: usize, b: usize) {
     let (a, b) = (root(parent, a), root(parent, b));
     parent[a.max(b)] = a.min(b);
+}
+
+/// The changes of α that leave all rates as they are, one for each slip velocity that is held, as rows whose products
+/// with a change vanish where it is least.
+fn least_changes(
+    matrix: &[f64],
+    n: usize,
+    held: &[bool],
+    is_slip: impl Fn(usize) -> bool,
+) -> Option<Vec<Vec<f64>>> {
+    let free: Vec<usize> = (0..n).filter(|&i| !held[i]).collect();
+    let own = |i: usize| matrix[i * n + i].abs();
+    let slips = (0..n).filter(|&i| is_slip(i));
+    let most = slips.fold(0.0_f64, |most, i| most.max(own(i)));
+    let weight = |i: usize| match is_slip(i) {
+        true => own(i),
+        false => own(i) * own(i) / most,
+    };
+    let mut lu = DenseLu::new(free.len());
+    let entries = free
+        .iter()
+        .flat_map(|&row| free.iter().map(move |&column| (row, column)));
+    let entries: Vec<f64> = entries
+        .map(|(row, column)| matrix[row * n + column])
+        .collect();
+    lu.factor(&entries).ok()?;
+    let mut rows = Vec::new();
+    for h in (0..n).filter(|&h| held[h]) {
+        let mut change: Vec<f64> = free.iter().map(|&row| -matrix[row * n + h]).collect();
+        lu.solve(&mut change);
+        let mut row = vec![0.0; n];
+        row[h] = weight(h);
+        for (&i, change) in free.iter().zip(&change) {
+            row[i] = weight(i) * change;
+        }
+        let largest = row.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+        row.iter_mut().for_each(|v| *v /= largest);
+        if !row.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        rows.push(row);
+    }
+    Some(rows)
 }

@@ -171,7 +171,7 @@ impl Mode {
         self.terms.of_rates.copy_from_slice(&self.field.f);
         self.terms
             .perturb_twice(PERTURBATION, &self.memory, &self.sliding, &self.system);
-        if self.has_discs() {
+        if self.planes.any() {
             let turns = self.measure_directions(bands);
             if turns * PERTURBATION > TURN {
                 self.terms.perturb_twice(
@@ -539,7 +539,7 @@ impl Mode {
         };
         for k in 0..self.sliding.len() {
             let i = self.sliding[k];
-            if self.departing.contains(&i) {
+            if self.planes.onsets.contains(&i) {
                 if !self.goes_along(i, scales, allowed) {
                     return false;
                 }

@@ -1,5 +1,6 @@
 //! The drift off the surfaces that a mode slides on, projected away after each step.
 
+use crate::contact::stabilization::{Constraint, Stabilization};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Scales;
@@ -15,35 +16,55 @@ const ROUNDS: usize = 3;
 const ASTRAY: f64 = 1e-9;
 const SMALLEST: f64 = 1e-6;
 
-impl Mode {
+/// Memory for projections.
+#[derive(Default)]
+pub(crate) struct Projection {
+    contacts: Stabilization,
+    /// The states that lower derivatives have placed.
+    placed: Vec<bool>,
+    /// The least mobility of states in the norm of their sizes.
+    least: Vec<f64>,
+}
+
+impl Projection {
     /// Projects x onto the sliding surfaces, those of higher relative degree from ψ to its highest derivative, and returns
     /// the largest |ψ| found, relative to the size of its terms: contacts in the metric of the mass, others in the norm of
     /// the states' sizes.
-    pub(crate) fn project(&mut self, state: &mut State) -> f64 {
+    pub(crate) fn project(&mut self, mode: &mut Mode, state: &mut State) -> f64 {
         let mut drift = 0.0_f64;
-        if self.sliding.is_empty() {
+        if mode.sliding.is_empty() {
             return drift;
         }
-        let others = self.sliding.iter().filter(|&&i| !self.is_contact(i));
-        let deepest = others.map(|&i| self.surfaces.n_derivatives(i)).max();
+        let others = mode.sliding.iter().filter(|&&i| !mode.is_contact(i));
+        let deepest = others.map(|&i| mode.surfaces.n_derivatives(i)).max();
         let deepest = deepest.unwrap_or(0);
-        let mut placed = std::mem::take(&mut self.mend.placed);
+        self.contacts.find(mode);
+        let mut placed = std::mem::take(&mut self.placed);
         for round in 0..ROUNDS {
             placed.clear();
             placed.resize(state.point.x.len(), false);
-            let mut below = self.mend_gaps(state, &mut placed);
+            let mut below = self
+                .contacts
+                .correct(mode, state, &mut placed, Constraint::Gap);
             for order in 0..deepest {
-                let (worst, stepped) =
-                    self.step_onto(&mut state.point, &state.scales, Some(order), &mut placed);
+                let (worst, stepped) = self.step_onto(
+                    mode,
+                    &mut state.point,
+                    &state.scales,
+                    Some(order),
+                    &mut placed,
+                );
                 below = below.max(worst);
                 // Surfaces that depend on each other make the matrix singular.
                 if stepped.is_err() {
-                    self.step_onto_each(&mut state.point, &state.scales, order);
+                    step_onto_each(mode, &mut state.point, &state.scales, order);
                 }
             }
-            let rates = self.mend_rates(state, &mut placed);
+            let rates = self
+                .contacts
+                .correct(mode, state, &mut placed, Constraint::Rate);
             let (worst, stepped) =
-                self.step_onto(&mut state.point, &state.scales, None, &mut placed);
+                self.step_onto(mode, &mut state.point, &state.scales, None, &mut placed);
             let worst = worst.max(rates);
             if round == 0 {
                 drift = worst;
@@ -52,7 +73,7 @@ impl Mode {
                 break;
             }
         }
-        self.mend.placed = placed;
+        self.placed = placed;
         drift
     }
 
@@ -60,69 +81,70 @@ impl Mode {
     /// their derivative of this order or their highest. The largest |ψ| before it, relative to the size of its terms.
     fn step_onto(
         &mut self,
+        mode: &mut Mode,
         point: &mut Point,
         scales: &Scales,
         order: Option<usize>,
         placed: &mut [bool],
     ) -> (f64, Result<(), Singular>) {
-        self.stand_for_order(order);
-        self.move_to(point);
-        self.linearize_surfaces();
+        mode.stand_for_order(order);
+        mode.move_to(point);
+        mode.linearize_surfaces();
         let mut worst = 0.0_f64;
-        for at in 0..self.sliding.len() {
-            let i = self.equations.switches[at];
-            if self.is_mended(i, order) {
-                self.equations.rhs[at] = 0.0;
+        for at in 0..mode.sliding.len() {
+            let i = mode.equations.switches[at];
+            if self.contacts.takes(mode, i, Constraint::of(order)) {
+                mode.equations.rhs[at] = 0.0;
                 continue;
             }
-            let psi = self.psi(i);
-            let size = self.weigh(i, |j| scales.size(j));
-            let follows = self.equations.tie(at).is_some() || self.equations.is_held(at);
-            self.equations.rhs[at] = if follows { 0.0 } else { psi };
+            let psi = mode.psi(i);
+            let size = mode.weigh(i, |j| scales.size(j));
+            let follows = mode.equations.tie(at).is_some() || mode.equations.is_held(at);
+            mode.equations.rhs[at] = if follows { 0.0 } else { psi };
             if size > 0.0 {
                 worst = worst.max(psi.abs() / size);
             }
         }
         let mut factored = Ok(());
         if worst > f64::EPSILON {
-            self.find_least(point, scales, order, worst);
+            self.find_least(mode, scales, order, worst);
             // What lower derivatives have placed stays there, as far as the others can be met without it.
-            factored = self.correct(point, scales, order, |j| placed[j]);
+            factored = self.correct(mode, point, scales, order, |j| placed[j]);
             if factored.is_err() && placed.contains(&true) {
-                factored = self.correct(point, scales, order, |_| false);
+                factored = self.correct(mode, point, scales, order, |_| false);
             }
         }
         if order.is_some() {
-            let deep = self.sliding.iter().copied();
-            for i in deep.filter(|&i| self.surfaces.n_derivatives(i) > 0) {
-                let gradient = self.surfaces.gradient(i).iter();
+            let deep = mode.sliding.iter().copied();
+            for i in deep.filter(|&i| mode.surfaces.n_derivatives(i) > 0) {
+                let gradient = mode.surfaces.gradient(i).iter();
                 gradient.for_each(|&(j, _)| placed[j] = true);
             }
         }
-        self.stand_for_order(None);
+        mode.stand_for_order(None);
         (worst, factored)
     }
 
     /// The least mobility of states that have any.
-    fn find_least(&mut self, point: &Point, scales: &Scales, order: Option<usize>, worst: f64) {
-        let mut least = std::mem::take(&mut self.mend.least);
+    fn find_least(&mut self, mode: &Mode, scales: &Scales, order: Option<usize>, worst: f64) {
+        let (contacts, least) = (&self.contacts, &mut self.least);
         least.clear();
-        least.resize(point.x.len(), 0.0);
-        let left = self.sliding.iter().filter(|_| worst > ASTRAY);
-        for &i in left.filter(|&&i| !self.is_mended(i, order)) {
-            let terms = self.gradient(i).iter();
-            let sizes = terms.map(|&(j, _)| self.mobility(scales, j));
+        least.resize(mode.n, 0.0);
+        let left = mode.sliding.iter().filter(|_| worst > ASTRAY);
+        for &i in left.filter(|&&i| !contacts.takes(mode, i, Constraint::of(order))) {
+            let terms = mode.gradient(i).iter();
+            let sizes = terms.map(|&(j, _)| mode.mobility(scales, j));
             let share = SMALLEST * sizes.fold(0.0_f64, f64::max);
-            for &(j, _) in self.gradient(i) {
+            for &(j, _) in mode.gradient(i) {
                 least[j] = share.max(least[j]);
             }
         }
-        self.mend.least = least;
     }
 
     /// Moves x by what the right sides of the equations ask for, but for states that stay.
     fn correct(
-        &mut self,
+        &self,
+        mode: &mut Mode,
         point: &mut Point,
         scales: &Scales,
         order: Option<usize>,
@@ -132,49 +154,51 @@ impl Mode {
             _ if stays(j) => 0.0,
             // What has never moved does not begin to.
             0.0 => 0.0,
-            size => size.max(mode.mend.least[j]),
+            size => size.max(self.least[j]),
         };
-        let mut equations = std::mem::take(&mut self.equations);
+        let mut equations = std::mem::take(&mut mode.equations);
         let factored = equations.factor_gram(
-            &self.surfaces,
-            |j| mobility(self, scales, j),
-            |i| self.is_mended(i, order),
+            &mode.surfaces,
+            |j| mobility(mode, scales, j),
+            |i| self.contacts.takes(mode, i, Constraint::of(order)),
         );
         if factored.is_ok() {
             equations.solve();
             for (&i, multiplier) in equations.switches.iter().zip(&equations.rhs) {
-                for &(j, g) in self.surfaces.gradient(i) {
-                    point.x[j] -= g * multiplier * mobility(self, scales, j).powi(2);
+                for &(j, g) in mode.surfaces.gradient(i) {
+                    point.x[j] -= g * multiplier * mobility(mode, scales, j).powi(2);
                 }
             }
         }
-        self.equations = equations;
+        mode.equations = equations;
         factored
     }
+}
 
-    /// Projects x onto one surface after the other.
-    fn step_onto_each(&mut self, point: &mut Point, scales: &Scales, order: usize) {
-        for at in 0..self.sliding.len() {
-            let i = self.sliding[at];
-            let highest = self.surfaces.n_derivatives(i);
-            if order >= highest || self.is_mended(i, Some(order)) {
-                continue;
-            }
-            self.move_to(point);
-            self.surfaces.stand_for(i, order);
-            self.surfaces.linearize(i, &self.memory.values);
-            let psi = self.psi(i);
-            let gradient = self.surfaces.gradient(i).iter();
-            let square: f64 = gradient.map(|&(j, g)| (g * scales.size(j)).powi(2)).sum();
-            if square > 0.0 {
-                for &(j, g) in self.surfaces.gradient(i) {
-                    point.x[j] -= g * psi / square * scales.size(j).powi(2);
-                }
-            }
-            self.surfaces.stand_for(i, highest);
+/// Projects x onto one surface after the other.
+fn step_onto_each(mode: &mut Mode, point: &mut Point, scales: &Scales, order: usize) {
+    for at in 0..mode.sliding.len() {
+        let i = mode.sliding[at];
+        let highest = mode.surfaces.n_derivatives(i);
+        if order >= highest || mode.is_contact(i) {
+            continue;
         }
+        mode.move_to(point);
+        mode.surfaces.stand_for(i, order);
+        mode.surfaces.linearize(i, &mode.memory.values);
+        let psi = mode.psi(i);
+        let gradient = mode.surfaces.gradient(i).iter();
+        let square: f64 = gradient.map(|&(j, g)| (g * scales.size(j)).powi(2)).sum();
+        if square > 0.0 {
+            for &(j, g) in mode.surfaces.gradient(i) {
+                point.x[j] -= g * psi / square * scales.size(j).powi(2);
+            }
+        }
+        mode.surfaces.stand_for(i, highest);
     }
+}
 
+impl Mode {
     /// Lets sliding switches of higher relative degree stand for their derivative of an order, or their highest.
     fn stand_for_order(&mut self, order: Option<usize>) {
         for &i in &self.sliding {

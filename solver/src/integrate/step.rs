@@ -4,6 +4,8 @@ use super::singular_rates;
 use super::stiffness::{MOST_NODES, Stiffness};
 use crate::contact::coefficients::Coefficients;
 use crate::contact::friction_disk;
+use crate::contact::friction_disk::{Disk, NearRest};
+use crate::contact::prediction;
 use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
@@ -130,7 +132,7 @@ impl Stepper {
         t1: f64,
     ) -> Result<Step, Status> {
         if !state.selection.departures.is_empty()
-            && let Some(step) = self.departure_step(mode, state, goal, t1)
+            && let Some(step) = self.slip_onset_step(mode, state, goal, t1)
         {
             return Ok(step);
         }
@@ -213,8 +215,16 @@ impl Stepper {
                 defect,
             );
         }
-        let rests = mode.comes_to_rest(state);
+        let rests = self.near_rest(mode).comes_to_rest(state);
         rests.ok_or_else(|| mode.stuck())
+    }
+
+    /// Steps of what slips in two directions, close to rest.
+    fn near_rest<'m>(&self, mode: &'m mut Mode) -> NearRest<'m> {
+        NearRest {
+            mode,
+            tolerance: self.local_tolerance,
+        }
     }
 
     /// How long it may be by the series of states, directions and ψ.
@@ -226,9 +236,9 @@ impl Stepper {
     ) -> f64 {
         let (explicit, tolerance) = (self.stiffness.explicit_tolerance(), self.local_tolerance);
         let h = mode.step_size_above_rounding(explicit, &mut state.scales, [remaining, longest]);
-        let h = mode.keeps_directions(tolerance, &mut state.bands, h);
+        let h = self.near_rest(mode).keeps_directions(&mut state.bands, h);
         let h = mode.monitor(tolerance, &state.scales, &mut state.bands, h);
-        mode.leaves_rest(tolerance, &state.bands, h)
+        self.near_rest(mode).leaves_rest(&state.bands, h)
     }
 
     /// Where the first of what is monitored cuts a step h.
@@ -238,7 +248,10 @@ impl Stepper {
         let length = event.as_ref().map_or(h, |(root, _)| root.tau);
         // What slips in two directions stops once it is all but at rest.
         let short = event.as_ref().and_then(|(root, watch)| match watch {
-            Watch::Surface(i) => mode.stops_short(&state.point, &state.bands, *i, root.tau),
+            Watch::Surface(i) => {
+                let near_rest = self.near_rest(mode);
+                near_rest.stops_short(&state.point, &state.bands, *i, root.tau)
+            }
             _ => None,
         });
         let (event, length) = match short {
@@ -389,8 +402,8 @@ fn longest(mode: &mut Mode, state: &State, remaining: f64) -> f64 {
     } else {
         remaining
     };
-    match mode.has_idle_contact(state) {
-        true => longest.min(mode.prediction_horizon()),
+    match prediction::has_idle_contact(mode, state) {
+        true => longest.min(prediction::horizon(mode)),
         false => longest,
     }
 }
@@ -441,13 +454,14 @@ pub(crate) fn first_event(
     let mode = dense.mode();
     state.approaches.close.clear();
     for &i in &mode.sliding {
-        if mode.departing.contains(&i) {
+        if mode.planes.onsets.contains(&i) {
             continue;
         }
         let alpha = dense.alpha(i);
         let reach = first.map_or(h, |(root, _)| root.tau);
         let mut margin = std::mem::take(&mut roots.margin);
-        if let Some(root) = friction_disk::leaves(roots, dense, &mut margin, i, reach) {
+        let disk = Disk::of(dense, i);
+        if let Some(root) = disk.and_then(|disk| disk.leaves(roots, &mut margin, reach)) {
             first = Some((root, Watch::Disc(i)));
         }
         roots.margin = margin;
@@ -549,7 +563,7 @@ pub(crate) fn simultaneous(
     let mode = dense.mode();
     let together = |&i: &usize| {
         let alpha = series::value(dense.alpha(i), tau);
-        friction_disk::is_at_rim(dense, i, tau)
+        Disk::of(dense, i).is_some_and(|disk| disk.is_at_rim(tau))
             || (mode.limits(i).iter()).any(|limit| (alpha - limit).abs() <= TOGETHER)
     };
     let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
@@ -637,8 +651,9 @@ impl Mode {
                             series::slope(self.alpha_series(i), tau),
                         ),
                         _ => {
-                            let dense = Dense::Taylor(self);
-                            friction_disk::margin_at(dense, watch.switch(), tau, &state.trial.alpha)
+                            let disk = Disk::of(Dense::Taylor(self), watch.switch());
+                            let disk = disk.expect("it has two entries");
+                            disk.margin_at(tau, &state.trial.alpha)
                         }
                     }
                 }

@@ -9,6 +9,7 @@ pub mod envelope;
 pub mod ldl;
 pub mod matching;
 pub(crate) mod newton;
+pub(crate) mod redundancy;
 pub mod symmetric;
 
 use nalgebra::ComplexField;

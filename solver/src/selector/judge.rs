@@ -9,13 +9,16 @@ use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::select::Choice;
-use crate::contact::friction_disk;
+use crate::contact::friction_disk::{Disk, NearRest};
+use crate::contact::prediction;
+use crate::contact::slip_onset::SlipOnset;
 use crate::event::state::State;
+use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
-use crate::selector::selection::Departure;
+use crate::selector::selection::Onset;
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
 pub(crate) const TIE: f64 = 1e-9;
@@ -144,7 +147,8 @@ impl<'a> Judge<'a> {
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
                 _ if mode.is_second(i) => continue,
-                side if mode.is_in_disc(i) => mode.margin_in_disc(i, side, &alpha, rates[at]),
+                side if mode.is_in_disc(i) => Disk::of(Dense::Taylor(mode), i)
+                    .map_or(0.0, |disk| disk.inside(side, &alpha, rates[at])),
                 Side::Slide if mode.system.role(i) != Role::Step => continue,
                 Side::Slide if mode.system.is_unilateral(i) => {
                     let force = 1.0 - choice.alpha[at];
@@ -260,15 +264,15 @@ impl<'a> Judge<'a> {
         &mut self,
         state: &mut State,
         (sides, alpha): (&[Side], &mut [f64]),
-        departures: &[Departure],
+        departures: &[Onset],
         root: Option<usize>,
         t1: f64,
     ) -> Option<bool> {
-        Departure::hold(departures, &mut self.mode, sides);
+        Onset::hold(departures, &mut self.mode, sides);
         let tolerance = self.settings.local_tolerance();
         let left = t1 - state.point.t;
         if !departures.is_empty()
-            && (self.mode).expand_departures(state, alpha, departures, tolerance, left)
+            && SlipOnset::expand(&mut self.mode, state, (alpha, departures), tolerance, left)
         {
             return Some(true);
         }
@@ -299,7 +303,7 @@ impl<'a> Judge<'a> {
             alpha[i] = choice.alpha[at];
         }
         let tolerance = self.settings.local_tolerance();
-        let mut departures = Departure::all(&self.mode, &state.point, group, choice);
+        let mut departures = Onset::all(&self.mode, &state.point, group, choice);
         // What another group has been found to set off with moves from now on.
         let others = state.selection.departures.iter();
         departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
@@ -319,13 +323,13 @@ impl<'a> Judge<'a> {
         mode.monitor_sides(state, group, &sides, sets_off);
         let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
-            longest = longest.min(mode.prediction_horizon());
+            longest = longest.min(prediction::horizon(mode));
         }
         let h = mode.step_size(tolerance, &state.scales, longest);
         let h = mode.step_size_of_psi(tolerance, &state.bands, h);
         let h = match departs {
             true => h,
-            false => mode.leaves_rest(tolerance, &state.bands, h),
+            false => NearRest { mode, tolerance }.leaves_rest(&state.bands, h),
         };
         // Where series end early, rates a moment later tell.
         let later = match is_smooth {
@@ -392,7 +396,8 @@ impl Mode {
             return true;
         }
         if self.is_in_disc(switch) {
-            return friction_disk::goes_on(self, switch, h);
+            let disk = Disk::of(Dense::Taylor(self), switch);
+            return disk.is_none_or(|disk| disk.goes_on(h));
         }
         let series = self.alpha_series(switch);
         let inward = if series[0] <= tie && !self.system.is_unilateral(switch) {

@@ -13,12 +13,14 @@ use super::coupling::Coupling;
 use super::dummy::Single;
 use super::interacting::Several;
 use super::judge::{Check, Judge, Verdict};
+use crate::contact::velocities;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
+use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
-use crate::selector::selection::{Departure, Entry};
+use crate::selector::selection::{Entry, Onset};
 
 /// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
 /// equation below this fraction of how large they are.
@@ -136,6 +138,7 @@ pub(crate) struct Selector<'a> {
     pub settings: &'a Settings,
     pub coupling: &'a Coupling,
     pub pieces: &'a mut Pieces,
+    pub projection: &'a mut Projection,
 }
 
 impl Selector<'_> {
@@ -245,7 +248,7 @@ impl Selector<'_> {
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
         let mut triggers = triggers.to_vec();
-        self.wake_free(state, &mut triggers, t1);
+        self.reactivate_slips(state, &mut triggers, t1);
         // What made no difference may make one behind this event.
         triggers.extend(
             (0..state.bands.open.len()).filter(|&i| state.bands.open[i] && state.bands.armed[i]),
@@ -300,11 +303,11 @@ impl Selector<'_> {
         let deep = |&i: &usize| self.mode.surfaces.n_derivatives(i) > 0;
         if meeting.iter().any(deep) {
             if meeting.iter().any(|&i| self.mode.is_contact(i)) {
-                self.mode.halt(state);
+                velocities::stabilize(self.mode, state);
             }
             self.mode.enter(&state.point.sides);
             self.mode.start_equations(&state.point);
-            self.mode.project(state);
+            self.projection.project(self.mode, state);
         }
         Ok(())
     }
@@ -453,7 +456,7 @@ impl Selector<'_> {
             .selection
             .departures
             .retain(|one| !group.contains(&one.switches[0]));
-        let departures = Departure::all(self.mode, &state.point, group, choice);
+        let departures = Onset::all(self.mode, &state.point, group, choice);
         state.selection.departures.extend(departures);
     }
 
@@ -540,7 +543,12 @@ impl Selector<'_> {
 
     /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest
     /// they are decided together.
-    pub(crate) fn wake_free(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
+    pub(crate) fn reactivate_slips(
+        &mut self,
+        state: &mut State,
+        triggers: &mut Vec<usize>,
+        t1: f64,
+    ) {
         for i in 0..state.point.sides.len() {
             let Some(other) = self.mode.other(i) else {
                 continue;

@@ -65,7 +65,7 @@ pub struct Decision {
 
 /// A slip velocity with two entries that starts from rest.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Departure {
+pub(crate) struct Onset {
     /// Both switches.
     pub switches: [usize; 2],
     /// Of unit length.
@@ -84,7 +84,7 @@ pub(crate) struct Selection {
     /// What decided about nonlinear switches at the last event.
     pub decisions: Vec<Decision>,
     /// Slip velocities with two entries that start from rest at the last event.
-    pub departures: Vec<Departure>,
+    pub departures: Vec<Onset>,
 }
 
 impl Selection {

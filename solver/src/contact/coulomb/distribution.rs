@@ -10,8 +10,7 @@
 
 use super::law::norm;
 use super::problem::{Delassus, Problem};
-use super::redundancy::eliminate;
-use crate::linalg::DenseLu;
+use crate::linalg::redundancy::eliminate;
 
 /// A rate, relative to those of the problem, that is none.
 const NONE: f64 = 1e-10;
@@ -123,47 +122,4 @@ impl Delassus {
         let mut open = (pushing..size).filter(|&by| !solved[by]);
         open.any(|by| (0..pushing).any(|row| changes(row, by)))
     }
-}
-
-/// The changes of α that leave all rates as they are, one for each slip velocity that is held, as rows whose products
-/// with a change vanish where it is least.
-pub(crate) fn least_changes(
-    matrix: &[f64],
-    n: usize,
-    held: &[bool],
-    is_slip: impl Fn(usize) -> bool,
-) -> Option<Vec<Vec<f64>>> {
-    let free: Vec<usize> = (0..n).filter(|&i| !held[i]).collect();
-    let own = |i: usize| matrix[i * n + i].abs();
-    let slips = (0..n).filter(|&i| is_slip(i));
-    let most = slips.fold(0.0_f64, |most, i| most.max(own(i)));
-    let weight = |i: usize| match is_slip(i) {
-        true => own(i),
-        false => own(i) * own(i) / most,
-    };
-    let mut lu = DenseLu::new(free.len());
-    let entries = free
-        .iter()
-        .flat_map(|&row| free.iter().map(move |&column| (row, column)));
-    let entries: Vec<f64> = entries
-        .map(|(row, column)| matrix[row * n + column])
-        .collect();
-    lu.factor(&entries).ok()?;
-    let mut rows = Vec::new();
-    for h in (0..n).filter(|&h| held[h]) {
-        let mut change: Vec<f64> = free.iter().map(|&row| -matrix[row * n + h]).collect();
-        lu.solve(&mut change);
-        let mut row = vec![0.0; n];
-        row[h] = weight(h);
-        for (&i, change) in free.iter().zip(&change) {
-            row[i] = weight(i) * change;
-        }
-        let largest = row.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
-        row.iter_mut().for_each(|v| *v /= largest);
-        if !row.iter().all(|v| v.is_finite()) {
-            return None;
-        }
-        rows.push(row);
-    }
-    Some(rows)
 }

@@ -6,9 +6,20 @@
 
 use super::ladder;
 use super::problem::{NoSolution, Problem, Solution};
+use crate::hybrid::ImpactLaw;
+
+impl ImpactLaw {
+    /// Impulses with these restitutions; q is what rates are before, and becomes what they are without the last impulses.
+    pub(crate) fn impulses(self, problem: &mut Problem, e: &[f64]) -> Result<Solution, NoSolution> {
+        match self {
+            ImpactLaw::Newton => by_newton(problem, e),
+            ImpactLaw::Poisson => by_poisson(problem, e),
+        }
+    }
+}
 
 /// Impulses of Newton's law; q is what rates are before.
-pub(crate) fn by_newton(problem: &mut Problem, e: &[f64]) -> Result<Solution, NoSolution> {
+fn by_newton(problem: &mut Problem, e: &[f64]) -> Result<Solution, NoSolution> {
     let slips = problem.q[e.len()..].to_vec();
     for (speed, e) in problem.q.iter_mut().zip(e) {
         *speed *= 1.0 + e;
@@ -17,7 +28,7 @@ pub(crate) fn by_newton(problem: &mut Problem, e: &[f64]) -> Result<Solution, No
 }
 
 /// The same of Poisson's law: those of compression and expansion together.
-pub(crate) fn by_poisson(problem: &mut Problem, e: &[f64]) -> Result<Solution, NoSolution> {
+fn by_poisson(problem: &mut Problem, e: &[f64]) -> Result<Solution, NoSolution> {
     let slips = problem.q[e.len()..].to_vec();
     let compression = ladder::solve(problem, &slips)?;
     let given_back = compression.normal.iter().zip(e);

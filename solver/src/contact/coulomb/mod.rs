@@ -24,7 +24,6 @@ pub(crate) mod law;
 pub(crate) mod lemke;
 pub(crate) mod newton;
 pub(crate) mod problem;
-pub(crate) mod redundancy;
 pub(crate) mod rows;
 pub(crate) mod sweep;
 #[cfg(test)]

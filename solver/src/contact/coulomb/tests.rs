@@ -2,12 +2,12 @@
 //! dimensions 1 and 2. Each solution is held against the laws themselves, and in the plane against all combinations of
 //! contacts that are open, stick or slip.
 
-use super::impact::{by_newton, by_poisson};
 use super::islands::Islands;
 use super::ladder::{Ladder, Options, solve};
 use super::law::norm;
 use super::problem::{Delassus, NoSolution, Problem, Solution, Work};
 use super::rows::{ContactRows, Mass, Rows};
+use crate::hybrid::ImpactLaw;
 use nalgebra::{DMatrix, DVector};
 
 /// Velocities of a body.
@@ -104,7 +104,7 @@ impl Scene {
 /// What the laws themselves say of forces: how far a gap is below zero, a force outside its cone, a force that pushes
 /// from its gap, and friction from its direction; relative to the terms of the rates.
 fn violation(problem: &Problem, normal: &[f64], tangential: &[f64]) -> f64 {
-    let (w, n) = (&problem.w, normal.len());
+    let w = &problem.w;
     let forces: Vec<f64> = (normal.iter().copied())
         .chain(tangential.iter().map(|beta| -beta))
         .collect();
@@ -115,14 +115,14 @@ fn violation(problem: &Problem, normal: &[f64], tangential: &[f64]) -> f64 {
         size.max(problem.q[row].abs() + terms(row).map(f64::abs).sum::<f64>())
     });
     let mut worst = 0.0_f64;
-    for i in 0..n {
-        let force = (normal[i] - problem.least[i]) * w.push(i) / size;
+    for (i, &normal) in normal.iter().enumerate() {
+        let force = (normal - problem.least[i]) * w.push(i) / size;
         let gap = rate(i) / size;
         worst = worst.max(-gap).max(-force).max(gap.min(force));
         let slip: Vec<f64> = w.slip_rows(i).map(|t| rate(t) / size).collect();
         let unit = w.resistance(i) / size;
         let beta: Vec<f64> = w.slips(i).map(|t| tangential[t] * unit).collect();
-        let most = problem.mu[i] * normal[i] * unit;
+        let most = problem.mu[i] * normal * unit;
         worst = worst.max(norm(&beta) - most);
         let speed = norm(&slip);
         for (slip, beta) in slip.iter().zip(&beta) {
@@ -134,7 +134,7 @@ fn violation(problem: &Problem, normal: &[f64], tangential: &[f64]) -> f64 {
 
 /// Whether some contact is not pushed open by its own force, for some direction of friction.
 fn has_paradox(problem: &Problem) -> bool {
-    let none = vec![0.0; 2];
+    let none = [0.0; 2];
     (0..problem.mu.len()).any(|i| {
         let w = &problem.w;
         !problem.pushes(i, &none[..w.slips(i).len()])
@@ -270,12 +270,12 @@ fn impacts_add_no_energy() {
             continue;
         }
         let e = 0.5 * (1.0 + numbers.next());
-        let poisson = by_poisson(&mut problem.clone(), &vec![e; n]);
-        let plastic = by_newton(&mut problem.clone(), &vec![0.0; n]);
+        let poisson = ImpactLaw::Poisson.impulses(&mut problem.clone(), &vec![e; n]);
+        let plastic = ImpactLaw::Newton.impulses(&mut problem.clone(), &vec![0.0; n]);
         // Newton's law may add energy where friction changes gaps; without friction it does not.
         let mut smooth = problem.clone();
         smooth.mu.fill(0.0);
-        let newton = by_newton(&mut smooth, &vec![e; n]);
+        let newton = ImpactLaw::Newton.impulses(&mut smooth, &vec![e; n]);
         for (law, found) in [poisson, plastic, newton].into_iter().enumerate() {
             let Ok(found) = found else {
                 continue;

@@ -1,4 +1,4 @@
-//! Equations of contacts of which some say what others say.
+//! Symmetric systems of equations of which some say what others say, as those of redundant contacts.
 
 /// A row that depends on others but for this, relative to its size, asks for nothing that those do not.
 const DEPENDENT: f64 = 1e-9;

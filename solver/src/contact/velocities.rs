@@ -1,0 +1,66 @@
+//! Stabilization of velocities at an event: what is left of the rates of closed contacts is taken away by impulses.
+//!
+//! A contact that closes may have a rate that is too small to be seen in its gap. With the impulses δ of
+//!
+//! v⁺ = v - P δ,   J P δ = J v,   P = M⁻¹Jᵀ,
+//!
+//! the rates of all contacts that are closed, and the slip velocities of those that stick, are zero. v⁺ is the nearest
+//! point to v in the metric of M, so that its energy is no larger; any other way to zero may add some.
+
+use super::rows::Rows;
+use crate::event::state::State;
+use crate::expansion::mode::Mode;
+use crate::hybrid::Side;
+use crate::linalg::redundancy::eliminate;
+
+/// Stops what is closed or sticks.
+pub(crate) fn stabilize(mode: &mut Mode, state: &mut State) {
+    let (mut sides, mut alpha) = (state.point.sides.clone(), state.point.alpha.clone());
+    let mut rows = Vec::new();
+    for i in 0..sides.len() {
+        let slides = state.point.sides[i] == Side::Slide;
+        match mode.system.slip_of(i) {
+            None if slides && mode.is_contact(i) => {
+                alpha[i] = 0.0;
+                rows.push(i);
+            }
+            // A force of a contact has no friction in it where α_t is ½.
+            Some(contact) if state.point.sides[contact] == Side::Slide => {
+                sides[i] = Side::Slide;
+                alpha[i] = 0.5;
+                rows.extend(slides.then_some(i));
+            }
+            _ => {}
+        }
+    }
+    mode.enter(&sides);
+    mode.eval(state.point.t, &state.point.x, &alpha);
+    let mut impulses: Vec<f64> = rows.iter().map(|&row| mode.psi(row)).collect();
+    let system = mode.system.clone();
+    let of_contacts = Rows::linearize(mode, &rows);
+    let mut matrix = of_contacts.couplings(&rows);
+    let sticks = |at: usize| system.slip_of(rows[at]).is_some();
+    eliminate(&mut matrix, &mut impulses, sticks);
+    of_contacts.take(&mut state.point.x, |switch| {
+        rows.binary_search(&switch).ok().map(|at| impulses[at])
+    });
+    redirect_slips(mode, state);
+}
+
+/// Lets what slips do so in the direction that impulses have left.
+fn redirect_slips(mode: &mut Mode, state: &mut State) {
+    let mut sides = state.point.sides.clone();
+    mode.move_to(&state.point);
+    for (i, side) in sides.iter_mut().enumerate() {
+        let contact = mode.system.slip_of(i);
+        let slips = contact.is_some_and(|of| state.point.sides[of] == Side::Slide);
+        if !slips || *side == Side::Slide || mode.system.across(i).is_some() {
+            continue;
+        }
+        let band = mode.band(i, state, 0.0);
+        if mode.psi(i) * side.sign() < -band {
+            *side = Side::of(-side.sign());
+        }
+    }
+    state.point.set_sides(sides);
+}
