@@ -8,11 +8,6 @@
 //! 2. The rates on all surfaces that meet decide the sides.
 //! 3. Laws whose guards hold on these sides jump together, all from the values before.
 //!
-//! A contact that opens by less than ψ is known closes at once: ψ'²/(2|ψ''|) ≤ ε, where ψ'' < 0 at α = 1.
-//! What is left of ψ' is taken away in the direction d in which the surface pushes, without friction. This is how infinitely
-//! many jumps end: with e = -ψ'⁺/ψ'⁻ the next one takes 2ψ'/|ψ''|, each one after it e times as long as the
-//! one before, and all together 2ψ'/(|ψ''| (1 - e)).
-//!
 //! A contact that is approached, but turns back by itself before ψ is known to be negative, ψ'²/(4ψ'') ≤ ε/8, is
 //! grazed and not struck.
 //!

@@ -8,6 +8,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::scales::Bands;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
+use crate::integrate::drift::Projection;
 use crate::integrate::step::Step;
 use crate::selector::select::Met;
 
@@ -244,7 +245,13 @@ impl Simulator {
             state.point.advance(step.length);
         }
         if !step.departs {
-            history.drift = f64::max(history.drift, self.mode.project(state));
+            history.drift = f64::max(
+                history.drift,
+                Projection {
+                    mode: &mut self.mode,
+                }
+                .project(state),
+            );
         }
         state.scales.record(&state.point.x, step.length);
         state.report.stats.steps += 1;

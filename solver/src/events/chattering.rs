@@ -13,6 +13,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Note, Settings, Side, Status};
+use crate::integrate::drift::Projection;
 use crate::selector::select::Met;
 
 /// Events of a cycle, at most.
@@ -215,7 +216,10 @@ impl Simulator {
         let solved = self.mode.solve_alpha(time, &x, &mut state.point.alpha);
         let mut slides = solved.is_ok() && is_affine(&mut self.mode, &state.point);
         if slides {
-            self.mode.project(state);
+            Projection {
+                mode: &mut self.mode,
+            }
+            .project(state);
             let on = self.selector().place(state, t1 - time, &[])?;
             self.pass(state, Met::Surfaces(on), t1)?;
             slides = last

@@ -21,7 +21,6 @@ use crate::expansion::unobserved::Monitored;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Side, Status};
-use crate::integrate::implicit::Workspace;
 use crate::linalg::Singular;
 
 pub(crate) struct Mode {
@@ -54,7 +53,6 @@ pub(crate) struct Mode {
     focus: Focus,
     pub probed: Probed,
     pub(crate) rounding: super::rounding::Rounding,
-    pub(crate) implicit: Workspace,
 }
 
 /// A few switches whose α are varied while all else stays as it is.
@@ -97,7 +95,6 @@ impl Mode {
             focus: Focus::default(),
             probed: Probed::new(n),
             rounding: super::rounding::Rounding::default(),
-            implicit: Workspace::default(),
         }
     }
 

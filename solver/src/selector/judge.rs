@@ -316,7 +316,8 @@ impl<'a> Judge<'a> {
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
         mode.measure_terms(&mut state.scales, &mut state.bands);
-        mode.monitor_sides(state, group, &sides, sets_off);
+        self.monitor_sides(state, group, &sides, sets_off);
+        let mode = &mut self.mode;
         let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
             longest = longest.min(mode.prediction_horizon());
@@ -347,7 +348,7 @@ impl<'a> Judge<'a> {
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
             _ if mode.is_second(i) || sets_off(i) => true,
-            Side::Slide => mode.keeps_sliding(i, h, TIE * unit),
+            Side::Slide => self.keeps_sliding(i, h, TIE * unit),
             _ if comes(i) => true,
             side => {
                 let series = mode.psi_series(i);
@@ -356,7 +357,7 @@ impl<'a> Judge<'a> {
             }
         };
         let agrees = (group.iter().zip(&choice.sides).zip(units)).all(stays);
-        let terms = mode.terms_of_step(h);
+        let terms = self.terms_of_step(h);
         let spread = self.spread(state, group, units, h);
         Some(Verdict {
             agrees,
@@ -367,7 +368,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-impl Mode {
+impl Judge<'_> {
     /// Watches the ψ of those of a group that are off their surfaces, and do not set off from rest.
     fn monitor_sides(
         &mut self,
@@ -376,11 +377,11 @@ impl Mode {
         sides: &[Side],
         sets_off: impl Fn(usize) -> bool,
     ) {
-        self.monitored.switches.clear();
+        self.mode.monitored.switches.clear();
         for &i in group {
-            if sides[i] != Side::Slide && !self.is_idle(i, sides) && !sets_off(i) {
-                self.expand_psi(i, &mut state.bands);
-                self.monitored.switches.push(i);
+            if sides[i] != Side::Slide && !self.mode.is_idle(i, sides) && !sets_off(i) {
+                self.mode.expand_psi(i, &mut state.bands);
+                self.mode.monitored.switches.push(i);
             }
         }
     }
@@ -388,14 +389,14 @@ impl Mode {
     /// Whether the series of a sliding switch keep it on its surface for a time h: an α within a tie of its bound goes
     /// inward.
     fn keeps_sliding(&self, switch: usize, h: f64, tie: f64) -> bool {
-        if self.system.role(switch) != Role::Step {
+        if self.mode.system.role(switch) != Role::Step {
             return true;
         }
-        if self.is_in_disc(switch) {
-            return friction_disk::goes_on(self, switch, h);
+        if self.mode.is_in_disc(switch) {
+            return friction_disk::goes_on(self.mode, switch, h);
         }
-        let series = self.alpha_series(switch);
-        let inward = if series[0] <= tie && !self.system.is_unilateral(switch) {
+        let series = self.mode.alpha_series(switch);
+        let inward = if series[0] <= tie && !self.mode.system.is_unilateral(switch) {
             1.0
         } else if series[0] >= 1.0 - tie {
             -1.0
@@ -407,11 +408,11 @@ impl Mode {
 
     /// Terms c_k hᵏ of the states, k from 1, one state after another.
     fn terms_of_step(&self, h: f64) -> Vec<f64> {
-        let order = self.order;
-        let mut terms = Vec::with_capacity(self.n * order);
-        for i in 0..self.n {
+        let order = self.mode.order;
+        let mut terms = Vec::with_capacity(self.mode.n * order);
+        for i in 0..self.mode.n {
             let mut power = 1.0;
-            terms.extend(self.x_series(i)[1..=order].iter().map(|c| {
+            terms.extend(self.mode.x_series(i)[1..=order].iter().map(|c| {
                 power *= h;
                 c * power
             }));

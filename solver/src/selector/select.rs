@@ -6,6 +6,7 @@
 //! higher derivatives, which depend on the others' sides.
 
 use crate::hybrid::breakpoints::Pieces;
+use crate::integrate::drift::Projection;
 use std::sync::Arc;
 
 use super::candidates::Enumeration;
@@ -304,7 +305,7 @@ impl Selector<'_> {
             }
             self.mode.enter(&state.point.sides);
             self.mode.start_equations(&state.point);
-            self.mode.project(state);
+            Projection { mode: self.mode }.project(state);
         }
         Ok(())
     }
