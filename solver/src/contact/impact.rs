@@ -18,14 +18,13 @@
 
 use std::sync::Arc;
 
-use crate::selector::coupling::Coupling;
-
 use crate::contact::problem::{Forces, Meeting, NoForces, Touch};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{
     Coefficient, Effect, Guard, HybridSystem, Impact, ImpactLaw, Note, Settings, Side, Status,
 };
+use crate::selector::coupling::Coupling;
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;

@@ -100,7 +100,7 @@ impl<'a> JumpLaws<'a> {
     /// Whether a contact that is approached turns back before its ψ is known to be negative.
     fn grazes(&mut self, state: &mut State, switch: usize) -> bool {
         let Bent { speed, bend, .. } = Closing {
-            mode: &mut self.mode,
+            mode: self.mode,
         }
         .bent(&mut state.point, switch);
         self.mode.enter(&state.point.sides);
@@ -114,11 +114,11 @@ impl<'a> JumpLaws<'a> {
             let (_, switch) = state.jumps.near[at];
             state.point.alpha[switch] = 1.0;
             let bent = Closing {
-                mode: &mut self.mode,
+                mode: self.mode,
             }
             .bent(&mut state.point, switch);
             any |= Closing {
-                mode: &mut self.mode,
+                mode: self.mode,
             }
             .shut(state, switch, bent);
         }

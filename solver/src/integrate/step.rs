@@ -194,7 +194,7 @@ impl Stepper {
                 Judged::Rejected => {
                     state.report.stats.rejected += 1;
                     if attempt == PATIENCE {
-                        mode.stop_monitoring();
+                        mode.monitored.stop_monitoring();
                     }
                     h *= 0.5;
                     continue;

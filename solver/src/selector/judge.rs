@@ -5,7 +5,6 @@
 //! mode decide by their first non-negligible term, so that tangencies of any order
 //! are the same rule.
 
-use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::select::Choice;
@@ -13,6 +12,7 @@ use crate::contact::friction_disk;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
+use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
 use crate::selector::selection::Departure;
@@ -264,7 +264,7 @@ impl<'a> Judge<'a> {
         root: Option<usize>,
         t1: f64,
     ) -> Option<bool> {
-        Departure::hold(departures, &mut self.mode, sides);
+        Departure::hold(departures, self.mode, sides);
         let tolerance = self.settings.local_tolerance();
         let left = t1 - state.point.t;
         if !departures.is_empty()
@@ -277,7 +277,7 @@ impl<'a> Judge<'a> {
             None => state.point.x.clone(),
         };
         for departure in departures {
-            departure.nudge(&mut self.mode, &state.point, &state.scales, &mut x, t1);
+            departure.nudge(self.mode, &state.point, &state.scales, &mut x, t1);
         }
         self.mode.enter(sides);
         self.mode.expand(state.point.t, &x, alpha).ok()?;
@@ -299,7 +299,7 @@ impl<'a> Judge<'a> {
             alpha[i] = choice.alpha[at];
         }
         let tolerance = self.settings.local_tolerance();
-        let mut departures = Departure::all(&self.mode, &state.point, group, choice);
+        let mut departures = Departure::all(self.mode, &state.point, group, choice);
         // What another group has been found to set off with moves from now on.
         let others = state.selection.departures.iter();
         departures.extend(others.filter(|one| !group.contains(&one.switches[0])));

@@ -5,8 +5,6 @@
 //! one group after the other, those whose rates decide before those that need
 //! higher derivatives, which depend on the others' sides.
 
-use crate::hybrid::breakpoints::Pieces;
-use crate::integrate::drift::Projection;
 use std::sync::Arc;
 
 use super::candidates::Enumeration;
@@ -16,7 +14,9 @@ use super::interacting::Several;
 use super::judge::{Check, Judge, Verdict};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::breakpoints::Pieces;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
+use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
 use crate::selector::selection::{Departure, Entry};
