@@ -18,8 +18,6 @@
 
 use std::sync::Arc;
 
-use crate::selector::coupling::Coupling;
-
 use super::coulomb::problem::{NoSolution, Problem, Work};
 use super::rows;
 use super::rows::{ContactSwitches, Rows};
@@ -28,6 +26,7 @@ use crate::expansion::mode::Mode;
 use crate::hybrid::{
     Coefficient, Effect, Guard, HybridSystem, Impact, ImpactLaw, Note, Settings, Side, Status,
 };
+use crate::selector::coupling::Coupling;
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
@@ -117,7 +116,7 @@ impl Impacts<'_> {
         all.sort_unstable();
         let rows = rows::in_order(&contacts);
         let before: Vec<f64> = rows.iter().map(|&i| self.mode.psi(i)).collect();
-        let of_contacts = Rows::linearize(&mut self.mode, &all);
+        let of_contacts = Rows::linearize(self.mode, &all);
         let w = of_contacts.delassus(&contacts);
         // Friction has μ in its rows.
         let mut problem = Problem::new(w, vec![1.0; contacts.len()], before.clone());

@@ -437,11 +437,9 @@ impl Stepper {
                 return Some(Step {
                     length: h,
                     reaches_end: h >= remaining,
-                    triggers: Vec::new(),
                     defect: defect.rate,
-                    implicit: false,
-                    ends: None,
                     departs: true,
+                    ..Step::default()
                 });
             }
             is_shown |= passes;

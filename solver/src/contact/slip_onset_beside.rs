@@ -140,7 +140,7 @@ impl Enumeration<'_> {
             outcome = Search::Complete;
         }
         for alpha in known {
-            if !start_along(&mut self.mode, &pairs, &alpha) {
+            if !start_along(self.mode, &pairs, &alpha) {
                 continue;
             }
             let mode = &mut self.mode;

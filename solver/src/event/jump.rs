@@ -8,11 +8,6 @@
 //! 2. The rates on all surfaces that meet decide the sides.
 //! 3. Laws whose guards hold on these sides jump together, all from the values before.
 //!
-//! A contact that opens by less than ψ is known closes at once: ψ'²/(2|ψ''|) ≤ ε, where ψ'' < 0 at α = 1.
-//! What is left of ψ' is taken away in the direction d in which the surface pushes, without friction. This is how infinitely
-//! many jumps end: with e = -ψ'⁺/ψ'⁻ the next one takes 2ψ'/|ψ''|, each one after it e times as long as the
-//! one before, and all together 2ψ'/(|ψ''| (1 - e)).
-//!
 //! A contact that is approached, but turns back by itself before ψ is known to be negative, ψ'²/(4ψ'') ≤ ε/8, is
 //! grazed and not struck.
 //!
@@ -104,10 +99,7 @@ impl<'a> JumpLaws<'a> {
 
     /// Whether a contact that is approached turns back before its ψ is known to be negative.
     fn grazes(&mut self, state: &mut State, switch: usize) -> bool {
-        let Bent { speed, bend, .. } = Closing {
-            mode: &mut self.mode,
-        }
-        .bent(&mut state.point, switch);
+        let Bent { speed, bend, .. } = Closing { mode: self.mode }.bent(&mut state.point, switch);
         self.mode.enter(&state.point.sides);
         bend > 0.0 && speed * speed <= 0.25 * bend * state.bands.width[switch]
     }
@@ -118,14 +110,8 @@ impl<'a> JumpLaws<'a> {
         for at in 0..state.jumps.near.len() {
             let (_, switch) = state.jumps.near[at];
             state.point.alpha[switch] = 1.0;
-            let bent = Closing {
-                mode: &mut self.mode,
-            }
-            .bent(&mut state.point, switch);
-            any |= Closing {
-                mode: &mut self.mode,
-            }
-            .shut(state, switch, bent);
+            let bent = Closing { mode: self.mode }.bent(&mut state.point, switch);
+            any |= Closing { mode: self.mode }.shut(state, switch, bent);
         }
         any
     }

@@ -95,7 +95,7 @@ impl History {
             return;
         };
         if step.reaches_end {
-            state.jumps.repay(&system, &mut state.point);
+            state.jumps.repay(system, &mut state.point);
         }
         observer.event(&Event {
             time: state.point.t,

@@ -54,7 +54,7 @@ impl Simultaneous<'_> {
             *triggers = now;
             return;
         }
-        if state.is_bound(&self.selector.mode, triggers) {
+        if state.is_bound(self.selector.mode, triggers) {
             return;
         }
         if apart

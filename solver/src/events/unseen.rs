@@ -73,7 +73,7 @@ impl Unseen {
     pub(crate) fn begin_implicit(&mut self, mode: &mut Mode, radau: &Radau, length: f64) {
         self.suspect_all(mode);
         if !self.suspects.is_empty() {
-            self.copy(Dense::Collocation(mode, radau));
+            self.copy(Dense::Collocation(mode, radau, &[]));
         }
         self.begin(length);
     }

@@ -10,14 +10,14 @@ use crate::integrate::radau::Radau;
 pub(crate) enum Dense<'a> {
     /// Taylor series, in the mode.
     Taylor(&'a Mode),
-    /// Collocation polynomials, and those of the ψ that are monitored, which the mode holds.
-    Collocation(&'a Mode, &'a Radau),
+    /// Collocation polynomials, and those of the ψ that are monitored, one after another.
+    Collocation(&'a Mode, &'a Radau, &'a [f64]),
 }
 
 impl<'a> Dense<'a> {
     pub(crate) fn mode(self) -> &'a Mode {
         match self {
-            Dense::Taylor(mode) | Dense::Collocation(mode, _) => mode,
+            Dense::Taylor(mode) | Dense::Collocation(mode, ..) => mode,
         }
     }
 
@@ -25,7 +25,7 @@ impl<'a> Dense<'a> {
     pub(crate) fn order(self) -> usize {
         match self {
             Dense::Taylor(mode) => mode.order,
-            Dense::Collocation(_, radau) => radau.degree(),
+            Dense::Collocation(_, radau, _) => radau.degree(),
         }
     }
 
@@ -33,7 +33,7 @@ impl<'a> Dense<'a> {
     pub(crate) fn x(self, i: usize) -> &'a [f64] {
         match self {
             Dense::Taylor(mode) => mode.x_series(i),
-            Dense::Collocation(_, radau) => radau.series(i),
+            Dense::Collocation(_, radau, _) => radau.series(i),
         }
     }
 
@@ -41,7 +41,7 @@ impl<'a> Dense<'a> {
     pub(crate) fn alpha(self, switch: usize) -> &'a [f64] {
         match self {
             Dense::Taylor(mode) => mode.alpha_series(switch),
-            Dense::Collocation(mode, radau) => radau.series(mode.unknown(switch)),
+            Dense::Collocation(mode, radau, _) => radau.series(mode.unknown(switch)),
         }
     }
 
@@ -49,7 +49,10 @@ impl<'a> Dense<'a> {
     pub(crate) fn psi(self, switch: usize) -> &'a [f64] {
         match self {
             Dense::Taylor(mode) => mode.psi_series(switch),
-            Dense::Collocation(mode, radau) => mode.interpolant(switch, radau.degree()),
+            Dense::Collocation(mode, radau, psi) => {
+                let place = mode.monitored.switches.partition_point(|&i| i < switch);
+                &psi[place * (radau.degree() + 1)..][..=radau.degree()]
+            }
         }
     }
 

@@ -13,6 +13,7 @@ pub(crate) mod sliding;
 pub(crate) mod step_size;
 pub(crate) mod surfaces;
 pub(crate) mod taylor;
+pub(crate) mod terms;
 pub(crate) mod unobserved;
 
 pub use dense::Polynomials;

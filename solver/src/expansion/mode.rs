@@ -16,12 +16,12 @@ use super::layout::Memory;
 use super::planes::Planes;
 use super::sliding::Sliding;
 use super::surfaces::Surfaces;
-use crate::expansion::step_size::{Probed, Terms};
+use super::terms::{Probed, Rounding, Terms};
+use crate::expansion::scales::Bands;
 use crate::expansion::unobserved::Monitored;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Side, Status};
-use crate::integrate::implicit::Workspace;
 use crate::linalg::Singular;
 
 pub(crate) struct Mode {
@@ -49,8 +49,7 @@ pub(crate) struct Mode {
     pub monitored: Monitored,
     focus: Focus,
     pub probed: Probed,
-    pub(crate) rounding: super::rounding::Rounding,
-    pub(crate) implicit: Workspace,
+    pub(crate) rounding: Rounding,
 }
 
 /// A few switches whose α are varied while all else stays as it is.
@@ -90,8 +89,7 @@ impl Mode {
             monitored: Monitored::new(system),
             focus: Focus::default(),
             probed: Probed::new(n),
-            rounding: super::rounding::Rounding::default(),
-            implicit: Workspace::default(),
+            rounding: Rounding::default(),
         }
     }
 
@@ -459,5 +457,27 @@ impl Mode {
             },
             false => Status::HighIndex { switches: kept },
         }
+    }
+
+    /// Takes the sides of switches that were not monitored in the last step.
+    pub(crate) fn take_unobserved(&mut self, point: &mut Point, bands: &mut Bands) {
+        for at in 0..self.monitored.unobserved.len() {
+            let switch = self.monitored.unobserved[at];
+            self.move_to(point);
+            let psi = self.psi(switch);
+            point.change_sides(&[switch], &[Side::of(psi)]);
+            bands.armed[switch] = false;
+        }
+    }
+
+    /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
+    pub(crate) fn has_no_rate(&mut self, point: &Point, switch: usize) -> bool {
+        if !self.monitored.observers[switch] {
+            return false;
+        }
+        self.move_to(point);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let mut gradient = self.gradient(switch).iter();
+        !gradient.all(|(_, g)| g.is_finite()) || !self.time_gradient(switch).is_finite()
     }
 }

@@ -5,6 +5,7 @@
 //! of the terms of f_i is that of numbers whose rounding is δ_i.
 
 use super::mode::Mode;
+use super::terms::{Inputs, Rounding};
 use crate::expansion::scales::Scales;
 use crate::tape::{Ball, Rounded};
 
@@ -22,28 +23,6 @@ const HELD: f64 = 8.0;
 
 /// A step that is shorter than this share of the one before may be so for rounding.
 const SHRINKS: f64 = 0.5;
-
-/// A point of a step: the inputs of functions there, and the rates that a series has instead.
-#[derive(Default)]
-struct Point {
-    values: Vec<f64>,
-    rates: Vec<f64>,
-}
-
-/// Running errors of rates.
-#[derive(Default)]
-pub(crate) struct Rounding {
-    registers: Vec<Rounded>,
-    points: [Point; 4],
-    /// Of every rate that is zero within its running error, that error; 0 of others.
-    errors: Vec<f64>,
-    /// How far that moves states that are nothing but rounding.
-    moved: Vec<f64>,
-    /// The errors in the pass at hand.
-    next: Vec<f64>,
-    /// The states whose rates are in doubt.
-    doubted: Vec<bool>,
-}
 
 impl Mode {
     /// The step size, where it is known whether rates are rounding: a first step, and one that is much shorter than the
@@ -174,7 +153,7 @@ impl Mode {
         } = rounding;
         next.clear();
         next.resize(self.n, 0.0);
-        for Point { values, rates } in &rounding.points[..points] {
+        for Inputs { values, rates } in &rounding.points[..points] {
             let input = |slot: usize| {
                 let moved = match slot {
                     1.. if slot <= self.n => moved[slot - 1],

@@ -1,13 +1,13 @@
 //! Length of a step, and what its series are worth at the end and on the way.
 
-use crate::expansion::scales::{Bands, Scales};
-use crate::hybrid::point::Point;
 use wide::f64x4;
 
-use super::layout::Memory;
 use super::mode::Mode;
 use super::series;
-use crate::hybrid::{HybridSystem, Side};
+use super::terms::GOLDEN;
+use crate::expansion::scales::{Bands, Scales};
+use crate::hybrid::Side;
+use crate::hybrid::point::Point;
 
 /// Lengths tried before a step is as long as its series allow, and how close to that it ends.
 const MAX_GROWTHS: usize = 200;
@@ -15,10 +15,6 @@ const CLOSE: f64 = 1.05;
 
 /// Relative change of the inputs that shows the size of the terms of a function.
 const PERTURBATION: f64 = 1e-7;
-
-/// The golden and the silver ratio: their multiples disturb no two terms alike.
-const GOLDEN: f64 = 0.618_033_988_749_895;
-const SILVER: f64 = 0.414_213_562_373_095;
 
 /// No change turns a direction by more than about this: beyond, its terms would look smaller than they are.
 const TURN: f64 = 0.01;
@@ -35,35 +31,6 @@ pub(crate) const SMALLEST: f64 = 1e-250;
 /// Where in a step the series are compared with the functions: what the expansion at the start
 /// does not know of must be seen in between.
 const PROBES: [f64; 4] = [0.23, 0.51, 0.77, 1.0];
-
-/// What the series of a step say at the probes, and what differences from it are relative to.
-#[derive(Default)]
-pub(crate) struct Probed {
-    /// t, x, α and numbers, as the inputs of functions.
-    values: Vec<f64x4>,
-    rates: Vec<f64x4>,
-    /// Error scales of the states.
-    scales: Vec<f64>,
-}
-
-impl Probed {
-    pub(crate) fn new(n_states: usize) -> Self {
-        Probed {
-            values: Vec::new(),
-            rates: vec![f64x4::splat(0.0); n_states],
-            scales: vec![0.0; n_states],
-        }
-    }
-
-    /// Takes other coefficients of pieces, and parameters.
-    pub(crate) fn load(&mut self, memory: &Memory) {
-        for place in memory.coefficients().chain(memory.parameters()) {
-            if let Some(lanes) = self.values.get_mut(place) {
-                *lanes = f64x4::splat(memory.values[place]);
-            }
-        }
-    }
-}
 
 /// The largest of the last three terms of some series, relative to the scale of each.
 struct LastTerms {
@@ -96,71 +63,6 @@ pub(crate) struct Defect {
     pub rate: f64,
     /// Whether every ψ and φ_K is what its series says.
     pub switches_agree: bool,
-}
-
-/// Sizes of the terms of rates at the expansion point, which may cancel, as changes of all inputs show them.
-pub(crate) struct Terms {
-    /// Of every f_i.
-    pub of_rates: Vec<f64>,
-    /// Inputs next to those of the expansion point, and others: terms that happen to cancel once do not do so twice.
-    pub perturbed: Vec<f64>,
-    pub perturbed_again: Vec<f64>,
-    /// By what share they differ.
-    pub share: f64,
-    /// f where these turn what slips in a plane.
-    turned: Vec<f64>,
-}
-
-impl Terms {
-    /// None known of n rates.
-    pub(crate) fn new(n: usize) -> Self {
-        Terms {
-            of_rates: vec![0.0; n],
-            perturbed: Vec::new(),
-            perturbed_again: Vec::new(),
-            share: 0.0,
-            turned: vec![0.0; n],
-        }
-    }
-
-    /// Changes all inputs by about a share of themselves in two ways.
-    fn perturb_twice(
-        &mut self,
-        by: f64,
-        memory: &Memory,
-        sliding: &[usize],
-        system: &HybridSystem,
-    ) {
-        self.share = by;
-        self.perturb(SILVER, memory, sliding, system);
-        self.perturbed_again.clone_from(&self.perturbed);
-        self.perturb(GOLDEN, memory, sliding, system);
-    }
-
-    /// Changes no two inputs alike: by multiples of an irrational number.
-    fn perturb(&mut self, number: f64, memory: &Memory, sliding: &[usize], system: &HybridSystem) {
-        let by = self.share;
-        self.perturbed.clone_from(&memory.values);
-        let mut share = 0.0_f64;
-        let mut perturb = |input: &mut f64| {
-            share = (share + number).fract();
-            *input *= 1.0 + by * (2.0 * share - 1.0).signum() * (0.5 + share);
-        };
-        let n = memory.n_states;
-        self.perturbed[..=n].iter_mut().for_each(&mut perturb);
-        for &i in sliding {
-            let alpha = &mut self.perturbed[1 + n + i];
-            match system.is_unilateral(i) && alpha.abs() < 0.5 {
-                // A force is 1 - α, and no smaller where α is.
-                true => {
-                    let mut force = 1.0 - *alpha;
-                    perturb(&mut force);
-                    *alpha = 1.0 - force;
-                }
-                false => perturb(alpha),
-            }
-        }
-    }
 }
 
 impl Mode {
@@ -325,7 +227,7 @@ impl Mode {
                 continue;
             }
             self.expand_psi(i, bands);
-            if self.is_unobserved(i) {
+            if self.monitored.is_unobserved(i, self.psi_series(i)) {
                 self.monitored.unobserved.push(i);
                 continue;
             }
@@ -339,8 +241,8 @@ impl Mode {
             true => self.step_size_of_psi(tolerance, bands, h),
             false => h,
         };
-        if self.is_too_short(scales, shorter) {
-            self.stop_monitoring();
+        if self.monitored.is_too_short(scales, shorter) {
+            self.monitored.stop_monitoring();
             return self.step_size_of_psi(tolerance, bands, h);
         }
         shorter

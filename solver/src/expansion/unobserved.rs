@@ -4,10 +4,8 @@
 //! alone are wanted. Within a step such a switch is not monitored: its α is not known, and follows from ψ itself wherever
 //! an output is evaluated. At the end of the step it takes the side of ψ.
 
-use super::mode::Mode;
-use crate::expansion::scales::{Bands, Scales};
-use crate::hybrid::point::Point;
-use crate::hybrid::{Effect, Guard, HybridSystem, Input, Role, Side};
+use crate::expansion::scales::Scales;
+use crate::hybrid::{Effect, Guard, HybridSystem, Input, Role};
 
 /// Steps as short as this share of the longest one are not taken for an output.
 const LEAST: f64 = 1e-6;
@@ -50,7 +48,7 @@ pub(crate) struct Monitored {
     /// How far each state may move.
     pub reach: Vec<f64>,
     /// Of each switch, whether nothing but outputs looks at it.
-    observers: Vec<bool>,
+    pub observers: Vec<bool>,
     /// Switches that nothing but outputs looks at, without a series in this step.
     pub unobserved: Vec<usize>,
 }
@@ -65,52 +63,23 @@ impl Monitored {
             unobserved: Vec::new(),
         }
     }
-}
 
-impl Mode {
-    /// True for a switch that only outputs look at, whose series does not exist here.
-    pub(crate) fn is_unobserved(&self, switch: usize) -> bool {
-        self.monitored.observers[switch] && !self.psi_series(switch).iter().all(|c| c.is_finite())
+    /// True for a switch that only outputs look at, whose series of ψ does not exist.
+    pub(crate) fn is_unobserved(&self, switch: usize, series: &[f64]) -> bool {
+        self.observers[switch] && !series.iter().all(|c| c.is_finite())
     }
 
-    /// Stops watching what only outputs look at, within this step.
+    /// Stops monitoring what only outputs look at, within this step.
     pub(crate) fn stop_monitoring(&mut self) {
-        let observers = &self.monitored.observers;
-        let (unobserved, monitored) = self.monitored.switches.iter().partition(|i| observers[**i]);
-        self.monitored.switches = monitored;
+        let observers = &self.observers;
+        let (unobserved, monitored) = self.switches.iter().partition(|i| observers[**i]);
+        self.switches = monitored;
         let mut unobserved: Vec<usize> = unobserved;
-        self.monitored.unobserved.append(&mut unobserved);
+        self.unobserved.append(&mut unobserved);
     }
 
     /// Whether a step of this length is too short for what only outputs look at.
     pub(crate) fn is_too_short(&self, scales: &Scales, h: f64) -> bool {
-        h < LEAST * scales.longest_step
-            && self
-                .monitored
-                .switches
-                .iter()
-                .any(|&i| self.monitored.observers[i])
-    }
-
-    /// Takes the sides of switches that were not monitored in the last step.
-    pub(crate) fn take_unobserved(&mut self, point: &mut Point, bands: &mut Bands) {
-        for at in 0..self.monitored.unobserved.len() {
-            let switch = self.monitored.unobserved[at];
-            self.move_to(point);
-            let psi = self.psi(switch);
-            point.change_sides(&[switch], &[Side::of(psi)]);
-            bands.armed[switch] = false;
-        }
-    }
-
-    /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
-    pub(crate) fn has_no_rate(&mut self, point: &Point, switch: usize) -> bool {
-        if !self.monitored.observers[switch] {
-            return false;
-        }
-        self.move_to(point);
-        self.surfaces.linearize(switch, &self.memory.values);
-        let mut gradient = self.gradient(switch).iter();
-        !gradient.all(|(_, g)| g.is_finite()) || !self.time_gradient(switch).is_finite()
+        h < LEAST * scales.longest_step && self.switches.iter().any(|&i| self.observers[i])
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! No step goes beyond a breakpoint, so that each sees smooth functions. There x is kept, and what depends
 //! on the data may jump or bend: a ψ that has jumped is treated like one that jumps with a relay
-//! (`lead.rs`), and what lies on its surface then is decided by the new rates, sliding too.
+//! (`selector/decided.rs`), and what lies on its surface then is decided by the new rates, sliding too.
 
 use super::system::HybridSystem;
 

@@ -5,6 +5,7 @@
 
 use super::radau::{Implicit, Radau, Shape, Start};
 use super::step::{Step, Stepper, Watch, first_event, is_at_end, met, simultaneous, verify_start};
+use super::stiffness::worth;
 use crate::event::state::{State, Trial};
 use crate::events::roots::Root;
 use crate::events::unseen::Unseen;
@@ -21,26 +22,20 @@ const MAX_REJECTED: usize = 30;
 /// Newton steps on the length of a step that ends at an event.
 const MAX_POLISH: usize = 8;
 
-/// Implicit steps are worth it when they are longer than Taylor steps by this factor, at equal cost.
-const WORTH: f64 = 4.0;
-
-/// Dense matrices of more rows than this take too much memory.
-const MOST_UNKNOWNS: usize = 1000;
-
 /// Difference of a polynomial of ψ from ψ, in tolerances.
 const UNSEEN: f64 = 100.0;
 
 /// Relative length of a difference along the flow.
 const NUDGE: f64 = 1e-7;
 
-/// What implicit steps of a mode need besides the method's own memory.
+/// What implicit steps need besides the method's own memory.
 #[derive(Default)]
 pub(crate) struct Workspace {
     /// α of all switches at the point.
     alphas: Vec<f64>,
     y: Vec<f64>,
     /// Polynomials of the ψ that are monitored, one after another.
-    psi: Vec<f64>,
+    pub psi: Vec<f64>,
     /// Their values at the start and the nodes.
     values: Vec<f64>,
     /// ∇ψ before a difference along the flow is taken.
@@ -80,7 +75,11 @@ impl Stepper {
                 mode.step_size(tolerance, &state.scales, t1 - state.point.t);
         }
         let mut start = std::mem::take(&mut self.stiffness.start);
-        mode.write_start(state, &mut start);
+        let mut stiff = Stiff {
+            mode,
+            work: &mut self.workspace,
+        };
+        stiff.write_start(state, &mut start);
         let mut radau = self.stiffness.take(mode.shape());
         let step = self.attempts(mode, &mut radau, &start, state, t1);
         count(&mut state.report.stats, &mut radau);
@@ -105,18 +104,19 @@ impl Stepper {
         if let Some(length) = self.stiffness.first_length() {
             radau.restart(length);
         }
-        let mut stiff = Stiff { mode: mode };
+        let mut stiff = Stiff {
+            mode,
+            work: &mut self.workspace,
+        };
         for _ in 0..MAX_REJECTED {
             // The longest step that the tolerance allows, and the first event within it.
             let Ok(h) = radau.step(&mut stiff, start, remaining) else {
                 return Ok(None);
             };
-            stiff.mode.monitor_along(radau, start, &mut state.bands);
-            let mut seen = stiff
-                .mode
-                .is_faithful(radau, start, &state.bands, tolerance)
+            stiff.monitor_along(radau, start, &mut state.bands);
+            let mut seen = stiff.is_faithful(radau, start, &state.bands, tolerance)
                 && stiff.vouches(radau, start, state, tolerance, &mut self.unseen);
-            let dense = Dense::Collocation(stiff.mode, radau);
+            let dense = Dense::Collocation(stiff.mode, radau, &stiff.work.psi);
             let closeness = self.tolerance;
             let event = first_event(&mut self.roots, dense, state, h, closeness);
             let (mut length, mut triggers) = (h, Vec::new());
@@ -135,16 +135,16 @@ impl Stepper {
                         Some(tau) => length = tau,
                         None => seen = false,
                     }
-                    stiff.mode.monitor_along(radau, start, &mut state.bands);
+                    stiff.monitor_along(radau, start, &mut state.bands);
                 }
-                let dense = Dense::Collocation(stiff.mode, radau);
+                let dense = Dense::Collocation(stiff.mode, radau, &stiff.work.psi);
                 let reach = radau.reach();
                 triggers = simultaneous(dense, &state.bands, length, reach, watch.switch());
             }
 
             // What the polynomials did not see shows at the end.
+            stiff.write_end(radau, start, length, &mut state.trial);
             let mode = &mut *stiff.mode;
-            mode.write_end(radau, start, length, &mut state.trial);
             mode.eval(start.t + length, &state.trial.x, &state.trial.alpha);
             let unseen = event.is_none() && mode.on_wrong_side(&state.bands);
             if !seen || unseen || mode.turned_over() {
@@ -158,10 +158,10 @@ impl Stepper {
                 .close
                 .retain(|(i, _)| mode.monitored.switches.contains(i));
             let met = met(event).filter(|(i, _)| mode.monitored.switches.contains(i));
-            let dense = Dense::Collocation(mode, radau);
+            let dense = Dense::Collocation(mode, radau, &stiff.work.psi);
             mode.note_approaches(dense, state, length, met, closeness);
             accept(state, radau, h);
-            let worth = mode.worth(radau.degree());
+            let worth = worth(mode, radau.degree());
             self.stiffness.after_implicit(h, worth);
             return Ok(Some(Step {
                 length,
@@ -169,8 +169,7 @@ impl Stepper {
                 triggers,
                 defect: radau.error(),
                 implicit: true,
-                ends: None,
-                departs: false,
+                ..Step::default()
             }));
         }
         Ok(None)
@@ -210,169 +209,12 @@ impl Mode {
     pub(crate) fn unknown(&self, switch: usize) -> usize {
         self.n + self.sliding.partition_point(|&i| i < switch)
     }
-
-    /// The polynomial of a ψ that is monitored.
-    pub(crate) fn interpolant(&self, switch: usize, degree: usize) -> &[f64] {
-        let place = self.monitored.switches.partition_point(|&i| i < switch);
-        &self.implicit.psi[place * (degree + 1)..][..=degree]
-    }
-
-    /// Moves to a point y = (x, α_K) without evaluating anything.
-    fn place(&mut self, t: f64, y: &[f64]) {
-        let alphas = &mut self.implicit.alphas;
-        let (x, sliding) = y.split_at(self.n);
-        for (&i, &alpha) in self.sliding.iter().zip(sliding) {
-            alphas[i] = alpha;
-        }
-        self.memory.set(t, x, alphas);
-    }
-
-    fn write_start(&mut self, state: &State, start: &mut Start) {
-        start.t = state.point.t;
-        start.y.clear();
-        start.y.extend_from_slice(&state.point.x);
-        start
-            .y
-            .extend(self.sliding.iter().map(|&i| state.point.alpha[i]));
-        start.scales.clear();
-        start.scales.extend_from_slice(&state.scales.largest);
-        start.scales.resize(start.y.len(), 1.0);
-        start.terms.clear();
-        start.terms.extend_from_slice(&self.terms.of_rates);
-        let size = |state: usize| self.terms.of_rates[state].max(self.field.f[state].abs());
-        let rates = self.sliding.iter().map(|&i| self.weigh(i, size));
-        start.terms.extend(rates);
-        self.implicit.alphas.clone_from(&state.point.alpha);
-    }
-
-    /// Writes the state and α `length` after the start, which is the end of the step or within it.
-    fn write_end(&self, radau: &Radau, start: &Start, length: f64, trial: &mut Trial) {
-        let dense = Dense::Collocation(self, radau);
-        dense.states_at(length, &mut trial.x);
-        dense.alphas_at(length, &mut trial.alpha);
-        if length == radau.reach() {
-            for (row, x) in trial.x.iter_mut().enumerate() {
-                *x = radau.end(start, row);
-            }
-            for (j, &i) in self.sliding.iter().enumerate() {
-                trial.alpha[i] = radau.end(start, self.n + j);
-            }
-        }
-    }
-
-    /// Looks for the switches off their surface that may reach it within the step solved last, and
-    /// interpolates their ψ.
-    fn monitor_along(&mut self, radau: &Radau, start: &Start, bands: &mut Bands) {
-        let (h, s) = (radau.reach(), radau.degree());
-        self.monitored.switches.clear();
-        self.monitored.unobserved.clear();
-        for i in 0..self.n {
-            self.monitored.reach[i] = series::reach(radau.series(i), h);
-        }
-        self.place(start.t, &start.y);
-        for monitored in 0..self.sides.len() {
-            let is_off =
-                self.sides[monitored] != Side::Slide && !self.is_idle(monitored, &self.sides);
-            if !is_off || self.keeps_off(monitored, h) {
-                continue;
-            }
-            self.monitored.switches.push(monitored);
-            self.aim(monitored);
-            for i in std::iter::once(monitored).chain(self.other(monitored)) {
-                if !self.system.sides_agree(i) {
-                    self.surfaces.linearize(i, &self.memory.values);
-                }
-                self.measure_terms_of_psi(i, bands);
-            }
-        }
-        let n_monitored = self.monitored.switches.len();
-        self.implicit.values.resize(n_monitored * (s + 1), 0.0);
-        self.implicit.psi.resize(n_monitored * (s + 1), 0.0);
-        let mut y = std::mem::take(&mut self.implicit.y);
-        y.clone_from(&start.y);
-        for node in 0..=s {
-            if node > 0 {
-                for ((y, start), z) in y.iter_mut().zip(&start.y).zip(radau.displacement(node - 1))
-                {
-                    *y = start + z;
-                }
-                self.place(start.t + radau.tableau().nodes[node - 1] * h, &y);
-            }
-            for at in 0..n_monitored {
-                self.implicit.values[at * (s + 1) + node] =
-                    self.monitored_psi(self.monitored.switches[at]);
-            }
-        }
-        self.implicit.y = y;
-        let Workspace { psi, values, .. } = &mut self.implicit;
-        for (series, values) in psi.chunks_mut(s + 1).zip(values.chunks(s + 1)) {
-            let displacement = |node: usize| values[node + 1] - values[0];
-            radau
-                .tableau()
-                .interpolate(values[0], displacement, h, series);
-        }
-    }
-
-    /// True when every ψ that is monitored has the value of its polynomial at the probes of the step.
-    fn is_faithful(&mut self, radau: &Radau, start: &Start, bands: &Bands, tolerance: f64) -> bool {
-        let h = radau.reach();
-        let mut probes = 0..radau.tableau().probes.len();
-        probes.all(|at| {
-            let tau = radau.tableau().probes[at] * h;
-            self.is_faithful_at(tau, radau, start, bands, tolerance)
-        })
-    }
-
-    /// The same at one instant of the step.
-    fn is_faithful_at(
-        &mut self,
-        tau: f64,
-        radau: &Radau,
-        start: &Start,
-        bands: &Bands,
-        tolerance: f64,
-    ) -> bool {
-        let (h, s) = (radau.reach(), radau.degree());
-        let allowed = UNSEEN * tolerance.max(f64::EPSILON);
-        let mut y = std::mem::take(&mut self.implicit.y);
-        for (row, y) in y.iter_mut().enumerate() {
-            *y = series::value(radau.series(row), tau);
-        }
-        self.place(start.t + tau, &y);
-        self.implicit.y = y;
-        (0..self.monitored.switches.len()).all(|at| {
-            let i = self.monitored.switches[at];
-            let psi = self.monitored_psi(i);
-            let polynomial = self.interpolant(i, s);
-            let (terms, magnitude) = (bands.terms[i], series::magnitude(polynomial, h, 0));
-            let value = series::value(polynomial, tau);
-            let difference = (value - psi).abs();
-            // Where ψ is steep its terms are large beside itself, and say nothing of a side that it is on for an instant.
-            let is_small = difference <= allowed * magnitude + ROUNDINGS * terms;
-            let is_one_side = Side::of(value) == Side::of(psi);
-            difference <= allowed * (terms + magnitude) && (is_small || is_one_side)
-        })
-    }
-
-    /// Taylor steps that an implicit step with this many nodes must be longer than, by the operations
-    /// of both.
-    pub(crate) fn worth(&self, nodes: usize) -> f64 {
-        let (order, nodes) = (self.order as f64, nodes as f64);
-        let unknowns = self.n + self.sliding.len();
-        if unknowns > MOST_UNKNOWNS {
-            return f64::INFINITY;
-        }
-        let evaluation = self.field.operations() as f64;
-        let series = (evaluation * 0.5 * order * order).max(1.0);
-        // A real factorization and (s - 1)/2 complex ones, and about four iterations.
-        let factors = 2.0 / 3.0 * (unknowns as f64).powi(3) * (2.0 * nodes - 1.0);
-        WORTH * ((factors + 4.0 * nodes * evaluation) / series).max(1.0)
-    }
 }
 
 /// A mode as the implicit method sees it.
 struct Stiff<'a> {
     mode: &'a mut Mode,
+    work: &'a mut Workspace,
 }
 
 impl Stiff<'_> {
@@ -389,9 +231,7 @@ impl Stiff<'_> {
         unseen.begin_implicit(self.mode, radau, h);
         while let Some(tau) = unseen.next(self.mode, start.t, |_| 0.0) {
             let agrees = radau.error_at(self, start, tau) < UNSEEN
-                && self
-                    .mode
-                    .is_faithful_at(tau, radau, start, &state.bands, tolerance);
+                && self.is_faithful_at(tau, radau, start, &state.bands, tolerance);
             if !agrees {
                 return false;
             }
@@ -446,12 +286,12 @@ impl Stiff<'_> {
     ) -> (f64, f64) {
         match watch {
             Watch::Surface(i) => {
-                let mut y = std::mem::take(&mut self.mode.implicit.y);
+                let mut y = std::mem::take(&mut self.work.y);
                 for (row, y) in y.iter_mut().enumerate() {
                     *y = radau.end(start, row);
                 }
-                self.mode.place(start.t + tau, &y);
-                self.mode.implicit.y = y;
+                self.place(start.t + tau, &y);
+                self.work.y = y;
                 self.mode.field.eval(&self.mode.memory.values);
                 self.mode.linearize(&[i]);
                 (self.mode.psi(i), self.mode.phi(i))
@@ -475,38 +315,176 @@ impl Stiff<'_> {
 
     /// Adds d∇ψ/dt along the flow f to the rows of φ, by differences.
     fn add_curvature(&mut self, t: f64, y: &[f64], rows: &mut [f64]) {
-        let (mode, width) = (&mut *self.mode, y.len());
         let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let (size, speed) = (largest(&y[..mode.n]), largest(mode.f()));
+        let (size, speed) = (largest(&y[..self.mode.n]), largest(self.mode.f()));
         let over = |v: f64| if v > 0.0 { v } else { 1.0 };
         let nudge = NUDGE * over(size) / over(speed);
-        for (row, at) in rows.chunks_mut(width).zip(0..mode.sliding.len()) {
-            let i = mode.sliding[at];
-            if mode.surfaces.is_affine(i) {
+        for (at, row) in rows.chunks_mut(y.len()).enumerate() {
+            let i = self.mode.sliding[at];
+            if self.mode.surfaces.is_affine(i) {
                 continue;
             }
-            mode.place(t, y);
+            self.place(t, y);
+            let mode = &mut *self.mode;
             mode.linearize(&[i]);
-            let mut before = std::mem::take(&mut mode.implicit.gradient);
+            let mut before = std::mem::take(&mut self.work.gradient);
             before.clear();
             before.extend(mode.gradient(i).iter().map(|entry| entry.1));
             mode.memory.values[0] += nudge;
-            for (value, f) in mode.memory.values[1..].iter_mut().zip(&mode.implicit.f) {
+            for (value, f) in mode.memory.values[1..].iter_mut().zip(&self.work.f) {
                 *value += nudge * f;
             }
             mode.linearize(&[i]);
             for (&(state, after), before) in mode.gradient(i).iter().zip(&before) {
                 row[state] += (after - before) / nudge;
             }
-            mode.implicit.gradient = before;
+            self.work.gradient = before;
         }
+    }
+
+    /// Moves to a point y = (x, α_K) without evaluating anything.
+    fn place(&mut self, t: f64, y: &[f64]) {
+        let alphas = &mut self.work.alphas;
+        let (x, sliding) = y.split_at(self.mode.n);
+        for (&i, &alpha) in self.mode.sliding.iter().zip(sliding) {
+            alphas[i] = alpha;
+        }
+        self.mode.memory.set(t, x, alphas);
+    }
+
+    fn write_start(&mut self, state: &State, start: &mut Start) {
+        start.t = state.point.t;
+        start.y.clear();
+        start.y.extend_from_slice(&state.point.x);
+        start
+            .y
+            .extend(self.mode.sliding.iter().map(|&i| state.point.alpha[i]));
+        start.scales.clear();
+        start.scales.extend_from_slice(&state.scales.largest);
+        start.scales.resize(start.y.len(), 1.0);
+        start.terms.clear();
+        start.terms.extend_from_slice(&self.mode.terms.of_rates);
+        let size =
+            |state: usize| self.mode.terms.of_rates[state].max(self.mode.field.f[state].abs());
+        let rates = self.mode.sliding.iter().map(|&i| self.mode.weigh(i, size));
+        start.terms.extend(rates);
+        self.work.alphas.clone_from(&state.point.alpha);
+    }
+
+    /// Writes the state and α `length` after the start, which is the end of the step or within it.
+    fn write_end(&self, radau: &Radau, start: &Start, length: f64, trial: &mut Trial) {
+        let dense = Dense::Collocation(self.mode, radau, &self.work.psi);
+        dense.states_at(length, &mut trial.x);
+        dense.alphas_at(length, &mut trial.alpha);
+        if length == radau.reach() {
+            for (row, x) in trial.x.iter_mut().enumerate() {
+                *x = radau.end(start, row);
+            }
+            for (j, &i) in self.mode.sliding.iter().enumerate() {
+                trial.alpha[i] = radau.end(start, self.mode.n + j);
+            }
+        }
+    }
+
+    /// Looks for the switches off their surface that may reach it within the step solved last, and
+    /// interpolates their ψ.
+    fn monitor_along(&mut self, radau: &Radau, start: &Start, bands: &mut Bands) {
+        let (h, s) = (radau.reach(), radau.degree());
+        self.mode.monitored.switches.clear();
+        self.mode.monitored.unobserved.clear();
+        for i in 0..self.mode.n {
+            self.mode.monitored.reach[i] = series::reach(radau.series(i), h);
+        }
+        self.place(start.t, &start.y);
+        for switch in 0..self.mode.sides.len() {
+            let is_off = self.mode.sides[switch] != Side::Slide
+                && !self.mode.is_idle(switch, &self.mode.sides);
+            if !is_off || self.mode.keeps_off(switch, h) {
+                continue;
+            }
+            self.mode.monitored.switches.push(switch);
+            self.mode.aim(switch);
+            for i in std::iter::once(switch).chain(self.mode.other(switch)) {
+                if !self.mode.system.sides_agree(i) {
+                    self.mode.surfaces.linearize(i, &self.mode.memory.values);
+                }
+                self.mode.measure_terms_of_psi(i, bands);
+            }
+        }
+        let n_monitored = self.mode.monitored.switches.len();
+        self.work.values.resize(n_monitored * (s + 1), 0.0);
+        self.work.psi.resize(n_monitored * (s + 1), 0.0);
+        let mut y = std::mem::take(&mut self.work.y);
+        y.clone_from(&start.y);
+        for node in 0..=s {
+            if node > 0 {
+                for ((y, start), z) in y.iter_mut().zip(&start.y).zip(radau.displacement(node - 1))
+                {
+                    *y = start + z;
+                }
+                self.place(start.t + radau.tableau().nodes[node - 1] * h, &y);
+            }
+            for at in 0..n_monitored {
+                self.work.values[at * (s + 1) + node] =
+                    self.mode.monitored_psi(self.mode.monitored.switches[at]);
+            }
+        }
+        self.work.y = y;
+        let Workspace { psi, values, .. } = &mut *self.work;
+        for (series, values) in psi.chunks_mut(s + 1).zip(values.chunks(s + 1)) {
+            let displacement = |node: usize| values[node + 1] - values[0];
+            radau
+                .tableau()
+                .interpolate(values[0], displacement, h, series);
+        }
+    }
+
+    /// True when every ψ that is monitored has the value of its polynomial at the probes of the step.
+    fn is_faithful(&mut self, radau: &Radau, start: &Start, bands: &Bands, tolerance: f64) -> bool {
+        let h = radau.reach();
+        let mut probes = 0..radau.tableau().probes.len();
+        probes.all(|at| {
+            let tau = radau.tableau().probes[at] * h;
+            self.is_faithful_at(tau, radau, start, bands, tolerance)
+        })
+    }
+
+    /// The same at one instant of the step.
+    fn is_faithful_at(
+        &mut self,
+        tau: f64,
+        radau: &Radau,
+        start: &Start,
+        bands: &Bands,
+        tolerance: f64,
+    ) -> bool {
+        let (h, s) = (radau.reach(), radau.degree());
+        let allowed = UNSEEN * tolerance.max(f64::EPSILON);
+        let mut y = std::mem::take(&mut self.work.y);
+        for (row, y) in y.iter_mut().enumerate() {
+            *y = series::value(radau.series(row), tau);
+        }
+        self.place(start.t + tau, &y);
+        self.work.y = y;
+        (0..self.mode.monitored.switches.len()).all(|at| {
+            let i = self.mode.monitored.switches[at];
+            let psi = self.mode.monitored_psi(i);
+            let polynomial = &self.work.psi[at * (s + 1)..][..=s];
+            let (terms, magnitude) = (bands.terms[i], series::magnitude(polynomial, h, 0));
+            let value = series::value(polynomial, tau);
+            let difference = (value - psi).abs();
+            // Where ψ is steep its terms are large beside itself, and say nothing of a side that it is on for an instant.
+            let is_small = difference <= allowed * magnitude + ROUNDINGS * terms;
+            let is_one_side = Side::of(value) == Side::of(psi);
+            difference <= allowed * (terms + magnitude) && (is_small || is_one_side)
+        })
     }
 }
 
 impl Implicit for Stiff<'_> {
     fn eval(&mut self, t: f64, y: &[f64], values: &mut [f64]) {
+        self.place(t, y);
         let mode = &mut *self.mode;
-        mode.place(t, y);
         mode.field.eval(&mode.memory.values);
         let (f, phi) = values.split_at_mut(mode.n);
         f.copy_from_slice(mode.f());
@@ -520,10 +498,10 @@ impl Implicit for Stiff<'_> {
 
     /// ∂φ/∂x = ∇ψ·∂f/∂x + d∇ψ/dt, the last along the flow.
     fn jacobian(&mut self, t: f64, y: &[f64], matrix: &mut [f64]) {
-        let (mode, width) = (&mut *self.mode, y.len());
-        let n = mode.n;
+        let (n, width) = (self.mode.n, y.len());
         matrix.fill(0.0);
-        mode.place(t, y);
+        self.place(t, y);
+        let mode = &mut *self.mode;
         mode.jacobian(|row, column, value| {
             matrix[row * width + column] += value;
         });
@@ -531,7 +509,7 @@ impl Implicit for Stiff<'_> {
             return;
         }
         mode.field.eval(&mode.memory.values);
-        mode.implicit.f.clone_from(&mode.field.f);
+        self.work.f.clone_from(&mode.field.f);
         mode.linearize_surfaces();
         mode.field.linearize_sliding(&mode.memory.values);
         let (by_f, by_phi) = matrix.split_at_mut(n * width);

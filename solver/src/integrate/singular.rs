@@ -266,10 +266,7 @@ impl Stepper {
             length,
             reaches_end: length >= remaining,
             triggers,
-            defect: 0.0,
-            implicit: false,
-            ends: None,
-            departs: false,
+            ..Step::default()
         })
     }
 

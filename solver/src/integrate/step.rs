@@ -1,5 +1,6 @@
 //! One step: expand, bound, cut at the first event, and check.
 
+use super::implicit::Workspace;
 use super::singular_rates;
 use super::stiffness::{MOST_NODES, Stiffness};
 use crate::contact::coefficients::Coefficients;
@@ -18,7 +19,8 @@ use crate::hybrid::{HybridSystem, Settings, Status};
 use crate::selector::select::BAND;
 use crate::selector::selection::Fold;
 
-/// An accepted step. `State::x` holds its end.
+/// An accepted step, whose end is the point of the state.
+#[derive(Default)]
 pub(crate) struct Step {
     pub length: f64,
     pub reaches_end: bool,
@@ -52,13 +54,8 @@ impl Step {
     /// One without a length, at the end of which a switch changes.
     pub(crate) fn at_once(switch: usize) -> Self {
         Step {
-            length: 0.0,
-            reaches_end: false,
             triggers: vec![switch],
-            defect: 0.0,
-            implicit: false,
-            ends: None,
-            departs: false,
+            ..Step::default()
         }
     }
 }
@@ -99,6 +96,7 @@ pub(crate) struct Stepper {
     pub stiffness: Stiffness,
     pub coefficients: Coefficients,
     pub unseen: Unseen,
+    pub workspace: Workspace,
 }
 
 impl Stepper {
@@ -111,13 +109,14 @@ impl Stepper {
             stiffness: Stiffness::new(settings.local_tolerance()),
             coefficients: Coefficients::of(system),
             unseen: Unseen::default(),
+            workspace: Workspace::default(),
         }
     }
 
     /// The polynomials of the last step.
     pub(crate) fn dense<'a>(&'a self, mode: &'a Mode, implicit: bool) -> Dense<'a> {
         match self.stiffness.method() {
-            Some(radau) if implicit => Dense::Collocation(mode, radau),
+            Some(radau) if implicit => Dense::Collocation(mode, radau, &self.workspace.psi),
             _ => Dense::Taylor(mode),
         }
     }
@@ -197,7 +196,7 @@ impl Stepper {
                 Judged::Rejected => {
                     state.report.stats.rejected += 1;
                     if attempt == PATIENCE {
-                        mode.stop_monitoring();
+                        mode.monitored.stop_monitoring();
                     }
                     h *= 0.5;
                     continue;
@@ -366,9 +365,8 @@ impl Stepper {
             reaches_end,
             triggers,
             defect,
-            implicit: false,
             ends,
-            departs: false,
+            ..Step::default()
         })
     }
 

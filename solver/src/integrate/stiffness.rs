@@ -68,6 +68,12 @@ const SHORT: usize = 3;
 /// Implicit steps between two looks at the series.
 const UNCHECKED: usize = 20;
 
+/// Implicit steps are worth it when they are longer than Taylor steps by this factor, at equal cost.
+const WORTH: f64 = 4.0;
+
+/// Dense matrices of more rows than this take too much memory.
+const MOST_UNKNOWNS: usize = 1000;
+
 impl Stiffness {
     pub(crate) fn new(tolerance: f64) -> Self {
         Stiffness {
@@ -150,7 +156,7 @@ impl Stiffness {
         if self.slow < self.patience {
             return;
         }
-        let worth = mode.worth(nodes(self.tolerance));
+        let worth = worth(mode, nodes(self.tolerance));
         if left > FEW.max(worth) * length {
             self.implicit = true;
             self.first = Some(next.min(self.length_to_try(length, motion, left)));
@@ -218,4 +224,19 @@ impl Stiffness {
 fn nodes(tolerance: f64) -> usize {
     let pairs = (-0.4 * tolerance.log10() - 0.9).round().max(1.0);
     (2 * pairs as usize + 1).min(MOST_NODES)
+}
+
+/// Taylor steps that an implicit step with this many nodes must be longer than, by the operations
+/// of both.
+pub(crate) fn worth(mode: &Mode, nodes: usize) -> f64 {
+    let (order, nodes) = (mode.order as f64, nodes as f64);
+    let unknowns = mode.n + mode.sliding.len();
+    if unknowns > MOST_UNKNOWNS {
+        return f64::INFINITY;
+    }
+    let evaluation = mode.field.operations() as f64;
+    let series = (evaluation * 0.5 * order * order).max(1.0);
+    // A real factorization and (s - 1)/2 complex ones, and about four iterations.
+    let factors = 2.0 / 3.0 * (unknowns as f64).powi(3) * (2.0 * nodes - 1.0);
+    WORTH * ((factors + 4.0 * nodes * evaluation) / series).max(1.0)
 }

@@ -9,11 +9,11 @@
 //! from the z there is, damped by the length of the step that follows (Deuflhard 2011); a choice is a solution where no other member
 //! is above its surface.
 
-use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::point::Point;
 use crate::hybrid::status::Candidate;
 use crate::hybrid::{HybridSystem, Note, Role, Side, Status};
 use crate::linalg::DenseLu;

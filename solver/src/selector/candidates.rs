@@ -4,7 +4,6 @@
 //! sliding ones in place, which finds every solution. Beyond, Lemke's method finds one, and where
 //! -∂φ/∂α is no P-matrix, a search looks for more (`pivot`).
 
-use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::judge::TIE;
@@ -12,6 +11,7 @@ use super::select::{Choice, Choices};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::sliding::held;
+use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
 use crate::runtime::limit::Limit;
@@ -118,7 +118,7 @@ impl<'a> Enumeration<'a> {
         options: &[Vec<Side>],
     ) -> (Vec<Vec<Side>>, bool) {
         let mut problem = Problem {
-            mode: &mut self.mode,
+            mode: self.mode,
             state,
             group,
         };

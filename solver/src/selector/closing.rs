@@ -1,7 +1,9 @@
 //! Contacts that close at once, since they open by less than their ψ is known.
 //!
-//! ψ'²/(2|ψ''|) ≤ ε, where ψ'' < 0 at α = 1: what is left of ψ' is taken away in the direction d in which the surface
-//! pushes, without friction.
+//! A contact that opens by less than ψ is known closes at once: ψ'²/(2|ψ''|) ≤ ε, where ψ'' < 0 at α = 1.
+//! What is left of ψ' is taken away in the direction d in which the surface pushes, without friction. This is how infinitely
+//! many jumps end: with e = -ψ'⁺/ψ'⁻ the next one takes 2ψ'/|ψ''|, each one after it e times as long as the
+//! one before, and all together 2ψ'/(|ψ''| (1 - e)).
 
 use super::select::BAND;
 use crate::event::state::State;

@@ -5,13 +5,13 @@
 //! where z_i does for ever. Fixed points do not depend on the rates c_i, which say how steep the switches are,
 //! but their basins and stability may; so several are tried, and different outcomes are reported.
 
-use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::judge::{Judge, TIE};
 use super::select::Choice;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::point::Point;
 use crate::hybrid::status::Candidate;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
@@ -286,7 +286,7 @@ impl<'a> Several<'a> {
                     speeds[steeper / STEEPNESS.len()] *= STEEPNESS[steeper % STEEPNESS.len()];
                 }
                 let mut dummy = Dummy {
-                    mode: &mut self.mode,
+                    mode: self.mode,
                     group,
                     alphas: point.alpha.clone(),
                     speeds,

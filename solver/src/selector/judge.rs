@@ -5,7 +5,6 @@
 //! mode decide by their first non-negligible term, so that tangencies of any order
 //! are the same rule.
 
-use crate::hybrid::point::Point;
 use std::sync::Arc;
 
 use super::select::Choice;
@@ -16,6 +15,7 @@ use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
+use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
 use crate::selector::selection::Onset;
@@ -268,11 +268,11 @@ impl<'a> Judge<'a> {
         root: Option<usize>,
         t1: f64,
     ) -> Option<bool> {
-        Onset::hold(departures, &mut self.mode, sides);
+        Onset::hold(departures, self.mode, sides);
         let tolerance = self.settings.local_tolerance();
         let left = t1 - state.point.t;
         if !departures.is_empty()
-            && SlipOnset::expand(&mut self.mode, state, (alpha, departures), tolerance, left)
+            && SlipOnset::expand(self.mode, state, (alpha, departures), tolerance, left)
         {
             return Some(true);
         }
@@ -281,7 +281,7 @@ impl<'a> Judge<'a> {
             None => state.point.x.clone(),
         };
         for departure in departures {
-            departure.nudge(&mut self.mode, &state.point, &state.scales, &mut x, t1);
+            departure.nudge(self.mode, &state.point, &state.scales, &mut x, t1);
         }
         self.mode.enter(sides);
         self.mode.expand(state.point.t, &x, alpha).ok()?;
@@ -303,7 +303,7 @@ impl<'a> Judge<'a> {
             alpha[i] = choice.alpha[at];
         }
         let tolerance = self.settings.local_tolerance();
-        let mut departures = Onset::all(&self.mode, &state.point, group, choice);
+        let mut departures = Onset::all(self.mode, &state.point, group, choice);
         // What another group has been found to set off with moves from now on.
         let others = state.selection.departures.iter();
         departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
@@ -320,7 +320,8 @@ impl<'a> Judge<'a> {
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
         mode.measure_terms(&mut state.scales, &mut state.bands);
-        mode.monitor_sides(state, group, &sides, sets_off);
+        self.monitor_sides(state, group, &sides, sets_off);
+        let mode = &mut self.mode;
         let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
             longest = longest.min(prediction::horizon(mode));
@@ -351,7 +352,7 @@ impl<'a> Judge<'a> {
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
             _ if mode.is_second(i) || sets_off(i) => true,
-            Side::Slide => mode.keeps_sliding(i, h, TIE * unit),
+            Side::Slide => self.keeps_sliding(i, h, TIE * unit),
             _ if comes(i) => true,
             side => {
                 let series = mode.psi_series(i);
@@ -360,7 +361,7 @@ impl<'a> Judge<'a> {
             }
         };
         let agrees = (group.iter().zip(&choice.sides).zip(units)).all(stays);
-        let terms = mode.terms_of_step(h);
+        let terms = self.terms_of_step(h);
         let spread = self.spread(state, group, units, h);
         Some(Verdict {
             agrees,
@@ -371,7 +372,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-impl Mode {
+impl Judge<'_> {
     /// Watches the ψ of those of a group that are off their surfaces, and do not set off from rest.
     fn monitor_sides(
         &mut self,
@@ -380,11 +381,11 @@ impl Mode {
         sides: &[Side],
         sets_off: impl Fn(usize) -> bool,
     ) {
-        self.monitored.switches.clear();
+        self.mode.monitored.switches.clear();
         for &i in group {
-            if sides[i] != Side::Slide && !self.is_idle(i, sides) && !sets_off(i) {
-                self.expand_psi(i, &mut state.bands);
-                self.monitored.switches.push(i);
+            if sides[i] != Side::Slide && !self.mode.is_idle(i, sides) && !sets_off(i) {
+                self.mode.expand_psi(i, &mut state.bands);
+                self.mode.monitored.switches.push(i);
             }
         }
     }
@@ -392,15 +393,15 @@ impl Mode {
     /// Whether the series of a sliding switch keep it on its surface for a time h: an α within a tie of its bound goes
     /// inward.
     fn keeps_sliding(&self, switch: usize, h: f64, tie: f64) -> bool {
-        if self.system.role(switch) != Role::Step {
+        if self.mode.system.role(switch) != Role::Step {
             return true;
         }
-        if self.is_in_disc(switch) {
-            let disk = Disk::of(Dense::Taylor(self), switch);
+        if self.mode.is_in_disc(switch) {
+            let disk = Disk::of(Dense::Taylor(self.mode), switch);
             return disk.is_none_or(|disk| disk.goes_on(h));
         }
-        let series = self.alpha_series(switch);
-        let inward = if series[0] <= tie && !self.system.is_unilateral(switch) {
+        let series = self.mode.alpha_series(switch);
+        let inward = if series[0] <= tie && !self.mode.system.is_unilateral(switch) {
             1.0
         } else if series[0] >= 1.0 - tie {
             -1.0
@@ -412,11 +413,11 @@ impl Mode {
 
     /// Terms c_k hᵏ of the states, k from 1, one state after another.
     fn terms_of_step(&self, h: f64) -> Vec<f64> {
-        let order = self.order;
-        let mut terms = Vec::with_capacity(self.n * order);
-        for i in 0..self.n {
+        let order = self.mode.order;
+        let mut terms = Vec::with_capacity(self.mode.n * order);
+        for i in 0..self.mode.n {
             let mut power = 1.0;
-            terms.extend(self.x_series(i)[1..=order].iter().map(|c| {
+            terms.extend(self.mode.x_series(i)[1..=order].iter().map(|c| {
                 power *= h;
                 c * power
             }));

@@ -5,7 +5,6 @@
 //! one group after the other, those whose rates decide before those that need
 //! higher derivatives, which depend on the others' sides.
 
-use crate::hybrid::breakpoints::Pieces;
 use std::sync::Arc;
 
 use super::candidates::Enumeration;
@@ -16,6 +15,7 @@ use super::judge::{Check, Judge, Verdict};
 use crate::contact::velocities;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::hybrid::breakpoints::Pieces;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Settling};
