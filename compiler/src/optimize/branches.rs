@@ -12,10 +12,10 @@ use nsd_solver::optimization::mpcc::{Options, Solution, Status};
 use super::Problem;
 use crate::limit::Limit;
 use crate::optimize::checks::solved;
-use crate::optimize::start::rehearsal;
+use crate::optimize::start::reference;
 use crate::project::watch::Watch;
 use crate::report::Failure;
-use crate::simulate::Rehearsed;
+use crate::simulate::ReferenceRun;
 
 /// How often a program is solved again.
 const MAX_ROUNDS: usize = 4;
@@ -35,17 +35,17 @@ struct Difference {
 
 impl<'e> Problem<'e> {
     /// A run from event to event with the controls of a point, for so long.
-    pub(super) fn simulated(&self, w: &[f64], limit: &Limit) -> Rehearsed<'e> {
+    pub(super) fn simulated(&self, w: &[f64], limit: &Limit) -> ReferenceRun<'e> {
         let mut settings = self.settings.clone();
         settings.horizon = self.horizon(w);
         let mut system = solved::system(self, w);
         system.outputs.clear();
         system.controls.clear();
-        self.rehearsed((&system, w), &settings, limit)
+        self.reference_run((&system, w), &settings, limit)
     }
 
     /// Where nonlinear switches of a point differ from those of a run first, if they do for long.
-    fn difference(&self, run: &Rehearsed, w: &[f64]) -> Option<Difference> {
+    fn difference(&self, run: &ReferenceRun, w: &[f64]) -> Option<Difference> {
         let layout = &self.layout;
         let horizon = self.horizon(w);
         let middle = lagrange(&layout.points[1..=layout.nodes], &[0.5]);
@@ -124,7 +124,7 @@ pub(super) fn settle(
             return Some(failure);
         }
         let mut start = solution.w.clone();
-        rehearsal::in_modes(problem, &run, &mut start);
+        reference::in_modes(problem, &run, &mut start);
         let options = Options {
             trusts_start: true,
             effort: 0,

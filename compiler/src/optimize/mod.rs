@@ -8,17 +8,17 @@
 //!    (`descent.rs`), or another minimum (`elsewhere.rs`), the program is solved again from it (`confirm.rs`).
 //! 6. That system is simulated from event to event, as a check by another method (`check.rs`).
 //!
-//! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`thaw.rs`).
+//! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`physical_time.rs`).
 
 mod branches;
 pub mod checks;
 mod duals;
 mod failure;
 mod moved;
+mod physical_time;
 mod prepared;
 mod record;
 pub(crate) mod start;
-mod thaw;
 
 use std::sync::Arc;
 

@@ -12,7 +12,7 @@ use super::descent::{Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
 use crate::limit::Limit;
 use crate::optimize::Problem;
-use crate::optimize::start::rehearsal;
+use crate::optimize::start::reference;
 use crate::project::watch::Watch;
 use crate::report::Confirmation;
 
@@ -107,8 +107,8 @@ fn from(
 ) -> Option<Solution> {
     let mut w = point.to_vec();
     let starts = match problem.frozen {
-        Some(_) => rehearsal::in_numerical_time(problem, &mut w, limit),
-        None => rehearsal::in_modes(problem, &problem.simulated(&w, limit), &mut w),
+        Some(_) => reference::in_numerical_time(problem, &mut w, limit),
+        None => reference::in_modes(problem, &problem.simulated(&w, limit), &mut w),
     };
     if !starts {
         return None;

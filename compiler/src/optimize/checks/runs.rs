@@ -10,7 +10,7 @@ use crate::limit::Limit;
 use crate::optimize::Problem;
 use crate::report::Trajectory;
 use crate::simulate::again::Again;
-use crate::simulate::{Plan, Rehearsed, Request};
+use crate::simulate::{Plan, ReferenceRun, Request};
 use crate::system::System;
 use crate::system::experiment::Settings;
 
@@ -82,15 +82,15 @@ impl<'e> Problem<'e> {
     }
 
     /// The same with the modes that it goes through.
-    pub(crate) fn rehearsed(
+    pub(crate) fn reference_run(
         &self,
         (system, w): (&System<'e>, &[f64]),
         settings: &Settings<'e>,
         limit: &Limit,
-    ) -> Rehearsed<'e> {
+    ) -> ReferenceRun<'e> {
         let mut kept = self.runs.events.borrow_mut();
         let events = self.events(&mut kept, (system, w), settings);
-        Rehearsed::by(Some(events), system, settings, limit)
+        ReferenceRun::by(Some(events), system, settings, limit)
     }
 
     /// Makes runs with the parameters and about the horizon of a point ready.

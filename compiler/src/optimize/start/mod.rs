@@ -3,7 +3,7 @@
 pub(crate) mod guess;
 pub(crate) mod products;
 pub(crate) mod read;
-pub(crate) mod rehearsal;
+pub(crate) mod reference;
 pub(crate) mod transfer;
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Form, Homotopy, MultiStart, Options, Solution};
@@ -47,9 +47,9 @@ impl Problem<'_> {
     pub(crate) fn begin(&self, start: Start<'_>, limit: &Limit) -> Option<Begin> {
         let guess = match start {
             Start::Task(sampled) => {
-                let (guess, rehearsed) = self.start(sampled, limit);
+                let (guess, reference) = self.start(sampled, limit);
                 let starts = self.task.starts;
-                let options = options(self, rehearsed, starts, limit);
+                let options = options(self, reference, starts, limit);
                 return Some(Begin {
                     guess,
                     options,
@@ -90,11 +90,11 @@ impl Problem<'_> {
         if !sampled.is_empty() || !self.task.guess.iter().all(is_decided) {
             return (guess, false);
         }
-        if rehearsal::rehearse(self, &mut guess, limit) {
+        if reference::warm_start(self, &mut guess, limit) {
             return (guess, true);
         }
         let asks = !self.task.guess.is_empty() && self.frozen.is_none();
-        let run = asks.then(|| rehearsal::sample(self, &guess, limit));
+        let run = asks.then(|| reference::sample(self, &guess, limit));
         let run = run.flatten();
         if let Some(run) = run {
             guess = guess::start(self, &[run]);
@@ -104,7 +104,7 @@ impl Problem<'_> {
 }
 
 /// How a task is solved from one or several starts.
-fn options(problem: &Problem, rehearsed: bool, starts: Option<Starts>, limit: &Limit) -> Options {
+fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &Limit) -> Options {
     let chosen = &problem.task.options;
     let form = Form {
         relaxation: chosen.relaxation,
@@ -121,7 +121,7 @@ fn options(problem: &Problem, rehearsed: bool, starts: Option<Starts>, limit: &L
     };
     let [effort, patience] = match starts {
         // Other ways would be cheaper in modes that the model is not in.
-        None if rehearsed && !problem.dcs.branches.is_empty() => [0, SINGLE_PATIENCE],
+        None if reference && !problem.dcs.branches.is_empty() => [0, SINGLE_PATIENCE],
         None => [SINGLE_EFFORT, SINGLE_PATIENCE],
         Some(_) => [Options::default().effort, Options::default().patience],
     };
@@ -132,7 +132,7 @@ fn options(problem: &Problem, rehearsed: bool, starts: Option<Starts>, limit: &L
         homotopy,
         limit: limit.clone(),
         analyses: problem.analyses.clone(),
-        trusts_start: rehearsed && starts.is_none(),
+        trusts_start: reference && starts.is_none(),
         ..Options::default()
     }
 }

@@ -1,8 +1,8 @@
-//! Runs in numerical time: a system is frozen, run event by event or by finite elements, and thawed.
+//! Runs in numerical time: a system is frozen, run event by event or by finite elements, and told in physical time.
 
 mod law;
+mod physical_time;
 mod stretch;
-mod thaw;
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use law::impact;
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library};
 use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome};
-use thaw::{End, Law, drive};
+use physical_time::{End, Law, drive};
 
 use super::events::{finer, solver_settings};
 use super::fesd::{complementarity, options};
@@ -82,19 +82,19 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
                 if !accuracy.is_finer {
                     self.order = simulator.order();
                 }
-                drive(&self.frozen, horizon, observer, law, |end, x, thaw| {
-                    simulator.run(0.0, end, x, thaw)
+                drive(&self.frozen, horizon, observer, law, |end, x, physical| {
+                    simulator.run(0.0, end, x, physical)
                 })
             }
             Road::Elements(complementarity, _) => {
                 let (mut least_member, mut order) = (0.0_f64, 0);
                 let mut library = std::mem::take(&mut self.library);
-                let found = drive(&self.frozen, horizon, observer, law, |end, x, thaw| {
+                let found = drive(&self.frozen, horizon, observer, law, |end, x, physical| {
                     let settings = self.elements(problem, accuracy, end / horizon);
                     let simulator = elements::Simulator::new(complementarity, settings);
                     let simulator = simulator.expect("the number of nodes has been checked");
                     let mut simulator = simulator.knowing(std::mem::take(&mut library));
-                    let solution = simulator.run(0.0, end, x, thaw);
+                    let solution = simulator.run(0.0, end, x, physical);
                     library = simulator.library().clone();
                     least_member = least_member.min(solution.least_member);
                     order = simulator.order();

@@ -33,7 +33,7 @@ use crate::report::{Failure, Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::{Comparison, Estimate, Estimator};
 use crate::simulate::record::elements::{Rows, Shape};
-use crate::simulate::{Rehearsed, outcome};
+use crate::simulate::{ReferenceRun, outcome};
 use crate::system::System;
 use crate::system::experiment::{Equilibration, FesdOptions, MethodKind, Settings};
 use crate::system::task::{Cost, Shape as ControlShape, Task};
@@ -53,7 +53,7 @@ pub(in crate::simulate) struct WithImpulses<'e> {
     /// x(0), with the states that the lowering has added.
     start: Vec<f64>,
     /// A run from event to event.
-    rehearsed: Option<Rehearsed<'e>>,
+    reference: Option<ReferenceRun<'e>>,
     /// What the last runs on a grid, and on a finer one, have come to.
     coarse: Reached,
     fine: Reached,
@@ -86,7 +86,7 @@ struct OnGrid<'s, 'e> {
     options: discretize::Options,
     limit: &'s Limit,
     /// A run from event to event, where one begins.
-    rehearsed: Option<&'s Rehearsed<'e>>,
+    reference: Option<&'s ReferenceRun<'e>>,
     /// The programs of steps, by the number of their elements.
     programs: FxHashMap<usize, StepProgram>,
     shape: Shape,
@@ -110,7 +110,7 @@ impl<'e> WithImpulses<'e> {
             lowering: format!("impact, {}", dcs.formulation),
             start: dcs.states.iter().map(|state| state.initial).collect(),
             dcs,
-            rehearsed: None,
+            reference: None,
             coarse: Reached::default(),
             fine: Reached::default(),
         }
@@ -137,7 +137,7 @@ impl<'e> Run<'e> for WithImpulses<'e> {
             ..
         } = problem;
         if accuracy.attempt == 1 && !accuracy.is_finer {
-            self.rehearsed = Some(Rehearsed::new(system, settings, limit));
+            self.reference = Some(ReferenceRun::new(system, settings, limit));
         }
         let (mut options, mut steps) = (
             *options(settings),
@@ -147,12 +147,12 @@ impl<'e> Run<'e> for WithImpulses<'e> {
             // With as many elements, twice as many steps could cut an interval between two events as before.
             (options.elements, steps) = (options.elements + 1, 2 * steps);
         }
-        let rehearsed = self.rehearsed.as_ref().filter(|run| run.begins());
+        let reference = self.reference.as_ref().filter(|run| run.begins());
         self.start[..problem.x0.len()].copy_from_slice(&problem.x0);
         let mut run = OnGrid::new(
             problem,
             (&mut self.dcs, &self.start),
-            rehearsed,
+            reference,
             &options,
             steps,
         );
@@ -250,7 +250,7 @@ impl<'s, 'e> OnGrid<'s, 'e> {
     fn new(
         problem: &Problem<'s, 'e>,
         (dcs, x): (&'s mut Dcs<'e>, &[f64]),
-        rehearsed: Option<&'s Rehearsed<'e>>,
+        reference: Option<&'s ReferenceRun<'e>>,
         options: &FesdOptions,
         steps: usize,
     ) -> Self {
@@ -274,7 +274,7 @@ impl<'s, 'e> OnGrid<'s, 'e> {
                 ..fesd
             },
             limit: problem.limit,
-            rehearsed,
+            reference,
             programs: FxHashMap::default(),
             shape: Shape::new(&points, tableau.n_nodes()),
             stepper: Stepper::new(contacts(dcs), horizon, x),
@@ -299,9 +299,9 @@ impl<'s, 'e> OnGrid<'s, 'e> {
             let start = horizon * k as f64 / steps as f64;
             let end = horizon * (k + 1) as f64 / steps as f64;
             // Impulses without a motion, as those of Painlevé's paradox, may be solutions of a step.
-            let rehearsed = self.rehearsed;
-            let ended = rehearsed.and_then(|run| run.ended(start, end)).cloned();
-            let limit = rehearsed.and_then(|run| run.accumulates(start, end));
+            let reference = self.reference;
+            let ended = reference.and_then(|run| run.ended(start, end)).cloned();
+            let limit = reference.and_then(|run| run.accumulates(start, end));
             let step = match (ended, limit) {
                 (Some(failure), _) => Err(failure),
                 (None, Some(time)) => Err(Failure::Accumulation {
@@ -338,8 +338,8 @@ impl<'s, 'e> OnGrid<'s, 'e> {
             .detection
             .map_or(1, |detection| detection.elements);
         // With fewer elements than the step has parts there is no solution.
-        let parts = |run: &Rehearsed| run.parts(start, start + length).min(MOST_PARTS);
-        let parts = self.rehearsed.map_or(1, parts);
+        let parts = |run: &ReferenceRun| run.parts(start, start + length).min(MOST_PARTS);
+        let parts = self.reference.map_or(1, parts);
         let least = parts.saturating_sub(elements);
         let from = self.begin(start);
         check_start(self.dcs, start).ok()?;
@@ -363,17 +363,17 @@ impl<'s, 'e> OnGrid<'s, 'e> {
             self.programs.insert(elements, made);
         }
         let made = self.programs.get_mut(&elements)?;
-        let closed = |rehearsed: &Rehearsed| rehearsed.closed(start, start + length, elements);
-        let closed = self.rehearsed.map(closed).unwrap_or_default();
+        let closed = |reference: &ReferenceRun| reference.closed(start, start + length, elements);
+        let closed = self.reference.map(closed).unwrap_or_default();
         let mut w = made.step.start_from(from, &closed);
-        if let Some(rehearsed) = self.rehearsed {
+        if let Some(reference) = self.reference {
             let interval = (start, start + length);
             let bounds = made.step.program.variable_bounds();
             let bounds = bounds.lower.iter().zip(bounds.upper).zip(&w);
             let bounds = bounds.map(|((&l, &u), &w)| Bounds::between(l, u, w));
             let bounds: Vec<Bounds> = bounds.collect();
             let of = (&*self.dcs, &made.layout);
-            rehearsed.fill(of, &bounds, 1, interval, 0.0, &mut w);
+            reference.fill(of, &bounds, 1, interval, 0.0, &mut w);
         }
         let w = (self.stepper).solve(&mut made.step, &w, start, self.limit)?;
         Some(Step { elements, w })

@@ -13,7 +13,7 @@ use crate::lowering::discretize::WINDOW;
 use crate::optimize::checks::solved;
 use crate::optimize::{Problem, Sampled};
 use crate::report::{Dense, Status, Trajectory};
-use crate::simulate::{self, Rehearsed, Request, cut};
+use crate::simulate::{self, ReferenceRun, Request, cut};
 use crate::system::experiment::{EventOptions, Method, Sampling};
 use crate::system::task::{Control, Shape};
 use crate::system::{Param, State, System};
@@ -26,7 +26,7 @@ const ROUNDING: f64 = 1e-9;
 const INSIDE: f64 = 1e-6;
 
 /// Gives lengths, states and multipliers the values of a run; false where there is none.
-pub(crate) fn rehearse(problem: &Problem, w: &mut [f64], limit: &Limit) -> bool {
+pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> bool {
     let (layout, settings) = (&problem.layout, &problem.settings);
     let Some(task) = &problem.dcs.task else {
         return false;
@@ -52,9 +52,9 @@ pub(crate) fn rehearse(problem: &Problem, w: &mut [f64], limit: &Limit) -> bool 
         }
         system.params.push(known(control, values[0]));
     }
-    let rehearsed = Rehearsed::new(&system, settings, limit);
-    follow(problem, &rehearsed, settings.horizon, w);
-    rehearsed.begins()
+    let reference = ReferenceRun::new(&system, settings, limit);
+    follow(problem, &reference, settings.horizon, w);
+    reference.begins()
 }
 
 /// A control that is a number.
@@ -159,7 +159,7 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
 /// Gives lengths, states and multipliers the values of a run to a horizon.
 ///
 /// The program has no impacts at gaps below τ (v⁺ + e v⁻), e <= 1, behind the end of an interval. Such a one is at the end.
-fn follow(problem: &Problem, run: &Rehearsed, horizon: f64, w: &mut [f64]) {
+fn follow(problem: &Problem, run: &ReferenceRun, horizon: f64, w: &mut [f64]) {
     let layout = &problem.layout;
     let window = 2.0 * WINDOW * horizon / (layout.steps * layout.elements) as f64;
     let bounds = problem.mpcc.bounds();
@@ -171,7 +171,7 @@ fn follow(problem: &Problem, run: &Rehearsed, horizon: f64, w: &mut [f64]) {
 }
 
 /// The same with nonlinear switches, and with the controls of the point itself; false where the run ends before.
-pub(crate) fn in_modes(problem: &Problem, run: &Rehearsed, w: &mut [f64]) -> bool {
+pub(crate) fn in_modes(problem: &Problem, run: &ReferenceRun, w: &mut [f64]) -> bool {
     if run.failure.is_some() {
         return false;
     }

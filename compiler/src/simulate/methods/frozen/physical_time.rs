@@ -44,7 +44,7 @@ pub(super) enum End {
 pub(super) type Law<'l> = dyn FnMut(f64, &[f64]) -> Option<Vec<f64>> + 'l;
 
 /// Passes on a run in numerical time as one in physical time.
-pub(super) struct Thaw<'t, 'e> {
+pub(super) struct PhysicalTime<'t, 'e> {
     frozen: &'t Frozen<'e>,
     /// Who is told; nobody, where a run only shows the clock.
     observer: Option<&'t mut dyn Observer>,
@@ -74,13 +74,13 @@ pub(super) struct Thaw<'t, 'e> {
 }
 
 /// The polynomials of the original's states and switches.
-struct Thawed<'a> {
+struct InPhysicalTime<'a> {
     inner: &'a dyn Polynomials,
     places: &'a [Option<usize>],
     blind: &'a [usize],
 }
 
-impl Polynomials for Thawed<'_> {
+impl Polynomials for InPhysicalTime<'_> {
     fn degree(&self) -> usize {
         self.inner.degree()
     }
@@ -100,13 +100,13 @@ impl Polynomials for Thawed<'_> {
     }
 }
 
-impl<'t, 'e> Thaw<'t, 'e> {
+impl<'t, 'e> PhysicalTime<'t, 'e> {
     pub fn new(
         frozen: &'t Frozen<'e>,
         clock: Clock,
         observer: Option<&'t mut dyn Observer>,
     ) -> Self {
-        Thaw {
+        PhysicalTime {
             frozen,
             observer,
             clock,
@@ -276,7 +276,7 @@ fn accumulation(times: &[f64]) -> Option<(f64, f64)> {
     settles.then(|| (third, d + third * ratio / (1.0 - ratio)))
 }
 
-impl Observer for Thaw<'_, '_> {
+impl Observer for PhysicalTime<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let n = self.frozen.n_states;
         let Some(advance) = self.clock.advance(segment) else {
@@ -323,7 +323,7 @@ impl Observer for Thaw<'_, '_> {
         let of_frozen = segment.unobserved();
         let is_blind = |i: &usize| places[*i].is_some_and(|place| of_frozen.contains(&place));
         let blind: Vec<usize> = (0..places.len()).filter(is_blind).collect();
-        let seen = Thawed {
+        let seen = InPhysicalTime {
             inner,
             places,
             blind: &blind,
@@ -354,7 +354,7 @@ impl Observer for Thaw<'_, '_> {
     }
 }
 
-impl fesd::Observer for Thaw<'_, '_> {}
+impl fesd::Observer for PhysicalTime<'_, '_> {}
 
 /// Runs to the numerical time at which the clock is at the horizon, as long as impacts obey the law; `run` gets the end,
 /// the start and what observes it.
@@ -366,7 +366,7 @@ pub(super) fn drive(
     horizon: f64,
     observer: &mut dyn Observer,
     law: Option<Box<Law>>,
-    mut run: impl FnMut(f64, &[f64], &mut Clocked<Thaw>) -> Outcome,
+    mut run: impl FnMut(f64, &[f64], &mut Clocked<PhysicalTime>) -> Outcome,
 ) -> (Outcome, Option<End>) {
     let clock = Clock {
         state: frozen.clock,
@@ -374,39 +374,39 @@ pub(super) fn drive(
     };
     let states = &frozen.system.states;
     let x: Vec<f64> = states.iter().map(|state| state.initial).collect();
-    let probe = || Thaw::new(frozen, clock, None);
-    let end = clock.numerical_time(probe, |end, thaw| run(end, &x, thaw));
-    let mut thaw = clock.watch(Thaw::new(frozen, clock, Some(observer)));
-    thaw.observer.law = law;
-    let mut outcome = run(end, &x, &mut thaw);
-    let mut thaw = thaw.observer;
+    let probe = || PhysicalTime::new(frozen, clock, None);
+    let end = clock.numerical_time(probe, |end, physical| run(end, &x, physical));
+    let mut physical = clock.watch(PhysicalTime::new(frozen, clock, Some(observer)));
+    physical.observer.law = law;
+    let mut outcome = run(end, &x, &mut physical);
+    let mut physical = physical.observer;
     if outcome.status == Status::Solved && clock.is_missed(&outcome.x) {
-        thaw.end = Some(End::Closed);
+        physical.end = Some(End::Closed);
         outcome.status = Status::Stopped;
     }
     if outcome.status == Status::Accumulation {
-        thaw.end = thaw.limit().or(thaw.end);
+        physical.end = physical.limit().or(physical.end);
     }
-    let outcome = thawed(&mut thaw, outcome);
-    (outcome, thaw.end)
+    let outcome = to_physical_time(&mut physical, outcome);
+    (outcome, physical.end)
 }
 
 /// The outcome in physical time, of the states and switches of the original.
-fn thawed(thaw: &mut Thaw, outcome: Outcome) -> Outcome {
-    let n = thaw.frozen.n_states;
+fn to_physical_time(physical: &mut PhysicalTime, outcome: Outcome) -> Outcome {
+    let n = physical.frozen.n_states;
     let first = |values: &[f64]| values.iter().take(n).copied().collect();
-    if thaw.sides.is_empty() {
-        thaw.read(&outcome.sides, &outcome.x);
-        thaw.sides.clone_from(&thaw.next);
+    if physical.sides.is_empty() {
+        physical.read(&outcome.sides, &outcome.x);
+        physical.sides.clone_from(&physical.next);
     }
-    let places = thaw.frozen.places.iter().zip(&thaw.sides);
+    let places = physical.frozen.places.iter().zip(&physical.sides);
     let alpha = |(place, side): (&Option<usize>, &Side)| {
         place.map_or(0.5 + 0.5 * side.sign(), |place| outcome.alpha[place])
     };
     Outcome {
-        time: thaw.t,
+        time: physical.t,
         x: first(&outcome.x),
-        sides: thaw.sides.clone(),
+        sides: physical.sides.clone(),
         alpha: places.map(alpha).collect(),
         activity: first(&outcome.activity),
         moved: first(&outcome.moved),

@@ -24,7 +24,7 @@ const INSIDE: f64 = 1e-6;
 const TOLERANCE: f64 = 1e-11;
 
 /// A run in the modes of the model.
-pub(crate) struct Rehearsed<'e> {
+pub(crate) struct ReferenceRun<'e> {
     system: System<'e>,
     dense: Dense,
     /// Changes of mode, jumps, and slip that turns round.
@@ -37,10 +37,10 @@ pub(crate) struct Rehearsed<'e> {
     pub failure: Option<Failure>,
 }
 
-impl<'e> Rehearsed<'e> {
+impl<'e> ReferenceRun<'e> {
     /// Over the horizon of the experiment, as long as the limit allows.
     pub fn new(system: &System<'e>, settings: &Settings<'e>, limit: &Limit) -> Self {
-        Rehearsed::by(None, system, settings, limit)
+        ReferenceRun::by(None, system, settings, limit)
     }
 
     /// The same by runs that are compiled, if they are, without outputs.
@@ -77,7 +77,7 @@ impl<'e> Rehearsed<'e> {
         let limits = run.events.iter();
         let limits = limits.filter(|event| event.kind == EventKind::Zeno);
         let modes = run.modes.iter().skip(1).map(|mode| mode.from);
-        let mut rehearsed = Rehearsed {
+        let mut reference = ReferenceRun {
             switches: modes.chain(strikes.iter().map(|strike| strike.0)).collect(),
             system,
             dense: run.dense,
@@ -85,9 +85,9 @@ impl<'e> Rehearsed<'e> {
             accumulations: limits.map(|event| event.time).collect(),
             failure: run.failure,
         };
-        rehearsed.switches.extend(rehearsed.turns());
-        rehearsed.switches.sort_by(f64::total_cmp);
-        rehearsed
+        reference.switches.extend(reference.turns());
+        reference.switches.sort_by(f64::total_cmp);
+        reference
     }
 
     /// When slip velocities with two entries pass through rest, which is no change of the mode.
