@@ -423,17 +423,9 @@ impl Stepper {
             let looked = self.coefficients.agree(mode, state, h, allowed);
             let passes = event.is_none() && left.is_none() && is_accurate && is_seen && looked;
             if passes && is_shown {
-                let dense = Dense::Taylor(mode);
-                dense.states_at(h, &mut state.trial.x);
-                if !state.trial.x.iter().all(|x| x.is_finite()) {
+                if !arrive_slipping(mode, state, h) {
                     return None;
                 }
-                std::mem::swap(&mut state.point.x, &mut state.trial.x);
-                dense.alphas_at(h, &mut state.point.alpha);
-                for &i in &mode.planes.onsets {
-                    state.point.alpha[i] = 1.0;
-                }
-                state.scales.last_step = h;
                 return Some(Step {
                     length: h,
                     reaches_end: h >= remaining,
@@ -448,4 +440,21 @@ impl Stepper {
         }
         None
     }
+}
+
+/// Moves to the end of a step whose slip velocities set off, which do not stick any more there; false where the end is
+/// not finite.
+fn arrive_slipping(mode: &Mode, state: &mut State, h: f64) -> bool {
+    let dense = Dense::Taylor(mode);
+    dense.states_at(h, &mut state.trial.x);
+    if !state.trial.x.iter().all(|x| x.is_finite()) {
+        return false;
+    }
+    std::mem::swap(&mut state.point.x, &mut state.trial.x);
+    dense.alphas_at(h, &mut state.point.alpha);
+    for &i in &mode.planes.onsets {
+        state.point.alpha[i] = 1.0;
+    }
+    state.scales.last_step = h;
+    true
 }

@@ -137,6 +137,7 @@ impl Matrix {
 }
 
 impl Entries<'_> {
+    #[inline]
     fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> {
         let range = self.sparse.range(row);
         let columns = self.sparse.columns[range.clone()].iter();
