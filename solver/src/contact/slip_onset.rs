@@ -307,9 +307,9 @@ impl Onset {
     }
 
     /// Takes the functions in which these slip velocities stick.
-    pub(crate) fn hold(departures: &[Onset], mode: &mut Mode, sides: &[Side]) {
+    pub(crate) fn hold(onsets: &[Onset], mode: &mut Mode, sides: &[Side]) {
         let mut held: Box<[Side]> = sides.into();
-        for i in departures.iter().flat_map(|one| one.switches) {
+        for i in onsets.iter().flat_map(|one| one.switches) {
             held[i] = Side::Slide;
         }
         mode.enter(&held);
@@ -334,25 +334,25 @@ impl Stepper {
         goal: f64,
         t1: f64,
     ) -> Option<Step> {
-        let mut departures = std::mem::take(&mut state.selection.departures);
+        let mut onsets = std::mem::take(&mut state.selection.onsets);
         mode.move_to(&state.point);
         let (sides, band) = (&state.point.sides, &state.bands.width);
-        departures.retain(|one| {
+        onsets.retain(|one| {
             let rubs = rubs(mode, one.switches[0], sides);
             let mut slips =
                 |i: usize| sides[i] != Side::Slide && mode.psi(i).abs() <= STOPS * band[i];
             rubs && one.switches.into_iter().all(&mut slips)
         });
-        if departures.is_empty() {
+        if onsets.is_empty() {
             return None;
         }
-        Onset::hold(&departures, mode, &state.point.sides);
-        let step = self.step_from_rest(mode, state, &departures, goal, t1);
+        Onset::hold(&onsets, mode, &state.point.sides);
+        let step = self.step_from_rest(mode, state, &onsets, goal, t1);
         mode.planes.onsets.clear();
         if step.is_none() {
             let mut x = state.point.x.clone();
-            for departure in &departures {
-                departure.nudge(mode, &state.point, &state.scales, &mut x, t1);
+            for onset in &onsets {
+                onset.nudge(mode, &state.point, &state.scales, &mut x, t1);
             }
             state.point.x = x;
             mode.enter(&state.point.sides);
@@ -364,7 +364,7 @@ impl Stepper {
         &mut self,
         mode: &mut Mode,
         state: &mut State,
-        departures: &[Onset],
+        onsets: &[Onset],
         goal: f64,
         t1: f64,
     ) -> Option<Step> {
@@ -375,7 +375,7 @@ impl Stepper {
         if !SlipOnset::expand(
             mode,
             state,
-            (&state.point.alpha, departures),
+            (&state.point.alpha, onsets),
             tolerance,
             longest,
         ) {
@@ -383,7 +383,7 @@ impl Stepper {
         }
         mode.measure_terms(&mut state.scales, &mut state.bands);
         state.report.stats.rhs_evaluations += 2 * order;
-        mode.planes.onsets = departures.iter().flat_map(|one| one.switches).collect();
+        mode.planes.onsets = onsets.iter().flat_map(|one| one.switches).collect();
         let allowed = self.allowed_defect(mode);
         let h = mode.step_size(tolerance, &state.scales, remaining);
         // Rounding in the last terms of what does not move at all shows no length: then the defect does, which allows
@@ -403,7 +403,7 @@ impl Stepper {
             if let Some((root, watch @ Watch::Disc(_))) = event
                 && state.point.t + root.tau <= state.point.t
             {
-                state.selection.departures = departures.to_vec();
+                state.selection.onsets = onsets.to_vec();
                 return Some(Step {
                     departs: true,
                     ..Step::at_once(watch.switch())

@@ -158,7 +158,11 @@ impl Chatter {
         found.flatten()
     }
 
-    /// Looks at how far ψ of the switches that chatter is from zero in the middle of a step, and at its end.
+    /// Updates the heights of the last cycle, max |ψ| of every switch that chatters, by ψ in the middle of a step and
+    /// at its end, where `state` is; before the last cycle there is nothing to do.
+    ///
+    /// At an event ψ of the switch that it is of is zero: between events its |ψ| is larger, and at them that of other
+    /// switches may be. The heights tell how far the motion was from the sliding mode that replaces it.
     pub(crate) fn measure(&mut self, mode: &mut Mode, state: &State, middle: (f64, &[f64])) {
         let Some(last) = &mut self.last else {
             return;

@@ -130,7 +130,7 @@ impl Stepper {
         goal: f64,
         t1: f64,
     ) -> Result<Step, Status> {
-        if !state.selection.departures.is_empty()
+        if !state.selection.onsets.is_empty()
             && let Some(step) = self.slip_onset_step(mode, state, goal, t1)
         {
             return Ok(step);

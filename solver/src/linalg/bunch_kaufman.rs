@@ -143,8 +143,11 @@ impl KktSolver for BunchKaufman {
         })
     }
 
+    /// Solves with A = P₁ L₁ P₂ L₂ .. D .. L₂ᵀ P₂ L₁ᵀ P₁, a swap P and the columns L of each pivot block. Swaps come
+    /// between the columns, as `factor` does not swap those of earlier blocks along.
     fn solve(&mut self, rhs: &mut [f64]) {
         let n = self.n;
+        // Forward: P and L⁻¹ of each block, then its D⁻¹, as no later block touches its rows.
         let mut k = 0;
         while k < n {
             let size = 1 + usize::from(self.is_double[k]);
@@ -159,12 +162,15 @@ impl KktSolver for BunchKaufman {
             } else {
                 let (a, b, c) = (self.at(k, k), self.at(k + 1, k + 1), self.at(k + 1, k));
                 let det = a * b - c * c;
+                // | a c |⁻¹ | p |
+                // | c b |   | q |
                 let (p, q) = (rhs[k], rhs[k + 1]);
                 rhs[k] = (p * b - q * c) / det;
                 rhs[k + 1] = (q * a - p * c) / det;
             }
             k += size;
         }
+        // Backward: L⁻ᵀ and P of each block, the last one first.
         while k > 0 {
             let size = if k >= 2 && self.is_double[k - 2] {
                 2

@@ -112,7 +112,7 @@ pub(crate) struct Contact {
     pub gap: f64,
     /// Rate of the gap where all velocities are zero.
     pub offset: f64,
-    /// Whether the gap depends on time itself.
+    /// Whether the gap changes where all velocities are zero: with time itself, or by c.
     pub is_driven: bool,
     pub restitution: f64,
     pub friction: f64,
@@ -143,7 +143,11 @@ impl Linear {
         self.contacts.iter().map(|contact| contact.rows)
     }
 
-    /// Adds the rows of some contacts of a family, whose functions are evaluated at `memory`.
+    /// Adds the contacts `members` of a family, each with its gap, restitution and friction and its rows: one of J for
+    /// the normal, with gap' = J v + offset, and one of H for every slip velocity, H v + slip.
+    ///
+    /// J = ∂gap/∂q K and offset = ∂gap/∂t + ∂gap/∂q c, where q' = K v + c. [`Family::row`] is evaluated for all members
+    /// at once, with inputs from `memory`; its outputs are (gap, ∂gap/∂t, restitution, friction, slip, ∂gap/∂q, H).
     pub fn add(
         &mut self,
         family: &Family,
@@ -161,16 +165,18 @@ impl Linear {
             .eval_many(&self.inputs[..n * n_in], &mut self.outputs, n, lanes);
         for (p, &member) in members.iter().enumerate() {
             let output = |k: usize| self.outputs[k * n + p];
+            // Places count t first: a state is at one place more than its number.
             let places = family.inputs_of(member as usize);
             self.entries.clear();
             let n_slips = family.slips.len();
-            let first = HEAD + n_slips;
+            // ∂gap/∂q_i adds ∂gap/∂q_i c_i to the offset, and ∂gap/∂q_i K_ij to J_j.
+            let first_slope = HEAD + n_slips;
             let mut offset = output(1);
             for (k, &input) in family.positions.iter().enumerate() {
-                let (state, slope) = (places[input] as usize - 1, output(first + k));
+                let (state, slope) = (places[input] as usize - 1, output(first_slope + k));
                 offset += slope * bodies.drift[state];
                 self.entries
-                    .extend(bodies.moves(state).map(|(v, k)| (v, k * slope)));
+                    .extend(bodies.moves(state).map(|(j, k_ij)| (j, k_ij * slope)));
             }
             let mut slip = [0.0; 2];
             for (k, slip) in slip.iter_mut().take(n_slips).enumerate() {
@@ -191,13 +197,14 @@ impl Linear {
             };
             self.rows
                 .push(&bodies.mass, &self.entries, &mut self.touched);
-            let mut slope = first + family.positions.len();
+            // The rows of H directly follow that of the normal.
+            let mut next = first_slope + family.positions.len();
             for inputs in &family.slips {
                 self.entries.clear();
                 for &input in inputs {
                     let velocity = bodies.velocity_of(places[input] as usize - 1);
-                    self.entries.push((velocity, output(slope)));
-                    slope += 1;
+                    self.entries.push((velocity, output(next)));
+                    next += 1;
                 }
                 self.rows
                     .push(&bodies.mass, &self.entries, &mut self.touched);

@@ -190,9 +190,11 @@ pub enum Side {
 }
 
 impl Pattern {
-    /// The pattern of these entries (row, column), each once, in any order and as often as one likes.
+    /// The pattern of these entries (row, column), which may come in any order and repeatedly: compressed sparse rows,
+    /// by a counting sort over the rows.
     pub fn new(n_rows: usize, entries: Vec<(u32, u32)>) -> Self {
-        // Counted into rows: sorting all at once takes several times as long.
+        // The next free place of every row, at first its start: sums of the numbers of entries of the rows before it.
+        // Sorting all entries at once would take several times as long.
         let mut next = vec![0; n_rows + 1];
         for &(row, _) in &entries {
             next[row as usize + 1] += 1;
@@ -206,7 +208,7 @@ impl Pattern {
             all[*place] = column;
             *place += 1;
         }
-        // Now they are the ends of the rows.
+        // The next place of a full row is its end. Columns of a row are sorted, and repeated ones dropped, in place.
         let mut starts = Vec::with_capacity(n_rows + 1);
         let (mut kept, mut start) = (0, 0);
         starts.push(0);

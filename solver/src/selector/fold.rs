@@ -120,56 +120,68 @@ impl Mode {
         None
     }
 
+    /// The fold (t_f, x_f, α_f) of the interacting switches K of switch i, by Newton's method from the prediction of
+    /// the Taylor series, with `left` ≈ t_f - t; the state x_f is in `state.trial.x`. None where the iteration leaves
+    /// the neighbourhood of the prediction or does not converge, or where another surface is left before the fold.
     fn fold_of(&mut self, state: &mut State, i: usize, left: f64) -> Option<Fold> {
         let own = |switches: &&[usize]| switches.contains(&i);
         let switches = self.equations.components().find(own)?.to_vec();
         let n = switches.len();
         let start: Vec<f64> = switches.iter().map(|&k| state.point.alpha[k]).collect();
-        let moves = |&k: &usize| 2.0 * self.alpha_series(k)[1] * left;
-        let moves: Vec<f64> = switches.iter().map(moves).collect();
-        let size = norm(&moves);
-        let along: Vec<f64> = moves.iter().map(|m| m / size).collect();
-        let mut alpha = sum(&start, 1.0, &moves);
-        let (mut tau, mut rate) = (left, vec![0.0; self.n]);
+        // The prediction α_f - α = 2 a₁ (t_f - t), and c, its direction.
+        let predicted = |&k: &usize| 2.0 * self.alpha_series(k)[1] * left;
+        let predicted: Vec<f64> = switches.iter().map(predicted).collect();
+        let size = norm(&predicted);
+        let along: Vec<f64> = predicted.iter().map(|m| m / size).collect();
+        // The iterates: α_f, and t_f - t, which is `after`.
+        let mut alpha = sum(&start, 1.0, &predicted);
+        let (mut after, mut rate) = (left, vec![0.0; self.n]);
         for _ in 0..MAX_ITERATIONS {
+            // f at the mean of α, which takes x to x_f = x + (t_f - t) f.
             self.move_to(&state.point);
             let moved = sum(&alpha, -1.0, &start);
             self.rates_at(&switches, &sum(&start, 1.0 / 3.0, &moved));
             rate.copy_from_slice(self.f());
-            self.shift(state, tau + left, &rate);
+            // φ_t along x' = f by a forward difference in t; φ_K and A in the iterate.
+            self.shift(state, after + left, &rate);
             let ahead = self.rates_at(&switches, &alpha);
-            self.shift(state, tau, &rate);
+            self.shift(state, after, &rate);
             let here = self.rates_at(&switches, &alpha);
             let rises = ahead.phi.iter().zip(&here.phi);
             let by_time: Vec<f64> = rises.map(|(ahead, here)| (ahead - here) / left).collect();
+            // (y, τ) leads to φ_K = 0 with cᵀy = 0, (v, dt/ds) along the branch.
             let newton = Bordered::new(&here.slopes, &by_time, &along)?;
-            let step = newton.solve(here.phi.iter().map(|phi| -phi), 0.0);
+            let onto = newton.solve(here.phi.iter().map(|phi| -phi), 0.0);
             let tangent = newton.tangent(n);
+            // Newton's method for dt/ds = 0: s = -(dt/ds)/(d²t/ds²), with d²t/ds² by a difference along v.
             let aside = self.rates_at(&switches, &sum(&alpha, APART, &tangent[..n]));
             let beside = Bordered::new(&aside.slopes, &by_time, &along)?.tangent(n);
-            let by = -tangent[n] * APART / (beside[n] - tangent[n]);
-            // An instant is known as far as rounding in t and in φ lets it be.
+            let s = -tangent[n] * APART / (beside[n] - tangent[n]);
+            // t_f is known as far as rounding in t and in φ lets it be: δt = δφ/‖φ_t‖.
             let terms = switches.iter().map(|&k| self.terms_of_phi(k));
             let terms = terms.fold(0.0, f64::max) / norm(&by_time);
             let rounding = ROUNDINGS * f64::EPSILON * (state.point.t.abs() + terms);
-            alpha = sum(&sum(&alpha, 1.0, &step[..n]), by, &tangent[..n]);
-            tau += step[n] + by * tangent[n];
-            let is_near = norm(&sum(&sum(&alpha, -1.0, &start), -1.0, &moves)) <= 0.5 * size
-                && (tau - left).abs() <= 0.5 * left;
+            // α_f += y + s v, t_f += τ + s dt/ds.
+            alpha = sum(&sum(&alpha, 1.0, &onto[..n]), s, &tangent[..n]);
+            after += onto[n] + s * tangent[n];
+            // Another fold than the predicted one is none of this step.
+            let is_near = norm(&sum(&sum(&alpha, -1.0, &start), -1.0, &predicted)) <= 0.5 * size
+                && (after - left).abs() <= 0.5 * left;
             if !is_near {
                 return None;
             }
-            let is_there = by.abs() <= 1e-12 && step[n].abs() <= (1e-10 * left).max(rounding);
-            if is_there && norm(&step[..n]) <= 1e-12 {
-                self.shift(state, tau, &rate);
+            let is_there = s.abs() <= 1e-12 && onto[n].abs() <= (1e-10 * left).max(rounding);
+            if is_there && norm(&onto[..n]) <= 1e-12 {
+                self.shift(state, after, &rate);
                 let leaves = self.leaves_before(&state.bands, i);
                 let turns = self.turns(&switches, &alpha, &by_time, &along)?;
+                // The switch of the largest |v_k| stands for all of them.
                 let speed = |turn: &&Turn| turn.direction.abs();
                 let fastest = turns.iter().max_by(|a, b| speed(a).total_cmp(&speed(b)));
                 let switch = fastest.map_or(i, |turn| turn.switch);
                 return (!leaves).then_some(Fold {
                     switch,
-                    after: tau,
+                    after,
                     turns,
                 });
             }

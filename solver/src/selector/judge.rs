@@ -264,15 +264,15 @@ impl<'a> Judge<'a> {
         &mut self,
         state: &mut State,
         (sides, alpha): (&[Side], &mut [f64]),
-        departures: &[Onset],
+        onsets: &[Onset],
         root: Option<usize>,
         t1: f64,
     ) -> Option<bool> {
-        Onset::hold(departures, self.mode, sides);
+        Onset::hold(onsets, self.mode, sides);
         let tolerance = self.settings.local_tolerance();
         let left = t1 - state.point.t;
-        if !departures.is_empty()
-            && SlipOnset::expand(self.mode, state, (alpha, departures), tolerance, left)
+        if !onsets.is_empty()
+            && SlipOnset::expand(self.mode, state, (alpha, onsets), tolerance, left)
         {
             return Some(true);
         }
@@ -280,8 +280,8 @@ impl<'a> Judge<'a> {
             Some(i) => self.mode.onto_surface(state, i),
             None => state.point.x.clone(),
         };
-        for departure in departures {
-            departure.nudge(self.mode, &state.point, &state.scales, &mut x, t1);
+        for onset in onsets {
+            onset.nudge(self.mode, &state.point, &state.scales, &mut x, t1);
         }
         self.mode.enter(sides);
         self.mode.expand(state.point.t, &x, alpha).ok()?;
@@ -303,16 +303,16 @@ impl<'a> Judge<'a> {
             alpha[i] = choice.alpha[at];
         }
         let tolerance = self.settings.local_tolerance();
-        let mut departures = Onset::all(self.mode, &state.point, group, choice);
+        let mut onsets = Onset::all(self.mode, &state.point, group, choice);
         // What another group has been found to set off with moves from now on.
-        let others = state.selection.departures.iter();
-        departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
+        let others = state.selection.onsets.iter();
+        onsets.extend(others.filter(|one| !group.contains(&one.switches[0])));
         let root = group
             .iter()
             .copied()
             .find(|&i| self.system.switches[i].has_root);
-        let departs = self.expand_choice(state, (&sides, &mut alpha), &departures, root, t1)?;
-        let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
+        let departs = self.expand_choice(state, (&sides, &mut alpha), &onsets, root, t1)?;
+        let sets_off = |i: usize| departs && onsets.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
         // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
         let is_smooth = match (root, mode.has_roots()) {

@@ -454,10 +454,10 @@ impl Selector<'_> {
         }
         state
             .selection
-            .departures
+            .onsets
             .retain(|one| !group.contains(&one.switches[0]));
-        let departures = Onset::all(self.mode, &state.point, group, choice);
-        state.selection.departures.extend(departures);
+        let onsets = Onset::all(self.mode, &state.point, group, choice);
+        state.selection.onsets.extend(onsets);
     }
 
     /// Lets a switch of higher relative degree that is free be decided by its highest derivative where

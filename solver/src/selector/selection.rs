@@ -84,7 +84,7 @@ pub(crate) struct Selection {
     /// What decided about nonlinear switches at the last event.
     pub decisions: Vec<Decision>,
     /// Slip velocities with two entries that start from rest at the last event.
-    pub departures: Vec<Onset>,
+    pub onsets: Vec<Onset>,
 }
 
 impl Selection {
@@ -93,6 +93,6 @@ impl Selection {
         (self.fold, self.begun) = (None, false);
         refill(&mut self.entry, n, Entry::Present);
         self.decisions.clear();
-        self.departures.clear();
+        self.onsets.clear();
     }
 }

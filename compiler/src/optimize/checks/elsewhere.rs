@@ -170,9 +170,10 @@ impl Search<'_, '_, '_> {
         while step >= LAST {
             let before = point.merit;
             for sweep in 1..=MOST_SWEEPS {
-                if !self.poll(&mut point, &axes, step, runs)
-                    && !self.poll(&mut point, &reflected(sweep, &axes), step, runs)
-                {
+                let is_better = self.poll(&mut point, &axes, step, runs)
+                    || axes.len() > 1
+                        && self.poll(&mut point, &reflected(sweep, &axes), step, runs);
+                if !is_better {
                     break;
                 }
             }

@@ -113,7 +113,7 @@ pub(crate) struct Ladder {
 #[derive(Default)]
 pub(crate) struct Solvers {
     options: Options,
-    /// Sweeps, and solved systems of equations.
+    /// Sweeps, and attempts to solve for all impulses of an island at once.
     pub sweeps: usize,
     pub factorizations: usize,
     active_set: ActiveSet,
@@ -237,8 +237,8 @@ impl Solvers {
         self.kept.save(island, motion);
         let (mut best, mut worse) = (before, 0);
         let guesses = match by {
-            By::Equations | By::Newton => GUESSES,
-            By::Program(_) | By::Pivoting => 1,
+            By::Equations => GUESSES,
+            By::Program(_) | By::Pivoting | By::Newton => 1,
         };
         for _ in 0..guesses {
             self.factorizations += 1;

@@ -167,8 +167,12 @@ impl<'p> Laws<'p> {
     }
 }
 
-/// Newton's step; one of about the least length where contacts that stick make the matrix singular, as their forces are
-/// not determined then.
+/// Newton's step s, which leads from p to p - s: G s = F, where F are the values of the equations and G is one of their
+/// generalized derivatives.
+///
+/// G is singular where the forces of sticking contacts are not unique, as W is singular there (hyperstatic contacts).
+/// After rounding, no factors exist then, or ‖s‖ > FAR ‖F‖. The regularized (G + δ 1) s = F with δ = DAMPING has,
+/// where G s = F has solutions, about one of them: for symmetric G that of least norm, up to O(δ).
 fn step(lu: &mut DenseLu, laws: &mut Laws) -> Option<Vec<f64>> {
     let Laws {
         residual, matrix, ..

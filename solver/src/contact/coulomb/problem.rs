@@ -125,7 +125,7 @@ pub(crate) struct Solution {
     pub rates: Vec<f64>,
     /// b.
     pub slips: Vec<f64>,
-    /// Largest violation of the laws, relative to the size of q.
+    /// Largest violation of the laws, relative to the size of q and of what λ₀ pushes with.
     pub residual: f64,
 }
 
@@ -196,9 +196,12 @@ impl Problem {
     }
 
     /// The largest violation of the laws by the forces p: |min(a, (λ - λ₀) W_nn)|, and |β - P(β + b/W_tt, μλ)| W_tt, where
-    /// P is the nearest point of the disc.
+    /// P is the nearest point of the disc. Infinite where a rate is no number.
     pub fn residual(&self, forces: &[f64]) -> f64 {
         let w = &self.w;
+        if !(0..w.size()).all(|row| self.rate(row, forces).is_finite()) {
+            return f64::INFINITY;
+        }
         let mut residual = 0.0_f64;
         for i in 0..w.n_contacts() {
             let pair = self

@@ -176,12 +176,14 @@ impl ComplementaritySystem {
         self.surfaces.leading.iter().map(is_met).collect()
     }
 
-    /// z with every side's share where the point is on a surface; of switches that lead some are on sides that are
-    /// given.
+    /// z at (t, x), by its rules from ψ and α: off all surfaces the solution of the linear programs, on a surface the
+    /// middle, α = 1/2. Switches of time that are in `led` have the given side instead.
     pub(crate) fn z_at(&self, point: Point, led: &[(usize, Side)]) -> Vec<f64> {
         let (psi, alpha) = self.sides_at(point, led);
         let rules = &self.surfaces.rules;
         let mut z = rules.values(&psi, &alpha);
+        // The equation g_row = 0 of a product is 0 = z_i - product, so z_i = -g_row where z_i = 0 is put in. Outputs
+        // are (f, g) with n entries of f. Products come last, and in order: the factors of each are known by then.
         let n = self.n_states();
         for (i, rule) in rules.z.iter().enumerate() {
             if let Rule::Product(row) = rule {
