@@ -6,16 +6,9 @@
 //! what their detection buys: the step size falls at every switch until the jump does not matter, and
 //! stays small where the state slides.
 //!
-//! The embedded pair of Dormand & Prince of order 5 (section II.5) with the same local tolerance needs fewer evaluations
-//! of f at tolerances that are coarse, and where f jumps, but several times as many at fine ones, for smooth f:
-//!
-//! | f | tolerance | this method | order 5 |
-//! | --- | --- | --- | --- |
-//! | harmonic oscillator up to t = 20 | 1e-6, 1e-9, 1e-11 | 866, 1293, 1675 | 1363, 5365, 13435 |
-//! | x' = 3 t² - (x - t³) up to t = 3 | 1e-6, 1e-9 | 313, 528 | 247, 925 |
-//! | Kepler's orbit of eccentricity ½, t = 6 | 1e-6, 1e-9 | 575, 1069 | 481, 1873 |
-//! | Van der Pol's oscillator with μ = 1, t = 10 | 1e-6, 1e-9 | 1264, 2045 | 1123, 4387 |
-//! | a rate that jumps from 1 to 3 | 1e-6, 1e-9 | 789, 1188 | 385, 553 |
+//! The method of order 5 of Dormand & Prince (section II.5), with steps of the best length, needs 1.9,
+//! 5.5 and 13 times as many evaluations of f for x'' = -x as this one at the tolerances 1e-6, 1e-9 and
+//! 1e-11, for the same error at t = 20, as a test asserts.
 
 mod control;
 mod dense;

@@ -176,3 +176,74 @@ fn what_leaves_the_numbers_ends_the_run() {
     assert_eq!(outcome.status, Status::StepLimit);
     assert!(outcome.time < 1.0 + 1e-6);
 }
+
+/// How far (x, x')(20) of x'' = -x is from (cos 20, -sin 20) by n steps of the method of order 5 of
+/// Dormand & Prince (Hairer, Nørsett & Wanner 1993, table II.5.2), which asks for f six times a step.
+/// Steps of one length are the best there for a field of one frequency.
+fn error_of_order_five(n: usize) -> f64 {
+    const A: [&[f64]; 6] = [
+        &[0.2],
+        &[3.0 / 40.0, 9.0 / 40.0],
+        &[44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0],
+        &[
+            19372.0 / 6561.0,
+            -25360.0 / 2187.0,
+            64448.0 / 6561.0,
+            -212.0 / 729.0,
+        ],
+        &[
+            9017.0 / 3168.0,
+            -355.0 / 33.0,
+            46732.0 / 5247.0,
+            49.0 / 176.0,
+            -5103.0 / 18656.0,
+        ],
+        &[
+            35.0 / 384.0,
+            0.0,
+            500.0 / 1113.0,
+            125.0 / 192.0,
+            -2187.0 / 6784.0,
+            11.0 / 84.0,
+        ],
+    ];
+    let h = 20.0 / n as f64;
+    let mut x = [1.0, 0.0];
+    for _ in 0..n {
+        let mut slopes = vec![[x[1], -x[0]]];
+        for row in A {
+            let moved = |i: usize| {
+                let terms = row.iter().zip(&slopes);
+                x[i] + h * terms.map(|(a, slope)| a * slope[i]).sum::<f64>()
+            };
+            let next = [moved(0), moved(1)];
+            slopes.push([next[1], -next[0]]);
+            if slopes.len() > A.len() {
+                x = next;
+            }
+        }
+    }
+    (x[0] - 20_f64.cos()).hypot(x[1] + 20_f64.sin())
+}
+
+#[test]
+fn order_five_asks_for_the_field_more_often_where_it_is_smooth_and_much_is_wanted() {
+    for (tolerance, times) in [(1e-6, 1.9), (1e-9, 5.5), (1e-11, 13.0)] {
+        let field = Given {
+            n: 2,
+            psi: None::<NoSign>,
+            rates: |_, x: &[f64], f: &mut [f64]| (f[0], f[1]) = (x[1], -x[0]),
+        };
+        let mut simulator = Simulator::new(field, settings(tolerance));
+        let mut against = Against {
+            exact: |t: f64| vec![t.cos(), -t.sin()],
+            error: 0.0,
+            events: 0,
+        };
+        let outcome = simulator.run(0.0, 20.0, &[1.0, 0.0], &mut against);
+        let error = (outcome.x[0] - 20_f64.cos()).hypot(outcome.x[1] + 20_f64.sin());
+        let evaluations = times * outcome.stats.rhs_evaluations as f64;
+        let other = error_of_order_five((evaluations / 6.0) as usize);
+        assert!(other > error, "{tolerance:e}: {other:e} {error:e}");
+    }
+}

@@ -2,7 +2,7 @@
 
 pub(crate) mod coefficients;
 pub(crate) mod coulomb;
-pub(crate) mod friction_disk;
+pub(crate) mod friction_disc;
 pub(crate) mod impact;
 pub(crate) mod impact_order;
 pub(crate) mod prediction;

@@ -12,7 +12,7 @@
 //! force. The series need not converge, but their first terms are those of the solution, which the length of the step
 //! and its defect take care of.
 
-use super::friction_disk::{Disk, RIM, STOPS, STRAIGHT};
+use super::friction_disc::{Disc, RIM, STOPS, STRAIGHT};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
@@ -125,7 +125,7 @@ impl SlipOnset<'_> {
         let h = self.mode.step_size(tolerance, &state.scales, longest);
         let mut margin = Vec::new();
         for &Onset { switches, .. } in onsets {
-            Disk::of(Dense::Taylor(self.mode), switches[0])?.margin(&mut margin);
+            Disc::of(Dense::Taylor(self.mode), switches[0])?.margin(&mut margin);
             let (power, start) = if margin[0] < -RIM {
                 (1, alpha)
             } else {

@@ -5,12 +5,12 @@
 //! rest nor clearly slipping, is tried both ways, and the series of every choice decide.
 
 use super::coulomb::ladder;
-use super::coulomb::law::norm;
 use super::coulomb::problem::{Delassus, NoSolution, Problem, Solution};
 use super::rows;
 use super::rows::{ContactSwitches, Rows};
 use crate::event::state::State;
 use crate::hybrid::{Side, Status};
+use crate::linalg::norm;
 use crate::selector::candidates::{Enumeration, Zeros, product};
 use crate::selector::closing::{Bent, Closing, ROUNDING};
 use crate::selector::judge::TIE;

@@ -154,11 +154,7 @@ impl Simulator {
     pub fn consistent(&mut self, t: f64, x: &[f64], horizon: f64) -> Result<Vec<f64>, Status> {
         let mut state = std::mem::take(&mut self.state);
         state.begin(t, x, self.system.n_switches());
-        self.pieces.until = self.mode.load(state.point.t);
-        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
-        state
-            .point
-            .set_sides((0..state.point.sides.len()).map(relay).collect());
+        self.load(&mut state);
         let settled = Initialization::settle(&mut self.mode, &mut state, horizon);
         let x = state.point.x.clone();
         self.state = state;

@@ -23,13 +23,17 @@ impl Simulator {
         }
     }
 
-    /// Finds the mode at the start, taking every surface that holds the state as meeting there.
-    pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+    /// Takes the pieces of data at the start, and the sides on which relays begin.
+    pub(super) fn load(&mut self, state: &mut State) {
         self.pieces.until = self.mode.load(state.point.t);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
-        state
-            .point
-            .set_sides((0..state.point.sides.len()).map(relay).collect());
+        let sides = (0..state.point.sides.len()).map(relay);
+        state.point.set_sides(sides.collect());
+    }
+
+    /// Finds the mode at the start, taking every surface that holds the state as meeting there.
+    pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+        self.load(state);
         let on = self.selector().place(state, horizon, &[])?;
         let t1 = state.point.t + horizon;
         self.pass(state, Met::Surfaces(on), t1)

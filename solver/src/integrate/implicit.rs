@@ -7,7 +7,7 @@ use super::radau::{Implicit, Radau, Shape, Start};
 use super::step::{Step, Stepper, Watch, first_event, is_at_end, met, simultaneous, verify_start};
 use super::stiffness::worth;
 use crate::event::state::{State, Trial};
-use crate::events::roots::Root;
+use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
@@ -116,37 +116,18 @@ impl Stepper {
             stiff.monitor_along(radau, start, &mut state.bands);
             let mut seen = stiff.is_faithful(radau, start, &state.bands, tolerance)
                 && stiff.vouches(radau, start, state, tolerance, &mut self.unseen);
-            let dense = Dense::Collocation(stiff.mode, radau, &stiff.work.psi);
             let closeness = self.tolerance;
-            let event = first_event(&mut self.roots, dense, state, h, closeness);
-            let (mut length, mut triggers) = (h, Vec::new());
-            // What slips in two directions turns too fast where it stops.
-            if let Some((_, Watch::Surface(i))) = event
-                && stiff.mode.is_in_disc(i)
-            {
+            let cut = stiff.cut(&mut self.roots, radau, start, state, h, closeness)?;
+            let Some(cut) = cut else {
                 return Ok(None);
-            }
-            if let Some((root, watch)) = event {
-                verify_start(dense, &state.bands, root.tau, watch, h)?;
-                let at_end = is_at_end(dense, root.tau, h, watch);
-                length = if at_end { h } else { root.tau };
-                if !at_end && start.t + length > start.t {
-                    match stiff.locate(radau, start, root, watch, h) {
-                        Some(tau) => length = tau,
-                        None => seen = false,
-                    }
-                    stiff.monitor_along(radau, start, &mut state.bands);
-                }
-                let dense = Dense::Collocation(stiff.mode, radau, &stiff.work.psi);
-                let reach = radau.reach();
-                triggers = simultaneous(dense, &state.bands, length, reach, watch.switch());
-            }
+            };
+            seen &= cut.is_located;
 
             // What the polynomials did not see shows at the end.
-            stiff.write_end(radau, start, length, &mut state.trial);
+            stiff.write_end(radau, start, cut.length, &mut state.trial);
             let mode = &mut *stiff.mode;
-            mode.eval(start.t + length, &state.trial.x, &state.trial.alpha);
-            let unseen = event.is_none() && mode.on_wrong_side(&state.bands);
+            mode.eval(start.t + cut.length, &state.trial.x, &state.trial.alpha);
+            let unseen = cut.event.is_none() && mode.on_wrong_side(&state.bands);
             if !seen || unseen || mode.turned_over() {
                 state.report.stats.rejected += 1;
                 radau.limit_next(0.5 * h);
@@ -157,16 +138,16 @@ impl Stepper {
                 .approaches
                 .close
                 .retain(|(i, _)| mode.monitored.switches.contains(i));
-            let met = met(event).filter(|(i, _)| mode.monitored.switches.contains(i));
+            let met = met(cut.event).filter(|(i, _)| mode.monitored.switches.contains(i));
             let dense = Dense::Collocation(mode, radau, &stiff.work.psi);
-            mode.note_approaches(dense, state, length, met, closeness);
+            mode.note_approaches(dense, state, cut.length, met, closeness);
             accept(state, radau, h);
             let worth = worth(mode, radau.degree());
             self.stiffness.after_implicit(h, worth);
             return Ok(Some(Step {
-                length,
-                reaches_end: length >= remaining,
-                triggers,
+                length: cut.length,
+                reaches_end: cut.length >= remaining,
+                triggers: cut.triggers,
                 defect: radau.error(),
                 implicit: true,
                 ..Step::default()
@@ -211,6 +192,16 @@ impl Mode {
     }
 }
 
+/// Where an event cuts a step.
+struct Cut {
+    event: Option<(Root, Watch)>,
+    length: f64,
+    /// The switches that the event is of.
+    triggers: Vec<usize>,
+    /// Whether the step that ends there could be solved.
+    is_located: bool,
+}
+
 /// A mode as the implicit method sees it.
 struct Stiff<'a> {
     mode: &'a mut Mode,
@@ -238,6 +229,48 @@ impl Stiff<'_> {
         }
         unseen.tell(self.mode, state);
         true
+    }
+
+    /// Where the first event within a step of length h cuts it; none where the method is not for what is met.
+    fn cut(
+        &mut self,
+        roots: &mut RootFinder,
+        radau: &mut Radau,
+        start: &Start,
+        state: &mut State,
+        h: f64,
+        closeness: f64,
+    ) -> Result<Option<Cut>, Status> {
+        let dense = Dense::Collocation(self.mode, radau, &self.work.psi);
+        let mut cut = Cut {
+            event: first_event(roots, dense, state, h, closeness),
+            length: h,
+            triggers: Vec::new(),
+            is_located: true,
+        };
+        let Some((root, watch)) = cut.event else {
+            return Ok(Some(cut));
+        };
+        // What slips in two directions turns too fast where it stops.
+        if let Watch::Surface(i) = watch
+            && self.mode.is_in_disc(i)
+        {
+            return Ok(None);
+        }
+        verify_start(dense, &state.bands, root.tau, watch, h)?;
+        let at_end = is_at_end(dense, root.tau, h, watch);
+        cut.length = if at_end { h } else { root.tau };
+        if !at_end && start.t + cut.length > start.t {
+            match self.locate(radau, start, root, watch, h) {
+                Some(tau) => cut.length = tau,
+                None => cut.is_located = false,
+            }
+            self.monitor_along(radau, start, &mut state.bands);
+        }
+        let dense = Dense::Collocation(self.mode, radau, &self.work.psi);
+        let (length, reach) = (cut.length, radau.reach());
+        cut.triggers = simultaneous(dense, &state.bands, length, reach, watch.switch());
+        Ok(Some(cut))
     }
 
     /// The length of the step that ends where `watch` is zero, by Newton's method from the root of its

@@ -4,8 +4,8 @@ use super::implicit::Workspace;
 use super::singular_rates;
 use super::stiffness::{MOST_NODES, Stiffness};
 use crate::contact::coefficients::Coefficients;
-use crate::contact::friction_disk;
-use crate::contact::friction_disk::{Disk, NearRest};
+use crate::contact::friction_disc;
+use crate::contact::friction_disc::{Disc, NearRest};
 use crate::contact::prediction;
 use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
@@ -290,7 +290,7 @@ impl Stepper {
         let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
         let stops = (cut.event.as_ref()).is_some_and(|(_, watch)| is_blurred(*watch));
         let seen = if stops {
-            friction_disk::DIRECTED * cut.length
+            friction_disc::DIRECTED * cut.length
         } else {
             cut.length
         };
@@ -458,8 +458,8 @@ pub(crate) fn first_event(
         let alpha = dense.alpha(i);
         let reach = first.map_or(h, |(root, _)| root.tau);
         let mut margin = std::mem::take(&mut roots.margin);
-        let disk = Disk::of(dense, i);
-        if let Some(root) = disk.and_then(|disk| disk.leaves(roots, &mut margin, reach)) {
+        let disc = Disc::of(dense, i);
+        if let Some(root) = disc.and_then(|disc| disc.leaves(roots, &mut margin, reach)) {
             first = Some((root, Watch::Disc(i)));
         }
         roots.margin = margin;
@@ -561,14 +561,14 @@ pub(crate) fn simultaneous(
     let mode = dense.mode();
     let together = |&i: &usize| {
         let alpha = series::value(dense.alpha(i), tau);
-        Disk::of(dense, i).is_some_and(|disk| disk.is_at_rim(tau))
+        Disc::of(dense, i).is_some_and(|disc| disc.is_at_rim(tau))
             || (mode.limits(i).iter()).any(|limit| (alpha - limit).abs() <= TOGETHER)
     };
     let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
     let reached = |&i: &usize| {
         let c = dense.psi(i);
         let size = match mode.is_in_disc(i) {
-            true => friction_disk::STOPS * bands.width[i],
+            true => friction_disc::STOPS * bands.width[i],
             false => TOGETHER * series::magnitude(c, h, 0),
         };
         !bands.armed[i] && series::value(c, tau).abs() <= size
@@ -649,9 +649,9 @@ impl Mode {
                             series::slope(self.alpha_series(i), tau),
                         ),
                         _ => {
-                            let disk = Disk::of(Dense::Taylor(self), watch.switch());
-                            let disk = disk.expect("it has two entries");
-                            disk.margin_at(tau, &state.trial.alpha)
+                            let disc = Disc::of(Dense::Taylor(self), watch.switch());
+                            let disc = disc.expect("it has two entries");
+                            disc.margin_at(tau, &state.trial.alpha)
                         }
                     }
                 }

@@ -43,13 +43,24 @@ pub struct Singular {
 impl<T: Number> DenseLu<T> {
     /// Memory for an n × n matrix.
     pub fn new(n: usize) -> Self {
-        DenseLu {
-            factors: vec![T::zero(); n * n],
-            inverses: vec![T::zero(); n],
-            pivots: vec![0; n],
-            row_scale: vec![0.0; n],
-            column_scale: vec![0.0; n],
-        }
+        let mut lu = DenseLu {
+            factors: Vec::new(),
+            inverses: Vec::new(),
+            pivots: Vec::new(),
+            row_scale: Vec::new(),
+            column_scale: Vec::new(),
+        };
+        lu.resize(n);
+        lu
+    }
+
+    /// Makes it one for n × n matrices, in the memory it has.
+    pub fn resize(&mut self, n: usize) {
+        self.factors.resize(n * n, T::zero());
+        self.inverses.resize(n, T::zero());
+        self.pivots.resize(n, 0);
+        self.row_scale.resize(n, 0.0);
+        self.column_scale.resize(n, 0.0);
     }
 
     /// Factors the row-major `matrix`.
@@ -300,6 +311,21 @@ fn solve<T: Number>(a: &[T], inverses: &[T], pivots: &[usize], rhs: &mut [T]) {
         let sum = dot(&a[row * n + row + 1..(row + 1) * n], &rhs[row + 1..]);
         rhs[row] = (rhs[row] - sum) * inverses[row];
     }
+}
+
+/// |v|, without overflow.
+pub(crate) fn norm(v: &[f64]) -> f64 {
+    match v {
+        [one] => one.abs(),
+        _ => v.iter().copied().fold(0.0, f64::hypot),
+    }
+}
+
+/// max |v_i|; NaN if one is.
+pub(crate) fn largest(v: &[f64]) -> f64 {
+    let worse = |most: f64, v: f64| v > most || v.is_nan();
+    let magnitudes = v.iter().map(|v| v.abs());
+    magnitudes.fold(0.0, |most, v| if worse(most, v) { v } else { most })
 }
 
 /// Σ a_i b_i over the shorter of the two.

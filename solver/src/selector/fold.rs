@@ -22,7 +22,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::scales::Bands;
 use crate::hybrid::Status;
 use crate::hybrid::point::Point;
-use crate::linalg::DenseLu;
+use crate::linalg::{DenseLu, norm};
 
 /// Steps end at the fold once α is this close to it.
 const CLOSE: f64 = 3e-5;
@@ -282,8 +282,4 @@ impl Mode {
 /// a + c b
 fn sum(a: &[f64], c: f64, b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a + c * b).collect()
-}
-
-fn norm(a: &[f64]) -> f64 {
-    a.iter().map(|a| a * a).sum::<f64>().sqrt()
 }

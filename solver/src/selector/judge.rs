@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use super::select::Choice;
-use crate::contact::friction_disk::{Disk, NearRest};
+use crate::contact::friction_disc::{Disc, NearRest};
 use crate::contact::prediction;
 use crate::contact::slip_onset::SlipOnset;
 use crate::event::state::State;
@@ -147,8 +147,8 @@ impl<'a> Judge<'a> {
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
                 _ if mode.is_second(i) => continue,
-                side if mode.is_in_disc(i) => Disk::of(Dense::Taylor(mode), i)
-                    .map_or(0.0, |disk| disk.inside(side, &alpha, rates[at])),
+                side if mode.is_in_disc(i) => Disc::of(Dense::Taylor(mode), i)
+                    .map_or(0.0, |disc| disc.inside(side, &alpha, rates[at])),
                 Side::Slide if mode.system.role(i) != Role::Step => continue,
                 Side::Slide if mode.system.is_unilateral(i) => {
                     let force = 1.0 - choice.alpha[at];
@@ -397,8 +397,8 @@ impl Judge<'_> {
             return true;
         }
         if self.mode.is_in_disc(switch) {
-            let disk = Disk::of(Dense::Taylor(self.mode), switch);
-            return disk.is_none_or(|disk| disk.goes_on(h));
+            let disc = Disc::of(Dense::Taylor(self.mode), switch);
+            return disc.is_none_or(|disc| disc.goes_on(h));
         }
         let series = self.mode.alpha_series(switch);
         let inward = if series[0] <= tie && !self.mode.system.is_unilateral(switch) {

@@ -4,8 +4,6 @@
 //! that does not know of it begins in the wrong modes. Contacts never close in them, as what stands still at an instant
 //! takes time in the program.
 
-use std::collections::HashMap;
-
 use crate::expr::Var;
 use crate::limit::Limit;
 use crate::lowering::dcs::{directed, solve_in_mode};
@@ -270,19 +268,14 @@ fn fill(
                 set(layout.x(k, j, m) + i, value);
             }
         }
-        let known = |row: &[f64]| {
-            let states = system.states.iter().map(|state| state.var).zip(row);
-            let params = system.params.iter().map(|param| (param.var, &param.value));
-            let known = states.chain(params);
-            let known: HashMap<Var, f64> = known
-                .filter_map(|(var, &value)| Some((var.as_variable()?, value)))
-                .collect();
-            move |var: Var| known.get(&var).copied().unwrap_or(f64::NAN)
+        let known = |c: f64, row: &[f64]| {
+            let known = system.valuation(start + c * h, &row[..n], &[]);
+            move |var: Var| known.number(var)
         };
         let mut alphas = within[n..n + system.switches.len()].to_vec();
         settle(problem, &mut alphas);
-        directed(system, &mut alphas, &known(&within));
-        let value = known(&row);
+        directed(system, &mut alphas, &known(inside, &within));
+        let value = known(*c, &row);
         let found = solve_in_mode(system, &problem.dcs, &alphas, &value);
         let is_first = (k, j) == (1, 1);
         for (i, z) in found.algebraics.into_iter().enumerate() {

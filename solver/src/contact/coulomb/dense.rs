@@ -1,8 +1,8 @@
 //! Contacts of an island as a problem of numbers: W is written out for solvers that take all of it at once.
 
 use super::island::{Island, Motion};
-use super::lemke::Pivoting;
-use super::newton;
+use super::lemke::{Pivoting, unknowns};
+use super::newton::Newton;
 use super::problem::Problem;
 
 /// Unknowns up to which pivots, and steps of Newton's method, are worth their matrix.
@@ -14,6 +14,7 @@ const MOST_NEWTON: usize = 300;
 pub(crate) struct DenseIsland {
     problem: Problem,
     pivoting: Pivoting,
+    pub newton: Newton,
     /// The contacts that take part.
     contacts: Vec<u32>,
     /// By row of W the row of J, and the unit of its impulse.
@@ -27,8 +28,8 @@ impl DenseIsland {
     pub fn pivot(&mut self, island: &Island, motion: &mut Motion) -> bool {
         self.contacts.clear();
         self.contacts.extend_from_slice(island.members);
-        let unknowns = |c: &u32| 1 + 3 * tangential_dimension(island, *c as usize);
-        if self.contacts.iter().map(unknowns).sum::<usize>() > MOST_PIVOTING {
+        let of_contact = |c: &u32| unknowns(tangential_dimension(island, *c as usize));
+        if self.contacts.iter().map(of_contact).sum::<usize>() > MOST_PIVOTING {
             return false;
         }
         motion.clear(island);
@@ -49,6 +50,7 @@ impl DenseIsland {
     /// where there is none, or too many unknowns.
     pub fn refine(&mut self, island: &Island, motion: &mut Motion) -> bool {
         self.contacts.clear();
+        self.newton.factorizations = 0;
         let pushes = |c: &u32| motion.trial_normal(island, *c as usize) > 0.0;
         self.contacts
             .extend(island.members.iter().copied().filter(pushes));
@@ -74,11 +76,11 @@ impl DenseIsland {
         for (force, unit) in self.forces.iter_mut().zip(&self.units) {
             *force /= unit;
         }
-        if newton::refine(&self.problem, &mut self.forces).is_none() {
-            return false;
+        let solved = self.newton.solve(&self.problem, &mut self.forces).is_some();
+        if solved {
+            self.apply(island, motion);
         }
-        self.apply(island, motion);
-        true
+        solved
     }
 
     /// The problem of the contacts that take part, which have no impulses.

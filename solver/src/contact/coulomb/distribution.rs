@@ -8,8 +8,8 @@
 //! is least, which is the same share of its cone for feet that a body stands on; and as they change along a mode, the
 //! least change of that kind is taken. So none of them is at its limit much before all are.
 
-use super::law::norm;
 use super::problem::{Delassus, Problem};
+use crate::linalg::norm;
 use crate::linalg::redundancy::eliminate;
 
 /// A rate, relative to those of the problem, that is none.

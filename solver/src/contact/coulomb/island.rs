@@ -123,11 +123,15 @@ impl<'p> Island<'p> {
         [x + a, y + b]
     }
 
-    /// How much the laws are violated without impulses.
+    /// How much the laws are violated without impulses; NaN where the rate of a gap is.
     pub fn scale(&self, v: &[f64]) -> f64 {
         let mut scale = 0.0_f64;
         for (c, _) in self.iter() {
-            scale = scale.max(-self.rate(c, v));
+            let rate = self.rate(c, v);
+            if rate.is_nan() {
+                return rate;
+            }
+            scale = scale.max(-rate);
         }
         if scale > 0.0 {
             for (c, _) in self.iter().filter(|(_, contact)| contact.is_rough()) {
@@ -175,7 +179,7 @@ impl Motion<'_> {
         [a + x / tangential, b + y / tangential]
     }
 
-    /// Largest |min(Λ W_nn, a)|, and the same for friction.
+    /// Largest |min(Λ W_nn, a)|, and the same for friction; NaN where one of them is no number.
     pub fn residual(&self, island: &Island) -> f64 {
         let mut residual = 0.0_f64;
         for (c, contact) in island.iter() {
@@ -190,6 +194,9 @@ impl Motion<'_> {
                 let beta = self.impulses.tangential[c];
                 let wanted = law::bounded(self.trial_friction(island, c), most);
                 let missing = law::length([wanted[0] - beta[0], wanted[1] - beta[1]]);
+                if !missing.is_finite() {
+                    return f64::NAN;
+                }
                 residual = residual.max(missing * tangential);
             }
         }

@@ -13,12 +13,13 @@ use super::dense::DenseIsland;
 use super::island::{Impulses, Island, Kept, Laws, Motion};
 use super::islands::Islands;
 use super::lemke::Pivoting;
+use super::newton::{Newton, ROUNDED};
 use super::problem::{NoSolution, Problem, Solution};
 use super::rows::{ContactRows, Mass, Rows};
 use super::sweep::sweep;
-use super::{convex, distribution, newton};
+use super::{convex, distribution};
 
-/// Residual that is accepted where sweeps and equations get no further.
+/// Residual, relative to the rates, that is accepted where solvers get no further.
 const ACCEPTED: f64 = 1e-6;
 /// Sweeps between two attempts to solve for all at once.
 const SWEEPS: usize = 16;
@@ -51,13 +52,16 @@ pub(crate) fn solve(problem: &Problem, slips: &[f64]) -> Result<Solution, NoSolu
         return Err(NoSolution::NotFound);
     }
     if (0..n).any(|i| w.slips(i).len() > 1) {
-        let error = newton::refine(&scaled, &mut forces);
-        if error.is_none_or(|error| error > newton::ROUNDED) {
+        let error = Newton::default().solve(&scaled, &mut forces);
+        if error.is_none_or(|error| error > ROUNDED) {
             return Err(NoSolution::NotFound);
         }
         distribution::distribute(&scaled, &units, &mut forces);
     }
     let residual = scaled.residual(&forces);
+    if residual > ACCEPTED {
+        return Err(NoSolution::NotFound);
+    }
     for i in 0..n {
         forces[i] *= scale * units[i];
         let of_contact = forces[w.slip_rows(i)].iter_mut();
@@ -113,7 +117,8 @@ pub(crate) struct Ladder {
 #[derive(Default)]
 pub(crate) struct Solvers {
     options: Options,
-    /// Sweeps, and attempts to solve for all impulses of an island at once.
+    /// Sweeps, and factorizations of what solves for all impulses of an island at once: pivots, and a convex program,
+    /// count as one.
     pub sweeps: usize,
     pub factorizations: usize,
     active_set: ActiveSet,
@@ -170,6 +175,9 @@ impl Solvers {
     /// Solves for the impulses of an island; the relative residual.
     fn solve(&mut self, island: &Island, mass: &Mass, motion: &mut Motion) -> f64 {
         let scale = island.scale(motion.v);
+        if scale.is_nan() {
+            return scale;
+        }
         if scale == 0.0 {
             for (c, _) in island.iter() {
                 motion.impulses.normal[c] = 0.0;
@@ -241,12 +249,15 @@ impl Solvers {
             By::Program(_) | By::Pivoting | By::Newton => 1,
         };
         for _ in 0..guesses {
-            self.factorizations += 1;
             let solved = match by {
                 By::Equations => self.active_set.solve(island, motion),
                 By::Newton => self.dense.refine(island, motion),
                 By::Program(mass) => convex::solve(island, mass, motion),
                 By::Pivoting => self.dense.pivot(island, motion),
+            };
+            self.factorizations += match by {
+                By::Newton => self.dense.newton.factorizations,
+                By::Equations | By::Program(_) | By::Pivoting => 1,
             };
             let residual = motion.residual(island);
             if !solved || residual.is_nan() {

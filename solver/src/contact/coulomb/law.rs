@@ -171,14 +171,6 @@ pub(crate) fn length([x, y]: Pair) -> f64 {
     if y == 0.0 { x.abs() } else { x.hypot(y) }
 }
 
-/// |v|
-pub(crate) fn norm(v: &[f64]) -> f64 {
-    match v {
-        [one] => one.abs(),
-        _ => v.iter().copied().fold(0.0, f64::hypot),
-    }
-}
-
 fn unit([x, y]: Pair) -> Pair {
     let length = x.hypot(y);
     [x / length, y / length]

@@ -14,6 +14,15 @@ use crate::optimization::lcp;
 /// Directions of the polygon inside a disc.
 const FACETS: usize = 8;
 
+/// Unknowns of the linear problem for a contact of this tangential dimension: λ - λ₀, a β for each direction, and γ.
+pub(crate) fn unknowns(dim: usize) -> usize {
+    match dim {
+        0 => 1,
+        1 => 1 + 2 + 1,
+        _ => 1 + FACETS + 1,
+    }
+}
+
 /// A direction of friction.
 #[derive(Clone, Copy)]
 struct Facet {

@@ -3,9 +3,8 @@
 //! r = q + W p with p = (λ, -β) and r = (a, b), contacts first and behind them all entries of slip velocities. W need
 //! not be symmetric: where J_t of the friction has μ in it, which is 1 then, D_t = M⁻¹J_tμ.
 
+use crate::linalg::norm;
 use std::ops::Range;
-
-use super::law::norm;
 
 /// A force that changes its own rate by less than this share of its parts does not push.
 const PUSH: f64 = 1e-12;

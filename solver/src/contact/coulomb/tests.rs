@@ -4,10 +4,10 @@
 
 use super::islands::Islands;
 use super::ladder::{Ladder, Options, solve};
-use super::law::norm;
 use super::problem::{Delassus, NoSolution, Problem, Solution, Work};
 use super::rows::{ContactRows, Mass, Rows};
 use crate::hybrid::ImpactLaw;
+use crate::linalg::norm;
 use nalgebra::{DMatrix, DVector};
 
 /// Velocities of a body.
@@ -72,6 +72,40 @@ impl Scene {
             rows,
             masses,
         }
+    }
+
+    /// The impulses of all contacts as those of islands, and v behind them.
+    fn solve_island(&mut self, ladder: &mut Ladder, islands: &mut Islands) -> Result<(), usize> {
+        let dim = self.dim;
+        let mut mass = Mass::new((0..self.masses.len() / OF_BODY).map(|_| OF_BODY));
+        assert!(mass.write(|entries| {
+            for (body, block) in entries.chunks_mut(OF_BODY * OF_BODY).enumerate() {
+                (0..OF_BODY).for_each(|k| {
+                    block[k * OF_BODY + k] = self.masses[body * OF_BODY + k];
+                });
+            }
+        }));
+        let (mut rows, mut touched) = (Rows::default(), Vec::new());
+        rows.clear();
+        for row in &self.rows {
+            let entries = row.iter().copied().enumerate();
+            let entries: Vec<(usize, f64)> = entries.filter(|(_, j)| *j != 0.0).collect();
+            rows.push(&mass, &entries, &mut touched);
+        }
+        let contacts = (0..self.n_contacts()).map(|i| ContactRows {
+            normal: i * (1 + dim),
+            slips: dim,
+        });
+        let options = Options {
+            attempts: 12,
+            tolerance: 1e-11,
+            rounding: 0.0,
+        };
+        ladder.begin(&rows, contacts.clone(), options);
+        ladder.laws.friction.copy_from_slice(&self.mu);
+        islands.begin(&mass);
+        islands.join(&rows, contacts, &mass);
+        ladder.solve(&rows, islands, &mass, &mut self.v)
     }
 
     fn n_contacts(&self) -> usize {
@@ -299,11 +333,6 @@ fn islands_are_solved_from_sweeps_on() {
     let mut numbers = Numbers(4);
     let mut islands = Islands::default();
     let mut ladder = Ladder::default();
-    let options = Options {
-        attempts: 12,
-        tolerance: 1e-11,
-        rounding: 0.0,
-    };
     for dim in [0, 1, 2] {
         let (mut solved, mut failed) = (0, 0);
         for case in 0..300 {
@@ -314,30 +343,8 @@ fn islands_are_solved_from_sweeps_on() {
             if has_paradox(&problem) {
                 continue;
             }
-            let mut mass = Mass::new((0..scene.masses.len() / OF_BODY).map(|_| OF_BODY));
-            assert!(mass.write(|entries| {
-                for (body, block) in entries.chunks_mut(OF_BODY * OF_BODY).enumerate() {
-                    (0..OF_BODY).for_each(|k| {
-                        block[k * OF_BODY + k] = scene.masses[body * OF_BODY + k];
-                    });
-                }
-            }));
-            let (mut rows, mut touched) = (Rows::default(), Vec::new());
-            rows.clear();
-            for row in &scene.rows {
-                let entries = row.iter().copied().enumerate();
-                let entries: Vec<(usize, f64)> = entries.filter(|(_, j)| *j != 0.0).collect();
-                rows.push(&mass, &entries, &mut touched);
-            }
-            let contacts = (0..n).map(|i| ContactRows {
-                normal: i * (1 + dim),
-                slips: dim,
-            });
-            ladder.begin(&rows, contacts.clone(), options);
-            ladder.laws.friction.copy_from_slice(&scene.mu);
-            islands.begin(&mass);
-            islands.join(&rows, contacts, &mass);
-            match ladder.solve(&rows, &mut islands, &mass, &mut scene.v) {
+            let found = scene.solve_island(&mut ladder, &mut islands);
+            match found {
                 Ok(()) => solved += 1,
                 Err(_) => {
                     failed += 1;
@@ -362,5 +369,29 @@ fn islands_are_solved_from_sweeps_on() {
         }
         assert!(failed <= [0, 3, 6][dim], "{dim}: {failed}");
         assert!(solved > 150, "{dim}: {solved}");
+    }
+}
+
+#[test]
+fn what_is_no_number_is_no_solution() {
+    let w = Delassus::new([1].into_iter(), |row, column| {
+        f64::from(u8::from(row == column))
+    });
+    let problem = Problem::new(w, vec![0.5], vec![-1.0, 0.1]);
+    assert!(problem.residual(&[1.0, -0.1]) < 1e-15);
+    for bad in [f64::NAN, f64::INFINITY] {
+        assert_eq!(problem.residual(&[bad, 0.0]), f64::INFINITY);
+        assert_eq!(problem.residual(&[1.0, bad]), f64::INFINITY);
+    }
+    let (mut islands, mut ladder) = (Islands::default(), Ladder::default());
+    for dim in [0, 1, 2] {
+        let mut scene = Scene::random(&mut Numbers(7), 4, dim, 0.0, false);
+        for at in 0..scene.v.len() {
+            scene.v[at] = f64::NAN;
+            let touches = scene.rows.iter().any(|row| row[at] != 0.0);
+            let found = scene.solve_island(&mut ladder, &mut islands);
+            assert_eq!(found.is_err(), touches, "{dim}, {at}");
+            scene = Scene::random(&mut Numbers(7), 4, dim, 0.0, false);
+        }
     }
 }

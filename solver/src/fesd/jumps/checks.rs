@@ -1,8 +1,9 @@
 //! What must hold of a step of contacts besides its equations.
 
-use super::{Program, SHORTEST, StepProgram, Stepper, largest};
+use super::{Program, SHORTEST, StepProgram, Stepper};
 use crate::hybrid::Coefficient;
 use crate::integrate::tableau::lagrange;
+use crate::linalg::largest;
 
 /// Impulses below this are rounding.
 const IMPULSE: f64 = 1e-9;
@@ -24,7 +25,7 @@ impl Stepper {
             self.contacts.gaps.iter().all(|&gap| {
                 let values = (0..step.points.len()).map(|m| step.z(w, j, m, gap));
                 let values: Vec<f64> = values.collect();
-                let size = largest(&values);
+                let size = largest(&values).max(1.0);
                 weights.iter().all(|weights| {
                     let value: f64 = weights.iter().zip(&values).map(|(l, v)| l * v).sum();
                     value >= -BELOW * size
@@ -51,7 +52,7 @@ impl Stepper {
             let from = t;
             t += w[step.elements[j].length].max(0.0);
             let x = step.states(w, j, 0);
-            let size = largest(x);
+            let size = largest(x).max(1.0);
             let lasts = from > 0.0 && self.struck(step, w, j, &open).is_empty();
             let is_closed: Vec<bool> = (self.contacts.forces.iter())
                 .map(|&force| (1..=step.nodes).any(|m| step.z(w, j, m, force) > IMPULSE))
@@ -69,7 +70,7 @@ impl Stepper {
 
     /// Contacts that meet at the start.
     pub(crate) fn come_together(&mut self, x: &[f64]) -> Vec<bool> {
-        let size = largest(x);
+        let size = largest(x).max(1.0);
         let laws = self.laws(0.0, x);
         laws.map(|[speed, ..]| speed < -OPENING * size).collect()
     }

@@ -12,6 +12,7 @@
 mod checks;
 mod program;
 
+use crate::linalg::largest;
 use crate::optimization::mpcc;
 use crate::optimization::mpcc::Options;
 use crate::optimization::problem::Mpcc;
@@ -120,7 +121,7 @@ impl Stepper {
         self.work.relaxed += found.stats.relaxed;
         let residuals = &found.residuals;
         let violation = residuals.violation.max(residuals.complementarity);
-        let size = largest(step.before(&found.w, 0));
+        let size = largest(step.before(&found.w, 0)).max(1.0);
         let is_feasible = found.is_feasible() && violation <= FEASIBLE * size;
         let holds = is_feasible
             && self.stays_above(step, &found.w)
@@ -168,9 +169,4 @@ impl Stepper {
         let laws = self.values.chunks_exact(3);
         laws.map(|law| [law[0], law[1], law[2]])
     }
-}
-
-/// The largest magnitude, or 1.
-fn largest(x: &[f64]) -> f64 {
-    x.iter().fold(1.0, |m: f64, x| m.max(x.abs()))
 }

@@ -10,11 +10,11 @@
 
 use super::direction::Step;
 use super::filter::{Filter, Merit};
-use super::kkt::largest;
 use super::options::BarrierRule;
 use super::residuals::Errors;
 use super::solution::Failure;
 use super::{KAPPA_EPSILON, Run, TAU_MIN};
+use crate::linalg::largest;
 
 const KAPPA_MU: f64 = 0.2;
 const THETA_MU: f64 = 1.5;

@@ -10,8 +10,8 @@
 //! tends to the direction of the least curvature.
 
 use super::Run;
-use super::kkt::largest;
 use super::solution::Status;
+use crate::linalg::largest;
 
 /// Curvature, in the scaled problem, that is not told apart from none.
 const FLAT: f64 = 1e-6;

@@ -8,8 +8,9 @@
 //! Infinite distances drop out by themselves.
 
 use super::Run;
-use super::kkt::{Entries, largest};
+use super::kkt::Entries;
 use super::solution::Failure;
+use crate::linalg::largest;
 
 /// Weight of the distance of a variable from its only bound, so that it does not run away.
 /// Wächter & Biegler 2006, section 3.7.

@@ -5,7 +5,7 @@
 use super::Run;
 use super::direction::Step;
 use super::filter::{GAMMA_PHI, GAMMA_THETA, Merit, at_most};
-use super::kkt::largest;
+use crate::linalg::largest;
 
 const ETA: f64 = 1e-8;
 const DELTA: f64 = 1.0;

@@ -23,12 +23,13 @@ pub use options::{BarrierRule, Options};
 pub use progress::{Observer, Progress};
 pub use solution::{Failure, Point, Residuals, Solution, Status};
 
+use crate::linalg::largest;
 use crate::optimization::problem::Nlp;
 use barrier::Barrier;
 use direction::Step;
 use filter::Filter;
 use form::Form;
-use kkt::{Kkt, largest};
+use kkt::Kkt;
 use line_search::Search;
 use residuals::Errors;
 use restoration::Elastic;

@@ -3,8 +3,8 @@
 //! E_μ = max(‖∇L‖ / s_d, ‖r‖, ‖d z - μ‖ / s_c) in the maximum norm, Wächter & Biegler 2006, eq. (5).
 
 use super::Run;
-use super::kkt::largest;
 use super::solution::Residuals;
+use crate::linalg::largest;
 
 /// Multipliers above this average size scale the dual errors down.
 const S_MAX: f64 = 100.0;

@@ -6,10 +6,10 @@
 //! keeps its pattern. Wächter & Biegler 2006, section 3.3.
 
 use super::filter::Merit;
-use super::kkt::largest;
 use super::progress::Observer;
 use super::solution::{Failure, Status};
 use super::{Exit, Run};
+use crate::linalg::largest;
 
 const RHO: f64 = 1e3;
 /// The violation has to fall to this share.

@@ -3,8 +3,8 @@
 //! Wächter & Biegler 2006, sections 3.6 to 3.8.
 
 use super::Run;
-use super::kkt::largest;
 use super::solution::{Failure, Point, Status};
+use crate::linalg::largest;
 
 /// Distance from bounds relative to their size, and to the range between both.
 const KAPPA_1: f64 = 1e-2;

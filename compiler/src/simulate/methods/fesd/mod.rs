@@ -91,7 +91,7 @@ pub(super) struct ByElements {
     lowering: &'static str,
     algebraics: Vec<String>,
     /// Where switches are nonlinear: the same system event by event.
-    guide: Option<Arc<HybridSystem>>,
+    events: Option<Arc<HybridSystem>>,
     pulses: Pulses,
     /// What the first run has left.
     left: Left,
@@ -123,7 +123,7 @@ impl ByElements {
             library: Library::default(),
             lowering: dcs.formulation.word(),
             algebraics: dcs.algebraics.iter().map(|z| z.var.to_string()).collect(),
-            guide: system.first_nonlinear().map(|_| hybrid::lower(system)),
+            events: system.first_nonlinear().map(|_| hybrid::lower(system)),
             pulses,
             left: Left::default(),
             allowed: None,
@@ -163,7 +163,7 @@ impl<'e> Run<'e> for ByElements {
             grid: grid(options, accuracy),
             ..fesd::Settings::new(options.scheme.0, nodes)
         };
-        let simulator = simulator(&self.complementarity, self.guide.as_ref(), settings);
+        let simulator = simulator(&self.complementarity, self.events.as_ref(), settings);
         let mut simulator = simulator.knowing(std::mem::take(&mut self.library));
         let is_kept = problem.multipliers && !accuracy.is_finer;
         let mut keeper = Keeper {
@@ -238,15 +238,15 @@ impl<'e> Run<'e> for ByElements {
 }
 
 /// A simulator whose number of nodes has been checked. Where switches are nonlinear, complementarity does not say which
-/// of several sliding modes is taken: `guide` does.
+/// of several sliding modes is taken: the selection of events does.
 pub(super) fn simulator<'s>(
     complementarity: &'s ComplementaritySystem,
-    guide: Option<&'s Arc<HybridSystem>>,
+    events: Option<&'s Arc<HybridSystem>>,
     settings: fesd::Settings,
 ) -> Simulator<'s> {
     let simulator = Simulator::new(complementarity, settings);
     let simulator = simulator.expect("the number of nodes has been checked");
-    match guide {
+    match events {
         Some(hybrid) => simulator.with_mode_selector(event::Simulator::new(
             hybrid.clone(),
             nsd_solver::hybrid::Settings::default(),

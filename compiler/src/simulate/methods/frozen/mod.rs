@@ -198,18 +198,11 @@ impl InNumericalTime<'_> {
 
 /// The first contact that starts below its surface.
 fn penetration(system: &System) -> Option<Failure> {
-    let params = system.params.iter().map(|param| (param.var, param.value));
-    let states = system.states.iter().map(|state| (state.var, state.initial));
-    let known: Vec<_> = params.chain(states).chain([(system.time, 0.0)]).collect();
+    let x: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    let known = system.valuation(0.0, &x, &[]);
     let contacts = system.switches.iter().enumerate();
     let mut contacts = contacts.filter(|(_, switch)| switch.unilateral);
-    let (deep, switch) = contacts.find(|(_, switch)| {
-        let value = |var| {
-            let at = known.iter().find(|(e, _)| e.as_variable() == Some(var));
-            at.map_or(f64::NAN, |(_, value)| *value)
-        };
-        switch.psi.eval(&value) < -ROUNDING
-    })?;
+    let (deep, switch) = contacts.find(|(_, switch)| known.value(switch.psi) < -ROUNDING)?;
     Some(Failure::Penetrates {
         time: 0.0,
         name: switch.name.clone(),

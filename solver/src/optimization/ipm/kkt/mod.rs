@@ -18,6 +18,7 @@ mod matrix;
 use super::form::Form;
 use super::options::Options;
 use super::solution::Failure;
+use crate::linalg::largest;
 use crate::linalg::symmetric::Inertia;
 use crate::runtime::limit::Limit;
 use factors::Factors;
@@ -276,15 +277,4 @@ impl Correction {
             };
         }
     }
-}
-
-/// max |x_i|; NaN if one is.
-pub(crate) fn largest(x: &[f64]) -> f64 {
-    x.iter().fold(0.0, |m: f64, x| {
-        if x.abs() > m || x.is_nan() {
-            x.abs()
-        } else {
-            m
-        }
-    })
 }

@@ -49,16 +49,16 @@ pub(crate) const RIM: f64 = 1e-9;
 
 /// A slip velocity with two entries, along the step of a mode in which both α are those of u = 2α - 1.
 #[derive(Clone, Copy)]
-pub(crate) struct Disk<'d> {
+pub(crate) struct Disc<'d> {
     dense: Dense<'d>,
     switches: [usize; 2],
 }
 
-impl<'d> Disk<'d> {
+impl<'d> Disc<'d> {
     /// That of the first entry of two.
     pub(crate) fn of(dense: Dense<'d>, switch: usize) -> Option<Self> {
         let other = dense.mode().other(switch)?;
-        Some(Disk {
+        Some(Disc {
             dense,
             switches: [switch, other],
         })
