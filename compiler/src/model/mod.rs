@@ -20,6 +20,7 @@
 mod display;
 pub(crate) mod errors;
 pub(crate) mod expressions;
+mod hir;
 mod names;
 mod resolve;
 pub mod statements;
@@ -34,8 +35,8 @@ pub use crate::model::errors::tables::TableError;
 pub use crate::model::errors::unsupported::Unsupported;
 pub use crate::model::expressions::rows::Comparison;
 pub use crate::model::expressions::tensor::{Shape, Tensor};
+pub use crate::model::hir::import::find;
 pub use crate::model::names::file::check_file;
-pub use crate::model::names::import::find;
 pub use crate::model::names::scope::{Hook, Scope};
 pub use crate::model::names::target::{Target, TargetKind};
 pub use crate::model::statements::cones::Cone;

@@ -220,14 +220,14 @@ const LIBRARIES: [&str; 10] = [
 
 /// What to write instead of a function of another language.
 pub(crate) fn function(name: &str) -> Option<Help> {
-    if crate::model::names::reserved::VALUES.contains(&name) {
+    if crate::model::hir::reserved::VALUES.contains(&name) {
         return Some(format!("write `{name}` without parentheses").into());
     }
     let Some((library, own)) = name.rsplit_once('.') else {
         return find(&FUNCTIONS, name);
     };
     // A function of a library, as in `np.sin`, is meant by its own name.
-    let help = match crate::model::names::reserved::is_function(own) {
+    let help = match crate::model::hir::reserved::is_function(own) {
         true => Help::edit(format!("write `{own}(..)`"), own, Safe),
         false => find(&FUNCTIONS, own)?,
     };

@@ -4,7 +4,7 @@ use miette::Diagnostic;
 use thiserror::Error;
 
 use crate::diagnostics::{Fix, Fixable, Help};
-use crate::model::names::reserved::did_you_mean;
+use crate::model::hir::reserved::did_you_mean;
 use crate::source::Span;
 use crate::source::table::{Fault, Fit};
 

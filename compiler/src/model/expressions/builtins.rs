@@ -4,7 +4,7 @@ use super::calls::{Call, arguments, reduce, wrong};
 use super::{algebra, check};
 use crate::expr::{BinaryFunction, Expr, Function};
 use crate::model::expressions::Lowering;
-use crate::model::names::reserved::arity;
+use crate::model::hir::reserved::arity;
 use crate::model::names::scope::Reported;
 use crate::model::{ModelError, Shape, TableError, Tensor};
 use crate::source::Span;

@@ -5,7 +5,7 @@ use super::check::plural;
 use crate::expr::Expr;
 use crate::model::errors::foreign;
 use crate::model::expressions::{Local, Lowering};
-use crate::model::names::reserved::{did_you_mean, function_names, is_function};
+use crate::model::hir::reserved::{did_you_mean, function_names, is_function};
 use crate::model::names::scope::{Callable, Meaning, Reported, Scope, Value};
 use crate::model::{ModelError, Tensor};
 use crate::source::Span;

@@ -2,11 +2,10 @@
 
 use super::check::plural;
 use crate::model::expressions::{Local, Lowering};
-use crate::model::names::order::free_names;
 use crate::model::names::scope::Reported;
 use crate::model::{ModelError, Shape, Tensor};
 use crate::source::Span;
-use crate::syntax::{self, Binder, Matrix};
+use crate::syntax::{self, Binder, ExprKind, Matrix};
 
 impl<'e> Lowering<'_, 'e> {
     /// Runs `body` with the indices set to each of their values, the last one fastest.
@@ -27,9 +26,14 @@ impl<'e> Lowering<'_, 'e> {
     fn foresee(&mut self, binders: &[Binder]) -> Result<(), Reported> {
         let mut rounds = 1_usize;
         for (at, binder) in binders.iter().enumerate() {
-            let names = [&binder.first, &binder.last].map(free_names).concat();
-            let before = &binders[..at];
-            if before.iter().any(|outer| names.contains(&outer.name.name)) {
+            let mut depends = false;
+            for bound in [&binder.first, &binder.last] {
+                bound.visit(&mut |expr| {
+                    let mut before = binders[..at].iter().map(|outer| &outer.name.name);
+                    depends |= matches!(&expr.kind, ExprKind::Name(name) if before.any(|outer| outer == name));
+                });
+            }
+            if depends {
                 break;
             }
             let first = self.integer(&binder.first, "a loop bound")?;

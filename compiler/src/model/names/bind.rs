@@ -8,13 +8,14 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::parts::{Inner, Instance};
-use super::reserved::did_you_mean;
 use super::scope::{Meaning, Reported};
-use super::{order, target};
+use super::target;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model::expressions::Lowering;
-use crate::model::names::Item;
+use crate::model::hir::Definition;
+use crate::model::hir::order;
+use crate::model::hir::reserved::did_you_mean;
 use crate::model::statements::declare::Declaring;
 use crate::model::{GivenError, ModelError, Quantity, Shape, Target, TargetKind, Tensor};
 use crate::source::Span;
@@ -56,8 +57,8 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         bound: &mut Bound<'e>,
     ) {
         let outer = std::mem::replace(&mut self.level.scope, (*instance.scope).clone());
-        for declared in instance.declared.iter() {
-            let Item::Decl(decl) = declared.item else {
+        for declared in &instance.names.declared {
+            let Definition::Decl(decl) = declared.item else {
                 continue;
             };
             let Some(Meaning::Value(value, kind)) = instance.scope.names.get(&decl.name.name)
@@ -240,7 +241,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             if !scope.forgiving {
                 let help = did_you_mean(&head.name, scope.own_names());
                 self.diags.push(ModelError::NotInModel {
-                    model: inner.instance.item.name.name.clone(),
+                    model: inner.instance.names.item.name.name.clone(),
                     name: head.name.clone(),
                     span: head.span,
                     help,

@@ -15,10 +15,10 @@ use std::rc::Rc;
 use rustc_hash::FxHashMap;
 
 use super::bind::Bound;
-use super::order::{chain, topological};
 use super::scope::{Meaning, Scope};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::model::hir::order::{chain, topological};
 use crate::model::{DynamicsError, Model, ModelError, Named, Quantity, TargetKind, Tensor};
 
 /// Puts in what is given to inputs and controls; false after an error.

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use super::reserved::did_you_mean;
 use super::scope::{Meaning, Reported, Scope, Value};
 use crate::model::ModelError;
 use crate::model::expressions::Lowering;
+use crate::model::hir::reserved::did_you_mean;
 use crate::source::Span;
 use crate::syntax::{Expr, ExprKind, Ident, Index};
 

@@ -6,12 +6,12 @@ use std::rc::Rc;
 use miette::LabeledSpan;
 
 use super::places;
-use super::reserved::{VALUES, did_you_mean, is_function};
 use super::scope::{Meaning, Reported, Value};
 use crate::expr::Expr;
 use crate::model::errors::foreign;
 use crate::model::expressions::check::plural;
 use crate::model::expressions::{Lazy, Local, Lowering};
+use crate::model::hir::reserved::{VALUES, did_you_mean, is_function};
 use crate::model::{ModelError, TargetKind, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Index};

@@ -4,25 +4,23 @@
 //! What the braces give is put in later ([`super::bind`]), so that parts may read each other in any
 //! order; structural constants alone are needed here, because sizes depend on them.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
-use super::file::{self, FileNames, file_names, file_scope};
-use super::import;
+use super::file::file_scope;
 use super::scope::{Meaning, Reported, Scope, Value};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
 use crate::model::ModelError;
 use crate::model::expressions::tensor::Tensor;
 use crate::model::expressions::{Local, Lowering};
-use crate::model::names::{Declared, collect};
-use crate::model::resolve::{has_bad, order};
+use crate::model::hir::order::{names_const, order};
+use crate::model::hir::{self, Hir, import};
 use crate::model::statements::declare::{Declaring, Level};
 use crate::source::Span;
-use crate::syntax::{self, Bind, File, Ident, Index, Part, Path, Segment, Stmt};
+use crate::syntax::{self, Bind, File, Index, Part, Segment, Stmt};
 
 /// Parts inside each other; a model of a system has few levels.
 const MAX_DEPTH: usize = 64;
@@ -31,8 +29,7 @@ const COST: usize = 1000;
 
 /// An instance of a model, declared.
 pub(crate) struct Instance<'f, 'e> {
-    pub item: &'f syntax::Model,
-    pub declared: Rc<Vec<Declared<'f>>>,
+    pub names: Rc<hir::Model<'f>>,
     pub scope: Rc<Scope<'e>>,
     pub parts: Vec<Inner<'f, 'e>>,
 }
@@ -69,66 +66,39 @@ impl Given<'_> {
 
 /// Files with their constants and functions, each looked at once.
 pub(crate) struct Files<'f, 'e> {
-    exprs: &'e Exprs,
-    time: Expr<'e>,
-    budget: Rc<Cell<Option<usize>>>,
-    contexts: FxHashMap<Span, Rc<Context<'f, 'e>>>,
-    collected: FxHashMap<Span, Rc<Vec<Declared<'f>>>>,
-}
-
-struct Context<'f, 'e> {
-    names: FileNames<'f>,
-    scope: Rc<Scope<'e>>,
+    pub hir: Hir<'f>,
+    /// What every scope begins with.
+    empty: Scope<'e>,
+    scopes: FxHashMap<Span, Rc<Scope<'e>>>,
 }
 
 impl<'f, 'e> Files<'f, 'e> {
     pub fn new(exprs: &'e Exprs, time: Expr<'e>) -> Self {
         Files {
-            exprs,
-            time,
-            budget: file::budget(),
-            contexts: FxHashMap::default(),
-            collected: FxHashMap::default(),
+            hir: Hir::default(),
+            empty: Scope::empty(exprs, time),
+            scopes: FxHashMap::default(),
         }
     }
 
-    fn context(&mut self, file: &'f File, diags: &mut Diagnostics) -> Rc<Context<'f, 'e>> {
-        if let Some(context) = self.contexts.get(&file.span) {
-            return Rc::clone(context);
+    fn shared(&mut self, file: &'f File, diags: &mut Diagnostics) -> Rc<Scope<'e>> {
+        if let Some(scope) = self.scopes.get(&file.span) {
+            return Rc::clone(scope);
         }
-        let names = file_names(file, diags);
+        let names = self.hir.file(file, diags);
         // Imports are linked without circles, and not deeply.
         let mut imported = FxHashMap::default();
-        for other in names.files() {
-            let context = self.context(other, diags);
-            imported.insert(other.span, Rc::clone(&context.scope));
+        for other in names.imports().filter_map(|import| import.file) {
+            imported.insert(other.span, self.shared(other, diags));
         }
-        let (exprs, time) = (self.exprs, self.time);
-        let scope = file_scope(exprs, time, &names, &imported, &self.budget, diags);
-        let scope = Rc::new(scope);
-        let context = Rc::new(Context { names, scope });
-        self.contexts.insert(file.span, Rc::clone(&context));
-        context
+        let scope = Rc::new(file_scope(self.empty.clone(), &names, &imported, diags));
+        self.scopes.insert(file.span, Rc::clone(&scope));
+        scope
     }
 
     /// The scope in which the model of a file begins.
     pub fn scope(&mut self, file: &'f File, diags: &mut Diagnostics) -> Scope<'e> {
-        (*self.context(file, diags).scope).clone()
-    }
-
-    fn collected(
-        &mut self,
-        file: &'f File,
-        item: &'f syntax::Model,
-        diags: &mut Diagnostics,
-    ) -> Rc<Vec<Declared<'f>>> {
-        if let Some(declared) = self.collected.get(&item.span) {
-            return Rc::clone(declared);
-        }
-        let context = self.context(file, diags);
-        let declared = Rc::new(collect(item, &context.names, diags));
-        self.collected.insert(item.span, Rc::clone(&declared));
-        declared
+        (*self.shared(file, diags)).clone()
     }
 }
 
@@ -145,7 +115,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let mut scope = self.files.scope(file, self.diags);
         scope.prefix = prefix;
         scope.forgiving |= has_bad(&item.body);
-        let declared = self.files.collected(file, item, self.diags);
+        let names = self.files.hir.model(file, item, self.diags);
         let level = Level {
             item,
             file,
@@ -154,18 +124,17 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             parts: vec![],
         };
         let outer = std::mem::replace(&mut self.level, level);
-        let order = order(&declared, file, with, self.diags);
+        let order = order(&names, with, self.diags);
         // What is not computed, in a cycle, stays like this.
-        for declared in declared.iter() {
+        for declared in &names.declared {
             self.unusable(declared);
         }
         for index in order {
-            self.declare(&declared[index], with);
+            self.declare(&names.declared[index], with);
         }
         let level = std::mem::replace(&mut self.level, outer);
         Instance {
-            item,
-            declared,
+            names,
             scope: Rc::new(level.scope),
             parts: level.parts,
         }
@@ -328,33 +297,13 @@ impl Lowering<'_, '_> {
     }
 }
 
-/// True for a path from a model to a structural constant, its own or one of its parts'.
-pub(crate) fn names_const(file: &File, item: &syntax::Model, path: &Path) -> bool {
-    let (mut file, mut item) = (file, item);
-    let (mut head, mut rest): (&Ident, &[Segment]) = (&path.head, &path.rest);
-    loop {
-        let found = item.body.iter().find_map(|stmt| match stmt {
-            Stmt::Const(known) if known.name.name == head.name => Some(None),
-            Stmt::Part(part) if part.name.name == head.name => Some(Some(part)),
-            _ => None,
-        });
-        let part = match found {
-            Some(Some(part)) => part,
-            Some(None) => return rest.is_empty(),
-            None => return false,
-        };
-        if part.binder.is_some()
-            && let [Segment::Index(_), after @ ..] = rest
-        {
-            rest = after;
-        }
-        let [Segment::Field(field), after @ ..] = rest else {
-            return false;
-        };
-        (head, rest) = (field, after);
-        match import::find_silently(file, &part.model) {
-            Some(found) => (file, item) = found,
-            None => return false,
-        }
-    }
+/// True where a statement could not be read, also in blocks.
+fn has_bad(body: &[Stmt]) -> bool {
+    body.iter().any(|stmt| match stmt {
+        Stmt::Bad(_) => true,
+        Stmt::For(repeat) => has_bad(&repeat.body),
+        Stmt::Region(region) => has_bad(&region.body),
+        Stmt::Hidden(hidden) => has_bad(&hidden.body),
+        _ => false,
+    })
 }

@@ -6,13 +6,16 @@ use std::rc::Rc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::reserved::{VALUES, function_names};
 use super::target;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
 use crate::model::expressions::Lowering;
+use crate::model::hir::reserved::{VALUES, function_names};
 use crate::model::{Target, TargetKind, Tensor};
 use crate::syntax;
+
+/// Work a model may cost with all its parts, in entries made and expressions visited.
+const BUDGET: usize = 4_000_000;
 
 /// Gives meaning to names and calls that only an experiment knows, as `objective` or `events(..)`.
 pub type Hook<'h, 'e> = dyn Fn(&syntax::Expr) -> Option<Tensor<'e>> + 'h;
@@ -78,6 +81,21 @@ pub struct Scope<'e> {
 }
 
 impl<'e> Scope<'e> {
+    /// A scope without names, with a budget of its own.
+    pub(crate) fn empty(exprs: &'e Exprs, time: Expr<'e>) -> Self {
+        Scope {
+            exprs,
+            prefix: String::new(),
+            time,
+            names: FxHashMap::default(),
+            functions: Rc::default(),
+            declares: Rc::default(),
+            of_file: Rc::default(),
+            forgiving: false,
+            budget: Rc::new(Cell::new(Some(BUDGET))),
+        }
+    }
+
     /// The value of an expression over the model; `hook` is asked first about names and calls.
     pub fn expr(
         &self,

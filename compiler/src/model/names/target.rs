@@ -1,9 +1,9 @@
 //! Paths on the left of `=`: which entries of what they name.
 
 use super::places;
-use super::reserved::did_you_mean;
 use super::scope::{Meaning, Reported};
 use crate::model::expressions::Lowering;
+use crate::model::hir::reserved::did_you_mean;
 use crate::model::{ModelError, Shape};
 use crate::syntax::{Ident, Path, Segment};
 

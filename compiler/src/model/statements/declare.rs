@@ -6,10 +6,10 @@ use super::programs;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var};
 use crate::model::expressions::{Lazy, Local, Lowering};
+use crate::model::hir::order::given;
+use crate::model::hir::{Declared, Definition, Frame};
 use crate::model::names::parts::{Files, Given, Inner};
 use crate::model::names::scope::{Meaning, Reported, Scope, Value};
-use crate::model::names::{Declared, Frame, Item};
-use crate::model::resolve::given;
 use crate::model::{Model, ModelError, Named, Quantity, Shape, Statements, TargetKind, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, Bind, DeclKind, NamedKind};
@@ -94,14 +94,14 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
     /// Gives a declared name its meaning. What it needs has one already.
     pub fn declare(&mut self, declared: &Declared<'f>, with: &[Bind]) {
         let meaning = match declared.item {
-            Item::Const(item) => self.constant(item, with),
-            Item::Decl(decl) => self.quantity(decl),
-            Item::Program(program) => self.program(program),
-            Item::Named(named) => self.named(named),
-            Item::Switch(switch) => self.switch(switch, &declared.frames),
-            Item::Part(part) => self.part(part, with),
-            Item::Word(kind) => Ok(Meaning::Word(kind)),
-            Item::Unsupported => Ok(Meaning::Unusable),
+            Definition::Const(item) => self.constant(item, with),
+            Definition::Decl(decl) => self.quantity(decl),
+            Definition::Program(program) => self.program(program),
+            Definition::Named(named) => self.named(named),
+            Definition::Switch(switch) => self.switch(switch, &declared.frames),
+            Definition::Part(part) => self.part(part, with),
+            Definition::Word(kind) => Ok(Meaning::Word(kind)),
+            Definition::Unsupported => Ok(Meaning::Unusable),
         };
         let name = declared.name.name.clone();
         let names = &mut self.level.scope.names;
@@ -129,7 +129,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         let name = &item.name.name;
         let from_outside = self.level.given.iter().find(|given| given.is(name));
         let from_outside = from_outside.map(|given| (given.value.clone(), given.span));
-        let value = given(item, with);
+        let value = given(item, with).unwrap_or(&item.value);
         let what = format!("`{name}`");
         self.lowering(|lowering| {
             let (lowered, span) = match from_outside {

@@ -5,8 +5,9 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::hidden::{self, Range};
 use crate::expr::{Expr, Var};
 use crate::model::expressions::Lowering;
+use crate::model::hir::shared_lets;
 use crate::model::names::scope::{Meaning, Reported};
-use crate::model::names::{local_lets, target};
+use crate::model::names::target;
 use crate::model::{DynamicsError, Model, Rate, Region, Statements, TargetKind};
 use crate::syntax::{self, For, RegionGuard, Stmt};
 
@@ -95,7 +96,7 @@ impl<'e> Walk<'e> {
         repeat: &For,
         sink: &mut Sink<'_, 'e>,
     ) -> Result<(), Reported> {
-        let lets = local_lets(&repeat.body);
+        let lets = shared_lets(&repeat.body);
         let outer = self.indices.len();
         let result = lowering.for_each(&repeat.binders, repeat.span, &mut |lowering| {
             let here = repeat
@@ -235,7 +236,7 @@ impl<'e> Walk<'e> {
             }
             RegionGuard::Else => (Ok((zero, None)), region.name.span),
         };
-        let lets = local_lets(&region.body);
+        let lets = shared_lets(&region.body);
         let base = lowering.open_frame(&lets);
         let mut rates = vec![];
         let body = self.statements(lowering, &region.body, &mut Sink::Region(&mut rates));

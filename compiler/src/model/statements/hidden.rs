@@ -10,8 +10,9 @@ use rustc_hash::FxHashMap;
 use super::dynamics::{Sink, Walk};
 use crate::expr::{Expr, Interval, Node, Var, transform, variables_of};
 use crate::model::expressions::Lowering;
+use crate::model::hir::shared_lets;
 use crate::model::names::scope::Reported;
-use crate::model::names::{local_lets, target};
+use crate::model::names::target;
 use crate::model::{Domain, DynamicsError, Hidden, Model, Rate, SwitchKind, TargetKind};
 use crate::syntax;
 
@@ -135,7 +136,7 @@ impl<'e> Walk<'e> {
                 return lowering.error(DynamicsError::NotASwitch { name, span });
             }
         };
-        let lets = local_lets(&hidden.body);
+        let lets = shared_lets(&hidden.body);
         let base = lowering.open_frame(&lets);
         let mut rates = vec![];
         let result = self.statements(lowering, &hidden.body, &mut Sink::Hidden(&mut rates));

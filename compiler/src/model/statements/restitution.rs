@@ -9,7 +9,7 @@ use nsd_solver::contact::ImpactLaw;
 use crate::expr::Expr;
 use crate::model::DynamicsError;
 use crate::model::expressions::Lowering;
-use crate::model::names::reserved::{VALUES, closest, is_function};
+use crate::model::hir::reserved::{VALUES, closest, is_function};
 use crate::model::names::scope::Reported;
 use crate::source::Span;
 use crate::syntax::{self, Arg, ExprKind};

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::declare::{Declaring, in_frames};
 use crate::expr::Expr;
 use crate::model::expressions::Lowering;
-use crate::model::names::Frame;
+use crate::model::hir::Frame;
 use crate::model::names::scope::{Meaning, Reported, Value};
 use crate::model::{DynamicsError, NamedSwitch, SwitchKind, TargetKind, Tensor, Thresholds};
 use crate::source::Span;

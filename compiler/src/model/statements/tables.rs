@@ -2,7 +2,7 @@
 
 use super::declare::Declaring;
 use crate::model::errors::tables::{FORM, Places, TableError};
-use crate::model::names::reserved::did_you_mean;
+use crate::model::hir::reserved::did_you_mean;
 use crate::model::names::scope::{Meaning, Reported};
 use crate::model::{Data, Named, TargetKind, Tensor};
 use crate::source::Span;

@@ -1,11 +1,11 @@
 //! Dimensions of calls of built-in functions.
 
 use super::dimension::{Dimension, Ratio};
-use super::{Checker, Dim};
+use super::{Dim, Inference};
 use crate::expr::{Function, Unit};
 use crate::syntax::{Arg, Expr};
 
-impl<'f> Checker<'f, '_> {
+impl<'f> Inference<'f, '_> {
     /// The dimension of a call of a built-in function.
     pub fn builtin(&mut self, name: &str, args: &'f [Arg]) -> Dim {
         let values: Vec<&'f Expr> = args
@@ -75,10 +75,7 @@ impl<'f> Checker<'f, '_> {
         match function.definition().unit {
             Unit::Number => {
                 let what = format!("the argument of `{}`", function.name());
-                let dims: Vec<Dim> = values
-                    .iter()
-                    .map(|value| self.pure_dim(&what, value))
-                    .collect();
+                let dims: Vec<Dim> = values.iter().map(|value| self.pure(&what, value)).collect();
                 match dims[..] {
                     [Dim::Number] => Dim::Number,
                     _ => Dim::PURE,

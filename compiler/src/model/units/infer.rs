@@ -1,19 +1,25 @@
 //! Dimensions of expressions.
 
+use std::rc::Rc;
+
 use super::dimension::{Dimension, Ratio};
-use super::{Checker, Dim, Frame, MAX_DEPTH, Place, Thing, UnitError};
+use super::{Dim, Inference, MAX_DEPTH, Place, UnitError};
+use crate::model::hir::import::own;
+use crate::model::hir::{Definition, Global, Reference};
 use crate::source::Span;
-use crate::syntax::{Arg, BinaryOp, Expr, ExprKind, File, Function, Index, Named, NamedKind, Stmt};
+use crate::syntax::{Arg, BinaryOp, Expr, ExprKind, File, Function, Index};
 
 /// What a name or a field leads to.
 enum Found<'f> {
-    /// A local name: its dimension, and its value where that is a plain number.
+    /// An index or an argument: its dimension, and its value where that is a plain number.
     Local(Dim, Option<Ratio>),
-    /// Something an instance or a file declares.
-    Thing(Option<usize>, Thing<'f>),
+    /// Something an instance declares.
+    Own(usize, Definition<'f>),
+    /// Something a file declares.
+    Global(Global<'f>),
 }
 
-impl<'f> Checker<'f, '_> {
+impl<'f> Inference<'f, '_> {
     /// The dimension of an expression; what does not fit in it is reported.
     pub fn expr(&mut self, expr: &'f Expr) -> Dim {
         if self.depth >= MAX_DEPTH || self.left == 0 {
@@ -32,17 +38,17 @@ impl<'f> Checker<'f, '_> {
             ExprKind::String(_) => Dim::Unknown,
             ExprKind::Name(_) | ExprKind::Field(..) => match self.find(expr) {
                 Some(Found::Local(dim, _)) => dim,
-                Some(Found::Thing(instance, thing)) => match instance {
-                    Some(instance) => self.declared(instance, thing),
-                    None => Dim::Unknown,
-                },
+                Some(Found::Own(instance, definition)) => self.declared(instance, definition),
+                Some(Found::Global(_)) => Dim::Unknown,
                 None => self.builtin_value(expr),
             },
             ExprKind::Index(base, indices) => {
                 for index in indices {
                     match index {
                         Index::All(_) => {}
-                        Index::One(one) => self.pure("an index", one),
+                        Index::One(one) => {
+                            self.pure("an index", one);
+                        }
                         Index::Range(first, last) => {
                             self.pure("an index", first);
                             self.pure("an index", last);
@@ -53,13 +59,7 @@ impl<'f> Checker<'f, '_> {
             }
             ExprKind::Call(function, args) => self.call(function, args, expr.span),
             ExprKind::Matrix(matrix) => self.stack(matrix.rows.iter().flatten()),
-            ExprKind::Comprehension(body, binders) => {
-                self.frames.push(Frame::Indices(binders));
-                let dim = self.expr(body);
-                self.frames.pop();
-                dim
-            }
-            ExprKind::Negate(inner) => self.expr(inner),
+            ExprKind::Comprehension(inner, _) | ExprKind::Negate(inner) => self.expr(inner),
             ExprKind::Binary(_, base, exponent) => self.power(base, exponent),
             ExprKind::Chain(first, rest) => self.chain(first, rest),
             ExprKind::Compare(first, rest) => {
@@ -85,76 +85,46 @@ impl<'f> Checker<'f, '_> {
     }
 
     /// What a name, or a field of a part or a file, stands for.
-    fn find(&mut self, expr: &'f Expr) -> Option<Found<'f>> {
+    fn find(&mut self, expr: &Expr) -> Option<Found<'f>> {
         match &expr.kind {
-            ExprKind::Name(name) => {
-                if let Some((dim, value)) = self.local(name) {
-                    return Some(Found::Local(dim, value));
+            ExprKind::Name(_) => {
+                let reference = *self.place.names.get(&expr.span)?;
+                let instance = self.place.instance;
+                match reference {
+                    Reference::Index => Some(Found::Local(Dim::Number, None)),
+                    Reference::Argument(position) => {
+                        let &(dim, value) = self.place.arguments.get(position)?;
+                        Some(Found::Local(dim, value))
+                    }
+                    Reference::Let(named) => Some(Found::Own(instance?, Definition::Named(named))),
+                    Reference::Own(index) => {
+                        let declared = &self.instances.of(instance?).declared[index];
+                        Some(Found::Own(instance?, declared.item))
+                    }
+                    Reference::Global(index) => {
+                        let global = self.place.file.globals[index].global;
+                        Some(Found::Global(match global {
+                            Global::Import(import) => import.target().unwrap_or(global),
+                            _ => global,
+                        }))
+                    }
+                    Reference::BuiltIn => None,
                 }
-                let thing = self.thing(name)?;
-                Some(Found::Thing(self.place.instance, thing))
             }
-            ExprKind::Field(base, field) => {
-                let Some(Found::Thing(instance, thing)) = self.find(base) else {
-                    return None;
-                };
-                if let Thing::Module(file) = thing {
-                    let thing = super::own(file, &field.name)?;
-                    return Some(Found::Thing(None, thing));
+            ExprKind::Field(base, field) => match self.find(base)? {
+                Found::Own(instance, part) => {
+                    let (instance, found) = self.instances.field((instance, part), field)?;
+                    Some(Found::Own(instance, found))
                 }
-                let (instance, thing) = self.field(instance?, thing, field)?;
-                Some(Found::Thing(Some(instance), thing))
-            }
+                Found::Global(Global::Import(module)) => {
+                    own(module.file?, &field.name).map(Found::Global)
+                }
+                _ => None,
+            },
             // The members of an array of parts have the same units.
             ExprKind::Index(base, _) => self.find(base),
             _ => None,
         }
-    }
-
-    fn local(&mut self, name: &str) -> Option<(Dim, Option<Ratio>)> {
-        for level in (0..self.frames.len()).rev() {
-            match &self.frames[level] {
-                Frame::Indices(binders) => {
-                    let mut names = binders.iter().map(|binder| &binder.name);
-                    if names.any(|index| index.name == name) {
-                        return Some((Dim::Number, None));
-                    }
-                }
-                Frame::Arguments(function, values) => {
-                    let mut names = function.params.iter();
-                    let found = names.position(|param| param.name == name);
-                    if let Some(value) = found.and_then(|position| values.get(position)) {
-                        return Some(*value);
-                    }
-                }
-                Frame::Block(body) => {
-                    let body = *body;
-                    let found = body.iter().find_map(|stmt| match stmt {
-                        Stmt::Named(named) if named.name.name == name => Some(named),
-                        _ => None,
-                    });
-                    let Some(named) = found.filter(|named| named.kind == NamedKind::Let) else {
-                        continue;
-                    };
-                    return Some((self.local_let(level, named), None));
-                }
-            }
-        }
-        None
-    }
-
-    /// The dimension of a `let` of a block, seen from inside that block.
-    pub fn local_let(&mut self, level: usize, named: &'f Named) -> Dim {
-        let key = (self.place.instance.unwrap_or(0), named.span);
-        if let Some(known) = self.known.get(&key) {
-            return known.unwrap_or(Dim::Unknown);
-        }
-        self.known.insert(key, None);
-        let inner = self.frames.split_off(level + 1);
-        let dim = self.named(named);
-        self.frames.extend(inner);
-        self.known.insert(key, Some(dim));
-        dim
     }
 
     fn builtin_value(&self, expr: &Expr) -> Dim {
@@ -178,10 +148,6 @@ impl<'f> Checker<'f, '_> {
         let members: Vec<(Dim, Span)> = members
             .map(|member| (self.expr(member), member.span))
             .collect();
-        self.common(what, &members)
-    }
-
-    fn common(&mut self, what: &'static str, members: &[(Dim, Span)]) -> Dim {
         let mut known = members.iter().filter_map(|&(dim, span)| match dim {
             Dim::Known(dimension) => Some((dimension, span)),
             _ => None,
@@ -200,7 +166,7 @@ impl<'f> Checker<'f, '_> {
                     help: factor(first, second),
                     first_span,
                     second_span,
-                    call: self.call,
+                    call: self.place.call,
                 });
                 Dim::Unknown
             }
@@ -239,7 +205,7 @@ impl<'f> Checker<'f, '_> {
 
     fn power(&mut self, base: &'f Expr, exponent: &'f Expr) -> Dim {
         let dim = self.expr(base);
-        let exponent_dim = self.pure_dim("an exponent", exponent);
+        let exponent_dim = self.pure("an exponent", exponent);
         if let Some(value) = self.ratio(exponent) {
             return dim.power(value);
         }
@@ -249,7 +215,7 @@ impl<'f> Checker<'f, '_> {
                     base: is(unit),
                     base_span: base.span,
                     exponent: exponent.span,
-                    call: self.call,
+                    call: self.place.call,
                 });
                 Dim::Unknown
             }
@@ -266,7 +232,7 @@ impl<'f> Checker<'f, '_> {
             ExprKind::Negate(inner) => self.ratio(inner)?.negate(),
             ExprKind::Name(_) => match self.find(expr)? {
                 Found::Local(_, value) => value,
-                Found::Thing(..) => None,
+                Found::Own(..) | Found::Global(_) => None,
             },
             ExprKind::Chain(first, rest) => {
                 let mut value = self.ratio(first)?;
@@ -286,12 +252,8 @@ impl<'f> Checker<'f, '_> {
         }
     }
 
-    /// Reports an expression that is not a pure number.
-    pub fn pure(&mut self, what: &str, expr: &'f Expr) {
-        self.pure_dim(what, expr);
-    }
-
-    pub fn pure_dim(&mut self, what: &str, expr: &'f Expr) -> Dim {
+    /// The dimension of an expression; one that is not a pure number is reported.
+    pub fn pure(&mut self, what: &str, expr: &'f Expr) -> Dim {
         let dim = self.expr(expr);
         let Some(unit) = dim.unit() else {
             return dim;
@@ -300,28 +262,23 @@ impl<'f> Checker<'f, '_> {
             what: what.to_owned(),
             found: is(unit),
             span: expr.span,
-            call: self.call,
+            call: self.place.call,
         });
         Dim::Unknown
     }
 
     /// The dimension of a call.
     fn call(&mut self, function: &'f Expr, args: &'f [Arg], span: Span) -> Dim {
-        if let Some(Found::Thing(_, Thing::Function(file, function_item))) = self.find(function) {
-            return self.inline(file, function_item, args, span);
+        if let Some(Found::Global(Global::Function(file, function))) = self.find(function) {
+            return self.inline(file, function, args, span);
         }
-        let ExprKind::Name(name) = &function.kind else {
-            return Dim::Unknown;
-        };
-        if let [Arg::Positional(body, binders)] = args
-            && !binders.is_empty()
-        {
-            self.frames.push(Frame::Indices(binders));
-            let dim = self.expr(body);
-            self.frames.pop();
-            return dim;
+        match (&function.kind, args) {
+            (ExprKind::Name(_), [Arg::Positional(body, binders)]) if !binders.is_empty() => {
+                self.expr(body)
+            }
+            (ExprKind::Name(name), _) => self.builtin(name, args),
+            _ => Dim::Unknown,
         }
-        self.builtin(name, args)
     }
 
     /// A function is followed with what it is given.
@@ -338,21 +295,16 @@ impl<'f> Checker<'f, '_> {
                 values.push((self.expr(value), self.ratio(value)));
             }
         }
+        let file = self.instances.file(file);
         let place = Place {
+            names: Rc::clone(&file.references),
             file,
             instance: None,
+            arguments: values,
             has_units: self.place.has_units,
+            call: self.place.call.or(Some(span)),
         };
-        let frames = vec![Frame::Arguments(function, values)];
-        let outside = (
-            std::mem::replace(&mut self.place, place),
-            std::mem::replace(&mut self.frames, frames),
-            self.call,
-        );
-        self.call = self.call.or(Some(span));
-        let dim = self.expr(&function.body);
-        (self.place, self.frames, self.call) = outside;
-        dim
+        self.within(place, |dims| dims.expr(&function.body))
     }
 
     /// Reports a value that does not have the declared dimension.
@@ -377,7 +329,7 @@ impl<'f> Checker<'f, '_> {
         }
     }
 
-    /// [`Checker::fits`] of an expression.
+    /// [`Inference::fits`] of an expression.
     pub fn expect(&mut self, what: &str, expected: Dim, value: &'f Expr, declared: Option<Span>) {
         let found = self.expr(value);
         self.fits(what.to_owned(), expected, (found, value), declared);

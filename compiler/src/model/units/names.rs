@@ -3,7 +3,7 @@
 use super::UnitError;
 use super::dimension::{Dimension, Ratio};
 use crate::diagnostics::{Applicability, Diagnostics, Help};
-use crate::model::names::reserved::did_you_mean;
+use crate::model::hir::reserved::did_you_mean;
 use crate::syntax::{Unit, UnitBase, UnitFactor};
 
 /// Exponents of kg, m, s, A, K, mol, cd.

@@ -2,12 +2,18 @@
 
 use super::dimension::Dimension;
 use super::infer::{factor, is};
-use super::{Checker, Dim, Frame, Thing, UnitError, gives};
+use super::{Dim, Inference, UnitError};
+use crate::model::hir::Definition;
 use crate::model::statements::restitution;
 use crate::syntax::{
     Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, OutputWhen, Part,
     ProgramKind, RegionGuard, Row, SettingKind, Stmt,
 };
+
+/// Whether what statements and settings say fits.
+pub(super) struct Checker<'f, 'd> {
+    pub dims: Inference<'f, 'd>,
+}
 
 impl<'f> Checker<'f, '_> {
     /// The statements of the instance in sight, or of a block in it.
@@ -17,46 +23,31 @@ impl<'f> Checker<'f, '_> {
         }
     }
 
-    fn block(&mut self, body: &'f [Stmt]) {
-        self.frames.push(Frame::Block(body));
-        self.body(body);
-        self.frames.pop();
-    }
-
     fn statement(&mut self, stmt: &'f Stmt) {
         match stmt {
             Stmt::Decl(decl) => self.decl(decl),
-            Stmt::Named(named) if self.frames.is_empty() => {
-                self.known_thing(Thing::Named(named));
-            }
             Stmt::Named(named) => {
-                self.local_let(self.frames.len() - 1, named);
+                self.own(Definition::Named(named));
             }
             Stmt::Switch(switch) => {
-                self.expr(&switch.value);
+                self.dims.expr(&switch.value);
             }
             Stmt::Part(part) => self.part_statement(part),
             Stmt::Region(region) => {
-                self.frames.push(Frame::Block(&region.body));
                 match &region.guard {
                     RegionGuard::Where(guard) | RegionGuard::Indicator(guard) => {
-                        self.expr(guard);
+                        self.dims.expr(guard);
                     }
                     RegionGuard::Else => {}
                 }
-                self.frames.pop();
-                self.block(&region.body);
+                self.body(&region.body);
             }
-            Stmt::Hidden(hidden) => self.block(&hidden.body),
-            Stmt::For(repeat) => {
-                self.frames.push(Frame::Indices(&repeat.binders));
-                self.block(&repeat.body);
-                self.frames.pop();
-            }
+            Stmt::Hidden(hidden) => self.body(&hidden.body),
+            Stmt::For(repeat) => self.body(&repeat.body),
             Stmt::Dynamics(dynamics) => self.dynamics(dynamics),
             Stmt::Mechanics(mechanics) => {
                 for option in &mechanics.options {
-                    self.expr(&option.value);
+                    self.dims.expr(&option.value);
                 }
                 mechanics
                     .contacts
@@ -66,32 +57,29 @@ impl<'f> Checker<'f, '_> {
             Stmt::Contact(contact) => self.contact(contact),
             Stmt::Project(project) => self.rows(&project.rows),
             Stmt::Equation { residual, .. } => {
-                self.expr(residual);
+                self.dims.expr(residual);
             }
             Stmt::Complementarity { left, right, .. } => {
-                self.expr(left);
-                self.expr(right);
+                self.dims.expr(left);
+                self.dims.expr(right);
             }
             Stmt::Jump(jump) => {
-                self.expr(&jump.guard);
-                for bind in &jump.resets {
-                    let target = self.target(&bind.target);
-                    self.bind(bind, target);
-                }
+                self.dims.expr(&jump.guard);
+                self.binds(&jump.resets);
             }
             // Refused before units are looked at, or without values of their own.
             Stmt::Program(program) => match &program.kind {
                 ProgramKind::Argmin { objective, rows } => {
-                    self.expr(objective);
+                    self.dims.expr(objective);
                     self.rows(rows);
                 }
                 ProgramKind::VariationalRows { rows, map } => {
                     self.rows(rows);
-                    self.expr(map);
+                    self.dims.expr(map);
                 }
                 ProgramKind::VariationalBox { lower, upper, map } => {
                     for e in [lower, upper, map] {
-                        self.expr(e);
+                        self.dims.expr(e);
                     }
                 }
             },
@@ -103,14 +91,10 @@ impl<'f> Checker<'f, '_> {
     fn rows(&mut self, rows: &'f [Row]) {
         for row in rows {
             match row {
-                Row::For { binders, rows, .. } => {
-                    self.frames.push(Frame::Indices(binders));
-                    self.rows(rows);
-                    self.frames.pop();
-                }
+                Row::For { rows, .. } => self.rows(rows),
                 Row::Relation { first, rest, .. } => {
                     let members = std::iter::once(first).chain(rest.iter().map(|(_, side)| side));
-                    self.agree("the sides of this row", members);
+                    self.dims.agree("the sides of this row", members);
                 }
                 Row::Bad(_) => {}
             }
@@ -122,7 +106,7 @@ impl<'f> Checker<'f, '_> {
         for option in &contact.options {
             match option.name.name.as_str() {
                 name @ ("restitution" | "friction") => {
-                    let one = match self.place.has_units {
+                    let one = match self.dims.place.has_units {
                         true => Dim::Known(Dimension::NUMBER),
                         false => Dim::Unknown,
                     };
@@ -133,25 +117,26 @@ impl<'f> Checker<'f, '_> {
                             .and_then(|(_, e)| e),
                     };
                     if let Some(number) = number {
-                        self.expect(&format!("`{name}`"), one, number, None);
+                        self.dims.expect(&format!("`{name}`"), one, number, None);
                     }
                 }
                 _ => {
-                    self.expr(&option.value);
+                    self.dims.expr(&option.value);
                 }
             }
         }
     }
 
-    fn known_thing(&mut self, thing: Thing<'f>) -> Dim {
-        match self.place.instance {
-            Some(instance) => self.declared(instance, thing),
+    /// The dimension of what the instance in sight declares.
+    fn own(&mut self, definition: Definition<'f>) -> Dim {
+        match self.dims.place.instance {
+            Some(instance) => self.dims.declared(instance, definition),
             None => Dim::Unknown,
         }
     }
 
     fn decl(&mut self, decl: &'f Decl) {
-        let dim = self.known_thing(Thing::Decl(decl));
+        let dim = self.own(Definition::Decl(decl));
         let bounds: Vec<&'f Expr> = match &decl.domain {
             None => vec![],
             Some(Domain::Box(lower, upper)) => vec![lower, upper],
@@ -166,53 +151,39 @@ impl<'f> Checker<'f, '_> {
             Dim::Unknown
         };
         for value in bounds.into_iter().chain(&decl.value) {
-            self.expect(&what, expected, value, declared);
+            self.dims.expect(&what, expected, value, declared);
         }
     }
 
     fn part_statement(&mut self, part: &'f Part) {
-        let Some(outer) = self.place.instance else {
+        let Some(outer) = self.dims.place.instance else {
             return;
         };
-        let Some(inner) = self.part(outer, part) else {
+        let Some(inner) = self.dims.instances.part(outer, part) else {
             return;
         };
-        self.bound(part, |checker| {
-            for bind in &part.binds {
-                let target = checker.within(inner, |checker| checker.target(&bind.target));
-                checker.bind(bind, target);
-            }
-        });
-        let Some((_, item)) = super::import::find_silently(self.place.file, &part.model) else {
-            return;
-        };
-        let call = self.call;
-        if self.takes_units(inner, part) {
-            self.call = call.or(Some(part.span));
+        for bind in &part.binds {
+            self.bind(inner, bind);
         }
-        self.within(inner, |checker| checker.body(&item.body));
-        self.call = call;
+        let call = self.dims.place.call;
+        let takes_units = self.dims.instances.takes_units(inner, part);
+        let call = call.or(takes_units.then_some(part.span));
+        let place = self.dims.instances.place(inner, call);
+        let outside = std::mem::replace(&mut self.dims.place, place);
+        self.body(&self.dims.instances.of(inner).item.body);
+        self.dims.place = outside;
     }
 
-    /// True where something without a unit of its own is given in the braces of a part.
-    fn takes_units(&self, inner: usize, part: &Part) -> bool {
-        let mut names = self.instances[inner].names.values();
-        names.any(|thing| match thing {
-            Thing::Decl(decl) if decl.unit.is_none() => {
-                part.binds.iter().any(|bind| gives(bind, decl))
-            }
-            _ => false,
-        })
-    }
-
-    fn bind(&mut self, bind: &'f Bind, target: Option<(usize, Thing<'f>)>) {
-        let Some((instance, thing)) = target else {
-            self.expr(&bind.value);
+    /// A line that gives something to an instance.
+    fn bind(&mut self, instance: usize, bind: &'f Bind) {
+        let target = self.dims.instances.target(instance, &bind.target);
+        let Some((instance, definition)) = target else {
+            self.dims.expr(&bind.value);
             return;
         };
-        let expected = self.declared(instance, thing);
-        let (what, declared) = match thing {
-            Thing::Decl(decl) => (&decl.name.name, decl.unit.as_ref().map(|unit| unit.span)),
+        let expected = self.dims.declared(instance, definition);
+        let (what, declared) = match definition {
+            Definition::Decl(decl) => (&decl.name.name, decl.unit.as_ref().map(|unit| unit.span)),
             _ => (&bind.target.head.name, None),
         };
         let expected = if declared.is_some() {
@@ -220,23 +191,34 @@ impl<'f> Checker<'f, '_> {
         } else {
             Dim::Unknown
         };
-        self.expect(&format!("`{what}`"), expected, &bind.value, declared);
+        self.dims
+            .expect(&format!("`{what}`"), expected, &bind.value, declared);
+    }
+
+    /// Lines that give something to the instance in sight.
+    fn binds(&mut self, binds: &'f [Bind]) {
+        if let Some(instance) = self.dims.place.instance {
+            binds.iter().for_each(|bind| self.bind(instance, bind));
+        }
     }
 
     /// x' = f: the dimension of x per second.
     fn dynamics(&mut self, dynamics: &'f Dynamics) {
-        let found = self.expr(&dynamics.value);
-        let Some((instance, thing)) = self.target(&dynamics.target) else {
+        let found = self.dims.expr(&dynamics.value);
+        let instance = self.dims.place.instance;
+        let target = instance.and_then(|own| self.dims.instances.target(own, &dynamics.target));
+        let Some((instance, state)) = target else {
             return;
         };
-        let (Dim::Known(unit), Dim::Known(found)) = (self.declared(instance, thing), found) else {
+        let (Dim::Known(unit), Dim::Known(found)) = (self.dims.declared(instance, state), found)
+        else {
             return;
         };
         let Some(rate) = unit.divide(Dimension::TIME) else {
             return;
         };
         if rate != found {
-            self.diags.push(UnitError::WrongRate {
+            self.dims.diags.push(UnitError::WrongRate {
                 state: dynamics.target.head.name.clone(),
                 unit: is(unit),
                 rate: is(rate),
@@ -250,33 +232,26 @@ impl<'f> Checker<'f, '_> {
 
     /// The settings of an experiment of the model in sight.
     pub fn experiment(&mut self, experiment: &'f Experiment, overrides: &'f [Bind]) {
-        let time = match self.place.has_units {
+        let time = match self.dims.place.has_units {
             true => Dim::Known(Dimension::TIME),
             false => Dim::Unknown,
         };
-        for bind in overrides {
-            let target = self.target(&bind.target);
-            self.bind(bind, target);
-        }
+        self.binds(overrides);
         for setting in &experiment.settings {
             match &setting.kind {
-                SettingKind::With(binds) => {
-                    for bind in binds {
-                        let target = self.target(&bind.target);
-                        self.bind(bind, target);
-                    }
-                }
+                SettingKind::With(binds) => self.binds(binds),
                 SettingKind::Horizon {
                     value: Some(value), ..
-                } => self.expect("the horizon", time, value, None),
+                } => self.dims.expect("the horizon", time, value, None),
                 SettingKind::Output { when, .. } => match when {
                     OutputWhen::Method => {}
                     OutputWhen::Every(instants) | OutputWhen::At(instants) => {
-                        self.expect("the time of an output", time, instants, None);
+                        self.dims
+                            .expect("the time of an output", time, instants, None);
                     }
                 },
                 SettingKind::Perturb { every, .. } => {
-                    self.expect("the period", time, every, None);
+                    self.dims.expect("the period", time, every, None);
                 }
                 SettingKind::Expect(expect) => self.expectation(expect, time),
                 _ => {}
@@ -296,13 +271,13 @@ impl<'f> Checker<'f, '_> {
                 }
                 let sides = [&relation.left, &relation.right];
                 let sides = sides.into_iter().chain(&relation.within);
-                self.agree("the sides of this expectation", sides);
+                self.dims.agree("the sides of this expectation", sides);
             }
             _ => {}
         }
     }
 
     fn instant(&mut self, at: &'f Expr, time: Dim) {
-        self.expect("an instant", time, at, None);
+        self.dims.expect("an instant", time, at, None);
     }
 }

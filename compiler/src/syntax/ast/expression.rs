@@ -101,3 +101,66 @@ pub enum BinaryOp {
     /// `.^`
     ElementPow,
 }
+
+impl Expr {
+    /// Looks at the expressions directly inside, in order; at the bounds of indices before what they hold in.
+    pub fn each<'a>(&'a self, look: &mut dyn FnMut(&'a Expr)) {
+        match &self.kind {
+            ExprKind::Number(_) | ExprKind::String(_) | ExprKind::Name(_) => {}
+            ExprKind::Field(inner, _) | ExprKind::Negate(inner) | ExprKind::Not(inner) => {
+                look(inner);
+            }
+            ExprKind::Index(base, indices) => {
+                look(base);
+                for index in indices {
+                    match index {
+                        Index::All(_) => {}
+                        Index::One(one) => look(one),
+                        Index::Range(first, last) => [first, last].into_iter().for_each(&mut *look),
+                    }
+                }
+            }
+            ExprKind::Call(function, args) => {
+                look(function);
+                for arg in args {
+                    match arg {
+                        Arg::Named(_, value) => look(value),
+                        Arg::Positional(value, binders) => {
+                            each_bound(binders, look);
+                            look(value);
+                        }
+                    }
+                }
+            }
+            ExprKind::Matrix(matrix) => matrix.rows.iter().flatten().for_each(look),
+            ExprKind::Comprehension(body, binders) => {
+                each_bound(binders, look);
+                look(body);
+            }
+            ExprKind::Binary(_, a, b) => [a, b].into_iter().for_each(|side| look(side)),
+            ExprKind::Chain(first, rest) => {
+                look(first);
+                rest.iter().for_each(|(_, operand)| look(operand));
+            }
+            ExprKind::Compare(first, rest) => {
+                look(first);
+                rest.iter().for_each(|(_, member)| look(member));
+            }
+            ExprKind::And(members) | ExprKind::Or(members) => members.iter().for_each(look),
+            ExprKind::If(c, a, b) => [c, a, b].into_iter().for_each(|inner| look(inner)),
+        }
+    }
+
+    /// Looks at this expression, and then at all inside, in order.
+    pub fn visit<'a>(&'a self, look: &mut dyn FnMut(&'a Expr)) {
+        look(self);
+        self.each(&mut |inner| inner.visit(look));
+    }
+}
+
+fn each_bound<'a>(binders: &'a [Binder], look: &mut dyn FnMut(&'a Expr)) {
+    let bounds = binders
+        .iter()
+        .flat_map(|binder| [&binder.first, &binder.last]);
+    bounds.for_each(look);
+}

@@ -1,22 +1,18 @@
 //! Names that come from other files: what a `use` brings in, and which model a path means.
 
-use super::file::{FileNames, declare_name};
-use super::parts::Files;
+use super::Global;
 use super::reserved::did_you_mean;
-use super::scope::Scope;
 use crate::diagnostics::Diagnostics;
-use crate::model::{Model, ModelError};
+use crate::model::errors::ModelError;
 use crate::source::imports::ImportError;
-use crate::syntax::{
-    Const, File, Function, Ident, Item, Link, Model as Definition, Path, Segment, Use, UseSource,
-};
+use crate::syntax::{File, Ident, Item, Link, Model, Path, Segment, Use, UseSource};
 
 /// The model that a path means, with the file it stands in.
 pub fn find<'f>(
     file: &'f File,
     path: &Path,
     diags: &mut Diagnostics,
-) -> Option<(&'f File, &'f Definition)> {
+) -> Option<(&'f File, &'f Model)> {
     let found = find_silently(file, path);
     if found.is_none() && !is_broken(file, path) {
         let text = |name: &str, field: &Ident| format!("{name}.{}", field.name);
@@ -52,7 +48,7 @@ pub fn find<'f>(
 }
 
 /// [`find`] without a word where there is none.
-pub(crate) fn find_silently<'f>(file: &'f File, path: &Path) -> Option<(&'f File, &'f Definition)> {
+pub(crate) fn find_silently<'f>(file: &'f File, path: &Path) -> Option<(&'f File, &'f Model)> {
     let head = &path.head.name;
     let model = |file: &'f File, name: &str| {
         let mut models = models(file);
@@ -89,9 +85,10 @@ fn is_broken(file: &File, path: &Path) -> bool {
     })
 }
 
-fn models(file: &File) -> impl Iterator<Item = &Definition> {
-    file.items.iter().filter_map(|item| match item {
-        Item::Model(model) => Some(model),
+fn models(file: &File) -> impl Iterator<Item = &Model> {
+    let globals = file.items.iter().filter_map(|item| global(file, item));
+    globals.filter_map(|(_, global)| match global {
+        Global::Model(model) => Some(model),
         _ => None,
     })
 }
@@ -105,40 +102,26 @@ fn uses(file: &File) -> impl Iterator<Item = &Use> {
 
 /// True where a file itself declares a constant, function or model of that name.
 fn declares(file: &File, name: &str) -> bool {
-    declared(file).any(|known| known == name)
+    own(file, name).is_some()
 }
 
 fn declared(file: &File) -> impl Iterator<Item = &str> {
-    file.items.iter().filter_map(|item| match item {
-        Item::Const(Const { name, .. })
-        | Item::Fn(Function { name, .. })
-        | Item::Model(Definition { name, .. }) => Some(&*name.name),
-        _ => None,
-    })
+    let globals = file.items.iter().filter_map(|item| global(file, item));
+    globals.map(|(name, _)| &*name.name)
 }
 
-impl Model<'_> {
-    /// Lets experiments in another file see the names of that file, besides those of the model.
-    pub fn see_from(&mut self, file: &File, diags: &mut Diagnostics) {
-        let of_file = Files::new(self.exprs, self.time).scope(file, diags);
-        let scope = &self.scope;
-        let own = scope.names.iter();
-        let own = own.filter(|(name, _)| scope.own(name).is_some());
-        let own: Vec<_> = own
-            .map(|(name, meaning)| (name.clone(), meaning.clone()))
-            .collect();
-        let mut names = of_file.names.clone();
-        names.extend(own);
-        self.scope = Scope {
-            names,
-            prefix: String::new(),
-            forgiving: scope.forgiving || of_file.forgiving,
-            ..of_file
-        };
+/// The name that an item of a file declares.
+pub(super) fn global<'f>(file: &'f File, item: &'f Item) -> Option<(&'f Ident, Global<'f>)> {
+    match item {
+        Item::Const(item) => Some((&item.name, Global::Const(item))),
+        Item::Fn(item) => Some((&item.name, Global::Function(file, item))),
+        Item::Model(item) => Some((&item.name, Global::Model(item))),
+        _ => None,
     }
 }
 
 /// A name that a `use` brings in.
+#[derive(Clone, Copy)]
 pub(crate) struct Import<'f> {
     pub local: &'f str,
     /// The name in the other file; none for the file as a whole.
@@ -175,8 +158,22 @@ pub(crate) fn imports(item: &Use) -> Vec<Import<'_>> {
     whole.into_iter().collect()
 }
 
+impl<'f> Import<'f> {
+    /// What it is in the other file.
+    pub fn target(&self) -> Option<Global<'f>> {
+        own(self.file?, &self.name?.name)
+    }
+}
+
+/// What a file declares itself under a name.
+pub(crate) fn own<'f>(file: &'f File, name: &str) -> Option<Global<'f>> {
+    let mut globals = file.items.iter().filter_map(|item| global(file, item));
+    let found = globals.find(|(known, _)| known.name == name);
+    found.map(|(_, global)| global)
+}
+
 /// Takes the names of a `use`, those that are there.
-pub(crate) fn import<'f>(names: &mut FileNames<'f>, item: &'f Use, diags: &mut Diagnostics) {
+pub(super) fn declare<'f>(names: &mut super::File<'f>, item: &'f Use, diags: &mut Diagnostics) {
     if item.link == Link::Open {
         diags.push(ImportError::Missing {
             path: "..".to_owned(),
@@ -201,8 +198,6 @@ pub(crate) fn import<'f>(names: &mut FileNames<'f>, item: &'f Use, diags: &mut D
                 help: did_you_mean(&name.name, declared(file)),
             });
         }
-        if declare_name(names, import.local, span, "`use`", diags) {
-            names.imports.push(import);
-        }
+        names.declare(import.local, span, Global::Import(import), diags);
     }
 }
