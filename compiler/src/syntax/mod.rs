@@ -18,6 +18,7 @@ mod scan;
 pub use ast::*;
 pub use error::SyntaxError;
 pub use format::format;
+pub(crate) use print::expression::{Level, Writer};
 
 #[cfg(test)]
 mod tests;

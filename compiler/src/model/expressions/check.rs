@@ -5,7 +5,7 @@ use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Reported, Value};
 use crate::model::{DynamicsError, Rounded, Shape, Surface, Tensor};
 use crate::source::Span;
-use crate::syntax::{self, ExprKind, Relation};
+use crate::syntax::{self, ExprKind, Level, Relation};
 
 /// `1 row`, `2 rows`
 pub(crate) fn plural(count: usize, one: &str, many: &str) -> String {
@@ -114,11 +114,13 @@ impl<'e> Lowering<'_, 'e> {
     ) -> (Expr<'e>, String) {
         let text = match b.as_constant() {
             _ if is_zero_literal(right) => self.whole_text(left),
-            Some(value) if value < 0.0 => format!("{} + {}", self.whole_sum_text(left), -value),
+            Some(value) if value < 0.0 => {
+                format!("{} + {}", self.whole_text_at(left, Level::Sum), -value)
+            }
             _ => format!(
                 "{} - {}",
-                self.whole_sum_text(left),
-                self.whole_operand_text(right)
+                self.whole_text_at(left, Level::Sum),
+                self.whole_text_at(right, Level::Product)
             ),
         };
         (a - b, text)
@@ -167,7 +169,7 @@ impl<'e> Lowering<'_, 'e> {
                 // `x[3]` says more than the first entry of `x[3..4]`.
                 (shape, _) => match psi.as_variable() {
                     Some(var) => psi.exprs().name(var),
-                    None => shape.entry_name(&self.whole_atom_text(arg), position),
+                    None => shape.entry_name(&self.whole_text_at(arg, Level::Atom), position),
                 },
             };
             self.surfaces.push(Surface {

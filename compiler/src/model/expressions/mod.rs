@@ -15,7 +15,7 @@ use crate::diagnostics::{Diagnostics, Fixable};
 use crate::expr::Expr;
 use crate::model::names::scope::{Hook, Reported, Scope, Value};
 use crate::source::Span;
-use crate::syntax::{self, ExprKind};
+use crate::syntax::{self, ExprKind, Level};
 
 /// Levels of expressions inside each other, through functions and local names: what the stack bears.
 ///
@@ -173,7 +173,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
     pub fn condition(&mut self, expr: &syntax::Expr) -> Result<Expr<'e>, Reported> {
         let value = self.expr(expr)?;
         if !value.is_condition {
-            let text = self.atom_text(expr);
+            let text = self.text_at(expr, Level::Atom);
             return self.error(ModelError::NumberAsCondition {
                 text,
                 span: expr.span,

@@ -175,3 +175,49 @@ impl fmt::Display for Dimension {
         }
     }
 }
+
+/// What is known about the unit of a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Dim {
+    /// Nothing: it fits everywhere.
+    Unknown,
+    /// It is made of numbers alone: pure in products, of any unit beside others.
+    Number,
+    /// Its dimension.
+    Known(Dimension),
+}
+
+impl Dim {
+    pub const PURE: Dim = Dim::Known(Dimension::NUMBER);
+
+    pub fn of(dimension: Option<Dimension>) -> Dim {
+        dimension.map_or(Dim::Unknown, Dim::Known)
+    }
+
+    /// The dimension, where it is known and not that of a pure number.
+    pub fn unit(self) -> Option<Dimension> {
+        match self {
+            Dim::Known(dimension) if dimension != Dimension::NUMBER => Some(dimension),
+            _ => None,
+        }
+    }
+
+    pub fn multiply(self, other: Dim) -> Dim {
+        match (self, other) {
+            (Dim::Unknown, _) | (_, Dim::Unknown) => Dim::Unknown,
+            (Dim::Number, other) | (other, Dim::Number) => other,
+            (Dim::Known(a), Dim::Known(b)) => Dim::of(a.multiply(b)),
+        }
+    }
+
+    pub fn divide(self, other: Dim) -> Dim {
+        self.multiply(other.power(Ratio::whole(-1)))
+    }
+
+    pub fn power(self, exponent: Ratio) -> Dim {
+        match self {
+            Dim::Known(dimension) => Dim::of(dimension.power(exponent)),
+            other => other,
+        }
+    }
+}

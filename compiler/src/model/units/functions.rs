@@ -1,7 +1,7 @@
 //! Dimensions of calls of built-in functions.
 
-use super::dimension::{Dimension, Ratio};
-use super::{Dim, Inference};
+use super::dimension::{Dim, Dimension, Ratio};
+use super::infer::Inference;
 use crate::expr::{Function, Unit};
 use crate::syntax::{Arg, Expr};
 

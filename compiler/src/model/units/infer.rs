@@ -2,12 +2,24 @@
 
 use std::rc::Rc;
 
-use super::dimension::{Dimension, Ratio};
-use super::{Dim, Inference, MAX_DEPTH, Place, UnitError};
+use rustc_hash::FxHashMap;
+
+use super::dimension::{Dim, Dimension, Ratio};
+use super::error::UnitError;
+use super::instances::{Instances, Place};
+use super::names;
+use crate::diagnostics::Diagnostics;
 use crate::model::hir::import::own;
 use crate::model::hir::{Definition, Global, Reference};
 use crate::source::Span;
-use crate::syntax::{Arg, BinaryOp, Expr, ExprKind, File, Function, Index};
+use crate::syntax::{Arg, BinaryOp, Decl, Expr, ExprKind, File, Function, Index, Named};
+
+/// Expressions inside each other, through functions, names and parts: what the stack bears.
+/// Further down, dimensions are unknown.
+const MAX_DEPTH: usize = 300;
+/// Expressions that are looked at; beyond, dimensions are unknown. Models that reach it are refused
+/// for their size, unless they repeat a call in vain.
+const BUDGET: usize = 4_000_000;
 
 /// What a name or a field leads to.
 enum Found<'f> {
@@ -19,7 +31,90 @@ enum Found<'f> {
     Global(Global<'f>),
 }
 
-impl<'f> Inference<'f, '_> {
+/// Dimensions of expressions, and of what is declared.
+pub(super) struct Inference<'f, 'd> {
+    pub instances: Instances<'f>,
+    /// Dimensions of what instances declare; `None` while one is being looked at.
+    known: FxHashMap<(usize, Span), Option<Dim>>,
+    pub place: Place<'f>,
+    depth: usize,
+    left: usize,
+    pub diags: &'d mut Diagnostics,
+}
+
+impl<'f, 'd> Inference<'f, 'd> {
+    /// In the model itself.
+    pub fn new(instances: Instances<'f>, diags: &'d mut Diagnostics) -> Self {
+        Inference {
+            place: instances.place(0, None),
+            instances,
+            known: FxHashMap::default(),
+            depth: 0,
+            left: BUDGET,
+            diags,
+        }
+    }
+
+    /// Runs `look` in another place.
+    pub fn within<T>(&mut self, place: Place<'f>, look: impl FnOnce(&mut Self) -> T) -> T {
+        let outside = std::mem::replace(&mut self.place, place);
+        let result = look(self);
+        self.place = outside;
+        result
+    }
+
+    /// The dimension of what an instance declares.
+    pub fn declared(&mut self, instance: usize, definition: Definition<'f>) -> Dim {
+        let span = match definition {
+            Definition::Decl(decl) => decl.span,
+            Definition::Named(named) => named.span,
+            Definition::Switch(_) => return Dim::PURE,
+            // A structural constant has no unit of its own.
+            _ => return Dim::Unknown,
+        };
+        // What is asked for while it is looked at depends on itself through parts.
+        if let Some(known) = self.known.get(&(instance, span)) {
+            return known.unwrap_or(Dim::Unknown);
+        }
+        self.known.insert((instance, span), None);
+        let place = self.instances.place(instance, self.place.call);
+        let dim = self.within(place, |dims| match definition {
+            Definition::Decl(decl) => dims.quantity(instance, decl),
+            Definition::Named(named) => dims.named(named),
+            _ => Dim::Unknown,
+        });
+        self.known.insert((instance, span), Some(dim));
+        dim
+    }
+
+    /// The dimension of a quantity: that of its unit, or of what a part is given for it.
+    pub fn quantity(&mut self, instance: usize, decl: &'f Decl) -> Dim {
+        if let Some(unit) = &decl.unit {
+            return Dim::of(names::read(unit, self.diags));
+        }
+        let given = self.instances.given(instance, decl);
+        let given = given.map(|(value, outer)| {
+            let place = self.instances.place(outer, self.place.call);
+            self.within(place, |dims| dims.expr(value))
+        });
+        match given {
+            Some(Dim::Known(dimension)) => Dim::Known(dimension),
+            _ => Dim::Unknown,
+        }
+    }
+
+    /// The dimension of a `let`, `output` or `signal`; one that is declared is compared with it.
+    pub fn named(&mut self, named: &'f Named) -> Dim {
+        let value = self.expr(&named.value);
+        let Some(unit) = &named.unit else {
+            return value;
+        };
+        let dim = Dim::of(names::read(unit, self.diags));
+        let what = format!("`{}`", named.name.name);
+        self.fits(what, dim, (value, &named.value), Some(unit.span));
+        dim
+    }
+
     /// The dimension of an expression; what does not fit in it is reported.
     pub fn expr(&mut self, expr: &'f Expr) -> Dim {
         if self.depth >= MAX_DEPTH || self.left == 0 {

@@ -4,11 +4,27 @@ use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
-use super::{Place, declares_units};
+use super::dimension::{Dim, Ratio};
 use crate::diagnostics::Diagnostics;
-use crate::model::hir::{self, Definition, Hir, import};
+use crate::model::hir::{self, Definition, Hir, References, import};
 use crate::source::Span;
-use crate::syntax::{Bind, Decl, Expr, File, Ident, Model, Part, Path, Segment};
+use crate::syntax::{Bind, Decl, Expr, File, Ident, Model, Part, Path, Segment, Stmt};
+
+/// Where names stand.
+#[derive(Clone)]
+pub(super) struct Place<'f> {
+    pub file: Rc<hir::File<'f>>,
+    /// What they refer to.
+    pub names: Rc<References<'f>>,
+    /// The instance whose names are in sight; none in functions.
+    pub instance: Option<usize>,
+    /// Arguments of the function around, with their values where these are plain numbers.
+    pub arguments: Vec<(Dim, Option<Ratio>)>,
+    /// Whether `time` has a unit here: it has in a model that declares units.
+    pub has_units: bool,
+    /// The call or part that leads to here.
+    pub call: Option<Span>,
+}
 
 /// A model or a part of it.
 struct Instance<'f> {
@@ -128,4 +144,13 @@ impl<'f> Instances<'f> {
 /// True for a line that gives a declaration as a whole.
 fn gives(bind: &Bind, decl: &Decl) -> bool {
     bind.target.head.name == decl.name.name && bind.target.rest.is_empty()
+}
+
+/// True for a model that declares a unit itself.
+pub(super) fn declares_units(item: &Model) -> bool {
+    item.body.iter().any(|stmt| match stmt {
+        Stmt::Decl(decl) => decl.unit.is_some(),
+        Stmt::Named(named) => named.unit.is_some(),
+        _ => false,
+    })
 }

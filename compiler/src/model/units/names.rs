@@ -1,7 +1,7 @@
 //! Names of units: the coherent units of the SI (BIPM 2019, tables 2 and 4), and what is meant by others.
 
-use super::UnitError;
 use super::dimension::{Dimension, Ratio};
+use super::error::UnitError;
 use crate::diagnostics::{Applicability, Diagnostics, Help};
 use crate::model::hir::reserved::did_you_mean;
 use crate::syntax::{Unit, UnitBase, UnitFactor};

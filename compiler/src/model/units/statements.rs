@@ -1,8 +1,8 @@
 //! Statements of models, and settings of experiments.
 
-use super::dimension::Dimension;
-use super::infer::{factor, is};
-use super::{Dim, Inference, UnitError};
+use super::dimension::{Dim, Dimension};
+use super::error::UnitError;
+use super::infer::{Inference, factor, is};
 use crate::model::hir::Definition;
 use crate::model::statements::restitution;
 use crate::syntax::{

@@ -1,13 +1,11 @@
 //! Expressions, with parentheses only where precedence asks for them.
 
-use std::fmt::Write;
-
 use super::join;
 use crate::syntax::ast::*;
 
 /// How tightly an expression holds together, loosest first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Level {
+pub(crate) enum Level {
     Conditional,
     Or,
     And,
@@ -20,35 +18,32 @@ enum Level {
     Atom,
 }
 
+/// How expressions are written.
+#[derive(Clone, Copy)]
+pub(crate) struct Writer<'w> {
+    /// What stands for a name, in a text that people read; none where it must read back as the same tree.
+    pub names: Option<&'w dyn Fn(&str) -> Option<String>>,
+}
+
+/// Text for the parser.
+const SOURCE: Writer<'static> = Writer { names: None };
+
 /// Any expression.
 pub(super) fn text(expr: &Expr) -> String {
-    at_level(expr, Level::Conditional)
+    SOURCE.text(expr)
 }
 
 /// An expression where neither logic nor comparisons may stand.
 pub(super) fn arith(expr: &Expr) -> String {
-    at_level(expr, Level::Sum)
+    SOURCE.at_level(expr, Level::Sum)
 }
 
 pub(super) fn indices(indices: &[Index]) -> String {
-    let index = |index: &Index| match index {
-        Index::All(_) => ":".to_owned(),
-        Index::One(index) => arith(index),
-        Index::Range(first, last) => format!("{}..{}", arith(first), arith(last)),
-    };
-    join(indices.iter().map(index), ", ")
+    SOURCE.indices(indices)
 }
 
 pub(super) fn binders(binders: &[Binder]) -> String {
-    let binder = |binder: &Binder| {
-        format!(
-            "{} in {}..{}",
-            binder.name,
-            arith(&binder.first),
-            arith(&binder.last)
-        )
-    };
-    join(binders.iter().map(binder), ", ")
+    SOURCE.binders(binders)
 }
 
 pub(super) fn relation(relation: Relation) -> &'static str {
@@ -61,152 +56,181 @@ pub(super) fn relation(relation: Relation) -> &'static str {
     }
 }
 
-fn at_level(expr: &Expr, level: Level) -> String {
-    let mut out = String::new();
-    write(&mut out, expr, level);
-    out
-}
-
-fn level(expr: &Expr) -> Level {
-    match &expr.kind {
-        ExprKind::If(..) => Level::Conditional,
-        ExprKind::Or(_) => Level::Or,
-        ExprKind::And(_) => Level::And,
-        ExprKind::Not(_) => Level::Not,
-        ExprKind::Compare(..) => Level::Compare,
-        ExprKind::Chain(_, rest) => match rest.first() {
-            Some((BinaryOp::Add | BinaryOp::Sub, _)) => Level::Sum,
-            _ => Level::Product,
-        },
-        ExprKind::Negate(_) => Level::Negate,
-        ExprKind::Binary(..) => Level::Power,
-        _ => Level::Atom,
+impl Writer<'_> {
+    /// Any expression.
+    pub fn text(self, expr: &Expr) -> String {
+        self.at_level(expr, Level::Conditional)
     }
-}
 
-fn write(out: &mut String, expr: &Expr, least: Level) {
-    if level(expr) < least {
-        out.push('(');
-        write_kind(out, expr);
-        out.push(')');
-    } else {
-        write_kind(out, expr);
-    }
-}
-
-fn write_kind(out: &mut String, expr: &Expr) {
-    match &expr.kind {
-        ExprKind::Number(value) => out.push_str(&number(*value)),
-        ExprKind::String(text) => {
-            let _ = write!(out, "\"{text}\"");
+    /// An expression, in parentheses unless it holds together as tightly as this.
+    pub fn at_level(self, expr: &Expr, least: Level) -> String {
+        let (text, level) = self.plain(expr);
+        if level < least {
+            format!("({text})")
+        } else {
+            text
         }
-        ExprKind::Name(name) => out.push_str(name),
-        ExprKind::Field(base, name) => {
-            // `2.x` would be a malformed number.
-            match base.kind {
-                ExprKind::Number(_) => {
-                    let _ = write!(out, "({base})");
+    }
+
+    pub fn indices(self, indices: &[Index]) -> String {
+        let index = |index: &Index| match index {
+            Index::All(_) => ":".to_owned(),
+            Index::One(index) => self.bound(index),
+            Index::Range(first, last) => format!("{}..{}", self.bound(first), self.bound(last)),
+        };
+        let separator = self.names.map_or(", ", |_| ",");
+        join(indices.iter().map(index), separator)
+    }
+
+    fn binders(self, binders: &[Binder]) -> String {
+        let binder = |binder: &Binder| {
+            let (first, last) = (self.bound(&binder.first), self.bound(&binder.last));
+            format!("{} in {first}..{last}", binder.name)
+        };
+        join(binders.iter().map(binder), ", ")
+    }
+
+    /// An index or the end of a range.
+    fn bound(self, expr: &Expr) -> String {
+        let level = self.names.map_or(Level::Sum, |_| Level::Conditional);
+        self.at_level(expr, level)
+    }
+
+    fn list(self, members: &[Expr], separator: &str, least: Level) -> String {
+        let members = members.iter().map(|member| self.at_level(member, least));
+        join(members, separator)
+    }
+
+    fn plain(self, expr: &Expr) -> (String, Level) {
+        let sub = |expr: &Expr, level| self.at_level(expr, level);
+        // What is read back must say which of two signs or powers is inside.
+        let signed = self.names.map_or(Level::Negate, |_| Level::Power);
+        match &expr.kind {
+            ExprKind::Number(value) => (self.number(*value), Level::Atom),
+            ExprKind::String(text) => (format!("\"{text}\""), Level::Atom),
+            ExprKind::Name(name) => self.name(name),
+            ExprKind::Field(base, name) => {
+                let base = match base.kind {
+                    // `2.x` would be a malformed number.
+                    ExprKind::Number(value) => format!("({})", self.number(value)),
+                    _ => sub(base, Level::Atom),
+                };
+                (format!("{base}.{name}"), Level::Atom)
+            }
+            ExprKind::Index(base, indices) => {
+                let (base, indices) = (sub(base, Level::Atom), self.indices(indices));
+                (format!("{base}[{indices}]"), Level::Atom)
+            }
+            ExprKind::Call(function, args) => {
+                let args = join(args.iter().map(|arg| self.arg(arg)), ", ");
+                (
+                    format!("{}({args})", sub(function, Level::Atom)),
+                    Level::Atom,
+                )
+            }
+            ExprKind::Matrix(matrix) => {
+                let rows = matrix.rows.iter();
+                let rows = rows.map(|row| self.list(row, ", ", Level::Conditional));
+                let is_row = matrix.semicolons && matrix.rows.len() == 1;
+                let end = if is_row { ";" } else { "" };
+                (format!("[{}{end}]", join(rows, "; ")), Level::Atom)
+            }
+            ExprKind::Comprehension(body, binders) => {
+                let (body, binders) = (self.text(body), self.binders(binders));
+                (format!("[{body} for {binders}]"), Level::Atom)
+            }
+            ExprKind::Negate(inner) => (format!("-{}", sub(inner, signed)), Level::Negate),
+            ExprKind::Binary(op, base, exponent) => {
+                let (base, exponent) = (sub(base, Level::Atom), sub(exponent, signed));
+                (
+                    format!("{base}{}{exponent}", self.operator(*op)),
+                    Level::Power,
+                )
+            }
+            ExprKind::Chain(first, rest) => self.chain(first, rest),
+            ExprKind::Compare(first, rest) => {
+                let mut text = sub(first, Level::Sum);
+                for (op, operand) in rest {
+                    text += &format!(" {} {}", relation(*op), sub(operand, Level::Sum));
                 }
-                _ => write(out, base, Level::Atom),
+                (text, Level::Compare)
             }
-            let _ = write!(out, ".{name}");
-        }
-        ExprKind::Index(base, list) => {
-            write(out, base, Level::Atom);
-            let _ = write!(out, "[{}]", indices(list));
-        }
-        ExprKind::Call(function, args) => {
-            write(out, function, Level::Atom);
-            let _ = write!(out, "({})", join(args.iter().map(arg), ", "));
-        }
-        ExprKind::Matrix(matrix) => {
-            let rows = matrix.rows.iter().map(|row| super::list(row));
-            let end = if matrix.semicolons && matrix.rows.len() == 1 {
-                ";"
-            } else {
-                ""
-            };
-            let _ = write!(out, "[{}{end}]", join(rows, "; "));
-        }
-        ExprKind::Comprehension(body, list) => {
-            let _ = write!(out, "[{body} for {}]", binders(list));
-        }
-        ExprKind::Negate(inner) => {
-            out.push('-');
-            write(out, inner, Level::Negate);
-        }
-        ExprKind::Binary(op, base, exponent) => {
-            write(out, base, Level::Atom);
-            out.push_str(operator(*op));
-            write(out, exponent, Level::Negate);
-        }
-        ExprKind::Chain(first, rest) => {
-            let operands = match level(expr) {
-                Level::Sum => Level::Product,
-                _ => Level::Negate,
-            };
-            write(out, first, operands);
-            for (op, operand) in rest {
-                out.push_str(operator(*op));
-                write(out, operand, operands);
+            ExprKind::Not(inner) => (format!("not {}", sub(inner, Level::Not)), Level::Not),
+            ExprKind::And(members) => (self.list(members, " and ", Level::Not), Level::And),
+            ExprKind::Or(members) => (self.list(members, " or ", Level::And), Level::Or),
+            ExprKind::If(condition, a, b) => {
+                let (condition, a, b) = (self.text(condition), self.text(a), self.text(b));
+                let text = format!("if {condition} then {a} else {b}");
+                (text, Level::Conditional)
             }
         }
-        ExprKind::Compare(first, rest) => {
-            write(out, first, Level::Sum);
-            for (op, operand) in rest {
-                let _ = write!(out, " {} ", relation(*op));
-                write(out, operand, Level::Sum);
+    }
+
+    fn chain(self, first: &Expr, rest: &[(BinaryOp, Expr)]) -> (String, Level) {
+        let (level, operands) = match rest.first() {
+            Some((BinaryOp::Add | BinaryOp::Sub, _)) => (Level::Sum, Level::Product),
+            _ => (Level::Product, Level::Negate),
+        };
+        // People need no parentheses around a sum that a sum begins with.
+        let mut text = self.at_level(first, self.names.map_or(operands, |_| level));
+        for (op, operand) in rest {
+            text += self.operator(*op);
+            text += &self.at_level(operand, operands);
+        }
+        (text, level)
+    }
+
+    fn name(self, name: &str) -> (String, Level) {
+        match self.names.and_then(|names| names(name)) {
+            Some(text) => {
+                let is_name = |c: char| c.is_alphanumeric() || "_[],.".contains(c);
+                let is_simple = text.chars().all(is_name);
+                (
+                    text,
+                    if is_simple {
+                        Level::Atom
+                    } else {
+                        Level::Conditional
+                    },
+                )
+            }
+            None => (name.to_owned(), Level::Atom),
+        }
+    }
+
+    fn arg(self, arg: &Arg) -> String {
+        match arg {
+            Arg::Named(name, value) => format!("{name} = {}", self.text(value)),
+            Arg::Positional(value, list) if list.is_empty() => self.text(value),
+            Arg::Positional(value, list) => {
+                format!("{} for {}", self.text(value), self.binders(list))
             }
         }
-        ExprKind::Not(inner) => {
-            out.push_str("not ");
-            write(out, inner, Level::Not);
+    }
+
+    fn operator(self, op: BinaryOp) -> &'static str {
+        let tight = self.names.is_none();
+        match op {
+            BinaryOp::Add => " + ",
+            BinaryOp::Sub => " - ",
+            BinaryOp::Mul => "*",
+            BinaryOp::Div => "/",
+            BinaryOp::Pow => "^",
+            BinaryOp::ElementMul if tight => ".*",
+            BinaryOp::ElementDiv if tight => "./",
+            BinaryOp::ElementPow if tight => ".^",
+            BinaryOp::ElementMul => " .* ",
+            BinaryOp::ElementDiv => " ./ ",
+            BinaryOp::ElementPow => " .^ ",
         }
-        ExprKind::And(members) => separated(out, members, " and ", Level::Not),
-        ExprKind::Or(members) => separated(out, members, " or ", Level::And),
-        ExprKind::If(condition, then, otherwise) => {
-            out.push_str("if ");
-            write(out, condition, Level::Conditional);
-            out.push_str(" then ");
-            write(out, then, Level::Conditional);
-            out.push_str(" else ");
-            write(out, otherwise, Level::Conditional);
+    }
+
+    /// A number in full, or the shortest text that reads back as the same number.
+    fn number(self, value: f64) -> String {
+        if self.names.is_some() {
+            return value.to_string();
         }
+        let text = format!("{value:?}");
+        text.strip_suffix(".0").map(str::to_owned).unwrap_or(text)
     }
-}
-
-fn separated(out: &mut String, members: &[Expr], separator: &str, least: Level) {
-    for (position, member) in members.iter().enumerate() {
-        if position > 0 {
-            out.push_str(separator);
-        }
-        write(out, member, least);
-    }
-}
-
-fn arg(arg: &Arg) -> String {
-    match arg {
-        Arg::Named(name, value) => format!("{name} = {value}"),
-        Arg::Positional(value, list) if list.is_empty() => value.to_string(),
-        Arg::Positional(value, list) => format!("{value} for {}", binders(list)),
-    }
-}
-
-fn operator(op: BinaryOp) -> &'static str {
-    match op {
-        BinaryOp::Add => " + ",
-        BinaryOp::Sub => " - ",
-        BinaryOp::Mul => "*",
-        BinaryOp::Div => "/",
-        BinaryOp::Pow => "^",
-        BinaryOp::ElementMul => ".*",
-        BinaryOp::ElementDiv => "./",
-        BinaryOp::ElementPow => ".^",
-    }
-}
-
-/// The shortest text that reads back as the same number.
-fn number(value: f64) -> String {
-    let text = format!("{value:?}");
-    text.strip_suffix(".0").map(str::to_owned).unwrap_or(text)
 }

@@ -4,7 +4,7 @@
 //! them. Parsing the text gives the same tree back, up to positions.
 
 mod experiment;
-mod expression;
+pub(super) mod expression;
 mod statement;
 
 use std::fmt::{self, Display, Formatter};
