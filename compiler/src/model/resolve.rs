@@ -10,9 +10,9 @@ use super::{Model, ModelError, display, units};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::model::expressions::Lowering;
-use crate::model::names::connect;
 use crate::model::names::parts::{Files, Instance};
 use crate::model::names::scope::Scope;
+use crate::model::names::{bind, connect};
 use crate::model::statements::declare::Declaring;
 use crate::model::statements::{algebraic, dynamics, partition};
 use crate::syntax::{self, Bind, File};
@@ -61,10 +61,11 @@ fn resolve_in<'e>(
     let scope = files.scope(file, diags);
     let mut declaring = Declaring::new(file, item, scope, files, diags);
     let whole = declaring.instance(file, item, String::new(), vec![], with);
-    let bound = declaring.defaults(&whole);
     let Declaring {
-        mut model, files, ..
+        mut draft, files, ..
     } = declaring;
+    let bound = bind::defaults(&mut draft, &whole, diags);
+    let mut model = draft.model;
     model.scope = (*whole.scope).clone();
 
     let touched = walk(&mut model, &whole, diags);
@@ -117,18 +118,9 @@ impl Model<'_> {
     /// Lets experiments in another file see the names of that file, besides those of the model.
     pub fn see_from(&mut self, file: &File, diags: &mut Diagnostics) {
         let of_file = Files::new(self.exprs, self.time).scope(file, diags);
-        let scope = &self.scope;
-        let own = scope.names.iter();
-        let own = own.filter(|(name, _)| scope.own(name).is_some());
-        let own: Vec<_> = own
-            .map(|(name, meaning)| (name.clone(), meaning.clone()))
-            .collect();
-        let mut names = of_file.names.clone();
-        names.extend(own);
         self.scope = Scope {
-            names,
-            prefix: String::new(),
-            forgiving: scope.forgiving || of_file.forgiving,
+            names: std::mem::take(&mut self.scope.names),
+            forgiving: self.scope.forgiving || of_file.forgiving,
             ..of_file
         };
     }

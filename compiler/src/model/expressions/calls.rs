@@ -73,12 +73,8 @@ fn callee<'a, 'c, 'e>(
         return lowering.error(ModelError::UnknownFunction { name, span, help });
     };
     let scope = lowering.scope;
-    let names = if lowering.in_function {
-        &*scope.of_file
-    } else {
-        &scope.names
-    };
-    if let Some(Meaning::Unusable) = names.get(name) {
+    let visible = lowering.visible(name);
+    if let Some(Meaning::Unusable) = visible {
         return Err(Reported);
     }
     if let Some(callable) = scope.functions.get(name) {
@@ -89,7 +85,7 @@ fn callee<'a, 'c, 'e>(
         return Ok((name, None));
     }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
-    let help = if is_local || names.contains_key(name) {
+    let help = if is_local || visible.is_some() {
         let hint = "is not a function; index it as";
         Some(format!("`{name}` {hint} `{name}[..]`, multiply with `*`").into())
     } else if scope.forgiving {

@@ -33,7 +33,7 @@ impl Lowering<'_, '_> {
     }
 
     fn whole_name(&self, name: &str) -> Option<String> {
-        let is_own = || !self.in_function && self.scope.own(name).is_some();
+        let is_own = || !self.in_function && self.scope.names.contains_key(name);
         let is_let = self.locals.iter().any(|local| local.name() == name);
         self.local_text(name).or_else(|| {
             (!self.scope.prefix.is_empty() && !is_let && is_own())

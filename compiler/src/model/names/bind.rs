@@ -5,19 +5,20 @@
 //! are connected ([`super::connect`]). What stands further outside counts: the braces of the whole before
 //! those of a part in it.
 
+use std::rc::Rc;
+
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::draft::Draft;
 use super::parts::{Inner, Instance};
-use super::scope::{Meaning, Reported};
+use super::scope::{Meaning, Reported, Scope};
 use super::target;
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::{Expr, Var};
 use crate::model::expressions::Lowering;
 use crate::model::hir::Definition;
-use crate::model::hir::order;
 use crate::model::hir::reserved::did_you_mean;
-use crate::model::statements::declare::Declaring;
-use crate::model::{GivenError, ModelError, Quantity, Shape, Target, TargetKind, Tensor};
+use crate::model::{GivenError, ModelError, Shape, Target, TargetKind, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, Bind, DeclKind, Domain, ExprKind, Sliding};
 
@@ -40,23 +41,37 @@ pub(crate) struct Connection<'e> {
     pub span: Span,
 }
 
-impl<'f, 'e> Declaring<'_, 'f, 'e> {
-    /// Defaults, initial values and bounds, when every name has its meaning.
-    pub fn defaults(&mut self, whole: &Instance<'f, 'e>) -> Bound<'e> {
-        let mut bound = Bound::default();
-        self.own_defaults(whole, None, &mut bound);
-        self.order_params();
-        bound
-    }
+/// Defaults, initial values and bounds, when every name has its meaning.
+pub(crate) fn defaults<'e>(
+    draft: &mut Draft<'e>,
+    whole: &Instance<'_, 'e>,
+    diags: &mut Diagnostics,
+) -> Bound<'e> {
+    let mut binding = Binding {
+        draft,
+        scope: Rc::clone(&whole.scope),
+        bound: Bound::default(),
+        diags,
+    };
+    binding.own_defaults(whole, None);
+    let bound = binding.bound;
+    draft.order_params(diags);
+    bound
+}
 
+/// A model while what it declares gets its values.
+struct Binding<'d, 'e> {
+    draft: &'d mut Draft<'e>,
+    /// The instance whose lines are read.
+    scope: Rc<Scope<'e>>,
+    bound: Bound<'e>,
+    diags: &'d mut Diagnostics,
+}
+
+impl<'e> Binding<'_, 'e> {
     /// The defaults of an instance, then of the parts in it.
-    fn own_defaults(
-        &mut self,
-        instance: &Instance<'f, 'e>,
-        part: Option<&'f syntax::Part>,
-        bound: &mut Bound<'e>,
-    ) {
-        let outer = std::mem::replace(&mut self.level.scope, (*instance.scope).clone());
+    fn own_defaults(&mut self, instance: &Instance<'_, 'e>, part: Option<&syntax::Part>) {
+        let outer = std::mem::replace(&mut self.scope, Rc::clone(&instance.scope));
         for declared in &instance.names.declared {
             let Definition::Decl(decl) = declared.item else {
                 continue;
@@ -69,29 +84,18 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             let default = self.default(decl, shape);
             let domain = self.domain(decl, shape);
             let value = match part {
-                Some(part) => self.given_or(default, decl, kind, part, bound),
+                Some(part) => self.given_or(default, decl, kind, part),
                 None => default,
             };
-            if let Some(quantity) = self.quantity_of(kind) {
+            if let Some(quantity) = self.draft.quantity_of(kind) {
                 (quantity.value, quantity.domain) = (value, domain);
             }
         }
         for inner in &instance.parts {
-            self.braces(inner, bound);
-            self.own_defaults(&inner.instance, Some(inner.part), bound);
+            self.braces(inner);
+            self.own_defaults(&inner.instance, Some(inner.part));
         }
-        self.level.scope = outer;
-    }
-
-    fn quantity_of(&mut self, kind: TargetKind) -> Option<&mut Quantity<'e>> {
-        match kind {
-            TargetKind::Param(index) => self.model.params.get_mut(index),
-            TargetKind::State(index) => self.model.states.get_mut(index),
-            TargetKind::Algebraic(index) => self.model.algebraics.get_mut(index),
-            TargetKind::Control(index) => self.model.controls.get_mut(index),
-            TargetKind::Input(index) => self.model.inputs.get_mut(index),
-            _ => None,
-        }
+        self.scope = outer;
     }
 
     /// The value of a quantity of a part: what braces give, entry by entry, else its default.
@@ -101,17 +105,16 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         decl: &syntax::Decl,
         kind: TargetKind,
         part: &syntax::Part,
-        bound: &mut Bound<'e>,
     ) -> Option<Tensor<'e>> {
-        let (shape, vars) = match self.quantity_of(kind) {
+        let (shape, vars) = match self.draft.quantity_of(kind) {
             Some(quantity) => (quantity.shape, quantity.vars.clone()),
             None => return default,
         };
         let vars: Vec<Var> = vars.iter().filter_map(|var| var.as_variable()).collect();
-        let some_given = vars.iter().any(|var| bound.values.contains_key(var));
+        let some_given = vars.iter().any(|var| self.bound.values.contains_key(var));
         let entries = vars.iter().enumerate().map(|(k, var)| {
             let own = || Some((*default.as_ref()?.data.get(k)?, decl.span));
-            bound.values.get(var).copied().or_else(own)
+            self.bound.values.get(var).copied().or_else(own)
         });
         let entries: Vec<Option<(Expr<'e>, Span)>> = entries.collect();
         let is_connected = matches!(kind, TargetKind::Input(_) | TargetKind::Control(_));
@@ -119,7 +122,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         if let Some(missing) = missing {
             // A state may be left to the experiment, as a whole.
             let is_wrong = some_given || matches!(kind, TargetKind::Input(_));
-            let is_wrong = is_wrong && !bound.wrong.contains(&part.span);
+            let is_wrong = is_wrong && !self.bound.wrong.contains(&part.span);
             if is_wrong && (decl.value.is_none() || default.is_some()) {
                 self.diags.push(ModelError::NotGiven {
                     name: if some_given {
@@ -140,49 +143,49 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             let connections = vars.iter().zip(&entries);
             let connections =
                 connections.map(|(&var, &(value, span))| Connection { var, value, span });
-            bound.connections.extend(connections);
+            self.bound.connections.extend(connections);
         }
         let data = entries.into_iter().map(|(value, _)| value).collect();
         Some(Tensor { shape, data })
     }
 
     /// What the braces of a part give to it.
-    fn braces(&mut self, inner: &Inner<'f, 'e>, bound: &mut Bound<'e>) {
+    fn braces(&mut self, inner: &Inner<'_, 'e>) {
         let mut here = Here::default();
         for bind in &inner.part.binds {
             // Every line is looked at.
-            if self.brace(inner, bind, &mut here, bound).is_err() {
-                bound.wrong.insert(inner.part.span);
+            if self.brace(inner, bind, &mut here).is_err() {
+                self.bound.wrong.insert(inner.part.span);
             }
         }
     }
 
     fn brace(
         &mut self,
-        inner: &Inner<'f, 'e>,
+        inner: &Inner<'_, 'e>,
         bind: &Bind,
         here: &mut Here,
-        bound: &mut Bound<'e>,
     ) -> Result<(), Reported> {
         let target = self.brace_target(inner, bind)?;
-        let what = format!(
-            "`{}`",
-            self.lowering(|lowering| Ok(lowering.path_text(&bind.target)))?
-        );
+        let lowering = Lowering::new(&self.scope, None, self.diags);
+        let what = format!("`{}`", lowering.path_text(&bind.target));
         if target.kind == TargetKind::Const {
-            self.whole_constant(&bind.target)?;
+            if let Some(error) = GivenError::constant_entry(&bind.target) {
+                self.diags.push(error);
+                return Err(Reported);
+            }
             // Its value has been used already.
             return here.once(&what, None, bind, self.diags);
         }
         if let TargetKind::Sliding(switch) = target.kind {
             let reading = sliding(&bind.value, self.diags)?;
             here.once(&what, None, bind, self.diags)?;
-            if bound.sliding.insert(switch) {
-                self.model.switches[switch].sliding = Some(reading);
+            if self.bound.sliding.insert(switch) {
+                self.draft.model.switches[switch].sliding = Some(reading);
             }
             return Ok(());
         }
-        let Some(quantity) = self.quantity_of(target.kind) else {
+        let Some(quantity) = self.draft.quantity_of(target.kind) else {
             self.diags.push(ModelError::CannotGive {
                 name: what,
                 kind: target.kind.word(),
@@ -194,14 +197,14 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             .filter_map(|&entry| quantity.vars.get(entry)?.as_variable())
             .collect();
         let binder = inner.part.binder.as_ref().zip(inner.index);
-        let value = self.lowering(|lowering| {
+        let value = self.draft.lowering(&self.scope, self.diags, |lowering| {
             lowering.with_index(binder.map(|(binder, index)| (&*binder.name.name, index)));
             lowering.numbers_as(&bind.value, target.shape, &what)
         })?;
         if matches!(
             target.kind,
             TargetKind::Param(_) | TargetKind::State(_) | TargetKind::Algebraic(_)
-        ) && let Some(cause) = self.depends(&value.data, false)
+        ) && let Some(cause) = self.draft.depends(&value.data, false)
         {
             let word = match target.kind {
                 TargetKind::State(_) => "the initial value of",
@@ -217,27 +220,16 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         }
         for (&var, value) in vars.iter().zip(value.data) {
             here.once(&what, Some(var), bind, self.diags)?;
-            bound.values.entry(var).or_insert((value, bind.span));
+            self.bound.values.entry(var).or_insert((value, bind.span));
         }
         Ok(())
     }
 
-    /// Refuses `w[2] = 3;` for a structural constant.
-    fn whole_constant(&mut self, path: &syntax::Path) -> Result<(), Reported> {
-        match GivenError::constant_entry(path) {
-            Some(error) => {
-                self.diags.push(error);
-                Err(Reported)
-            }
-            None => Ok(()),
-        }
-    }
-
     /// What the left side of a line in braces means, in the part.
-    fn brace_target(&mut self, inner: &Inner<'f, 'e>, bind: &Bind) -> Result<Target, Reported> {
+    fn brace_target(&mut self, inner: &Inner<'_, 'e>, bind: &Bind) -> Result<Target, Reported> {
         let scope = &inner.instance.scope;
         let head = &bind.target.head;
-        if scope.own(&head.name).is_none() {
+        if !scope.names.contains_key(&head.name) {
             if !scope.forgiving {
                 let help = did_you_mean(&head.name, scope.own_names());
                 self.diags.push(ModelError::NotInModel {
@@ -320,10 +312,10 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         of_time: bool,
     ) -> Option<Tensor<'e>> {
         // Surfaces in defaults are none of the model's.
-        let tensor = Lowering::new(&self.level.scope, None, self.diags)
+        let tensor = Lowering::new(&self.scope, None, self.diags)
             .numbers_as(value, shape, whose)
             .ok()?;
-        match self.depends(&tensor.data, of_time) {
+        match self.draft.depends(&tensor.data, of_time) {
             None => Some(tensor),
             Some(cause) => {
                 self.diags.push(ModelError::DefaultDepends {
@@ -334,55 +326,6 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
                 None
             }
         }
-    }
-
-    /// What some expressions depend on besides params, and time where that is allowed.
-    pub fn depends(&self, entries: &[Expr<'e>], of_time: bool) -> Option<String> {
-        let data = self.model.data.iter().map(|data| data.var);
-        let given = |var: Var| {
-            let mut of_time = data.clone().chain([self.model.time]);
-            of_time.any(|given| given.as_variable() == Some(var))
-        };
-        let other = variables_of(entries)
-            .into_iter()
-            .find(|&var| !(self.param_of.contains_key(&var) || of_time && given(var)))?;
-        Some(format!("`{}`", self.model.exprs.name(other)))
-    }
-
-    /// Defaults of params in an order in which they can be computed.
-    fn order_params(&mut self) {
-        let names: Vec<&str> = self
-            .model
-            .params
-            .iter()
-            .map(|param| param.name.as_str())
-            .collect();
-        let needs = self.model.params.iter().map(|param| {
-            let entries = param
-                .value
-                .iter()
-                .flat_map(|value| value.data.iter().copied())
-                .collect::<Vec<_>>();
-            let mut needs: Vec<usize> = variables_of(&entries)
-                .into_iter()
-                .filter_map(|var| self.param_of.get(&var).copied())
-                .collect();
-            needs.dedup();
-            needs
-        });
-        let needs: Vec<Vec<usize>> = needs.collect();
-        let (sorted, cycles) = order::topological(&needs);
-        for cycle in &cycles {
-            let param = &self.model.params[cycle[0]];
-            let what = format!("the default of `{}`", param.name);
-            self.diags.push(ModelError::Cycle {
-                what,
-                chain: order::chain(cycle, &names),
-                span: param.span,
-                others: order::others(cycle, &names, |node| self.model.params[node].span),
-            });
-        }
-        self.model.param_order = sorted;
     }
 }
 

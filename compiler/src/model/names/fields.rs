@@ -55,14 +55,9 @@ impl<'a, 'e> Lowering<'a, 'e> {
         &mut self,
         expr: &'x Expr,
     ) -> Result<Option<(&'x str, &'a Meaning<'e>)>, Reported> {
-        let scope = self.scope;
         match &expr.kind {
             ExprKind::Name(name) if !self.is_local(name) => {
-                let names = match self.in_function {
-                    true => &*scope.of_file,
-                    false => &scope.names,
-                };
-                Ok(names.get(name).map(|meaning| (&**name, meaning)))
+                Ok(self.visible(name).map(|meaning| (&**name, meaning)))
             }
             ExprKind::Field(base, field) if self.module(base).is_some() => {
                 let Some((name, module)) = self.module(base) else {
@@ -162,7 +157,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
         part: &'m Scope<'e>,
         field: &Ident,
     ) -> Result<&'m Meaning<'e>, Reported> {
-        match part.own(&field.name) {
+        match part.names.get(&field.name) {
             Some(meaning) => Ok(meaning),
             None if part.forgiving => Err(Reported),
             None => {

@@ -80,7 +80,6 @@ pub(crate) fn file_scope<'e>(
     }
     let own = file.globals.iter();
     let own = own.filter(|known| !matches!(known.global, Global::Import(_)));
-    scope.names = names.clone();
     scope.of_file = Rc::new(names);
     scope.functions = Rc::new(functions);
     scope.declares = Rc::new(own.map(|known| known.name.to_owned()).collect());
@@ -211,7 +210,6 @@ fn constants<'e>(scope: &mut Scope<'e>, file: &hir::File<'_>, diags: &mut Diagno
         let meaning = value.map_or(Meaning::Unusable, |value| {
             Meaning::Value(value, TargetKind::Const)
         });
-        Rc::make_mut(&mut scope.of_file).insert(names[node].to_owned(), meaning.clone());
-        scope.names.insert(names[node].to_owned(), meaning);
+        Rc::make_mut(&mut scope.of_file).insert(names[node].to_owned(), meaning);
     }
 }

@@ -34,12 +34,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             _ => {}
         }
         let scope = self.scope;
-        let names = if self.in_function {
-            &*scope.of_file
-        } else {
-            &scope.names
-        };
-        match names.get(name) {
+        match self.visible(name) {
             Some(Meaning::Value(value, kind)) => {
                 self.varies |= !matches!(kind, TargetKind::Const);
                 Ok(value.clone())
@@ -78,8 +73,11 @@ impl<'a, 'e> Lowering<'a, 'e> {
                 })
             }
             None => {
+                let of_model = (!self.in_function).then(|| scope.own_names());
+                let of_file = scope.of_file.keys().map(String::as_str);
                 let locals = self.locals.iter().map(Local::name);
-                let known = names.keys().map(String::as_str).chain(VALUES).chain(locals);
+                let known = of_model.into_iter().flatten().chain(of_file);
+                let known = known.chain(VALUES).chain(locals);
                 let help = foreign::value(name).or_else(|| did_you_mean(name, known));
                 self.error(ModelError::UnknownName {
                     name: name.to_owned(),
@@ -87,6 +85,14 @@ impl<'a, 'e> Lowering<'a, 'e> {
                     help,
                 })
             }
+        }
+    }
+
+    /// What a name means that is not local, to the model or in a function.
+    pub fn visible(&self, name: &str) -> Option<&'a Meaning<'e>> {
+        match self.in_function {
+            true => self.scope.of_file.get(name),
+            false => self.scope.get(name),
         }
     }
 
@@ -159,12 +165,11 @@ impl<'a, 'e> Lowering<'a, 'e> {
         let ExprKind::Name(name) = &expr.kind else {
             return None;
         };
-        let scope = self.scope;
         let hidden = self.hook.is_some() || self.in_function;
         if hidden || self.locals.iter().any(|local| local.name() == name) {
             return None;
         }
-        match scope.names.get(name) {
+        match self.visible(name) {
             Some(Meaning::Value(value, _)) => Some(value),
             _ => None,
         }

@@ -2,6 +2,7 @@
 
 pub(crate) mod bind;
 pub(crate) mod connect;
+pub(crate) mod draft;
 pub(crate) mod fields;
 pub(crate) mod file;
 pub(crate) mod lookup;

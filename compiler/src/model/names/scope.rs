@@ -68,6 +68,7 @@ pub struct Scope<'e> {
     /// What stands before the names of an instance: `a.floor.`; empty for the model itself.
     pub(crate) prefix: String,
     pub(crate) time: Expr<'e>,
+    /// Names that the model declares itself.
     pub(crate) names: FxHashMap<String, Meaning<'e>>,
     pub(crate) functions: Rc<FxHashMap<String, Callable<'e>>>,
     /// Names that the file declares itself: what others can import.
@@ -154,10 +155,9 @@ impl<'e> Scope<'e> {
         self.functions.contains_key(name)
     }
 
-    /// What a name means that the model declares itself, not its file.
-    pub(crate) fn own(&self, name: &str) -> Option<&Meaning<'e>> {
-        let meaning = self.names.get(name)?;
-        (!self.of_file.contains_key(name)).then_some(meaning)
+    /// What a name means in the model.
+    pub(crate) fn get(&self, name: &str) -> Option<&Meaning<'e>> {
+        self.names.get(name).or_else(|| self.of_file.get(name))
     }
 
     /// What a name means that the file declares itself, functions aside.
@@ -169,16 +169,17 @@ impl<'e> Scope<'e> {
 
     /// All names that the model declares itself.
     pub(crate) fn own_names(&self) -> impl Iterator<Item = &str> {
-        let names = self.names.keys().map(String::as_str);
-        names.filter(|name| !self.of_file.contains_key(*name))
+        self.names.keys().map(String::as_str)
+    }
+
+    /// All names that have a meaning in the model.
+    pub(crate) fn declared_names(&self) -> impl Iterator<Item = &str> {
+        self.own_names()
+            .chain(self.of_file.keys().map(String::as_str))
     }
 
     /// Every name that can be read, for suggestions and completion.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.names
-            .keys()
-            .map(String::as_str)
-            .chain(VALUES)
-            .chain(function_names())
+        self.declared_names().chain(VALUES).chain(function_names())
     }
 }

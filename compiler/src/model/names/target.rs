@@ -105,7 +105,7 @@ fn declaration<'p>(
     let mut scope = lowering.scope;
     let (mut name, mut span) = (&path.head.name, path.head.span);
     let mut rest = &path.rest[..];
-    let mut meaning = scope.names.get(name);
+    let mut meaning = scope.get(name);
     loop {
         let inner = match meaning {
             Some(Meaning::Value(value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
@@ -141,7 +141,7 @@ fn declaration<'p>(
             Some(Meaning::Unusable) => return Err(Reported),
             None if scope.forgiving => return Err(Reported),
             None => {
-                let help = did_you_mean(name, scope.names.keys().map(String::as_str));
+                let help = did_you_mean(name, scope.declared_names());
                 return lowering.error(ModelError::UnknownName {
                     name: name.clone(),
                     span,

@@ -1,29 +1,24 @@
 //! Declarations: variables for what varies, values for what is named.
 
-use rustc_hash::FxHashMap;
-
-use super::programs;
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Var};
 use crate::model::expressions::{Lazy, Local, Lowering};
 use crate::model::hir::order::given;
 use crate::model::hir::{Declared, Definition, Frame};
+use crate::model::names::draft::Draft;
 use crate::model::names::parts::{Files, Given, Inner};
 use crate::model::names::scope::{Meaning, Reported, Scope, Value};
-use crate::model::{Model, ModelError, Named, Quantity, Shape, Statements, TargetKind, Tensor};
+use crate::model::{ModelError, Shape, TargetKind};
 use crate::source::Span;
 use crate::syntax::{self, Bind, DeclKind, NamedKind};
 
-/// A model while its declarations are computed.
+/// Gives names their meaning, instance by instance.
 pub(crate) struct Declaring<'d, 'f, 'e> {
-    pub model: Model<'e>,
+    pub draft: Draft<'e>,
     /// The instance whose names are being declared.
     pub level: Level<'f, 'e>,
     /// The models around it, with the `part` that leads from each to the next.
     pub around: Vec<(&'f syntax::Model, Span)>,
     pub files: Files<'f, 'e>,
-    /// The param that each entry declared so far belongs to.
-    pub param_of: FxHashMap<Var, usize>,
     pub diags: &'d mut Diagnostics,
 }
 
@@ -45,29 +40,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         files: Files<'f, 'e>,
         diags: &'d mut Diagnostics,
     ) -> Self {
-        let model = Model {
-            name: item.name.name.clone(),
-            exprs: scope.exprs,
-            time: scope.time,
-            params: vec![],
-            states: vec![],
-            algebraics: vec![],
-            controls: vec![],
-            inputs: vec![],
-            connected: vec![],
-            signals: vec![],
-            data: vec![],
-            lets: vec![],
-            outputs: vec![],
-            switches: vec![],
-            statements: Statements::default(),
-            partitions: vec![],
-            surfaces: vec![],
-            rounded: vec![],
-            param_order: vec![],
-            scope: scope.clone(),
-            span: item.span,
-        };
+        let draft = Draft::new(item, &scope);
         let level = Level {
             item,
             file,
@@ -76,11 +49,10 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             parts: vec![],
         };
         Declaring {
-            model,
+            draft,
             level,
             around: vec![],
             files,
-            param_of: FxHashMap::default(),
             diags,
         }
     }
@@ -118,11 +90,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         &mut self,
         lower: impl FnOnce(&mut Lowering<'_, 'e>) -> Result<T, Reported>,
     ) -> Result<T, Reported> {
-        let mut lowering = Lowering::new(&self.level.scope, None, self.diags);
-        let value = lower(&mut lowering);
-        self.model.surfaces.append(&mut lowering.surfaces);
-        self.model.rounded.append(&mut lowering.rounded);
-        value
+        self.draft.lowering(&self.level.scope, self.diags, lower)
     }
 
     fn constant(&mut self, item: &syntax::Const, with: &[Bind]) -> Result<Meaning<'e>, Reported> {
@@ -144,54 +112,23 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
     fn quantity(&mut self, decl: &syntax::Decl) -> Result<Meaning<'e>, Reported> {
         let shape = self.shape(&decl.name.name, &decl.shape, decl.span)?;
         let name = self.whole_name(&decl.name.name);
-        let vars: Vec<Expr<'e>> = (0..shape.len())
-            .map(|k| self.model.exprs.variable(&shape.entry_name(&name, k)))
-            .collect();
-        let value = Tensor {
-            shape,
-            data: vars.clone(),
-        };
-        let quantity = Quantity {
-            name,
-            shape,
-            vars,
-            value: None,
-            domain: None,
-            span: decl.span,
-        };
-        let (list, kind): (_, fn(usize) -> TargetKind) = match decl.kind {
-            DeclKind::Param => (&mut self.model.params, TargetKind::Param),
-            DeclKind::State => (&mut self.model.states, TargetKind::State),
-            DeclKind::Control => (&mut self.model.controls, TargetKind::Control),
-            DeclKind::Input => (&mut self.model.inputs, TargetKind::Input),
-            DeclKind::Algebraic => (&mut self.model.algebraics, TargetKind::Algebraic),
-        };
-        list.push(quantity);
-        let index = list.len() - 1;
-        if decl.kind == DeclKind::Param {
-            let vars = value.data.iter().filter_map(|var| var.as_variable());
-            self.param_of.extend(vars.map(|var| (var, index)));
-        }
-        Ok(Meaning::Value(value.into(), kind(index)))
+        let value = self.draft.variables(&name, shape);
+        let target = self.draft.quantity(decl.kind, name, &value, decl.span);
+        Ok(Meaning::Value(value.into(), target))
     }
 
-    /// What a program solves for.
+    /// What a program solves for, from zero on: its multipliers are found from there.
     fn program(&mut self, program: &syntax::Program) -> Result<Meaning<'e>, Reported> {
         let (name, span) = (&program.name.name, program.span);
         let shape = self.shape(name, &program.shape, span)?;
         let name = self.whole_name(name);
-        let entry = |k: usize| self.model.exprs.variable(&shape.entry_name(&name, k));
-        let vars: Vec<Expr<'e>> = (0..shape.len()).map(entry).collect();
-        let value = Tensor {
-            shape,
-            data: vars.clone(),
-        };
-        let list = &mut self.model.algebraics;
-        list.push(programs::unknown(name, shape, vars, span));
-        Ok(Meaning::Value(
-            value.into(),
-            TargetKind::Algebraic(list.len() - 1),
-        ))
+        let value = self.draft.variables(&name, shape);
+        let target = self.draft.quantity(DeclKind::Algebraic, name, &value, span);
+        let zero = self.draft.model.exprs.constant(0.0);
+        if let Some(quantity) = self.draft.quantity_of(target) {
+            quantity.value = (shape.len() > 0).then(|| value.map(|_| zero));
+        }
+        Ok(Meaning::Value(value.into(), target))
     }
 
     /// The shape of what is declared with these sizes.
@@ -229,7 +166,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         })?;
         let name = named.name.name.clone();
         if named.kind == NamedKind::Signal
-            && let Some(cause) = self.depends(&value.tensor.data, true)
+            && let Some(cause) = self.draft.depends(&value.tensor.data, true)
         {
             self.diags.push(ModelError::SignalDepends {
                 name,
@@ -238,17 +175,9 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             });
             return Err(Reported);
         }
-        let (list, kind): (_, fn(usize) -> TargetKind) = match named.kind {
-            NamedKind::Let => (&mut self.model.lets, TargetKind::Let),
-            NamedKind::Output => (&mut self.model.outputs, TargetKind::Output),
-            NamedKind::Signal => (&mut self.model.signals, TargetKind::Signal),
-        };
-        list.push(Named {
-            name: format!("{}{name}", self.level.scope.prefix),
-            value: value.tensor.clone(),
-            span: named.span,
-        });
-        Ok(Meaning::Value(value, kind(list.len() - 1)))
+        let (name, tensor) = (self.whole_name(&name), value.tensor.clone());
+        let target = self.draft.named(named.kind, name, tensor, named.span);
+        Ok(Meaning::Value(value, target))
     }
 }
 

@@ -167,7 +167,7 @@ impl<'e> Walk<'e> {
     ) -> Result<Vec<Rate<'e>>, Reported> {
         let path = &dynamics.target;
         // A wrong target does not hide what is wrong on the right.
-        let target = match lowering.scope.names.get(&path.head.name) {
+        let target = match lowering.scope.get(&path.head.name) {
             Some(Meaning::Value(..)) | None => target::resolve(lowering, path),
             Some(Meaning::Word(kind)) => self.not_a_state(lowering, path, kind),
             Some(Meaning::Part(_) | Meaning::Parts(_)) => {

@@ -54,7 +54,7 @@ impl<'e> Walk<'e> {
         bind: &syntax::Bind,
     ) -> Result<Vec<Reset<'e>>, Reported> {
         let path = &bind.target;
-        let target = match lowering.scope.names.get(&path.head.name) {
+        let target = match lowering.scope.get(&path.head.name) {
             Some(Meaning::Part(_) | Meaning::Parts(_)) => {
                 let (part, span) = (path.head.name.clone(), path.span);
                 lowering.error(DynamicsError::OfAPart { part, span })

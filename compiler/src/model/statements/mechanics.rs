@@ -184,7 +184,7 @@ impl<'e> Walk<'e> {
         lowering: &mut Lowering<'_, 'e>,
         path: &syntax::Path,
     ) -> Result<Target, Reported> {
-        let meaning = lowering.scope.names.get(&path.head.name);
+        let meaning = lowering.scope.get(&path.head.name);
         if let Some(Meaning::Part(_) | Meaning::Parts(_)) = meaning {
             let (part, span) = (path.head.name.clone(), path.span);
             return lowering.error(DynamicsError::OfAPart { part, span });

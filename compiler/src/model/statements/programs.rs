@@ -10,7 +10,7 @@ use super::dynamics::Walk;
 use crate::expr::{Expr, Function, Node, Var, rewrite};
 use crate::model::expressions::{Lowering, rows};
 use crate::model::names::scope::{Meaning, Reported};
-use crate::model::{Complementarity, DynamicsError, Equation, Quantity, Shape, TargetKind, Tensor};
+use crate::model::{Complementarity, DynamicsError, Equation, TargetKind, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, ProgramKind, Relation};
 
@@ -65,7 +65,7 @@ impl<'e> Walk<'e> {
         program: &syntax::Program,
     ) -> Result<(), Reported> {
         let Some(Meaning::Value(value, TargetKind::Algebraic(_))) =
-            lowering.scope.names.get(&program.name.name)
+            lowering.scope.get(&program.name.name)
         else {
             return Err(Reported);
         };
@@ -177,27 +177,6 @@ impl<'e> Walk<'e> {
             smooth(lowering, e, vars, "the map", map.span)?;
         }
         Ok(value.data)
-    }
-}
-
-/// The declaration of what a program solves for.
-pub(crate) fn unknown<'e>(
-    name: String,
-    shape: Shape,
-    vars: Vec<Expr<'e>>,
-    span: Span,
-) -> Quantity<'e> {
-    let zero = vars.first().map(|var| var.exprs().constant(0.0));
-    Quantity {
-        name,
-        shape,
-        value: zero.map(|zero| Tensor {
-            shape,
-            data: vec![zero; vars.len()],
-        }),
-        vars,
-        domain: None,
-        span,
     }
 }
 

@@ -152,7 +152,7 @@ fn is_declared(lowering: &Lowering<'_, '_>, name: &str, is_called: bool) -> bool
         return is_function(name) || scope.functions.contains_key(name);
     }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
-    is_local || VALUES.contains(&name) || scope.names.contains_key(name)
+    is_local || VALUES.contains(&name) || scope.get(name).is_some()
 }
 
 fn wrong<T>(

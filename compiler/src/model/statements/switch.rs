@@ -197,24 +197,19 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             false => self.whole_name(&format!("{}[{}]", switch.name.name, suffix.join(","))),
         };
         let shape = psi.shape;
-        let vars: Vec<Expr<'e>> = (0..shape.len())
-            .map(|k| self.model.exprs.variable(&shape.entry_name(&name, k)))
-            .collect();
-        let value = Value::from(Tensor {
-            shape,
-            data: vars.clone(),
-        });
-        let target = TargetKind::Switch(self.model.switches.len());
-        self.model.switches.push(NamedSwitch {
+        let value = self.draft.variables(&name, shape);
+        let switches = &mut self.draft.model.switches;
+        let target = TargetKind::Switch(switches.len());
+        switches.push(NamedSwitch {
             name,
             kind,
             shape,
             psi: psi.data,
-            vars,
+            vars: value.data.clone(),
             sliding: switch.sliding,
             span: switch.span,
         });
-        (value, target)
+        (value.into(), target)
     }
 
     /// The thresholds of a relay do not move.
@@ -229,7 +224,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let start = thresholds.start.as_ref();
         let options = [("on", Some(&thresholds.on)), ("off", Some(&thresholds.off))];
         for (option, entries) in options.into_iter().chain([("start", start)]) {
-            if let Some(cause) = entries.and_then(|entries| self.depends(entries, false)) {
+            if let Some(cause) = entries.and_then(|entries| self.draft.depends(entries, false)) {
                 let what = format!("`{option}` depends on {cause}, which is no param");
                 self.diags.push(DynamicsError::RelayForm { what, span });
                 return Err(Reported);

@@ -4,7 +4,7 @@ use super::declare::Declaring;
 use crate::model::errors::tables::{FORM, Places, TableError};
 use crate::model::hir::reserved::did_you_mean;
 use crate::model::names::scope::{Meaning, Reported};
-use crate::model::{Data, Named, TargetKind, Tensor};
+use crate::model::{Data, Tensor};
 use crate::source::Span;
 use crate::source::table::Fit;
 use crate::syntax::{self, Arg, Expr, ExprKind};
@@ -29,14 +29,9 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             self.diags.push(error);
             Reported
         })?;
-        let signals = &mut self.model.signals;
-        signals.push(Named {
-            name: format!("{}{}", self.level.scope.prefix, named.name.name),
-            value: value.clone(),
-            span: named.span,
-        });
-        let kind = TargetKind::Signal(signals.len() - 1);
-        Ok(Meaning::Value(value.into(), kind))
+        let name = self.whole_name(&named.name.name);
+        let target = (self.draft).named(named.kind, name, value.clone(), named.span);
+        Ok(Meaning::Value(value.into(), target))
     }
 
     /// The variable that stands for the data; the same one wherever it is named.
@@ -56,13 +51,13 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let table =
             table.map_err(|fault| TableError::of(fault, path, column, fit, parts.places))?;
         let known =
-            (self.model.data.iter()).find(|data| std::sync::Arc::ptr_eq(&data.table, &table));
+            (self.draft.model.data.iter()).find(|data| std::sync::Arc::ptr_eq(&data.table, &table));
         if let Some(data) = known {
             return Ok(Tensor::scalar(data.var));
         }
         let name = self.whole_name(&named.name.name);
-        let var = self.model.exprs.variable(&name);
-        self.model.data.push(Data {
+        let var = self.draft.model.exprs.variable(&name);
+        self.draft.model.data.push(Data {
             name,
             var,
             text: format!("table(\"{path}\", \"{column}\", {fit}): {table}"),
