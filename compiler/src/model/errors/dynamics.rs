@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use crate::diagnostics::{Applicability, Fix, Fixable};
 use crate::source::Span;
+use crate::syntax::Path;
 
 /// A mistake in who sets what, and where.
 #[derive(Clone, Debug, Diagnostic, Error)]
@@ -339,6 +340,23 @@ impl Fixable for DynamicsError {
                 Some(Fix::one(*operator, "+=", Applicability::Safe))
             }
             _ => None,
+        }
+    }
+}
+
+impl DynamicsError {
+    /// Something that is no state where one must be set.
+    pub(crate) fn not_a_state(path: &Path, kind: &'static str) -> Self {
+        let name = path.head.name.clone();
+        let help = match kind {
+            "param" | "let" | "constant" => Some(format!("declare `state {name} = ..;`")),
+            _ => None,
+        };
+        DynamicsError::NotAState {
+            name,
+            kind,
+            span: path.span,
+            help,
         }
     }
 }

@@ -68,7 +68,7 @@ fn callee<'a, 'c, 'e>(
         {
             return Err(Reported);
         }
-        let name = lowering.text(function);
+        let name = lowering.written().text(function);
         let help = foreign::function(&name);
         return lowering.error(ModelError::UnknownFunction { name, span, help });
     };
@@ -84,8 +84,7 @@ fn callee<'a, 'c, 'e>(
     if is_function(name) {
         return Ok((name, None));
     }
-    let is_local = lowering.locals.iter().any(|local| local.name() == name);
-    let help = if is_local || visible.is_some() {
+    let help = if lowering.is_local(name) || visible.is_some() {
         let hint = "is not a function; index it as";
         Some(format!("`{name}` {hint} `{name}[..]`, multiply with `*`").into())
     } else if scope.forgiving {
@@ -166,7 +165,7 @@ fn inline<'a, 'e>(
         locals.push(Local::Value {
             name: param.name.clone(),
             value,
-            text: lowering.whole_text(arg),
+            text: lowering.whole().text(arg),
         });
     }
     let outside = (

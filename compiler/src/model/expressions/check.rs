@@ -113,14 +113,14 @@ impl<'e> Lowering<'_, 'e> {
         (right, b): (&syntax::Expr, Expr<'e>),
     ) -> (Expr<'e>, String) {
         let text = match b.as_constant() {
-            _ if is_zero_literal(right) => self.whole_text(left),
+            _ if is_zero_literal(right) => self.whole().text(left),
             Some(value) if value < 0.0 => {
-                format!("{} + {}", self.whole_text_at(left, Level::Sum), -value)
+                format!("{} + {}", self.whole().at_level(left, Level::Sum), -value)
             }
             _ => format!(
                 "{} - {}",
-                self.whole_text_at(left, Level::Sum),
-                self.whole_text_at(right, Level::Product)
+                self.whole().at_level(left, Level::Sum),
+                self.whole().at_level(right, Level::Product)
             ),
         };
         (a - b, text)
@@ -129,7 +129,7 @@ impl<'e> Lowering<'_, 'e> {
     /// Remembers an argument of `sign` or `step` that is zero though it is made of more than structural constants.
     pub fn record_zeros(&mut self, arg: &syntax::Expr, value: &Tensor<'e>) {
         if self.varies && value.data.iter().any(|psi| psi.is_zero()) {
-            let (name, psi) = (self.whole_text(arg), self.constant(0.0));
+            let (name, psi) = (self.whole().text(arg), self.constant(0.0));
             let span = arg.span;
             self.surfaces.push(Surface { name, psi, span });
         }
@@ -153,7 +153,7 @@ impl<'e> Lowering<'_, 'e> {
                 continue;
             }
             let name = match (value.shape, &arg.kind) {
-                (Shape::Scalar, _) => self.whole_text(arg),
+                (Shape::Scalar, _) => self.whole().text(arg),
                 (_, ExprKind::Matrix(matrix))
                     if !matrix.semicolons
                         && matrix.rows.iter().flatten().count() == value.data.len() =>
@@ -163,13 +163,13 @@ impl<'e> Lowering<'_, 'e> {
                         .iter()
                         .flatten()
                         .nth(position)
-                        .map(|entry| self.whole_text(entry))
+                        .map(|entry| self.whole().text(entry))
                         .unwrap_or_default()
                 }
                 // `x[3]` says more than the first entry of `x[3..4]`.
                 (shape, _) => match psi.as_variable() {
                     Some(var) => psi.exprs().name(var),
-                    None => shape.entry_name(&self.whole_text_at(arg, Level::Atom), position),
+                    None => shape.entry_name(&self.whole().at_level(arg, Level::Atom), position),
                 },
             };
             self.surfaces.push(Surface {

@@ -93,6 +93,12 @@ impl<'a, 'e> Lowering<'a, 'e> {
         Err(Reported)
     }
 
+    /// Reports an error, where there is one to report.
+    pub fn refuse<T>(&mut self, error: Option<ModelError>) -> Result<T, Reported> {
+        error.into_iter().for_each(|error| self.diags.push(error));
+        Err(Reported)
+    }
+
     /// Takes work off the budget of the model.
     pub fn spend(&mut self, amount: usize, span: Span) -> Result<(), Reported> {
         // Once it is used up, everything fails without further words.
@@ -173,7 +179,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
     pub fn condition(&mut self, expr: &syntax::Expr) -> Result<Expr<'e>, Reported> {
         let value = self.expr(expr)?;
         if !value.is_condition {
-            let text = self.text_at(expr, Level::Atom);
+            let text = self.written().at_level(expr, Level::Atom);
             return self.error(ModelError::NumberAsCondition {
                 text,
                 span: expr.span,

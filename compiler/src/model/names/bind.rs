@@ -168,7 +168,7 @@ impl<'e> Binding<'_, 'e> {
     ) -> Result<(), Reported> {
         let target = self.brace_target(inner, bind)?;
         let lowering = Lowering::new(&self.scope, None, self.diags);
-        let what = format!("`{}`", lowering.path_text(&bind.target));
+        let what = format!("`{}`", lowering.written().path(&bind.target));
         if target.kind == TargetKind::Const {
             if let Some(error) = GivenError::constant_entry(&bind.target) {
                 self.diags.push(error);

@@ -282,7 +282,8 @@ impl<'e> Connected<'e> {
             Meaning::Part(scope) => *scope = Rc::new(self.scope(scope)),
             Meaning::Parts(members) => {
                 let scopes = members.iter();
-                let scopes = scopes.map(|(&index, scope)| (index, Rc::new(self.scope(scope))));
+                let scopes =
+                    scopes.map(|(index, scope)| (index.clone(), Rc::new(self.scope(scope))));
                 *members = scopes.collect::<BTreeMap<_, _>>();
             }
             Meaning::Word(_) | Meaning::Module(_) | Meaning::Unusable => {}

@@ -1,14 +1,12 @@
 //! What stands in parts: `b.force`, `b[2].q`, `a.floor.s`.
 
-use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use super::scope::{Meaning, Reported, Scope, Value};
 use crate::model::ModelError;
 use crate::model::expressions::Lowering;
 use crate::model::hir::reserved::did_you_mean;
-use crate::source::Span;
-use crate::syntax::{Expr, ExprKind, Ident, Index};
+use crate::syntax::{Expr, ExprKind, Ident};
 
 impl<'a, 'e> Lowering<'a, 'e> {
     #[inline(never)]
@@ -19,7 +17,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
         field: &Ident,
     ) -> Result<Value<'e>, Reported> {
         let Some((name, meaning)) = self.meaning(expr)? else {
-            let name = self.text(base);
+            let name = self.written().text(base);
             // A base that is not there at all is the better thing to report.
             self.expr(base)?;
             let (field, span) = (field.name.clone(), field.span);
@@ -36,17 +34,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
                 self.varies |= !matches!(kind, crate::model::TargetKind::Const);
                 Ok(value.clone())
             }
-            Meaning::Family { binders, .. } => self.needs_indices(name, binders.len(), expr.span),
-            Meaning::Part(part) => self.is_a_part(name, part, expr.span),
-            Meaning::Parts(_) => self.needs_indices(name, 1, expr.span),
-            Meaning::Word(kind) => self.error(ModelError::NotAValue {
-                name: name.to_owned(),
-                kind,
-                span: expr.span,
-                help: None,
-            }),
-            Meaning::Module(_) => self.is_a_file(name, expr.span),
-            Meaning::Unusable => Err(Reported),
+            _ => self.refuse(meaning.no_value(name, expr.span)),
         }
     }
 
@@ -115,18 +103,8 @@ impl<'a, 'e> Lowering<'a, 'e> {
         self.error(ModelError::NotInFile { name, span, help })
     }
 
-    /// Reports a file where a value must stand.
-    pub fn is_a_file<T>(&mut self, name: &str, span: Span) -> Result<T, Reported> {
-        let help = Some(format!("name what is in it, as in `{name}.something`"));
-        self.error(ModelError::NotAValue {
-            name: name.to_owned(),
-            kind: "file",
-            span,
-            help,
-        })
-    }
-
-    fn is_local(&self, name: &str) -> bool {
+    /// True for a name that holds in a part of the model only.
+    pub fn is_local(&self, name: &str) -> bool {
         self.locals.iter().any(|local| local.name() == name)
     }
 
@@ -139,13 +117,14 @@ impl<'a, 'e> Lowering<'a, 'e> {
             let Some((name, Meaning::Parts(members))) = self.meaning(base)? else {
                 return Ok(None);
             };
-            let part = self.member_part(name, indices, members, expr.span)?;
+            let part = self.member(name, indices, members, 1, "range", expr.span)?;
             return Ok(Some((name, part)));
         }
         match self.meaning(expr)? {
             Some((name, Meaning::Part(part))) => Ok(Some((name, part))),
-            Some((name, Meaning::Parts(_))) => self.needs_indices(name, 1, expr.span),
-            Some((_, Meaning::Unusable)) => Err(Reported),
+            Some((name, meaning @ (Meaning::Parts(_) | Meaning::Unusable))) => {
+                self.refuse(meaning.no_value(name, expr.span))
+            }
             _ => Ok(None),
         }
     }
@@ -170,46 +149,5 @@ impl<'a, 'e> Lowering<'a, 'e> {
                 })
             }
         }
-    }
-
-    /// One of an array of parts.
-    pub fn member_part<'m>(
-        &mut self,
-        name: &str,
-        indices: &[Index],
-        members: &'m BTreeMap<i64, Rc<Scope<'e>>>,
-        span: Span,
-    ) -> Result<&'m Rc<Scope<'e>>, Reported> {
-        let index = self.member_indices(name, 1, indices, span)?[0];
-        if let Some(part) = members.get(&index) {
-            return Ok(part);
-        }
-        let valid = match (members.keys().next(), members.keys().next_back()) {
-            (Some(first), Some(last)) => format!("{first}..{last}"),
-            _ => "none: its range is empty".to_owned(),
-        };
-        self.error(ModelError::OutOfRange {
-            index: index.to_string(),
-            what: format!("`{name}`"),
-            valid,
-            span,
-        })
-    }
-
-    /// Reports a part where a value must stand.
-    pub fn is_a_part<T>(
-        &mut self,
-        name: &str,
-        part: &Scope<'e>,
-        span: Span,
-    ) -> Result<T, Reported> {
-        let example = part.own_names().min();
-        let help = example.map(|field| format!("read what is in it, as in `{name}.{field}`"));
-        self.error(ModelError::NotAValue {
-            name: name.to_owned(),
-            kind: "part",
-            span,
-            help,
-        })
     }
 }

@@ -6,10 +6,9 @@ use std::rc::Rc;
 use miette::LabeledSpan;
 
 use super::places;
-use super::scope::{Meaning, Reported, Value};
+use super::scope::{Meaning, Reported, Value, needs_indices};
 use crate::expr::Expr;
 use crate::model::errors::foreign;
-use crate::model::expressions::check::plural;
 use crate::model::expressions::{Lazy, Local, Lowering};
 use crate::model::hir::reserved::{VALUES, did_you_mean, is_function};
 use crate::model::{ModelError, TargetKind, Tensor};
@@ -39,29 +38,20 @@ impl<'a, 'e> Lowering<'a, 'e> {
                 self.varies |= !matches!(kind, TargetKind::Const);
                 Ok(value.clone())
             }
-            Some(Meaning::Family { binders, members }) => {
-                let indices: Option<Vec<i64>> = binders
-                    .iter()
-                    .map(|binder| self.index_value(binder))
-                    .collect();
-                match indices.and_then(|indices| members.get(&indices)) {
-                    Some((value, _)) => Ok(value.clone()),
-                    None => {
-                        let count = binders.len();
-                        self.needs_indices(name, count, span)
+            Some(meaning) => {
+                let known = match meaning {
+                    Meaning::Family { binders, members } => {
+                        let indices = binders.iter().map(|binder| self.index_value(binder));
+                        let indices: Option<Vec<i64>> = indices.collect();
+                        indices.and_then(|indices| members.get(&indices))
                     }
+                    _ => None,
+                };
+                match known {
+                    Some((value, _)) => Ok(value.clone()),
+                    None => self.refuse(meaning.no_value(name, span)),
                 }
             }
-            Some(Meaning::Word(kind)) => self.error(ModelError::NotAValue {
-                name: name.to_owned(),
-                kind,
-                span,
-                help: None,
-            }),
-            Some(Meaning::Part(part)) => self.is_a_part(name, part, span),
-            Some(Meaning::Parts(_)) => self.needs_indices(name, 1, span),
-            Some(Meaning::Module(_)) => self.is_a_file(name, span),
-            Some(Meaning::Unusable) => Err(Reported),
             None if scope.forgiving => Err(Reported),
             None if is_function(name) || scope.functions.contains_key(name) => {
                 let help = Some(format!("call it: `{name}(..)`"));
@@ -166,7 +156,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             return None;
         };
         let hidden = self.hook.is_some() || self.in_function;
-        if hidden || self.locals.iter().any(|local| local.name() == name) {
+        if hidden || self.is_local(name) {
             return None;
         }
         match self.visible(name) {
@@ -183,11 +173,8 @@ impl<'a, 'e> Lowering<'a, 'e> {
         span: Span,
     ) -> Result<Value<'e>, Reported> {
         if let Some((name, Meaning::Family { binders, members })) = self.meaning(base)? {
-            let indices = self.member_indices(name, binders.len(), indices, span)?;
-            return match members.get(&indices) {
-                Some((value, _)) => Ok(value.clone()),
-                None => self.no_member(name, &indices, members, span),
-            };
+            let (value, _) = self.member(name, indices, members, binders.len(), "loop", span)?;
+            return Ok(value.clone());
         }
         // Looked into where it is: a loop over the entries must not copy all of them in every round.
         let computed;
@@ -198,7 +185,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
                 &computed
             }
         };
-        let what = format!("`{}`", self.text(base));
+        let what = format!("`{}`", self.written().text(base));
         let places = places::select(self, value.tensor.shape, indices, &what, span)?;
         let data = places
             .positions
@@ -214,66 +201,41 @@ impl<'a, 'e> Lowering<'a, 'e> {
         })
     }
 
-    /// The indices of one of the things declared in a loop.
-    pub fn member_indices(
+    /// One of the things of a name that are declared in a loop, or of an array of parts.
+    pub fn member<'m, T>(
         &mut self,
         name: &str,
-        count: usize,
         indices: &[Index],
+        members: &'m BTreeMap<Vec<i64>, T>,
+        count: usize,
+        range: &str,
         span: Span,
-    ) -> Result<Vec<i64>, Reported> {
+    ) -> Result<&'m T, Reported> {
         if indices.len() != count {
-            return self.needs_indices(name, count, span);
+            return self.error(needs_indices(name, count, span));
         }
         let mut values = vec![];
         for index in indices {
             match index {
                 Index::One(expr) => values.push(self.integer(expr, "an index")?),
-                _ => {
-                    return self.needs_indices(name, count, span);
-                }
+                _ => return self.error(needs_indices(name, count, span)),
             }
         }
-        Ok(values)
-    }
-
-    pub fn needs_indices<T>(
-        &mut self,
-        name: &str,
-        count: usize,
-        span: Span,
-    ) -> Result<T, Reported> {
-        let count = plural(count, "index", "indices");
-        let name = name.to_owned();
-        self.error(ModelError::NeedsIndices { name, count, span })
-    }
-
-    /// Reports indices that the loop of a name does not reach.
-    pub fn no_member<T>(
-        &mut self,
-        name: &str,
-        indices: &[i64],
-        members: &BTreeMap<Vec<i64>, (Value<'e>, TargetKind)>,
-        span: Span,
-    ) -> Result<T, Reported> {
+        if let Some(member) = members.get(&values) {
+            return Ok(member);
+        }
         let list = |indices: &[i64]| {
-            indices
-                .iter()
-                .map(i64::to_string)
-                .collect::<Vec<_>>()
-                .join(",")
+            let indices: Vec<String> = indices.iter().map(i64::to_string).collect();
+            indices.join(",")
         };
         let valid = match (members.keys().next(), members.keys().next_back()) {
-            (Some(first), Some(last)) if first.len() == 1 => {
-                format!("{}..{}", list(first), list(last))
-            }
+            (Some(first), Some(last)) if count == 1 => format!("{}..{}", list(first), list(last)),
             (Some(first), Some(last)) => format!("from {} to {}", list(first), list(last)),
-            _ => "none: its loop is empty".to_owned(),
+            _ => format!("none: its {range} is empty"),
         };
-        let what = format!("`{name}`");
         self.error(ModelError::OutOfRange {
-            index: list(indices),
-            what,
+            index: list(&values),
+            what: format!("`{name}`"),
             valid,
             span,
         })

@@ -157,7 +157,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let mut members = BTreeMap::new();
         for index in first..=last {
             let scope = self.inner(part, Some(index), (file, item), with)?;
-            members.insert(index, scope);
+            members.insert(vec![index], scope);
         }
         Ok(Meaning::Parts(members))
     }

@@ -9,9 +9,12 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::target;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
+use crate::model::errors::ModelError;
 use crate::model::expressions::Lowering;
+use crate::model::expressions::check::plural;
 use crate::model::hir::reserved::{VALUES, function_names};
 use crate::model::{Target, TargetKind, Tensor};
+use crate::source::Span;
 use crate::syntax;
 
 /// Work a model may cost with all its parts, in entries made and expressions visited.
@@ -44,13 +47,52 @@ pub(crate) enum Meaning<'e> {
     /// An instance of a model: what it declares.
     Part(Rc<Scope<'e>>),
     /// An array of instances, by index.
-    Parts(BTreeMap<i64, Rc<Scope<'e>>>),
+    Parts(BTreeMap<Vec<i64>, Rc<Scope<'e>>>),
     /// A word for something that is not a value: a region, a model.
     Word(&'static str),
     /// A file that a `use` brings in as a whole.
     Module(Rc<Scope<'e>>),
     /// Declared, but wrong or not supported; already reported.
     Unusable,
+}
+
+impl Meaning<'_> {
+    /// What is wrong where a value must stand; nothing for a value, and for what has been reported.
+    pub fn no_value(&self, name: &str, span: Span) -> Option<ModelError> {
+        let (kind, help) = match self {
+            Meaning::Value(..) | Meaning::Unusable => return None,
+            Meaning::Family { binders, .. } => {
+                return Some(needs_indices(name, binders.len(), span));
+            }
+            Meaning::Parts(_) => return Some(needs_indices(name, 1, span)),
+            Meaning::Word(kind) => (*kind, None),
+            Meaning::Part(part) => {
+                let example = part.own_names().min();
+                let help = |field| format!("read what is in it, as in `{name}.{field}`");
+                ("part", example.map(help))
+            }
+            Meaning::Module(_) => {
+                let help = format!("name what is in it, as in `{name}.something`");
+                ("file", Some(help))
+            }
+        };
+        let name = name.to_owned();
+        Some(ModelError::NotAValue {
+            name,
+            kind,
+            span,
+            help,
+        })
+    }
+}
+
+/// The error for something declared in a loop, without its indices.
+pub(crate) fn needs_indices(name: &str, count: usize, span: Span) -> ModelError {
+    ModelError::NeedsIndices {
+        name: name.to_owned(),
+        count: plural(count, "index", "indices"),
+        span,
+    }
 }
 
 /// A function, to be inlined.

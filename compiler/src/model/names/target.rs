@@ -1,11 +1,13 @@
 //! Paths on the left of `=`: which entries of what they name.
 
+use std::rc::Rc;
+
 use super::places;
 use super::scope::{Meaning, Reported};
 use crate::model::expressions::Lowering;
 use crate::model::hir::reserved::did_you_mean;
 use crate::model::{ModelError, Shape};
-use crate::syntax::{Ident, Path, Segment};
+use crate::syntax::{Ident, Index, Path, Segment};
 
 /// What a path names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -110,35 +112,17 @@ fn declaration<'p>(
         let inner = match meaning {
             Some(Meaning::Value(value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
             Some(Meaning::Family { binders, members }) => {
-                let count = binders.len();
-                let Some(Segment::Index(indices)) = rest.first() else {
-                    return lowering.needs_indices(name, count, path.span);
-                };
-                rest = &rest[1..];
-                let indices = lowering.member_indices(name, count, indices, path.span)?;
-                match members.get(&indices) {
-                    Some((value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
-                    None => return lowering.no_member(name, &indices, members, path.span),
-                }
+                let (indices, count) = (indices(&mut rest), binders.len());
+                let member = lowering.member(name, indices, members, count, "loop", path.span);
+                let (value, kind) = member?;
+                return Ok((*kind, value.tensor.shape, rest));
             }
             Some(Meaning::Part(inner)) => inner,
             Some(Meaning::Parts(members)) => {
-                let Some(Segment::Index(indices)) = rest.first() else {
-                    return lowering.needs_indices(name, 1, path.span);
-                };
-                rest = &rest[1..];
-                lowering.member_part(name, indices, members, path.span)?
+                let indices = indices(&mut rest);
+                lowering.member(name, indices, members, 1, "range", path.span)?
             }
-            Some(Meaning::Word(kind)) => {
-                return lowering.error(ModelError::NotAValue {
-                    name: name.clone(),
-                    kind,
-                    span,
-                    help: None,
-                });
-            }
-            Some(Meaning::Module(_)) => return lowering.is_a_file(name, span),
-            Some(Meaning::Unusable) => return Err(Reported),
+            Some(other) => return lowering.refuse(other.no_value(name, span)),
             None if scope.forgiving => return Err(Reported),
             None => {
                 let help = did_you_mean(name, scope.declared_names());
@@ -150,11 +134,23 @@ fn declaration<'p>(
             }
         };
         let Some(Segment::Field(field)) = rest.first() else {
-            return lowering.is_a_part(name, inner, span);
+            let part = Meaning::Part(Rc::clone(inner));
+            return lowering.refuse(part.no_value(name, span));
         };
         rest = &rest[1..];
         meaning = Some(lowering.own(name, inner, field)?);
         (scope, name, span) = (inner, &field.name, field.span);
+    }
+}
+
+/// The indices that come next, where there are any.
+fn indices<'p>(rest: &mut &'p [Segment]) -> &'p [Index] {
+    match *rest {
+        [Segment::Index(indices), after @ ..] => {
+            *rest = after;
+            indices
+        }
+        _ => &[],
     }
 }
 

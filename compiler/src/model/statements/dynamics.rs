@@ -169,13 +169,15 @@ impl<'e> Walk<'e> {
         // A wrong target does not hide what is wrong on the right.
         let target = match lowering.scope.get(&path.head.name) {
             Some(Meaning::Value(..)) | None => target::resolve(lowering, path),
-            Some(Meaning::Word(kind)) => self.not_a_state(lowering, path, kind),
+            Some(Meaning::Word(kind)) => lowering.error(DynamicsError::not_a_state(path, kind)),
             Some(Meaning::Part(_) | Meaning::Parts(_)) => {
                 let (part, span) = (path.head.name.clone(), path.span);
                 lowering.error(DynamicsError::OfAPart { part, span })
             }
-            Some(Meaning::Family { .. }) => self.not_a_state(lowering, path, "switch"),
-            Some(Meaning::Module(_)) => self.not_a_state(lowering, path, "file"),
+            Some(Meaning::Family { .. }) => {
+                lowering.error(DynamicsError::not_a_state(path, "switch"))
+            }
+            Some(Meaning::Module(_)) => lowering.error(DynamicsError::not_a_state(path, "file")),
             Some(Meaning::Unusable) => Err(Reported),
         };
         let target = match target {
@@ -186,9 +188,9 @@ impl<'e> Walk<'e> {
             }
         };
         let TargetKind::State(state) = target.kind else {
-            return self.not_a_state(lowering, path, target.kind.word());
+            return lowering.error(DynamicsError::not_a_state(path, target.kind.word()));
         };
-        let what = format!("`{}'`", lowering.path_text(path));
+        let what = format!("`{}'`", lowering.written().path(path));
         let value = lowering.numbers_as(&dynamics.value, target.shape, &what)?;
         let first = self.offsets[state];
         let rate = |(&entry, &value): (&usize, &_)| Rate {
@@ -200,25 +202,6 @@ impl<'e> Walk<'e> {
         Ok(target.entries.iter().zip(&value.data).map(rate).collect())
     }
 
-    pub(crate) fn not_a_state<T>(
-        &self,
-        lowering: &mut Lowering<'_, 'e>,
-        path: &syntax::Path,
-        kind: &'static str,
-    ) -> Result<T, Reported> {
-        let name = path.head.name.clone();
-        let help = match kind {
-            "param" | "let" | "constant" => Some(format!("declare `state {name} = ..;`")),
-            _ => None,
-        };
-        lowering.error(DynamicsError::NotAState {
-            name,
-            kind,
-            span: path.span,
-            help,
-        })
-    }
-
     fn region(
         &mut self,
         lowering: &mut Lowering<'_, 'e>,
@@ -226,9 +209,9 @@ impl<'e> Walk<'e> {
     ) -> Result<(), Reported> {
         let zero = lowering.constant(0.0);
         let (guard, guard_span) = match &region.guard {
-            RegionGuard::Where(guard) => {
-                let truth = self.guard(lowering, guard);
-                (truth.map(|guard| (guard, None)), guard.span)
+            RegionGuard::Where(condition) => {
+                let truth = guard(lowering, condition);
+                (truth.map(|guard| (guard, None)), condition.span)
             }
             RegionGuard::Indicator(indicator) => {
                 let value = lowering.scalar(indicator, "an indicator");
@@ -275,24 +258,6 @@ impl<'e> Walk<'e> {
         }
     }
 
-    pub(crate) fn guard(
-        &self,
-        lowering: &mut Lowering<'_, 'e>,
-        guard: &syntax::Expr,
-    ) -> Result<Expr<'e>, Reported> {
-        lowering.in_guard = true;
-        let truth = lowering.condition(guard);
-        lowering.in_guard = false;
-        let truth = truth?;
-        if let Some(value) = truth.as_constant() {
-            return lowering.error(DynamicsError::ConstantComparison {
-                value: value > 0.5,
-                span: guard.span,
-            });
-        }
-        Ok(truth)
-    }
-
     /// `R[1,2]` in loops.
     pub(crate) fn indexed(&self, name: &str) -> String {
         let indices = self.indices.iter().map(i64::to_string).collect::<Vec<_>>();
@@ -302,4 +267,22 @@ impl<'e> Walk<'e> {
             format!("{name}[{}]", indices.join(","))
         }
     }
+}
+
+/// A guard, which is not constant.
+pub(crate) fn guard<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    guard: &syntax::Expr,
+) -> Result<Expr<'e>, Reported> {
+    lowering.in_guard = true;
+    let truth = lowering.condition(guard);
+    lowering.in_guard = false;
+    let truth = truth?;
+    if let Some(value) = truth.as_constant() {
+        return lowering.error(DynamicsError::ConstantComparison {
+            value: value > 0.5,
+            span: guard.span,
+        });
+    }
+    Ok(truth)
 }

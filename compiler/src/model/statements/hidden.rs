@@ -132,7 +132,7 @@ impl<'e> Walk<'e> {
         let switch = match target.kind {
             TargetKind::Switch(switch) if has_sides(switch) => switch,
             _ => {
-                let (name, span) = (lowering.path_text(&hidden.switch), hidden.switch.span);
+                let (name, span) = (lowering.written().path(&hidden.switch), hidden.switch.span);
                 return lowering.error(DynamicsError::NotASwitch { name, span });
             }
         };

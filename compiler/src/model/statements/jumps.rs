@@ -1,6 +1,6 @@
 //! `jump NAME when guard { x := ..; }`: laws by which states jump.
 
-use super::dynamics::Walk;
+use super::dynamics::{Walk, guard};
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Meaning, Reported};
 use crate::model::names::target;
@@ -14,7 +14,7 @@ impl<'e> Walk<'e> {
         lowering: &mut Lowering<'_, 'e>,
         jump: &syntax::Jump,
     ) -> Result<(), Reported> {
-        let guard = self.guard(lowering, &jump.guard);
+        let guard = guard(lowering, &jump.guard);
         let mut resets: Vec<Reset<'e>> = Vec::new();
         let mut result = Ok(());
         for bind in &jump.resets {
@@ -22,7 +22,7 @@ impl<'e> Walk<'e> {
                 Ok(found) => {
                     let known = |new: &Reset<'e>| resets.iter().find(|r| r.entry == new.entry);
                     if let Some(first) = found.iter().find_map(known) {
-                        let name = lowering.path_text(&bind.target);
+                        let name = lowering.written().path(&bind.target);
                         result = lowering.error(DynamicsError::ResetTwice {
                             name,
                             first: first.span,
@@ -69,9 +69,9 @@ impl<'e> Walk<'e> {
             }
         };
         let TargetKind::State(state) = target.kind else {
-            return self.not_a_state(lowering, path, target.kind.word());
+            return lowering.error(DynamicsError::not_a_state(path, target.kind.word()));
         };
-        let what = format!("`{}`", lowering.path_text(path));
+        let what = format!("`{}`", lowering.written().path(path));
         let value = lowering.numbers_as(&bind.value, target.shape, &what)?;
         let first = self.offsets[state];
         let reset = |(&entry, &value): (&usize, &_)| Reset {

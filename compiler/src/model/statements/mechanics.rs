@@ -192,7 +192,7 @@ impl<'e> Walk<'e> {
         let target = target::resolve(lowering, path)?;
         match target.kind {
             TargetKind::State(_) => Ok(target),
-            kind => self.not_a_state(lowering, path, kind.word()),
+            kind => lowering.error(DynamicsError::not_a_state(path, kind.word())),
         }
     }
 

@@ -151,8 +151,7 @@ fn is_declared(lowering: &Lowering<'_, '_>, name: &str, is_called: bool) -> bool
     if is_called {
         return is_function(name) || scope.functions.contains_key(name);
     }
-    let is_local = lowering.locals.iter().any(|local| local.name() == name);
-    is_local || VALUES.contains(&name) || scope.get(name).is_some()
+    lowering.is_local(name) || VALUES.contains(&name) || scope.get(name).is_some()
 }
 
 fn wrong<T>(
