@@ -36,13 +36,12 @@ pub use crate::model::errors::unsupported::Unsupported;
 pub use crate::model::expressions::rows::Comparison;
 pub use crate::model::expressions::tensor::{Shape, Tensor};
 pub use crate::model::hir::import::find;
-pub use crate::model::names::file::check_file;
 pub use crate::model::names::scope::{Hook, Scope};
 pub use crate::model::names::target::{Target, TargetKind};
 pub use crate::model::statements::cones::Cone;
 pub use crate::model::statements::programs::{Multiplier, Program, ProgramRow};
 pub use crate::model::statements::restitution::Restitution;
-pub use resolve::resolve;
+pub use resolve::{check_file, resolve};
 pub use units::UnitError;
 pub(crate) use units::check_experiment;
 

@@ -4,7 +4,7 @@
 //! order where each comes after what it needs, then defaults, then dynamics. The parts of a model are
 //! declared with it and walked after it; at last their inputs get what they are connected to.
 
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::{Model, ModelError, display, units};
 use crate::diagnostics::Diagnostics;
@@ -15,7 +15,8 @@ use crate::model::names::scope::Scope;
 use crate::model::names::{bind, connect};
 use crate::model::statements::declare::Declaring;
 use crate::model::statements::{algebraic, dynamics, partition};
-use crate::syntax::{self, Bind, File};
+use crate::source::Span;
+use crate::syntax::{self, Bind, Experiment, File, Item};
 
 /// The meaning of the model called `name`.
 ///
@@ -45,7 +46,7 @@ fn resolve_in<'e>(
     diags: &mut Diagnostics,
 ) -> Option<Model<'e>> {
     let item = file.items.iter().find_map(|item| match item {
-        syntax::Item::Model(model) if model.name.name == name => Some(model),
+        Item::Model(model) if model.name.name == name => Some(model),
         _ => None,
     });
     let Some(item) = item else {
@@ -106,6 +107,25 @@ fn walk<'e>(
     }
     model.statements = walk.found;
     walk.touched
+}
+
+/// Reports what is wrong with the names of a file, whatever its models need.
+pub fn check_file(file: &File, diags: &mut Diagnostics) {
+    let exprs = Exprs::new();
+    let time = exprs.variable("time");
+    Files::new(&exprs, time).scope(file, diags);
+    let mut experiments: FxHashMap<&str, Span> = FxHashMap::default();
+    for item in &file.items {
+        if let Item::Experiment(Experiment { name, .. }) = item
+            && let Some(first) = experiments.insert(&name.name, name.span)
+        {
+            diags.push(ModelError::Redeclared {
+                name: name.name.clone(),
+                first,
+                second: name.span,
+            });
+        }
+    }
 }
 
 /// True where a statement somewhere in the model could not be read.

@@ -9,6 +9,8 @@ pub(crate) mod import;
 pub(crate) mod order;
 mod references;
 pub(crate) mod reserved;
+#[cfg(test)]
+mod tests;
 
 use std::rc::Rc;
 

@@ -4,10 +4,8 @@ use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
-use super::parts::Files;
 use super::scope::{Callable, Meaning, Scope};
 use crate::diagnostics::Diagnostics;
-use crate::expr::Exprs;
 use crate::model::TargetKind;
 use crate::model::errors::{ModelError, foreign};
 use crate::model::expressions::Lowering;
@@ -15,26 +13,7 @@ use crate::model::hir::order::{chain, others, topological};
 use crate::model::hir::reserved::{VALUES, did_you_mean, function_names, is_builtin};
 use crate::model::hir::{self, Global};
 use crate::source::Span;
-use crate::syntax::{Experiment, File, Function, Item};
-
-/// Reports what is wrong with the names of a file, whatever its models need.
-pub fn check_file(file: &File, diags: &mut Diagnostics) {
-    let exprs = Exprs::new();
-    let time = exprs.variable("time");
-    Files::new(&exprs, time).scope(file, diags);
-    let mut experiments: FxHashMap<&str, Span> = FxHashMap::default();
-    for item in &file.items {
-        if let Item::Experiment(Experiment { name, .. }) = item
-            && let Some(first) = experiments.insert(&name.name, name.span)
-        {
-            diags.push(ModelError::Redeclared {
-                name: name.name.clone(),
-                first,
-                second: name.span,
-            });
-        }
-    }
-}
+use crate::syntax::Function;
 
 /// The scope that all models of a file share: its constants computed, its functions checked.
 pub(crate) fn file_scope<'e>(

@@ -126,7 +126,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         let target = self.draft.quantity(DeclKind::Algebraic, name, &value, span);
         let zero = self.draft.model.exprs.constant(0.0);
         if let Some(quantity) = self.draft.quantity_of(target) {
-            quantity.value = (shape.len() > 0).then(|| value.map(|_| zero));
+            quantity.value = (!shape.is_empty()).then(|| value.map(|_| zero));
         }
         Ok(Meaning::Value(value.into(), target))
     }

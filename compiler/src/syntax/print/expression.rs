@@ -18,11 +18,14 @@ pub(crate) enum Level {
     Atom,
 }
 
+/// The text of a name, where it is not the name itself.
+pub(crate) type Names<'w> = dyn Fn(&str) -> Option<String> + 'w;
+
 /// How expressions are written.
 #[derive(Clone, Copy)]
 pub(crate) struct Writer<'w> {
-    /// What stands for a name, in a text that people read; none where it must read back as the same tree.
-    pub names: Option<&'w dyn Fn(&str) -> Option<String>>,
+    /// What stands for names in a text that people read; none where it must read back as the same tree.
+    pub names: Option<&'w Names<'w>>,
 }
 
 /// Text for the parser.
