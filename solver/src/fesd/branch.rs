@@ -18,7 +18,7 @@ impl ComplementaritySystem {
     /// The functions while these members are zero, along a branch by one of its unknowns z_i: σ = z_i, or -z_i where it
     /// does not rise, stands for t, t and the time that is left follow x, and dt/dσ is the first of w. The last
     /// two watched members are dt/dσ and the time that is left. None where other unknowns occur in what determines z_i.
-    pub(super) fn branch(&self, zeros: &[Zero], i: usize, rises: bool) -> Option<Reduced> {
+    pub(crate) fn branch(&self, zeros: &[Zero], i: usize, rises: bool) -> Option<Reduced> {
         let mut active = Active::of(self, &self.fixed(zeros)?, &[], false)?;
         let phi = active.differentiate().hidden;
         let followed = self.input_of(i);

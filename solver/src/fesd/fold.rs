@@ -11,15 +11,19 @@
 
 use std::sync::Arc;
 
-use super::adaptive::{GROWTH, ROUNDING, SAFETY};
-use super::element::Unsolved;
+use rustc_hash::FxHashMap;
+
+use super::adaptive::{Control, ROUNDING};
 use super::emit::Observer;
-use super::system::Reduced;
-use super::watch::{BAND, Start, Verdict};
-use super::{Element, Mode, Run, Simulator};
+use super::modes::{Mode, Modes};
+use super::run::Run;
+use super::watch::{BAND, Start, Values, Verdict};
 use crate::event::Segment;
+use crate::expansion::dense::ElementSeries;
 use crate::expansion::series;
-use crate::fesd::system::hidden::Hidden;
+use crate::fesd::element::scheme::Scheme;
+use crate::fesd::element::{Element, Work};
+use crate::fesd::system::hidden::{Hidden, Unsolved};
 use crate::hybrid::{Side, Status};
 use crate::integrate::tableau::monomials;
 
@@ -38,7 +42,7 @@ const LAST: f64 = 1e-4;
 
 /// A fold that is near.
 #[derive(Clone, Copy)]
-pub(super) struct Ahead {
+pub(crate) struct Ahead {
     /// The place of α among the unknowns.
     unknown: usize,
     rises: bool,
@@ -48,21 +52,27 @@ pub(super) struct Ahead {
     distance: f64,
 }
 
-/// What a look at a fold needs memory for.
-#[derive(Default)]
-pub(super) struct Near {
-    w: Vec<f64>,
-    rates: Vec<f64>,
-    by_time: Vec<f64>,
-}
-
 /// How long elements are.
 #[derive(Clone, Copy)]
-pub(super) struct Length {
+pub(crate) struct Length {
     /// In time, where nothing else is known.
     pub h: f64,
-    /// What the defect may be, and the power by which it depends on the length.
-    pub target: Option<(f64, f64)>,
+    /// Where the step ends.
+    pub end: f64,
+    /// By the defect, where that has a bound.
+    pub control: Option<Control>,
+}
+
+/// Where a run has come to along a branch.
+pub(crate) enum Reached {
+    /// Nowhere: α cannot be the independent variable.
+    Nothing,
+    /// The end of the step, which was within rounding.
+    EndAtOnce,
+    /// The end of an element within the step, or of the step.
+    Inside,
+    /// The end of an element on the boundary of the active set.
+    Boundary,
 }
 
 /// Sizes of members, of states, and of rates of members.
@@ -79,21 +89,58 @@ struct Solved {
     states: Vec<Vec<f64>>,
 }
 
-impl Simulator<'_> {
+/// Branches of sliding modes, and the memory to follow them.
+pub(crate) struct Folds {
+    /// By the mode, the unknown that takes the place of time, and whether it rises.
+    branches: FxHashMap<(usize, usize, bool), Mode>,
+    w: Vec<f64>,
+    rates: Vec<f64>,
+    by_time: Vec<f64>,
+    values: Values,
+    series: ElementSeries,
+}
+
+impl Folds {
+    /// No branch yet.
+    pub fn new(scheme: &Scheme) -> Self {
+        Folds {
+            branches: FxHashMap::default(),
+            w: Vec::new(),
+            rates: Vec::new(),
+            by_time: Vec::new(),
+            values: Values::new(scheme),
+            series: ElementSeries::default(),
+        }
+    }
+
+    /// Branches that have functions.
+    pub fn n_branches(&self) -> usize {
+        self.branches.len()
+    }
+
+    /// Iterations, factorizations and evaluations so far.
+    pub fn work(&self) -> Work {
+        let branches = self.branches.values();
+        branches.map(|branch| branch.element.work).sum()
+    }
+
     /// The fold that the sliding modes are near.
-    pub(super) fn fold_ahead(&mut self, run: &Run) -> Option<Ahead> {
-        let Mode { element, hidden } = &mut self.modes[run.mode];
+    pub fn ahead(&mut self, modes: &mut Modes, run: &Run) -> Option<Ahead> {
+        let Mode { element, hidden } = &mut modes.all[run.place.mode];
         let reduced = &*element.reduced;
         if !reduced.has_branches {
             return None;
         }
-        let Near { w, rates, by_time } = &mut self.near;
+        let Folds {
+            w, rates, by_time, ..
+        } = self;
+        let place = &run.place;
         w.clear();
-        w.extend(reduced.unknowns.iter().map(|&i| run.z[i]));
-        hidden.set(run.t, run.x.iter().copied(), w);
+        w.extend(reduced.unknowns.iter().map(|&i| place.z[i]));
+        hidden.set(place.t, place.x.iter().copied(), w);
         let here = hidden.determinant(reduced);
         rates.clear();
-        rates.extend(hidden.eval(&reduced.equations).take(run.x.len()));
+        rates.extend(hidden.eval(&reduced.equations).take(place.x.len()));
         hidden.rate_of_w(reduced, rates, by_time).ok()?;
         let size = |k: &usize| by_time[*k].abs();
         let unknown = (0..w.len()).max_by(|a, b| size(a).total_cmp(&size(b)))?;
@@ -101,11 +148,11 @@ impl Simulator<'_> {
         if !step.is_finite() {
             return None;
         }
-        let x = run.x.iter().zip(&*rates).map(|(x, rate)| x + step * rate);
+        let x = place.x.iter().zip(&*rates).map(|(x, rate)| x + step * rate);
         for (w, rate) in w.iter_mut().zip(&*by_time) {
             *w += step * rate;
         }
-        hidden.set(run.t + step, x, w);
+        hidden.set(place.t + step, x, w);
         let there = hidden.determinant(reduced);
         let distance = ASIDE * here / (here - there);
         (distance > 0.0 && distance <= ZONE).then_some(Ahead {
@@ -116,266 +163,202 @@ impl Simulator<'_> {
         })
     }
 
-    /// Solves for an element towards a fold, up to a time, and goes on from its end; false, with nothing done, where
-    /// α cannot be the independent variable.
-    pub(super) fn approach(
+    /// Solves for an element towards a fold, and moves the run to its end.
+    pub fn approach(
         &mut self,
+        modes: &mut Modes,
         run: &mut Run,
         ahead: Ahead,
-        end: f64,
         length: Length,
         observer: &mut impl Observer,
-    ) -> Result<bool, Status> {
-        if end - run.t <= 16.0 * f64::EPSILON * end.abs() {
-            run.go_to(end);
-            return Ok(true);
+    ) -> Result<Reached, Status> {
+        if length.end - run.place.t <= 16.0 * f64::EPSILON * length.end.abs() {
+            run.place.go_to(length.end);
+            return Ok(Reached::EndAtOnce);
         }
-        let time_form = self.modes[run.mode].element.reduced.clone();
-        let of = time_form.unknowns[ahead.unknown];
-        let key = (run.mode, ahead.unknown, ahead.rises);
-        let mut mode = match self.branches.remove(&key) {
-            Some(mode) => mode,
-            None => {
-                let Some(reduced) = self.system.branch(&run.zeros, of, ahead.rises) else {
-                    return Ok(false);
-                };
-                let reduced = Arc::new(reduced);
-                let (n, n_numbers) = (run.x.len() + 2, self.numbers.len());
-                Mode {
-                    hidden: Hidden::new(n, n_numbers, &reduced),
-                    element: Element::new(&self.scheme, n, n_numbers, reduced),
-                }
-            }
+        let of = modes.all[run.place.mode].element.reduced.unknowns[ahead.unknown];
+        let key = (run.place.mode, ahead.unknown, ahead.rises);
+        let branch = self.branches.remove(&key);
+        let Some(mut branch) = branch.or_else(|| compiled(modes, run, of, ahead.rises)) else {
+            return Ok(Reached::Nothing);
         };
-        mode.element.set_numbers(&self.numbers);
-        mode.hidden.set_numbers(&self.numbers);
-        let event = self.element_to_fold(run, &mut mode, &time_form, ahead, end, length, observer);
-        let last = mode.element.reduced.watched.len() - 1;
-        self.branches.insert(key, mode);
-        let event = event?;
-        if event == Some(last) {
-            run.go_to(end);
-        } else if let Some(member) = event {
-            let is_fold = member + 1 == last;
-            if is_fold {
-                let pairs = self.system.pairs.iter();
-                let own = pairs.map(|pair| [pair.left.variable, pair.right.variable].contains(&of));
-                let pair = own.enumerate().find_map(|(at, own)| own.then_some(at));
-                run.fold = pair.and_then(|pair| self.system.switches_of[pair].first().copied());
+        branch.set_numbers(&modes.numbers);
+        let solved = self.solve(modes, run, &mut branch, ahead, length);
+        let told = solved.and_then(|solved| {
+            self.tell_parts(run, &modes.scheme, &mut branch, &solved, observer)?;
+            self.follow(modes, run, &branch, ahead, &solved)?;
+            Ok(solved.event)
+        });
+        let last = branch.element.reduced.watched.len() - 1;
+        self.branches.insert(key, branch);
+        let member = match told? {
+            None => return Ok(Reached::Inside),
+            Some(member) if member == last => {
+                run.place.go_to(length.end);
+                return Ok(Reached::Inside);
             }
-            self.change(run, length.h, observer)?;
+            Some(member) => member,
+        };
+        if member + 1 == last {
+            let system = modes.system;
+            let pairs = system.pairs.iter();
+            let own = pairs.map(|pair| [pair.left.variable, pair.right.variable].contains(&of));
+            let pair = own.enumerate().find_map(|(at, own)| own.then_some(at));
+            run.fold = pair.and_then(|pair| system.switches_of[pair].first().copied());
         }
-        run.last = 0.0;
-        Ok(true)
+        Ok(Reached::Boundary)
     }
 
-    /// Solves for the element, tells it, and moves the run to its end. Returns the member that vanishes there.
-    #[expect(clippy::too_many_arguments, reason = "one step of `approach`")]
-    fn element_to_fold(
+    /// Moves the run to the end of an element.
+    fn follow(
         &mut self,
+        modes: &mut Modes,
         run: &mut Run,
-        mode: &mut Mode,
-        time_form: &Reduced,
+        branch: &Mode,
         ahead: Ahead,
-        end: f64,
-        length: Length,
-        observer: &mut impl Observer,
-    ) -> Result<Option<usize>, Status> {
-        let sign = if ahead.rises { 1.0 } else { -1.0 };
-        let w = run.z_of(&time_form.unknowns);
-        let start = run.t;
-        let solved = self.solve_to_fold(run, mode, &w, ahead, end, length)?;
-        self.tell_parts(run, mode, &solved, observer)?;
-        let n = run.x.len();
-        for (i, x) in run.x.iter_mut().enumerate() {
-            *x = series::value(&solved.states[i], 1.0);
+        solved: &Solved,
+    ) -> Result<(), Status> {
+        let Mode { element, hidden } = &mut modes.all[run.place.mode];
+        let reduced = &*element.reduced;
+        let (start, place) = (run.place.t, &mut run.place);
+        let n = place.x.len();
+        for (x, c) in place.x.iter_mut().zip(&solved.states) {
+            *x = series::value(c, 1.0);
         }
-        run.low.fill(0.0);
-        run.go_to(series::value(&solved.states[n], 1.0));
-        let mut after = Vec::new();
-        self.values.w_at_end(&mode.element.reduced, &mut after);
-        let others = (0..w.len()).filter(|k| *k != ahead.unknown);
+        place.low.fill(0.0);
+        place.go_to(series::value(&solved.states[n], 1.0));
+        let after = self.values.w_at_end(&branch.element.reduced);
+        let others = (0..reduced.unknowns.len()).filter(|k| *k != ahead.unknown);
         for (k, value) in others.zip(&after[1..]) {
-            run.z[time_form.unknowns[k]] = *value;
+            place.z[reduced.unknowns[k]] = *value;
         }
-        let reached = mode.element.t + mode.element.h;
-        run.z[time_form.unknowns[ahead.unknown]] = sign * reached;
-        if !run.x.iter().all(|x| x.is_finite()) {
+        let sign = if ahead.rises { 1.0 } else { -1.0 };
+        let reached = branch.element.t + branch.element.h;
+        place.z[reduced.unknowns[ahead.unknown]] = sign * reached;
+        if !place.x.iter().all(|x| x.is_finite()) {
             return Err(Status::NotFinite);
         }
-        for (scale, x) in run.scale.iter_mut().zip(&run.x) {
+        for (scale, x) in run.scale.iter_mut().zip(&place.x) {
             *scale = scale.max(x.abs());
         }
-        let w = run.z_of(&time_form.unknowns);
-        let hidden = &mut self.modes[run.mode].hidden;
-        hidden.set(run.t, run.x.iter().copied(), &w);
-        let rates = hidden.eval(&time_form.equations).take(n);
-        for (known, rate) in run.rates.iter_mut().zip(rates) {
+        let w = place.z_of(&reduced.unknowns);
+        hidden.set(place.t, place.x.iter().copied(), &w);
+        let rates = hidden.eval(&reduced.equations).take(n);
+        for (known, rate) in run.entry.rates.iter_mut().zip(rates) {
             *known = rate;
         }
-        run.starts.fill(Start::Inside);
-        run.last = run.t - start;
-        run.stats.steps += 1;
-        Ok(solved.event)
+        run.entry.starts.fill(Start::Inside);
+        run.lengths.last = place.t - start;
+        run.record.stats.steps += 1;
+        Ok(())
     }
 
-    /// The member that vanishes first in an element of length h, which then ends there.
+    /// The member that vanishes first in an element, which then ends there.
     fn first_member(
         &mut self,
+        scheme: &Scheme,
         mode: &mut Mode,
-        h: f64,
         starts: &[Start],
         sizes: Sizes,
     ) -> Result<Option<usize>, Unsolved> {
-        let (scheme, element, hidden) = (&self.scheme, &mut mode.element, &mut mode.hidden);
-        self.values.evaluate(scheme, element, hidden)?;
+        (self.values).evaluate(scheme, &mode.element, &mut mode.hidden)?;
         let scales = (sizes.members, sizes.rates);
-        match (self.values).judge(scheme, starts, scales, &mut self.roots) {
+        match self.values.judge(scheme, starts, scales) {
             Verdict::Stays => Ok(None),
             Verdict::Wrong { .. } => Err(Unsolved::Diverged),
             Verdict::Leaves { sigma, member } => {
-                element.shorten(scheme, sigma);
                 let zero = (member, BAND * sizes.members[member]);
-                let taken = element.solve_to(scheme, hidden, zero, sizes.states)?;
-                if !(taken > 0.0 && taken <= h * (1.0 + 1e-9)) {
-                    return Err(Unsolved::Diverged);
-                }
-                self.values.evaluate(scheme, element, hidden)?;
+                mode.cut(scheme, sigma, zero, sizes.states)?;
+                (self.values).evaluate(scheme, &mode.element, &mut mode.hidden)?;
                 Ok(Some(member))
             }
         }
     }
 
-    fn solve_to_fold(
+    /// Solves for an element from where the run is.
+    fn solve(
         &mut self,
+        modes: &mut Modes,
         run: &mut Run,
         mode: &mut Mode,
-        w: &[f64],
         ahead: Ahead,
-        end: f64,
         length: Length,
     ) -> Result<Solved, Status> {
         let reduced = mode.element.reduced.clone();
-        let n = run.x.len();
-        let left = end - run.t;
+        let n = run.place.x.len();
+        let left = length.end - run.place.t;
+        let in_time = &mut modes.all[run.place.mode];
+        let w = run.place.z_of(&in_time.element.reduced.unknowns);
         let sigma = if ahead.rises {
             w[ahead.unknown]
         } else {
             -w[ahead.unknown]
         };
-        let mut x0 = run.x.clone();
-        x0.extend([run.t, left]);
+        let mut x0 = run.place.x.clone();
+        x0.extend([run.place.t, left]);
         let mut scale = run.scale.clone();
         scale.extend([run.t1.abs().max(left); 2]);
         let mut unknowns = vec![ahead.speed];
         unknowns.extend((0..w.len()).filter(|k| *k != ahead.unknown).map(|k| w[k]));
-        let in_time = &mut self.modes[run.mode];
-        in_time.hidden.set(run.t, run.x.iter().copied(), w);
+        in_time
+            .hidden
+            .set(run.place.t, run.place.x.iter().copied(), &w);
         let rates = in_time.hidden.eval(&in_time.element.reduced.equations);
         let rates = rates.take(n).map(|rate| ahead.speed * rate);
         let mut rates: Vec<f64> = rates.collect();
         rates.extend([ahead.speed, -ahead.speed]);
         let n_pairs = reduced.watched.len() - 2;
-        let mut starts = run.starts.clone();
+        let mut starts = run.entry.starts.clone();
         starts.resize(n_pairs + 2, Start::Inside);
-        let mut sizes = run.sizes[..n_pairs].to_vec();
+        let mut sizes = run.entry.sizes[..n_pairs].to_vec();
         sizes.extend([ahead.speed, left]);
 
         // As long as elements in time are where α becomes the independent variable.
-        let mut h = match run.next_branch {
-            next if next > 0.0 && length.target.is_some() => next,
+        let mut h = match run.lengths.next_branch {
+            next if next > 0.0 && length.control.is_some() => next,
             _ => length.h * ahead.distance / (ahead.speed * ZONE),
         };
         for _ in 0..MAX_TRIALS {
             mode.element.guess(&rates, &unknowns);
-            let scheme = &self.scheme;
+            let scheme = &modes.scheme;
             let solved = mode.element.solve(scheme, sigma, h, &x0, &scale);
             let sizes = Sizes {
                 members: &sizes,
                 states: &scale,
-                rates: run.rate_scale * h * ahead.speed,
+                rates: run.entry.rate_scale * h * ahead.speed,
             };
-            let event = solved.and_then(|()| self.first_member(mode, h, &starts, sizes));
+            let event = solved.and_then(|()| self.first_member(scheme, mode, &starts, sizes));
             let Ok(event) = event else {
                 h *= 0.5;
                 continue;
             };
-            let states = self.states_of(&mode.element);
-            if let Some((target, exponent)) = length.target {
-                let error = self.defect_along(mode, &states, &scale, target);
-                let best = SAFETY * (target / error.max(f64::MIN_POSITIVE)).powf(1.0 / exponent);
-                let next = mode.element.h * best.clamp(GROWTH[0], GROWTH[1]);
-                if error > target {
-                    run.stats.rejected += 1;
+            let states = states_of(scheme, &mode.element);
+            if let Some(control) = length.control {
+                let error = defect(scheme, mode, &states, &scale, control.target);
+                let next = control.next(mode.element.h, error);
+                if error > control.target {
+                    run.record.stats.rejected += 1;
                     h = next.min(0.9 * mode.element.h);
                     continue;
                 }
-                run.next_branch = if event.is_some() { next.max(h) } else { next };
-                run.defect = run.defect.max(error);
+                run.lengths.next_branch = if event.is_some() { next.max(h) } else { next };
+                run.record.defect = run.record.defect.max(error);
             }
             return Ok(Solved { event, states });
         }
         Err(Status::Unsolved)
     }
 
-    /// Coefficients in (σ - σ₀)/h of every state of an element.
-    fn states_of(&self, element: &Element) -> Vec<Vec<f64>> {
-        let (scheme, per_node) = (&self.scheme, element.per_node());
-        let s = scheme.s;
-        let state = |i: usize| {
-            let mut c = vec![0.0; s + 1];
-            c[0] = element.x0[i];
-            for (j, powers) in scheme.integrals.chunks_exact(s).enumerate() {
-                let rate = element.h * element.unknowns[j * per_node + i];
-                for (c, power) in c[1..].iter_mut().zip(powers) {
-                    *c += rate * power;
-                }
-            }
-            // What a projection has moved the end by, evenly over the element.
-            c[1] += element.h * element.mean[i] - c[1..].iter().sum::<f64>();
-            c
-        };
-        (0..element.n_states()).map(state).collect()
-    }
-
-    /// ‖x' - f‖ h between the nodes, by σ, relative to the size of each state.
-    fn defect_along(
-        &self,
-        mode: &mut Mode,
-        states: &[Vec<f64>],
-        scale: &[f64],
-        target: f64,
-    ) -> f64 {
-        let (element, scheme) = (&mode.element, &self.scheme);
-        let mut worst = 0.0_f64;
-        for sigma in scheme.probes() {
-            let x = states.iter().map(|c| series::value(c, sigma));
-            let w = element.w(scheme.s / 2);
-            mode.hidden.set(element.t + sigma * element.h, x, w);
-            if mode.hidden.solve(&element.reduced).is_err() {
-                return f64::INFINITY;
-            }
-            let rates = mode.hidden.eval(&element.reduced.equations);
-            for (i, ((c, scale), f)) in states.iter().zip(scale).zip(rates).enumerate() {
-                let moves = series::slope(c, sigma);
-                let rounding = ROUNDING * element.h * element.activity[i] / target;
-                let size = scale.max(moves.abs()).max(rounding);
-                let size = size.max(f64::MIN_POSITIVE);
-                worst = worst.max((moves - element.h * f).abs() / size);
-            }
-        }
-        if worst.is_nan() { f64::INFINITY } else { worst }
-    }
-
     /// Tells an observer of the element in polynomials of time.
     fn tell_parts(
         &mut self,
         run: &Run,
+        scheme: &Scheme,
         mode: &mut Mode,
         solved: &Solved,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        let (n, scheme) = (run.x.len(), &self.scheme);
+        let n = run.place.x.len();
         let sides = mode.element.reduced.sides.clone();
         let n_points = scheme.points.len();
         let mut alphas = Vec::new();
@@ -394,7 +377,7 @@ impl Simulator<'_> {
             .map(|j| 0.5 - 0.5 * (std::f64::consts::PI * j as f64 / DEGREE as f64).cos())
             .collect();
         let matrix = monomials(&points);
-        let mut x = run.x.clone();
+        let mut x = run.place.x.clone();
         for [low, high] in parts(time) {
             let [start, stop] = [low, high].map(|sigma| series::value(time, sigma));
             let length = stop - start;
@@ -435,6 +418,64 @@ impl Simulator<'_> {
         }
         Ok(())
     }
+}
+
+/// The functions along a branch by this unknown of the present mode.
+fn compiled(modes: &Modes, run: &Run, unknown: usize, rises: bool) -> Option<Mode> {
+    let reduced = Arc::new(modes.system.branch(&run.place.zeros, unknown, rises)?);
+    let (n, n_numbers) = (run.place.x.len() + 2, modes.numbers.len());
+    Some(Mode {
+        hidden: Hidden::new(n, n_numbers, &reduced),
+        element: Element::new(&modes.scheme, n, n_numbers, reduced),
+    })
+}
+
+/// Coefficients in (σ - σ₀)/h of every state of an element.
+fn states_of(scheme: &Scheme, element: &Element) -> Vec<Vec<f64>> {
+    let (s, per_node) = (scheme.s, element.per_node());
+    let state = |i: usize| {
+        let mut c = vec![0.0; s + 1];
+        c[0] = element.x0[i];
+        for (j, powers) in scheme.integrals.chunks_exact(s).enumerate() {
+            let rate = element.h * element.unknowns[j * per_node + i];
+            for (c, power) in c[1..].iter_mut().zip(powers) {
+                *c += rate * power;
+            }
+        }
+        // What a projection has moved the end by, evenly over the element.
+        c[1] += element.h * element.mean[i] - c[1..].iter().sum::<f64>();
+        c
+    };
+    (0..element.n_states()).map(state).collect()
+}
+
+/// ‖x' - f‖ h between the nodes, by σ, relative to the size of each state.
+fn defect(
+    scheme: &Scheme,
+    mode: &mut Mode,
+    states: &[Vec<f64>],
+    scale: &[f64],
+    target: f64,
+) -> f64 {
+    let element = &mode.element;
+    let mut worst = 0.0_f64;
+    for sigma in scheme.probes() {
+        let x = states.iter().map(|c| series::value(c, sigma));
+        let w = element.w(scheme.s / 2);
+        mode.hidden.set(element.t + sigma * element.h, x, w);
+        if mode.hidden.solve(&element.reduced).is_err() {
+            return f64::INFINITY;
+        }
+        let rates = mode.hidden.eval(&element.reduced.equations);
+        for (i, ((c, scale), f)) in states.iter().zip(scale).zip(rates).enumerate() {
+            let moves = series::slope(c, sigma);
+            let rounding = ROUNDING * element.h * element.activity[i] / target;
+            let size = scale.max(moves.abs()).max(rounding);
+            let size = size.max(f64::MIN_POSITIVE);
+            worst = worst.max((moves - element.h * f).abs() / size);
+        }
+    }
+    if worst.is_nan() { f64::INFINITY } else { worst }
 }
 
 /// Parts of an element over which dt/dσ falls by no more than √½, so that a fold is as far as each is long.

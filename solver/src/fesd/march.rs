@@ -1,62 +1,36 @@
 //! One step of the grid: elements of equal length from switch to switch.
 
-use super::element::Unsolved;
-use super::emit::Observer;
-use super::fold::Length;
-use super::watch::{BAND, Verdict};
-use super::{Run, Simulator};
-use crate::hybrid::{Side, Status};
+use std::ops::ControlFlow;
+
+use super::adaptive::ROUNDING;
+use super::emit::{Observer, Polynomials};
+use super::modes::{Mode, Modes};
+use super::run::Run;
+use super::system::hidden::Unsolved;
+use super::watch::{BAND, Start, Values, Verdict};
+use crate::event::Segment;
+use crate::expansion::series;
+use crate::fesd::element::scheme::Scheme;
+use crate::fesd::element::solved::Solved;
+use crate::hybrid::Status;
 
 /// Below this share of the largest state one may be rounding of terms that cancel.
 const SMALL: f64 = 1e-8;
 
-/// An element that is solved.
-#[derive(Default)]
-pub(super) struct Solved {
-    /// t₀, and what rounding took from it.
-    pub t: f64,
-    pub t_low: f64,
-    pub h: f64,
-    /// x₀, and what rounding took from it.
-    pub x: Vec<f64>,
-    pub low: Vec<f64>,
-    pub unknowns: Vec<f64>,
-    pub mean: Vec<f64>,
-    /// α of the sliding switches at the points of the scheme, one row each.
-    pub alphas: Vec<f64>,
-    /// w at the end.
-    pub w: Vec<f64>,
-}
-
-impl Solved {
-    /// t₀ + h, and what rounding takes from it.
-    pub fn stop(&self) -> (f64, f64) {
-        sum(self.t, self.h + self.t_low)
-    }
-
-    /// x₀ + h Σ b_j V_j, added up with what rounding takes.
-    pub fn end(&self, x: &mut [f64], low: &mut [f64]) {
-        for i in 0..x.len() {
-            (x[i], low[i]) = sum(self.x[i], self.h * self.mean[i] + self.low[i]);
-        }
-    }
-}
-
-/// a + b rounded, and what rounding took from it (Dekker 1971).
-fn sum(a: f64, b: f64) -> (f64, f64) {
-    let sum = a + b;
-    let taken = sum - a;
-    (sum, (a - (sum - taken)) + (b - taken))
-}
-
 /// Elements from one switch, or end of a step, to the next.
-struct Piece {
-    elements: usize,
+pub(crate) struct Piece {
+    pub elements: usize,
     /// The watched member that vanishes at its end.
-    event: Option<usize>,
+    pub event: Option<usize>,
     /// Whether it ends with the step.
-    reaches_end: bool,
+    pub reaches_end: bool,
 }
+
+/// What a polynomial of a member may miss it by, as a share of its values (chosen by trial).
+const FOLLOWS: f64 = 0.01;
+
+/// Members below this share of what they have been are not looked at so closely.
+const NEGLIGIBLE_MEMBER: f64 = 1e-6;
 
 /// Halvings of an element in which a member is negative from the start although it must rise.
 const MAX_HALVINGS: usize = 30;
@@ -69,74 +43,51 @@ const AT_ONCE: f64 = 1e-12;
 const MAX_ROUNDS: usize = 8;
 const EQUAL: f64 = 1e-13;
 
-/// Events in a row without progress in time that count as an accumulation.
-const MAX_STALLED: usize = 100;
+/// The elements solved since the last one that was reported.
+pub(crate) struct March {
+    pub solved: Vec<Solved>,
+    pub values: Values,
+    pub polynomials: Polynomials,
+}
 
-impl Simulator<'_> {
-    /// Integrates over one step of the grid.
-    pub(super) fn interval(
-        &mut self,
-        run: &mut Run,
-        end: f64,
-        elements: usize,
-        observer: &mut impl Observer,
-    ) -> Result<(), Status> {
-        let length = run.left(end);
-        let mut left = elements;
-        while run.t < end {
-            self.limit(run)?;
-            if let Some(ahead) = self.fold_ahead(run) {
-                let length = Length {
-                    h: length / elements as f64,
-                    target: None,
-                };
-                if self.approach(run, ahead, end, length, observer)? {
-                    run.added += usize::from(left == 1);
-                    left = left.saturating_sub(1).max(1);
-                    continue;
-                }
-            }
-            let piece = self.piece(run, end, left, length)?;
-            self.know_rounding(run);
-            let count = piece.elements;
-            // A step with more switches than elements less one has elements added.
-            run.added += (count + usize::from(piece.event.is_some())).saturating_sub(left);
-            left = left.saturating_sub(count).max(1);
-            self.report(run, count, piece.reaches_end.then_some(end), observer)?;
-            // What comes after a breakpoint is decided there.
-            if piece.event.is_some() && !run.is_at_breakpoint() {
-                self.change(run, length, observer)?;
-            }
+impl March {
+    /// Memory for elements of a scheme.
+    pub fn new(scheme: &Scheme) -> Self {
+        March {
+            solved: Vec::new(),
+            values: Values::new(scheme),
+            polynomials: Polynomials::default(),
         }
-        Ok(())
     }
 
     /// Looks in every new mode which rates are rounding, where a state is small enough next to others to be nothing
     /// else: on a grid no element is rejected for it, and such states have no error to be relative to.
-    fn know_rounding(&mut self, run: &Run) {
-        let rounding = &mut self.modes[run.mode].element.rounding;
+    pub fn know_rounding(&mut self, modes: &mut Modes, run: &Run) {
+        let rounding = &mut modes.all[run.place.mode].element.rounding;
         if rounding.has_looked || self.solved[0].h == 0.0 {
             return;
         }
         rounding.has_looked = true;
         let largest = run.scale.iter().fold(0.0_f64, |size, x| size.max(*x));
         if run.scale.iter().any(|size| *size <= SMALL * largest) {
-            self.series(run, 0);
-            self.misses_by_rounding(run);
+            let mode = &mut modes.all[run.place.mode];
+            self.polynomials.write(&modes.scheme, mode, &self.solved[0]);
+            self.misses_by_rounding(modes, run);
         }
     }
 
     /// Solves for up to `left` elements of equal length that end with the step, or with a switch.
-    fn piece(
+    pub fn piece(
         &mut self,
+        modes: &mut Modes,
         run: &mut Run,
         end: f64,
         left: usize,
         length: f64,
     ) -> Result<Piece, Status> {
-        let h = run.left(end) / left as f64;
+        let h = run.place.left(end) / left as f64;
         for at in 0..left {
-            let Some(member) = self.element(run, at, h)? else {
+            let Some(member) = self.element(modes, run, at, h)? else {
                 continue;
             };
             let (switch, _) = self.solved[at].stop();
@@ -146,7 +97,13 @@ impl Simulator<'_> {
                 count => count,
             };
             if at > 0 {
-                self.equalize(run, count, (switch - run.t) / count as f64, member)?;
+                self.equalize(
+                    modes,
+                    run,
+                    count,
+                    (switch - run.place.t) / count as f64,
+                    member,
+                )?;
             }
             // A switch within rounding of the end is one at the end.
             let reaches_end = end - switch <= AT_ONCE * length + 16.0 * f64::EPSILON * end.abs();
@@ -168,8 +125,9 @@ impl Simulator<'_> {
 
     /// Solves for element `at` since the last report, which is h long unless a member vanishes in
     /// it. Returns that member.
-    pub(super) fn element(
+    pub fn element(
         &mut self,
+        modes: &mut Modes,
         run: &mut Run,
         at: usize,
         h: f64,
@@ -178,70 +136,63 @@ impl Simulator<'_> {
         let mut tried = h;
         for _ in 0..MAX_HALVINGS {
             let Solved { t, ref x, .. } = self.solved[at];
-            let mode = &mut self.modes[run.mode];
-            if run.last > 0.0 {
+            let mode = &mut modes.all[run.place.mode];
+            if run.lengths.last > 0.0 {
                 mode.element
-                    .extrapolate(&self.scheme, 1.0, tried / run.last);
+                    .extrapolate(&modes.scheme, 1.0, tried / run.lengths.last);
             } else {
-                mode.element
-                    .guess(&run.rates, &run.z_of(&mode.element.reduced.unknowns));
-                if at == 0 && run.slips.at == run.t {
-                    let departures = &run.slips.departures;
-                    mode.element.set_off(&self.scheme, departures, tried);
+                mode.element.guess(
+                    &run.entry.rates,
+                    &run.place.z_of(&mode.element.reduced.unknowns),
+                );
+                if at == 0 {
+                    let departures = run.slips.departures_at(run.place.t);
+                    mode.element.set_off(&modes.scheme, departures, tried);
                 }
             }
-            let solved = mode.element.solve(&self.scheme, t, tried, x, &run.scale);
+            let solved = mode.element.solve(&modes.scheme, t, tried, x, &run.scale);
             solved.map_err(|_| Status::Unsolved)?;
-            self.evaluate(run, at)?;
+            self.evaluate(modes, run, at)?;
             // Only the first element after a switch has members that start at zero.
-            let starts = if at == 0 { &run.starts[..] } else { &[] };
-            let scales = (&run.sizes[..], run.rate_scale * tried);
-            let verdict = self
-                .values
-                .judge(&self.scheme, starts, scales, &mut self.roots);
-            match verdict {
+            let starts = if at == 0 { &run.entry.starts[..] } else { &[] };
+            let scales = (&run.entry.sizes[..], run.entry.rate_scale * tried);
+            match self.values.judge(&modes.scheme, starts, scales) {
                 Verdict::Stays => {
-                    run.last = tried;
+                    run.lengths.last = tried;
                     if tried < h {
                         // Found nothing in a part of the element only: the whole is too long.
                         return Err(Status::Unsolved);
                     }
-                    self.keep(run, at);
+                    self.keep(modes, run, at);
                     return Ok(None);
                 }
                 Verdict::Leaves { sigma, member } if sigma <= AT_ONCE => {
                     // The switch is where the element starts: no member is negative in what is left of it.
-                    let least = run.least_member;
-                    self.keep(run, at);
+                    let least = run.record.least_member;
+                    self.keep(modes, run, at);
                     self.solved[at].h = 0.0;
-                    run.least_member = least;
-                    run.last = 0.0;
+                    run.record.least_member = least;
+                    run.lengths.last = 0.0;
                     return Ok(Some(member));
                 }
                 // A sliding mode that ends has no next node.
                 Verdict::Leaves { member, .. }
-                    if member == self.modes[run.mode].element.reduced.watched.len() =>
+                    if member == modes.all[run.place.mode].element.reduced.watched.len() =>
                 {
                     return Err(Status::Unsolved);
                 }
                 Verdict::Leaves { sigma, member } => {
-                    let end = (member, BAND * run.sizes[member]);
-                    let mode = &mut self.modes[run.mode];
-                    mode.element.shorten(&self.scheme, sigma);
-                    let length =
-                        mode.element
-                            .solve_to(&self.scheme, &mut mode.hidden, end, &run.scale);
+                    let end = (member, BAND * run.entry.sizes[member]);
+                    let mode = &mut modes.all[run.place.mode];
+                    let length = mode.cut(&modes.scheme, sigma, end, &run.scale);
                     let length = length.map_err(|_| Status::Unsolved)?;
-                    if !(length > 0.0 && length <= tried * (1.0 + 1e-9)) {
-                        return Err(Status::Unsolved);
-                    }
-                    run.last = length;
-                    self.evaluate(run, at)?;
-                    self.keep(run, at);
+                    run.lengths.last = length;
+                    self.evaluate(modes, run, at)?;
+                    self.keep(modes, run, at);
                     return Ok(Some(member));
                 }
                 Verdict::Wrong { .. } => {
-                    run.last = 0.0;
+                    run.lengths.last = 0.0;
                     tried *= 0.5;
                 }
             }
@@ -252,33 +203,34 @@ impl Simulator<'_> {
     /// Makes `count` elements equal that end where a member vanishes, near a length `h` each.
     fn equalize(
         &mut self,
+        modes: &mut Modes,
         run: &mut Run,
         count: usize,
         mut h: f64,
         member: usize,
     ) -> Result<(), Status> {
         let unsolved = |_: Unsolved| Status::Unsolved;
-        let end = (member, BAND * run.sizes[member]);
+        let end = (member, BAND * run.entry.sizes[member]);
         for _ in 0..MAX_ROUNDS {
             for at in 0..count {
                 self.place(run, at);
                 let Solved { t, ref x, .. } = self.solved[at];
-                let mode = &mut self.modes[run.mode];
+                let mode = &mut modes.all[run.place.mode];
                 mode.element.restore(&self.solved[at].unknowns);
                 mode.element
-                    .solve(&self.scheme, t, h, x, &run.scale)
+                    .solve(&modes.scheme, t, h, x, &run.scale)
                     .map_err(unsolved)?;
                 if at + 1 == count {
                     let hidden = &mut mode.hidden;
                     mode.element
-                        .solve_to(&self.scheme, hidden, end, &run.scale)
+                        .solve_to(&modes.scheme, hidden, end, &run.scale)
                         .map_err(unsolved)?;
                 }
-                self.evaluate(run, at)?;
-                self.keep(run, at);
+                self.evaluate(modes, run, at)?;
+                self.keep(modes, run, at);
             }
             let last = self.solved[count - 1].h;
-            run.last = last;
+            run.lengths.last = last;
             if (last - h).abs() <= EQUAL * h || count == 1 {
                 return Ok(());
             }
@@ -292,16 +244,16 @@ impl Simulator<'_> {
         if self.solved.len() <= at {
             self.solved.resize_with(at + 1, Solved::default);
         }
-        let n = run.x.len();
+        let n = run.place.x.len();
         let (before, here) = self.solved.split_at_mut(at);
         let here = &mut here[0];
         here.x.resize(n, 0.0);
         here.low.resize(n, 0.0);
         match before.last() {
             None => {
-                (here.t, here.t_low) = (run.t, run.t_low);
-                here.x.copy_from_slice(&run.x);
-                here.low.copy_from_slice(&run.low);
+                (here.t, here.t_low) = (run.place.t, run.place.t_low);
+                here.x.copy_from_slice(&run.place.x);
+                here.low.copy_from_slice(&run.place.low);
             }
             Some(last) => {
                 (here.t, here.t_low) = last.stop();
@@ -311,34 +263,37 @@ impl Simulator<'_> {
     }
 
     /// Takes over the element that the mode has solved, and `values` evaluated.
-    fn keep(&mut self, run: &mut Run, at: usize) {
-        self.measure(run);
-        let mode = &mut self.modes[run.mode];
+    fn keep(&mut self, modes: &mut Modes, run: &mut Run, at: usize) {
+        self.measure_members(modes, run);
+        let mode = &mut modes.all[run.place.mode];
         let (element, solved) = (&mode.element, &mut self.solved[at]);
         solved.h = element.h;
         solved.unknowns.clone_from(&element.unknowns);
         solved.mean.clone_from(&element.mean);
-        self.values.w_at_end(&element.reduced, &mut solved.w);
+        solved.w.clear();
+        let w = self.values.w_at_end(&element.reduced);
+        solved.w.extend_from_slice(w);
         self.values
-            .alphas(&self.scheme, element, &mut mode.hidden, &mut solved.alphas);
+            .alphas(&modes.scheme, element, &mut mode.hidden, &mut solved.alphas);
     }
 
     /// Evaluates the watched members of element `at` since the last report, which the mode has solved.
-    fn evaluate(&mut self, run: &Run, at: usize) -> Result<(), Status> {
-        let mode = &mut self.modes[run.mode];
+    fn evaluate(&mut self, modes: &mut Modes, run: &Run, at: usize) -> Result<(), Status> {
+        let mode = &mut modes.all[run.place.mode];
         let evaluated = self
             .values
-            .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
+            .evaluate(&modes.scheme, &mode.element, &mut mode.hidden);
         evaluated.map_err(|_| Status::Unsolved)?;
         // No comparison with what is not a number finds a root.
         if self.values.at_points.iter().any(|value| value.is_nan()) {
             return Err(Status::NotFinite);
         }
         let reduced = &mode.element.reduced;
-        self.values.lower_stops(&self.scheme, reduced, &run.sizes);
+        self.values
+            .lower_stops(&modes.scheme, reduced, &run.entry.sizes);
         let unknowns = reduced.unknowns.iter().enumerate();
         let before = unknowns.map(|(k, &z)| match at {
-            0 => run.z[z],
+            0 => run.place.z[z],
             _ => self.solved[at - 1].w[k],
         });
         let goes_on = self.values.starts_at(reduced, before);
@@ -347,60 +302,155 @@ impl Simulator<'_> {
 
     /// Moves the end of the last of `count` elements, which is within rounding, to the end of a step.
     fn snap(&mut self, run: &Run, count: usize, end: f64) {
-        debug_assert!(run.t < end, "a step has a length");
+        debug_assert!(run.place.t < end, "a step has a length");
         let last = &mut self.solved[count - 1];
         last.h = (end - last.t) - last.t_low;
     }
 
-    /// Chooses the next active set where the last element ended, and reports the change; steps are
-    /// about as long as `length`.
-    pub(super) fn change(
-        &mut self,
-        run: &mut Run,
-        length: f64,
-        observer: &mut impl Observer,
-    ) -> Result<(), Status> {
-        run.stalled = if run.last <= 1e-13 * length {
-            run.stalled + 1
-        } else {
-            0
-        };
-        if run.stalled > MAX_STALLED {
-            return Err(Status::Accumulation);
+    /// Takes note of how far below zero members are in the element just evaluated.
+    fn measure_members(&self, modes: &Modes, run: &mut Run) {
+        for (member, size) in run.entry.sizes.iter().enumerate() {
+            for &value in self.values.of(&modes.scheme, member) {
+                if value < 0.0 {
+                    let least = &mut run.record.least_member;
+                    *least = least.min(value / size.max(BAND));
+                }
+            }
         }
-        let before = self.modes[run.mode].element.reduced.sides.clone();
-        self.select(run, length)?;
-        run.last = 0.0;
-        self.tell_change(run, before, observer)
     }
 
-    /// Reports a change of sides.
-    pub(super) fn tell_change(
+    /// How the members start in an element that follows on one of length `h` in the same mode: one that
+    /// has not left zero yet starts as it did.
+    fn go_on(&self, modes: &Modes, run: &mut Run, h: f64) {
+        let entry = &mut run.entry;
+        let sizes = entry.sizes.iter().enumerate();
+        for (start, (member, size)) in entry.starts.iter_mut().zip(sizes) {
+            let values = self.values.of(&modes.scheme, member).iter();
+            let largest = values.fold(0.0_f64, |largest, value| largest.max(value.abs()));
+            if *start != Start::Tangent || largest > BAND * size.max(entry.rate_scale * h) {
+                *start = Start::Inside;
+            }
+        }
+    }
+
+    /// Whether the polynomials of the element just solved miss some rates by their rounding, and the terms of these are
+    /// larger than was known of them.
+    pub fn misses_by_rounding(&mut self, modes: &mut Modes, run: &Run) -> bool {
+        let Mode { element, hidden } = &mut modes.all[run.place.mode];
+        let series = &self.polynomials.series;
+        element.misses_by_rounding(&modes.scheme, hidden, &self.solved[0], series, &run.scale)
+    }
+
+    /// ‖x' - f‖ h between the nodes of the element just solved, relative to the size of each state.
+    pub fn defect(&mut self, modes: &mut Modes, run: &Run, target: f64) -> f64 {
+        if self.solved[0].h == 0.0 {
+            return 0.0;
+        }
+        let (solved, scheme) = (&self.solved[0], &modes.scheme);
+        let mode = &mut modes.all[run.place.mode];
+        self.polynomials.write(scheme, mode, solved);
+        let rows = &self.polynomials.series;
+        let reduced = &mode.element.reduced;
+        let (n, h) = (run.place.x.len(), solved.h);
+        let algebraic = &modes.system.algebraic_states;
+        let largest = algebraic.iter().map(|&i| run.scale[i]).fold(0.0, f64::max);
+        let mut worst = 0.0_f64;
+        for sigma in scheme.probes() {
+            let tau = sigma * h;
+            let x = (0..n).map(|i| series::value(rows.row(i), tau));
+            mode.hidden
+                .set(solved.t + tau, x, mode.element.w(scheme.s / 2));
+            if mode.hidden.solve(reduced).is_err() {
+                return f64::INFINITY;
+            }
+            // Roots of members were looked for in polynomials, which have to be the members.
+            for (member, value) in mode.hidden.eval(&reduced.members).enumerate() {
+                let stops = reduced.watched.get(member).is_some_and(|w| w.stops);
+                let end = if stops {
+                    BAND * run.entry.sizes[member]
+                } else {
+                    0.0
+                };
+                let value = value - end;
+                let size = run.entry.sizes[member].max(run.entry.rate_scale * h);
+                let floor = NEGLIGIBLE_MEMBER * size;
+                if self.values.misses(scheme, member, (sigma, value), floor) > FOLLOWS {
+                    return f64::INFINITY;
+                }
+            }
+            for (i, f) in mode.hidden.eval(&reduced.equations).take(n).enumerate() {
+                let rate = series::slope(rows.row(i), tau);
+                // What rounding leaves of the rate is no reason for a shorter element. Equations leave that of
+                // their terms in all that they determine, a multiplier that is zero, too.
+                let terms = match algebraic.contains(&i) {
+                    true => largest,
+                    false => h * mode.element.activity[i],
+                };
+                let rounding = ROUNDING * terms / target;
+                let scale = run.scale[i].max((h * rate).abs()).max(rounding);
+                let scale = scale.max(f64::MIN_POSITIVE);
+                let relative = h * (rate - f).abs() / scale;
+                if relative.is_nan() {
+                    return f64::INFINITY;
+                }
+                worst = worst.max(relative);
+            }
+        }
+        worst
+    }
+
+    /// Reports the elements solved since the last report, and moves the run to their end, which is
+    /// `end` where the step ends there too.
+    pub fn report(
         &mut self,
+        modes: &mut Modes,
         run: &mut Run,
-        before: Box<[Side]>,
+        count: usize,
+        end: Option<f64>,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        let after = &self.modes[run.mode].element.reduced.sides;
-        if before != *after || run.decisions.iter().any(|decision| decision.folds) {
-            run.stats.events += 1;
-            run.events.record(run.t, &before);
-            let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
-            // Elements as short as rounding do not show what infinitely many would do.
-            if slides(after) > slides(&before) && run.events.limit(after).is_some() {
-                return Err(Status::Accumulation);
+        let mode = &mut modes.all[run.place.mode];
+        for (at, solved) in self.solved[..count].iter().enumerate() {
+            let start = solved.t;
+            let length = match end.filter(|_| at + 1 == count) {
+                Some(end) => {
+                    run.place.go_to(end);
+                    (end - start) - solved.t_low
+                }
+                None => {
+                    (run.place.t, run.place.t_low) = solved.stop();
+                    solved.h
+                }
+            };
+            solved.end(&mut run.place.x, &mut run.place.low);
+            run.count_step(
+                &modes.system.algebraic_states,
+                &mode.element.activity,
+                length,
+            )?;
+            self.polynomials.write(&modes.scheme, mode, solved);
+            let segment = Segment {
+                start,
+                length,
+                until: run.place.t,
+                sides: &mode.element.reduced.sides,
+                end: &run.place.x,
+                dense: &self.polynomials.series,
+            };
+            if length > 0.0 && observer.segment(&segment) == ControlFlow::Break(()) {
+                return Err(Status::Stopped);
             }
-            observer.event(&crate::event::Event {
-                time: run.t,
-                x: &run.x,
-                before: &run.x,
-                jumps: &[],
-                decisions: &run.decisions,
-                from: &before,
-                to: after,
-                accumulates: false,
-            });
+            if observer.wants_multipliers() {
+                let points = &modes.scheme.points;
+                self.polynomials
+                    .tell_multipliers(points, mode, solved, observer);
+            }
         }
+        let last = &self.solved[count - 1];
+        for (&z, w) in mode.element.reduced.unknowns.iter().zip(&last.w) {
+            run.place.z[z] = *w;
+        }
+        self.go_on(modes, run, last.h);
         Ok(())
     }
 }

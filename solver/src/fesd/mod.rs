@@ -16,37 +16,39 @@ mod emit;
 mod fold;
 pub mod jumps;
 mod march;
+mod modes;
+mod place;
+mod run;
 pub(crate) mod selection;
-mod slip;
 mod stepping;
 mod system;
 mod uniform;
 mod watch;
 
-use rustc_hash::FxHashMap;
-
-use crate::events::roots::RootFinder;
-use crate::events::zeno::Events;
-use crate::expansion::dense::ElementSeries;
-use crate::fesd::element::nodes::Nodes;
+use crate::event::Event;
+use crate::fesd::element::Work;
 use crate::fesd::element::scheme::Scheme;
-use crate::fesd::selection::directional::Directional;
+use crate::fesd::modes::Modes;
+use crate::fesd::run::{NEAR, Run};
+use crate::fesd::selection::guided::Guided;
+use crate::fesd::selection::{Choices, Selection};
 pub use crate::fesd::system::full::Kinds;
-use crate::fesd::system::hidden::Hidden;
 pub use crate::fesd::system::library::Library;
 pub use crate::fesd::system::pointwise::{Leading, Rule, Rules, Surfaces, alpha_of, alphas_of};
-use crate::hybrid::{Note, Outcome, Side, Stats, Status};
+use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
-use crate::selector::{Decision, ModeSelector};
-use element::Element;
+use crate::selector::ModeSelector;
+use adaptive::Control;
 pub use emit::{Multipliers, Observer};
+use fold::{Folds, Length, Reached};
+use march::March;
+pub use run::Rungs;
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{
     ComplementaritySystem, Disc, Full, Kept, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched,
     Zero,
 };
-use watch::{Start, Values};
 
 /// What the user may choose.
 #[derive(Clone, Debug)]
@@ -100,19 +102,6 @@ pub enum Grid {
     },
 }
 
-/// How the active set after a switch was found; each is tried where those before it fail.
-#[derive(Clone, Copy, Default, Debug, PartialEq, Eq)]
-pub struct Rungs {
-    /// By the first derivatives of the members.
-    pub predicted: usize,
-    /// By trial elements, where a rate vanishes.
-    pub tried: usize,
-    /// By a smoothed complementarity problem, where too many pairs meet to try all sets.
-    pub smoothed: usize,
-    /// By the complementarity problem of a whole element, where all of these find none.
-    pub whole: usize,
-}
-
 /// The end of a run, with what concerns elements only.
 #[derive(Clone, Debug)]
 pub struct Solution {
@@ -126,109 +115,23 @@ pub struct Solution {
     pub least_member: f64,
 }
 
-/// Breakpoints and ends of steps this close, relative to time, are one instant.
-const NEAR: f64 = 16.0 * f64::EPSILON;
+/// What matters to a state, relative to its magnitude, where no tolerance says.
+const MATTERS: f64 = 1e-8;
 
-/// What has been compiled and factored for an active set.
-struct Mode {
-    element: Element,
-    hidden: Hidden,
-}
+/// Lengths below this part of the horizon count as none.
+const SHORTEST: f64 = 1e-14;
+
+/// Elements or events in a row without progress in time that count as the end of all progress.
+const MAX_STALLED: usize = 100;
 
 /// Runs a system, keeping the functions it has met from one run to the next.
 pub struct Simulator<'s> {
     system: &'s ComplementaritySystem,
     settings: Settings,
-    scheme: Scheme,
-    library: Library,
-    /// Places in `modes`; none for sets without functions.
-    known: FxHashMap<Vec<Zero>, Option<usize>>,
-    modes: Vec<Mode>,
-    /// Branches of sliding modes, by the mode, the unknown that takes the place of time, and whether it rises.
-    branches: FxHashMap<(usize, usize, bool), Mode>,
-    directional: Directional,
-    /// Chooses among sliding modes, where switches are nonlinear.
-    mode_selector: Option<Box<dyn ModeSelector + 's>>,
-    /// Memory for whole elements, once one is needed.
-    nodes: Option<Nodes>,
-    /// What changes at breakpoints, as it is now.
-    numbers: Vec<f64>,
-    values: Values,
-    roots: RootFinder,
-    /// The elements solved since the last one that was reported.
-    solved: Vec<march::Solved>,
-    series: ElementSeries,
-    near: fold::Near,
-}
-
-/// A run on its way.
-pub(crate) struct Run {
-    t: f64,
-    /// What rounding took from t: lost, it would be the same after every switch of a long run, a drift of phase.
-    t_low: f64,
-    /// When it ends.
-    t1: f64,
-    x: Vec<f64>,
-    /// What rounding took from x, so that sums over many elements stay exact.
-    low: Vec<f64>,
-    z: Vec<f64>,
-    zeros: Vec<Zero>,
-    mode: usize,
-    /// How the watched members of the mode start in the next element.
-    starts: Vec<Start>,
-    /// The next breakpoint; infinity where there is none.
-    until: f64,
-    /// Values of the watched members that count as zero, over [`watch::BAND`].
-    sizes: Vec<f64>,
-    /// What rates of members are zero next to.
-    rate_scale: f64,
-    /// Largest magnitude of each state so far, see [`system::measure`].
-    scale: Vec<f64>,
-    /// ∫ of the sizes of the terms of each rate.
-    work: Vec<f64>,
-    /// Length of the last element in this mode, zero before the first.
-    last: f64,
-    /// Length of the next element by the tolerance, zero before the first.
-    next: f64,
-    /// The same where α is the independent variable.
-    next_branch: f64,
-    rates: Vec<f64>,
-    stats: Stats,
-    added: usize,
-    rungs: Rungs,
-    least_member: f64,
-    defect: f64,
-    /// Events in a row that took no time.
-    stalled: usize,
-    events: Events,
-    slips: slip::Slips,
-    /// What has decided about nonlinear switches where the run is.
-    decisions: Vec<Decision>,
-    /// The switch whose sliding mode has ended in a fold where the run is.
-    fold: Option<usize>,
-    notes: Vec<Note>,
-}
-
-impl Run {
-    /// Whether data goes on with other pieces at the present time.
-    fn is_at_breakpoint(&self) -> bool {
-        self.until <= self.t + NEAR * self.t.abs()
-    }
-
-    /// Moves to an instant that is known.
-    fn go_to(&mut self, t: f64) {
-        (self.t, self.t_low) = (t, 0.0);
-    }
-
-    /// The time to an instant.
-    fn left(&self, end: f64) -> f64 {
-        (end - self.t) - self.t_low
-    }
-
-    /// The values of some algebraic variables.
-    fn z_of(&self, variables: &[usize]) -> Vec<f64> {
-        variables.iter().map(|&i| self.z[i]).collect()
-    }
+    modes: Modes<'s>,
+    selection: Selection<'s>,
+    march: March,
+    folds: Folds,
 }
 
 impl<'s> Simulator<'s> {
@@ -238,41 +141,41 @@ impl<'s> Simulator<'s> {
         settings: Settings,
     ) -> Result<Self, TableauError> {
         let scheme = Scheme::new(Tableau::new(settings.family, settings.nodes)?);
+        let modes = Modes::new(system, scheme);
+        let choices = Choices {
+            below: settings.below.clone(),
+            limit: settings.limit.clone(),
+            tolerance: match settings.grid {
+                Grid::Adaptive { tolerance } => tolerance,
+                Grid::Steps { .. } => MATTERS,
+            },
+        };
         Ok(Simulator {
             system,
             settings,
-            library: Library::default(),
-            known: FxHashMap::default(),
-            modes: Vec::new(),
-            branches: FxHashMap::default(),
-            directional: Directional::new(system),
-            mode_selector: None,
-            nodes: None,
-            numbers: vec![0.0; system.n_numbers()],
-            values: Values::default(),
-            roots: RootFinder::new(scheme.points.len()),
-            scheme,
-            solved: Vec::new(),
-            series: ElementSeries::default(),
-            near: fold::Near::default(),
+            selection: Selection::new(&modes, choices),
+            march: March::new(&modes.scheme),
+            folds: Folds::new(&modes.scheme),
+            modes,
         })
     }
 
     /// Lets a selector choose the modes of a system with nonlinear switches.
     pub fn with_mode_selector(mut self, mode_selector: impl ModeSelector + 's) -> Self {
-        self.mode_selector = Some(Box::new(mode_selector));
+        let selector = Box::new(mode_selector);
+        self.selection.guided = Some(Guided { selector });
         self
     }
 
     /// Takes what other runs of the system have made of its functions.
     pub fn knowing(mut self, library: Library) -> Self {
-        self.library = library;
+        self.modes.library = library;
         self
     }
 
     /// What runs have made of its functions.
     pub fn library(&self) -> &Library {
-        &self.library
+        &self.modes.library
     }
 
     /// The settings in force.
@@ -282,102 +185,75 @@ impl<'s> Simulator<'s> {
 
     /// Order of the method where nothing switches.
     pub fn order(&self) -> usize {
-        self.scheme.tableau.order
+        self.modes.scheme.tableau.order
+    }
+
+    /// What elements may miss their equations by between the nodes; none on a grid of steps.
+    pub fn allowed_defect(&self) -> Option<f64> {
+        match self.settings.grid {
+            Grid::Steps { .. } => None,
+            Grid::Adaptive { tolerance } => {
+                Some(Control::new(&self.modes.scheme, tolerance).target)
+            }
+        }
     }
 
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
         let (before, known) = (self.work(), self.n_functions());
-        let mut run = Run {
-            t: t0,
-            t_low: 0.0,
-            t1,
-            x: x0.to_vec(),
-            low: vec![0.0; x0.len()],
-            z: self.system.start.to_vec(),
-            zeros: Vec::new(),
-            mode: 0,
-            starts: Vec::new(),
-            until: f64::INFINITY,
-            sizes: Vec::new(),
-            rate_scale: 0.0,
-            scale: vec![0.0; x0.len()],
-            work: vec![0.0; x0.len()],
-            last: 0.0,
-            next: 0.0,
-            next_branch: 0.0,
-            rates: vec![0.0; x0.len()],
-            stats: Stats::default(),
-            added: 0,
-            rungs: Rungs::default(),
-            least_member: 0.0,
-            defect: 0.0,
-            stalled: 0,
-            events: Events::default(),
-            slips: slip::Slips::default(),
-            decisions: Vec::new(),
-            fold: None,
-            notes: Vec::new(),
-        };
-        system::measure(&mut run.scale, x0, &self.system.algebraic_states);
+        let mut run = Run::new(self.system, t0, t1, x0);
         let status = match self.integrate(&mut run, t0, t1, observer) {
             Ok(()) => Status::Solved,
             Err(status) => status,
         };
-        let after = self.work();
-        run.stats.newton_iterations += after[0] - before[0];
-        run.stats.factorizations += after[1] - before[1];
-        run.stats.rhs_evaluations = after[2] - before[2];
-        run.stats.functions = self.n_functions() - known;
-        let elapsed = if run.t > t0 { run.t - t0 } else { 1.0 };
-        let n = x0.len();
-        let alive = !run.zeros.is_empty() || self.system.pairs.is_empty();
-        let sides = match self.modes.get(run.mode).filter(|_| alive) {
-            Some(mode) => mode.element.reduced.sides.to_vec(),
-            None => vec![Side::Plus; self.system.n_switches()],
+        let (work, stats) = (self.work() - before, &mut run.record.stats);
+        stats.newton_iterations += work.iterations;
+        stats.factorizations += work.factorizations;
+        stats.rhs_evaluations = work.evaluations;
+        stats.functions = self.n_functions() - known;
+        let elapsed = if run.place.t > t0 {
+            run.place.t - t0
+        } else {
+            1.0
         };
-        let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
-        if alive && !self.modes.is_empty() {
-            self.alphas(&run, &mut alpha);
-        }
+        let has_begun = !run.place.zeros.is_empty() || self.system.pairs.is_empty();
+        let (sides, alpha) = if has_begun && !self.modes.all.is_empty() {
+            self.modes.switches(&run)
+        } else {
+            let n_switches = self.system.n_switches();
+            (vec![Side::Plus; n_switches].into(), vec![1.0; n_switches])
+        };
+        let record = run.record;
         Solution {
             outcome: Outcome {
                 status,
-                time: run.t,
-                x: run.x,
-                sides,
+                time: run.place.t,
+                x: run.place.x,
+                sides: sides.into_vec(),
                 alpha,
-                activity: run.work.iter().map(|work| work / elapsed).collect(),
-                moved: vec![0.0; n],
+                activity: record.work.iter().map(|work| work / elapsed).collect(),
+                moved: vec![0.0; x0.len()],
                 drift: 0.0,
-                defect: run.defect,
+                defect: record.defect,
                 complementarity: 0.0,
-                notes: run.notes,
+                notes: record.notes,
                 approaches: Vec::new(),
-                stats: run.stats,
+                stats: record.stats,
             },
-            added_elements: run.added,
-            rungs: run.rungs,
-            least_member: run.least_member,
+            added_elements: record.added,
+            rungs: record.rungs,
+            least_member: record.least_member,
         }
     }
 
     /// Iterations, factorizations and evaluations so far.
-    fn work(&self) -> [usize; 3] {
-        let all = self.modes.iter().chain(self.branches.values());
-        all.fold([0; 3], |sum, Mode { element, .. }| {
-            let own = [
-                element.iterations,
-                element.factorizations,
-                element.evaluations,
-            ];
-            std::array::from_fn(|i| sum[i] + own[i])
-        })
+    fn work(&self) -> Work {
+        self.modes.work() + self.folds.work()
     }
 
     /// Active sets and branches that have functions.
     fn n_functions(&self) -> usize {
-        self.modes.len() + self.branches.len()
+        self.modes.all.len() + self.folds.n_branches()
     }
 
     fn integrate(
@@ -388,10 +264,10 @@ impl<'s> Simulator<'s> {
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
         self.load(run, t0);
-        if let Some(switch) = self.system.below(self.point(run)) {
+        if let Some(switch) = self.system.below(run.place.point(&self.modes.numbers)) {
             return Err(Status::Penetrates { switch });
         }
-        self.begin(run, t1 - t0)?;
+        self.selection.begin(&mut self.modes, run, t1 - t0)?;
         match self.settings.grid {
             Grid::Steps { steps, elements } => {
                 for k in 1..=steps {
@@ -427,7 +303,7 @@ impl<'s> Simulator<'s> {
         observer: &mut O,
         integrate: impl Fn(&mut Self, &mut Run, f64, &mut O) -> Result<(), Status>,
     ) -> Result<(), Status> {
-        let (length, near) = (end - run.t, NEAR * end.abs());
+        let (length, near) = (end - run.place.t, NEAR * end.abs());
         while run.until < end - near {
             if !run.is_at_breakpoint() {
                 let until = run.until;
@@ -435,7 +311,7 @@ impl<'s> Simulator<'s> {
             }
             self.pass_breakpoint(run, length, observer)?;
         }
-        if run.t < end {
+        if run.place.t < end {
             integrate(self, run, end, observer)?;
         }
         Ok(())
@@ -443,35 +319,229 @@ impl<'s> Simulator<'s> {
 
     /// Whether a run has to stop.
     fn limit(&self, run: &Run) -> Result<(), Status> {
-        if run.stats.steps >= self.settings.max_elements {
+        if run.record.stats.steps >= self.settings.max_elements {
             return Err(Status::StepLimit);
         }
-        if run.stats.events >= self.settings.max_events {
+        if run.record.stats.events >= self.settings.max_events {
             return Err(Status::EventLimit);
         }
         Ok(self.settings.limit.check()?)
     }
 
-    /// The place of the functions of an active set.
-    fn mode(&mut self, zeros: &[Zero]) -> Option<usize> {
-        if let Some(&known) = self.known.get(zeros) {
-            return known;
-        }
-        let n = self.system.n_states();
-        let reduced = self.library.reduced(self.system, zeros);
-        let place = reduced.map(|reduced| {
-            let n_numbers = self.numbers.len();
-            let mut mode = Mode {
-                hidden: Hidden::new(n, n_numbers, &reduced),
-                element: Element::new(&self.scheme, n, n_numbers, reduced),
+    /// Takes the numbers that hold from an instant on, up to the next breakpoint.
+    fn load(&mut self, run: &mut Run, from: f64) {
+        run.until = self.modes.load(from);
+        self.selection.set_numbers(&self.modes.numbers);
+    }
+
+    /// Integrates over one step of the grid: elements of equal length from switch to switch.
+    fn interval(
+        &mut self,
+        run: &mut Run,
+        end: f64,
+        elements: usize,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        let step = run.place.left(end);
+        let mut left = elements;
+        while run.place.t < end {
+            self.limit(run)?;
+            let length = Length {
+                h: step / elements as f64,
+                end,
+                control: None,
             };
-            mode.element.follow(&self.system.algebraic_states);
-            mode.element.set_numbers(&self.numbers);
-            mode.hidden.set_numbers(&self.numbers);
-            self.modes.push(mode);
-            self.modes.len() - 1
-        });
-        self.known.insert(zeros.to_vec(), place);
-        place
+            if self.approach(run, length, observer)? {
+                run.record.added += usize::from(left == 1);
+                left = left.saturating_sub(1).max(1);
+                continue;
+            }
+            let piece = self.march.piece(&mut self.modes, run, end, left, step)?;
+            self.march.know_rounding(&mut self.modes, run);
+            let count = piece.elements;
+            // A step with more switches than elements less one has elements added.
+            run.record.added += (count + usize::from(piece.event.is_some())).saturating_sub(left);
+            left = left.saturating_sub(count).max(1);
+            let end = piece.reaches_end.then_some(end);
+            self.march
+                .report(&mut self.modes, run, count, end, observer)?;
+            // What comes after a breakpoint is decided there.
+            if piece.event.is_some() && !run.is_at_breakpoint() {
+                self.change(run, step, observer)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Integrates to `t1` with a global error of about `tolerance`.
+    fn adapt(
+        &mut self,
+        run: &mut Run,
+        t1: f64,
+        tolerance: f64,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        let control = Control::new(&self.modes.scheme, tolerance);
+        let target = control.target;
+        let horizon = run.place.left(t1);
+        let mut h = match run.lengths.next {
+            0.0 => 0.01 * horizon,
+            next => next,
+        };
+        let mut stalled = 0;
+        while run.place.t < t1 {
+            self.limit(run)?;
+            let length = Length {
+                h,
+                end: t1,
+                control: Some(control),
+            };
+            if self.approach(run, length, observer)? {
+                continue;
+            }
+            let left = run.place.left(t1);
+            // No sliver is left at the end.
+            let length = match h {
+                h if h >= left => left,
+                h if h >= 0.5 * left => 0.5 * left,
+                h => h,
+            };
+            let least_member = run.record.least_member;
+            let (march, modes) = (&mut self.march, &mut self.modes);
+            let event = match march.element(modes, run, 0, length) {
+                Ok(event) => event,
+                Err(Status::Unsolved | Status::NotFinite) if length > SHORTEST * horizon => {
+                    (run.lengths.last, run.record.least_member) = (0.0, least_member);
+                    h = 0.25 * length;
+                    continue;
+                }
+                Err(status) => return Err(status),
+            };
+            let mut error = march.defect(modes, run, target);
+            if error > target && march.misses_by_rounding(modes, run) {
+                error = march.defect(modes, run, target);
+            }
+            let taken = march.solved[0].h;
+            let next = control.next(taken, error);
+            if error > target && taken > SHORTEST * horizon {
+                run.record.stats.rejected += 1;
+                (run.lengths.last, run.record.least_member) = (0.0, least_member);
+                h = next.min(0.9 * taken);
+                continue;
+            }
+            run.record.defect = run.record.defect.max(error);
+            stalled = if taken <= SHORTEST * horizon {
+                stalled + 1
+            } else {
+                0
+            };
+            if stalled > MAX_STALLED {
+                return Err(Status::Unsolved);
+            }
+            let reaches_end = event.is_none() && length == left;
+            march.report(modes, run, 1, reaches_end.then_some(t1), observer)?;
+            // What was cut off by a switch or the end says less than what was tried.
+            h = if event.is_some() || length == left {
+                next.max(h)
+            } else {
+                next
+            };
+            run.lengths.next = h;
+            if event.is_some() && !run.is_at_breakpoint() {
+                self.change(run, h, observer)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes on by an element whose independent variable is α, if a fold is near and has one.
+    fn approach(
+        &mut self,
+        run: &mut Run,
+        length: Length,
+        observer: &mut impl Observer,
+    ) -> Result<bool, Status> {
+        let (folds, modes) = (&mut self.folds, &mut self.modes);
+        let Some(ahead) = folds.ahead(modes, run) else {
+            return Ok(false);
+        };
+        match folds.approach(modes, run, ahead, length, observer)? {
+            Reached::Nothing => return Ok(false),
+            Reached::EndAtOnce => return Ok(true),
+            Reached::Inside => {}
+            Reached::Boundary => self.change(run, length.h, observer)?,
+        }
+        run.lengths.last = 0.0;
+        Ok(true)
+    }
+
+    /// Goes on from a breakpoint.
+    fn pass_breakpoint(
+        &mut self,
+        run: &mut Run,
+        length: f64,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        let before = self.modes.sides(run.place.mode).into();
+        // The instant may be just ahead, by rounding.
+        let from = run.place.t.max(run.until);
+        self.load(run, from);
+        run.place.go_to(from);
+        self.selection
+            .pass_breakpoint(&mut self.modes, run, length)?;
+        run.lengths.last = 0.0;
+        self.tell_change(run, before, observer)
+    }
+
+    /// Chooses the next active set where the last element ended, and reports the change; steps are
+    /// about as long as `length`.
+    fn change(
+        &mut self,
+        run: &mut Run,
+        length: f64,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        run.stalled = if run.lengths.last <= 1e-13 * length {
+            run.stalled + 1
+        } else {
+            0
+        };
+        if run.stalled > MAX_STALLED {
+            return Err(Status::Accumulation);
+        }
+        let before = self.modes.sides(run.place.mode).into();
+        self.selection.select(&mut self.modes, run, length)?;
+        run.lengths.last = 0.0;
+        self.tell_change(run, before, observer)
+    }
+
+    /// Reports a change of sides.
+    fn tell_change(
+        &mut self,
+        run: &mut Run,
+        before: Box<[Side]>,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        let after = self.modes.sides(run.place.mode);
+        if *before != *after || run.decisions.iter().any(|decision| decision.folds) {
+            run.record.stats.events += 1;
+            run.events.record(run.place.t, &before);
+            let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
+            // Elements as short as rounding do not show what infinitely many would do.
+            if slides(after) > slides(&before) && run.events.limit(after).is_some() {
+                return Err(Status::Accumulation);
+            }
+            observer.event(&Event {
+                time: run.place.t,
+                x: &run.place.x,
+                before: &run.place.x,
+                jumps: &[],
+                decisions: &run.decisions,
+                from: &before,
+                to: after,
+                accumulates: false,
+            });
+        }
+        Ok(())
     }
 }

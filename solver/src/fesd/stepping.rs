@@ -12,6 +12,7 @@ use crate::event::{Event, Observer, Segment};
 use crate::expansion::dense::ElementSeries;
 use crate::fesd::element::nodes::{Nodes, Step};
 use crate::fesd::element::scheme::Scheme;
+use crate::fesd::run::NEAR;
 use crate::fesd::system::library::Library;
 use crate::fesd::system::pointwise::Point;
 use crate::hybrid::{Outcome, Side, Stats, Status};
@@ -125,7 +126,7 @@ impl<'s> Stepper<'s> {
             }
             // A breakpoint in a step is the end of a part of it.
             let end_of_step = t0 + (t1 - t0) * ((ends + 1) as f64 / steps as f64);
-            let near = super::NEAR * end_of_step.abs();
+            let near = NEAR * end_of_step.abs();
             let next = if until < end_of_step - near {
                 until
             } else {

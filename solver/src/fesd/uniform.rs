@@ -8,16 +8,16 @@ use rustc_hash::FxHashMap;
 use wide::f64x4;
 
 use super::element::Element;
-use super::system::{ComplementaritySystem, Zero, measure};
+use super::system::{ComplementaritySystem, Pair, Zero, measure};
 use crate::fesd::element::scheme::{Scheme, WIDTH};
 use crate::fesd::system::library::Library;
 use crate::hybrid::Stats;
 
 /// Members above this are not negative.
-pub(super) const SLACK: f64 = -1e-10;
+pub(crate) const SLACK: f64 = -1e-10;
 
 /// Active sets that were met, and the present one.
-pub(super) struct Uniform {
+pub(crate) struct Uniform {
     pub scheme: Scheme,
     /// Places in `elements`; none for sets without equations of their own.
     known: FxHashMap<Vec<Zero>, Option<usize>>,
@@ -68,7 +68,7 @@ impl Uniform {
     /// Takes the set that z is in, where it has equations that are those of the whole system.
     pub fn enter(&mut self, system: &ComplementaritySystem, library: &mut Library, z: &[f64]) {
         self.zeros.clear();
-        let zero = |pair: &super::Pair| match pair.left.value(z) <= pair.right.value(z) {
+        let zero = |pair: &Pair| match pair.left.value(z) <= pair.right.value(z) {
             true => Zero::Left,
             false => Zero::Right,
         };
@@ -113,10 +113,11 @@ impl Uniform {
             let w: Vec<f64> = places.map(|&i| last[n + i]).collect();
             element.guess(&last[..n], &w);
         }
-        let before = [element.iterations, element.factorizations];
+        let before = element.work;
         let solved = element.solve(&self.scheme, t, h, x, &self.scale);
-        stats.newton_iterations += element.iterations - before[0];
-        stats.factorizations += element.factorizations - before[1];
+        let work = element.work - before;
+        stats.newton_iterations += work.iterations;
+        stats.factorizations += work.factorizations;
         self.repeats = solved.is_ok() && self.write(present, n, unknowns);
         self.repeats
     }

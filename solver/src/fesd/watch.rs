@@ -2,11 +2,11 @@
 
 use wide::f64x4;
 
-use super::element::{Element, Unsolved};
+use super::element::Element;
 use super::system::Reduced;
 use crate::events::roots::RootFinder;
 use crate::fesd::element::scheme::{Scheme, WIDTH};
-use crate::fesd::system::hidden::Hidden;
+use crate::fesd::system::hidden::{Hidden, Unsolved};
 
 /// How a member starts.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -22,7 +22,7 @@ pub(crate) enum Start {
 
 /// What members do in an element.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) enum Verdict {
+pub(crate) enum Verdict {
     /// None vanishes.
     Stays,
     /// One vanishes at this fraction of the element, the first to do so.
@@ -32,14 +32,13 @@ pub(super) enum Verdict {
 }
 
 /// Below this, relative to the largest value of its pair so far, a member is zero.
-pub(super) const BAND: f64 = 1e-12;
+pub(crate) const BAND: f64 = 1e-12;
 
 /// Solutions for w that are this close are one branch.
 const SAME: f64 = 1e-5;
 
 /// Values of the watched members of an element.
-#[derive(Default)]
-pub(super) struct Values {
+pub(crate) struct Values {
     /// One row per member, one column per point of the scheme.
     pub at_points: Vec<f64>,
     series: Vec<f64>,
@@ -47,9 +46,22 @@ pub(super) struct Values {
     registers: Vec<f64x4>,
     /// w at the points, from the hidden equations.
     w: Vec<f64>,
+    roots: RootFinder,
 }
 
 impl Values {
+    /// Memory for the points of a scheme.
+    pub fn new(scheme: &Scheme) -> Self {
+        Values {
+            at_points: Vec::new(),
+            series: Vec::new(),
+            quotients: Vec::new(),
+            registers: Vec::new(),
+            w: Vec::new(),
+            roots: RootFinder::new(scheme.points.len()),
+        }
+    }
+
     /// Evaluates the watched members at all points of an element that is solved.
     pub fn evaluate(
         &mut self,
@@ -169,9 +181,8 @@ impl Values {
     }
 
     /// w where the element ends, after [`Values::evaluate`].
-    pub fn w_at_end(&self, reduced: &Reduced, w: &mut Vec<f64>) {
-        w.clear();
-        w.extend_from_slice(&self.w[self.w.len() - reduced.unknowns.len()..]);
+    pub fn w_at_end(&self, reduced: &Reduced) -> &[f64] {
+        &self.w[self.w.len() - reduced.unknowns.len()..]
     }
 
     /// α of the switches that slide at the points, one row each, after [`Values::evaluate`].
@@ -230,7 +241,6 @@ impl Values {
         scheme: &Scheme,
         starts: &[Start],
         (scales, least): (&[f64], f64),
-        roots: &mut RootFinder,
     ) -> Verdict {
         let n_points = scheme.points.len();
         let mut first: Option<(f64, usize)> = None;
@@ -245,7 +255,7 @@ impl Values {
                     self.series.resize(n_points, 0.0);
                     scheme.point_series(values, &mut self.series);
                     let start = values[0].max(f64::MIN_POSITIVE);
-                    roots
+                    self.roots
                         .first(start, &self.series[1..], 1.0, 0.0)
                         .map(|root| root.tau)
                 }
@@ -268,7 +278,9 @@ impl Values {
                     self.series.resize(n_points - 1, 0.0);
                     scheme.inner_series(|j| self.quotients[j], &mut self.series);
                     let width = 1.0 - scheme.points[1];
-                    let root = roots.first(self.quotients[0], &self.series[1..], width, 0.0);
+                    let root = self
+                        .roots
+                        .first(self.quotients[0], &self.series[1..], width, 0.0);
                     root.map(|root| scheme.points[1] + root.tau)
                 }
             };

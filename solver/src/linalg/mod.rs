@@ -43,15 +43,13 @@ pub struct Singular {
 impl<T: Number> DenseLu<T> {
     /// Memory for an n × n matrix.
     pub fn new(n: usize) -> Self {
-        let mut lu = DenseLu {
-            factors: Vec::new(),
-            inverses: Vec::new(),
-            pivots: Vec::new(),
-            row_scale: Vec::new(),
-            column_scale: Vec::new(),
-        };
-        lu.resize(n);
-        lu
+        DenseLu {
+            factors: vec![T::zero(); n * n],
+            inverses: vec![T::zero(); n],
+            pivots: vec![0; n],
+            row_scale: vec![0.0; n],
+            column_scale: vec![0.0; n],
+        }
     }
 
     /// Makes it one for n × n matrices, in the memory it has.

@@ -3,8 +3,9 @@
 use wide::f64x4;
 
 use super::scheme::{Scheme, WIDTH};
-use crate::fesd::element::{Element, Unsolved};
+use crate::fesd::element::Element;
 use crate::fesd::system::Reduced;
+use crate::fesd::system::hidden::Unsolved;
 use crate::linalg::DenseLu;
 use crate::tape::Tape;
 
@@ -70,7 +71,7 @@ impl Element {
                 }
             }
         }
-        self.evaluations += scheme.s;
+        self.work.evaluations += scheme.s;
     }
 
     /// ∂(f, r)/∂(t, x, w) at all nodes.
@@ -145,7 +146,7 @@ impl Element {
         }
         let lu = self.lu.get_or_insert_with(|| DenseLu::new(size));
         self.factored = 0.0;
-        self.factorizations += 1;
+        self.work.factorizations += 1;
         lu.factor(&self.matrix).map_err(|_| Unsolved::Singular)?;
         self.factored = h;
         Ok(())

@@ -13,28 +13,71 @@ pub(crate) mod collocation;
 pub(crate) mod invariants;
 pub(crate) mod nodes;
 pub(crate) mod projection;
+pub(crate) mod rounding;
 pub(crate) mod scheme;
+pub(crate) mod solved;
+
+use std::iter::Sum;
+use std::ops::{Add, Sub};
 use std::sync::Arc;
 
 use wide::f64x4;
 
-use super::slip::Departure;
 use super::system::Reduced;
 use crate::fesd::element::invariants::Keeper;
 use crate::fesd::element::projection::Projection;
+use crate::fesd::element::rounding::Rounding;
 use crate::fesd::element::scheme::{Scheme, WIDTH};
-use crate::fesd::system::hidden::Hidden;
-use crate::fesd::system::rounding::Rounding;
+use crate::fesd::system::hidden::{Hidden, Unsolved};
 use crate::linalg::DenseLu;
 use crate::linalg::newton::Newton;
 
-/// Why an element was not solved.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Unsolved {
-    /// The Jacobian is singular.
-    Singular,
-    /// Newton's method does not converge.
-    Diverged,
+/// A slip velocity that sets off.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Departure {
+    /// The place of s.
+    pub slip: usize,
+    /// s, and its rate.
+    pub speed: f64,
+    pub rate: f64,
+}
+
+/// What elements have taken.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Work {
+    pub iterations: usize,
+    pub factorizations: usize,
+    pub evaluations: usize,
+}
+
+impl Add for Work {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Work {
+            iterations: self.iterations + other.iterations,
+            factorizations: self.factorizations + other.factorizations,
+            evaluations: self.evaluations + other.evaluations,
+        }
+    }
+}
+
+impl Sub for Work {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Work {
+            iterations: self.iterations - other.iterations,
+            factorizations: self.factorizations - other.factorizations,
+            evaluations: self.evaluations - other.evaluations,
+        }
+    }
+}
+
+impl Sum for Work {
+    fn sum<I: Iterator<Item = Self>>(works: I) -> Self {
+        works.fold(Work::default(), Add::add)
+    }
 }
 
 /// Newton's method for an element, and its iterations before a fresh Jacobian.
@@ -54,8 +97,8 @@ const CLOSE: f64 = 0.01;
 const SLOW: f64 = 0.1;
 
 /// An element and the memory to solve it.
-pub(super) struct Element {
-    pub(super) n: usize,
+pub(crate) struct Element {
+    pub(crate) n: usize,
     pub reduced: Arc<Reduced>,
     /// Start and length.
     pub t: f64,
@@ -71,37 +114,34 @@ pub(super) struct Element {
     /// The end.
     end: Vec<f64>,
     /// What changes at breakpoints.
-    pub(super) numbers: Vec<f64>,
+    pub(crate) numbers: Vec<f64>,
     /// Size of the terms of each rate where it was last differentiated: times ε, its rounding error.
     pub activity: Vec<f64>,
     /// The same by the states alone that do not rest, while it is measured.
-    pub(super) resting: Vec<f64>,
-    pub(super) rounding: Rounding,
+    pub(crate) resting: Vec<f64>,
+    pub(crate) rounding: Rounding,
     /// X at the nodes, in lanes: state i at `i * groups`.
-    pub(super) x: Vec<f64x4>,
-    pub(super) registers: Vec<f64x4>,
-    pub(super) slopes: Vec<f64x4>,
-    pub(super) matrix: Vec<f64>,
-    pub(super) lu: Option<DenseLu>,
+    pub(crate) x: Vec<f64x4>,
+    pub(crate) registers: Vec<f64x4>,
+    pub(crate) slopes: Vec<f64x4>,
+    pub(crate) matrix: Vec<f64>,
+    pub(crate) lu: Option<DenseLu>,
     /// The places of unknowns and equations in the matrix; none where they stand in their order.
-    pub(super) places: Option<Vec<usize>>,
+    pub(crate) places: Option<Vec<usize>>,
     permuted: Vec<f64>,
     /// The h that is factored, zero where nothing is.
-    pub(super) factored: f64,
+    pub(crate) factored: f64,
     /// Contraction of the last iterations with this factorization.
     contraction: f64,
-    pub(super) rhs: Vec<f64>,
+    pub(crate) rhs: Vec<f64>,
     by_x: Vec<f64>,
-    pub(super) by_length: Vec<f64>,
+    pub(crate) by_length: Vec<f64>,
     /// The states that equations determine, and what all states are at least in the terms of rates: the sizes of these.
     algebraic: Vec<usize>,
-    pub(super) sizes: Vec<f64>,
+    pub(crate) sizes: Vec<f64>,
     /// The state whose rate each w is, where that is an algebraic state.
     follows: Vec<Option<usize>>,
-    /// Counts.
-    pub iterations: usize,
-    pub factorizations: usize,
-    pub evaluations: usize,
+    pub work: Work,
 }
 
 impl Element {
@@ -145,9 +185,7 @@ impl Element {
             algebraic: Vec::new(),
             sizes: vec![0.0; n],
             follows: vec![None; reduced.unknowns.len()],
-            iterations: 0,
-            factorizations: 0,
-            evaluations: 0,
+            work: Work::default(),
             reduced,
         }
     }
@@ -284,7 +322,7 @@ impl Element {
             self.residual(scheme);
             self.substitute(|element| &mut element.rhs)?;
             let change = self.advance(scale);
-            self.iterations += 1;
+            self.work.iterations += 1;
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }
@@ -380,7 +418,7 @@ impl Element {
             }
             let change = self.advance(scale).max(step.abs() / longest);
             self.h += step;
-            self.iterations += 1;
+            self.work.iterations += 1;
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }

@@ -7,68 +7,75 @@
 //! there: an element of its own has to confirm it, and what happens behind the first nodes is found by
 //! the elements that follow.
 
-use super::directional::Choice;
 use crate::fesd::element::nodes::{Nodes, Step};
-use crate::fesd::system::Zero;
-use crate::fesd::watch::BAND;
-use crate::fesd::{Run, Simulator};
+use crate::fesd::modes::Modes;
+use crate::fesd::place::Place;
+use crate::fesd::run::Run;
+use crate::fesd::system::{ComplementaritySystem, Pair, Zero};
+use crate::runtime::limit::Limit;
 
 /// Elements that are tried, and how long each is next to the one before.
-const MAX_ELEMENTS: usize = 4;
-const SHRINK: f64 = 0.1;
+pub(crate) const MAX_ELEMENTS: usize = 4;
+pub(crate) const SHRINK: f64 = 0.1;
 
 /// A pair whose members are both below this at a node is not told apart there.
 const TIED: f64 = 1e-9;
 
-impl Simulator<'_> {
-    /// The set of the first nodes of an element about as long as `length`, where it is consistent.
-    pub(crate) fn whole(&mut self, run: &mut Run, bands: &[f64], length: f64) -> Option<Choice> {
-        let (system, s) = (self.system, self.scheme.s);
-        let mut nodes = match self.nodes.take() {
-            Some(nodes) => nodes,
-            None => Nodes::new(system, s),
-        };
-        nodes.numbers().copy_from_slice(&self.numbers);
-        nodes.begin(system, run.t, &run.x, &run.z);
-        let mut h = length;
-        let mut found = None;
-        for _ in 0..MAX_ELEMENTS {
-            if self.settings.limit.is_over() {
-                break;
-            }
-            let step = Step {
-                t: run.t,
-                h,
-                x: &run.x,
-            };
-            if nodes.solve(
-                system,
-                &self.scheme,
-                step,
-                &self.settings.limit,
-                &mut run.stats,
-            ) {
-                found = self.set_of(run, &nodes, bands, h);
-            } else {
-                nodes.begin(system, run.t, &run.x, &run.z);
-            }
-            if found.is_some() {
-                break;
-            }
-            h *= SHRINK;
-        }
-        self.nodes = Some(nodes);
-        found
+/// The set of the first nodes of an element.
+pub(crate) struct FirstNodes {
+    pub zeros: Vec<Zero>,
+    /// u up to the first node behind the start.
+    pub u: Vec<f64>,
+    /// How far that is from the start.
+    pub distance: f64,
+}
+
+impl FirstNodes {
+    /// The largest rate of what is continuous, at least this.
+    pub fn rate_scale(&self, system: &ComplementaritySystem, least: f64) -> f64 {
+        let rates = self.u.iter().enumerate();
+        let rates = rates.filter(|(i, _)| system.is_continuous(*i));
+        let rate_scale = rates.fold(least, |scale, (_, rate)| scale.max(rate.abs()));
+        rate_scale.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// The complementarity problem of a whole element.
+#[derive(Default)]
+pub(crate) struct ElementMcp {
+    /// Memory, once it is needed.
+    nodes: Option<Nodes>,
+}
+
+impl ElementMcp {
+    /// Takes z and the rates at a place as the guess of all nodes.
+    pub fn begin(&mut self, modes: &Modes, place: &Place) {
+        let system = modes.system;
+        let nodes = (self.nodes).get_or_insert_with(|| Nodes::new(system, modes.scheme.s));
+        nodes.numbers().copy_from_slice(&modes.numbers);
+        nodes.begin(system, place.t, &place.x, &place.z);
     }
 
-    /// The set of the first nodes of an element h long, if an element of that set up to the first
-    /// node confirms it.
-    fn set_of(&mut self, run: &Run, nodes: &Nodes, bands: &[f64], h: f64) -> Option<Choice> {
-        let system = self.system;
+    /// Solves for an element h long, from the one before.
+    pub fn solve(
+        &mut self,
+        modes: &Modes,
+        run: &mut Run,
+        h: f64,
+        limit: &Limit,
+    ) -> Option<FirstNodes> {
+        let nodes = self.nodes.as_mut()?;
+        let (place, stats) = (&run.place, &mut run.record.stats);
+        let (system, scheme) = (modes.system, &modes.scheme);
+        let (t, x) = (place.t, &place.x[..]);
+        if !nodes.solve(system, scheme, Step { t, h, x }, limit, stats) {
+            nodes.begin(system, t, x, &place.z);
+            return None;
+        }
         // At a node without distance from the start, the set before may still hold.
-        let behind = self.scheme.tableau.nodes.iter().enumerate();
+        let behind = scheme.tableau.nodes.iter().enumerate();
         let behind: Vec<usize> = behind.filter(|(_, c)| **c > 0.0).map(|(m, _)| m).collect();
-        let zero = |pair: &crate::fesd::Pair| {
+        let zero = |pair: &Pair| {
             let members = behind.iter().map(|&node| {
                 let z = nodes.z(node);
                 (pair.left.value(z), pair.right.value(z))
@@ -79,30 +86,22 @@ impl Simulator<'_> {
                 false => Zero::Right,
             })
         };
-        let pairs = system.pairs.iter().zip(&run.zeros);
+        let pairs = system.pairs.iter().zip(&place.zeros);
         let zeros: Vec<Zero> = pairs
             .map(|(pair, old)| zero(pair).unwrap_or(*old))
             .collect();
         let first = *behind.first()?;
-        let distance = self.scheme.tableau.nodes[first] * h;
-        let (before, after) = (&run.z, nodes.z(first));
+        let distance = scheme.tableau.nodes[first] * h;
+        let (before, after) = (&place.z, nodes.z(first));
         let guess = before.iter().zip(after).enumerate();
         let guess = guess.map(|(i, (before, after))| match system.is_continuous(i) {
             true => (after - before) / distance,
             false => *after,
         });
-        let guess: Vec<f64> = guess.collect();
-        // What changes no more than rounding over the element has no rate.
-        let size = bands
-            .iter()
-            .fold(0.0_f64, |size, band| size.max(band / BAND));
-        let rates = guess.iter().enumerate();
-        let rates = rates.filter(|(i, _)| system.is_continuous(*i));
-        let rate_scale = rates.fold(size / h, |scale, (_, rate)| scale.max(rate.abs()));
-        let rate_scale = rate_scale.max(f64::MIN_POSITIVE);
-        let choice = self
-            .directional
-            .choice(system, (zeros, guess), &run.z, bands, rate_scale)?;
-        self.passes(run, &choice, bands, distance).then_some(choice)
+        Some(FirstNodes {
+            zeros,
+            u: guess.collect(),
+            distance,
+        })
     }
 }

@@ -1,9 +1,17 @@
 //! w in a single point: where a residual contains no w, its derivative along f determines it.
 
-use crate::fesd::element::Unsolved;
 use crate::fesd::system::Reduced;
 use crate::linalg::DenseLu;
 use crate::linalg::newton::{Newton, subtract};
+
+/// Why equations were not solved.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Unsolved {
+    /// The Jacobian is singular.
+    Singular,
+    /// Newton's method does not converge.
+    Diverged,
+}
 
 const NEWTON: Newton = Newton {
     most: 30,

@@ -16,7 +16,6 @@ pub(crate) mod hidden;
 pub(crate) mod library;
 pub(crate) mod pointwise;
 pub(crate) mod reduce;
-pub(crate) mod rounding;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -91,18 +90,27 @@ impl ComplementaritySystem {
     }
 
     /// Writes the numbers that hold from `t` on; the next breakpoint, infinity where there is none.
-    pub(super) fn numbers(&self, t: f64, numbers: &mut [f64]) -> f64 {
+    pub(crate) fn numbers(&self, t: f64, numbers: &mut [f64]) -> f64 {
         write_pieces(&self.data, t, numbers)
     }
 
     /// The next instant behind `t` that no element passes over whose length is free; infinity where there is none.
-    pub(super) fn stop(&self, t: f64) -> f64 {
+    pub(crate) fn stop(&self, t: f64) -> f64 {
         let next = self.stops.partition_point(|stop| *stop <= t);
         self.stops.get(next).copied().unwrap_or(f64::INFINITY)
     }
 
+    /// The switches that some pairs are about, in order.
+    pub(crate) fn switches_of_pairs(&self, pairs: &[usize]) -> Vec<usize> {
+        let switches = pairs.iter().flat_map(|&pair| &self.switches_of[pair]);
+        let mut switches: Vec<usize> = switches.copied().collect();
+        switches.sort_unstable();
+        switches.dedup();
+        switches
+    }
+
     /// Whether a variable is continuous along solutions.
-    pub(super) fn is_continuous(&self, algebraic: usize) -> bool {
+    pub(crate) fn is_continuous(&self, algebraic: usize) -> bool {
         self.continuous[algebraic]
     }
 }
@@ -112,7 +120,7 @@ impl ComplementaritySystem {
 pub const NEGLIGIBLE: f64 = 1e-3;
 
 /// Raises the sizes of all states to those of `x`; of `algebraic` ones none is less than negligible.
-pub(super) fn measure(sizes: &mut [f64], x: &[f64], algebraic: &[usize]) {
+pub(crate) fn measure(sizes: &mut [f64], x: &[f64], algebraic: &[usize]) {
     for (size, x) in sizes.iter_mut().zip(x) {
         *size = size.max(x.abs());
     }
@@ -214,13 +222,13 @@ pub struct Disc {
 
 impl Disc {
     /// The places of its variables in z.
-    pub(super) fn own(&self) -> [usize; 4] {
+    pub(crate) fn own(&self) -> [usize; 4] {
         let [first, second] = self.alphas;
         [first, second, self.slip, self.stick]
     }
 
     /// All of its equations.
-    pub(super) fn all_rows(&self) -> [usize; 3] {
+    pub(crate) fn all_rows(&self) -> [usize; 3] {
         let [first, second] = self.rows;
         [first, second, self.inside]
     }

@@ -145,7 +145,7 @@ pub(crate) struct Point<'p> {
 
 impl Point<'_> {
     /// With α or z behind x.
-    fn with(&self, more: &[f64]) -> Vec<f64> {
+    pub fn with(&self, more: &[f64]) -> Vec<f64> {
         [&[self.t], self.x, more, self.numbers].concat()
     }
 }

@@ -3,10 +3,12 @@
 //! Where |f_i - x_i'| between the nodes is no larger than the running error δ_i of f_i, no shorter element makes it
 //! smaller: δ_i/ε is the size of the terms of f_i.
 
+use super::solved::Solved;
+use crate::expansion::dense::ElementSeries;
 use crate::expansion::series;
 use crate::fesd::element::Element;
 use crate::fesd::element::scheme::Scheme;
-use crate::fesd::{Mode, Run, Simulator};
+use crate::fesd::system::hidden::Hidden;
 use crate::tape::{Ball, Rounded};
 
 /// Chains of states that pass on each other's rounding, at most this long.
@@ -139,15 +141,18 @@ impl Element {
             };
         }
     }
-}
 
-impl Simulator<'_> {
-    /// Whether the polynomials of the element just solved miss some rates by their rounding, and the terms of these are
-    /// larger than was known of them.
-    pub(crate) fn misses_by_rounding(&mut self, run: &Run) -> bool {
-        let Mode { element, hidden } = &mut self.modes[run.mode];
-        let (solved, scheme, rows) = (&self.solved[0], &self.scheme, &self.series);
-        element.raise(&run.scale, |element, rounding| {
+    /// Whether the polynomials of an element that has been solved miss some rates by their rounding, and the terms of
+    /// these are larger than was known of them.
+    pub fn misses_by_rounding(
+        &mut self,
+        scheme: &Scheme,
+        hidden: &mut Hidden,
+        solved: &Solved,
+        rows: &ElementSeries,
+        scale: &[f64],
+    ) -> bool {
+        self.raise(scale, |element, rounding| {
             for sigma in scheme.probes() {
                 let (t, tau) = (solved.t + sigma * solved.h, sigma * solved.h);
                 let x = || (0..element.n).map(|i| series::value(rows.row(i), tau));
