@@ -10,7 +10,7 @@
 
 use super::system::{ComplementaritySystem, Reduced, Watched, Zero};
 use crate::fesd::system::active::{Active, sides, sliding};
-use crate::fesd::system::full::partials;
+use crate::fesd::system::full::Functions;
 use crate::hybrid::Partials;
 use crate::tape::Sum;
 
@@ -71,14 +71,11 @@ impl ComplementaritySystem {
         let others = others.iter().map(|z| z - self.input_of(0));
         Some(Reduced {
             unknowns: [i].into_iter().chain(others).collect(),
-            slopes: partials(&equations, by),
-            equations,
-            hidden_slopes: partials(&hidden, by),
-            hidden,
+            equations: Functions::new(equations, by),
+            hidden: Functions::new(hidden, by),
             algebraics: Partials::none(0).tape,
             kept: None,
-            member_slopes: partials(&members, by),
-            members,
+            members: Functions::new(members, by),
             watched,
             sides,
             alphas,

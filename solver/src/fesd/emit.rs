@@ -35,9 +35,9 @@ impl Polynomials {
     /// Writes the polynomials of an element: x(τ) = x₀ + ∫ V, and α through its values at the points.
     pub fn write(&mut self, scheme: &Scheme, mode: &Mode, solved: &Solved) {
         let element = &mode.element;
-        let (n, s, per_node) = (solved.x.len(), scheme.s, element.per_node());
+        let (n, s, per_node) = (solved.x.len(), scheme.s, element.stages.per_node);
         let sides = &element.reduced.sides;
-        let n_points = scheme.points.len();
+        let n_points = scheme.points.at.len();
         let degree = s.max(n_points - 1);
         let series = &mut self.series;
         series.shape(n, sides.len(), degree);
@@ -65,7 +65,7 @@ impl Polynomials {
         for (place, switch) in sliding.enumerate() {
             let values = &solved.alphas[place * n_points..(place + 1) * n_points];
             let c = series.row_mut(n + switch);
-            scheme.point_series(values, c);
+            scheme.points.all.series(values, c);
             let mut scale = 1.0;
             for c in &mut c[..n_points] {
                 *c *= scale;
@@ -84,11 +84,11 @@ impl Polynomials {
     ) {
         let Mode { element, hidden } = mode;
         let reduced = &*element.reduced;
-        let w = &solved.unknowns[element.n_states()..element.per_node()];
+        let w = &solved.unknowns[element.stages.n..element.stages.per_node];
         let (mut times, mut z) = (Vec::new(), Vec::new());
         for sigma in points {
             let tau = sigma * solved.h;
-            let x = (0..element.n_states()).map(|i| series::value(self.series.row(i), tau));
+            let x = (0..element.stages.n).map(|i| series::value(self.series.row(i), tau));
             hidden.set(solved.t + tau, x, w);
             if hidden.solve(reduced).is_err() {
                 return;

@@ -21,10 +21,10 @@ use super::watch::{BAND, Start, Values, Verdict};
 use crate::event::Segment;
 use crate::expansion::dense::ElementSeries;
 use crate::expansion::series;
+use crate::fesd::element::Element;
 use crate::fesd::element::scheme::Scheme;
-use crate::fesd::element::{Element, Work};
 use crate::fesd::system::hidden::{Hidden, Unsolved};
-use crate::hybrid::{Side, Status};
+use crate::hybrid::{Side, Stats, Status};
 use crate::integrate::tableau::monomials;
 
 /// α is the independent variable where a fold is no farther than this, as ∂φ/∂α shows it.
@@ -118,12 +118,6 @@ impl Folds {
         self.branches.len()
     }
 
-    /// Iterations, factorizations and evaluations so far.
-    pub fn work(&self) -> Work {
-        let branches = self.branches.values();
-        branches.map(|branch| branch.element.work).sum()
-    }
-
     /// The fold that the sliding modes are near.
     pub fn ahead(&mut self, modes: &mut Modes, run: &Run) -> Option<Ahead> {
         let Mode { element, hidden } = &mut modes.all[run.place.mode];
@@ -140,7 +134,7 @@ impl Folds {
         hidden.set(place.t, place.x.iter().copied(), w);
         let here = hidden.determinant(reduced);
         rates.clear();
-        rates.extend(hidden.eval(&reduced.equations).take(place.x.len()));
+        rates.extend(hidden.eval(&reduced.equations.tape).take(place.x.len()));
         hidden.rate_of_w(reduced, rates, by_time).ok()?;
         let size = |k: &usize| by_time[*k].abs();
         let unknown = (0..w.len()).max_by(|a, b| size(a).total_cmp(&size(b)))?;
@@ -233,7 +227,7 @@ impl Folds {
             place.z[reduced.unknowns[k]] = *value;
         }
         let sign = if ahead.rises { 1.0 } else { -1.0 };
-        let reached = branch.element.t + branch.element.h;
+        let reached = branch.element.stages.t + branch.element.stages.h;
         place.z[reduced.unknowns[ahead.unknown]] = sign * reached;
         if !place.x.iter().all(|x| x.is_finite()) {
             return Err(Status::NotFinite);
@@ -243,7 +237,7 @@ impl Folds {
         }
         let w = place.z_of(&reduced.unknowns);
         hidden.set(place.t, place.x.iter().copied(), &w);
-        let rates = hidden.eval(&reduced.equations).take(n);
+        let rates = hidden.eval(&reduced.equations.tape).take(n);
         for (known, rate) in run.entry.rates.iter_mut().zip(rates) {
             *known = rate;
         }
@@ -260,6 +254,7 @@ impl Folds {
         mode: &mut Mode,
         starts: &[Start],
         sizes: Sizes,
+        stats: &mut Stats,
     ) -> Result<Option<usize>, Unsolved> {
         (self.values).evaluate(scheme, &mode.element, &mut mode.hidden)?;
         let scales = (sizes.members, sizes.rates);
@@ -268,7 +263,7 @@ impl Folds {
             Verdict::Wrong { .. } => Err(Unsolved::Diverged),
             Verdict::Leaves { sigma, member } => {
                 let zero = (member, BAND * sizes.members[member]);
-                mode.cut(scheme, sigma, zero, sizes.states)?;
+                mode.cut(scheme, sigma, zero, sizes.states, stats)?;
                 (self.values).evaluate(scheme, &mode.element, &mut mode.hidden)?;
                 Ok(Some(member))
             }
@@ -303,7 +298,7 @@ impl Folds {
         in_time
             .hidden
             .set(run.place.t, run.place.x.iter().copied(), &w);
-        let rates = in_time.hidden.eval(&in_time.element.reduced.equations);
+        let rates = in_time.hidden.eval(&in_time.element.reduced.equations.tape);
         let rates = rates.take(n).map(|rate| ahead.speed * rate);
         let mut rates: Vec<f64> = rates.collect();
         rates.extend([ahead.speed, -ahead.speed]);
@@ -319,15 +314,16 @@ impl Folds {
             _ => length.h * ahead.distance / (ahead.speed * ZONE),
         };
         for _ in 0..MAX_TRIALS {
-            mode.element.guess(&rates, &unknowns);
-            let scheme = &modes.scheme;
-            let solved = mode.element.solve(scheme, sigma, h, &x0, &scale);
+            mode.element.stages.guess(&rates, &unknowns);
+            let (scheme, stats) = (&modes.scheme, &mut run.record.stats);
+            let solved = mode.element.solve(scheme, sigma, h, &x0, &scale, stats);
             let sizes = Sizes {
                 members: &sizes,
                 states: &scale,
                 rates: run.entry.rate_scale * h * ahead.speed,
             };
-            let event = solved.and_then(|()| self.first_member(scheme, mode, &starts, sizes));
+            let event =
+                solved.and_then(|()| self.first_member(scheme, mode, &starts, sizes, stats));
             let Ok(event) = event else {
                 h *= 0.5;
                 continue;
@@ -335,10 +331,10 @@ impl Folds {
             let states = states_of(scheme, &mode.element);
             if let Some(control) = length.control {
                 let error = defect(scheme, mode, &states, &scale, control.target);
-                let next = control.next(mode.element.h, error);
+                let next = control.next(mode.element.stages.h, error);
                 if error > control.target {
                     run.record.stats.rejected += 1;
-                    h = next.min(0.9 * mode.element.h);
+                    h = next.min(0.9 * mode.element.stages.h);
                     continue;
                 }
                 run.lengths.next_branch = if event.is_some() { next.max(h) } else { next };
@@ -360,7 +356,7 @@ impl Folds {
     ) -> Result<(), Status> {
         let n = run.place.x.len();
         let sides = mode.element.reduced.sides.clone();
-        let n_points = scheme.points.len();
+        let n_points = scheme.points.at.len();
         let mut alphas = Vec::new();
         self.values
             .alphas(scheme, &mode.element, &mut mode.hidden, &mut alphas);
@@ -369,7 +365,10 @@ impl Folds {
         let sliding = (0..sides.len()).filter(|i| sides[*i] == Side::Slide);
         for (place, switch) in sliding.enumerate() {
             let mut c = vec![0.0; n_points];
-            scheme.point_series(&alphas[place * n_points..(place + 1) * n_points], &mut c);
+            scheme
+                .points
+                .all
+                .series(&alphas[place * n_points..(place + 1) * n_points], &mut c);
             curves.push((n + switch, c));
         }
         let time = &solved.states[n];
@@ -432,21 +431,21 @@ fn compiled(modes: &Modes, run: &Run, unknown: usize, rises: bool) -> Option<Mod
 
 /// Coefficients in (σ - σ₀)/h of every state of an element.
 fn states_of(scheme: &Scheme, element: &Element) -> Vec<Vec<f64>> {
-    let (s, per_node) = (scheme.s, element.per_node());
+    let (s, per_node) = (scheme.s, element.stages.per_node);
     let state = |i: usize| {
         let mut c = vec![0.0; s + 1];
-        c[0] = element.x0[i];
+        c[0] = element.stages.x0[i];
         for (j, powers) in scheme.integrals.chunks_exact(s).enumerate() {
-            let rate = element.h * element.unknowns[j * per_node + i];
+            let rate = element.stages.h * element.stages.unknowns[j * per_node + i];
             for (c, power) in c[1..].iter_mut().zip(powers) {
                 *c += rate * power;
             }
         }
         // What a projection has moved the end by, evenly over the element.
-        c[1] += element.h * element.mean[i] - c[1..].iter().sum::<f64>();
+        c[1] += element.stages.h * element.stages.mean[i] - c[1..].iter().sum::<f64>();
         c
     };
-    (0..element.n_states()).map(state).collect()
+    (0..element.stages.n).map(state).collect()
 }
 
 /// ‖x' - f‖ h between the nodes, by σ, relative to the size of each state.
@@ -459,20 +458,21 @@ fn defect(
 ) -> f64 {
     let element = &mode.element;
     let mut worst = 0.0_f64;
-    for sigma in scheme.probes() {
+    for sigma in scheme.points.probes() {
         let x = states.iter().map(|c| series::value(c, sigma));
-        let w = element.w(scheme.s / 2);
-        mode.hidden.set(element.t + sigma * element.h, x, w);
+        let w = element.stages.w(scheme.s / 2);
+        mode.hidden
+            .set(element.stages.t + sigma * element.stages.h, x, w);
         if mode.hidden.solve(&element.reduced).is_err() {
             return f64::INFINITY;
         }
-        let rates = mode.hidden.eval(&element.reduced.equations);
+        let rates = mode.hidden.eval(&element.reduced.equations.tape);
         for (i, ((c, scale), f)) in states.iter().zip(scale).zip(rates).enumerate() {
             let moves = series::slope(c, sigma);
-            let rounding = ROUNDING * element.h * element.activity[i] / target;
+            let rounding = ROUNDING * element.stages.h * element.terms.activity[i] / target;
             let size = scale.max(moves.abs()).max(rounding);
             let size = size.max(f64::MIN_POSITIVE);
-            worst = worst.max((moves - element.h * f).abs() / size);
+            worst = worst.max((moves - element.stages.h * f).abs() / size);
         }
     }
     if worst.is_nan() { f64::INFINITY } else { worst }

@@ -10,6 +10,7 @@ use super::system::hidden::Unsolved;
 use super::watch::{BAND, Start, Values, Verdict};
 use crate::event::Segment;
 use crate::expansion::series;
+use crate::fesd::element::Element;
 use crate::fesd::element::scheme::Scheme;
 use crate::fesd::element::solved::Solved;
 use crate::hybrid::Status;
@@ -63,11 +64,11 @@ impl March {
     /// Looks in every new mode which rates are rounding, where a state is small enough next to others to be nothing
     /// else: on a grid no element is rejected for it, and such states have no error to be relative to.
     pub fn know_rounding(&mut self, modes: &mut Modes, run: &Run) {
-        let rounding = &mut modes.all[run.place.mode].element.rounding;
-        if rounding.has_looked || self.solved[0].h == 0.0 {
+        let terms = &mut modes.all[run.place.mode].element.terms;
+        if terms.has_looked || self.solved[0].h == 0.0 {
             return;
         }
-        rounding.has_looked = true;
+        terms.has_looked = true;
         let largest = run.scale.iter().fold(0.0_f64, |size, x| size.max(*x));
         if run.scale.iter().any(|size| *size <= SMALL * largest) {
             let mode = &mut modes.all[run.place.mode];
@@ -141,7 +142,7 @@ impl March {
                 mode.element
                     .extrapolate(&modes.scheme, 1.0, tried / run.lengths.last);
             } else {
-                mode.element.guess(
+                mode.element.stages.guess(
                     &run.entry.rates,
                     &run.place.z_of(&mode.element.reduced.unknowns),
                 );
@@ -150,7 +151,10 @@ impl March {
                     mode.element.set_off(&modes.scheme, departures, tried);
                 }
             }
-            let solved = mode.element.solve(&modes.scheme, t, tried, x, &run.scale);
+            let stats = &mut run.record.stats;
+            let solved = mode
+                .element
+                .solve(&modes.scheme, t, tried, x, &run.scale, stats);
             solved.map_err(|_| Status::Unsolved)?;
             self.evaluate(modes, run, at)?;
             // Only the first element after a switch has members that start at zero.
@@ -184,7 +188,8 @@ impl March {
                 Verdict::Leaves { sigma, member } => {
                     let end = (member, BAND * run.entry.sizes[member]);
                     let mode = &mut modes.all[run.place.mode];
-                    let length = mode.cut(&modes.scheme, sigma, end, &run.scale);
+                    let length =
+                        mode.cut(&modes.scheme, sigma, end, &run.scale, &mut run.record.stats);
                     let length = length.map_err(|_| Status::Unsolved)?;
                     run.lengths.last = length;
                     self.evaluate(modes, run, at)?;
@@ -216,14 +221,16 @@ impl March {
                 self.place(run, at);
                 let Solved { t, ref x, .. } = self.solved[at];
                 let mode = &mut modes.all[run.place.mode];
-                mode.element.restore(&self.solved[at].unknowns);
+                let stats = &mut run.record.stats;
+                let stages = &mut mode.element.stages;
+                stages.unknowns.copy_from_slice(&self.solved[at].unknowns);
                 mode.element
-                    .solve(&modes.scheme, t, h, x, &run.scale)
+                    .solve(&modes.scheme, t, h, x, &run.scale, stats)
                     .map_err(unsolved)?;
                 if at + 1 == count {
                     let hidden = &mut mode.hidden;
                     mode.element
-                        .solve_to(&modes.scheme, hidden, end, &run.scale)
+                        .solve_to(&modes.scheme, hidden, end, &run.scale, stats)
                         .map_err(unsolved)?;
                 }
                 self.evaluate(modes, run, at)?;
@@ -267,9 +274,9 @@ impl March {
         self.measure_members(modes, run);
         let mode = &mut modes.all[run.place.mode];
         let (element, solved) = (&mode.element, &mut self.solved[at]);
-        solved.h = element.h;
-        solved.unknowns.clone_from(&element.unknowns);
-        solved.mean.clone_from(&element.mean);
+        solved.h = element.stages.h;
+        solved.unknowns.clone_from(&element.stages.unknowns);
+        solved.mean.clone_from(&element.stages.mean);
         solved.w.clear();
         let w = self.values.w_at_end(&element.reduced);
         solved.w.extend_from_slice(w);
@@ -337,8 +344,14 @@ impl March {
     /// larger than was known of them.
     pub fn misses_by_rounding(&mut self, modes: &mut Modes, run: &Run) -> bool {
         let Mode { element, hidden } = &mut modes.all[run.place.mode];
-        let series = &self.polynomials.series;
-        element.misses_by_rounding(&modes.scheme, hidden, &self.solved[0], series, &run.scale)
+        let Element {
+            reduced,
+            stages,
+            terms,
+            ..
+        } = element;
+        let solved = (&self.solved[0], &self.polynomials.series);
+        terms.raise(&modes.scheme, reduced, stages, hidden, solved, &run.scale)
     }
 
     /// ‖x' - f‖ h between the nodes of the element just solved, relative to the size of each state.
@@ -355,16 +368,16 @@ impl March {
         let algebraic = &modes.system.algebraic_states;
         let largest = algebraic.iter().map(|&i| run.scale[i]).fold(0.0, f64::max);
         let mut worst = 0.0_f64;
-        for sigma in scheme.probes() {
+        for sigma in scheme.points.probes() {
             let tau = sigma * h;
             let x = (0..n).map(|i| series::value(rows.row(i), tau));
             mode.hidden
-                .set(solved.t + tau, x, mode.element.w(scheme.s / 2));
+                .set(solved.t + tau, x, mode.element.stages.w(scheme.s / 2));
             if mode.hidden.solve(reduced).is_err() {
                 return f64::INFINITY;
             }
             // Roots of members were looked for in polynomials, which have to be the members.
-            for (member, value) in mode.hidden.eval(&reduced.members).enumerate() {
+            for (member, value) in mode.hidden.eval(&reduced.members.tape).enumerate() {
                 let stops = reduced.watched.get(member).is_some_and(|w| w.stops);
                 let end = if stops {
                     BAND * run.entry.sizes[member]
@@ -378,13 +391,18 @@ impl March {
                     return f64::INFINITY;
                 }
             }
-            for (i, f) in mode.hidden.eval(&reduced.equations).take(n).enumerate() {
+            for (i, f) in mode
+                .hidden
+                .eval(&reduced.equations.tape)
+                .take(n)
+                .enumerate()
+            {
                 let rate = series::slope(rows.row(i), tau);
                 // What rounding leaves of the rate is no reason for a shorter element. Equations leave that of
                 // their terms in all that they determine, a multiplier that is zero, too.
                 let terms = match algebraic.contains(&i) {
                     true => largest,
-                    false => h * mode.element.activity[i],
+                    false => h * mode.element.terms.activity[i],
                 };
                 let rounding = ROUNDING * terms / target;
                 let scale = run.scale[i].max((h * rate).abs()).max(rounding);
@@ -425,7 +443,7 @@ impl March {
             solved.end(&mut run.place.x, &mut run.place.low);
             run.count_step(
                 &modes.system.algebraic_states,
-                &mode.element.activity,
+                &mode.element.terms.activity,
                 length,
             )?;
             self.polynomials.write(&modes.scheme, mode, solved);
@@ -441,7 +459,7 @@ impl March {
                 return Err(Status::Stopped);
             }
             if observer.wants_multipliers() {
-                let points = &modes.scheme.points;
+                let points = &modes.scheme.points.at;
                 self.polynomials
                     .tell_multipliers(points, mode, solved, observer);
             }

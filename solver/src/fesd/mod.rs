@@ -26,13 +26,12 @@ mod uniform;
 mod watch;
 
 use crate::event::Event;
-use crate::fesd::element::Work;
 use crate::fesd::element::scheme::Scheme;
 use crate::fesd::modes::Modes;
 use crate::fesd::run::{NEAR, Run};
 use crate::fesd::selection::guided::Guided;
 use crate::fesd::selection::{Choices, Selection};
-pub use crate::fesd::system::full::Kinds;
+pub use crate::fesd::system::full::{Functions, Kinds};
 pub use crate::fesd::system::library::Library;
 pub use crate::fesd::system::pointwise::{Leading, Rule, Rules, Surfaces, alpha_of, alphas_of};
 use crate::hybrid::{Outcome, Side, Status};
@@ -46,8 +45,7 @@ use march::March;
 pub use run::Rungs;
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{
-    ComplementaritySystem, Disc, Full, Kept, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched,
-    Zero,
+    ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched, Zero,
 };
 
 /// What the user may choose.
@@ -200,17 +198,13 @@ impl<'s> Simulator<'s> {
 
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
-        let (before, known) = (self.work(), self.n_functions());
+        let known = self.n_functions();
         let mut run = Run::new(self.system, t0, t1, x0);
         let status = match self.integrate(&mut run, t0, t1, observer) {
             Ok(()) => Status::Solved,
             Err(status) => status,
         };
-        let (work, stats) = (self.work() - before, &mut run.record.stats);
-        stats.newton_iterations += work.iterations;
-        stats.factorizations += work.factorizations;
-        stats.rhs_evaluations = work.evaluations;
-        stats.functions = self.n_functions() - known;
+        run.record.stats.functions = self.n_functions() - known;
         let elapsed = if run.place.t > t0 {
             run.place.t - t0
         } else {
@@ -244,11 +238,6 @@ impl<'s> Simulator<'s> {
             rungs: record.rungs,
             least_member: record.least_member,
         }
-    }
-
-    /// Iterations, factorizations and evaluations so far.
-    fn work(&self) -> Work {
-        self.modes.work() + self.folds.work()
     }
 
     /// Active sets and branches that have functions.

@@ -5,11 +5,11 @@ use rustc_hash::FxHashMap;
 use super::place::Place;
 use super::run::Run;
 use super::system::{ComplementaritySystem, Zero};
+use crate::fesd::element::Element;
 use crate::fesd::element::scheme::Scheme;
-use crate::fesd::element::{Element, Work};
 use crate::fesd::system::hidden::{Hidden, Unsolved};
 use crate::fesd::system::library::Library;
-use crate::hybrid::Side;
+use crate::hybrid::{Side, Stats};
 
 /// What has been compiled and factored for an active set.
 pub(crate) struct Mode {
@@ -32,11 +32,12 @@ impl Mode {
         sigma: f64,
         end: (usize, f64),
         scale: &[f64],
+        stats: &mut Stats,
     ) -> Result<f64, Unsolved> {
         let Mode { element, hidden } = self;
-        let longest = element.h * (1.0 + 1e-9);
+        let longest = element.stages.h * (1.0 + 1e-9);
         element.shorten(scheme, sigma);
-        let length = element.solve_to(scheme, hidden, end, scale)?;
+        let length = element.solve_to(scheme, hidden, end, scale, stats)?;
         let is_part = length > 0.0 && length <= longest;
         is_part.then_some(length).ok_or(Unsolved::Diverged)
     }
@@ -109,11 +110,6 @@ impl<'s> Modes<'s> {
     /// Where the switches stand in a mode.
     pub fn sides(&self, mode: usize) -> &[Side] {
         &self.all[mode].element.reduced.sides
-    }
-
-    /// Iterations, factorizations and evaluations so far.
-    pub fn work(&self) -> Work {
-        self.all.iter().map(|mode| mode.element.work).sum()
     }
 
     /// Takes z of the hidden equations where a run is; false where nothing solves these. At a fold w is known, and no

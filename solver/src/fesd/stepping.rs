@@ -53,8 +53,7 @@ const END: f64 = 1e-9;
 pub struct Stepper<'s> {
     system: &'s ComplementaritySystem,
     settings: SteppingSettings,
-    uniform: Uniform,
-    library: Library,
+    uniform: Uniform<'s>,
     nodes: Nodes,
     series: ElementSeries,
     alpha: Vec<f64>,
@@ -76,7 +75,6 @@ impl<'s> Stepper<'s> {
         Ok(Stepper {
             nodes: Nodes::new(system, s),
             series: ElementSeries::default(),
-            library: Library::default(),
             alpha: vec![0.0; system.n_switches()],
             forces: forces.copied().collect(),
             uniform: Uniform::new(Scheme::new(tableau), system),
@@ -92,13 +90,13 @@ impl<'s> Stepper<'s> {
 
     /// The same, which knows what another one has made of the functions of the system.
     pub fn knowing(mut self, library: Library) -> Self {
-        self.library = library;
+        self.uniform.modes.library = library;
         self
     }
 
     /// What it has made of them.
     pub fn library(&self) -> &Library {
-        &self.library
+        &self.uniform.modes.library
     }
 
     /// Integrates from `x0` at `t0` to `t1`.
@@ -194,19 +192,20 @@ impl<'s> Stepper<'s> {
     }
 
     /// The switch of a gap that is negative.
-    fn below(&mut self, t: f64, x: &[f64]) -> Option<usize> {
-        let numbers = self.nodes.numbers();
+    fn below(&self, t: f64, x: &[f64]) -> Option<usize> {
+        let numbers = &self.uniform.modes.numbers;
         self.system.below(Point { t, x, numbers })
     }
 
     fn tableau(&self) -> &Tableau {
-        &self.uniform.scheme.tableau
+        &self.uniform.modes.scheme.tableau
     }
 
     /// Takes the numbers that hold from `t` on; the next breakpoint.
     fn load_numbers(&mut self, t: f64) -> f64 {
-        let until = self.system.numbers(t, self.nodes.numbers());
-        self.uniform.set_numbers(self.nodes.numbers());
+        let modes = &mut self.uniform.modes;
+        let until = modes.load(t);
+        self.nodes.numbers().copy_from_slice(&modes.numbers);
         until
     }
 
@@ -216,11 +215,10 @@ impl<'s> Stepper<'s> {
         if self.uniform.solve((t, h), x, &mut nodes.unknowns, stats) {
             return true;
         }
-        let (scheme, limit) = (&self.uniform.scheme, &self.settings.limit);
+        let (scheme, limit) = (&self.uniform.modes.scheme, &self.settings.limit);
         let solved = nodes.solve(self.system, scheme, Step { t, h, x }, limit, stats);
         let last = scheme.s - 1;
-        let z = nodes.z(last);
-        self.uniform.enter(self.system, &mut self.library, z);
+        self.uniform.enter(nodes.z(last));
         solved
     }
 
@@ -260,7 +258,7 @@ impl<'s> Stepper<'s> {
             let c = self.series.row_mut(i);
             c[0] = x0;
             let mut scale = 1.0;
-            for (k, powers) in self.uniform.scheme.powers.chunks_exact(s).enumerate() {
+            for (k, powers) in self.uniform.modes.scheme.powers.chunks_exact(s).enumerate() {
                 let terms = powers
                     .iter()
                     .enumerate()

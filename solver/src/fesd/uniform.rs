@@ -4,48 +4,37 @@
 //! element, are all that has to be solved; where its other members turn out to be negative at a node,
 //! nodes of the step are in different sets.
 
-use rustc_hash::FxHashMap;
 use wide::f64x4;
 
-use super::element::Element;
+use super::modes::Modes;
 use super::system::{ComplementaritySystem, Pair, Zero, measure};
 use crate::fesd::element::scheme::{Scheme, WIDTH};
-use crate::fesd::system::library::Library;
+use crate::fesd::system::evaluator::n_registers;
 use crate::hybrid::Stats;
 
 /// Members above this are not negative.
 pub(crate) const SLACK: f64 = -1e-10;
 
 /// Active sets that were met, and the present one.
-pub(crate) struct Uniform {
-    pub scheme: Scheme,
-    /// Places in `elements`; none for sets without equations of their own.
-    known: FxHashMap<Vec<Zero>, Option<usize>>,
-    elements: Vec<Element>,
+pub(crate) struct Uniform<'s> {
+    pub modes: Modes<'s>,
     present: Option<usize>,
     /// Whether the last step was in the present set.
     repeats: bool,
     zeros: Vec<Zero>,
-    numbers: Vec<f64>,
     scale: Vec<f64>,
-    /// The states that equations determine.
-    algebraic: Vec<usize>,
     registers: Vec<f64x4>,
 }
 
-impl Uniform {
+impl<'s> Uniform<'s> {
     /// No set yet.
-    pub fn new(scheme: Scheme, system: &ComplementaritySystem) -> Self {
+    pub fn new(scheme: Scheme, system: &'s ComplementaritySystem) -> Self {
         Uniform {
-            scheme,
-            known: FxHashMap::default(),
-            elements: Vec::new(),
+            modes: Modes::new(system, scheme),
             present: None,
             repeats: false,
             zeros: Vec::new(),
-            numbers: vec![0.0; system.n_numbers()],
             scale: vec![0.0; system.n_states()],
-            algebraic: system.algebraic_states.to_vec(),
             registers: Vec::new(),
         }
     }
@@ -54,40 +43,21 @@ impl Uniform {
     pub fn begin(&mut self, x: &[f64]) {
         self.present = None;
         self.scale.fill(0.0);
-        measure(&mut self.scale, x, &self.algebraic);
-    }
-
-    /// Takes the numbers that hold from here on.
-    pub fn set_numbers(&mut self, numbers: &[f64]) {
-        self.numbers.copy_from_slice(numbers);
-        for element in &mut self.elements {
-            element.set_numbers(numbers);
-        }
+        measure(&mut self.scale, x, &self.modes.system.algebraic_states);
     }
 
     /// Takes the set that z is in, where it has equations that are those of the whole system.
-    pub fn enter(&mut self, system: &ComplementaritySystem, library: &mut Library, z: &[f64]) {
+    pub fn enter(&mut self, z: &[f64]) {
         self.zeros.clear();
         let zero = |pair: &Pair| match pair.left.value(z) <= pair.right.value(z) {
             true => Zero::Left,
             false => Zero::Right,
         };
-        self.zeros.extend(system.pairs.iter().map(zero));
+        let modes = &mut self.modes;
+        self.zeros.extend(modes.system.pairs.iter().map(zero));
         self.repeats = false;
-        if let Some(&known) = self.known.get(&self.zeros) {
-            self.present = known;
-            return;
-        }
-        let reduced = library.reduced(system, &self.zeros);
-        self.present = reduced.filter(|reduced| reduced.is_direct).map(|reduced| {
-            let (n, n_numbers) = (system.n_states(), self.numbers.len());
-            let mut element = Element::new(&self.scheme, n, n_numbers, reduced);
-            element.follow(&self.algebraic);
-            element.set_numbers(&self.numbers);
-            self.elements.push(element);
-            self.elements.len() - 1
-        });
-        self.known.insert(self.zeros.clone(), self.present);
+        let mode = modes.of(&self.zeros);
+        self.present = mode.filter(|&mode| modes.all[mode].element.reduced.is_direct);
     }
 
     /// Solves a step in the present set; `unknowns` are V and z of every node, those of the last step
@@ -102,21 +72,26 @@ impl Uniform {
         let Some(present) = self.present else {
             return false;
         };
-        measure(&mut self.scale, x, &self.algebraic);
-        let element = &mut self.elements[present];
-        let (n, per_node) = (x.len(), unknowns.len() / self.scheme.s);
+        let Modes {
+            system,
+            scheme,
+            all,
+            ..
+        } = &mut self.modes;
+        measure(&mut self.scale, x, &system.algebraic_states);
+        let element = &mut all[present].element;
+        let (n, per_node) = (x.len(), unknowns.len() / scheme.s);
         if self.repeats {
-            element.extrapolate(&self.scheme, 1.0, h / element.h);
+            element.extrapolate(scheme, 1.0, h / element.stages.h);
         } else {
             let last = &unknowns[unknowns.len() - per_node..];
             let places = element.reduced.unknowns.iter();
             let w: Vec<f64> = places.map(|&i| last[n + i]).collect();
-            element.guess(&last[..n], &w);
+            element.stages.guess(&last[..n], &w);
         }
-        let before = element.work;
-        let solved = element.solve(&self.scheme, t, h, x, &self.scale);
-        let work = element.work - before;
-        stats.newton_iterations += work.iterations;
+        let mut work = Stats::default();
+        let solved = element.solve(scheme, t, h, x, &self.scale, &mut work);
+        stats.newton_iterations += work.newton_iterations;
         stats.factorizations += work.factorizations;
         self.repeats = solved.is_ok() && self.write(present, n, unknowns);
         self.repeats
@@ -124,18 +99,20 @@ impl Uniform {
 
     /// Writes V and z of the nodes, unless a member is negative at one.
     fn write(&mut self, present: usize, n: usize, unknowns: &mut [f64]) -> bool {
-        let (scheme, element) = (&self.scheme, &self.elements[present]);
+        let (scheme, element) = (&self.modes.scheme, &self.modes.all[present].element);
         let per_node = unknowns.len() / scheme.s;
         let reduced = &element.reduced;
-        let tapes = [&reduced.members, &reduced.algebraics];
-        let longest = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
-        let longest = longest.into_iter().max().unwrap_or(0);
-        self.registers.resize(longest, f64x4::splat(0.0));
+        let tapes = [&reduced.members.tape, &reduced.algebraics];
+        self.registers.resize(n_registers(tapes), f64x4::splat(0.0));
         let nodes = |g: usize| g * WIDTH..(g * WIDTH + WIDTH).min(scheme.s);
         for g in 0..scheme.groups {
-            element.load(scheme, g, &mut self.registers[..reduced.members.n_inputs()]);
-            reduced.members.run(&mut self.registers);
-            for value in reduced.members.results(&self.registers) {
+            element.stages.load(
+                scheme,
+                g,
+                &mut self.registers[..reduced.members.tape.n_inputs()],
+            );
+            reduced.members.tape.run(&mut self.registers);
+            for value in reduced.members.tape.results(&self.registers) {
                 let values = value.to_array();
                 // Not a number is negative, too.
                 if !nodes(g).all(|node| values[node % WIDTH] >= SLACK) {
@@ -144,7 +121,7 @@ impl Uniform {
             }
         }
         for g in 0..scheme.groups {
-            element.load(
+            element.stages.load(
                 scheme,
                 g,
                 &mut self.registers[..reduced.algebraics.n_inputs()],
@@ -158,10 +135,12 @@ impl Uniform {
                 }
             }
         }
-        for (node, solved) in unknowns
-            .chunks_exact_mut(per_node)
-            .zip(element.unknowns.chunks_exact(element.per_node()))
-        {
+        for (node, solved) in unknowns.chunks_exact_mut(per_node).zip(
+            element
+                .stages
+                .unknowns
+                .chunks_exact(element.stages.per_node),
+        ) {
             node[..n].copy_from_slice(&solved[..n]);
         }
         true

@@ -58,7 +58,7 @@ impl Values {
             quotients: Vec::new(),
             registers: Vec::new(),
             w: Vec::new(),
-            roots: RootFinder::new(scheme.points.len()),
+            roots: RootFinder::new(scheme.points.at.len()),
         }
     }
 
@@ -70,22 +70,19 @@ impl Values {
         hidden: &mut Hidden,
     ) -> Result<(), Unsolved> {
         let reduced = &element.reduced;
-        let (n, n_w, n_points) = (
-            element.n_states(),
-            reduced.unknowns.len(),
-            scheme.points.len(),
-        );
+        let n = element.stages.n;
+        let (n_w, n_points) = (reduced.unknowns.len(), scheme.points.at.len());
         self.w.resize(n_w * n_points, 0.0);
         if n_w > 0 {
             for p in 0..n_points {
-                let node = scheme.nodes_at[p].unwrap_or(if p == 0 { 0 } else { scheme.s - 1 });
-                let x = (0..n).map(|i| element.state_at(scheme, p, i));
-                hidden.set(element.t + scheme.points[p] * element.h, x, element.w(node));
+                let node = scheme.points.nodes[p].unwrap_or(if p == 0 { 0 } else { scheme.s - 1 });
+                let stages = &element.stages;
+                stages.enter(scheme, p, hidden, stages.w(node));
                 hidden.solve(reduced)?;
                 self.w[p * n_w..(p + 1) * n_w].copy_from_slice(hidden.w());
             }
         }
-        let tape = &reduced.members;
+        let tape = &reduced.members.tape;
         let n_rows = tape.n_outputs() + usize::from(reduced.has_branches);
         self.at_points.resize(n_rows * n_points, 0.0);
         if reduced.has_branches {
@@ -95,11 +92,11 @@ impl Values {
             .resize(tape.n_registers().max(tape.n_inputs()), f64x4::splat(0.0));
         // Lanes of nodes stand ready; a start or end that is no node is looked at by itself.
         for g in 0..scheme.groups {
-            element.load(scheme, g, &mut self.registers);
+            element.stages.load(scheme, g, &mut self.registers);
             for k in 0..n_w {
                 let at = |lane: usize| {
                     let node = (g * WIDTH + lane).min(scheme.s - 1);
-                    self.w[scheme.points_at[node] * n_w + k]
+                    self.w[scheme.points.of_nodes[node] * n_w + k]
                 };
                 self.registers[1 + n + k] = f64x4::from(std::array::from_fn(at));
             }
@@ -108,16 +105,15 @@ impl Values {
             for (member, value) in tape.results(&self.registers).enumerate() {
                 let values = value.to_array();
                 for node in nodes.clone() {
-                    self.at_points[member * n_points + scheme.points_at[node]] =
+                    self.at_points[member * n_points + scheme.points.of_nodes[node]] =
                         values[node % WIDTH];
                 }
             }
         }
         for p in 0..n_points {
-            if scheme.nodes_at[p].is_none() {
-                let x = (0..n).map(|i| element.state_at(scheme, p, i));
+            if scheme.points.nodes[p].is_none() {
                 let w = &self.w[p * n_w..(p + 1) * n_w];
-                hidden.set(element.t + scheme.points[p] * element.h, x, w);
+                element.stages.enter(scheme, p, hidden, w);
                 for (member, value) in hidden.eval(tape).enumerate() {
                     self.at_points[member * n_points + p] = value;
                 }
@@ -135,18 +131,12 @@ impl Values {
         hidden: &mut Hidden,
     ) -> Result<(), Unsolved> {
         let reduced = &element.reduced;
-        let (n, n_w, n_points) = (
-            element.n_states(),
-            reduced.unknowns.len(),
-            scheme.points.len(),
-        );
-        let row = reduced.members.n_outputs() * n_points;
+        let (n_w, n_points) = (reduced.unknowns.len(), scheme.points.at.len());
+        let row = reduced.members.tape.n_outputs() * n_points;
         let mut sign = 1.0;
         for p in 0..n_points {
-            let t = element.t + scheme.points[p] * element.h;
-            let x = || (0..n).map(|i| element.state_at(scheme, p, i));
             let w = &self.w[p * n_w..(p + 1) * n_w];
-            hidden.set(t, x(), w);
+            element.stages.enter(scheme, p, hidden, w);
             let determinant = hidden.determinant(reduced);
             if p == 0 {
                 sign = determinant.signum();
@@ -154,7 +144,7 @@ impl Values {
             self.at_points[row + p] = sign * determinant;
             if p > 0 {
                 let before = &self.w[(p - 1) * n_w..p * n_w];
-                hidden.set(t, x(), before);
+                element.stages.enter(scheme, p, hidden, before);
                 hidden.solve(reduced)?;
                 if !is_same(hidden.w().iter().copied(), w) {
                     return Err(Unsolved::Diverged);
@@ -166,7 +156,7 @@ impl Values {
 
     /// Lets slip velocities vanish where they stop: `sizes` of members are those over [`BAND`].
     pub fn lower_stops(&mut self, scheme: &Scheme, reduced: &Reduced, sizes: &[f64]) {
-        let n_points = scheme.points.len();
+        let n_points = scheme.points.at.len();
         let rows = self.at_points.chunks_exact_mut(n_points);
         for ((values, watched), size) in rows.zip(&reduced.watched).zip(sizes) {
             if watched.stops {
@@ -194,15 +184,14 @@ impl Values {
         alphas: &mut Vec<f64>,
     ) {
         let reduced = &element.reduced;
-        let (n_points, n_w) = (scheme.points.len(), reduced.unknowns.len());
+        let (n_points, n_w) = (scheme.points.at.len(), reduced.unknowns.len());
         alphas.resize(reduced.alphas.n_outputs() * n_points, 0.0);
         if alphas.is_empty() {
             return;
         }
         for p in 0..n_points {
-            let x = (0..element.n_states()).map(|i| element.state_at(scheme, p, i));
-            let t = element.t + scheme.points[p] * element.h;
-            hidden.set(t, x, &self.w[p * n_w..(p + 1) * n_w]);
+            let w = &self.w[p * n_w..(p + 1) * n_w];
+            element.stages.enter(scheme, p, hidden, w);
             for (row, value) in hidden.eval(&reduced.alphas).enumerate() {
                 alphas[row * n_points + p] = value;
             }
@@ -211,7 +200,7 @@ impl Values {
 
     /// Values of a member at the points.
     pub fn of(&self, scheme: &Scheme, member: usize) -> &[f64] {
-        let n_points = scheme.points.len();
+        let n_points = scheme.points.at.len();
         &self.at_points[member * n_points..(member + 1) * n_points]
     }
 
@@ -224,13 +213,13 @@ impl Values {
         (sigma, value): (f64, f64),
         floor: f64,
     ) -> f64 {
-        let n_points = scheme.points.len();
+        let n_points = scheme.points.at.len();
         let values = &self.at_points[member * n_points..(member + 1) * n_points];
         let largest = values
             .iter()
             .fold(value.abs().max(floor), |most, v| most.max(v.abs()));
         self.series.resize(n_points, 0.0);
-        scheme.point_series(values, &mut self.series);
+        scheme.points.all.series(values, &mut self.series);
         (crate::expansion::series::value(&self.series, sigma) - value).abs() / largest
     }
 
@@ -242,18 +231,18 @@ impl Values {
         starts: &[Start],
         (scales, least): (&[f64], f64),
     ) -> Verdict {
-        let n_points = scheme.points.len();
+        let n_points = scheme.points.at.len();
         let mut first: Option<(f64, usize)> = None;
         for (member, values) in self.at_points.chunks_exact(n_points).enumerate() {
             let start = starts.get(member).unwrap_or(&Start::Inside);
             let sigma = match start {
-                Start::Inside if stays_positive(values, scheme.lebesgue) => continue,
+                Start::Inside if stays_positive(values, scheme.points.all.lebesgue) => continue,
                 Start::Inside => {
                     if values[0] <= -BAND * scales[member].max(least) {
                         return Verdict::Wrong { member };
                     }
                     self.series.resize(n_points, 0.0);
-                    scheme.point_series(values, &mut self.series);
+                    scheme.points.all.series(values, &mut self.series);
                     let start = values[0].max(f64::MIN_POSITIVE);
                     self.roots
                         .first(start, &self.series[1..], 1.0, 0.0)
@@ -262,13 +251,13 @@ impl Values {
                 // What is zero at the start is divided by its leading power of σ.
                 Start::Rising | Start::Tangent => {
                     let power = if *start == Start::Rising { 1 } else { 2 };
-                    let quotients = scheme.points[1..].iter().zip(&values[1..]);
+                    let quotients = scheme.points.at[1..].iter().zip(&values[1..]);
                     self.quotients.clear();
                     self.quotients
                         .extend(quotients.map(|(sigma, v)| v / sigma.powi(power)));
                     let size = values.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
                     if size <= BAND * scales[member].max(least)
-                        || stays_positive(&self.quotients, scheme.inner_lebesgue)
+                        || stays_positive(&self.quotients, scheme.points.inner.lebesgue)
                     {
                         continue;
                     }
@@ -276,12 +265,15 @@ impl Values {
                         return Verdict::Wrong { member };
                     }
                     self.series.resize(n_points - 1, 0.0);
-                    scheme.inner_series(|j| self.quotients[j], &mut self.series);
-                    let width = 1.0 - scheme.points[1];
+                    scheme
+                        .points
+                        .inner
+                        .series(&self.quotients, &mut self.series);
+                    let width = 1.0 - scheme.points.at[1];
                     let root = self
                         .roots
                         .first(self.quotients[0], &self.series[1..], width, 0.0);
-                    root.map(|root| scheme.points[1] + root.tau)
+                    root.map(|root| scheme.points.at[1] + root.tau)
                 }
             };
             if let Some(sigma) = sigma.filter(|s| first.is_none_or(|(least, _)| *s < least)) {

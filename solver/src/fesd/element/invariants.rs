@@ -8,7 +8,8 @@
 //!
 //! which is as large as the drift (Hairer, Lubich & Wanner 2006, IV.4).
 
-use crate::fesd::system::Kept;
+use crate::fesd::system::evaluator::Evaluator;
+use crate::fesd::system::full::Functions;
 use crate::linalg::DenseLu;
 
 /// Steps of Newton's method with the first Jacobian: what is left is quadratic in what there was.
@@ -16,8 +17,7 @@ const ITERATIONS: usize = 3;
 
 /// Memory for the end of an element.
 pub(crate) struct Keeper {
-    inputs: Vec<f64>,
-    registers: Vec<f64>,
+    at: Evaluator,
     /// s.
     sizes: Vec<f64>,
     /// ψ(x₀).
@@ -32,13 +32,11 @@ pub(crate) struct Keeper {
 
 impl Keeper {
     /// Memory for states of the length n.
-    pub fn new(n: usize, kept: &Kept) -> Self {
-        let n_kept = kept.values.n_outputs();
-        let tapes = [&kept.values, &kept.slopes.tape];
-        let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
+    pub fn new(n: usize, kept: &Functions) -> Self {
+        let n_kept = kept.tape.n_outputs();
+        let tapes = [&kept.tape, &kept.slopes.tape];
         Keeper {
-            inputs: vec![0.0; kept.values.n_inputs()],
-            registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
+            at: Evaluator::new(kept.tape.n_inputs(), tapes),
             sizes: vec![0.0; n],
             values: vec![0.0; n_kept],
             directions: vec![0.0; n_kept * n],
@@ -49,68 +47,50 @@ impl Keeper {
     }
 
     /// Takes the values at the start of an element, and the sizes of the states.
-    pub fn start(&mut self, kept: &Kept, t: f64, x: &[f64], sizes: &[f64], numbers: &[f64]) {
+    pub fn start(&mut self, kept: &Functions, t: f64, x: &[f64], sizes: &[f64], numbers: &[f64]) {
         self.sizes.copy_from_slice(sizes);
-        self.set(t, x);
-        self.inputs[1 + x.len()..].copy_from_slice(numbers);
-        self.run(kept);
-        for (value, now) in self
-            .values
-            .iter_mut()
-            .zip(kept.values.results(&self.registers))
-        {
+        self.at.set(t, x.iter().copied());
+        self.at.set_numbers(numbers);
+        let now = self.at.eval(&kept.tape);
+        for (value, now) in self.values.iter_mut().zip(now) {
             *value = now;
         }
     }
 
     /// Shifts x at `t` to where the values are those of the start; leaves it where no direction leads there.
-    pub fn shift(&mut self, kept: &Kept, t: f64, x: &mut [f64]) {
+    pub fn shift(&mut self, kept: &Functions, t: f64, x: &mut [f64]) {
         let n = x.len();
-        self.set(t, x);
+        self.at.set(t, x.iter().copied());
         if !self.factor(kept, n) {
             return;
         }
         for _ in 0..ITERATIONS {
-            self.run(kept);
-            let now = kept.values.results(&self.registers);
+            let now = self.at.eval(&kept.tape);
             for ((rhs, value), now) in self.rhs.iter_mut().zip(&self.values).zip(now) {
                 *rhs = value - now;
             }
             self.lu.solve(&mut self.rhs);
             for (nu, direction) in self.rhs.iter().zip(self.directions.chunks_exact(n)) {
-                for (x, by_nu) in self.inputs[1..=n].iter_mut().zip(direction) {
+                for (x, by_nu) in self.at.inputs[1..=n].iter_mut().zip(direction) {
                     *x += nu * by_nu;
                 }
             }
         }
-        if self.inputs[1..=n].iter().all(|x| x.is_finite()) {
-            x.copy_from_slice(&self.inputs[1..=n]);
+        if self.at.inputs[1..=n].iter().all(|x| x.is_finite()) {
+            x.copy_from_slice(&self.at.inputs[1..=n]);
         }
     }
 
-    fn set(&mut self, t: f64, x: &[f64]) {
-        self.inputs[0] = t;
-        self.inputs[1..=x.len()].copy_from_slice(x);
-    }
-
-    fn run(&mut self, kept: &Kept) {
-        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-        kept.values.run(&mut self.registers);
-    }
-
     /// Factors J S² Jᵀ where the inputs are.
-    fn factor(&mut self, kept: &Kept, n: usize) -> bool {
+    fn factor(&mut self, kept: &Functions, n: usize) -> bool {
         let slopes = &kept.slopes;
-        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-        slopes.tape.run(&mut self.registers);
-        let entries = || (slopes.entries.iter()).zip(slopes.tape.results(&self.registers));
         self.directions.fill(0.0);
-        for (&(row, input), slope) in entries() {
+        for (&(row, input), slope) in slopes.entries.iter().zip(self.at.eval(&slopes.tape)) {
             let size = self.sizes[input - 1];
             self.directions[row * n + input - 1] = size * size * slope;
         }
         self.matrix.fill(0.0);
-        for (&(row, input), slope) in entries() {
+        for (&(row, input), slope) in slopes.entries.iter().zip(self.at.results(&slopes.tape)) {
             let columns = self.directions.chunks_exact(n);
             let products = self.matrix[row * self.rhs.len()..].iter_mut().zip(columns);
             for (entry, direction) in products {

@@ -9,27 +9,26 @@
 
 pub(crate) mod banded;
 pub(crate) mod blocks;
-pub(crate) mod collocation;
 pub(crate) mod invariants;
+pub(crate) mod jacobian;
 pub(crate) mod nodes;
 pub(crate) mod projection;
-pub(crate) mod rounding;
 pub(crate) mod scheme;
 pub(crate) mod solved;
+pub(crate) mod stages;
+pub(crate) mod terms;
 
-use std::iter::Sum;
-use std::ops::{Add, Sub};
 use std::sync::Arc;
-
-use wide::f64x4;
 
 use super::system::Reduced;
 use crate::fesd::element::invariants::Keeper;
+use crate::fesd::element::jacobian::Jacobian;
 use crate::fesd::element::projection::Projection;
-use crate::fesd::element::rounding::Rounding;
-use crate::fesd::element::scheme::{Scheme, WIDTH};
+use crate::fesd::element::scheme::Scheme;
+use crate::fesd::element::stages::Stages;
+use crate::fesd::element::terms::Terms;
 use crate::fesd::system::hidden::{Hidden, Unsolved};
-use crate::linalg::DenseLu;
+use crate::hybrid::Stats;
 use crate::linalg::newton::Newton;
 
 /// A slip velocity that sets off.
@@ -40,44 +39,6 @@ pub(crate) struct Departure {
     /// s, and its rate.
     pub speed: f64,
     pub rate: f64,
-}
-
-/// What elements have taken.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Work {
-    pub iterations: usize,
-    pub factorizations: usize,
-    pub evaluations: usize,
-}
-
-impl Add for Work {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Work {
-            iterations: self.iterations + other.iterations,
-            factorizations: self.factorizations + other.factorizations,
-            evaluations: self.evaluations + other.evaluations,
-        }
-    }
-}
-
-impl Sub for Work {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
-        Work {
-            iterations: self.iterations - other.iterations,
-            factorizations: self.factorizations - other.factorizations,
-            evaluations: self.evaluations - other.evaluations,
-        }
-    }
-}
-
-impl Sum for Work {
-    fn sum<I: Iterator<Item = Self>>(works: I) -> Self {
-        works.fold(Work::default(), Add::add)
-    }
 }
 
 /// Newton's method for an element, and its iterations before a fresh Jacobian.
@@ -98,112 +59,58 @@ const SLOW: f64 = 0.1;
 
 /// An element and the memory to solve it.
 pub(crate) struct Element {
-    pub(crate) n: usize,
     pub reduced: Arc<Reduced>,
-    /// Start and length.
-    pub t: f64,
-    pub h: f64,
-    /// x₀.
-    pub x0: Vec<f64>,
-    /// V and w of every node, one after the other.
-    pub unknowns: Vec<f64>,
-    /// Σ b_j V_j, and what the projection of the end adds to it.
-    pub mean: Vec<f64>,
+    pub stages: Stages,
+    pub terms: Terms,
+    jacobian: Jacobian,
     projection: Option<Projection>,
     keeper: Option<Keeper>,
     /// The end.
     end: Vec<f64>,
-    /// What changes at breakpoints.
-    pub(crate) numbers: Vec<f64>,
-    /// Size of the terms of each rate where it was last differentiated: times ε, its rounding error.
-    pub activity: Vec<f64>,
-    /// The same by the states alone that do not rest, while it is measured.
-    pub(crate) resting: Vec<f64>,
-    pub(crate) rounding: Rounding,
-    /// X at the nodes, in lanes: state i at `i * groups`.
-    pub(crate) x: Vec<f64x4>,
-    pub(crate) registers: Vec<f64x4>,
-    pub(crate) slopes: Vec<f64x4>,
-    pub(crate) matrix: Vec<f64>,
-    pub(crate) lu: Option<DenseLu>,
-    /// The places of unknowns and equations in the matrix; none where they stand in their order.
-    pub(crate) places: Option<Vec<usize>>,
-    permuted: Vec<f64>,
-    /// The h that is factored, zero where nothing is.
-    pub(crate) factored: f64,
-    /// Contraction of the last iterations with this factorization.
-    contraction: f64,
-    pub(crate) rhs: Vec<f64>,
+    rhs: Vec<f64>,
     by_x: Vec<f64>,
-    pub(crate) by_length: Vec<f64>,
-    /// The states that equations determine, and what all states are at least in the terms of rates: the sizes of these.
+    by_length: Vec<f64>,
+    /// The states that equations determine.
     algebraic: Vec<usize>,
-    pub(crate) sizes: Vec<f64>,
     /// The state whose rate each w is, where that is an algebraic state.
     follows: Vec<Option<usize>>,
-    pub work: Work,
 }
 
 impl Element {
     /// Memory for elements of an active set.
     pub fn new(scheme: &Scheme, n: usize, n_numbers: usize, reduced: Arc<Reduced>) -> Self {
-        let per_node = n + reduced.unknowns.len();
-        let size = scheme.s * per_node;
-        let zero = f64x4::splat(0.0);
-        let entries = reduced.slopes.entries.iter();
-        let entries = entries.filter(|(_, input)| *input > 0);
-        let entries = entries.map(|&(row, input)| (row, input - 1));
-        let places = banded::places(scheme.s, per_node, entries);
-        let registers = [&reduced.equations, &reduced.slopes.tape, &reduced.members];
-        let registers = registers.map(|tape| tape.n_registers().max(tape.n_inputs()));
+        let stages = Stages::new(scheme, n, n_numbers, &reduced);
+        let size = stages.unknowns.len();
         Element {
-            n,
-            t: 0.0,
-            h: 0.0,
-            x0: vec![0.0; n],
-            unknowns: vec![0.0; size],
-            mean: vec![0.0; n],
+            terms: Terms::new(n),
+            jacobian: Jacobian::new(scheme, &stages, &reduced),
             projection: Projection::new(scheme, n, &reduced),
             keeper: reduced.kept.as_ref().map(|kept| Keeper::new(n, kept)),
             end: vec![0.0; n],
-            numbers: vec![0.0; n_numbers],
-            activity: vec![0.0; n],
-            resting: vec![0.0; n],
-            rounding: Rounding::new(n),
-            x: vec![zero; n * scheme.groups],
-            registers: vec![zero; registers.into_iter().max().unwrap_or(0)],
-            slopes: vec![zero; reduced.slopes.entries.len() * scheme.groups],
-            matrix: vec![0.0; size * size],
-            lu: None,
-            permuted: vec![0.0; if places.is_some() { size } else { 0 }],
-            places,
-            factored: 0.0,
-            contraction: 1.0,
             rhs: vec![0.0; size],
             by_x: vec![0.0; n],
             by_length: vec![0.0; size],
             algebraic: Vec::new(),
-            sizes: vec![0.0; n],
             follows: vec![None; reduced.unknowns.len()],
-            work: Work::default(),
+            stages,
             reduced,
         }
     }
 
     /// Takes the numbers that hold from here on; what is factored may depend on them.
     pub fn set_numbers(&mut self, numbers: &[f64]) {
-        if self.numbers != numbers {
-            self.numbers.copy_from_slice(numbers);
-            self.factored = 0.0;
+        if self.stages.numbers != numbers {
+            self.stages.numbers.copy_from_slice(numbers);
+            self.jacobian.factored = 0.0;
         }
     }
 
     /// Says which states are algebraic. The rate of one is a w of its own, and known as far as the state is.
     pub fn follow(&mut self, algebraic: &[usize]) {
-        let n = self.n;
+        let n = self.stages.n;
         self.algebraic = algebraic.to_vec();
         for &state in algebraic {
-            let entries = self.reduced.slopes.entries.iter();
+            let entries = self.reduced.equations.slopes.entries.iter();
             let mut inputs = entries
                 .filter(|(row, _)| *row == state)
                 .map(|entry| entry.1);
@@ -215,43 +122,9 @@ impl Element {
         }
     }
 
-    /// Unknowns per node: V, then w.
-    pub fn per_node(&self) -> usize {
-        self.n + self.reduced.unknowns.len()
-    }
-
-    /// Length of x.
-    pub fn n_states(&self) -> usize {
-        self.n
-    }
-
-    /// State i at a point of the scheme.
-    pub fn state_at(&self, scheme: &Scheme, point: usize, i: usize) -> f64 {
-        match scheme.nodes_at[point] {
-            Some(node) => self.x[i * scheme.groups + node / WIDTH].as_array()[node % WIDTH],
-            None if point == 0 => self.x0[i],
-            None => self.x0[i] + self.h * self.mean[i],
-        }
-    }
-
-    /// w of a node.
-    pub fn w(&self, node: usize) -> &[f64] {
-        let per_node = self.per_node();
-        &self.unknowns[node * per_node + self.n..(node + 1) * per_node]
-    }
-
-    /// Takes constant rates as the first guess.
-    pub fn guess(&mut self, rates: &[f64], w: &[f64]) {
-        let per_node = self.per_node();
-        for node in self.unknowns.chunks_exact_mut(per_node) {
-            node[..self.n].copy_from_slice(rates);
-            node[self.n..].copy_from_slice(w);
-        }
-    }
-
-    /// The same for slip velocities that have set off, which grow, in an element of the length h.
+    /// Takes slip velocities that have set off, which grow, as the first guess in an element of the length h.
     pub fn set_off(&mut self, scheme: &Scheme, departures: &[Departure], h: f64) {
-        let per_node = self.per_node();
+        let per_node = self.stages.per_node;
         for departure in departures {
             let mut unknowns = self.reduced.unknowns.iter();
             let Some(k) = unknowns.position(|&z| z == departure.slip) else {
@@ -259,22 +132,22 @@ impl Element {
             };
             for (m, c) in scheme.tableau.nodes.iter().enumerate() {
                 let speed = departure.speed + c * h * departure.rate;
-                self.unknowns[m * per_node + self.n + k] = speed;
+                self.stages.unknowns[m * per_node + self.stages.n + k] = speed;
             }
             // What is factored is that of another direction.
-            self.factored = 0.0;
+            self.jacobian.factored = 0.0;
         }
     }
 
     /// Takes the polynomials of an element of the same active set as the guess of one that starts
     /// `shift` behind its start and is `ratio` times as long, both in units of its length.
     pub fn extrapolate(&mut self, scheme: &Scheme, shift: f64, ratio: f64) {
-        if self.reduced.is_linear && self.factored > 0.0 && shift > 0.0 {
+        if self.reduced.is_linear && self.jacobian.factored > 0.0 && shift > 0.0 {
             // One iteration solves linear equations from anywhere.
             return;
         }
-        let per_node = self.per_node();
-        let (s, unknowns) = (scheme.s, &self.unknowns);
+        let per_node = self.stages.per_node;
+        let (s, unknowns) = (scheme.s, &self.stages.unknowns);
         let coefficients = &mut self.rhs[..s];
         let values = &mut self.by_length;
         for i in 0..per_node {
@@ -285,18 +158,13 @@ impl Element {
                 values[m * per_node + i] = value;
             }
         }
-        std::mem::swap(&mut self.unknowns, &mut self.by_length);
+        std::mem::swap(&mut self.stages.unknowns, &mut self.by_length);
     }
 
     /// Takes the first part of the present element as the guess of a shorter one.
     pub fn shorten(&mut self, scheme: &Scheme, sigma: f64) {
         self.extrapolate(scheme, 0.0, sigma);
-        self.h *= sigma;
-    }
-
-    /// Takes the unknowns of an element of the same active set as a guess.
-    pub fn restore(&mut self, unknowns: &[f64]) {
-        self.unknowns.copy_from_slice(unknowns);
+        self.stages.h *= sigma;
     }
 
     /// Solves for an element of the length h.
@@ -307,26 +175,28 @@ impl Element {
         h: f64,
         x0: &[f64],
         scale: &[f64],
+        stats: &mut Stats,
     ) -> Result<(), Unsolved> {
-        (self.t, self.h) = (t, h);
-        self.x0.copy_from_slice(x0);
+        (self.stages.t, self.stages.h) = (t, h);
+        self.stages.x0.copy_from_slice(x0);
         for &i in &self.algebraic {
-            self.sizes[i] = scale[i];
+            self.terms.sizes[i] = scale[i];
         }
         if let (Some(keeper), Some(kept)) = (&mut self.keeper, &self.reduced.kept) {
-            keeper.start(kept, t, x0, scale, &self.numbers);
+            keeper.start(kept, t, x0, scale, &self.stages.numbers);
         }
-        let mut fresh = self.prepare(scheme, h)?;
+        let mut fresh = self.prepare(scheme, h, stats)?;
         let (mut last, mut chords) = (f64::INFINITY, 0);
         for _ in 0..NEWTON.most {
-            self.residual(scheme);
-            self.substitute(|element| &mut element.rhs)?;
+            stats.rhs_evaluations += scheme.s;
+            self.stages.residual(scheme, &self.reduced, &mut self.rhs);
+            self.jacobian.solve(&mut self.rhs)?;
             let change = self.advance(scale);
-            self.work.iterations += 1;
+            stats.newton_iterations += 1;
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }
-            let rate = self.contraction;
+            let rate = self.jacobian.contraction;
             if change <= NEWTON.converged
                 || (rate < SLOW && rate / (1.0 - rate) * change <= NEWTON.converged)
             {
@@ -339,13 +209,13 @@ impl Element {
                     self.finish(scheme);
                     return Ok(());
                 }
-                self.contraction = rate;
+                self.jacobian.contraction = rate;
                 chords += 1;
                 if rate > SLOW || chords > MAX_CHORDS {
                     if fresh && rate > 2.0 && chords > MAX_CHORDS {
                         return Err(Unsolved::Diverged);
                     }
-                    self.factor(scheme, h)?;
+                    self.factor(scheme, h, stats)?;
                     (fresh, chords) = (true, 0);
                 }
             }
@@ -362,42 +232,44 @@ impl Element {
         hidden: &mut Hidden,
         (member, zero): (usize, f64),
         scale: &[f64],
+        stats: &mut Stats,
     ) -> Result<f64, Unsolved> {
-        let longest = self.h;
+        let longest = self.stages.h;
         let (mut last, mut last_step, mut is_slow) = (f64::INFINITY, f64::INFINITY, true);
         for _ in 0..NEWTON.most {
             self.finish(scheme);
-            if is_slow || (self.factored - self.h).abs() > CLOSE * self.h {
-                self.factor(scheme, self.h)?;
+            if is_slow || (self.jacobian.factored - self.stages.h).abs() > CLOSE * self.stages.h {
+                self.factor(scheme, self.stages.h, stats)?;
             }
-            self.residual(scheme);
-            self.slope_by_length(scheme);
-            self.substitute(|element| &mut element.rhs)?;
-            self.substitute(|element| &mut element.by_length)?;
+            stats.rhs_evaluations += scheme.s;
+            self.stages.residual(scheme, &self.reduced, &mut self.rhs);
+            (self.jacobian).by_length(scheme, &self.reduced, &self.stages, &mut self.by_length);
+            self.jacobian.solve(&mut self.rhs)?;
+            self.jacobian.solve(&mut self.by_length)?;
             // G + ∂G/∂y Δy + ∂G/∂h Δh = 0 with Δy = rhs + by_length Δh.
-            let w = (scheme.s - 1) * self.per_node() + self.n;
-            let x = self.x0.iter().zip(&self.mean);
-            let x = x.map(|(x0, mean)| x0 + self.h * mean);
-            hidden.set(self.t + self.h, x, &self.unknowns[w..]);
+            let Stages { n, per_node, h, .. } = self.stages;
+            let (stages, by_x) = (&self.stages, &mut self.by_x);
+            let x = stages.x0.iter().zip(&stages.mean);
+            let x = x.map(|(x0, mean)| x0 + h * mean);
+            hidden.set(stages.t + h, x, stages.w(scheme.s - 1));
             hidden.solve(&self.reduced)?;
-            let (value, rate) = hidden.member(&self.reduced, member, &mut self.by_x)?;
+            let (value, rate) = hidden.member(&self.reduced, member, by_x)?;
             let watched = self.reduced.watched.get(member);
             let end = watched
                 .filter(|watched| watched.stops)
                 .map_or(0.0, |_| zero);
             let value = value - end;
             // dx = mean dh + h Σ b_j dV_j at the end.
-            let by_mean = self.by_x.iter().zip(&self.mean).map(|(g, mean)| g * mean);
+            let by_mean = by_x.iter().zip(&stages.mean).map(|(g, mean)| g * mean);
             let rate = rate + by_mean.sum::<f64>();
             let along = |direction: &[f64]| {
-                let per_node = self.per_node();
                 let terms = scheme.tableau.weights.iter().enumerate();
                 let terms = terms.map(|(j, b)| {
-                    let node = &direction[j * per_node..][..self.n];
-                    let by_x = self.by_x.iter().zip(node).map(|(g, v)| g * v);
+                    let node = &direction[j * per_node..][..n];
+                    let by_x = by_x.iter().zip(node).map(|(g, v)| g * v);
                     b * by_x.sum::<f64>()
                 });
-                self.h * terms.sum::<f64>()
+                h * terms.sum::<f64>()
             };
             let by_h = rate + along(&self.by_length);
             let value = value + along(&self.rhs);
@@ -410,22 +282,22 @@ impl Element {
             }
             let step = match is_multiple {
                 true => 0.0,
-                false => step.clamp(-0.9 * self.h, 0.5 * longest),
+                false => step.clamp(-0.9 * h, 0.5 * longest),
             };
             last_step = step.abs();
             for (y, by_length) in self.rhs.iter_mut().zip(&self.by_length) {
                 *y += by_length * step;
             }
             let change = self.advance(scale).max(step.abs() / longest);
-            self.h += step;
-            self.work.iterations += 1;
+            self.stages.h += step;
+            stats.newton_iterations += 1;
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }
             if NEWTON.has_converged(change, last) || (is_multiple && change <= NEWTON.rounding) {
-                self.factored = 0.0;
+                self.jacobian.factored = 0.0;
                 self.finish(scheme);
-                return Ok(self.h);
+                return Ok(self.stages.h);
             }
             is_slow = change > SLOW * last;
             last = change;
@@ -435,15 +307,15 @@ impl Element {
 
     /// Makes sure that there is a factorization for elements about as long as h. Returns whether it
     /// is new.
-    fn prepare(&mut self, scheme: &Scheme, h: f64) -> Result<bool, Unsolved> {
-        let distance = (self.factored - h).abs();
+    fn prepare(&mut self, scheme: &Scheme, h: f64, stats: &mut Stats) -> Result<bool, Unsolved> {
+        let distance = (self.jacobian.factored - h).abs();
         let usable = distance <= REUSE * h;
         if !usable {
-            self.factor(scheme, h)?;
+            self.factor(scheme, h, stats)?;
         }
         // Of linear equations nothing but h is another. What has been seen of others in an element before says nothing
         // about this one.
-        self.contraction = match (self.reduced.is_linear, usable) {
+        self.jacobian.contraction = match (self.reduced.is_linear, usable) {
             (true, true) => distance / h,
             (true, false) => 0.0,
             (false, _) => 1.0,
@@ -451,41 +323,36 @@ impl Element {
         Ok(!usable)
     }
 
-    /// Overwrites a right-hand side with the solution of the factored equations.
-    fn substitute(&mut self, rhs: impl Fn(&mut Self) -> &mut Vec<f64>) -> Result<(), Unsolved> {
-        let mut solution = std::mem::take(rhs(self));
-        let lu = self.lu.as_ref().ok_or(Unsolved::Singular)?;
-        match &self.places {
-            None => lu.solve(&mut solution),
-            Some(places) => {
-                for (value, &place) in solution.iter().zip(places) {
-                    self.permuted[place] = *value;
-                }
-                lu.solve(&mut self.permuted);
-                for (value, &place) in solution.iter_mut().zip(places) {
-                    *value = self.permuted[place];
-                }
-            }
-        }
-        *rhs(self) = solution;
-        Ok(())
+    /// Factors the Jacobian at the present unknowns, for elements of length h.
+    fn factor(&mut self, scheme: &Scheme, h: f64, stats: &mut Stats) -> Result<(), Unsolved> {
+        let Element {
+            reduced,
+            stages,
+            terms,
+            jacobian,
+            ..
+        } = self;
+        jacobian.differentiate(scheme, reduced, stages);
+        terms.measure(scheme, reduced, stages, jacobian);
+        stats.factorizations += 1;
+        jacobian.factor(scheme, reduced, stages, h)
     }
 
     /// Adds the solution in `rhs` to the unknowns. Returns the change relative to their size.
     fn advance(&mut self, scale: &[f64]) -> f64 {
-        let (n, per_node) = (self.n, self.per_node());
+        let Stages { n, per_node, h, .. } = self.stages;
         let mut largest = 0.0_f64;
-        let nodes = self.unknowns.chunks_exact_mut(per_node);
+        let nodes = self.stages.unknowns.chunks_exact_mut(per_node);
         for (node, changes) in nodes.zip(self.rhs.chunks_exact(per_node)) {
             for (place, (y, change)) in node.iter_mut().zip(changes).enumerate() {
                 *y += change;
                 let (change, size) = match place < n {
                     true => {
-                        let rate = y.abs().max(self.activity[place]);
-                        (self.h * change.abs(), scale[place].max(self.h * rate))
+                        let rate = y.abs().max(self.terms.activity[place]);
+                        (h * change.abs(), scale[place].max(h * rate))
                     }
                     false => {
-                        let rounded = self.follows[place - n].map_or(0.0, |i| scale[i] / self.h);
+                        let rounded = self.follows[place - n].map_or(0.0, |i| scale[i] / h);
                         (change.abs(), (1.0 + y.abs()).max(rounded))
                     }
                 };
@@ -505,33 +372,27 @@ impl Element {
 
     /// X at the nodes, and Σ b_j V_j with the projection of the end.
     fn finish(&mut self, scheme: &Scheme) {
-        self.place(scheme);
-        let per_node = self.per_node();
-        for (i, mean) in self.mean.iter_mut().enumerate() {
-            let terms = scheme.tableau.weights.iter().enumerate();
-            *mean = terms
-                .map(|(j, b)| b * self.unknowns[j * per_node + i])
-                .sum();
-        }
-        if self.projection.is_none() && self.keeper.is_none() {
+        self.stages.place(scheme);
+        self.stages.average(scheme);
+        if !self.is_projected() {
             return;
         }
-        let ends = self.end.iter_mut().zip(&self.x0).zip(&self.mean);
-        for ((end, x0), mean) in ends {
-            *end = x0 + self.h * mean;
+        let (reduced, h, t) = (&self.reduced, self.stages.h, self.stages.t + self.stages.h);
+        let Stages { x0, mean, .. } = &self.stages;
+        for ((end, x0), mean) in self.end.iter_mut().zip(x0).zip(mean) {
+            *end = x0 + h * mean;
         }
-        let (reduced, t) = (&self.reduced, self.t + self.h);
         if let Some(projection) = &mut self.projection {
-            let w = &self.unknowns[(scheme.s - 1) * per_node + self.n..];
-            projection.project(reduced, t, w, &self.numbers, &mut self.end);
+            let (w, numbers) = (self.stages.w(scheme.s - 1), &self.stages.numbers);
+            projection.project(reduced, t, w, numbers, &mut self.end);
         }
         if let (Some(keeper), Some(kept)) = (&mut self.keeper, &reduced.kept) {
             keeper.shift(kept, t, &mut self.end);
         }
-        let shifts = self.end.iter().zip(&self.x0).zip(&mut self.mean);
-        for ((end, x0), mean) in shifts {
-            let shift = (end - x0) - self.h * *mean;
-            *mean += shift / self.h;
+        let Stages { x0, mean, .. } = &mut self.stages;
+        for ((end, x0), mean) in self.end.iter().zip(x0).zip(mean) {
+            let shift = (end - *x0) - h * *mean;
+            *mean += shift / h;
         }
     }
 }

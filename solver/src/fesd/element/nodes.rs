@@ -8,6 +8,7 @@
 
 use super::scheme::Scheme;
 use crate::fesd::system::ComplementaritySystem;
+use crate::fesd::system::evaluator::Evaluator;
 use crate::fesd::uniform::SLACK;
 use crate::hybrid::Stats;
 use crate::linalg::DenseLu;
@@ -58,8 +59,8 @@ pub(crate) struct Step<'a> {
 pub(crate) struct Nodes {
     /// V and z of every node.
     pub unknowns: Vec<f64>,
-    inputs: Vec<f64>,
-    registers: Vec<f64>,
+    /// t, x, z and the numbers.
+    at: Evaluator,
     matrix: Vec<f64>,
     rhs: Vec<f64>,
     lu: DenseLu,
@@ -76,7 +77,6 @@ impl Nodes {
         let size = s * (n + n_z);
         let full = &system.full;
         let tapes = [&full.equations, &full.slopes.tape, &full.alphas];
-        let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         let mut is_rate = vec![false; n + n_z];
         for &state in &system.algebraic_states {
             is_rate[state] = true;
@@ -86,8 +86,7 @@ impl Nodes {
         }
         Nodes {
             unknowns: vec![0.0; size],
-            inputs: vec![0.0; 1 + n + n_z + system.n_numbers()],
-            registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
+            at: Evaluator::new(1 + n + n_z + system.n_numbers(), tapes),
             matrix: vec![0.0; size * size],
             rhs: vec![0.0; size],
             lu: DenseLu::new(size),
@@ -111,15 +110,14 @@ impl Nodes {
     /// What changes at breakpoints, to be written.
     pub fn numbers(&mut self) -> &mut [f64] {
         let first = self.per_node() + 1;
-        &mut self.inputs[first..]
+        &mut self.at.inputs[first..]
     }
 
     /// Takes z and the rates at a point as the guess of all nodes.
     pub fn begin(&mut self, system: &ComplementaritySystem, t: f64, x: &[f64], z: &[f64]) {
-        self.load(t, x);
-        self.inputs[1 + self.n..][..self.n_z].copy_from_slice(z);
+        self.at.set(t, x.iter().chain(z).copied());
         let n = self.n;
-        let rates: Vec<f64> = self.eval(&system.full.equations).take(n).collect();
+        let rates: Vec<f64> = self.at.eval(&system.full.equations).take(n).collect();
         let per_node = self.per_node();
         for node in self.unknowns.chunks_exact_mut(per_node) {
             node[..n].copy_from_slice(&rates);
@@ -134,29 +132,16 @@ impl Nodes {
         (t, x): (f64, &[f64]),
         node: usize,
     ) -> impl Iterator<Item = f64> + 'e {
-        self.load(t, x);
+        self.at.set(t, x.iter().copied());
         self.load_z(node);
-        self.eval(tape)
-    }
-
-    /// Puts a point into the inputs.
-    fn load(&mut self, t: f64, x: &[f64]) {
-        self.inputs[0] = t;
-        self.inputs[1..=self.n].copy_from_slice(x);
+        self.at.eval(tape)
     }
 
     /// Puts z of a node into the inputs.
     fn load_z(&mut self, node: usize) {
         let per_node = self.per_node();
         let z = &self.unknowns[node * per_node + self.n..(node + 1) * per_node];
-        self.inputs[1 + self.n..][..self.n_z].copy_from_slice(z);
-    }
-
-    /// Evaluates a tape at the inputs.
-    fn eval<'e>(&'e mut self, tape: &'e Tape) -> impl Iterator<Item = f64> + 'e {
-        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-        tape.run(&mut self.registers);
-        tape.results(&self.registers)
+        self.at.inputs[1 + self.n..][..self.n_z].copy_from_slice(z);
     }
 
     /// Solves for V and z at once: by the smaller members first, else along smoothed pairs, ever more
@@ -296,15 +281,13 @@ impl Nodes {
         self.matrix.fill(0.0);
         for m in 0..s {
             let rows = m * per_node;
-            self.inputs[0] = t + scheme.tableau.nodes[m] * h;
-            for (i, (input, x0)) in self.inputs[1..=n].iter_mut().zip(x0).enumerate() {
+            self.at.inputs[0] = t + scheme.tableau.nodes[m] * h;
+            for (i, (input, x0)) in self.at.inputs[1..=n].iter_mut().zip(x0).enumerate() {
                 let terms = (0..s).map(|j| a[m * s + j] * self.unknowns[j * per_node + i]);
                 *input = x0 + h * terms.sum::<f64>();
             }
             self.load_z(m);
-            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-            full.equations.run(&mut self.registers);
-            for (i, value) in full.equations.results(&self.registers).enumerate() {
+            for (i, value) in self.at.eval(&full.equations).enumerate() {
                 self.rhs[rows + i] = match i < n {
                     true => value - self.unknowns[rows + i],
                     false => -value,
@@ -313,9 +296,7 @@ impl Nodes {
             for i in 0..n {
                 self.matrix[(rows + i) * (size + 1)] = 1.0;
             }
-            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-            full.slopes.tape.run(&mut self.registers);
-            let slopes = full.slopes.tape.results(&self.registers);
+            let slopes = self.at.eval(&full.slopes.tape);
             for (&(row, input), slope) in full.slopes.entries.iter().zip(slopes) {
                 let sign = if row < n { -1.0 } else { 1.0 };
                 let start = (rows + row) * size;
@@ -330,7 +311,7 @@ impl Nodes {
                     _ => self.matrix[start + rows + input - 1] += sign * slope,
                 }
             }
-            let z = &self.inputs[1 + n..=per_node];
+            let z = &self.at.inputs[1 + n..=per_node];
             for (k, pair) in system.pairs.iter().enumerate() {
                 let row = rows + n_rows + k;
                 let (a, b) = (pair.left.value(z), pair.right.value(z));

@@ -12,16 +12,15 @@
 
 use super::scheme::Scheme;
 use crate::fesd::system::Reduced;
+use crate::fesd::system::evaluator::Evaluator;
 use crate::linalg::DenseLu;
-use crate::tape::Tape;
 
 /// Steps of Newton's method with the first Jacobian: what is left is quadratic in what there was.
 const ITERATIONS: usize = 3;
 
 /// Memory for the end of an element.
 pub(crate) struct Projection {
-    inputs: Vec<f64>,
-    registers: Vec<f64>,
+    at: Evaluator,
     /// F_w, row by row.
     by_w: Vec<f64>,
     /// ∂r/∂x F_w.
@@ -34,16 +33,14 @@ impl Projection {
     /// Nothing where the end is a node, nothing slides, or an equation contains w.
     pub fn new(scheme: &Scheme, n: usize, reduced: &Reduced) -> Option<Self> {
         let n_w = reduced.unknowns.len();
-        let ends_at_node = scheme.nodes_at.last().is_none_or(Option::is_some);
+        let ends_at_node = scheme.points.nodes.last().is_none_or(Option::is_some);
         let contains_w = |&(row, input): &(usize, usize)| row >= n && input > n;
-        if n_w == 0 || ends_at_node || reduced.slopes.entries.iter().any(contains_w) {
+        if n_w == 0 || ends_at_node || reduced.equations.slopes.entries.iter().any(contains_w) {
             return None;
         }
-        let tapes = [&reduced.equations, &reduced.slopes.tape];
-        let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
+        let tapes = [&reduced.equations.tape, &reduced.equations.slopes.tape];
         Some(Projection {
-            inputs: vec![0.0; reduced.equations.n_inputs()],
-            registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
+            at: Evaluator::new(reduced.equations.tape.n_inputs(), tapes),
             by_w: vec![0.0; n * n_w],
             matrix: vec![0.0; n_w * n_w],
             lu: DenseLu::new(n_w),
@@ -62,21 +59,18 @@ impl Projection {
         x: &mut [f64],
     ) {
         let (n, n_w) = (x.len(), w.len());
-        self.inputs[0] = t;
-        self.inputs[1..=n].copy_from_slice(x);
-        self.inputs[1 + n..][..n_w].copy_from_slice(w);
-        self.inputs[1 + n + n_w..].copy_from_slice(numbers);
+        self.at.set(t, x.iter().chain(w).copied());
+        self.at.set_numbers(numbers);
         if !self.factor(reduced, n, n_w) {
             return;
         }
         for _ in 0..ITERATIONS {
-            run(&reduced.equations, &self.inputs, &mut self.registers);
-            let r = reduced.equations.results(&self.registers).skip(n);
+            let r = self.at.eval(&reduced.equations.tape).skip(n);
             for (rhs, r) in self.rhs.iter_mut().zip(r) {
                 *rhs = -r;
             }
             self.lu.solve(&mut self.rhs);
-            for (x, by_w) in self.inputs[1..=n]
+            for (x, by_w) in self.at.inputs[1..=n]
                 .iter_mut()
                 .zip(self.by_w.chunks_exact(n_w))
             {
@@ -87,29 +81,22 @@ impl Projection {
                     .sum::<f64>();
             }
         }
-        if self.inputs[1..=n].iter().all(|x| x.is_finite()) {
-            x.copy_from_slice(&self.inputs[1..=n]);
+        if self.at.inputs[1..=n].iter().all(|x| x.is_finite()) {
+            x.copy_from_slice(&self.at.inputs[1..=n]);
         }
     }
 
     /// Factors ∂r/∂x F_w where the inputs are.
     fn factor(&mut self, reduced: &Reduced, n: usize, n_w: usize) -> bool {
-        let slopes = &reduced.slopes;
-        run(&slopes.tape, &self.inputs, &mut self.registers);
-        let entries = || {
-            slopes
-                .entries
-                .iter()
-                .zip(slopes.tape.results(&self.registers))
-        };
+        let slopes = &reduced.equations.slopes;
         self.by_w.fill(0.0);
-        for (&(row, input), slope) in entries() {
+        for (&(row, input), slope) in slopes.entries.iter().zip(self.at.eval(&slopes.tape)) {
             if row < n && input > n {
                 self.by_w[row * n_w + input - 1 - n] = slope;
             }
         }
         self.matrix.fill(0.0);
-        for (&(row, input), slope) in entries() {
+        for (&(row, input), slope) in slopes.entries.iter().zip(self.at.results(&slopes.tape)) {
             if row >= n && (1..=n).contains(&input) {
                 let by_w = &self.by_w[(input - 1) * n_w..][..n_w];
                 let products = self.matrix[(row - n) * n_w..].iter_mut().zip(by_w);
@@ -120,9 +107,4 @@ impl Projection {
         }
         self.lu.factor(&self.matrix).is_ok()
     }
-}
-
-fn run(tape: &Tape, inputs: &[f64], registers: &mut [f64]) {
-    registers[..inputs.len()].copy_from_slice(inputs);
-    tape.run(registers);
 }

@@ -22,19 +22,75 @@ pub(crate) struct Scheme {
     pub powers: Vec<f64>,
     /// What V of a node adds to the coefficients of σ, σ², .. of ∫ V dσ, s × s, node by node.
     pub integrals: Vec<f64>,
-    /// Where members are looked at: 0, the nodes behind it, and 1.
-    pub points: Vec<f64>,
+    /// Where members are looked at.
+    pub points: Points,
+}
+
+/// 0, the nodes behind it, and 1.
+pub(crate) struct Points {
+    pub at: Vec<f64>,
     /// The point at every node.
-    pub points_at: Vec<usize>,
+    pub of_nodes: Vec<usize>,
     /// The node at every point; none at a start or end that is no node.
-    pub nodes_at: Vec<Option<usize>>,
-    /// Values at the points to coefficients in σ, points × points.
-    pub point_powers: Vec<f64>,
-    /// How far a polynomial may exceed its values at the points: max_σ Σ |L_j(σ)|.
+    pub nodes: Vec<Option<usize>>,
+    /// On [0, 1].
+    pub all: Interpolation,
+    /// Of the points behind 0, in powers of σ - σ₁, on [σ₁, 1].
+    pub inner: Interpolation,
+}
+
+/// The polynomial with given values at some points σ₀, σ₁, ..
+pub(crate) struct Interpolation {
+    /// Values to coefficients in σ - σ₀.
+    powers: Vec<f64>,
+    /// How far it may exceed its values: max_σ Σ |L_j(σ)|.
     pub lebesgue: f64,
-    /// The same for the points behind 0, in powers of σ - σ₁, on [σ₁, 1].
-    pub inner_powers: Vec<f64>,
-    pub inner_lebesgue: f64,
+}
+
+impl Interpolation {
+    fn new(points: &[f64]) -> Self {
+        let distances: Vec<f64> = points.iter().map(|point| point - points[0]).collect();
+        Interpolation {
+            powers: monomials(&distances),
+            lebesgue: lebesgue(points),
+        }
+    }
+
+    /// Coefficients of the polynomial with these values.
+    pub fn series(&self, values: &[f64], coefficients: &mut [f64]) {
+        interpolate(&self.powers, values.len(), |j| values[j], coefficients);
+    }
+}
+
+impl Points {
+    fn new(nodes: &[f64]) -> Self {
+        let mut at = Vec::with_capacity(nodes.len() + 2);
+        if nodes[0] != 0.0 {
+            at.push(0.0);
+        }
+        at.extend_from_slice(nodes);
+        if nodes[nodes.len() - 1] < 1.0 {
+            at.push(1.0);
+        }
+        at.dedup();
+        let node_at = |point: &f64| nodes.iter().rposition(|node| node == point);
+        let point_at = |node: &f64| at.iter().position(|point| point == node);
+        Points {
+            of_nodes: nodes.iter().filter_map(point_at).collect(),
+            nodes: at.iter().map(node_at).collect(),
+            all: Interpolation::new(&at),
+            inner: Interpolation::new(&at[1..]),
+            at,
+        }
+    }
+
+    /// Where the polynomial of an element is compared with its equation: between nodes, early and late.
+    pub fn probes(&self) -> [f64; 2] {
+        let points = &self.at;
+        let last = points.len() - 1;
+        let end = if last > 0 { points[last - 1] } else { 0.0 };
+        [0.5 * (points[0] + points[1.min(last)]), 0.5 * (end + 1.0)]
+    }
 }
 
 impl Scheme {
@@ -48,21 +104,6 @@ impl Scheme {
             };
             (0..groups).map(lane).collect()
         };
-        let starts_at_node = tableau.nodes[0] == 0.0;
-        let mut points = Vec::with_capacity(s + 2);
-        if !starts_at_node {
-            points.push(0.0);
-        }
-        points.extend_from_slice(&tableau.nodes);
-        if tableau.nodes[s - 1] < 1.0 {
-            points.push(1.0);
-        }
-        points.dedup();
-        let node_at = |point: &f64| tableau.nodes.iter().rposition(|node| node == point);
-        let nodes_at = points.iter().map(node_at).collect();
-        let point_at = |node: &f64| points.iter().position(|point| point == node);
-        let points_at = tableau.nodes.iter().filter_map(point_at).collect();
-        let inner: Vec<f64> = points[1..].iter().map(|point| point - points[1]).collect();
         let powers = powers(&tableau.nodes);
         let integral = |(j, k): (usize, usize)| powers[k * s + j] / (k + 1) as f64;
         let integrals = (0..s).flat_map(|j| (0..s).map(move |k| (j, k)));
@@ -75,48 +116,14 @@ impl Scheme {
                 .flat_map(|j| lanes(&|m| tableau.a[m * s + j]))
                 .collect(),
             powers,
-            point_powers: monomials(&points),
-            lebesgue: lebesgue(&points),
-            inner_powers: monomials(&inner),
-            inner_lebesgue: lebesgue(&points[1..]),
-            nodes_at,
-            points_at,
-            points,
+            points: Points::new(&tableau.nodes),
             tableau,
         }
-    }
-
-    /// Where the polynomial of an element is compared with its equation: between nodes, early and late.
-    pub fn probes(&self) -> [f64; 2] {
-        let points = &self.points;
-        let last = points.len() - 1;
-        let end = if last > 0 { points[last - 1] } else { 0.0 };
-        [0.5 * (points[0] + points[1.min(last)]), 0.5 * (end + 1.0)]
     }
 
     /// Coefficients in σ of the polynomial with these values at the nodes.
     pub fn series(&self, values: impl Fn(usize) -> f64, coefficients: &mut [f64]) {
         interpolate(&self.powers, self.s, values, coefficients);
-    }
-
-    /// Coefficients in σ of the polynomial with these values at the points.
-    pub fn point_series(&self, values: &[f64], coefficients: &mut [f64]) {
-        interpolate(
-            &self.point_powers,
-            self.points.len(),
-            |j| values[j],
-            coefficients,
-        );
-    }
-
-    /// Coefficients in σ - σ₁ of the polynomial with these values at the points behind 0.
-    pub fn inner_series(&self, values: impl Fn(usize) -> f64, coefficients: &mut [f64]) {
-        interpolate(
-            &self.inner_powers,
-            self.points.len() - 1,
-            values,
-            coefficients,
-        );
     }
 }
 

@@ -1,7 +1,7 @@
 //! What counts as zero: values of members below what rounding leaves of their terms.
 
-use super::slip::Slips;
-use crate::fesd::place::Place;
+use crate::fesd::modes::Modes;
+use crate::fesd::run::Run;
 use crate::fesd::system::{ComplementaritySystem, Member, NEGLIGIBLE, Pair, Zero};
 use crate::fesd::watch::BAND;
 
@@ -10,25 +10,22 @@ use crate::fesd::watch::BAND;
 pub(crate) struct Bands<'s> {
     pub system: &'s ComplementaritySystem,
     pub of: Vec<f64>,
+    /// How long steps are about.
+    pub length: f64,
 }
 
 impl<'s> Bands<'s> {
-    /// Those at a place, next to the sizes of the states.
-    pub fn at(
-        system: &'s ComplementaritySystem,
-        numbers: &[f64],
-        place: &Place,
-        scale: &[f64],
-        slips: &Slips,
-    ) -> Self {
+    /// Those where a run is.
+    pub fn at(modes: &Modes<'s>, run: &Run, length: f64) -> Self {
+        let (system, place) = (modes.system, &run.place);
         let (n, full) = (place.x.len(), &system.full);
-        let slopes = slopes(system, &place.point(numbers).with(&place.z));
+        let slopes = slopes(system, &place.point(&modes.numbers).with(&place.z));
         let n_rows = full.equations.n_outputs() - n;
         let mut sizes = vec![0.0; n_rows];
         for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {
             let scale = match input {
                 0 => place.t.abs(),
-                _ if input <= n => scale[input - 1],
+                _ if input <= n => run.scale[input - 1],
                 _ => continue,
             };
             if row >= n {
@@ -49,8 +46,8 @@ impl<'s> Bands<'s> {
             BAND * continuous.map(size).fold(0.0, f64::max)
         };
         let mut of: Vec<f64> = system.pairs.iter().map(band).collect();
-        slips.raise(system, &mut of);
-        Bands { system, of }
+        run.slips.raise(system, &mut of);
+        Bands { system, of, length }
     }
 
     /// The largest size of a member.
@@ -79,17 +76,13 @@ impl<'s> Bands<'s> {
 /// Raises the sizes of algebraic states by what they balance: y = 0 is known to the rounding of the other terms of
 /// its rows, the least of (Σ |∂g/∂x_j x_j| + |g - ∇g·(x, z)|) / |∂g/∂y| without its own, next to which it may be
 /// [`NEGLIGIBLE`].
-pub(crate) fn measure_balance(
-    system: &ComplementaritySystem,
-    numbers: &[f64],
-    place: &Place,
-    scale: &mut [f64],
-) {
+pub(crate) fn measure_balance(modes: &Modes, run: &mut Run) {
+    let (system, place, scale) = (modes.system, &run.place, &mut run.scale);
     let (n, full, algebraic) = (place.x.len(), &system.full, &system.algebraic_states);
     if algebraic.is_empty() {
         return;
     }
-    let inputs = place.point(numbers).with(&place.z);
+    let inputs = place.point(&modes.numbers).with(&place.z);
     let slopes = slopes(system, &inputs);
     let mut left = vec![0.0; full.equations.n_outputs()];
     full.equations

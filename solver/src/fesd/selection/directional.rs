@@ -13,6 +13,7 @@ use std::f64::consts::TAU;
 
 use super::independent::{MAX_OPEN, rate_scale};
 use crate::fesd::element::blocks::Blocks;
+use crate::fesd::system::evaluator::Evaluator;
 use crate::fesd::system::{ComplementaritySystem, Full, Member, Zero};
 use crate::fesd::watch::Start;
 use crate::linalg::newton::Newton;
@@ -57,8 +58,8 @@ pub(crate) struct Found {
 
 /// Solves the directional problem.
 pub(crate) struct Directional {
-    inputs: Vec<f64>,
-    registers: Vec<f64>,
+    /// t, x, z, u and the numbers.
+    at: Evaluator,
     /// Rows of g, then of the pairs.
     pub(crate) matrix: Blocks,
     pub(crate) rhs: Vec<f64>,
@@ -76,7 +77,6 @@ impl Directional {
             &full.directional_slopes.tape,
             &full.rates,
         ];
-        let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         let n_equations = full.directional.n_outputs();
         let entries = full.directional_slopes.entries.iter();
         let entries = entries.map(|&(row, input)| (row, input - (1 + n + n_z)));
@@ -84,8 +84,7 @@ impl Directional {
             [pair.left, pair.right].map(|member| (n_equations + k, member.variable))
         });
         Directional {
-            inputs: vec![0.0; 1 + n + 2 * n_z + system.n_numbers()],
-            registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
+            at: Evaluator::new(1 + n + 2 * n_z + system.n_numbers(), tapes),
             matrix: Blocks::new(n_z, entries.chain(members)),
             rhs: vec![0.0; n_z],
             residual: vec![0.0; n_equations],
@@ -96,8 +95,7 @@ impl Directional {
 
     /// Takes the numbers that hold from here on.
     pub fn set_numbers(&mut self, numbers: &[f64]) {
-        let first = self.inputs.len() - numbers.len();
-        self.inputs[first..].copy_from_slice(numbers);
+        self.at.set_numbers(numbers);
     }
 
     /// The active sets that go on from the present point, where the system is at z with the set `zeros`.
@@ -142,9 +140,7 @@ impl Directional {
 
     /// Moves to a point.
     pub fn set(&mut self, t: f64, x: &[f64], z: &[f64]) {
-        self.inputs[0] = t;
-        self.inputs[1..=self.n].copy_from_slice(x);
-        self.inputs[1 + self.n..][..z.len()].copy_from_slice(z);
+        self.at.set(t, x.iter().chain(z).copied());
     }
 
     /// The choice of one active set at the point of the last [`Directional::choices`], with u from a
@@ -337,12 +333,9 @@ impl Directional {
 
     /// f where the problem was solved.
     fn rates(&mut self, system: &ComplementaritySystem, u: &[f64]) -> Vec<f64> {
-        let full = &system.full;
         let n_z = u.len();
-        self.inputs[1 + self.n + n_z..][..n_z].copy_from_slice(u);
-        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-        full.rates.run(&mut self.registers);
-        full.rates.results(&self.registers).collect()
+        self.at.inputs[1 + self.n + n_z..][..n_z].copy_from_slice(u);
+        self.at.eval(&system.full.rates).collect()
     }
 
     /// u with these members zero, from a guess; none where the equations contradict that or do not
@@ -394,18 +387,14 @@ impl Directional {
     pub(crate) fn linearize(&mut self, system: &ComplementaritySystem, u: &[f64]) {
         let (full, n_z) = (&system.full, u.len());
         let first = 1 + self.n + n_z;
-        self.inputs[first..][..n_z].copy_from_slice(u);
-        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-        full.directional.run(&mut self.registers);
-        let values = full.directional.results(&self.registers);
+        self.at.inputs[first..][..n_z].copy_from_slice(u);
+        let values = self.at.eval(&full.directional);
         for (residual, value) in self.residual.iter_mut().zip(values) {
             *residual = -value;
         }
         self.rhs[..self.residual.len()].copy_from_slice(&self.residual);
-        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-        full.directional_slopes.tape.run(&mut self.registers);
         self.matrix.clear();
-        let slopes = full.directional_slopes.tape.results(&self.registers);
+        let slopes = self.at.eval(&full.directional_slopes.tape);
         for (&(row, input), slope) in full.directional_slopes.entries.iter().zip(slopes) {
             *self.matrix.entry(row, input - first) = slope;
         }
@@ -474,6 +463,15 @@ fn from_directions(
         };
         starts.iter().flat_map(moved).collect()
     })
+}
+
+/// The switches that some pairs are about, in order.
+pub(crate) fn switches_of(system: &ComplementaritySystem, pairs: &[usize]) -> Vec<usize> {
+    let switches = pairs.iter().flat_map(|&pair| &system.switches_of[pair]);
+    let mut switches: Vec<usize> = switches.copied().collect();
+    switches.sort_unstable();
+    switches.dedup();
+    switches
 }
 
 pub(crate) fn is_near(a: &[f64], b: &[f64]) -> bool {

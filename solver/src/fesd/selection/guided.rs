@@ -28,10 +28,10 @@ impl Guided<'_> {
         directional: &mut Directional,
         run: &mut Run,
         bands: &Bands,
-        horizon: f64,
     ) -> Result<Choice, Status> {
-        let next = self.ask(run, None, &[], None)?;
-        named(directional, run, &next, bands, horizon)
+        let choice = self.ask(directional, run, None, &[], bands);
+        run.decisions.clear();
+        choice
     }
 
     /// The set that goes on where an element has ended on its boundary.
@@ -41,12 +41,11 @@ impl Guided<'_> {
         modes: &mut Modes,
         run: &mut Run,
         bands: &Bands,
-        length: f64,
     ) -> Result<Choice, Status> {
         let (sides, alpha) = modes.switches(run);
         let mut triggers = triggers(bands, &run.place.z, &sides, &alpha);
         triggers.extend(run.fold);
-        self.go_on(directional, run, (&sides, &alpha), &triggers, bands, length)
+        self.ask(directional, run, Some((&sides, &alpha)), &triggers, bands)
     }
 
     /// The set that goes on where functions of time do with other pieces, on which no ψ depends: what slides may
@@ -57,46 +56,33 @@ impl Guided<'_> {
         modes: &mut Modes,
         run: &mut Run,
         bands: &Bands,
-        length: f64,
     ) -> Result<Choice, Status> {
         let (sides, alpha) = modes.switches(run);
         let slides = (0..sides.len()).filter(|&i| sides[i] == Side::Slide);
         let triggers: Vec<usize> = slides.collect();
-        self.go_on(directional, run, (&sides, &alpha), &triggers, bands, length)
-    }
-
-    fn go_on(
-        &mut self,
-        directional: &mut Directional,
-        run: &mut Run,
-        before: (&[Side], &[f64]),
-        triggers: &[usize],
-        bands: &Bands,
-        length: f64,
-    ) -> Result<Choice, Status> {
-        let fold = run.fold.take();
-        let next = self.ask(run, Some(before), triggers, fold)?;
-        let choice = named(directional, run, &next, bands, length)?;
-        run.decisions = next.decisions;
-        Ok(choice)
+        self.ask(directional, run, Some((&sides, &alpha)), &triggers, bands)
     }
 
     fn ask(
         &mut self,
-        run: &Run,
+        directional: &mut Directional,
+        run: &mut Run,
         before: Option<(&[Side], &[f64])>,
         triggers: &[usize],
-        fold: Option<usize>,
-    ) -> Result<Next, Status> {
-        self.selector.next(Query {
+        bands: &Bands,
+    ) -> Result<Choice, Status> {
+        let next = self.selector.next(Query {
             t: run.place.t,
             t1: run.t1,
             x: &run.place.x,
             scale: &run.scale,
             before,
             triggers,
-            fold,
-        })
+            fold: run.fold.take(),
+        })?;
+        let choice = named(directional, run, &next, bands)?;
+        run.decisions = next.decisions;
+        Ok(choice)
     }
 }
 
@@ -164,7 +150,6 @@ fn named(
     run: &mut Run,
     next: &Next,
     bands: &Bands,
-    length: f64,
 ) -> Result<Choice, Status> {
     let (system, z) = (bands.system, &run.place.z);
     let mut zeros = Vec::with_capacity(system.pairs.len());
@@ -210,7 +195,7 @@ fn named(
     let gaps = bands.largest_size();
     let mut found = vec![(zeros, u)];
     found.extend(sides_of(directional, bands, &found[0], z));
-    let rate_scale = rate_scale(system, &found).max(f64::EPSILON * gaps / length);
+    let rate_scale = rate_scale(system, &found).max(f64::EPSILON * gaps / bands.length);
     let solved = found.swap_remove(0);
     let choice = directional.choice(system, solved, z, &bands.of, rate_scale);
     let choice = choice.ok_or_else(|| Status::NoSolution {

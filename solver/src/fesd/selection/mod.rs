@@ -17,7 +17,7 @@ use super::run::Run;
 use super::system::{ComplementaritySystem, Pair, Zero};
 use super::watch::BAND;
 use crate::fesd::selection::bands::{Bands, measure_balance};
-use crate::fesd::selection::directional::{Choice, Directional, Found};
+use crate::fesd::selection::directional::{Choice, Directional, Found, switches_of};
 use crate::fesd::selection::element_mcp::{ElementMcp, MAX_ELEMENTS, SHRINK};
 use crate::fesd::selection::guided::Guided;
 use crate::fesd::selection::trial::Trials;
@@ -75,13 +75,13 @@ impl<'s> Selection<'s> {
     /// Finds the set that a run starts with.
     pub fn begin(&mut self, modes: &mut Modes, run: &mut Run, horizon: f64) -> Result<(), Status> {
         if let Some(guided) = &mut self.guided {
-            let bands = bands(self.system, modes, run);
-            let choice = guided.begin(&mut self.directional, run, &bands, horizon)?;
+            let bands = Bands::at(modes, run, horizon);
+            let choice = guided.begin(&mut self.directional, run, &bands)?;
             return self.take(modes, run, choice, &bands);
         }
         run.slips.step = horizon;
-        measure_balance(self.system, &modes.numbers, &run.place, &mut run.scale);
-        let bands = bands(self.system, modes, run);
+        measure_balance(modes, run);
+        let bands = Bands::at(modes, run, horizon);
         // Off its surface the continuous member is positive, and the other one zero.
         let zero = |(pair, band): (&Pair, &f64)| {
             let side = match self.system.is_continuous(pair.left.variable) {
@@ -96,7 +96,7 @@ impl<'s> Selection<'s> {
             }
         };
         run.place.zeros = self.system.pairs.iter().zip(&bands.of).map(zero).collect();
-        self.select_from(modes, run, &bands, horizon)
+        self.select_from(modes, run, &bands)
     }
 
     /// Goes on from a breakpoint: what depends on data may jump there, λ with it, and is computed anew
@@ -110,8 +110,8 @@ impl<'s> Selection<'s> {
         let Some(guided) = &mut self.guided else {
             return self.begin_led(modes, run, Vec::new(), length);
         };
-        let bands = bands(self.system, modes, run);
-        let choice = guided.pass(&mut self.directional, modes, run, &bands, length)?;
+        let bands = Bands::at(modes, run, length);
+        let choice = guided.pass(&mut self.directional, modes, run, &bands)?;
         self.take(modes, run, choice, &bands)
     }
 
@@ -121,10 +121,10 @@ impl<'s> Selection<'s> {
             return Err(Status::Unsolved);
         }
         run.slips.step = length;
-        measure_balance(self.system, &modes.numbers, &run.place, &mut run.scale);
-        let bands = bands(self.system, modes, run);
+        measure_balance(modes, run);
+        let bands = Bands::at(modes, run, length);
         if let Some(guided) = &mut self.guided {
-            let choice = guided.select(&mut self.directional, modes, run, &bands, length)?;
+            let choice = guided.select(&mut self.directional, modes, run, &bands)?;
             return self.take(modes, run, choice, &bands);
         }
         let led = self.led(modes, run);
@@ -132,9 +132,8 @@ impl<'s> Selection<'s> {
             return self.begin_led(modes, run, led, length);
         }
         let tolerance = self.choices.tolerance;
-        self.directional
-            .note_together(run, &bands, length, tolerance);
-        self.select_from(modes, run, &bands, length)
+        self.directional.note_together(run, &bands, tolerance);
+        self.select_from(modes, run, &bands)
     }
 
     /// The sides of switches that lead, those on the other one that have come to their surface; none where none has.
@@ -187,20 +186,19 @@ impl<'s> Selection<'s> {
         modes: &mut Modes,
         run: &mut Run,
         bands: &Bands,
-        length: f64,
     ) -> Result<(), Status> {
-        slip::rest(bands, &modes.numbers, &mut run.place);
+        slip::rest(self.system, &bands.of, &modes.numbers, &mut run.place);
         // Where a force balances the rates, no choice has a rate that shows the size of their terms: what
         // moves a gap by no more than rounding within a step is none.
         let gaps = self.system.pairs.iter().zip(&bands.of);
         let gaps = gaps.filter(|(pair, _)| !pair.is_bounded);
-        let least = gaps.fold(0.0_f64, |size, (_, band)| size.max(band / BAND)) / length;
+        let least = gaps.fold(0.0_f64, |size, (_, band)| size.max(band / BAND)) / bands.length;
         let place = &run.place;
         self.directional.set(place.t, &place.x, &place.z);
         let found =
             (self.directional).choices(self.system, &place.zeros, &place.z, &bands.of, least);
         // Choices with the same rates are one solution.
-        let sizes = sizes_of_rates(run, &found, length);
+        let sizes = sizes_of_rates(run, &found, bands.length);
         let mut classes: Vec<Vec<Choice>> = Vec::new();
         for choice in found.choices.iter().cloned() {
             match classes
@@ -224,11 +222,11 @@ impl<'s> Selection<'s> {
         let mut accepted: Vec<Choice> = Vec::new();
         for class in &classes {
             let certain = class.iter().find(|choice| choice.strict).cloned();
-            let confirmed = || (self.trials).confirmed(modes, run, class, bands, length);
+            let confirmed = || (self.trials).confirmed(modes, run, class, bands);
             accepted.extend(certain.or_else(confirmed));
         }
         match accepted.len() {
-            0 => self.take_whole(modes, run, &found, bands, length),
+            0 => self.take_whole(modes, run, &found, bands),
             1 => {
                 run.record.rungs.tried += 1;
                 if !found.complete {
@@ -247,12 +245,11 @@ impl<'s> Selection<'s> {
         run: &mut Run,
         found: &Found,
         bands: &Bands,
-        length: f64,
     ) -> Result<(), Status> {
         // The problem of a whole element has no place for what sets off.
         let mut discs = self.system.discs.iter();
         if !discs.any(|disc| found.open.contains(&disc.pair)) {
-            if let Some(choice) = self.whole(modes, run, bands, length) {
+            if let Some(choice) = self.whole(modes, run, bands) {
                 run.record.rungs.whole += 1;
                 self.note_unsearched(run, found);
                 return self.take(modes, run, choice, bands);
@@ -261,7 +258,7 @@ impl<'s> Selection<'s> {
             self.choices.limit.check()?;
         }
         let switches = match modes.all.get(run.place.mode) {
-            Some(_) => self.system.switches_of_pairs(&found.open),
+            Some(_) => switches_of(self.system, &found.open),
             None => Vec::new(),
         };
         Err(Status::NoSolution { switches })
@@ -269,15 +266,9 @@ impl<'s> Selection<'s> {
 
     /// The set of the first nodes of an element about as long as `length`, where an element of that set up to the first
     /// node confirms it.
-    fn whole(
-        &mut self,
-        modes: &mut Modes,
-        run: &mut Run,
-        bands: &Bands,
-        length: f64,
-    ) -> Option<Choice> {
+    fn whole(&mut self, modes: &mut Modes, run: &mut Run, bands: &Bands) -> Option<Choice> {
         self.element_mcp.begin(modes, &run.place);
-        let mut h = length;
+        let mut h = bands.length;
         for _ in 0..MAX_ELEMENTS {
             let limit = &self.choices.limit;
             if limit.is_over() {
@@ -326,7 +317,7 @@ impl<'s> Selection<'s> {
         let candidates = candidates(&sides);
         Err(match candidates.iter().all(Vec::is_empty) {
             true => Status::Unweighted {
-                switches: self.system.switches_of_pairs(&found.open),
+                switches: switches_of(self.system, &found.open),
             },
             false => Status::NonUnique(candidates),
         })
@@ -342,7 +333,7 @@ impl<'s> Selection<'s> {
     fn note_unsearched(&self, run: &mut Run, found: &Found) {
         run.record.notes.push(Note::Unsearched {
             time: run.place.t,
-            switches: self.system.switches_of_pairs(&found.open),
+            switches: switches_of(self.system, &found.open),
         });
     }
 
@@ -359,7 +350,7 @@ impl<'s> Selection<'s> {
             let differing = both.filter(|(_, (a, b))| a != b);
             let pairs: Vec<usize> = differing.map(|(pair, _)| pair).collect();
             return Err(Status::Undetermined {
-                switches: self.system.switches_of_pairs(&pairs),
+                switches: switches_of(self.system, &pairs),
             });
         };
         let reduced = &*modes.all[mode].element.reduced;
@@ -384,20 +375,20 @@ impl<'s> Selection<'s> {
                 *z = *u;
             }
         }
-        let (x, departures) = run
-            .slips
-            .set_off(bands, &modes.numbers, place, &choice, reduced);
+        let (x, departures) = run.slips.set_off(
+            self.system,
+            &bands.of,
+            &modes.numbers,
+            place,
+            &choice,
+            reduced,
+        );
         place.x = x;
         run.slips.keep(&self.system.discs, place, departures);
         (place.mode, place.zeros) = (mode, choice.zeros);
         entry.rates = choice.rates;
         Ok(())
     }
-}
-
-/// What counts as zero where a run is.
-fn bands<'s>(system: &'s ComplementaritySystem, modes: &Modes, run: &Run) -> Bands<'s> {
-    Bands::at(system, &modes.numbers, &run.place, &run.scale, &run.slips)
 }
 
 /// The only one of several modes, by their sides, in which the switches that are to be below their surfaces are.

@@ -5,7 +5,7 @@
 //! parallel, and with another field, if that is large between surfaces close together.
 
 use super::bands::Bands;
-use super::directional::{Choice, Directional};
+use super::directional::{Choice, Directional, agree, switches_of};
 use crate::fesd::place::Place;
 use crate::fesd::run::Run;
 use crate::fesd::system::ComplementaritySystem;
@@ -21,14 +21,8 @@ const MOST: usize = 8;
 impl Directional {
     /// Takes note of members that are zero at once where it matters which vanishes first: where states differ by more
     /// than a tolerance, relative to their sizes.
-    pub(crate) fn note_together(
-        &mut self,
-        run: &mut Run,
-        bands: &Bands,
-        length: f64,
-        tolerance: f64,
-    ) {
-        let (system, bands) = (bands.system, &bands.of);
+    pub(crate) fn note_together(&mut self, run: &mut Run, bands: &Bands, tolerance: f64) {
+        let (system, length, bands) = (bands.system, bands.length, &bands.of);
         let pairs = &system.pairs;
         // What was positive with the present set, and is zero now.
         let met = |&at: &usize| {
@@ -60,7 +54,7 @@ impl Directional {
             let mut rates = between.rates.iter().zip(&all.rates).zip(&run.scale);
             if rates.any(|((a, b), scale)| (a - b).abs() * lasts > tolerance * scale) {
                 let mut switches = system.switches_of[at].to_vec();
-                for other in system.switches_of_pairs(&met) {
+                for other in switches_of(system, &met) {
                     if !switches.contains(&other) {
                         switches.push(other);
                     }
@@ -94,8 +88,7 @@ impl Directional {
         let found = self.choices(system, &place.zeros, &place.z, bands, least);
         let mut choices = found.choices.into_iter().filter(|choice| choice.strict);
         let first = choices.next()?;
-        let is_same =
-            |other: Choice| super::directional::agree(&first, &other, least, &found.sizes);
+        let is_same = |other: Choice| agree(&first, &other, least, &found.sizes);
         choices.all(is_same).then_some(first)
     }
 }

@@ -6,7 +6,6 @@
 //! so small that it does not matter, w is set to zero, and the directional problem says what comes next: u so that w
 //! rests, or the direction that w sets off in. Then w has a small length in that direction.
 
-use super::bands::Bands;
 use super::directional::Choice;
 use crate::fesd::element::Departure;
 use crate::fesd::place::Place;
@@ -58,29 +57,30 @@ impl Slips {
     /// What sets off with a choice, and the states that have it do so.
     pub fn set_off(
         &self,
-        bands: &Bands,
+        system: &ComplementaritySystem,
+        bands: &[f64],
         numbers: &[f64],
         place: &Place,
         choice: &Choice,
         reduced: &Reduced,
     ) -> (Vec<f64>, Vec<Departure>) {
         let (mut x, mut departures) = (place.x.clone(), Vec::new());
-        for disc in &bands.system.discs {
+        for disc in &system.discs {
             let leaves = choice.zeros[disc.pair] == Zero::Right
-                && place.z[disc.slip] <= bands.of[disc.pair]
+                && place.z[disc.slip] <= bands[disc.pair]
                 && reduced.unknowns.contains(&disc.slip);
             if !leaves {
                 continue;
             }
             let u = disc.alphas.map(|z| 2.0 * choice.u[z] - 1.0);
             let rate = choice.u[disc.slip];
-            let least = f64::max(0.5 * bands.of[disc.pair], AT_ONCE * self.step * rate.abs());
+            let least = f64::max(0.5 * bands[disc.pair], AT_ONCE * self.step * rate.abs());
             let speed = DEPARTS * least;
             let point = Point {
                 x: &x,
                 ..place.point(numbers)
             };
-            x = with_slip(bands.system, point, &place.z, disc, u.map(|u| speed * u));
+            x = with_slip(system, point, &place.z, disc, u.map(|u| speed * u));
             departures.push(Departure {
                 slip: disc.slip,
                 speed,
@@ -107,13 +107,18 @@ impl Slips {
 }
 
 /// Sets slip velocities that are next to none to zero; the others slip.
-pub(crate) fn rest(bands: &Bands, numbers: &[f64], place: &mut Place) {
-    for disc in &bands.system.discs {
-        if place.z[disc.slip] > bands.of[disc.pair] {
+pub(crate) fn rest(
+    system: &ComplementaritySystem,
+    bands: &[f64],
+    numbers: &[f64],
+    place: &mut Place,
+) {
+    for disc in &system.discs {
+        if place.z[disc.slip] > bands[disc.pair] {
             place.zeros[disc.pair] = Zero::Right;
             continue;
         }
-        let x = with_slip(bands.system, place.point(numbers), &place.z, disc, [0.0; 2]);
+        let x = with_slip(system, place.point(numbers), &place.z, disc, [0.0; 2]);
         for ((low, x), before) in place.low.iter_mut().zip(&x).zip(&place.x) {
             if x != before {
                 *low = 0.0;

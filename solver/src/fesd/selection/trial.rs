@@ -41,14 +41,13 @@ impl Trials {
     pub fn confirmed(
         &mut self,
         modes: &mut Modes,
-        run: &Run,
+        run: &mut Run,
         class: &[Choice],
         bands: &Bands,
-        length: f64,
     ) -> Option<Choice> {
         let mut left: Vec<&Choice> = class.iter().collect();
         let mut tied = None;
-        let mut h = TRIAL * length;
+        let mut h = TRIAL * bands.length;
         loop {
             let mut open = Vec::with_capacity(left.len());
             for choice in left {
@@ -60,11 +59,11 @@ impl Trials {
                 }
                 open.push(choice);
             }
-            if open.is_empty() || h >= length {
+            if open.is_empty() || h >= bands.length {
                 return tied.cloned();
             }
             left = open;
-            h = (LONGER * h).min(length);
+            h = (LONGER * h).min(bands.length);
         }
     }
 
@@ -72,7 +71,7 @@ impl Trials {
     pub fn passes(
         &mut self,
         modes: &mut Modes,
-        run: &Run,
+        run: &mut Run,
         choice: &Choice,
         bands: &Bands,
         h: f64,
@@ -87,7 +86,7 @@ impl Trials {
     fn trial(
         &mut self,
         modes: &mut Modes,
-        run: &Run,
+        run: &mut Run,
         choice: &Choice,
         bands: &Bands,
         h: f64,
@@ -105,14 +104,27 @@ impl Trials {
             false => choice.u[i],
         });
         let w: Vec<f64> = w.collect();
-        let (x, departures) =
-            (run.slips).set_off(bands, &modes.numbers, &run.place, choice, &reduced);
+        let (x, departures) = (run.slips).set_off(
+            system,
+            &bands.of,
+            &modes.numbers,
+            &run.place,
+            choice,
+            &reduced,
+        );
         let watched = &reduced.watched;
         let sizes = watched.iter().map(|w| bands.size(&choice.zeros, w.pair));
         let mut sizes: Vec<f64> = sizes.collect();
-        element.guess(&choice.rates, &w);
+        element.stages.guess(&choice.rates, &w);
         element.set_off(scheme, &departures, h);
-        let solved = element.solve(scheme, run.place.t, h, &x, &run.scale);
+        let solved = element.solve(
+            scheme,
+            run.place.t,
+            h,
+            &x,
+            &run.scale,
+            &mut run.record.stats,
+        );
         let evaluated = solved.and_then(|()| self.values.evaluate(scheme, element, hidden));
         if evaluated.is_err() {
             return Trial::Fails;

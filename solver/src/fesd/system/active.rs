@@ -1,8 +1,8 @@
 //! The functions of a complementarity system in one active set.
 
-use super::full::{NO_DIRECTION, partials};
+use super::full::{Functions, NO_DIRECTION};
 use super::reduce::{Remainder, eliminate};
-use crate::fesd::system::{ComplementaritySystem, Disc, Kept, Reduced, Watched, Zero};
+use crate::fesd::system::{ComplementaritySystem, Disc, Reduced, Watched, Zero};
 use crate::hybrid::Side;
 use crate::tape::{Sum, Sums, Tape};
 
@@ -112,19 +112,18 @@ impl ComplementaritySystem {
         let members = shown.sums.tape(&members, &inputs);
         // Time and numbers may have any part.
         let n = 1 + self.n_states() + unknowns.len();
-        let slopes = partials(&equations, |input| input < n);
+        let differentiated = |tape| Functions::new(tape, |input| input < n);
+        let equations = differentiated(equations);
+        let slopes = &equations.slopes;
         let is_constant = |(at, &(_, input)): (usize, &(usize, usize))| {
             input == 0 || slopes.tape.number(at).is_some()
         };
         Some(Reduced {
             is_linear: slopes.entries.iter().enumerate().all(is_constant),
-            slopes,
-            hidden_slopes: partials(&hidden, |input| input < n),
-            hidden,
+            hidden: differentiated(hidden),
             algebraics: shown.sums.tape(&algebraics, &inputs),
             kept: self.kept(&kept),
-            member_slopes: partials(&members, |input| input < n),
-            members,
+            members: differentiated(members),
             watched,
             has_branches: (sides.iter().zip(&self.switches))
                 .any(|(side, switch)| switch.is_nonlinear && *side == Side::Slide),
@@ -168,7 +167,7 @@ impl ComplementaritySystem {
     }
 
     /// The followers and what they follow.
-    fn kept(&self, kept: &[(usize, usize)]) -> Option<Kept> {
+    fn kept(&self, kept: &[(usize, usize)]) -> Option<Functions> {
         let mut switches: Vec<usize> = kept.iter().flat_map(|&(i, j)| [i, j]).collect();
         switches.sort_unstable();
         switches.dedup();
@@ -184,10 +183,7 @@ impl ComplementaritySystem {
         let psi: Vec<Sum> = switches.iter().map(|&k| psi[k].clone()).collect();
         let numbers = 1 + n + self.n_switches()..inputs.len();
         let values = sums.tape(&psi, &(0..=n).chain(numbers).collect::<Vec<_>>());
-        Some(Kept {
-            slopes: partials(&values, |input| (1..=n).contains(&input)),
-            values,
-        })
+        Some(Functions::new(values, |input| (1..=n).contains(&input)))
     }
 }
 

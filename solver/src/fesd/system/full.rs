@@ -35,6 +35,25 @@ struct Directions<'k> {
     values: Vec<Sum>,
 }
 
+/// Functions with their partial derivatives.
+#[derive(Clone, Debug)]
+pub struct Functions {
+    /// The functions.
+    pub tape: Tape,
+    /// Their partial derivatives.
+    pub slopes: Partials,
+}
+
+impl Functions {
+    /// Functions with their partial derivatives by some inputs.
+    pub(crate) fn new(tape: Tape, by: impl Fn(usize) -> bool) -> Self {
+        Functions {
+            slopes: partials(&tape, by),
+            tape,
+        }
+    }
+}
+
 impl Full {
     /// The functions by (f, g) and α, both of (t, x, z, numbers).
     pub fn new(equations: Tape, alphas: Tape, kinds: Kinds) -> Self {

@@ -1,6 +1,7 @@
 //! w in a single point: where a residual contains no w, its derivative along f determines it.
 
 use crate::fesd::system::Reduced;
+use crate::fesd::system::evaluator::Evaluator;
 use crate::linalg::DenseLu;
 use crate::linalg::newton::{Newton, subtract};
 
@@ -22,8 +23,7 @@ const NEWTON: Newton = Newton {
 /// Memory to solve for w in a point.
 pub(crate) struct Hidden {
     /// t, x, w, and the numbers that change at breakpoints.
-    pub inputs: Vec<f64>,
-    registers: Vec<f64>,
+    at: Evaluator,
     values: Vec<f64>,
     matrix: Vec<f64>,
     lu: DenseLu,
@@ -35,19 +35,17 @@ impl Hidden {
     pub fn new(n: usize, n_numbers: usize, reduced: &Reduced) -> Self {
         let n_w = reduced.unknowns.len();
         let tapes = [
-            &reduced.hidden,
-            &reduced.hidden_slopes.tape,
-            &reduced.members,
-            &reduced.member_slopes.tape,
+            &reduced.hidden.tape,
+            &reduced.hidden.slopes.tape,
+            &reduced.members.tape,
+            &reduced.members.slopes.tape,
             &reduced.algebraics,
             &reduced.alphas,
-            &reduced.equations,
+            &reduced.equations.tape,
         ];
-        let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         Hidden {
-            inputs: vec![0.0; 1 + n + n_w + n_numbers],
-            registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
-            values: vec![0.0; reduced.hidden_slopes.entries.len().max(n_w)],
+            at: Evaluator::new(1 + n + n_w + n_numbers, tapes),
+            values: vec![0.0; reduced.hidden.slopes.entries.len().max(n_w)],
             matrix: vec![0.0; n_w * n_w],
             lu: DenseLu::new(n_w),
             n,
@@ -57,29 +55,23 @@ impl Hidden {
 
     /// Moves to a point, with a guess of w.
     pub fn set(&mut self, t: f64, x: impl Iterator<Item = f64>, w: &[f64]) {
-        self.inputs[0] = t;
-        for (input, x) in self.inputs[1..=self.n].iter_mut().zip(x) {
-            *input = x;
-        }
-        self.inputs[1 + self.n..][..w.len()].copy_from_slice(w);
+        self.at.set(t, x.take(self.n));
+        self.at.inputs[1 + self.n..][..w.len()].copy_from_slice(w);
     }
 
     /// Takes the numbers that hold from here on.
     pub fn set_numbers(&mut self, numbers: &[f64]) {
-        let first = 1 + self.n + self.n_w;
-        self.inputs[first..].copy_from_slice(numbers);
+        self.at.set_numbers(numbers);
     }
 
     /// w of the point.
     pub fn w(&self) -> &[f64] {
-        &self.inputs[1 + self.n..][..self.n_w]
+        &self.at.inputs[1 + self.n..][..self.n_w]
     }
 
     /// Evaluates a tape where the point is.
     pub fn eval<'h>(&'h mut self, tape: &'h crate::tape::Tape) -> impl Iterator<Item = f64> + 'h {
-        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-        tape.run(&mut self.registers);
-        tape.results(&self.registers)
+        self.at.eval(tape)
     }
 
     /// Solves for w where the point is; leaves ∂hidden/∂w factored.
@@ -90,14 +82,12 @@ impl Hidden {
         }
         let converges = NEWTON.iterate(|| {
             self.factor(reduced)?;
-            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-            reduced.hidden.run(&mut self.registers);
-            let found = reduced.hidden.results(&self.registers);
+            let found = self.at.eval(&reduced.hidden.tape);
             for (value, found) in self.values.iter_mut().zip(found) {
                 *value = found;
             }
             self.lu.solve(&mut self.values[..n_w]);
-            let w = &mut self.inputs[1 + self.n..][..n_w];
+            let w = &mut self.at.inputs[1 + self.n..][..n_w];
             Ok(subtract(w, &self.values[..n_w]))
         })?;
         converges.then_some(()).ok_or(Unsolved::Diverged)
@@ -114,7 +104,7 @@ impl Hidden {
         let n = self.n;
         by_time.clear();
         by_time.resize(self.n_w, 0.0);
-        let slopes = &reduced.hidden_slopes;
+        let slopes = &reduced.hidden.slopes;
         for (&(row, input), slope) in slopes.entries.iter().zip(self.eval(&slopes.tape)) {
             match input {
                 0 => by_time[row] -= slope,
@@ -136,11 +126,9 @@ impl Hidden {
 
     fn factor(&mut self, reduced: &Reduced) -> Result<(), Unsolved> {
         let n_w = reduced.unknowns.len();
-        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-        reduced.hidden_slopes.tape.run(&mut self.registers);
-        let results = reduced.hidden_slopes.tape.results(&self.registers);
+        let results = self.at.eval(&reduced.hidden.slopes.tape);
         self.matrix.fill(0.0);
-        for (&(row, input), slope) in reduced.hidden_slopes.entries.iter().zip(results) {
+        for (&(row, input), slope) in reduced.hidden.slopes.entries.iter().zip(results) {
             if input > self.n {
                 self.matrix[row * n_w + input - 1 - self.n] = slope;
             }
@@ -157,16 +145,15 @@ impl Hidden {
         by_x: &mut [f64],
     ) -> Result<(f64, f64), Unsolved> {
         let n_w = reduced.unknowns.len();
-        let value = self.eval(&reduced.members).nth(member).unwrap_or(f64::NAN);
+        let value = self
+            .eval(&reduced.members.tape)
+            .nth(member)
+            .unwrap_or(f64::NAN);
         by_x.fill(0.0);
         let (mut rate, mut by_w) = (0.0, vec![0.0; n_w]);
         let n = self.n;
-        for (&(row, input), slope) in reduced
-            .member_slopes
-            .entries
-            .iter()
-            .zip(self.eval(&reduced.member_slopes.tape))
-        {
+        let slopes = &reduced.members.slopes;
+        for (&(row, input), slope) in slopes.entries.iter().zip(self.at.eval(&slopes.tape)) {
             match input {
                 _ if row != member => {}
                 0 => rate = slope,
@@ -179,9 +166,8 @@ impl Hidden {
             self.factor(reduced)?;
             let mut row = by_w;
             self.lu.solve_transposed(&mut row);
-            let slopes = reduced.hidden_slopes.tape.clone();
-            for (&(k, input), slope) in reduced.hidden_slopes.entries.iter().zip(self.eval(&slopes))
-            {
+            let slopes = &reduced.hidden.slopes;
+            for (&(k, input), slope) in slopes.entries.iter().zip(self.at.eval(&slopes.tape)) {
                 match input {
                     0 => rate -= row[k] * slope,
                     _ if input <= n => by_x[input - 1] -= row[k] * slope,

@@ -11,6 +11,7 @@
 
 pub(crate) mod active;
 pub(crate) mod check;
+pub(crate) mod evaluator;
 pub(crate) mod full;
 pub(crate) mod hidden;
 pub(crate) mod library;
@@ -20,6 +21,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::fesd::system::full::Functions;
 use crate::fesd::system::pointwise::Surfaces;
 use crate::hybrid::{Partials, Piecewise, Side, write_pieces};
 use crate::tape::Tape;
@@ -98,15 +100,6 @@ impl ComplementaritySystem {
     pub(crate) fn stop(&self, t: f64) -> f64 {
         let next = self.stops.partition_point(|stop| *stop <= t);
         self.stops.get(next).copied().unwrap_or(f64::INFINITY)
-    }
-
-    /// The switches that some pairs are about, in order.
-    pub(crate) fn switches_of_pairs(&self, pairs: &[usize]) -> Vec<usize> {
-        let switches = pairs.iter().flat_map(|&pair| &self.switches_of[pair]);
-        let mut switches: Vec<usize> = switches.copied().collect();
-        switches.sort_unstable();
-        switches.dedup();
-        switches
     }
 
     /// Whether a variable is continuous along solutions.
@@ -260,25 +253,20 @@ pub struct Full {
 pub struct Reduced {
     /// The place in z of every w.
     pub unknowns: Vec<usize>,
-    /// (t, x, w) to (f, r).
-    pub equations: Tape,
-    /// Their partial derivatives by all inputs.
-    pub slopes: Partials,
+    /// (t, x, w) to (f, r), by all inputs.
+    pub equations: Functions,
     /// (t, x, w) to what determines w in a single point: r, or its derivative along f where it
     /// contains no w.
-    pub hidden: Tape,
-    /// ∂hidden/∂w: entries (row, input).
-    pub hidden_slopes: Partials,
+    pub hidden: Functions,
     /// (t, x, w) to z.
     pub algebraics: Tape,
-    /// What stays as it is by these functions; none where that is nothing.
-    pub kept: Option<Kept>,
+    /// (t, x) to what keeps its value while the active set lasts, by x: ψ whose rate is a multiple of a φ on which
+    /// the set slides, and these φ; none where that is nothing.
+    pub kept: Option<Functions>,
     /// What must not be negative.
     pub watched: Vec<Watched>,
-    /// (t, x, w) to the watched members.
-    pub members: Tape,
-    /// Their partial derivatives by all inputs.
-    pub member_slopes: Partials,
+    /// (t, x, w) to the watched members, by all inputs.
+    pub members: Functions,
     /// Where the switches stand.
     pub sides: Box<[Side]>,
     /// (t, x, w) to α of the switches that slide.
@@ -290,16 +278,6 @@ pub struct Reduced {
     /// Whether f and r are affine in (x, w), with constant coefficients: one factorization serves
     /// all elements of one length.
     pub is_linear: bool,
-}
-
-/// Functions of (t, x) that keep their values while an active set lasts: ψ whose rate is a multiple of a φ on which
-/// the set slides, and these φ.
-#[derive(Clone, Debug)]
-pub struct Kept {
-    /// (t, x) to the functions.
-    pub values: Tape,
-    /// Their partial derivatives by x.
-    pub slopes: Partials,
 }
 
 impl Reduced {
