@@ -8,13 +8,13 @@
 //! Nocedal, Wächter & Waltz 2009, eq. (4.2), with squares as in the implementation of Wächter & Biegler. Where violation
 //! and objective do not both get away from what they have been, μ is kept until its barrier problem is solved.
 
-use super::direction::Step;
+use super::direction::{Aim, Newton};
 use super::filter::{Filter, Merit};
-use super::options::BarrierRule;
-use super::residuals::Errors;
+use super::options::{BarrierRule, KAPPA_EPSILON};
+use super::problem::BarrierProblem;
+use super::problem::errors::Errors;
+use super::problem::iterate::Step;
 use super::solution::Failure;
-use super::{KAPPA_EPSILON, Run, TAU_MIN};
-use crate::linalg::largest;
 
 const KAPPA_MU: f64 = 0.2;
 const THETA_MU: f64 = 1.5;
@@ -26,8 +26,6 @@ const MAX_SECTIONS: usize = 8;
 const SECTION: f64 = 1e-2;
 /// μ relative to the average product, where it starts to be kept.
 const KEPT: f64 = 0.8;
-/// Multipliers this many times as large as those along the rows are the work of a correction.
-const INFLATED: f64 = 3.0;
 /// The margin by which progress has to exceed what was.
 const MARGIN: f64 = 1e-5;
 
@@ -45,6 +43,15 @@ pub(crate) struct Barrier {
     products: Products,
 }
 
+/// Signs that the barrier problem is solved as far as rounding lets it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Rest {
+    /// The number of tiny steps in a row.
+    pub n_tiny: usize,
+    /// Whether the error becomes no smaller.
+    pub is_stalled: bool,
+}
+
 /// Distances and multipliers of all bounds and their changes, for the quality function.
 #[derive(Clone, Debug, Default)]
 struct Products {
@@ -54,32 +61,6 @@ struct Products {
     d_centering: Vec<f64>,
     z_affine: Vec<f64>,
     z_centering: Vec<f64>,
-}
-
-impl Barrier {
-    pub fn new(rule: BarrierRule, n_all: usize, m: usize) -> Self {
-        let (n_all, m) = if rule == BarrierRule::Adaptive {
-            (n_all, m)
-        } else {
-            (0, 0)
-        };
-        let list = || Vec::with_capacity(2 * n_all);
-        Barrier {
-            is_free: rule == BarrierRule::Adaptive,
-            past: Filter::new(),
-            largest: f64::INFINITY,
-            affine: Step::new(n_all, m),
-            centering: Step::new(n_all, m),
-            products: Products {
-                d: list(),
-                z: list(),
-                d_affine: list(),
-                d_centering: list(),
-                z_affine: list(),
-                z_centering: list(),
-            },
-        }
-    }
 }
 
 impl Products {
@@ -130,204 +111,121 @@ impl Products {
     }
 }
 
-impl Run<'_> {
-    /// The least μ.
-    pub(crate) fn mu_floor(&self) -> f64 {
-        let options = self.options;
-        options
-            .mu_target
-            .max(options.tolerance / (KAPPA_EPSILON + 1.0))
+impl Barrier {
+    pub fn new(rule: BarrierRule, n_all: usize, m: usize) -> Self {
+        let (n_all, m) = if rule == BarrierRule::Adaptive {
+            (n_all, m)
+        } else {
+            (0, 0)
+        };
+        let list = || Vec::with_capacity(2 * n_all);
+        Barrier {
+            is_free: rule == BarrierRule::Adaptive,
+            past: Filter::new(),
+            largest: f64::INFINITY,
+            affine: Step::new(n_all, m),
+            centering: Step::new(n_all, m),
+            products: Products {
+                d: list(),
+                z: list(),
+                d_affine: list(),
+                d_centering: list(),
+                z_affine: list(),
+                z_centering: list(),
+            },
+        }
     }
 
     /// Sets what μ depends on at the start of a run.
-    pub(crate) fn start_barrier(&mut self) {
-        self.barrier.largest = MU_MAX * self.average_product().max(self.mu);
-        self.barrier.past.clear();
+    pub fn start(&mut self, problem: &BarrierProblem<'_>) {
+        self.largest = MU_MAX * problem.iterate.average_product().max(problem.mu);
+        self.past.clear();
     }
 
-    /// Whether μ has changed, by the rule of Fiacco and McCormick. In free mode this ends the mode where progress fails.
-    pub(crate) fn decrease_mu(&mut self, errors: &Errors) -> bool {
-        let floor = self.mu_floor();
-        let is_adaptive = !self.is_restoration && self.options.barrier == BarrierRule::Adaptive;
-        if is_adaptive {
-            let progresses = self.n_tiny == 0 && self.progresses(errors);
-            if progresses {
-                self.barrier.is_free = true;
-                return false;
+    /// Forgets what has been, where rows or bounds have moved.
+    pub fn forget(&mut self) {
+        self.past.clear();
+    }
+
+    /// The next μ, by the rule of Fiacco and McCormick, if it changes. In free mode this ends the mode where progress
+    /// fails.
+    pub fn next(
+        &mut self,
+        problem: &BarrierProblem<'_>,
+        errors: &Errors,
+        rest: &mut Rest,
+    ) -> Option<f64> {
+        let floor = problem.options.mu_floor();
+        if !problem.is_restoration() && problem.options.barrier == BarrierRule::Adaptive {
+            if rest.n_tiny == 0 && self.progresses(problem, errors) {
+                self.is_free = true;
+                return None;
             }
-            if self.barrier.is_free {
-                self.barrier.is_free = false;
-                let mu = (KEPT * self.average_product()).clamp(floor, self.barrier.largest);
-                self.n_tiny = 0;
-                self.set_mu(mu);
-                return true;
+            if self.is_free {
+                self.is_free = false;
+                rest.n_tiny = 0;
+                let average = problem.iterate.average_product();
+                return Some((KEPT * average).clamp(floor, self.largest));
             }
         }
-        let error = self.optimality_error(errors, self.mu);
-        let is_solved = error <= KAPPA_EPSILON * self.mu || self.is_stalled || self.n_tiny >= 2;
-        if self.mu <= floor || !is_solved {
-            return false;
+        let mu = problem.mu;
+        let error = errors.optimality(&problem.iterate, mu);
+        let is_solved = error <= KAPPA_EPSILON * mu || rest.is_stalled || rest.n_tiny >= 2;
+        if mu <= floor || !is_solved {
+            return None;
         }
-        (self.n_tiny, self.is_stalled) = (0, false);
-        self.set_mu((KAPPA_MU * self.mu).min(self.mu.powf(THETA_MU)).max(floor));
-        true
+        *rest = Rest::default();
+        Some((KAPPA_MU * mu).min(mu.powf(THETA_MU)).max(floor))
     }
 
     /// Whether violation and objective are not both as bad as they have been; then they are remembered.
-    fn progresses(&mut self, errors: &Errors) -> bool {
-        let margin = MARGIN * self.optimality_error(errors, 0.0).min(1.0);
-        let theta = self.residual.iter().map(|r| r.abs()).sum();
-        let at = Merit { theta, phi: self.f };
-        if !self.barrier.past.accepts(at) {
+    fn progresses(&mut self, problem: &BarrierProblem<'_>, errors: &Errors) -> bool {
+        let margin = MARGIN * errors.optimality(&problem.iterate, 0.0).min(1.0);
+        let (theta, phi) = (problem.values.violation(), problem.values.f);
+        if !self.past.accepts(Merit { theta, phi }) {
             return false;
         }
-        self.barrier.past.add_entry(Merit {
+        self.past.add_entry(Merit {
             theta: theta - margin,
-            phi: self.f - margin,
+            phi: phi - margin,
         });
         true
     }
 
-    /// Sets μ; whether rows or bounds have followed it.
-    pub(crate) fn set_mu(&mut self, mu: f64) -> bool {
-        self.mu = mu;
-        self.filter.clear();
-        self.tau = (1.0 - mu).max(TAU_MIN);
-        if self.is_restoration {
-            self.elastic.zeta = mu.sqrt();
-        } else if self.form.nlp.follow(mu) {
-            self.follows = true;
-            self.move_bounds();
-            self.barrier.past.clear();
-            self.acceptable.clear();
-            return true;
-        }
-        false
-    }
-
-    fn average_product(&self) -> f64 {
-        let (mut sum, mut count) = (0.0, 0_usize);
-        for i in 0..self.nv() {
-            if self.lower[i].is_finite() {
-                sum += self.z_l[i] * (self.v[i] - self.lower[i]);
-                count += 1;
-            }
-            if self.upper[i].is_finite() {
-                sum += self.z_u[i] * (self.upper[i] - self.v[i]);
-                count += 1;
-            }
-        }
-        if count == 0 { 0.0 } else { sum / count as f64 }
-    }
-
-    /// The step, for the present μ or for the one that is best.
-    pub(crate) fn newton_step(&mut self) -> Result<(), Failure> {
-        self.factor()?;
-        let is_free = self.barrier.is_free && !self.is_restoration;
-        let average = if is_free { self.average_product() } else { 0.0 };
-        if average == 0.0 {
-            return self.plain_step();
-        }
-        let barrier = &mut self.barrier;
-        let mut affine = std::mem::take(&mut barrier.affine);
-        let mut centering = std::mem::take(&mut barrier.centering);
-        let mut products = std::mem::take(&mut barrier.products);
-        let chosen = self.choose_mu(&mut affine, &mut centering, &mut products, average);
-        self.barrier.affine = affine;
-        self.barrier.centering = centering;
-        self.barrier.products = products;
-        let mu = chosen?;
-        if self.set_mu(mu) {
-            if !self.form.has_shape() {
-                return Err(Failure::LinearSystem);
-            }
-            self.evaluate()?;
-            self.factor()?;
-            self.target.copy_from_slice(&self.residual);
-            return self.plain_step();
-        }
-        let (affine, centering) = (&self.barrier.affine, &self.barrier.centering);
-        let combine = |to: &mut [f64], a: &[f64], c: &[f64]| {
-            for ((to, a), c) in to.iter_mut().zip(a).zip(c) {
-                *to = a + mu * c;
-            }
-        };
-        combine(&mut self.step.v, &affine.v, &centering.v);
-        combine(&mut self.step.y, &affine.y, &centering.y);
-        combine(&mut self.step.z_l, &affine.z_l, &centering.z_l);
-        combine(&mut self.step.z_u, &affine.z_u, &centering.z_u);
-        Ok(())
-    }
-
-    fn plain_step(&mut self) -> Result<(), Failure> {
-        let mut step = std::mem::take(&mut self.step);
-        let result = self.direction(self.mu, 1.0, &mut step);
-        if result.is_ok() && self.kkt.is_corrected() && !self.is_restoration {
-            self.tangential_multipliers(&mut step);
-        }
-        self.step = step;
-        result
-    }
-
-    /// The multipliers of the step along the rows alone. Those of the whole one have a part δ_w (E Eᵀ)⁻¹ r, which grows
-    /// with the correction, brings curvature that asks for a larger one, and says nothing about the problem.
-    fn tangential_multipliers(&mut self, step: &mut Step) {
-        let size = |y: &[f64], dy: &[f64]| {
-            let sums = y.iter().zip(dy).map(|(y, dy)| (y + dy).abs());
-            sums.fold(1.0, f64::max)
-        };
-        let whole = size(&self.y, &step.y);
-        if whole <= INFLATED * largest(&self.y).max(1.0) {
-            return;
-        }
-        let mut tangential = std::mem::take(&mut self.corrected);
-        self.target.fill(0.0);
-        if self.direction(self.mu, 1.0, &mut tangential).is_ok()
-            && whole > INFLATED * size(&self.y, &tangential.y)
-        {
-            step.y.copy_from_slice(&tangential.y);
-        }
-        self.target.copy_from_slice(&self.residual);
-        self.corrected = tangential;
-    }
-
-    /// The μ that makes the quality function least.
-    fn choose_mu(
+    /// The μ that makes the quality function least, in free mode and where there are bounds.
+    pub fn choose(
         &mut self,
-        affine: &mut Step,
-        centering: &mut Step,
-        products: &mut Products,
-        average: f64,
-    ) -> Result<f64, Failure> {
-        self.direction(0.0, 1.0, affine)?;
-        self.direction(1.0, 0.0, centering)?;
-        products.clear();
-        let (mut dual, nv) = (0.0, self.nv());
-        for i in 0..nv {
-            dual += (self.lagrangian[i] - self.z_l[i] + self.z_u[i]).powi(2);
-            let (da, dc) = (affine.v[i], centering.v[i]);
-            if self.lower[i].is_finite() {
-                let d = [self.v[i] - self.lower[i], da, dc];
-                products.push(d, [self.z_l[i], affine.z_l[i], centering.z_l[i]]);
-            }
-            if self.upper[i].is_finite() {
-                let d = [self.upper[i] - self.v[i], -da, -dc];
-                products.push(d, [self.z_u[i], affine.z_u[i], centering.z_u[i]]);
-            }
+        problem: &BarrierProblem<'_>,
+        newton: &mut Newton,
+    ) -> Result<Option<f64>, Failure> {
+        if !self.is_free || problem.is_restoration() {
+            return Ok(None);
         }
-        let dual = dual / nv as f64;
-        let squares = self.residual.iter().map(|r| r * r);
-        let primal = squares.sum::<f64>() / self.form.m.max(1) as f64;
+        let average = problem.iterate.average_product();
+        if average == 0.0 {
+            return Ok(None);
+        }
+        for (mu, share, step) in [
+            (0.0, 1.0, &mut self.affine),
+            (1.0, 0.0, &mut self.centering),
+        ] {
+            let rows = Some(&problem.values.residual[..]);
+            newton.direction(problem, Aim { mu, share, rows }, step)?;
+        }
+        let nv = problem.iterate.nv;
+        let dual = self.collect(problem) / nv as f64;
+        let squares = problem.values.residual.iter().map(|r| r * r);
+        let primal = squares.sum::<f64>() / problem.form.shape.m.max(1) as f64;
+        let (products, tau) = (&self.products, problem.tau);
         let n_products = products.d.len() as f64;
-        let tau = self.tau;
         let quality = |mu: f64| {
             let (alpha_p, alpha_d, squares) = products.after(mu, tau);
             (1.0 - alpha_d).powi(2) * dual + (1.0 - alpha_p).powi(2) * primal + squares / n_products
         };
-        let floor = self.mu_floor();
-        let ceiling = (SIGMA[1] * average).min(self.barrier.largest);
+        let floor = problem.options.mu_floor();
+        let ceiling = (SIGMA[1] * average).min(self.largest);
         if ceiling <= floor {
-            return Ok(floor);
+            return Ok(Some(floor));
         }
         let least = (SIGMA[0] * average).clamp(floor, ceiling);
         let here = average.clamp(least, ceiling);
@@ -337,7 +235,42 @@ impl Run<'_> {
         } else {
             [least, here]
         };
-        Ok(golden_section(range, quality))
+        Ok(Some(golden_section(range, quality)))
+    }
+
+    /// Collects the products of all bounds and their changes; ‖∇L‖².
+    fn collect(&mut self, problem: &BarrierProblem<'_>) -> f64 {
+        let (at, lagrangian) = (&problem.iterate, &problem.derivatives.lagrangian);
+        let (affine, centering) = (&self.affine, &self.centering);
+        self.products.clear();
+        let mut dual = 0.0;
+        for i in 0..at.nv {
+            dual += (lagrangian[i] - at.z_l[i] + at.z_u[i]).powi(2);
+            let ([lower, upper], da, dc) = (at.distances(i), affine.v[i], centering.v[i]);
+            if at.lower[i].is_finite() {
+                let z = [at.z_l[i], affine.z_l[i], centering.z_l[i]];
+                self.products.push([lower, da, dc], z);
+            }
+            if at.upper[i].is_finite() {
+                let z = [at.z_u[i], affine.z_u[i], centering.z_u[i]];
+                self.products.push([upper, -da, -dc], z);
+            }
+        }
+        dual
+    }
+
+    /// The step for μ.
+    pub fn combine(&self, mu: f64, step: &mut Step) {
+        let (affine, centering) = (&self.affine, &self.centering);
+        let combine = |to: &mut [f64], a: &[f64], c: &[f64]| {
+            for ((to, a), c) in to.iter_mut().zip(a).zip(c) {
+                *to = a + mu * c;
+            }
+        };
+        combine(&mut step.v, &affine.v, &centering.v);
+        combine(&mut step.y, &affine.y, &centering.y);
+        combine(&mut step.z_l, &affine.z_l, &centering.z_l);
+        combine(&mut step.z_u, &affine.z_u, &centering.z_u);
     }
 }
 

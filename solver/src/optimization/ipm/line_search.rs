@@ -2,9 +2,11 @@
 //!
 //! Wächter & Biegler 2006, algorithm A, steps 3 to 5.
 
-use super::Run;
-use super::direction::Step;
-use super::filter::{GAMMA_PHI, GAMMA_THETA, Merit, at_most};
+use super::direction::{Aim, Newton};
+use super::filter::{Filter, GAMMA_PHI, GAMMA_THETA, Merit, at_most};
+use super::problem::BarrierProblem;
+use super::problem::evaluation::Trial;
+use super::problem::iterate::Step;
 use crate::linalg::largest;
 
 const ETA: f64 = 1e-8;
@@ -37,28 +39,57 @@ struct Prospect {
     slope: f64,
 }
 
-impl Run<'_> {
-    /// Finds the step length; the point accepted is in `self.trial`.
-    pub(crate) fn line_search(&mut self) -> Search {
-        let mut step = std::mem::take(&mut self.step);
-        let search = self.search(&mut step);
-        self.step = step;
-        search
+pub(crate) struct LineSearch {
+    pub filter: Filter,
+    /// The filter of the problem itself while the violation is minimized.
+    pub outer_filter: Filter,
+    pub trial: Trial,
+    /// The step with second-order corrections, and the residuals that it removes.
+    corrected: Step,
+    target: Vec<f64>,
+    /// Of the last step: lengths of variables and of multipliers.
+    pub alpha: f64,
+    pub alpha_dual: f64,
+}
+
+impl LineSearch {
+    pub fn new(n_all: usize, m: usize) -> Self {
+        LineSearch {
+            filter: Filter::new(),
+            outer_filter: Filter::new(),
+            trial: Trial::new(n_all, m),
+            corrected: Step::new(n_all, m),
+            target: vec![0.0; m],
+            alpha: 0.0,
+            alpha_dual: 0.0,
+        }
     }
 
-    fn search(&mut self, step: &mut Step) -> Search {
-        let full = self.primal_length(step, self.tau);
-        self.trials = 0;
-        let at = self.merit();
+    /// Goes from the problem itself to the least violation, or back.
+    pub fn swap_filters(&mut self) {
+        std::mem::swap(&mut self.filter, &mut self.outer_filter);
+    }
+
+    /// Finds the step length; the point accepted is in `self.trial`, and a correction in `step`.
+    pub fn search(
+        &mut self,
+        problem: &mut BarrierProblem<'_>,
+        newton: &mut Newton,
+        step: &mut Step,
+    ) -> Search {
+        let full = problem.iterate.primal_length(step, problem.tau);
+        self.trial.count = 0;
+        let at = problem.merit();
         let prospect = Prospect {
             at,
-            slope: self.slope(step),
+            slope: problem.slope(step),
         };
         let relative = |(dv, v): (&f64, &f64)| dv.abs() / (1.0 + v.abs());
-        let change = step.v.iter().zip(&self.v).take(self.nv()).map(relative);
-        let is_feasible = largest(&self.residual) <= NEARLY_FEASIBLE;
+        let changes = step.v.iter().zip(&problem.iterate.v);
+        let change = changes.take(problem.iterate.nv).map(relative);
+        let is_feasible = largest(&problem.values.residual) <= NEARLY_FEASIBLE;
         if is_feasible && change.fold(0.0, f64::max) < TINY {
-            return match self.try_point(step, full) {
+            return match problem.try_point(step, full, &mut self.trial) {
                 Some(_) => {
                     self.alpha = full;
                     Search::Tiny
@@ -68,15 +99,18 @@ impl Run<'_> {
         }
         let least = self.shortest(&prospect);
         let mut alpha = full;
-        while alpha >= least || self.trials == 0 {
-            let trial = self.try_point(step, alpha);
+        while alpha >= least || self.trial.count == 0 {
+            let trial = problem.try_point(step, alpha, &mut self.trial);
             if let Some(trial) = trial.filter(|&trial| self.accepts(&prospect, trial, alpha)) {
                 self.update_filter(&prospect, trial, alpha);
                 self.alpha = alpha;
                 return Search::Accepted;
             }
             let is_worse = trial.is_some_and(|trial| trial.theta >= at.theta);
-            if self.trials == 1 && is_worse && self.correct(&prospect, step, alpha) {
+            if self.trial.count == 1
+                && is_worse
+                && self.correct(problem, newton, &prospect, step, alpha)
+            {
                 return Search::Accepted;
             }
             alpha *= 0.5;
@@ -85,68 +119,64 @@ impl Run<'_> {
     }
 
     /// Whether the objective falls along the step without end and no row objects.
-    pub(crate) fn is_ray(&mut self) -> bool {
-        let length = largest(&self.step.v[..self.form.n]);
-        if self.is_restoration || length < LONG || largest(&self.residual) > NEARLY_FEASIBLE {
+    pub fn is_ray(&mut self, problem: &mut BarrierProblem<'_>, step: &Step) -> bool {
+        let n = problem.form.shape.n;
+        let length = largest(&step.v[..n]);
+        let is_near = largest(&problem.values.residual) <= NEARLY_FEASIBLE;
+        if problem.is_restoration() || length < LONG || !is_near {
             return false;
         }
-        let step = std::mem::take(&mut self.step);
-        let is_free = self.primal_length(&step, 1.0 / FAR) == 1.0;
-        let slope: f64 = self
-            .gradient
-            .iter()
-            .zip(&step.v)
-            .take(self.form.n)
-            .map(|(g, dv)| g * dv)
-            .sum();
-        let far = self.try_point(&step, FAR);
-        self.step = step;
+        let is_free = problem.iterate.primal_length(step, 1.0 / FAR) == 1.0;
+        let products = problem.derivatives.gradient.iter().zip(&step.v).take(n);
+        let slope: f64 = products.map(|(g, dv)| g * dv).sum();
+        let far = problem.try_point(step, FAR, &mut self.trial);
         let is_feasible = far.is_some_and(|far| far.theta <= f64::EPSILON.sqrt() * FAR * length);
-        is_free && slope < 0.0 && is_feasible && self.trial_f - self.f < STILL * FAR * slope
-    }
-
-    /// ∇φᵀΔv.
-    fn slope(&self, step: &Step) -> f64 {
-        let terms = (0..self.nv()).map(|i| {
-            let slope = self.gradient[i] + self.mu * self.barrier_slope(i);
-            slope * step.v[i]
-        });
-        terms.sum()
+        let change = self.trial.values.f - problem.values.f;
+        is_free && slope < 0.0 && is_feasible && change < STILL * FAR * slope
     }
 
     /// Second-order corrections against the violation that the full step has brought.
-    fn correct(&mut self, prospect: &Prospect, step: &mut Step, alpha: f64) -> bool {
-        let mut corrected = std::mem::take(&mut self.corrected);
-        self.target.copy_from_slice(&self.residual);
-        let (mut length, mut theta, mut is_accepted) = (alpha, prospect.at.theta, false);
+    fn correct(
+        &mut self,
+        problem: &mut BarrierProblem<'_>,
+        newton: &mut Newton,
+        prospect: &Prospect,
+        step: &mut Step,
+        alpha: f64,
+    ) -> bool {
+        self.target.copy_from_slice(&problem.values.residual);
+        let (mut length, mut theta) = (alpha, prospect.at.theta);
         for _ in 0..MAX_CORRECTIONS {
-            for (target, residual) in self.target.iter_mut().zip(&self.trial_residual) {
+            for (target, residual) in self.target.iter_mut().zip(&self.trial.values.residual) {
                 *target = length * *target + residual;
             }
-            if self.direction(self.mu, 1.0, &mut corrected).is_err() {
-                break;
+            let aim = Aim {
+                mu: problem.mu,
+                share: 1.0,
+                rows: Some(&self.target),
+            };
+            if newton.direction(problem, aim, &mut self.corrected).is_err() {
+                return false;
             }
-            length = self.primal_length(&corrected, self.tau);
-            let Some(trial) = self.try_point(&corrected, length) else {
-                break;
+            length = (problem.iterate).primal_length(&self.corrected, problem.tau);
+            let Some(trial) = problem.try_point(&self.corrected, length, &mut self.trial) else {
+                return false;
             };
             if self.accepts(prospect, trial, alpha) {
-                is_accepted = true;
                 self.update_filter(prospect, trial, alpha);
                 self.alpha = length;
-                if self.kkt.is_corrected() && !self.is_restoration {
-                    corrected.y.copy_from_slice(&step.y);
+                if newton.kkt.is_corrected() && !problem.is_restoration() {
+                    self.corrected.y.copy_from_slice(&step.y);
                 }
-                std::mem::swap(step, &mut corrected);
-                break;
+                std::mem::swap(step, &mut self.corrected);
+                return true;
             }
             if trial.theta > KAPPA_SOC * theta {
-                break;
+                return false;
             }
             theta = trial.theta;
         }
-        self.corrected = corrected;
-        is_accepted
+        false
     }
 
     /// Steps below this length cannot be accepted. Wächter & Biegler 2006, eq. (23).

@@ -6,48 +6,41 @@
 mod barrier;
 mod curvature;
 mod direction;
-mod evaluation;
 mod filter;
-mod form;
 mod kkt;
 mod line_search;
 mod options;
+mod problem;
 mod progress;
 mod residuals;
-mod restoration;
 mod saved;
 mod solution;
 mod start;
+mod termination;
 
 pub use options::{BarrierRule, Options};
 pub use progress::{Observer, Progress};
 pub use solution::{Failure, Point, Residuals, Solution, Status};
 
+use std::ops::ControlFlow;
+
 use crate::linalg::largest;
 use crate::optimization::problem::Nlp;
-use barrier::Barrier;
-use direction::Step;
-use filter::Filter;
-use form::Form;
-use kkt::Kkt;
-use line_search::Search;
-use residuals::Errors;
-use restoration::Elastic;
-use saved::{Saved, Stall};
+use barrier::{Barrier, Rest};
+use direction::Newton;
+use line_search::{LineSearch, Search};
+use problem::BarrierProblem;
+use problem::errors::Errors;
+use problem::iterate::Step;
+use saved::Saved;
+use termination::Termination;
 
-const KAPPA_EPSILON: f64 = 10.0;
-const TAU_MIN: f64 = 0.99;
-const KAPPA_SIGMA: f64 = 1e10;
-/// Absolute tolerances in the units of the problem: gradient of the Lagrangian, rows, complementarity.
-const ABSOLUTE: [f64; 3] = [1.0, 1e-4, 1e-4];
-const ABSOLUTE_ACCEPTABLE: [f64; 3] = [1e10, 1e-2, 1e-2];
 /// So many steps in a row of less than this length lead nowhere.
 const SHORT: f64 = 1e-6;
 const MAX_SHORT: usize = 10;
-/// The error of a barrier problem that has come to rounding is not tried with a μ below this.
-const LAST_STALL: f64 = 1e-10;
-/// A variable or objective beyond this is unbounded.
-const BEYOND: f64 = 1e20;
+/// By what factor a soft step has to reduce the error, and how many may follow each other.
+const KAPPA_SOFT: f64 = 0.9999;
+const MAX_SOFT: usize = 10;
 
 /// Finds a local minimum of a nonlinear program, from `start` or from where the problem says.
 ///
@@ -66,7 +59,7 @@ pub fn solve(
     loop {
         let mut run = Run::new(nlp, options, iterations);
         let exit = run.run(start.as_ref(), observer);
-        let (point, done) = (run.point(), run.iterations);
+        let (point, done) = (run.problem.point(), run.iterations);
         let status = match exit {
             Exit::Reshaped => {
                 iterations = done;
@@ -78,8 +71,8 @@ pub fn solve(
             Exit::Restored => Status::NumericalFailure(Failure::Restoration),
         };
         let falling = run.falling(status);
-        let factor_entries = run.kkt.n_entries();
-        let has_lost_pivots = run.kkt.has_lost_pivots();
+        let factor_entries = run.newton.kkt.n_entries();
+        let has_lost_pivots = run.newton.kkt.has_lost_pivots();
         let Point { w, y, z_l, z_u, mu } = point;
         let residuals = residuals::residuals(nlp, &w, &y, &z_l, &z_u);
         return Solution {
@@ -110,126 +103,52 @@ enum Exit {
 }
 
 struct Run<'a> {
-    form: Form<'a>,
-    options: &'a Options,
-    kkt: Kkt,
-    iterations: usize,
-    /// The point: x, slacks and, while the violation is minimized, p and n; multipliers of rows and bounds.
-    v: Vec<f64>,
-    y: Vec<f64>,
-    z_l: Vec<f64>,
-    z_u: Vec<f64>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-    /// Values at the point: objective, c, r, its gradient and that of the Lagrangian without bounds, derivatives.
-    f: f64,
-    c: Vec<f64>,
-    residual: Vec<f64>,
-    gradient: Vec<f64>,
-    lagrangian: Vec<f64>,
-    jacobian: Vec<f64>,
-    hessian: Vec<f64>,
-    /// Σ; right-hand side and solution of the linear system; residuals the step removes.
-    sigma: Vec<f64>,
-    rhs: Vec<f64>,
-    reduced: Vec<f64>,
-    target: Vec<f64>,
+    problem: BarrierProblem<'a>,
+    newton: Newton,
     step: Step,
-    corrected: Step,
-    trial: Vec<f64>,
-    trial_f: f64,
-    trial_c: Vec<f64>,
-    trial_residual: Vec<f64>,
-    mu: f64,
-    tau: f64,
     barrier: Barrier,
-    /// Whether rows or bounds have followed μ.
-    follows: bool,
-    filter: Filter,
-    /// The filter of the problem itself while the violation is minimized.
-    outer_filter: Filter,
-    elastic: Elastic,
-    is_restoration: bool,
-    /// Of the last step: lengths, number of points tried.
-    alpha: f64,
-    alpha_dual: f64,
-    trials: usize,
-    n_tiny: usize,
+    line_search: LineSearch,
+    termination: Termination,
+    rest: Rest,
+    iterations: usize,
     n_short: usize,
-    n_acceptable: usize,
-    /// Whether the error of the barrier problem becomes no smaller.
-    stall: Stall,
-    is_stalled: bool,
-    /// Soft steps in a row, what they go back to, and the best acceptable point.
+    /// Soft steps in a row, and what they go back to.
     n_soft: usize,
     saved: Saved,
-    acceptable: Saved,
 }
 
 impl<'a> Run<'a> {
     fn new(nlp: &'a mut dyn Nlp, options: &'a Options, iterations: usize) -> Self {
-        let form = Form::new(nlp);
-        let (n, m) = (form.n, form.m);
-        let n_all = n + form.attached.len();
-        let all = || vec![0.0; n_all];
-        let rows = || vec![0.0; m];
+        let problem = BarrierProblem::new(nlp, options);
+        let shape = &problem.form.shape;
+        let (own, n_all, m) = (shape.own(), shape.n_all(), shape.m);
         Run {
-            kkt: Kkt::new(&form, options),
-            options,
-            iterations,
-            v: all(),
-            y: rows(),
-            z_l: all(),
-            z_u: all(),
-            lower: all(),
-            upper: vec![f64::INFINITY; n_all],
-            f: 0.0,
-            c: rows(),
-            residual: rows(),
-            gradient: all(),
-            lagrangian: all(),
-            jacobian: vec![0.0; form.jacobian.n_entries()],
-            hessian: vec![0.0; form.hessian.n_entries()],
-            sigma: all(),
-            rhs: vec![0.0; n + m],
-            reduced: vec![0.0; n + m],
-            target: rows(),
+            newton: Newton::new(&problem.form, options),
             step: Step::new(n_all, m),
-            corrected: Step::new(n_all, m),
-            trial: all(),
-            trial_f: 0.0,
-            trial_c: rows(),
-            trial_residual: rows(),
-            mu: options.mu_init,
-            tau: TAU_MIN,
-            barrier: Barrier::new(options.barrier, n + form.n_slacks, m),
-            follows: false,
-            filter: Filter::new(),
-            outer_filter: Filter::new(),
-            elastic: Elastic::new(n + form.n_slacks),
-            is_restoration: false,
-            alpha: 0.0,
-            alpha_dual: 0.0,
-            trials: 0,
-            n_tiny: 0,
+            barrier: Barrier::new(options.barrier, own, m),
+            line_search: LineSearch::new(n_all, m),
+            termination: Termination::new(own, m),
+            rest: Rest::default(),
+            iterations,
             n_short: 0,
-            n_acceptable: 0,
-            stall: Stall::default(),
-            is_stalled: false,
             n_soft: 0,
-            saved: Saved::new(n + form.n_slacks, m),
-            acceptable: Saved::new(n + form.n_slacks, m),
-            form,
+            saved: Saved::new(own, m),
+            problem,
         }
     }
 
     fn run(&mut self, start: Option<&Point>, observer: &mut dyn Observer) -> Exit {
-        let exit = match self.start(start) {
-            Ok(()) => self.iterate(observer),
+        let exit = match start::start(&mut self.problem, &mut self.newton, start) {
+            Ok(()) => {
+                let theta = self.problem.merit().theta;
+                self.line_search.filter.start(theta);
+                self.barrier.start(&self.problem);
+                self.iterate(observer)
+            }
             Err(status) => Exit::Ended(status),
         };
         match exit {
-            Exit::Ended(status) => Exit::Ended(self.settle(status)),
+            Exit::Ended(status) => Exit::Ended(self.termination.settle(&mut self.problem, status)),
             other => other,
         }
     }
@@ -237,50 +156,46 @@ impl<'a> Run<'a> {
     /// The iteration, for the problem itself and for the least violation.
     fn iterate(&mut self, observer: &mut dyn Observer) -> Exit {
         loop {
-            let mut errors = self.errors();
+            let mut errors = self.problem.errors();
             if let Some(exit) = self.check(&errors, observer) {
                 return exit;
             }
             // The next barrier problem, when this one is solved to a multiple of μ.
-            while self.decrease_mu(&errors) {
-                if !self.form.has_shape() {
+            while let Some(mu) = self.barrier.next(&self.problem, &errors, &mut self.rest) {
+                self.set_mu(mu);
+                if !self.problem.form.has_shape() {
                     return Exit::Reshaped;
                 }
-                if let Err(failure) = self.evaluate() {
+                if let Err(failure) = self.problem.evaluate() {
                     return Exit::Ended(Status::NumericalFailure(failure));
                 }
-                errors = self.errors();
+                errors = self.problem.errors();
             }
             // Newton's step, and as much of it as the filter accepts.
-            self.target.copy_from_slice(&self.residual);
             let newton = self.newton_step();
-            if let Some(over) = self.options.limit.over() {
+            let options = self.problem.options;
+            if let Some(over) = options.limit.over() {
                 return Exit::Ended(Status::Over(over));
             }
-            let is_step = newton.is_ok();
             let search = match newton {
-                Ok(()) if self.is_ray() => return Exit::Ended(Status::Unbounded),
-                Ok(()) => self.line_search(),
-                Err(_) if !self.form.has_shape() => return Exit::Reshaped,
+                Ok(()) if self.line_search.is_ray(&mut self.problem, &self.step) => {
+                    return Exit::Ended(Status::Unbounded);
+                }
+                Ok(()) => {
+                    self.line_search
+                        .search(&mut self.problem, &mut self.newton, &mut self.step)
+                }
+                Err(_) if !self.problem.form.has_shape() => return Exit::Reshaped,
                 Err(_) => Search::Failed,
             };
-            self.n_tiny = if search == Search::Tiny {
-                self.n_tiny + 1
-            } else {
-                0
-            };
-            self.n_short = if search == Search::Accepted && self.alpha < SHORT {
-                self.n_short + 1
-            } else {
-                0
-            };
-            if search == Search::Failed || self.n_short >= MAX_SHORT {
+            if self.leads_nowhere(search) {
                 self.n_short = 0;
-                if is_step && self.soft_step(&errors) {
+                if newton.is_ok() && self.soft_step(&errors) {
                     self.iterations += 1;
                     continue;
                 }
-                if self.is_restoration || errors.primal <= 1e-2 * self.options.tolerance {
+                let is_feasible = errors.primal <= 1e-2 * options.tolerance;
+                if self.problem.is_restoration() || is_feasible {
                     return Exit::Ended(Status::NumericalFailure(Failure::Restoration));
                 }
                 if let Some(exit) = self.restore(observer) {
@@ -289,86 +204,44 @@ impl<'a> Run<'a> {
                 continue;
             }
             self.n_soft = 0;
-            let dual = self.dual_length(&self.step, self.tau);
+            let dual = (self.problem.iterate).dual_length(&self.step, self.problem.tau);
             self.accept(dual);
-            if let Err(failure) = self.evaluate_derivatives() {
+            if let Err(failure) = self.problem.evaluate_derivatives() {
                 return Exit::Ended(Status::NumericalFailure(failure));
             }
             self.iterations += 1;
         }
     }
 
-    /// The number of variables that take part.
-    fn nv(&self) -> usize {
-        self.form.n
-            + if self.is_restoration {
-                self.form.attached.len()
-            } else {
-                self.form.n_slacks
-            }
+    /// Whether the line search has failed, or too many steps in a row have been short.
+    fn leads_nowhere(&mut self, search: Search) -> bool {
+        let count = |n: usize, holds: bool| if holds { n + 1 } else { 0 };
+        self.rest.n_tiny = count(self.rest.n_tiny, search == Search::Tiny);
+        let is_short = search == Search::Accepted && self.line_search.alpha < SHORT;
+        self.n_short = count(self.n_short, is_short);
+        search == Search::Failed || self.n_short >= MAX_SHORT
     }
 
     /// Whether the run ends here.
     fn check(&mut self, errors: &Errors, observer: &mut dyn Observer) -> Option<Exit> {
-        let options = self.options;
-        let error = self.optimality_error(errors, options.mu_target);
-        let nv = self.nv();
-        // A bound is active where its multiplier is larger than the distance from it; z = 0 where it is infinite.
-        let lower = (0..nv).filter(|&i| self.z_l[i] >= self.v[i] - self.lower[i]);
-        let upper = (0..nv).filter(|&i| self.z_u[i] >= self.upper[i] - self.v[i]);
-        let n_active = lower.count() + upper.count();
-        let progress = Progress {
-            iteration: self.iterations,
-            is_restoration: self.is_restoration,
-            objective: self.objective(),
-            primal: errors.primal,
-            dual: errors.dual,
-            mu: self.mu,
-            gap: n_active as f64 * self.mu / self.form.objective_scale,
-            step: largest(&self.step.v[..nv]),
-            regularization: self.kkt.regularization,
-            step_lengths: (self.alpha, self.alpha_dual),
-            trials: self.trials,
-            w: &self.form.w,
-        };
-        if observer.iteration(&progress).is_break() {
+        let options = self.problem.options;
+        let error = errors.optimality(&self.problem.iterate, options.mu_target);
+        if self.report(errors, observer).is_break() {
             return Some(Exit::Ended(Status::Stopped));
         }
-        let [dual, primal, complementarity] = ABSOLUTE;
-        // What follows μ has not arrived before μ has.
-        let has_arrived = !self.follows || self.mu <= self.mu_floor();
-        let is_converged = error <= options.tolerance && (has_arrived || self.is_restoration);
-        if self.is_restoration {
-            if self.is_restored() {
+        if self.problem.is_restoration() {
+            let merit = self.problem.restored();
+            if merit.is_some_and(|merit| self.line_search.outer_filter.accepts(merit)) {
                 return Some(Exit::Restored);
             }
-            if is_converged {
+            if Termination::is_converged(&self.problem, error) {
                 return Some(Exit::Ended(Status::LocallyInfeasible));
             }
         } else {
-            if is_converged && self.is_within(errors, dual, primal, complementarity) {
-                return Some(Exit::Ended(Status::Solved));
-            }
-            let [dual, primal, complementarity] = ABSOLUTE_ACCEPTABLE;
-            let is_acceptable = error <= options.acceptable_tolerance
-                && has_arrived
-                && self.is_within(errors, dual, primal, complementarity);
-            self.n_acceptable = if is_acceptable {
-                self.keep_acceptable(error);
-                self.n_acceptable + 1
-            } else {
-                0
-            };
-            self.is_stalled = is_acceptable && self.stalls(errors);
-            // Smaller distances from bounds than these do not pay for more of it.
-            let is_last = self.is_stalled && self.mu <= LAST_STALL.max(self.mu_floor());
-            if is_last || self.n_acceptable >= options.acceptable_iterations {
-                return Some(Exit::Ended(Status::Acceptable));
-            }
-            let is_beyond = largest(&self.v[..self.form.n]) > BEYOND
-                || self.f < -BEYOND && errors.primal <= options.acceptable_tolerance;
-            if is_beyond {
-                return Some(Exit::Ended(Status::Unbounded));
+            let (problem, rest) = (&self.problem, &mut self.rest);
+            let status = self.termination.check(problem, errors, error, rest);
+            if let Some(status) = status {
+                return Some(Exit::Ended(status));
             }
         }
         if self.iterations >= options.max_iterations {
@@ -378,80 +251,138 @@ impl<'a> Run<'a> {
         over.map(|over| Exit::Ended(Status::Over(over)))
     }
 
-    /// Goes to the trial point; multipliers stay near μ / distance.
+    fn report(&mut self, errors: &Errors, observer: &mut dyn Observer) -> ControlFlow<()> {
+        let (problem, search) = (&mut self.problem, &self.line_search);
+        let n_active = problem.iterate.n_active();
+        observer.iteration(&Progress {
+            iteration: self.iterations,
+            is_restoration: problem.is_restoration(),
+            objective: problem.objective(),
+            primal: errors.primal,
+            dual: errors.dual,
+            mu: problem.mu,
+            gap: n_active as f64 * problem.mu / problem.form.objective_scale,
+            step: largest(&self.step.v[..problem.iterate.nv]),
+            regularization: self.newton.kkt.regularization,
+            step_lengths: (search.alpha, search.alpha_dual),
+            trials: search.trial.count,
+            w: &problem.form.w,
+        })
+    }
+
+    /// Sets μ; whether rows or bounds have followed it.
+    fn set_mu(&mut self, mu: f64) -> bool {
+        self.line_search.filter.clear();
+        let has_moved = self.problem.set_mu(mu);
+        if has_moved {
+            self.barrier.forget();
+            self.termination.acceptable.clear();
+        }
+        has_moved
+    }
+
+    /// The step, for the present μ or for the one that is best.
+    fn newton_step(&mut self) -> Result<(), Failure> {
+        self.newton.factor(&mut self.problem)?;
+        if let Some(mu) = self.barrier.choose(&self.problem, &mut self.newton)? {
+            if !self.set_mu(mu) {
+                self.barrier.combine(mu, &mut self.step);
+                return Ok(());
+            }
+            if !self.problem.form.has_shape() {
+                return Err(Failure::LinearSystem);
+            }
+            self.problem.evaluate()?;
+            self.newton.factor(&mut self.problem)?;
+        }
+        self.newton.step(&self.problem, &mut self.step)
+    }
+
+    /// Goes to the trial point.
     fn accept(&mut self, alpha_dual: f64) {
-        let nv = self.nv();
-        self.form.load(&self.trial);
-        self.f = self.trial_f;
-        self.c.copy_from_slice(&self.trial_c);
-        self.residual.copy_from_slice(&self.trial_residual);
-        self.alpha_dual = alpha_dual;
-        self.v[..nv].copy_from_slice(&self.trial[..nv]);
-        for (y, dy) in self.y.iter_mut().zip(&self.step.y) {
-            *y += self.alpha * dy;
-        }
-        for i in 0..nv {
-            self.z_l[i] += self.alpha_dual * self.step.z_l[i];
-            self.z_u[i] += self.alpha_dual * self.step.z_u[i];
-        }
-        self.reset_multipliers(KAPPA_SIGMA);
-        self.keep_interior();
+        let search = &mut self.line_search;
+        search.alpha_dual = alpha_dual;
+        (self.problem).accept(&search.trial, &self.step, search.alpha, alpha_dual);
     }
 
-    /// z within μ / d divided and multiplied by `factor`. Wächter & Biegler 2006, eq. (16).
-    fn reset_multipliers(&mut self, factor: f64) {
-        for i in 0..self.nv() {
-            let (lower, upper) = (self.v[i] - self.lower[i], self.upper[i] - self.v[i]);
-            let clamp = |z: f64, d: f64| z.min(factor * self.mu / d).max(self.mu / (factor * d));
-            self.z_l[i] = clamp(self.z_l[i], lower);
-            self.z_u[i] = clamp(self.z_u[i], upper);
+    /// Takes the step that the line search has refused if it reduces the error of the barrier problem: near a solution it
+    /// does, and the filter only sees rounding. Wächter & Biegler 2006, section 3.3.
+    fn soft_step(&mut self, errors: &Errors) -> bool {
+        let problem = &mut self.problem;
+        // Far from feasible points the error may fall to where nothing is feasible.
+        let is_near = errors.primal <= problem.options.acceptable_tolerance;
+        if problem.is_restoration() || !is_near || self.n_soft >= MAX_SOFT {
+            return false;
         }
-    }
-
-    /// Bounds that rounding has reached move outward a little.
-    fn keep_interior(&mut self) {
-        let least = f64::EPSILON * self.mu.min(1.0);
-        let room = f64::EPSILON.powf(0.75);
-        for i in 0..self.nv() {
-            if self.v[i] - self.lower[i] < least {
-                self.lower[i] = self.v[i] - room * self.v[i].abs().max(1.0);
-            }
-            if self.upper[i] - self.v[i] < least {
-                self.upper[i] = self.v[i] + room * self.v[i].abs().max(1.0);
-            }
+        let before = errors.optimality(&problem.iterate, problem.mu);
+        self.saved.save(problem, before);
+        let (at, tau) = (problem.merit(), problem.tau);
+        let dual = problem.iterate.dual_length(&self.step, tau);
+        let alpha = problem.iterate.primal_length(&self.step, tau).min(dual);
+        self.line_search.alpha = alpha;
+        let trial = problem.try_point(&self.step, alpha, &mut self.line_search.trial);
+        let mut is_better = false;
+        if trial.is_some() {
+            self.accept(alpha);
+            let problem = &mut self.problem;
+            is_better = problem.evaluate_derivatives().is_ok() && {
+                let errors = problem.errors();
+                errors.optimality(&problem.iterate, problem.mu) <= KAPPA_SOFT * before
+            };
         }
-    }
-
-    fn objective(&mut self) -> f64 {
-        let f = if self.is_restoration {
-            self.form.objective()
+        if is_better {
+            self.line_search.filter.add(at);
+            self.n_soft += 1;
         } else {
-            self.f
-        };
-        f / self.form.objective_scale
+            self.saved.restore(&mut self.problem.iterate);
+            // These values were finite before.
+            let _ = self.problem.evaluate();
+        }
+        is_better
     }
 
-    /// The point in the units of the problem.
-    fn point(&mut self) -> Point {
-        let form = &mut self.form;
-        form.load(&self.v);
-        let n_rows = form.nlp.n_rows();
-        let mut point = Point {
-            w: form.w.clone(),
-            y: vec![0.0; n_rows],
-            z_l: vec![0.0; form.w.len()],
-            z_u: vec![0.0; form.w.len()],
-            mu: self.mu,
+    /// Goes to a point with less violation that the filter accepts, or says why there is none.
+    fn restore(&mut self, observer: &mut dyn Observer) -> Option<Exit> {
+        let at = self.problem.merit();
+        self.line_search.filter.add(at);
+        self.line_search.swap_filters();
+        let mu = self.problem.enter_restoration(at.theta);
+        let before = self.iterations;
+        self.set_mu(mu);
+        let exit = match self.problem.evaluate() {
+            Ok(()) => {
+                let theta = self.problem.merit().theta;
+                self.line_search.filter.start(theta);
+                self.iterate(observer)
+            }
+            Err(failure) => Exit::Ended(Status::NumericalFailure(failure)),
         };
-        for ((&row, &y), &scale) in form.rows.iter().zip(&self.y).zip(&form.row_scale) {
-            point.y[row as usize] = scale * y / form.objective_scale;
+        self.line_search.swap_filters();
+        self.problem.leave_restoration();
+        self.newton.estimate_multipliers(&mut self.problem);
+        // What is not finite here ends the iteration at the next point.
+        let _ = self.problem.evaluate();
+        let violation = largest(&self.problem.values.residual);
+        let tolerance = self.problem.options.tolerance;
+        match exit {
+            Exit::Restored => None,
+            // Nothing is violated, and yet the filter does not take it: it starts anew.
+            Exit::Ended(Status::LocallyInfeasible) if violation <= 1e2 * tolerance => {
+                self.line_search.filter.clear();
+                let is_stuck = self.iterations == before;
+                is_stuck.then_some(Exit::Ended(Status::NumericalFailure(Failure::Restoration)))
+            }
+            _ => Some(exit),
         }
-        for (i, &variable) in form.variables.iter().enumerate() {
-            point.z_l[variable as usize] = self.z_l[i] / form.objective_scale;
-            point.z_u[variable as usize] = self.z_u[i] / form.objective_scale;
+    }
+
+    /// A direction of negative curvature at a solution. `None` also where the last step has shown that there is none.
+    fn falling(&mut self, status: Status) -> Option<Vec<f64>> {
+        let is_shown = self.line_search.alpha > 0.0 && !self.newton.kkt.is_corrected();
+        if status != Status::Solved || is_shown || self.problem.form.shape.n == 0 {
+            return None;
         }
-        form.complete(&mut point);
-        point
+        curvature::falling(&mut self.problem, &mut self.newton)
     }
 }
 

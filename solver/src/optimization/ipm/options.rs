@@ -3,6 +3,9 @@
 use crate::linalg::analyses::Analyses;
 use crate::runtime::limit::Limit;
 
+/// A barrier problem is solved when its error is at most this many times μ.
+pub(crate) const KAPPA_EPSILON: f64 = 10.0;
+
 /// How the barrier parameter decreases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BarrierRule {
@@ -38,6 +41,13 @@ pub struct Options {
     /// Whether rows and variables are eliminated in pairs once the static order has lost a pivot: steps are exact then,
     /// and cost several times as much. Without, what is lost counts as curvature that is missing.
     pub pairs_pivots: bool,
+}
+
+impl Options {
+    /// The least μ.
+    pub(crate) fn mu_floor(&self) -> f64 {
+        self.mu_target.max(self.tolerance / (KAPPA_EPSILON + 1.0))
+    }
 }
 
 impl Default for Options {

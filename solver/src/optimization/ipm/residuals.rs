@@ -1,91 +1,11 @@
-//! By how much the optimality conditions are missed.
-//!
-//! E_μ = max(‖∇L‖ / s_d, ‖r‖, ‖d z - μ‖ / s_c) in the maximum norm, Wächter & Biegler 2006, eq. (5).
+//! By how much the optimality conditions of a program are missed.
 
-use super::Run;
 use super::solution::Residuals;
-use crate::linalg::largest;
-
-/// Multipliers above this average size scale the dual errors down.
-const S_MAX: f64 = 100.0;
-
-/// Errors in the scaled problem.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Errors {
-    pub primal: f64,
-    pub dual: f64,
-    /// s_d and s_c.
-    pub dual_scale: f64,
-    pub complementarity_scale: f64,
-}
-
-impl Run<'_> {
-    pub(crate) fn errors(&self) -> Errors {
-        let nv = self.nv();
-        let (mut dual, mut sum, mut count) = (0.0_f64, 0.0, 0_usize);
-        for i in 0..nv {
-            let (z_l, z_u) = (self.z_l[i], self.z_u[i]);
-            let error =
-                (self.lagrangian[i] - z_l + z_u + self.options.mu_target * self.damping(i)).abs();
-            if error > dual || error.is_nan() {
-                dual = error;
-            }
-            sum += z_l + z_u;
-            count +=
-                usize::from(self.lower[i].is_finite()) + usize::from(self.upper[i].is_finite());
-        }
-        let multipliers: f64 = self.y.iter().map(|y| y.abs()).sum();
-        let scale = |sum: f64, count: usize| (sum / count.max(1) as f64).max(S_MAX) / S_MAX;
-        Errors {
-            primal: largest(&self.residual),
-            dual,
-            dual_scale: scale(sum + multipliers, count + self.form.m),
-            complementarity_scale: scale(sum, count),
-        }
-    }
-
-    /// max |d z - μ|.
-    pub(crate) fn complementarity(&self, mu: f64) -> f64 {
-        let mut error = 0.0_f64;
-        for i in 0..self.nv() {
-            if self.lower[i].is_finite() {
-                error = error.max((self.z_l[i] * (self.v[i] - self.lower[i]) - mu).abs());
-            }
-            if self.upper[i].is_finite() {
-                error = error.max((self.z_u[i] * (self.upper[i] - self.v[i]) - mu).abs());
-            }
-        }
-        error
-    }
-
-    /// E_μ.
-    pub(crate) fn optimality_error(&self, errors: &Errors, mu: f64) -> f64 {
-        let complementarity = self.complementarity(mu) / errors.complementarity_scale;
-        (errors.dual / errors.dual_scale)
-            .max(errors.primal)
-            .max(complementarity)
-    }
-
-    /// What the absolute tolerances look at: whatever the scaling, a solution misses no condition by more.
-    pub(crate) fn is_within(
-        &self,
-        errors: &Errors,
-        dual: f64,
-        primal: f64,
-        complementarity: f64,
-    ) -> bool {
-        let scale = self.form.objective_scale;
-        let residuals = self.residual.iter().zip(&self.form.row_scale);
-        let violation = residuals.fold(0.0_f64, |m, (r, scale)| m.max(r.abs() / scale));
-        errors.dual / scale <= dual
-            && violation <= primal
-            && self.complementarity(self.options.mu_target) / scale <= complementarity
-    }
-}
+use crate::optimization::problem::Nlp;
 
 /// Residuals of the problem itself at a point with these multipliers.
 pub(crate) fn residuals(
-    nlp: &mut dyn crate::optimization::problem::Nlp,
+    nlp: &mut dyn Nlp,
     w: &[f64],
     y: &[f64],
     z_l: &[f64],

@@ -1,15 +1,8 @@
-//! Points to come back to, and soft restoration.
-//!
-//! Where the filter accepts no length of a step, the step may still reduce the optimality error of the barrier problem;
-//! near a solution it does, and the filter only sees rounding. Wächter & Biegler 2006, section 3.3.
+//! Points to come back to, and errors that become no smaller.
 
-use super::Run;
-use super::residuals::Errors;
-use super::solution::Status;
+use super::problem::BarrierProblem;
+use super::problem::iterate::Iterate;
 
-/// By what factor a soft step has to reduce the error, and how many may follow each other.
-const KAPPA_SOFT: f64 = 0.9999;
-const MAX_SOFT: usize = 10;
 /// So many acceptable points of one barrier problem, none with less than half the error of an earlier one, get no better.
 const STALLED: usize = 3;
 
@@ -53,99 +46,45 @@ impl Saved {
         self.error = f64::INFINITY;
     }
 
-    fn save(&mut self, run: &Run<'_>, error: f64) {
-        let own = self.v.len();
-        self.v.copy_from_slice(&run.v[..own]);
-        self.y.copy_from_slice(&run.y);
-        self.z_l.copy_from_slice(&run.z_l[..own]);
-        self.z_u.copy_from_slice(&run.z_u[..own]);
+    /// Saves the point of a problem with this optimality error.
+    pub fn save(&mut self, problem: &BarrierProblem<'_>, error: f64) {
+        let (own, at) = (self.v.len(), &problem.iterate);
+        self.v.copy_from_slice(&at.v[..own]);
+        self.y.copy_from_slice(&at.y);
+        self.z_l.copy_from_slice(&at.z_l[..own]);
+        self.z_u.copy_from_slice(&at.z_u[..own]);
         self.error = error;
-        self.mu = run.mu;
+        self.mu = problem.mu;
     }
 
-    fn restore(&self, run: &mut Run<'_>) {
-        let own = self.v.len();
-        run.v[..own].copy_from_slice(&self.v);
-        run.y.copy_from_slice(&self.y);
-        run.z_l[..own].copy_from_slice(&self.z_l);
-        run.z_u[..own].copy_from_slice(&self.z_u);
-    }
-}
-
-impl Run<'_> {
-    /// Keeps an acceptable point if it is the best one; among points that are nearly as good the one with the least μ.
-    pub(crate) fn keep_acceptable(&mut self, error: f64) {
-        let best = &self.acceptable;
-        if error < best.error || self.mu < best.mu && error < NEARLY * best.error {
-            let mut saved = std::mem::take(&mut self.acceptable);
-            saved.save(self, error);
-            self.acceptable = saved;
+    /// Keeps a point if it is the best one; among points that are nearly as good the one with the least μ.
+    pub fn keep(&mut self, problem: &BarrierProblem<'_>, error: f64) {
+        if error < self.error || problem.mu < self.mu && error < NEARLY * self.error {
+            self.save(problem, error);
         }
     }
 
-    /// Whether the error of the barrier problem at acceptable points has come to where rounding, or multipliers that
-    /// are not unique, keep it.
-    pub(crate) fn stalls(&mut self, errors: &Errors) -> bool {
-        let error = self.optimality_error(errors, self.mu);
-        let stall = &mut self.stall;
-        if stall.mu != self.mu || error <= 0.5 * stall.error {
-            *stall = Stall {
-                mu: self.mu,
+    pub fn restore(&self, at: &mut Iterate) {
+        let own = self.v.len();
+        at.v[..own].copy_from_slice(&self.v);
+        at.y.copy_from_slice(&self.y);
+        at.z_l[..own].copy_from_slice(&self.z_l);
+        at.z_u[..own].copy_from_slice(&self.z_u);
+    }
+}
+
+impl Stall {
+    /// Whether the error of the barrier problem of μ at acceptable points has come to where rounding, or multipliers
+    /// that are not unique, keep it.
+    pub fn record(&mut self, mu: f64, error: f64) -> bool {
+        if self.mu != mu || error <= 0.5 * self.error {
+            *self = Stall {
+                mu,
                 error,
                 count: 0,
             };
         }
-        stall.count += 1;
-        stall.count > STALLED
-    }
-
-    /// Goes back to the best acceptable point of a run that ends without a solution.
-    pub(crate) fn settle(&mut self, status: Status) -> Status {
-        let is_unsolved = matches!(
-            status,
-            Status::NumericalFailure(_) | Status::LocallyInfeasible | Status::Acceptable
-        );
-        if !(is_unsolved && self.acceptable.error.is_finite()) {
-            return status;
-        }
-        let saved = std::mem::take(&mut self.acceptable);
-        saved.restore(self);
-        Status::Acceptable
-    }
-
-    /// Takes the step that the line search has refused if it reduces the error of the barrier problem.
-    pub(crate) fn soft_step(&mut self, errors: &Errors) -> bool {
-        // Far from feasible points the error may fall to where nothing is feasible.
-        let is_near = errors.primal <= self.options.acceptable_tolerance;
-        if self.is_restoration || !is_near || self.n_soft >= MAX_SOFT {
-            return false;
-        }
-        let before = self.optimality_error(errors, self.mu);
-        let mut saved = std::mem::take(&mut self.saved);
-        saved.save(self, before);
-        let at = self.merit();
-        let step = std::mem::take(&mut self.step);
-        let dual = self.dual_length(&step, self.tau);
-        self.alpha = self.primal_length(&step, self.tau).min(dual);
-        let trial = self.try_point(&step, self.alpha);
-        self.step = step;
-        let mut is_better = false;
-        if trial.is_some() {
-            self.accept(self.alpha);
-            is_better = self.evaluate_derivatives().is_ok() && {
-                let errors = self.errors();
-                self.optimality_error(&errors, self.mu) <= KAPPA_SOFT * before
-            };
-        }
-        if is_better {
-            self.filter.add(at);
-            self.n_soft += 1;
-        } else {
-            saved.restore(self);
-            // These values were finite before.
-            let _ = self.evaluate();
-        }
-        self.saved = saved;
-        is_better
+        self.count += 1;
+        self.count > STALLED
     }
 }

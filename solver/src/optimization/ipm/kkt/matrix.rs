@@ -1,6 +1,6 @@
 //! The matrix of a step in the numbers of the form: entries of H and J, and what is added to its diagonal.
 
-use crate::optimization::ipm::form::{Form, Sparse};
+use crate::optimization::ipm::problem::form::{Form, Sparse};
 use crate::optimization::problem::Pattern;
 
 pub(crate) struct Matrix {
@@ -26,7 +26,7 @@ pub(crate) struct Entries<'a> {
 
 impl Matrix {
     pub fn new(form: &Form<'_>) -> Self {
-        let (n, m) = (form.n, form.m);
+        let (n, m) = (form.shape.n, form.shape.m);
         let mut entries: Vec<(u32, u32)> = (0..(n + m) as u32).map(|i| (i, i)).collect();
         let list = |sparse: &Sparse, first: usize| -> Vec<(u32, u32)> {
             let rows = 0..sparse.starts.len() - 1;
@@ -86,7 +86,7 @@ impl Matrix {
             *diagonal = sigma + delta;
         }
         self.diagonal[n..].fill(0.0);
-        for (attached, sigma) in form.attached.iter().zip(&sigma[n..]) {
+        for (attached, sigma) in form.shape.attached.iter().zip(&sigma[n..]) {
             self.diagonal[n + attached.row as usize] -= 1.0 / (sigma + delta);
         }
         for i in 0..n {

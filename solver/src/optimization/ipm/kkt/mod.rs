@@ -15,8 +15,8 @@
 mod factors;
 mod matrix;
 
-use super::form::Form;
 use super::options::Options;
+use super::problem::form::Form;
 use super::solution::Failure;
 use crate::linalg::largest;
 use crate::linalg::symmetric::Inertia;

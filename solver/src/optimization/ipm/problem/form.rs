@@ -7,7 +7,8 @@
 //! rows have elastic variables p, n >= 0 besides, c(x) - s - b - p + n = 0: what a row has besides c(x) is *attached* to
 //! it.
 
-use super::solution::Point;
+use super::super::solution::Point;
+use super::iterate::Iterate;
 use crate::optimization::problem::{Bounds, Nlp};
 
 /// A sparse matrix by rows in the numbers of the form.
@@ -26,8 +27,8 @@ pub(crate) struct Attached {
     pub sign: f64,
 }
 
-pub(crate) struct Form<'a> {
-    pub nlp: &'a mut dyn Nlp,
+/// Which variables and rows of the problem take part, and what is attached to rows.
+pub(crate) struct Shape {
     /// The numbers of variables x, slacks and rows.
     pub n: usize,
     pub n_slacks: usize,
@@ -41,6 +42,20 @@ pub(crate) struct Form<'a> {
     /// The variables and rows of the problem.
     pub variables: Vec<u32>,
     pub rows: Vec<u32>,
+}
+
+/// Values and derivatives as the problem has them, unscaled and of all variables and rows.
+struct Unscaled {
+    rows: Vec<f64>,
+    y: Vec<f64>,
+    gradient: Vec<f64>,
+    jacobian: Vec<f64>,
+    hessian: Vec<f64>,
+}
+
+pub(crate) struct Form<'a> {
+    pub nlp: &'a mut dyn Nlp,
+    pub shape: Shape,
     pub jacobian: Sparse,
     pub hessian: Sparse,
     pub objective_scale: f64,
@@ -49,12 +64,7 @@ pub(crate) struct Form<'a> {
     targets: Vec<f64>,
     /// All variables, the fixed ones at their value.
     pub w: Vec<f64>,
-    /// Values as the problem has them.
-    all_rows: Vec<f64>,
-    all_y: Vec<f64>,
-    all_gradient: Vec<f64>,
-    all_jacobian: Vec<f64>,
-    all_hessian: Vec<f64>,
+    unscaled: Unscaled,
 }
 
 pub(crate) const NONE: u32 = u32::MAX;
@@ -131,28 +141,31 @@ impl<'a> Form<'a> {
         }
         let jacobian = Sparse::select(nlp.jacobian_pattern(), &rows, &place);
         let hessian = Sparse::select(nlp.hessian_pattern(), &variables, &place);
-        let all_jacobian = vec![0.0; nlp.jacobian_pattern().n_entries()];
-        let all_hessian = vec![0.0; nlp.hessian_pattern().n_entries()];
+        let unscaled = Unscaled {
+            rows: values,
+            y: vec![0.0; m_all],
+            gradient: vec![0.0; n_all],
+            jacobian: vec![0.0; nlp.jacobian_pattern().n_entries()],
+            hessian: vec![0.0; nlp.hessian_pattern().n_entries()],
+        };
         Form {
-            n,
-            n_slacks,
-            m,
-            n_empty: empty.len(),
-            attached,
-            slacks,
-            variables,
-            rows,
+            shape: Shape {
+                n,
+                n_slacks,
+                m,
+                n_empty: empty.len(),
+                attached,
+                slacks,
+                variables,
+                rows,
+            },
             jacobian,
             hessian,
             objective_scale: 1.0,
             row_scale: vec![1.0; m],
             targets: vec![0.0; m],
             w,
-            all_rows: vec![0.0; m_all],
-            all_y: vec![0.0; m_all],
-            all_gradient: vec![0.0; n_all],
-            all_jacobian,
-            all_hessian,
+            unscaled,
             nlp,
         }
     }
@@ -161,8 +174,9 @@ impl<'a> Form<'a> {
     pub fn has_shape(&self) -> bool {
         let bounds = self.nlp.variable_bounds();
         let fixed = (0..self.w.len()).filter(|&i| kind(&bounds, i) == Kind::Fixed);
-        if fixed.count() + self.n != self.w.len()
+        if fixed.count() + self.shape.n != self.w.len()
             || self
+                .shape
                 .variables
                 .iter()
                 .any(|&i| kind(&bounds, i as usize) == Kind::Fixed)
@@ -170,7 +184,7 @@ impl<'a> Form<'a> {
             return false;
         }
         let bounds = self.nlp.row_bounds();
-        let free = (0..self.all_rows.len()).filter(|&i| kind(&bounds, i) == Kind::Free);
+        let free = (0..self.unscaled.rows.len()).filter(|&i| kind(&bounds, i) == Kind::Free);
         let expected = |slack: u32| {
             if slack == NONE {
                 Kind::Fixed
@@ -178,30 +192,30 @@ impl<'a> Form<'a> {
                 Kind::Bounded
             }
         };
-        let mut rows = self.rows.iter().zip(&self.slacks);
-        free.count() + self.n_empty + self.m == self.all_rows.len()
+        let mut rows = self.shape.rows.iter().zip(&self.shape.slacks);
+        free.count() + self.shape.n_empty + self.shape.m == self.unscaled.rows.len()
             && rows.all(|(&row, &slack)| kind(&bounds, row as usize) == expected(slack))
     }
 
     /// Reads the bounds of v, moved outward by `relaxation` of their size, and the right-hand sides of equations.
     pub fn read_bounds(&mut self, relaxation: f64, lower: &mut [f64], upper: &mut [f64]) {
         let bounds = self.nlp.variable_bounds();
-        for (i, &variable) in self.variables.iter().enumerate() {
+        for (i, &variable) in self.shape.variables.iter().enumerate() {
             lower[i] = bounds.lower[variable as usize];
             upper[i] = bounds.upper[variable as usize];
         }
         let bounds = self.nlp.row_bounds();
-        for (j, &row) in self.rows.iter().enumerate() {
+        for (j, &row) in self.shape.rows.iter().enumerate() {
             let scale = self.row_scale[j];
             let (low, high) = (bounds.lower[row as usize], bounds.upper[row as usize]);
-            if self.slacks[j] == NONE {
+            if self.shape.slacks[j] == NONE {
                 self.targets[j] = scale * low;
             } else {
-                lower[self.slacks[j] as usize] = scale * low;
-                upper[self.slacks[j] as usize] = scale * high;
+                lower[self.shape.slacks[j] as usize] = scale * low;
+                upper[self.shape.slacks[j] as usize] = scale * high;
             }
         }
-        let nv = self.n + self.n_slacks;
+        let nv = self.shape.own();
         for (low, high) in lower.iter_mut().zip(upper).take(nv) {
             // Infinite bounds stay; 0 · ∞ is no number.
             *low -= relaxation * low.abs().clamp(1.0, f64::MAX);
@@ -210,18 +224,18 @@ impl<'a> Form<'a> {
     }
 
     /// Brings w back between its bounds and adds the multipliers of variables that are fixed.
-    pub fn complete(&mut self, point: &mut Point) {
-        self.nlp.gradient(&point.w, &mut self.all_gradient);
-        self.nlp.jacobian(&point.w, &mut self.all_jacobian);
+    fn complete(&mut self, point: &mut Point) {
+        self.nlp.gradient(&point.w, &mut self.unscaled.gradient);
+        self.nlp.jacobian(&point.w, &mut self.unscaled.jacobian);
         let pattern = self.nlp.jacobian_pattern();
         for (row, y) in point.y.iter().enumerate() {
             let range = pattern.starts[row]..pattern.starts[row + 1];
-            for (&column, a) in pattern.row(row).iter().zip(&self.all_jacobian[range]) {
-                self.all_gradient[column as usize] += a * y;
+            for (&column, a) in pattern.row(row).iter().zip(&self.unscaled.jacobian[range]) {
+                self.unscaled.gradient[column as usize] += a * y;
             }
         }
         let bounds = self.nlp.variable_bounds();
-        for (i, &slope) in self.all_gradient.iter().enumerate() {
+        for (i, &slope) in self.unscaled.gradient.iter().enumerate() {
             let (lower, upper) = (bounds.lower[i], bounds.upper[i]);
             if lower == upper {
                 point.z_l[i] = slope.max(0.0);
@@ -231,9 +245,30 @@ impl<'a> Form<'a> {
         }
     }
 
+    /// The point in the units of the problem.
+    pub fn point(&mut self, at: &Iterate, mu: f64) -> Point {
+        self.load(&at.v);
+        let mut point = Point {
+            w: self.w.clone(),
+            y: vec![0.0; self.nlp.n_rows()],
+            z_l: vec![0.0; self.w.len()],
+            z_u: vec![0.0; self.w.len()],
+            mu,
+        };
+        for ((&row, &y), &scale) in self.shape.rows.iter().zip(&at.y).zip(&self.row_scale) {
+            point.y[row as usize] = scale * y / self.objective_scale;
+        }
+        for (i, &variable) in self.shape.variables.iter().enumerate() {
+            point.z_l[variable as usize] = at.z_l[i] / self.objective_scale;
+            point.z_u[variable as usize] = at.z_u[i] / self.objective_scale;
+        }
+        self.complete(&mut point);
+        point
+    }
+
     /// Brings x into w.
     pub fn load(&mut self, v: &[f64]) {
-        for (&variable, &x) in self.variables.iter().zip(v) {
+        for (&variable, &x) in self.shape.variables.iter().zip(v) {
             self.w[variable as usize] = x;
         }
     }
@@ -245,55 +280,59 @@ impl<'a> Form<'a> {
 
     /// c(x) at the point loaded.
     pub fn rows(&mut self, c: &mut [f64]) {
-        self.nlp.rows(&self.w, &mut self.all_rows);
-        for ((c, &row), &scale) in c.iter_mut().zip(&self.rows).zip(&self.row_scale) {
-            *c = scale * self.all_rows[row as usize];
+        self.nlp.rows(&self.w, &mut self.unscaled.rows);
+        for ((c, &row), &scale) in c.iter_mut().zip(&self.shape.rows).zip(&self.row_scale) {
+            *c = scale * self.unscaled.rows[row as usize];
         }
     }
 
     /// ∇f at the point loaded.
     pub fn gradient(&mut self, gradient: &mut [f64]) {
-        self.nlp.gradient(&self.w, &mut self.all_gradient);
-        for (g, &variable) in gradient.iter_mut().zip(&self.variables) {
-            *g = self.objective_scale * self.all_gradient[variable as usize];
+        self.nlp.gradient(&self.w, &mut self.unscaled.gradient);
+        for (g, &variable) in gradient.iter_mut().zip(&self.shape.variables) {
+            *g = self.objective_scale * self.unscaled.gradient[variable as usize];
         }
     }
 
     /// The entries of ∂c/∂x at the point loaded.
     pub fn jacobian(&mut self, entries: &mut [f64]) {
-        self.nlp.jacobian(&self.w, &mut self.all_jacobian);
-        for j in 0..self.m {
+        self.nlp.jacobian(&self.w, &mut self.unscaled.jacobian);
+        for j in 0..self.shape.m {
             let scale = self.row_scale[j];
             let range = self.jacobian.range(j);
             for (entry, &source) in entries[range.clone()]
                 .iter_mut()
                 .zip(&self.jacobian.sources[range])
             {
-                *entry = scale * self.all_jacobian[source as usize];
+                *entry = scale * self.unscaled.jacobian[source as usize];
             }
         }
     }
 
     /// The entries of the Hessian of `factor` f + yᵀc at the point loaded.
     pub fn hessian(&mut self, factor: f64, y: &[f64], entries: &mut [f64]) {
-        for ((&row, &y), &scale) in self.rows.iter().zip(y).zip(&self.row_scale) {
-            self.all_y[row as usize] = scale * y;
+        for ((&row, &y), &scale) in self.shape.rows.iter().zip(y).zip(&self.row_scale) {
+            self.unscaled.y[row as usize] = scale * y;
         }
         let factor = factor * self.objective_scale;
-        self.nlp
-            .hessian(&self.w, factor, &self.all_y, &mut self.all_hessian);
+        self.nlp.hessian(
+            &self.w,
+            factor,
+            &self.unscaled.y,
+            &mut self.unscaled.hessian,
+        );
         for (entry, &source) in entries.iter_mut().zip(&self.hessian.sources) {
-            *entry = self.all_hessian[source as usize];
+            *entry = self.unscaled.hessian[source as usize];
         }
     }
 
     /// Adds what is missing for a convex Lagrangian to the entries that [`Form::hessian`] gave last.
     pub fn convexify(&mut self, entries: &mut [f64]) -> bool {
-        if !(self.nlp).convexify(&self.w, &self.all_y, &mut self.all_hessian) {
+        if !(self.nlp).convexify(&self.w, &self.unscaled.y, &mut self.unscaled.hessian) {
             return false;
         }
         for (entry, &source) in entries.iter_mut().zip(&self.hessian.sources) {
-            *entry = self.all_hessian[source as usize];
+            *entry = self.unscaled.hessian[source as usize];
         }
         true
     }
@@ -303,9 +342,21 @@ impl<'a> Form<'a> {
         for ((r, &c), &target) in residual.iter_mut().zip(c).zip(&self.targets) {
             *r = c - target;
         }
-        for (attached, &v) in self.attached.iter().zip(&v[self.n..]) {
+        for (attached, &v) in self.shape.attached.iter().zip(&v[self.shape.n..]) {
             residual[attached.row as usize] += attached.sign * v;
         }
+    }
+}
+
+impl Shape {
+    /// The number of variables x and slacks.
+    pub fn own(&self) -> usize {
+        self.n + self.n_slacks
+    }
+
+    /// The number of these with p and n.
+    pub fn n_all(&self) -> usize {
+        self.n + self.attached.len()
     }
 }
 
