@@ -16,7 +16,7 @@ use crate::model::names::{bind, connect};
 use crate::model::statements::declare::Declaring;
 use crate::model::statements::{algebraic, dynamics, partition};
 use crate::source::Span;
-use crate::syntax::{self, Bind, Experiment, File, Item};
+use crate::syntax::{Bind, Experiment, File, Item};
 
 /// The meaning of the model called `name`.
 ///

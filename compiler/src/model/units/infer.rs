@@ -7,7 +7,7 @@ use rustc_hash::FxHashMap;
 use super::dimension::{Dim, Dimension, Ratio};
 use super::error::UnitError;
 use super::instances::{Instances, Place};
-use super::names;
+use super::names::read;
 use crate::diagnostics::Diagnostics;
 use crate::model::hir::import::own;
 use crate::model::hir::{Definition, Global, Reference};
@@ -90,7 +90,7 @@ impl<'f, 'd> Inference<'f, 'd> {
     /// The dimension of a quantity: that of its unit, or of what a part is given for it.
     pub fn quantity(&mut self, instance: usize, decl: &'f Decl) -> Dim {
         if let Some(unit) = &decl.unit {
-            return Dim::of(names::read(unit, self.diags));
+            return Dim::of(read(unit, self.diags));
         }
         let given = self.instances.given(instance, decl);
         let given = given.map(|(value, outer)| {
@@ -109,7 +109,7 @@ impl<'f, 'd> Inference<'f, 'd> {
         let Some(unit) = &named.unit else {
             return value;
         };
-        let dim = Dim::of(names::read(unit, self.diags));
+        let dim = Dim::of(read(unit, self.diags));
         let what = format!("`{}`", named.name.name);
         self.fits(what, dim, (value, &named.value), Some(unit.span));
         dim
