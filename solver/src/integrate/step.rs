@@ -136,9 +136,11 @@ impl Stepper {
             return Ok(step);
         }
         // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in, and sees no folds.
+        let is_solved = |&i: &usize| {
+            mode.surfaces.n_derivatives(i) == 0 && !mode.system.switches[i].is_nonlinear
+        };
         if self.stiffness.implicit
-            && !mode.slides_deeply()
-            && !mode.slides_nonlinearly()
+            && mode.sliding.iter().all(is_solved)
             && let Some(step) = self.implicit_step(mode, state, goal)?
         {
             return Ok(step);
@@ -169,9 +171,7 @@ impl Stepper {
         mode.measure_terms(&mut state.scales, &mut state.bands);
         mode.measure_held(&state.point, &mut state.scales, &state.bands, remaining);
         state.report.stats.rhs_evaluations += mode.order;
-        if mode.slides_nonlinearly()
-            && let Some(fold) = mode.fold_ahead(state, remaining)
-        {
+        if let Some(fold) = Fold::ahead(mode, state, remaining) {
             return Ok(Step::to_fold(state, fold));
         }
         let longest = longest(mode, state, remaining);
@@ -584,12 +584,6 @@ pub(crate) fn simultaneous(
 pub(crate) const TOGETHER: f64 = 1e-12;
 
 impl Mode {
-    /// True when a switch of higher relative degree slides.
-    pub(crate) fn slides_deeply(&self) -> bool {
-        let mut sliding = self.sliding.iter();
-        sliding.any(|&i| self.surfaces.n_derivatives(i) > 0)
-    }
-
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
     pub(crate) fn on_wrong_side(&mut self, bands: &Bands) -> bool {

@@ -30,41 +30,47 @@ const ROUNDINGS: f64 = 16.0;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Unbounded;
 
-impl Mode {
-    /// φ and S of a switch in focus, and the rounding of φ.
-    pub(crate) fn rate_at(&mut self, switch: usize, alphas: &mut [f64], alpha: f64) -> [f64; 3] {
-        alphas[switch] = alpha;
-        self.vary(alphas);
-        self.linearize(&[switch]);
-        let rounding = ROUNDINGS * f64::EPSILON * self.terms_of_phi(switch);
-        [self.phi(switch), self.coupling(switch, switch), rounding]
+/// φ and S of one switch as functions of its α, where a mode has the switch in focus.
+pub(crate) struct ScalarRate<'a> {
+    pub mode: &'a mut Mode,
+    pub switch: usize,
+    /// α of all switches.
+    pub alphas: &'a mut [f64],
+}
+
+impl ScalarRate<'_> {
+    /// φ and S, and the rounding of φ.
+    pub(crate) fn at(&mut self, alpha: f64) -> [f64; 3] {
+        let (mode, switch) = (&mut *self.mode, self.switch);
+        self.alphas[switch] = alpha;
+        mode.vary(self.alphas);
+        mode.linearize(&[switch]);
+        let rounding = ROUNDINGS * f64::EPSILON * mode.terms_of_phi(switch);
+        [mode.phi(switch), mode.coupling(switch, switch), rounding]
     }
 
     /// Enclosures of φ and S while α is within `radius` of `middle`.
-    fn enclose(&mut self, switch: usize, middle: f64, radius: f64) -> [Ball; 2] {
-        let slot = 1 + self.n + switch;
+    fn enclose(&mut self, middle: f64, radius: f64) -> [Ball; 2] {
+        let (mode, switch) = (&mut *self.mode, self.switch);
+        let slot = 1 + mode.n + switch;
         let inside = Ball::new(middle, radius);
         let (mut phi, mut slope) = (
-            Ball::new(self.time_gradient(switch), 0.0),
+            Ball::new(mode.time_gradient(switch), 0.0),
             Ball::new(0.0, 0.0),
         );
-        for at in 0..self.gradient(switch).len() {
-            let (state, g) = self.gradient(switch)[at];
+        for at in 0..mode.gradient(switch).len() {
+            let (state, g) = mode.gradient(switch)[at];
             let [f, by_alpha] =
-                self.field
-                    .enclose(state, switch, &self.memory.values, slot, inside);
+                mode.field
+                    .enclose(state, switch, &mode.memory.values, slot, inside);
             let g = Ball::new(g, 0.0);
             (phi, slope) = (phi + g * f, slope + g * by_alpha);
         }
         [phi, slope]
     }
 
-    /// All sliding modes of a switch in focus on its surface, in order.
-    pub(crate) fn sliding_modes(
-        &mut self,
-        switch: usize,
-        alphas: &mut [f64],
-    ) -> Result<Vec<SlidingMode>, Unbounded> {
+    /// All sliding modes where the switch is on its surface, in order.
+    pub(crate) fn sliding_modes(&mut self) -> Result<Vec<SlidingMode>, Unbounded> {
         let mut found: Vec<SlidingMode> = Vec::new();
         let mut parts = vec![(0.5, 0.5)];
         for _ in 0..MAX_PARTS {
@@ -73,11 +79,11 @@ impl Mode {
                 found.dedup_by(|b, a| (a.alpha - b.alpha).abs() <= SAME);
                 return Ok(found);
             };
-            let [value, _, rounding] = self.rate_at(switch, alphas, middle);
+            let [value, _, rounding] = self.at(middle);
             if value.is_nan() {
                 return Err(Unbounded);
             }
-            let [phi, slope] = self.enclose(switch, middle, radius);
+            let [phi, slope] = self.enclose(middle, radius);
             let steepest = slope.middle.abs() + slope.radius;
             let nearest = (phi.middle.abs() - phi.radius).max(value.abs() - steepest * radius);
             if nearest > rounding {
@@ -85,16 +91,16 @@ impl Mode {
             }
             let (low, high) = (middle - radius, middle + radius);
             if slope.excludes_zero() {
-                let ends = [low, high].map(|end| self.rate_at(switch, alphas, end));
+                let ends = [low, high].map(|end| self.at(end));
                 let has_none = ends[0][0] * ends[1][0] > 0.0
                     && ends
                         .iter()
                         .all(|[value, _, rounding]| value.abs() > *rounding);
                 if !has_none {
-                    found.push(self.zero_between(switch, alphas, low, high));
+                    found.push(self.zero_between(low, high));
                 }
             } else if radius <= NARROW {
-                let [_, stability, _] = self.rate_at(switch, alphas, middle);
+                let [_, stability, _] = self.at(middle);
                 found.push(SlidingMode {
                     alpha: middle,
                     stability,
@@ -109,20 +115,14 @@ impl Mode {
 
     /// The zero of φ in an interval in which it is monotonic, or the end that is closest to it: Newton's method,
     /// with bisection where that would leave the interval.
-    fn zero_between(
-        &mut self,
-        switch: usize,
-        alphas: &mut [f64],
-        mut low: f64,
-        mut high: f64,
-    ) -> SlidingMode {
-        let [at_low, ..] = self.rate_at(switch, alphas, low);
-        let [at_high, ..] = self.rate_at(switch, alphas, high);
+    fn zero_between(&mut self, mut low: f64, mut high: f64) -> SlidingMode {
+        let [at_low, ..] = self.at(low);
+        let [at_high, ..] = self.at(high);
         let rises = at_high > at_low;
         let mut alpha = 0.5 * (low + high);
         let mut stability = 0.0;
         for _ in 0..100 {
-            let [value, slope, _] = self.rate_at(switch, alphas, alpha);
+            let [value, slope, _] = self.at(alpha);
             stability = slope;
             if (value > 0.0) == rises {
                 high = alpha;
@@ -141,13 +141,6 @@ impl Mode {
             }
         }
         SlidingMode { alpha, stability }
-    }
-
-    /// True when a nonlinear switch slides.
-    pub(crate) fn slides_nonlinearly(&self) -> bool {
-        self.sliding
-            .iter()
-            .any(|&i| self.system.switches[i].is_nonlinear)
     }
 }
 
@@ -191,7 +184,12 @@ impl Simulator {
                     .iter()
                     .all(|&(j, g)| (change * g).abs() <= 1e-15 * x[j].abs())
             {
-                return self.mode.sliding_modes(switch, &mut alphas).ok();
+                let mut rate = ScalarRate {
+                    mode: &mut self.mode,
+                    switch,
+                    alphas: &mut alphas,
+                };
+                return rate.sliding_modes().ok();
             }
             if !change.is_finite() {
                 return None;
