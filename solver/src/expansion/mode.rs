@@ -93,37 +93,6 @@ impl Mode {
         }
     }
 
-    /// True for the gap of a contact, whose rate has no force in it.
-    pub(crate) fn is_contact(&self, switch: usize) -> bool {
-        self.system.is_unilateral(switch) && self.surfaces.n_derivatives(switch) > 0
-    }
-
-    /// True for the slip velocity of a contact that is open, which does not matter, and for the second entry of one that
-    /// slips, which the first one stands for.
-    pub(crate) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
-        self.system
-            .slip_of(switch)
-            .is_some_and(|of| sides[of] != Side::Slide)
-            || self.is_free(switch, sides)
-            || self.is_second(switch) && sides[switch] != Side::Slide
-    }
-
-    /// True for a slip velocity that no rate on these sides reads the α of.
-    pub(crate) fn is_free(&self, switch: usize, sides: &[Side]) -> bool {
-        let mut others = self.system.switches[switch].idle_above.iter();
-        others.any(|&other| sides[other] == Side::Plus)
-    }
-
-    /// What α of a sliding switch must not pass.
-    pub(crate) fn limits(&self, switch: usize) -> &'static [f64] {
-        match self.system.role(switch) {
-            Role::Step if self.is_in_disc(switch) => &[],
-            Role::Step if self.system.is_unilateral(switch) => &[1.0],
-            Role::Step => &[0.0, 1.0],
-            Role::Equation | Role::Member(_) => &[],
-        }
-    }
-
     /// Takes the functions of these sides.
     pub(crate) fn enter(&mut self, sides: &[Side]) {
         let entered = self.field.n_functions > 0;
