@@ -45,7 +45,7 @@ impl<'a> Grazing<'a> {
     /// |ψ| that a run within its tolerance may have on either side of the surface in a step of length `h`; zero
     /// where it does not matter on which.
     pub(crate) fn closeness(&self, switch: usize, scales: &Scales, bands: &Bands, h: f64) -> f64 {
-        if self.mode.system.sides_agree(switch) {
+        if self.mode.system.switches[switch].sides_agree() {
             return 0.0;
         }
         // Before the first step, a state that starts at zero has no size but that of its motion.
@@ -73,7 +73,7 @@ impl<'a> Grazing<'a> {
         let Some((switch, root)) = event else {
             return;
         };
-        if self.mode.system.sides_agree(switch) || state.bands.armed[switch] {
+        if self.mode.system.switches[switch].sides_agree() || state.bands.armed[switch] {
             return;
         }
         let c = self.dense.psi(switch);

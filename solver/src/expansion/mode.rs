@@ -72,7 +72,7 @@ impl Mode {
         let (n, m) = (system.n_states(), system.n_switches());
         Mode {
             system: system.clone(),
-            may_rest: (0..m).any(|i| system.rests(i)),
+            may_rest: (0..m).any(|i| system.switches[i].rests()),
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
             n,
@@ -119,7 +119,7 @@ impl Mode {
         }
         self.sides.copy_from_slice(sides);
         self.sliding.clear();
-        let slides = |&i: &usize| sides[i] == Side::Slide && !self.system.rests(i);
+        let slides = |&i: &usize| sides[i] == Side::Slide && !self.system.switches[i].rests();
         self.sliding.extend((0..sides.len()).filter(slides));
         self.arranged = false;
     }

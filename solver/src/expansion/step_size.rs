@@ -237,7 +237,7 @@ impl Mode {
                 self.monitored.unobserved.push(i);
                 continue;
             }
-            if !self.system.sides_agree(i) || bands.armed[i] {
+            if !self.system.switches[i].sides_agree() || bands.armed[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
             self.monitored.switches.push(i);

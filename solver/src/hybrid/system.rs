@@ -163,6 +163,22 @@ impl Switch {
         others.any(|&other| sides[other] == Side::Plus)
     }
 
+    /// Whether both sides have one field where they meet.
+    pub(crate) fn sides_agree(&self) -> bool {
+        let is_kept = matches!(self.kind, SwitchKind::Equation | SwitchKind::Member(_));
+        self.is_continuous || is_kept
+    }
+
+    /// Whether the switch may rest on its surface: rates have a root of its ψ.
+    pub(crate) fn rests(&self) -> bool {
+        self.has_root && self.is_continuous
+    }
+
+    /// Whether it is decided before the others.
+    pub(crate) fn leads(&self) -> bool {
+        self.is_timed || matches!(self.kind, SwitchKind::Relay(_))
+    }
+
     /// What α must not pass where the switch slides.
     pub(crate) fn limits(&self) -> &'static [f64] {
         match self.kind {
@@ -278,16 +294,6 @@ impl HybridSystem {
         }
     }
 
-    /// Whether both sides of a switch have one field where they meet.
-    pub(crate) fn sides_agree(&self, switch: usize) -> bool {
-        self.is_continuous(switch) || self.role(switch) != Role::Step
-    }
-
-    /// Whether a switch may rest on its surface: rates have a root of its ψ.
-    pub(crate) fn rests(&self, switch: usize) -> bool {
-        self.switches[switch].has_root && self.is_continuous(switch)
-    }
-
     /// Whether a state follows from equations that hold all the time.
     pub(crate) fn is_algebraic(&self, state: usize) -> bool {
         self.algebraics.binary_search(&state).is_ok()
@@ -300,11 +306,6 @@ impl HybridSystem {
             SwitchKind::Member(other) => Role::Member(other),
             _ => Role::Step,
         }
-    }
-
-    /// True for switches that are decided before the others.
-    pub(crate) fn leads(&self, switch: usize) -> bool {
-        self.switches[switch].is_timed || self.relay(switch).is_some()
     }
 
     /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of

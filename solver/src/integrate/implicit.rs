@@ -441,7 +441,7 @@ impl Stiff<'_> {
             self.mode.monitored.switches.push(switch);
             self.mode.aim(switch);
             for i in std::iter::once(switch).chain(self.mode.system.second(switch)) {
-                if !self.mode.system.sides_agree(i) {
+                if !self.mode.system.switches[i].sides_agree() {
                     self.mode.surfaces.linearize(i, &self.mode.memory.values);
                 }
                 self.mode.measure_terms_of_psi(i, bands);

@@ -106,11 +106,7 @@ impl<'a> Single<'a> {
     ) -> Result<bool, Status> {
         let start = Start::of(state, switch);
         let mut alphas = state.point.alpha.clone();
-        let mut rate = ScalarRate {
-            mode: self.mode,
-            switch,
-            alphas: &mut alphas,
-        };
+        let mut rate = ScalarRate::of(self.mode, switch, &mut alphas);
         let modes = rate.sliding_modes();
         let modes = modes.map_err(|_| Status::Undetermined {
             switches: vec![switch],
@@ -189,11 +185,7 @@ impl<'a> Single<'a> {
         walk: impl Fn(f64, bool, f64) -> End,
     ) -> End {
         let mut alphas = point.alpha.clone();
-        let mut rate = ScalarRate {
-            mode: self.mode,
-            switch,
-            alphas: &mut alphas,
-        };
+        let mut rate = ScalarRate::of(self.mode, switch, &mut alphas);
         let [rate, ..] = rate.at(alpha);
         if rate.abs() > TIE * scale {
             return walk(alpha, rate > 0.0, 0.0);

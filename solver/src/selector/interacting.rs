@@ -372,11 +372,7 @@ impl<'a> Several<'a> {
             if !self.mode.system.switches[i].is_nonlinear {
                 continue;
             }
-            let mut rate = ScalarRate {
-                mode: self.mode,
-                switch: i,
-                alphas: &mut alphas,
-            };
+            let mut rate = ScalarRate::of(self.mode, i, &mut alphas);
             let modes = rate.sliding_modes();
             alphas[i] = alpha[at];
             let modes = modes.map_err(|_| Status::Undetermined {

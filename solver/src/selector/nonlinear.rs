@@ -6,9 +6,7 @@
 //! enclosure of S does.
 
 use super::selection::SlidingMode;
-use crate::event::Simulator;
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
 use crate::tape::Ball;
 
 /// Parts of [0, 1] looked at before a search gives up.
@@ -20,9 +18,6 @@ const NARROW: f64 = 1e-8;
 /// Zeros that are closer are one.
 const SAME: f64 = 4.0 * NARROW;
 
-/// Newton iterations onto a surface.
-const MAX_MOVES: usize = 50;
-
 /// Roundings of its terms that φ may be wrong by.
 const ROUNDINGS: f64 = 16.0;
 
@@ -32,13 +27,22 @@ pub(crate) struct Unbounded;
 
 /// φ and S of one switch as functions of its α, where a mode has the switch in focus.
 pub(crate) struct ScalarRate<'a> {
-    pub mode: &'a mut Mode,
-    pub switch: usize,
+    mode: &'a mut Mode,
+    switch: usize,
     /// α of all switches.
-    pub alphas: &'a mut [f64],
+    alphas: &'a mut [f64],
 }
 
-impl ScalarRate<'_> {
+impl<'a> ScalarRate<'a> {
+    /// Those of a switch in focus, where the others have these α.
+    pub(crate) fn of(mode: &'a mut Mode, switch: usize, alphas: &'a mut [f64]) -> Self {
+        ScalarRate {
+            mode,
+            switch,
+            alphas,
+        }
+    }
+
     /// φ and S, and the rounding of φ.
     pub(crate) fn at(&mut self, alpha: f64) -> [f64; 3] {
         let (mode, switch) = (&mut *self.mode, self.switch);
@@ -141,63 +145,5 @@ impl ScalarRate<'_> {
             }
         }
         SlidingMode { alpha, stability }
-    }
-}
-
-impl Simulator {
-    /// All sliding modes of a switch where the state is on its surface, other switches being on the sides that their ψ
-    /// have. States that are not `held` are moved onto the surface first; none where that does not succeed, or where
-    /// the modes cannot be told apart.
-    pub fn sliding_modes(
-        &mut self,
-        t: f64,
-        x: &mut [f64],
-        switch: usize,
-        held: &[usize],
-    ) -> Option<Vec<SlidingMode>> {
-        self.pieces.until = self.mode.load(t);
-        let mut alphas = vec![1.0; self.system.n_switches()];
-        let mut sides = vec![Side::Plus; alphas.len()];
-        sides[switch] = Side::Slide;
-        for _ in 0..MAX_MOVES {
-            self.mode.enter(&sides);
-            self.mode.set(t, x, &alphas);
-            for i in 0..sides.len() {
-                if i != switch {
-                    sides[i] = Side::of(self.mode.psi(i));
-                    alphas[i] = 0.5 + 0.5 * sides[i].sign();
-                }
-            }
-            self.mode.enter(&sides);
-            self.mode.focus(t, x, &alphas, &[switch]);
-            self.mode.linearize(&[switch]);
-            let psi = self.mode.psi(switch);
-            let free = self.mode.gradient(switch).iter();
-            let free: Vec<(usize, f64)> = free
-                .copied()
-                .filter(|(state, _)| !held.contains(state))
-                .collect();
-            let size: f64 = free.iter().map(|(_, g)| g * g).sum();
-            let change = psi / size;
-            if psi == 0.0
-                || free
-                    .iter()
-                    .all(|&(j, g)| (change * g).abs() <= 1e-15 * x[j].abs())
-            {
-                let mut rate = ScalarRate {
-                    mode: &mut self.mode,
-                    switch,
-                    alphas: &mut alphas,
-                };
-                return rate.sliding_modes().ok();
-            }
-            if !change.is_finite() {
-                return None;
-            }
-            for (state, g) in free {
-                x[state] -= change * g;
-            }
-        }
-        None
     }
 }

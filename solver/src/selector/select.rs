@@ -255,7 +255,8 @@ impl Selector<'_> {
         triggers.retain(|&i| !self.mode.has_no_rate(&state.point, i));
         let triggers = &triggers[..];
         let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
-        let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.system.leads(*i);
+        let is_met =
+            |i: &usize| triggers.contains(i) || meets(i) && !self.system.switches[*i].leads();
         let meeting: Vec<usize> = (0..state.point.sides.len())
             .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
             .collect();
@@ -331,7 +332,7 @@ impl Selector<'_> {
         t1: f64,
         series: bool,
     ) -> Result<bool, Status> {
-        if group.iter().any(|&i| self.mode.system.rests(i)) {
+        if group.iter().any(|&i| self.mode.system.switches[i].rests()) {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
         let settling = Rest::new(self.mode, self.settings).settling(state, group);
@@ -579,7 +580,7 @@ impl Selector<'_> {
         }
         let pairs = group.iter().copied().zip(wanted.iter().copied());
         let (roots, others): (Vec<_>, Vec<_>) =
-            pairs.partition(|(i, _)| self.mode.system.rests(*i));
+            pairs.partition(|(i, _)| self.mode.system.switches[*i].rests());
         let mut sides = state.point.sides.clone();
         roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
         state.point.set_sides(sides);
