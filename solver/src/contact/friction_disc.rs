@@ -57,7 +57,7 @@ pub(crate) struct Disc<'d> {
 impl<'d> Disc<'d> {
     /// That of the first entry of two.
     pub(crate) fn of(dense: Dense<'d>, switch: usize) -> Option<Self> {
-        let other = dense.mode().other(switch)?;
+        let other = dense.mode().system.second(switch)?;
         Some(Disc {
             dense,
             switches: [switch, other],
@@ -174,7 +174,7 @@ impl NearRest<'_> {
     pub(crate) fn keeps_directions(&mut self, bands: &mut Bands, h: f64) -> f64 {
         let mut shorter = h;
         for i in 0..bands.width.len() {
-            let Some(other) = self.mode.other(i).filter(|_| self.mode.slips_by(i)) else {
+            let Some(other) = self.mode.system.second(i).filter(|_| self.mode.slips_by(i)) else {
                 continue;
             };
             if self.mode.psi(i).hypot(self.mode.psi(other)) <= self.lost(bands, i) {

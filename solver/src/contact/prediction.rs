@@ -46,5 +46,5 @@ pub(crate) fn has_idle_contact(mode: &Mode, state: &State) -> bool {
         _ => state.bands.armed[i],
     };
     let mut all = 0..state.point.sides.len();
-    all.any(|i| mode.is_contact(i) && idles(i))
+    all.any(|i| mode.system.switches[i].is_contact() && idles(i))
 }

@@ -287,7 +287,7 @@ impl Onset {
         let mut found = Vec::new();
         let sides = point.sides_with(group, &choice.sides);
         for (at, &i) in group.iter().enumerate() {
-            let Some(other) = mode.other(i) else {
+            let Some(other) = mode.system.second(i) else {
                 continue;
             };
             let Ok(of_other) = group.binary_search(&other) else {
@@ -320,7 +320,7 @@ impl Onset {
 fn rubs(mode: &Mode, switch: usize, sides: &[Side]) -> bool {
     match mode.system.slip_of(switch) {
         Some(of) => sides[of] == Side::Slide,
-        None => !mode.is_free(switch, sides),
+        None => !mode.system.switches[switch].is_free(sides),
     }
 }
 

@@ -36,7 +36,10 @@ impl Enumeration<'_> {
     /// True for steps that meet with a slip velocity with two entries.
     pub(crate) fn holds_disc(&self, group: &[usize]) -> bool {
         let is_step = |&i: &usize| self.mode.system.role(i) == Role::Step;
-        group.iter().all(is_step) && group.iter().any(|&i| self.mode.is_in_disc(i))
+        group.iter().all(is_step)
+            && group
+                .iter()
+                .any(|&i| self.mode.system.switches[i].is_in_disc())
     }
 
     /// All choices of sides with their α, where slip velocities with two entries rest or set off.
@@ -45,12 +48,17 @@ impl Enumeration<'_> {
         state: &State,
         group: &[usize],
     ) -> Result<Choices, Status> {
-        let items = group.iter().copied().filter(|&i| !self.mode.is_second(i));
+        let items = group
+            .iter()
+            .copied()
+            .filter(|&i| !self.mode.system.is_second(i));
         let items: Vec<usize> = items.collect();
-        let options = items.iter().map(|&i| match self.mode.is_in_disc(i) {
-            true => vec![Side::Slide, Side::Plus],
-            false => self.options(&state.point, group, i),
-        });
+        let options = items
+            .iter()
+            .map(|&i| match self.mode.system.switches[i].is_in_disc() {
+                true => vec![Side::Slide, Side::Plus],
+                false => self.options(&state.point, group, i),
+            });
         let options: Vec<Vec<Side>> = options.collect();
         let open = options.iter().filter(|sides| sides.len() > 1).count();
         let mut choices = Choices {
@@ -63,13 +71,16 @@ impl Enumeration<'_> {
             let mut all = state.point.sides.clone();
             for (&i, &side) in items.iter().zip(&candidate) {
                 all[i] = side;
-                if let Some(other) = self.mode.other(i) {
+                if let Some(other) = self.mode.system.second(i) {
                     all[other] = side;
                 }
             }
-            let discs = items.iter().copied().filter(|&i| self.mode.is_in_disc(i));
+            let discs = items
+                .iter()
+                .copied()
+                .filter(|&i| self.mode.system.switches[i].is_in_disc());
             let (free, bound): (Vec<usize>, Vec<usize>) =
-                discs.partition(|&i| self.mode.is_idle(i, &all));
+                discs.partition(|&i| self.mode.system.is_idle(i, &all));
             // What matters to no rate has no α to rest with.
             if free.iter().any(|&i| all[i] == Side::Slide) {
                 continue;
@@ -110,7 +121,9 @@ impl Enumeration<'_> {
             };
         }
         let mode = &mut self.mode;
-        let pairs = leaving.iter().map(|&i| [i, mode.other(i).unwrap_or(i)]);
+        let pairs = leaving
+            .iter()
+            .map(|&i| [i, mode.system.second(i).unwrap_or(i)]);
         let pairs: Vec<[usize; 2]> = pairs.collect();
         let mut start = OnsetEquations {
             mode,

@@ -54,7 +54,9 @@ impl Stabilization {
         self.rates.clear();
         self.rates.resize(mode.sides.len(), false);
         for component in mode.equations.components() {
-            let is_of_contact = |&i: &usize| mode.is_contact(i) || mode.system.slip_of(i).is_some();
+            let is_of_contact = |&i: &usize| {
+                mode.system.switches[i].is_contact() || mode.system.slip_of(i).is_some()
+            };
             let alone = component.iter().all(is_of_contact);
             component.iter().for_each(|&i| self.rates[i] = alone);
         }
@@ -64,7 +66,7 @@ impl Stabilization {
     /// rates the highest one.
     pub(crate) fn takes(&self, mode: &Mode, switch: usize, constraint: Constraint) -> bool {
         match constraint {
-            Constraint::Gap => mode.is_contact(switch),
+            Constraint::Gap => mode.system.switches[switch].is_contact(),
             Constraint::Rate => self.rates[switch],
         }
     }
@@ -88,7 +90,7 @@ impl Stabilization {
             // Forces have no friction in them where α_t is ½, and those of friction do not vanish where α_n is 0.
             let alpha = match mode.system.slip_of(i) {
                 Some(_) => 0.5,
-                None if mode.is_contact(i) => 0.0,
+                None if mode.system.switches[i].is_contact() => 0.0,
                 None => continue,
             };
             mode.memory.values[1 + mode.n + i] = alpha;

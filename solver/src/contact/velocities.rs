@@ -20,7 +20,7 @@ pub(crate) fn stabilize(mode: &mut Mode, state: &mut State) {
     for i in 0..sides.len() {
         let slides = state.point.sides[i] == Side::Slide;
         match mode.system.slip_of(i) {
-            None if slides && mode.is_contact(i) => {
+            None if slides && mode.system.switches[i].is_contact() => {
                 alpha[i] = 0.0;
                 rows.push(i);
             }

@@ -15,6 +15,7 @@ pub(crate) mod numerical_time;
 pub(crate) mod observer;
 pub(crate) mod perturbation;
 mod run;
+mod sliding_modes;
 pub(crate) mod state;
 #[cfg(test)]
 pub(crate) mod tests;

@@ -25,74 +25,68 @@ const GRAZED: f64 = 0.125;
 /// Approaches closer than this many tolerances are looked at.
 const CLOSE: f64 = 10.0;
 
-impl Mode {
+/// What comes close to its surface within a step, by the polynomials of the step.
+pub(crate) struct Grazing<'a> {
+    dense: Dense<'a>,
+    mode: &'a Mode,
+    tolerance: f64,
+}
+
+impl<'a> Grazing<'a> {
+    /// In a run within a tolerance.
+    pub(crate) fn new(dense: Dense<'a>, tolerance: f64) -> Self {
+        Grazing {
+            dense,
+            mode: dense.mode(),
+            tolerance,
+        }
+    }
+
     /// |ψ| that a run within its tolerance may have on either side of the surface in a step of length `h`; zero
     /// where it does not matter on which.
-    pub(crate) fn closeness(
-        &self,
-        switch: usize,
-        scales: &Scales,
-        bands: &Bands,
-        tolerance: f64,
-        h: f64,
-    ) -> f64 {
-        if self.system.sides_agree(switch) {
+    pub(crate) fn closeness(&self, switch: usize, scales: &Scales, bands: &Bands, h: f64) -> f64 {
+        if self.mode.system.switches[switch].sides_agree() {
             return 0.0;
         }
         // Before the first step, a state that starts at zero has no size but that of its motion.
         let motion = if scales.last_step > 0.0 { 0.0 } else { h };
         let size = |j: usize| scales.largest[j].max(scales.activity[j] * motion);
-        let past = self.weigh(switch, size);
+        let past = self.mode.weigh(switch, size);
         let terms = bands.terms[switch];
         // The series of what is no affine function has an error of its own.
-        let cut = if self.surfaces.is_affine(switch) {
+        let cut = if self.mode.surfaces.is_affine(switch) {
             0.0
         } else {
-            tolerance * terms
+            self.tolerance * terms
         };
-        CLOSE * tolerance * past + cut + ROUNDINGS * f64::EPSILON * terms.max(past)
+        CLOSE * self.tolerance * past + cut + ROUNDINGS * f64::EPSILON * terms.max(past)
     }
 
     /// Takes note of the surfaces that came close within a step of `length`, and of the one that
     /// ended it, if that was met at a small angle. `state` is still that at the start.
-    pub(crate) fn note_approaches(
-        &self,
-        dense: Dense,
-        state: &mut State,
-        length: f64,
-        event: Option<(usize, Root)>,
-        tolerance: f64,
-    ) {
+    pub(crate) fn note(&self, state: &mut State, length: f64, event: Option<(usize, Root)>) {
         let mut close = std::mem::take(&mut state.approaches.close);
         for (switch, tau) in close.drain(..).filter(|(_, tau)| *tau <= length) {
-            self.note_approach(dense, state, switch, tau, None);
+            self.note_approach(state, switch, tau, None);
         }
         state.approaches.close = close;
         let Some((switch, root)) = event else {
             return;
         };
-        if self.system.sides_agree(switch) || state.bands.armed[switch] {
+        if self.mode.system.switches[switch].sides_agree() || state.bands.armed[switch] {
             return;
         }
-        let c = dense.psi(switch);
+        let c = self.dense.psi(switch);
         let (slope, bend) = (series::slope(c, length), series::curvature(c, length));
-        let turns = bend * self.sides[switch].sign() > 0.0
+        let turns = bend * self.mode.sides[switch].sign() > 0.0
             && 0.5 * slope * slope
-                <= bend.abs()
-                    * self.closeness(switch, &state.scales, &state.bands, tolerance, length);
+                <= bend.abs() * self.closeness(switch, &state.scales, &state.bands, length);
         if !root.crosses || turns {
-            self.note_approach(dense, state, switch, length, Some(root.crosses));
+            self.note_approach(state, switch, length, Some(root.crosses));
         }
     }
 
-    fn note_approach(
-        &self,
-        dense: Dense,
-        state: &mut State,
-        switch: usize,
-        tau: f64,
-        event: Option<bool>,
-    ) {
+    fn note_approach(&self, state: &mut State, switch: usize, tau: f64, event: Option<bool>) {
         let time = state.point.t + tau;
         let again = |last: &Pending| {
             let apart = (last.approach.time - time).abs();
@@ -101,7 +95,7 @@ impl Mode {
         if state.approaches.pending.last().is_some_and(again) {
             return;
         }
-        let (c, side) = (dense.psi(switch), self.sides[switch].sign());
+        let (c, side) = (self.dense.psi(switch), self.mode.sides[switch].sign());
         let [_, along @ ..]: [f64; 1 + DERIVATIVES] = series::around(c, tau);
         let along: [f64; DERIVATIVES] = along.map(|term| side * term);
         let crosses = event == Some(true);
@@ -111,10 +105,10 @@ impl Mode {
             side * series::value(c, tau)
         };
         let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-        let past = self.weigh(switch, |j| state.scales.largest[j]);
-        let (mut x, mut alpha) = (vec![0.0; self.n], vec![0.0; self.sides.len()]);
-        dense.states_at(tau, &mut x);
-        dense.alphas_at(tau, &mut alpha);
+        let past = self.mode.weigh(switch, |j| state.scales.largest[j]);
+        let (mut x, mut alpha) = (vec![0.0; self.mode.n], vec![0.0; self.mode.sides.len()]);
+        self.dense.states_at(tau, &mut x);
+        self.dense.alphas_at(tau, &mut alpha);
         state.approaches.pending.push(Pending {
             approach: Approach {
                 switch,
@@ -123,8 +117,8 @@ impl Mode {
                 distance,
                 rounding: ROUNDINGS * f64::EPSILON * state.bands.terms[switch].max(sizes).max(past),
                 gradient: Vec::new(),
-                jump: (0..self.n)
-                    .map(|i| -series::slope(dense.x(i), tau))
+                jump: (0..self.mode.n)
+                    .map(|i| -series::slope(self.dense.x(i), tau))
                     .collect(),
                 crosses,
                 latches: false,
@@ -132,7 +126,7 @@ impl Mode {
                 along,
                 behind: [f64::NAN; DERIVATIVES],
             },
-            sides: self.sides.clone(),
+            sides: self.mode.sides.clone(),
             alpha,
             is_event: event.is_some(),
         });

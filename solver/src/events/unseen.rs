@@ -61,7 +61,13 @@ impl Unseen {
         self.begin(length);
         let margin = allowed / length;
         while let Some(tau) = self.next(mode, state.point.t, |i| margin * mode.probed_scale(i)) {
-            if !mode.agrees_at(state, tau, length, allowed) {
+            let mut step = Comparison {
+                mode,
+                state,
+                length,
+                allowed,
+            };
+            if !step.agrees_at(tau) {
                 return false;
             }
         }
@@ -223,35 +229,46 @@ impl Unseen {
     }
 }
 
-impl Mode {
-    /// True where at an instant of a step of this length the functions are what their series say, up to `allowed`.
-    fn agrees_at(&mut self, state: &mut State, tau: f64, length: f64, allowed: f64) -> bool {
-        Dense::Taylor(self).states_at(tau, &mut state.trial.x);
-        Dense::Taylor(self).alphas_at(tau, &mut state.trial.alpha);
-        self.eval(state.point.t + tau, &state.trial.x, &state.trial.alpha);
-        let rates_agree = (0..self.n).all(|i| {
-            let difference = series::slope(self.x_series(i), tau) - self.field.f[i];
-            difference.abs() * length <= allowed * self.probed_scale(i)
+/// The functions of a mode beside the series of a step of a length, which they may differ from by `allowed`.
+struct Comparison<'a> {
+    mode: &'a mut Mode,
+    state: &'a mut State,
+    length: f64,
+    allowed: f64,
+}
+
+impl Comparison<'_> {
+    /// True where at an instant of the step the functions are what their series say.
+    fn agrees_at(&mut self, tau: f64) -> bool {
+        let (length, allowed) = (self.length, self.allowed);
+        let (mode, state) = (&mut *self.mode, &mut *self.state);
+        Dense::Taylor(mode).states_at(tau, &mut state.trial.x);
+        Dense::Taylor(mode).alphas_at(tau, &mut state.trial.alpha);
+        mode.eval(state.point.t + tau, &state.trial.x, &state.trial.alpha);
+        let rates_agree = (0..mode.n).all(|i| {
+            let difference = series::slope(mode.x_series(i), tau) - mode.field.f[i];
+            difference.abs() * length <= allowed * mode.probed_scale(i)
         });
         rates_agree
-            && self.switches_agree(&state.scales, &state.bands, tau, length, allowed)
-            && self.stays_on(state, allowed)
+            && mode.switches_agree(&state.scales, &state.bands, tau, length, allowed)
+            && self.stays_on()
     }
 
     /// True where every curved ψ that slides is zero at the point.
-    fn stays_on(&mut self, state: &State, allowed: f64) -> bool {
-        (0..self.sliding.len()).all(|at| {
-            let i = self.sliding[at];
-            if self.surfaces.is_affine(i)
-                || self.surfaces.is_deep(i)
-                || self.planes.onsets.contains(&i)
+    fn stays_on(&mut self) -> bool {
+        let (mode, state) = (&mut *self.mode, &*self.state);
+        (0..mode.sliding.len()).all(|at| {
+            let i = mode.sliding[at];
+            if mode.surfaces.is_affine(i)
+                || mode.surfaces.is_deep(i)
+                || mode.planes.onsets.contains(&i)
             {
                 return true;
             }
-            let size = self
+            let size = mode
                 .weigh(i, |j| state.scales.largest[j])
                 .max(state.bands.terms[i]);
-            self.psi(i).abs() <= allowed.max(1e-9) * size
+            mode.psi(i).abs() <= self.allowed.max(1e-9) * size
         })
     }
 }

@@ -72,7 +72,7 @@ impl Mode {
         let (n, m) = (system.n_states(), system.n_switches());
         Mode {
             system: system.clone(),
-            may_rest: (0..m).any(|i| system.rests(i)),
+            may_rest: (0..m).any(|i| system.switches[i].rests()),
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
             n,
@@ -90,37 +90,6 @@ impl Mode {
             focus: Focus::default(),
             probed: Probed::new(n),
             rounding: Rounding::default(),
-        }
-    }
-
-    /// True for the gap of a contact, whose rate has no force in it.
-    pub(crate) fn is_contact(&self, switch: usize) -> bool {
-        self.system.is_unilateral(switch) && self.surfaces.n_derivatives(switch) > 0
-    }
-
-    /// True for the slip velocity of a contact that is open, which does not matter, and for the second entry of one that
-    /// slips, which the first one stands for.
-    pub(crate) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
-        self.system
-            .slip_of(switch)
-            .is_some_and(|of| sides[of] != Side::Slide)
-            || self.is_free(switch, sides)
-            || self.is_second(switch) && sides[switch] != Side::Slide
-    }
-
-    /// True for a slip velocity that no rate on these sides reads the α of.
-    pub(crate) fn is_free(&self, switch: usize, sides: &[Side]) -> bool {
-        let mut others = self.system.switches[switch].idle_above.iter();
-        others.any(|&other| sides[other] == Side::Plus)
-    }
-
-    /// What α of a sliding switch must not pass.
-    pub(crate) fn limits(&self, switch: usize) -> &'static [f64] {
-        match self.system.role(switch) {
-            Role::Step if self.is_in_disc(switch) => &[],
-            Role::Step if self.system.is_unilateral(switch) => &[1.0],
-            Role::Step => &[0.0, 1.0],
-            Role::Equation | Role::Member(_) => &[],
         }
     }
 
@@ -150,7 +119,7 @@ impl Mode {
         }
         self.sides.copy_from_slice(sides);
         self.sliding.clear();
-        let slides = |&i: &usize| sides[i] == Side::Slide && !self.system.rests(i);
+        let slides = |&i: &usize| sides[i] == Side::Slide && !self.system.switches[i].rests();
         self.sliding.extend((0..sides.len()).filter(slides));
         self.arranged = false;
     }

@@ -25,8 +25,6 @@ struct Plane {
 /// The pairs of a system, by switch.
 pub(crate) struct Planes {
     of: Vec<Option<Plane>>,
-    /// Switches of second entries.
-    is_second: Vec<bool>,
     /// Switches of those that leave w = 0 within the step.
     pub onsets: Vec<usize>,
 }
@@ -34,7 +32,7 @@ pub(crate) struct Planes {
 impl Planes {
     pub fn new(system: &HybridSystem) -> Self {
         let plane = |i: usize| {
-            let other = system.across(i).filter(|other| *other > i)?;
+            let other = system.second(i)?;
             let is_read = |switch: &usize| [i, other].contains(switch);
             let blocks = system.blocks.iter();
             let blocks = blocks.filter(|block| block.switches.iter().any(is_read));
@@ -44,14 +42,8 @@ impl Planes {
                 ..Plane::default()
             })
         };
-        let of: Vec<Option<Plane>> = (0..system.n_switches()).map(plane).collect();
-        let mut is_second = vec![false; of.len()];
-        of.iter()
-            .flatten()
-            .for_each(|plane| is_second[plane.other] = true);
         Planes {
-            of,
-            is_second,
+            of: (0..system.n_switches()).map(plane).collect(),
             onsets: Vec::new(),
         }
     }
@@ -68,31 +60,16 @@ impl Planes {
 }
 
 impl Mode {
-    /// The switch of the other entry, of the first one of two.
-    pub(crate) fn other(&self, switch: usize) -> Option<usize> {
-        self.planes.of[switch].as_ref().map(|plane| plane.other)
-    }
-
-    /// Whether a switch is that of an entry of two.
-    pub(crate) fn is_in_disc(&self, switch: usize) -> bool {
-        self.planes.of[switch].is_some() || self.is_second(switch)
-    }
-
-    /// Whether a switch is that of the second entry, which the first one stands for.
-    pub(crate) fn is_second(&self, switch: usize) -> bool {
-        self.planes.is_second[switch]
-    }
-
     /// Whether |ψ| where the point is is below its band, of two entries both.
     pub(crate) fn is_near(&mut self, switch: usize, bands: &Bands) -> bool {
         let is_near = |mode: &mut Mode, i: usize| mode.psi(i).abs() <= bands.width[i];
-        let other = self.other(switch);
+        let other = self.system.second(switch);
         is_near(self, switch) && other.is_none_or(|other| is_near(self, other))
     }
 
     /// Whether ψ, or one of two, cannot vanish within a step.
     pub(crate) fn keeps_off(&mut self, switch: usize, h: f64) -> bool {
-        let all = [Some(switch), self.other(switch)];
+        let all = [Some(switch), self.system.second(switch)];
         all.into_iter().flatten().any(|i| {
             let (values, reach) = (&self.memory.values, &self.monitored.reach);
             self.surfaces.stays_away(i, values, reach, h)
@@ -121,7 +98,7 @@ impl Mode {
 
     /// Whether what is monitored is affine in time and states.
     pub(crate) fn is_monitored_affine(&self, switch: usize) -> bool {
-        let all = [Some(switch), self.other(switch)];
+        let all = [Some(switch), self.system.second(switch)];
         all.into_iter()
             .flatten()
             .all(|i| self.surfaces.is_affine(i))
@@ -151,7 +128,7 @@ impl Mode {
 
     /// Whether a contact slips with two entries, of which this is the first one.
     pub(crate) fn slips_by(&self, switch: usize) -> bool {
-        let is_off = self.sides[switch] != Side::Slide && !self.is_idle(switch, &self.sides);
+        let is_off = self.sides[switch] != Side::Slide && !self.system.is_idle(switch, &self.sides);
         self.planes.of[switch].is_some() && is_off
     }
 
@@ -160,7 +137,7 @@ impl Mode {
     pub(crate) fn roundings_of_direction(&mut self, bands: &Bands) -> f64 {
         let mut most = 0.0_f64;
         for i in 0..self.planes.of.len() {
-            if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
+            if let Some(other) = self.system.second(i).filter(|_| self.slips_by(i)) {
                 let terms = bands.terms[i].max(bands.terms[other]);
                 most = most.max(terms / self.psi(i).hypot(self.psi(other)));
             }
@@ -171,7 +148,7 @@ impl Mode {
     /// The same, once the terms of all such w have been measured.
     pub(crate) fn measure_directions(&mut self, bands: &mut Bands) -> f64 {
         for i in 0..self.planes.of.len() {
-            if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
+            if let Some(other) = self.system.second(i).filter(|_| self.slips_by(i)) {
                 self.measure_terms_of_psi(i, bands);
                 self.measure_terms_of_psi(other, bands);
             }
@@ -196,7 +173,7 @@ impl Mode {
     pub(crate) fn perturb_directions(&mut self) {
         let by = self.terms.share;
         for i in 0..self.planes.of.len() {
-            let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
+            let Some(other) = self.system.second(i).filter(|_| self.slips_by(i)) else {
                 continue;
             };
             let [d, e] = direction([i, other].map(|k| self.psi(k)));
@@ -232,7 +209,7 @@ impl Mode {
 
     /// Whether a slip velocity that sets off has the direction that its α say, where the point is.
     pub(crate) fn goes_along(&mut self, switch: usize, scales: &Scales, allowed: f64) -> bool {
-        let Some(other) = self.other(switch) else {
+        let Some(other) = self.system.second(switch) else {
             return true;
         };
         let [first, second] = [switch, other].map(|i| {

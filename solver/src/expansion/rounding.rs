@@ -93,7 +93,7 @@ impl Mode {
         switch: usize,
         size: impl Fn(usize) -> f64,
     ) -> f64 {
-        if !self.is_plain(switch) {
+        if !self.system.switches[switch].is_plain() {
             return 0.0;
         }
         let registers = &mut self.rounding.registers;
@@ -108,7 +108,8 @@ impl Mode {
 
     /// Whether ψ of a switch is zero within rounding where the point is.
     pub(crate) fn is_rounding(&mut self, switch: usize) -> bool {
-        self.is_plain(switch) && self.psi(switch).abs() <= self.running_error(switch)
+        self.system.switches[switch].is_plain()
+            && self.psi(switch).abs() <= self.running_error(switch)
     }
 
     /// Raises the activity of states in doubt whose rates are the given ones within rounding at all of some points.

@@ -111,7 +111,7 @@ impl Mode {
         let (values, share) = (&self.memory.values, self.terms.share);
         let terms = self.surfaces.terms(switch, values, perturbed, share);
         // No change of its inputs shows what cancels within a ψ that is zero.
-        bands.terms[switch] = match bands.armed[switch] && self.is_plain(switch) {
+        bands.terms[switch] = match bands.armed[switch] && self.system.switches[switch].is_plain() {
             true => terms.max(self.running_error(switch) / f64::EPSILON),
             false => terms,
         };
@@ -120,7 +120,8 @@ impl Mode {
     /// Whether something off its surface has just left it, or waits there.
     fn waits_at_surface(&self, bands: &Bands) -> bool {
         let is_off = |i: usize| self.sides[i] != Side::Slide;
-        (0..self.sides.len()).any(|i| bands.armed[i] && is_off(i) && self.is_plain(i))
+        (0..self.sides.len())
+            .any(|i| bands.armed[i] && is_off(i) && self.system.switches[i].is_plain())
     }
 
     /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its
@@ -134,7 +135,10 @@ impl Mode {
     ) {
         scales.held.clear();
         scales.held.resize(self.n, 0.0);
-        let has_contacts = self.sliding.iter().any(|&i| self.is_contact(i));
+        let has_contacts = self
+            .sliding
+            .iter()
+            .any(|&i| self.system.switches[i].is_contact());
         if !has_contacts && (self.sliding.is_empty() || !self.waits_at_surface(bands)) {
             return;
         }
@@ -222,7 +226,9 @@ impl Mode {
         }
         let mut curved = false;
         for i in 0..self.sides.len() {
-            if self.sides[i] == Side::Slide || self.is_idle(i, &self.sides) || self.keeps_off(i, h)
+            if self.sides[i] == Side::Slide
+                || self.system.is_idle(i, &self.sides)
+                || self.keeps_off(i, h)
             {
                 continue;
             }
@@ -231,7 +237,7 @@ impl Mode {
                 self.monitored.unobserved.push(i);
                 continue;
             }
-            if !self.system.sides_agree(i) || bands.armed[i] {
+            if !self.system.switches[i].sides_agree() || bands.armed[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
             self.monitored.switches.push(i);
@@ -250,7 +256,7 @@ impl Mode {
 
     /// Computes the series of ψ of a switch along the expansion, and the size of its terms.
     pub(crate) fn expand_psi(&mut self, switch: usize, bands: &mut Bands) {
-        for i in std::iter::once(switch).chain(self.other(switch)) {
+        for i in std::iter::once(switch).chain(self.system.second(switch)) {
             self.surfaces.expand(i, &mut self.memory, self.order + 1);
             self.measure_terms_of_psi(i, bands);
         }

@@ -176,6 +176,16 @@ impl Surfaces {
         };
     }
 
+    /// Lets switches of higher relative degree stand for their derivative of an order, or their highest.
+    pub(crate) fn stand_for_order(&mut self, switches: &[usize], order: Option<usize>) {
+        for &i in switches {
+            let highest = self.n_derivatives(i);
+            if highest > 0 {
+                self.stand_for(i, order.map_or(highest, |order| order.min(highest)));
+            }
+        }
+    }
+
     /// How many derivatives of ψ contain no α.
     pub(crate) fn n_derivatives(&self, switch: usize) -> usize {
         self.of_switch[switch].1

@@ -132,6 +132,62 @@ impl Switch {
             idle_above: Vec::new(),
         }
     }
+
+    /// Whether ψ is the gap of a contact, whose rate has no force in it.
+    pub(crate) fn is_contact(&self) -> bool {
+        self.kind == SwitchKind::Unilateral && !self.derivatives.is_empty()
+    }
+
+    /// Whether nothing but a sign of ψ tells the surface: none of a contact, a projection or an equation.
+    pub(crate) fn is_plain(&self) -> bool {
+        matches!(
+            self.kind,
+            SwitchKind::Step | SwitchKind::Relay(_) | SwitchKind::Slip { of: None, .. }
+        )
+    }
+
+    /// Whether ψ is an entry of a slip velocity with two.
+    pub(crate) fn is_in_disc(&self) -> bool {
+        matches!(
+            self.kind,
+            SwitchKind::Slip {
+                across: Some(_),
+                ..
+            }
+        )
+    }
+
+    /// Whether it is a slip velocity that no rate on these sides reads the α of.
+    pub(crate) fn is_free(&self, sides: &[Side]) -> bool {
+        let mut others = self.idle_above.iter();
+        others.any(|&other| sides[other] == Side::Plus)
+    }
+
+    /// Whether both sides have one field where they meet.
+    pub(crate) fn sides_agree(&self) -> bool {
+        let is_kept = matches!(self.kind, SwitchKind::Equation | SwitchKind::Member(_));
+        self.is_continuous || is_kept
+    }
+
+    /// Whether the switch may rest on its surface: rates have a root of its ψ.
+    pub(crate) fn rests(&self) -> bool {
+        self.has_root && self.is_continuous
+    }
+
+    /// Whether it is decided before the others.
+    pub(crate) fn leads(&self) -> bool {
+        self.is_timed || matches!(self.kind, SwitchKind::Relay(_))
+    }
+
+    /// What α must not pass where the switch slides.
+    pub(crate) fn limits(&self) -> &'static [f64] {
+        match self.kind {
+            SwitchKind::Equation | SwitchKind::Member(_) => &[],
+            _ if self.is_in_disc() => &[],
+            SwitchKind::Unilateral => &[1.0],
+            _ => &[0.0, 1.0],
+        }
+    }
 }
 
 impl HybridSystem {
@@ -211,22 +267,31 @@ impl HybridSystem {
         }
     }
 
+    /// The switch of the second entry of a slip velocity with two, of that of the first one, which stands for both.
+    pub(crate) fn second(&self, switch: usize) -> Option<usize> {
+        self.across(switch).filter(|other| *other > switch)
+    }
+
+    /// Whether a switch is that of the second entry.
+    pub(crate) fn is_second(&self, switch: usize) -> bool {
+        self.across(switch).is_some_and(|other| other < switch)
+    }
+
+    /// True for the slip velocity of a contact that is open on these sides, which does not matter, and for the second
+    /// entry of one that slips, which the first one stands for.
+    pub(crate) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
+        self.slip_of(switch)
+            .is_some_and(|of| sides[of] != Side::Slide)
+            || self.switches[switch].is_free(sides)
+            || self.is_second(switch) && sides[switch] != Side::Slide
+    }
+
     /// The unilateral switch of whose contact a switch is the friction.
     pub fn slip_of(&self, switch: usize) -> Option<usize> {
         match self.switches[switch].kind {
             SwitchKind::Slip { of, .. } => of,
             _ => None,
         }
-    }
-
-    /// Whether both sides of a switch have one field where they meet.
-    pub(crate) fn sides_agree(&self, switch: usize) -> bool {
-        self.is_continuous(switch) || self.role(switch) != Role::Step
-    }
-
-    /// Whether a switch may rest on its surface: rates have a root of its ψ.
-    pub(crate) fn rests(&self, switch: usize) -> bool {
-        self.switches[switch].has_root && self.is_continuous(switch)
     }
 
     /// Whether a state follows from equations that hold all the time.
@@ -241,11 +306,6 @@ impl HybridSystem {
             SwitchKind::Member(other) => Role::Member(other),
             _ => Role::Step,
         }
-    }
-
-    /// True for switches that are decided before the others.
-    pub(crate) fn leads(&self, switch: usize) -> bool {
-        self.switches[switch].is_timed || self.relay(switch).is_some()
     }
 
     /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of

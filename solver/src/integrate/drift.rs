@@ -35,7 +35,10 @@ impl Projection {
         if mode.sliding.is_empty() {
             return drift;
         }
-        let others = mode.sliding.iter().filter(|&&i| !mode.is_contact(i));
+        let others = mode
+            .sliding
+            .iter()
+            .filter(|&&i| !mode.system.switches[i].is_contact());
         let deepest = others.map(|&i| mode.surfaces.n_derivatives(i)).max();
         let deepest = deepest.unwrap_or(0);
         self.contacts.find(mode);
@@ -87,7 +90,7 @@ impl Projection {
         order: Option<usize>,
         placed: &mut [bool],
     ) -> (f64, Result<(), Singular>) {
-        mode.stand_for_order(order);
+        mode.surfaces.stand_for_order(&mode.sliding, order);
         mode.move_to(point);
         mode.linearize_surfaces();
         let mut worst = 0.0_f64;
@@ -121,7 +124,7 @@ impl Projection {
                 gradient.for_each(|&(j, _)| placed[j] = true);
             }
         }
-        mode.stand_for_order(None);
+        mode.surfaces.stand_for_order(&mode.sliding, None);
         (worst, factored)
     }
 
@@ -180,7 +183,7 @@ fn step_onto_each(mode: &mut Mode, point: &mut Point, scales: &Scales, order: us
     for at in 0..mode.sliding.len() {
         let i = mode.sliding[at];
         let highest = mode.surfaces.n_derivatives(i);
-        if order >= highest || mode.is_contact(i) {
+        if order >= highest || mode.system.switches[i].is_contact() {
             continue;
         }
         mode.move_to(point);
@@ -199,17 +202,6 @@ fn step_onto_each(mode: &mut Mode, point: &mut Point, scales: &Scales, order: us
 }
 
 impl Mode {
-    /// Lets sliding switches of higher relative degree stand for their derivative of an order, or their highest.
-    fn stand_for_order(&mut self, order: Option<usize>) {
-        for &i in &self.sliding {
-            let highest = self.surfaces.n_derivatives(i);
-            if highest > 0 {
-                let order = order.map_or(highest, |order| order.min(highest));
-                self.surfaces.stand_for(i, order);
-            }
-        }
-    }
-
     /// Finds the states that are not moved where drift is projected away: those that determine algebraic ones and
     /// nothing else that slides.
     pub(crate) fn hold_still(&mut self) {

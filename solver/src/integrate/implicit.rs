@@ -7,6 +7,7 @@ use super::radau::{Implicit, Radau, Shape, Start};
 use super::step::{Step, Stepper, Watch, first_event, is_at_end, met, simultaneous, verify_start};
 use super::stiffness::worth;
 use crate::event::state::{State, Trial};
+use crate::events::grazing::Grazing;
 use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
@@ -140,7 +141,7 @@ impl Stepper {
                 .retain(|(i, _)| mode.monitored.switches.contains(i));
             let met = met(cut.event).filter(|(i, _)| mode.monitored.switches.contains(i));
             let dense = Dense::Collocation(mode, radau, &stiff.work.psi);
-            mode.note_approaches(dense, state, cut.length, met, closeness);
+            Grazing::new(dense, closeness).note(state, cut.length, met);
             accept(state, radau, h);
             let worth = worth(mode, radau.degree());
             self.stiffness.after_implicit(h, worth);
@@ -253,7 +254,7 @@ impl Stiff<'_> {
         };
         // What slips in two directions turns too fast where it stops.
         if let Watch::Surface(i) = watch
-            && self.mode.is_in_disc(i)
+            && self.mode.system.switches[i].is_in_disc()
         {
             return Ok(None);
         }
@@ -336,7 +337,9 @@ impl Stiff<'_> {
             }
             Watch::Disc(i) => {
                 let row = |i: usize| self.mode.unknown(i);
-                let entries = std::iter::once(i).chain(self.mode.other(i)).map(row);
+                let entries = std::iter::once(i)
+                    .chain(self.mode.system.second(i))
+                    .map(row);
                 entries.fold((1.0, 0.0), |(value, slope), row| {
                     let u = 2.0 * radau.end(start, row) - 1.0;
                     let rate = series::slope(radau.series(row), tau);
@@ -431,14 +434,14 @@ impl Stiff<'_> {
         self.place(start.t, &start.y);
         for switch in 0..self.mode.sides.len() {
             let is_off = self.mode.sides[switch] != Side::Slide
-                && !self.mode.is_idle(switch, &self.mode.sides);
+                && !self.mode.system.is_idle(switch, &self.mode.sides);
             if !is_off || self.mode.keeps_off(switch, h) {
                 continue;
             }
             self.mode.monitored.switches.push(switch);
             self.mode.aim(switch);
-            for i in std::iter::once(switch).chain(self.mode.other(switch)) {
-                if !self.mode.system.sides_agree(i) {
+            for i in std::iter::once(switch).chain(self.mode.system.second(switch)) {
+                if !self.mode.system.switches[i].sides_agree() {
                     self.mode.surfaces.linearize(i, &self.mode.memory.values);
                 }
                 self.mode.measure_terms_of_psi(i, bands);

@@ -54,7 +54,7 @@ pub(crate) struct Settling {
 impl Mode {
     /// Whether a switch that rests would leave its surface within a step h, because something has changed since.
     pub(crate) fn wakes(&mut self, bands: &mut Bands, h: f64) -> Option<usize> {
-        let rests = |i: &usize| self.system.rests(*i) && self.sides[*i] == Side::Slide;
+        let rests = |i: &usize| self.system.switches[*i].rests() && self.sides[*i] == Side::Slide;
         let resting: Vec<usize> = (0..self.sides.len()).filter(rests).collect();
         resting.into_iter().find(|&i| {
             self.expand_psi(i, bands);
@@ -283,7 +283,7 @@ impl<'a> Rest<'a> {
 pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Option<Step> {
     for i in 0..state.point.sides.len() {
         let side = state.point.sides[i];
-        if !mode.system.rests(i) || side == Side::Slide || state.bands.armed[i] {
+        if !mode.system.switches[i].rests() || side == Side::Slide || state.bands.armed[i] {
             continue;
         }
         let (t, x) = (state.point.t, state.point.x.clone());

@@ -8,6 +8,7 @@ use crate::contact::friction_disc;
 use crate::contact::friction_disc::{Disc, NearRest};
 use crate::contact::prediction;
 use crate::event::state::State;
+use crate::events::grazing::Grazing;
 use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
@@ -76,6 +77,81 @@ impl Watch {
             Watch::Surface(i) | Watch::Bound(i, ..) | Watch::Disc(i) => i,
         }
     }
+
+    /// Whether a slip velocity with two entries stops: it has no sign behind that.
+    fn stops(self, mode: &Mode) -> bool {
+        matches!(self, Watch::Surface(i) if mode.system.switches[i].is_in_disc())
+    }
+
+    /// Whether a contact opens that sticks to the end: a force that is zero has no friction to be determined.
+    fn lets_go(self, mode: &Mode) -> bool {
+        let Watch::Bound(normal, _) = self else {
+            return false;
+        };
+        let mut sliding = mode.sliding.iter();
+        sliding.any(|&i| mode.system.slip_of(i) == Some(normal))
+    }
+
+    /// Moves a root of the series to the root of the function itself, by Newton's method on
+    /// the length of the step.
+    fn polish(
+        self,
+        mode: &mut Mode,
+        state: &mut State,
+        mut tau: f64,
+        h: f64,
+    ) -> Result<f64, Status> {
+        for _ in 0..4 {
+            Dense::Taylor(mode).states_at(tau, &mut state.trial.x);
+            Dense::Taylor(mode).alphas_at(tau, &mut state.trial.alpha);
+            let (value, slope) = match self {
+                Watch::Surface(i) => {
+                    mode.set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
+                    (mode.psi(i), series::slope(mode.psi_series(i), tau))
+                }
+                Watch::Bound(..) | Watch::Disc(_) => {
+                    let singular = mode
+                        .solve_alpha(state.point.t + tau, &state.trial.x, &mut state.trial.alpha)
+                        .is_err();
+                    if singular && self.lets_go(mode) {
+                        break;
+                    }
+                    if singular {
+                        return Err(mode.stuck());
+                    }
+                    match self {
+                        Watch::Bound(i, limit) => (
+                            state.trial.alpha[i] - limit,
+                            series::slope(mode.alpha_series(i), tau),
+                        ),
+                        _ => {
+                            let disc = Disc::of(Dense::Taylor(mode), self.switch());
+                            let disc = disc.expect("it has two entries");
+                            disc.margin_at(tau, &state.trial.alpha)
+                        }
+                    }
+                }
+            };
+            let next = tau - value / slope;
+            // A root that the function and its series do not share is a tangency: keep the series'.
+            if !next.is_finite() || next < 0.0 || (next - tau).abs() > 1e-3 * h {
+                break;
+            }
+            // Where the surface has just been left, a value that is rounding says nothing of the root.
+            if let Watch::Surface(i) = self
+                && state.bands.armed[i]
+                && value.abs() <= 8.0 * f64::EPSILON * state.bands.terms[i]
+            {
+                break;
+            }
+            let moved = (next - tau).abs();
+            tau = next.min(h);
+            if moved <= f64::EPSILON * (state.point.t.abs() + tau) {
+                break;
+            }
+        }
+        Ok(tau)
+    }
 }
 
 /// Halvings of a step before it counts as impossible.
@@ -136,9 +212,11 @@ impl Stepper {
             return Ok(step);
         }
         // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in, and sees no folds.
+        let is_solved = |&i: &usize| {
+            mode.surfaces.n_derivatives(i) == 0 && !mode.system.switches[i].is_nonlinear
+        };
         if self.stiffness.implicit
-            && !mode.slides_deeply()
-            && !mode.slides_nonlinearly()
+            && mode.sliding.iter().all(is_solved)
             && let Some(step) = self.implicit_step(mode, state, goal)?
         {
             return Ok(step);
@@ -169,9 +247,7 @@ impl Stepper {
         mode.measure_terms(&mut state.scales, &mut state.bands);
         mode.measure_held(&state.point, &mut state.scales, &state.bands, remaining);
         state.report.stats.rhs_evaluations += mode.order;
-        if mode.slides_nonlinearly()
-            && let Some(fold) = mode.fold_ahead(state, remaining)
-        {
+        if let Some(fold) = Fold::ahead(mode, state, remaining) {
             return Ok(Step::to_fold(state, fold));
         }
         let longest = longest(mode, state, remaining);
@@ -287,7 +363,7 @@ impl Stepper {
     ) -> Judged {
         let (tolerance, allowed) = (self.local_tolerance, self.allowed_defect(mode));
         // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
-        let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
+        let is_blurred = |watch: Watch| watch.stops(mode) || watch.lets_go(mode);
         let stops = (cut.event.as_ref()).is_some_and(|(_, watch)| is_blurred(*watch));
         let seen = if stops {
             friction_disc::DIRECTED * cut.length
@@ -344,8 +420,8 @@ impl Stepper {
             self.stiffness.after_explicit(mode, h, motion, left);
         }
         let dense = Dense::Taylor(mode);
-        let met = met(event).filter(|(i, _)| !mode.is_in_disc(*i));
-        mode.note_approaches(dense, state, length, met, self.tolerance);
+        let met = met(event).filter(|(i, _)| !mode.system.switches[*i].is_in_disc());
+        Grazing::new(dense, self.tolerance).note(state, length, met);
         dense.states_at(length, &mut state.trial.x);
         std::mem::swap(&mut state.point.x, &mut state.trial.x);
         if !state.point.x.iter().all(|x| x.is_finite()) {
@@ -383,8 +459,8 @@ impl Stepper {
         // A double root of ψ is no better known from ψ than from its series.
         let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
             h
-        } else if root.crosses && !mode.stops(watch) {
-            mode.polish(state, root.tau, watch, h)?
+        } else if root.crosses && !watch.stops(mode) {
+            watch.polish(mode, state, root.tau, h)?
         } else {
             root.tau
         };
@@ -450,6 +526,7 @@ pub(crate) fn first_event(
 ) -> Option<(Root, Watch)> {
     let mut first: Option<(Root, Watch)> = None;
     let mode = dense.mode();
+    let grazing = Grazing::new(dense, tolerance);
     state.approaches.close.clear();
     for &i in &mode.sliding {
         if mode.planes.onsets.contains(&i) {
@@ -463,7 +540,7 @@ pub(crate) fn first_event(
             first = Some((root, Watch::Disc(i)));
         }
         roots.margin = margin;
-        for &limit in mode.limits(i) {
+        for &limit in mode.system.switches[i].limits() {
             let reach = first.map_or(h, |(root, _)| root.tau);
             let inside = if limit == 0.0 { 1.0 } else { -1.0 };
             let start = alpha[0] - limit;
@@ -478,14 +555,14 @@ pub(crate) fn first_event(
         let reach = first.map_or(h, |(root, _)| root.tau);
         let c = dense.psi(i);
         // Contacts close where they open by less than their band.
-        let band = state.bands.armed[i].then(|| match mode.is_plain(i) {
+        let band = state.bands.armed[i].then(|| match mode.system.switches[i].is_plain() {
             true => mode.rounding_of_motion(i, state, h),
-            false if mode.is_contact(i) => state.bands.level(i, c, h),
+            false if mode.system.switches[i].is_contact() => state.bands.level(i, c, h),
             false => SEEN * state.bands.level(i, c, h),
         });
-        let level = match mode.is_in_disc(i) {
+        let level = match mode.system.switches[i].is_in_disc() {
             true => 0.0,
-            false => mode.closeness(i, &state.scales, &state.bands, tolerance, h),
+            false => grazing.closeness(i, &state.scales, &state.bands, h),
         };
         let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
         state
@@ -562,12 +639,13 @@ pub(crate) fn simultaneous(
     let together = |&i: &usize| {
         let alpha = series::value(dense.alpha(i), tau);
         Disc::of(dense, i).is_some_and(|disc| disc.is_at_rim(tau))
-            || (mode.limits(i).iter()).any(|limit| (alpha - limit).abs() <= TOGETHER)
+            || (mode.system.switches[i].limits().iter())
+                .any(|limit| (alpha - limit).abs() <= TOGETHER)
     };
     let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
     let reached = |&i: &usize| {
         let c = dense.psi(i);
-        let size = match mode.is_in_disc(i) {
+        let size = match mode.system.switches[i].is_in_disc() {
             true => friction_disc::STOPS * bands.width[i],
             false => TOGETHER * series::magnitude(c, h, 0),
         };
@@ -584,12 +662,6 @@ pub(crate) fn simultaneous(
 pub(crate) const TOGETHER: f64 = 1e-12;
 
 impl Mode {
-    /// True when a switch of higher relative degree slides.
-    pub(crate) fn slides_deeply(&self) -> bool {
-        let mut sliding = self.sliding.iter();
-        sliding.any(|&i| self.surfaces.n_derivatives(i) > 0)
-    }
-
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
     pub(crate) fn on_wrong_side(&mut self, bands: &Bands) -> bool {
@@ -600,81 +672,6 @@ impl Mode {
             }
         }
         false
-    }
-
-    /// Whether a slip velocity with two entries stops: it has no sign behind that.
-    fn stops(&self, watch: Watch) -> bool {
-        matches!(watch, Watch::Surface(i) if self.is_in_disc(i))
-    }
-
-    /// Whether a contact opens that sticks to the end: a force that is zero has no friction to be determined.
-    fn lets_go(&self, watch: Watch) -> bool {
-        let Watch::Bound(normal, _) = watch else {
-            return false;
-        };
-        let mut sliding = self.sliding.iter();
-        sliding.any(|&i| self.system.slip_of(i) == Some(normal))
-    }
-
-    /// Moves a root of the series to the root of the function itself, by Newton's method on
-    /// the length of the step.
-    fn polish(
-        &mut self,
-        state: &mut State,
-        mut tau: f64,
-        watch: Watch,
-        h: f64,
-    ) -> Result<f64, Status> {
-        for _ in 0..4 {
-            Dense::Taylor(self).states_at(tau, &mut state.trial.x);
-            Dense::Taylor(self).alphas_at(tau, &mut state.trial.alpha);
-            let (value, slope) = match watch {
-                Watch::Surface(i) => {
-                    self.set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
-                    (self.psi(i), series::slope(self.psi_series(i), tau))
-                }
-                Watch::Bound(..) | Watch::Disc(_) => {
-                    let singular = self
-                        .solve_alpha(state.point.t + tau, &state.trial.x, &mut state.trial.alpha)
-                        .is_err();
-                    if singular && self.lets_go(watch) {
-                        break;
-                    }
-                    if singular {
-                        return Err(self.stuck());
-                    }
-                    match watch {
-                        Watch::Bound(i, limit) => (
-                            state.trial.alpha[i] - limit,
-                            series::slope(self.alpha_series(i), tau),
-                        ),
-                        _ => {
-                            let disc = Disc::of(Dense::Taylor(self), watch.switch());
-                            let disc = disc.expect("it has two entries");
-                            disc.margin_at(tau, &state.trial.alpha)
-                        }
-                    }
-                }
-            };
-            let next = tau - value / slope;
-            // A root that the function and its series do not share is a tangency: keep the series'.
-            if !next.is_finite() || next < 0.0 || (next - tau).abs() > 1e-3 * h {
-                break;
-            }
-            // Where the surface has just been left, a value that is rounding says nothing of the root.
-            if let Watch::Surface(i) = watch
-                && state.bands.armed[i]
-                && value.abs() <= 8.0 * f64::EPSILON * state.bands.terms[i]
-            {
-                break;
-            }
-            let moved = (next - tau).abs();
-            tau = next.min(h);
-            if moved <= f64::EPSILON * (state.point.t.abs() + tau) {
-                break;
-            }
-        }
-        Ok(tau)
     }
 }
 

@@ -28,8 +28,9 @@ impl Selector<'_> {
         triggers: &[usize],
         t1: f64,
     ) -> Result<Vec<usize>, Status> {
-        let (leading, mut open): (Vec<usize>, Vec<usize>) =
-            triggers.iter().partition(|&&i| self.system.leads(i));
+        let (leading, mut open): (Vec<usize>, Vec<usize>) = triggers
+            .iter()
+            .partition(|&&i| self.system.switches[i].leads());
         if leading.is_empty() {
             return Ok(open);
         }
@@ -53,7 +54,7 @@ impl Selector<'_> {
             let meets = state.point.sides[i] == Side::Slide || state.bands.armed[i];
             let couplings = &self.system.switches[i].couplings;
             let coupled = || changed.iter().any(|j| couplings.binary_search(j).is_ok());
-            meets && !self.system.leads(i) && coupled()
+            meets && !self.system.switches[i].leads() && coupled()
         }));
         open.sort_unstable();
         open.dedup();
@@ -190,7 +191,8 @@ impl Selector<'_> {
         }
         self.pieces.switches = switches;
         let meets = |&&i: &&usize| {
-            (state.point.sides[i] == Side::Slide || state.bands.armed[i]) && !self.system.leads(i)
+            (state.point.sides[i] == Side::Slide || state.bands.armed[i])
+                && !self.system.switches[i].leads()
         };
         open.extend(self.pieces.rates.iter().filter(meets));
         open.sort_unstable();

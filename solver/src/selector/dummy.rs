@@ -11,6 +11,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Settings, Side, Status};
+use crate::selector::nonlinear::ScalarRate;
 use crate::selector::selection::{Decision, Entry, SlidingMode};
 
 /// How the dummy system starts.
@@ -105,11 +106,12 @@ impl<'a> Single<'a> {
     ) -> Result<bool, Status> {
         let start = Start::of(state, switch);
         let mut alphas = state.point.alpha.clone();
-        let modes = self.mode.sliding_modes(switch, &mut alphas);
+        let mut rate = ScalarRate::of(self.mode, switch, &mut alphas);
+        let modes = rate.sliding_modes();
         let modes = modes.map_err(|_| Status::Undetermined {
             switches: vec![switch],
         })?;
-        let ends = [0.0, 1.0].map(|end| self.mode.rate_at(switch, &mut alphas, end)[0]);
+        let ends = [0.0, 1.0].map(|end| rate.at(end)[0]);
         let sides = [Side::Minus, Side::Plus];
         let choices = sides.map(|side| self.choice(state, switch, side, 0.5 + 0.5 * side.sign()));
         let scale = Judge::new(self.mode, self.settings).rates(state, &[switch], &choices)[0];
@@ -183,7 +185,8 @@ impl<'a> Single<'a> {
         walk: impl Fn(f64, bool, f64) -> End,
     ) -> End {
         let mut alphas = point.alpha.clone();
-        let [rate, ..] = self.mode.rate_at(switch, &mut alphas, alpha);
+        let mut rate = ScalarRate::of(self.mode, switch, &mut alphas);
+        let [rate, ..] = rate.at(alpha);
         if rate.abs() > TIE * scale {
             return walk(alpha, rate > 0.0, 0.0);
         }

@@ -8,6 +8,7 @@
 use std::sync::Arc;
 
 use super::judge::{Judge, TIE};
+use super::nonlinear::ScalarRate;
 use super::select::Choice;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
@@ -371,7 +372,8 @@ impl<'a> Several<'a> {
             if !self.mode.system.switches[i].is_nonlinear {
                 continue;
             }
-            let modes = self.mode.sliding_modes(i, &mut alphas);
+            let mut rate = ScalarRate::of(self.mode, i, &mut alphas);
+            let modes = rate.sliding_modes();
             alphas[i] = alpha[at];
             let modes = modes.map_err(|_| Status::Undetermined {
                 switches: group.to_vec(),

@@ -112,7 +112,9 @@ impl<'a> Judge<'a> {
             } else {
                 0.0
             };
-            let contacts = group.iter().filter(|j| mode.is_contact(**j));
+            let contacts = group
+                .iter()
+                .filter(|j| mode.system.switches[**j].is_contact());
             let push: f64 = contacts.map(|&j| mode.coupling(*i, j).abs()).sum();
             terms + mode.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
         };
@@ -141,13 +143,13 @@ impl<'a> Judge<'a> {
         let mut tie = false;
         let sides = point.sides_with(group, &choice.sides);
         for (at, &i) in group.iter().enumerate() {
-            if mode.is_idle(i, &sides) {
+            if mode.system.is_idle(i, &sides) {
                 continue;
             }
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
-                _ if mode.is_second(i) => continue,
-                side if mode.is_in_disc(i) => Disc::of(Dense::Taylor(mode), i)
+                _ if mode.system.is_second(i) => continue,
+                side if mode.system.switches[i].is_in_disc() => Disc::of(Dense::Taylor(mode), i)
                     .map_or(0.0, |disc| disc.inside(side, &alpha, rates[at])),
                 Side::Slide if mode.system.role(i) != Role::Step => continue,
                 Side::Slide if mode.system.is_unilateral(i) => {
@@ -165,7 +167,7 @@ impl<'a> Judge<'a> {
                 _ => 0.0,
             };
             // Of a contact that is open, what is slower than an impact is left to its series.
-            let is_open = mode.is_contact(i) && !mode.surfaces.is_deep(i);
+            let is_open = mode.system.switches[i].is_contact() && !mode.surfaces.is_deep(i);
             if margin.is_nan() || margin < -TIE && !is_open {
                 return Check::Inconsistent;
             }
@@ -182,7 +184,9 @@ impl<'a> Judge<'a> {
         self.mode.jacobian(keep);
         let mut spread = state.scales.activity.clone();
         let forces = group.iter().zip(units);
-        let forces: Vec<_> = forces.filter(|(i, _)| self.mode.is_contact(**i)).collect();
+        let forces: Vec<_> = forces
+            .filter(|(i, _)| self.mode.system.switches[**i].is_contact())
+            .collect();
         // Masses couple states: what is left of a force in one is rounded as it is where it acts most.
         let slopes = |state: usize| self.mode.field.slopes(state);
         for &(&i, unit) in &forces {
@@ -235,7 +239,7 @@ impl<'a> Judge<'a> {
             let i = group[at];
             let gain = match mode.system.role(i) {
                 _ if mode.system.is_unilateral(i) => mode.coupling(i, i).abs(),
-                Role::Step if slides(&at) && !mode.is_in_disc(i) => gain(at),
+                Role::Step if slides(&at) && !mode.system.switches[i].is_in_disc() => gain(at),
                 _ => return 1.0,
             };
             let is_known = rate > 0.0 && gain > 0.0 && gain.is_finite();
@@ -323,7 +327,7 @@ impl<'a> Judge<'a> {
         self.monitor_sides(state, group, &sides, sets_off);
         let mode = &mut self.mode;
         let mut longest = t1 - state.point.t;
-        if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
+        if group.len() > 1 && group.iter().any(|&i| mode.system.switches[i].is_contact()) {
             longest = longest.min(prediction::horizon(mode));
         }
         let h = mode.step_size(tolerance, &state.scales, longest);
@@ -343,15 +347,15 @@ impl<'a> Judge<'a> {
         let comes = |i: usize| {
             let c = mode.psi_series(i);
             let is_near = near.iter().any(|&(_, switch)| switch == i);
-            mode.is_contact(i) && !is_near && c[0] > 0.0 && c[1] < 0.0
+            mode.system.switches[i].is_contact() && !is_near && c[0] > 0.0 && c[1] < 0.0
         };
         let goes_there = |i: usize, side: Side| {
             let mut later = group.iter().zip(&later).filter(|(j, _)| **j == i);
             later.all(|(_, rate)| rate * side.sign() >= 0.0)
         };
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
-            _ if mode.is_idle(i, &sides) => true,
-            _ if mode.is_second(i) || sets_off(i) => true,
+            _ if mode.system.is_idle(i, &sides) => true,
+            _ if mode.system.is_second(i) || sets_off(i) => true,
             Side::Slide => self.keeps_sliding(i, h, TIE * unit),
             _ if comes(i) => true,
             side => {
@@ -383,7 +387,7 @@ impl Judge<'_> {
     ) {
         self.mode.monitored.switches.clear();
         for &i in group {
-            if sides[i] != Side::Slide && !self.mode.is_idle(i, sides) && !sets_off(i) {
+            if sides[i] != Side::Slide && !self.mode.system.is_idle(i, sides) && !sets_off(i) {
                 self.mode.expand_psi(i, &mut state.bands);
                 self.mode.monitored.switches.push(i);
             }
@@ -396,7 +400,7 @@ impl Judge<'_> {
         if self.mode.system.role(switch) != Role::Step {
             return true;
         }
-        if self.mode.is_in_disc(switch) {
+        if self.mode.system.switches[switch].is_in_disc() {
             let disc = Disc::of(Dense::Taylor(self.mode), switch);
             return disc.is_none_or(|disc| disc.goes_on(h));
         }

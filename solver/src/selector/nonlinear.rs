@@ -6,9 +6,7 @@
 //! enclosure of S does.
 
 use super::selection::SlidingMode;
-use crate::event::Simulator;
 use crate::expansion::mode::Mode;
-use crate::hybrid::Side;
 use crate::tape::Ball;
 
 /// Parts of [0, 1] looked at before a search gives up.
@@ -20,9 +18,6 @@ const NARROW: f64 = 1e-8;
 /// Zeros that are closer are one.
 const SAME: f64 = 4.0 * NARROW;
 
-/// Newton iterations onto a surface.
-const MAX_MOVES: usize = 50;
-
 /// Roundings of its terms that φ may be wrong by.
 const ROUNDINGS: f64 = 16.0;
 
@@ -30,41 +25,56 @@ const ROUNDINGS: f64 = 16.0;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Unbounded;
 
-impl Mode {
-    /// φ and S of a switch in focus, and the rounding of φ.
-    pub(crate) fn rate_at(&mut self, switch: usize, alphas: &mut [f64], alpha: f64) -> [f64; 3] {
-        alphas[switch] = alpha;
-        self.vary(alphas);
-        self.linearize(&[switch]);
-        let rounding = ROUNDINGS * f64::EPSILON * self.terms_of_phi(switch);
-        [self.phi(switch), self.coupling(switch, switch), rounding]
+/// φ and S of one switch as functions of its α, where a mode has the switch in focus.
+pub(crate) struct ScalarRate<'a> {
+    mode: &'a mut Mode,
+    switch: usize,
+    /// α of all switches.
+    alphas: &'a mut [f64],
+}
+
+impl<'a> ScalarRate<'a> {
+    /// Those of a switch in focus, where the others have these α.
+    pub(crate) fn of(mode: &'a mut Mode, switch: usize, alphas: &'a mut [f64]) -> Self {
+        ScalarRate {
+            mode,
+            switch,
+            alphas,
+        }
+    }
+
+    /// φ and S, and the rounding of φ.
+    pub(crate) fn at(&mut self, alpha: f64) -> [f64; 3] {
+        let (mode, switch) = (&mut *self.mode, self.switch);
+        self.alphas[switch] = alpha;
+        mode.vary(self.alphas);
+        mode.linearize(&[switch]);
+        let rounding = ROUNDINGS * f64::EPSILON * mode.terms_of_phi(switch);
+        [mode.phi(switch), mode.coupling(switch, switch), rounding]
     }
 
     /// Enclosures of φ and S while α is within `radius` of `middle`.
-    fn enclose(&mut self, switch: usize, middle: f64, radius: f64) -> [Ball; 2] {
-        let slot = 1 + self.n + switch;
+    fn enclose(&mut self, middle: f64, radius: f64) -> [Ball; 2] {
+        let (mode, switch) = (&mut *self.mode, self.switch);
+        let slot = 1 + mode.n + switch;
         let inside = Ball::new(middle, radius);
         let (mut phi, mut slope) = (
-            Ball::new(self.time_gradient(switch), 0.0),
+            Ball::new(mode.time_gradient(switch), 0.0),
             Ball::new(0.0, 0.0),
         );
-        for at in 0..self.gradient(switch).len() {
-            let (state, g) = self.gradient(switch)[at];
+        for at in 0..mode.gradient(switch).len() {
+            let (state, g) = mode.gradient(switch)[at];
             let [f, by_alpha] =
-                self.field
-                    .enclose(state, switch, &self.memory.values, slot, inside);
+                mode.field
+                    .enclose(state, switch, &mode.memory.values, slot, inside);
             let g = Ball::new(g, 0.0);
             (phi, slope) = (phi + g * f, slope + g * by_alpha);
         }
         [phi, slope]
     }
 
-    /// All sliding modes of a switch in focus on its surface, in order.
-    pub(crate) fn sliding_modes(
-        &mut self,
-        switch: usize,
-        alphas: &mut [f64],
-    ) -> Result<Vec<SlidingMode>, Unbounded> {
+    /// All sliding modes where the switch is on its surface, in order.
+    pub(crate) fn sliding_modes(&mut self) -> Result<Vec<SlidingMode>, Unbounded> {
         let mut found: Vec<SlidingMode> = Vec::new();
         let mut parts = vec![(0.5, 0.5)];
         for _ in 0..MAX_PARTS {
@@ -73,11 +83,11 @@ impl Mode {
                 found.dedup_by(|b, a| (a.alpha - b.alpha).abs() <= SAME);
                 return Ok(found);
             };
-            let [value, _, rounding] = self.rate_at(switch, alphas, middle);
+            let [value, _, rounding] = self.at(middle);
             if value.is_nan() {
                 return Err(Unbounded);
             }
-            let [phi, slope] = self.enclose(switch, middle, radius);
+            let [phi, slope] = self.enclose(middle, radius);
             let steepest = slope.middle.abs() + slope.radius;
             let nearest = (phi.middle.abs() - phi.radius).max(value.abs() - steepest * radius);
             if nearest > rounding {
@@ -85,16 +95,16 @@ impl Mode {
             }
             let (low, high) = (middle - radius, middle + radius);
             if slope.excludes_zero() {
-                let ends = [low, high].map(|end| self.rate_at(switch, alphas, end));
+                let ends = [low, high].map(|end| self.at(end));
                 let has_none = ends[0][0] * ends[1][0] > 0.0
                     && ends
                         .iter()
                         .all(|[value, _, rounding]| value.abs() > *rounding);
                 if !has_none {
-                    found.push(self.zero_between(switch, alphas, low, high));
+                    found.push(self.zero_between(low, high));
                 }
             } else if radius <= NARROW {
-                let [_, stability, _] = self.rate_at(switch, alphas, middle);
+                let [_, stability, _] = self.at(middle);
                 found.push(SlidingMode {
                     alpha: middle,
                     stability,
@@ -109,20 +119,14 @@ impl Mode {
 
     /// The zero of φ in an interval in which it is monotonic, or the end that is closest to it: Newton's method,
     /// with bisection where that would leave the interval.
-    fn zero_between(
-        &mut self,
-        switch: usize,
-        alphas: &mut [f64],
-        mut low: f64,
-        mut high: f64,
-    ) -> SlidingMode {
-        let [at_low, ..] = self.rate_at(switch, alphas, low);
-        let [at_high, ..] = self.rate_at(switch, alphas, high);
+    fn zero_between(&mut self, mut low: f64, mut high: f64) -> SlidingMode {
+        let [at_low, ..] = self.at(low);
+        let [at_high, ..] = self.at(high);
         let rises = at_high > at_low;
         let mut alpha = 0.5 * (low + high);
         let mut stability = 0.0;
         for _ in 0..100 {
-            let [value, slope, _] = self.rate_at(switch, alphas, alpha);
+            let [value, slope, _] = self.at(alpha);
             stability = slope;
             if (value > 0.0) == rises {
                 high = alpha;
@@ -141,65 +145,5 @@ impl Mode {
             }
         }
         SlidingMode { alpha, stability }
-    }
-
-    /// True when a nonlinear switch slides.
-    pub(crate) fn slides_nonlinearly(&self) -> bool {
-        self.sliding
-            .iter()
-            .any(|&i| self.system.switches[i].is_nonlinear)
-    }
-}
-
-impl Simulator {
-    /// All sliding modes of a switch where the state is on its surface, other switches being on the sides that their ψ
-    /// have. States that are not `held` are moved onto the surface first; none where that does not succeed, or where
-    /// the modes cannot be told apart.
-    pub fn sliding_modes(
-        &mut self,
-        t: f64,
-        x: &mut [f64],
-        switch: usize,
-        held: &[usize],
-    ) -> Option<Vec<SlidingMode>> {
-        self.pieces.until = self.mode.load(t);
-        let mut alphas = vec![1.0; self.system.n_switches()];
-        let mut sides = vec![Side::Plus; alphas.len()];
-        sides[switch] = Side::Slide;
-        for _ in 0..MAX_MOVES {
-            self.mode.enter(&sides);
-            self.mode.set(t, x, &alphas);
-            for i in 0..sides.len() {
-                if i != switch {
-                    sides[i] = Side::of(self.mode.psi(i));
-                    alphas[i] = 0.5 + 0.5 * sides[i].sign();
-                }
-            }
-            self.mode.enter(&sides);
-            self.mode.focus(t, x, &alphas, &[switch]);
-            self.mode.linearize(&[switch]);
-            let psi = self.mode.psi(switch);
-            let free = self.mode.gradient(switch).iter();
-            let free: Vec<(usize, f64)> = free
-                .copied()
-                .filter(|(state, _)| !held.contains(state))
-                .collect();
-            let size: f64 = free.iter().map(|(_, g)| g * g).sum();
-            let change = psi / size;
-            if psi == 0.0
-                || free
-                    .iter()
-                    .all(|&(j, g)| (change * g).abs() <= 1e-15 * x[j].abs())
-            {
-                return self.mode.sliding_modes(switch, &mut alphas).ok();
-            }
-            if !change.is_finite() {
-                return None;
-            }
-            for (state, g) in free {
-                x[state] -= change * g;
-            }
-        }
-        None
     }
 }

@@ -75,7 +75,7 @@ impl Mode {
     /// The same of a ψ that was linearized there, and has this rounding.
     fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
         let by_time = self.time_gradient(switch).abs();
-        if !self.is_plain(switch) {
+        if !self.system.switches[switch].is_plain() {
             let size = self.weigh(switch, |j| state.scales.size(j));
             return BAND * (size + by_time * horizon);
         }
@@ -94,7 +94,7 @@ impl Mode {
         let size = self.weigh(switch, |j| state.scales.size(j));
         let of_inputs =
             f64::EPSILON * (size + self.time_gradient(switch).abs() * state.point.t.abs());
-        match self.is_plain(switch) {
+        match self.system.switches[switch].is_plain() {
             true => of_inputs.max(self.running_error(switch)),
             false => of_inputs,
         }
@@ -105,12 +105,6 @@ impl Mode {
     pub(crate) fn rounding_of_motion(&self, switch: usize, state: &State, h: f64) -> f64 {
         let held = self.weigh(switch, |j| state.scales.held[j]);
         state.bands.rounding[switch] + LEFT * f64::EPSILON * held * h
-    }
-
-    /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
-    pub(crate) fn is_plain(&self, switch: usize) -> bool {
-        let is_slip = self.system.slip_of(switch).is_some();
-        self.system.role(switch) == Role::Step && !self.system.is_unilateral(switch) && !is_slip
     }
 
     /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
@@ -261,7 +255,8 @@ impl Selector<'_> {
         triggers.retain(|&i| !self.mode.has_no_rate(&state.point, i));
         let triggers = &triggers[..];
         let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
-        let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.system.leads(*i);
+        let is_met =
+            |i: &usize| triggers.contains(i) || meets(i) && !self.system.switches[*i].leads();
         let meeting: Vec<usize> = (0..state.point.sides.len())
             .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
             .collect();
@@ -302,7 +297,10 @@ impl Selector<'_> {
         // What was small before the event is zero after it.
         let deep = |&i: &usize| self.mode.surfaces.n_derivatives(i) > 0;
         if meeting.iter().any(deep) {
-            if meeting.iter().any(|&i| self.mode.is_contact(i)) {
+            if meeting
+                .iter()
+                .any(|&i| self.mode.system.switches[i].is_contact())
+            {
                 velocities::stabilize(self.mode, state);
             }
             self.mode.enter(&state.point.sides);
@@ -334,7 +332,7 @@ impl Selector<'_> {
         t1: f64,
         series: bool,
     ) -> Result<bool, Status> {
-        if group.iter().any(|&i| self.mode.system.rests(i)) {
+        if group.iter().any(|&i| self.mode.system.switches[i].rests()) {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
         let settling = Rest::new(self.mode, self.settings).settling(state, group);
@@ -465,7 +463,7 @@ impl Selector<'_> {
     fn take_order(&mut self, state: &mut State, switch: usize, settles: bool) {
         let mode = &mut self.mode;
         let highest = mode.surfaces.n_derivatives(switch);
-        let is_contact = mode.is_contact(switch);
+        let is_contact = mode.system.switches[switch].is_contact();
         mode.move_to(&state.point);
         let mut vanishes = |order: usize| {
             mode.surfaces.stand_for(switch, order);
@@ -550,12 +548,12 @@ impl Selector<'_> {
         t1: f64,
     ) {
         for i in 0..state.point.sides.len() {
-            let Some(other) = self.mode.other(i) else {
+            let Some(other) = self.mode.system.second(i) else {
                 continue;
             };
             let frees = &self.mode.system.switches[i].idle_above;
             let changes = triggers.iter().any(|trigger| frees.contains(trigger));
-            if !changes || !self.mode.is_free(i, &state.point.sides) {
+            if !changes || !self.mode.system.switches[i].is_free(&state.point.sides) {
                 continue;
             }
             self.mode
@@ -582,7 +580,7 @@ impl Selector<'_> {
         }
         let pairs = group.iter().copied().zip(wanted.iter().copied());
         let (roots, others): (Vec<_>, Vec<_>) =
-            pairs.partition(|(i, _)| self.mode.system.rests(*i));
+            pairs.partition(|(i, _)| self.mode.system.switches[*i].rests());
         let mut sides = state.point.sides.clone();
         roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
         state.point.set_sides(sides);
