@@ -65,6 +65,28 @@ pub struct Structure<'a> {
     pub hessian: &'a Pattern,
 }
 
+/// A [`Structure`] that is held.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct HeldStructure {
+    pub variables: Intervals,
+    pub rows: Intervals,
+    pub start: Vec<f64>,
+    pub jacobian: Pattern,
+    pub hessian: Pattern,
+}
+
+impl HeldStructure {
+    pub fn view(&self) -> Structure<'_> {
+        Structure {
+            variables: self.variables.view(),
+            rows: self.rows.view(),
+            start: &self.start,
+            jacobian: &self.jacobian,
+            hessian: &self.hessian,
+        }
+    }
+}
+
 /// minimize f(w) subject to cl <= c(w) <= cu, l <= w <= u; f and c are twice differentiable.
 ///
 /// Values that are not finite are allowed: a solver takes a shorter step there. Slices have the lengths that their

@@ -18,7 +18,9 @@
 //! assert_eq!(problem.objective(&[1.0, 0.0]), 1.0);
 //! ```
 
-use crate::optimization::problem::{Intervals, Mpcc, Nlp, Pair, Pattern, Side, Structure};
+use crate::optimization::problem::{
+    HeldStructure, Intervals, Mpcc, Nlp, Pair, Pattern, Side, Structure,
+};
 
 /// constant + Σ c_j w_j + Σ q_ij w_i w_j.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -75,12 +77,8 @@ impl Function {
 pub struct Quadratic {
     objective: Function,
     rows: Vec<Function>,
-    bounds: Intervals,
-    row_bounds: Intervals,
-    start: Vec<f64>,
+    structure: HeldStructure,
     pairs: Vec<Pair>,
-    jacobian: Pattern,
-    hessian: Pattern,
 }
 
 impl Quadratic {
@@ -94,33 +92,37 @@ impl Quadratic {
         let functions = rows.iter().map(|(function, ..)| function);
         let products = functions.chain([&objective]).flat_map(|f| &f.products);
         let second = products.map(|&(i, j, _)| (i, j)).collect();
-        Quadratic {
-            jacobian: Pattern::new(rows.len(), entries),
-            hessian: Pattern::new(n, second),
-            objective,
-            bounds: Intervals {
+        let structure = HeldStructure {
+            variables: Intervals {
                 lower: vec![f64::NEG_INFINITY; n],
                 upper: vec![f64::INFINITY; n],
             },
-            row_bounds: Intervals {
+            rows: Intervals {
                 lower: rows.iter().map(|row| row.1).collect(),
                 upper: rows.iter().map(|row| row.2).collect(),
             },
-            rows: rows.into_iter().map(|row| row.0).collect(),
             start: vec![0.0; n],
+            jacobian: Pattern::new(rows.len(), entries),
+            hessian: Pattern::new(n, second),
+        };
+        Quadratic {
+            objective,
+            rows: rows.into_iter().map(|row| row.0).collect(),
+            structure,
             pairs: Vec::new(),
         }
     }
 
     /// Bounds a variable.
     pub fn bound(mut self, j: usize, lower: f64, upper: f64) -> Self {
-        (self.bounds.lower[j], self.bounds.upper[j]) = (lower, upper);
+        let bounds = &mut self.structure.variables;
+        (bounds.lower[j], bounds.upper[j]) = (lower, upper);
         self
     }
 
     /// Where to start, instead of zero.
     pub fn start(mut self, start: &[f64]) -> Self {
-        self.start.copy_from_slice(start);
+        self.structure.start.copy_from_slice(start);
         self
     }
 
@@ -133,13 +135,7 @@ impl Quadratic {
 
 impl Nlp for Quadratic {
     fn structure(&self) -> Structure<'_> {
-        Structure {
-            variables: self.bounds.view(),
-            rows: self.row_bounds.view(),
-            start: &self.start,
-            jacobian: &self.jacobian,
-            hessian: &self.hessian,
-        }
+        self.structure.view()
     }
 
     fn has_objective(&self) -> bool {
@@ -166,7 +162,8 @@ impl Nlp for Quadratic {
         entries.fill(0.0);
         for (index, row) in self.rows.iter().enumerate() {
             let place = |j| {
-                self.jacobian
+                self.structure
+                    .jacobian
                     .place(index, j)
                     .expect("an entry per variable")
             };
@@ -179,7 +176,11 @@ impl Nlp for Quadratic {
         let functions = self.rows.iter().zip(y.iter().copied());
         for (function, weight) in functions.chain([(&self.objective, factor)]) {
             for &(i, j, q) in &function.products {
-                let place = self.hessian.place(i as usize, j).expect("every product");
+                let place = self
+                    .structure
+                    .hessian
+                    .place(i as usize, j)
+                    .expect("every product");
                 entries[place] += weight * q * if i == j { 2.0 } else { 1.0 };
             }
         }

@@ -11,7 +11,9 @@ mod block;
 
 use std::ops::Range;
 
-use crate::optimization::problem::{Intervals, Mpcc, Nlp, Pair, Pattern, Side, Structure};
+use crate::optimization::problem::{
+    HeldStructure, Intervals, Mpcc, Nlp, Pair, Pattern, Side, Structure,
+};
 use crate::tape::Tape;
 use block::{Compiled, Slopes};
 
@@ -56,14 +58,10 @@ pub struct Block {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Program {
-    bounds: Intervals,
-    start: Vec<f64>,
-    row_bounds: Intervals,
+    structure: HeldStructure,
     pairs: Vec<Pair>,
     blocks: Vec<Compiled>,
     terms: Vec<Term>,
-    jacobian_pattern: Pattern,
-    hessian_pattern: Pattern,
     /// What does not change: entries of the Jacobian and of the gradient.
     constant_slopes: Vec<f64>,
     constant_gradient: Vec<f64>,
@@ -83,9 +81,7 @@ struct Term {
 /// Collects the parts of a [`Program`].
 #[derive(Clone, Debug)]
 pub struct ProgramBuilder {
-    bounds: Intervals,
-    start: Vec<f64>,
-    row_bounds: Intervals,
+    structure: HeldStructure,
     pairs: Vec<Pair>,
     blocks: Vec<(Range<usize>, Block)>,
     terms: Vec<Block>,
@@ -101,12 +97,14 @@ impl Program {
         assert_eq!(lower.len(), upper.len(), "one bound per variable");
         assert_eq!(lower.len(), start.len(), "one start per variable");
         ProgramBuilder {
-            bounds: Intervals {
-                lower: lower.to_vec(),
-                upper: upper.to_vec(),
+            structure: HeldStructure {
+                variables: Intervals {
+                    lower: lower.to_vec(),
+                    upper: upper.to_vec(),
+                },
+                start: start.to_vec(),
+                ..HeldStructure::default()
             },
-            start: start.to_vec(),
-            row_bounds: Intervals::default(),
             pairs: Vec::new(),
             blocks: Vec::new(),
             terms: Vec::new(),
@@ -124,7 +122,7 @@ impl Program {
     ///
     /// If there are more or fewer values than variables.
     pub fn set_start(&mut self, start: &[f64]) {
-        self.start.copy_from_slice(start);
+        self.structure.start.copy_from_slice(start);
     }
 
     /// Takes a term of the objective out of it, or puts it back; patterns stay as they are.
@@ -150,8 +148,8 @@ impl Program {
     ///
     /// If there is no such variable.
     pub fn set_variable_bounds(&mut self, variable: usize, lower: f64, upper: f64) {
-        self.bounds.lower[variable] = lower;
-        self.bounds.upper[variable] = upper;
+        self.structure.variables.lower[variable] = lower;
+        self.structure.variables.upper[variable] = upper;
     }
 
     /// Changes the bounds of a row that is no side of a pair.
@@ -160,8 +158,8 @@ impl Program {
     ///
     /// If there is no such row.
     pub fn set_row_bounds(&mut self, row: usize, lower: f64, upper: f64) {
-        self.row_bounds.lower[row] = lower;
-        self.row_bounds.upper[row] = upper;
+        self.structure.rows.lower[row] = lower;
+        self.structure.rows.upper[row] = upper;
     }
 }
 
@@ -172,13 +170,13 @@ impl ProgramBuilder {
     ///
     /// If there are not as many bounds as rows, or if the arguments of the block do not fit together.
     pub fn rows(&mut self, block: Block, lower: &[f64], upper: &[f64]) -> Range<usize> {
-        block.check(self.bounds.lower.len());
+        block.check(self.structure.variables.lower.len());
         let n_rows = block.values.n_outputs() * block.n_places;
         assert_eq!(lower.len(), n_rows, "one lower bound per row");
         assert_eq!(upper.len(), n_rows, "one upper bound per row");
-        let first = self.row_bounds.lower.len();
-        self.row_bounds.lower.extend_from_slice(lower);
-        self.row_bounds.upper.extend_from_slice(upper);
+        let first = self.structure.rows.lower.len();
+        self.structure.rows.lower.extend_from_slice(lower);
+        self.structure.rows.upper.extend_from_slice(upper);
         let rows = first..first + n_rows;
         self.blocks.push((rows.clone(), block));
         rows
@@ -190,7 +188,7 @@ impl ProgramBuilder {
     ///
     /// If the arguments of the block do not fit together.
     pub fn objective(&mut self, block: Block) -> usize {
-        block.check(self.bounds.lower.len());
+        block.check(self.structure.variables.lower.len());
         self.terms.push(block);
         self.terms.len() - 1
     }
@@ -203,11 +201,11 @@ impl ProgramBuilder {
     pub fn pair(&mut self, pair: Pair) {
         for side in [pair.a, pair.b] {
             let lower = match side {
-                Side::Variable(variable) => self.bounds.lower[variable as usize],
+                Side::Variable(variable) => self.structure.variables.lower[variable as usize],
                 Side::Row(row) => {
-                    let upper = self.row_bounds.upper[row as usize];
+                    let upper = self.structure.rows.upper[row as usize];
                     assert_eq!(upper, f64::INFINITY, "a row of a pair has no upper bound");
-                    self.row_bounds.lower[row as usize]
+                    self.structure.rows.lower[row as usize]
                 }
             };
             assert!(lower.is_finite(), "the sides of a pair have lower bounds");
@@ -217,7 +215,7 @@ impl ProgramBuilder {
 
     /// Makes the derivatives and their patterns.
     pub fn finish(self) -> Program {
-        let n = self.bounds.lower.len();
+        let n = self.structure.variables.lower.len();
         let mut slopes = Vec::new();
         let mut curvatures = Vec::new();
         let (mut of_rows, mut of_terms) = (Vec::new(), Vec::new());
@@ -234,25 +232,25 @@ impl ProgramBuilder {
             let block = Compiled::new(block, 0..0, &found, &mut curvatures);
             of_terms.push((block, found));
         }
-        let jacobian_pattern = Pattern::new(self.row_bounds.lower.len(), slopes);
-        let hessian_pattern = Pattern::new(n, curvatures);
+        let jacobian = Pattern::new(self.structure.rows.lower.len(), slopes);
+        let hessian = Pattern::new(n, curvatures);
 
-        let mut constant_slopes = vec![0.0; jacobian_pattern.n_entries()];
+        let mut constant_slopes = vec![0.0; jacobian.n_entries()];
         let mut constant_gradient = vec![0.0; n];
         for (block, found) in &mut of_rows {
             let first = block.first_row();
             let place = |(row, column): (u32, u32)| {
-                let place = jacobian_pattern.place(first + row as usize, column);
+                let place = jacobian.place(first + row as usize, column);
                 place.expect("the pattern has all entries") as u32
             };
             block.scatter_slopes(found, place, &mut constant_slopes);
-            block.scatter_curvature(&hessian_pattern);
+            block.scatter_curvature(&hessian);
         }
         let mut terms = Vec::with_capacity(of_terms.len());
         for (mut block, found) in of_terms {
             let mut own = vec![0.0; n];
             block.scatter_slopes(&found, |(_, column)| column, &mut own);
-            block.scatter_curvature(&hessian_pattern);
+            block.scatter_curvature(&hessian);
             let constant = own.iter().enumerate().filter(|(_, slope)| **slope != 0.0);
             let constant: Vec<(u32, f64)> = constant
                 .map(|(variable, &slope)| (variable as u32, slope))
@@ -268,14 +266,14 @@ impl ProgramBuilder {
             });
         }
         Program {
-            bounds: self.bounds,
-            start: self.start,
-            row_bounds: self.row_bounds,
+            structure: HeldStructure {
+                jacobian,
+                hessian,
+                ..self.structure
+            },
             pairs: self.pairs,
             blocks: of_rows.into_iter().map(|(block, _)| block).collect(),
             terms,
-            jacobian_pattern,
-            hessian_pattern,
             constant_slopes,
             constant_gradient,
         }
@@ -307,13 +305,7 @@ impl Block {
 
 impl Nlp for Program {
     fn structure(&self) -> Structure<'_> {
-        Structure {
-            variables: self.bounds.view(),
-            rows: self.row_bounds.view(),
-            start: &self.start,
-            jacobian: &self.jacobian_pattern,
-            hessian: &self.hessian_pattern,
-        }
+        self.structure.view()
     }
 
     fn has_objective(&self) -> bool {

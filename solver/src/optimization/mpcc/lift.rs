@@ -4,7 +4,9 @@
 //! bounds. A row that belongs to several pairs has one slack.
 
 use crate::optimization::mpcc::branch::forcing::Forcing;
-use crate::optimization::problem::{Intervals, Member, Mpcc, Nlp, Other, Pattern, Side, Structure};
+use crate::optimization::problem::{
+    HeldStructure, Intervals, Member, Mpcc, Nlp, Other, Pattern, Side, Structure,
+};
 
 /// A problem in vertical form: its variables are those of the original one, then the slacks.
 ///
@@ -28,13 +30,9 @@ pub struct Lifted<'p> {
     /// The rows that have a slack, ascending.
     lifted_rows: Vec<usize>,
     pairs: Vec<[u32; 2]>,
-    bounds: Intervals,
-    row_bounds: Intervals,
-    jacobian: Pattern,
-    hessian: Pattern,
+    structure: HeldStructure,
     /// Values of the original Jacobian.
     entries: Vec<f64>,
-    start: Vec<f64>,
     forcing: Forcing,
 }
 
@@ -68,11 +66,11 @@ impl<'p> Lifted<'p> {
             .collect();
 
         let n_slacks = lifted_rows.len();
-        let variables = problem.variable_bounds();
-        let bounds = Intervals::extended(variables, n_slacks, [0.0, f64::INFINITY]);
-        let mut row_bounds = Intervals::extended(problem.row_bounds(), 0, [0.0; 2]);
+        let bounds = problem.variable_bounds();
+        let variables = Intervals::extended(bounds, n_slacks, [0.0, f64::INFINITY]);
+        let mut rows = Intervals::extended(problem.row_bounds(), 0, [0.0; 2]);
         for &row in &lifted_rows {
-            row_bounds.upper[row] = row_bounds.lower[row];
+            rows.upper[row] = rows.lower[row];
         }
 
         let original = problem.jacobian_pattern();
@@ -90,24 +88,26 @@ impl<'p> Lifted<'p> {
         let mut hessian = problem.hessian_pattern().clone();
         hessian.starts.resize(n + n_slacks + 1, hessian.n_entries());
 
-        let start = problem.start().to_vec();
+        let structure = HeldStructure {
+            variables,
+            rows,
+            start: problem.start().to_vec(),
+            jacobian,
+            hessian,
+        };
         let mut lifted = Lifted {
             problem,
             lifted_rows,
             pairs,
-            bounds,
-            row_bounds,
-            jacobian,
-            hessian,
+            structure,
             entries,
-            start,
             forcing: Forcing::default(),
         };
         for &side in lifted.pairs.iter().flatten() {
-            let is_bounded = lifted.bounds.lower[side as usize].is_finite();
+            let is_bounded = lifted.structure.variables.lower[side as usize].is_finite();
             assert!(is_bounded, "both sides of a pair have finite lower bounds");
         }
-        lifted.start = lifted.extend(&lifted.start.clone());
+        lifted.structure.start = lifted.extend(&lifted.structure.start.clone());
         lifted.forcing = Forcing::new(&mut lifted);
         lifted
     }
@@ -119,7 +119,7 @@ impl<'p> Lifted<'p> {
 
     /// How many variables the original problem has.
     pub fn n_original(&self) -> usize {
-        self.bounds.lower.len() - self.lifted_rows.len()
+        self.structure.variables.lower.len() - self.lifted_rows.len()
     }
 
     /// The rows that have a slack, with it.
@@ -129,10 +129,10 @@ impl<'p> Lifted<'p> {
 
     /// A point of the original problem with its slacks, which are not negative.
     pub fn extend(&mut self, w: &[f64]) -> Vec<f64> {
-        let mut rows = vec![0.0; self.row_bounds.lower.len()];
+        let mut rows = vec![0.0; self.structure.rows.lower.len()];
         self.problem.rows(w, &mut rows);
         let slacks = self.lifted_rows.iter().map(|&row| {
-            let distance = rows[row] - self.row_bounds.lower[row];
+            let distance = rows[row] - self.structure.rows.lower[row];
             if distance.is_finite() {
                 distance.max(0.0)
             } else {
@@ -148,27 +148,30 @@ impl<'p> Lifted<'p> {
             return;
         }
         let n = self.n_original();
+        let HeldStructure {
+            variables, rows, ..
+        } = &mut self.structure;
         let bounds = self.problem.variable_bounds();
-        self.bounds.lower[..n].copy_from_slice(bounds.lower);
-        self.bounds.upper[..n].copy_from_slice(bounds.upper);
+        variables.lower[..n].copy_from_slice(bounds.lower);
+        variables.upper[..n].copy_from_slice(bounds.upper);
         let bounds = self.problem.row_bounds();
-        self.row_bounds.lower.copy_from_slice(bounds.lower);
-        self.row_bounds.upper.copy_from_slice(bounds.upper);
+        rows.lower.copy_from_slice(bounds.lower);
+        rows.upper.copy_from_slice(bounds.upper);
         for &row in &self.lifted_rows {
-            self.row_bounds.upper[row] = self.row_bounds.lower[row];
+            rows.upper[row] = rows.lower[row];
         }
     }
 
     /// Bounds of the variables when these members of pairs are held at zero, and with them what they force.
     pub fn hold(&self, members: impl Iterator<Item = (usize, Member)>) -> Intervals {
-        let mut bounds = self.bounds.clone();
+        let mut bounds = self.structure.variables.clone();
         for (pair, member) in members {
             let side = self.pairs[pair][member as usize];
             for &j in self.problem.terms(pair, member).iter().chain([&side]) {
                 bounds.upper[j as usize] = bounds.lower[j as usize];
             }
         }
-        let rows = self.row_bounds.view();
+        let rows = self.structure.rows.view();
         self.forcing.propagate(rows, &mut bounds);
         bounds
     }
@@ -194,19 +197,14 @@ impl<'p> Lifted<'p> {
 
     /// Distances a and b of a pair from their lower bounds.
     pub fn distances(&self, pair: usize, w: &[f64]) -> [f64; 2] {
-        self.pairs[pair].map(|side| w[side as usize] - self.bounds.lower[side as usize])
+        self.pairs[pair]
+            .map(|side| w[side as usize] - self.structure.variables.lower[side as usize])
     }
 }
 
 impl Nlp for Lifted<'_> {
     fn structure(&self) -> Structure<'_> {
-        Structure {
-            variables: self.bounds.view(),
-            rows: self.row_bounds.view(),
-            start: &self.start,
-            jacobian: &self.jacobian,
-            hessian: &self.hessian,
-        }
+        self.structure.view()
     }
 
     fn has_objective(&self) -> bool {
@@ -240,7 +238,7 @@ impl Nlp for Lifted<'_> {
         let (mut from, mut to) = (0, 0);
         let total = self.entries.len();
         for &row in &self.lifted_rows {
-            let end = self.jacobian.starts[row + 1] - 1;
+            let end = self.structure.jacobian.starts[row + 1] - 1;
             let length = end - to;
             entries[to..end].copy_from_slice(&self.entries[from..from + length]);
             entries[end] = -1.0;

@@ -11,7 +11,7 @@ mod relaxed_tests;
 use super::lift::Lifted;
 use crate::optimization::mpcc::relaxed::dual::{Dual, ENTRIES};
 use crate::optimization::mpcc::relaxed::relaxation::{Relaxation, Steering};
-use crate::optimization::problem::{Intervals, Nlp, Pattern, Structure};
+use crate::optimization::problem::{HeldStructure, Intervals, Nlp, Pattern, Structure};
 
 /// What is chosen about a relaxation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -76,16 +76,12 @@ pub struct Relaxed<'l, 'p> {
     form: Form,
     sigma: f64,
     coupling: Option<Coupling>,
-    bounds: Intervals,
-    row_bounds: Intervals,
-    jacobian: Pattern,
-    hessian: Pattern,
+    structure: HeldStructure,
     /// Where the entries of the vertical form are in this Hessian.
     hessian_places: Vec<u32>,
     /// Where the second derivatives of a pair are, in the order of [`ENTRIES`]; the last three only with steering.
     pair_places: Vec<[u32; 6]>,
     entries: Vec<f64>,
-    start: Vec<f64>,
 }
 
 impl<'l, 'p> Relaxed<'l, 'p> {
@@ -101,9 +97,9 @@ impl<'l, 'p> Relaxed<'l, 'p> {
             true => 0.0,
             false => f64::NEG_INFINITY,
         };
-        let variables = lifted.variable_bounds();
-        let bounds = Intervals::extended(variables, n_steering, [0.0, f64::INFINITY]);
-        let row_bounds = Intervals::extended(lifted.row_bounds(), n_all, [limit, 0.0]);
+        let bounds = lifted.variable_bounds();
+        let variables = Intervals::extended(bounds, n_steering, [0.0, f64::INFINITY]);
+        let rows = Intervals::extended(lifted.row_bounds(), n_all, [limit, 0.0]);
 
         let steering = |pair: usize| Some(form.steering.variable(n, pair)? as u32);
         let mut jacobian = lifted.jacobian_pattern().clone();
@@ -145,19 +141,22 @@ impl<'l, 'p> Relaxed<'l, 'p> {
         let pair_places = pair_places.collect();
         let entries = vec![0.0; original.n_entries()];
 
+        let structure = HeldStructure {
+            variables,
+            rows,
+            start: [start, &vec![sigma; n_steering]].concat(),
+            jacobian,
+            hessian,
+        };
         let mut relaxed = Relaxed {
             lifted,
             form,
             sigma,
             coupling: None,
-            bounds,
-            row_bounds,
-            jacobian,
-            hessian,
+            structure,
             hessian_places,
             pair_places,
             entries,
-            start: [start, &vec![sigma; n_steering]].concat(),
         };
         relaxed.set_sigma(sigma);
         relaxed
@@ -180,7 +179,7 @@ impl<'l, 'p> Relaxed<'l, 'p> {
         let excess = self.form.relaxation.excess(sigma);
         let bounds = self.lifted.variable_bounds();
         for &side in self.lifted.pairs().iter().flatten() {
-            self.bounds.lower[side as usize] = bounds.lower[side as usize] - excess;
+            self.structure.variables.lower[side as usize] = bounds.lower[side as usize] - excess;
         }
     }
 
@@ -237,13 +236,7 @@ fn missing_curvature([aa, ba, bb]: [f64; 3], [a, b]: [f64; 2]) -> [f64; 3] {
 
 impl Nlp for Relaxed<'_, '_> {
     fn structure(&self) -> Structure<'_> {
-        Structure {
-            variables: self.bounds.view(),
-            rows: self.row_bounds.view(),
-            start: &self.start,
-            jacobian: &self.jacobian,
-            hessian: &self.hessian,
-        }
+        self.structure.view()
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {
