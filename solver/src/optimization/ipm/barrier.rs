@@ -244,8 +244,8 @@ impl Barrier {
         let (affine, centering) = (&self.affine, &self.centering);
         self.products.clear();
         let mut dual = 0.0;
-        for i in 0..at.nv {
-            dual += (lagrangian[i] - at.z_l[i] + at.z_u[i]).powi(2);
+        for (i, slope) in lagrangian[..at.nv].iter().enumerate() {
+            dual += (slope - at.z_l[i] + at.z_u[i]).powi(2);
             let ([lower, upper], da, dc) = (at.distances(i), affine.v[i], centering.v[i]);
             if at.lower[i].is_finite() {
                 let z = [at.z_l[i], affine.z_l[i], centering.z_l[i]];

@@ -101,8 +101,10 @@ impl Newton {
         let Aim { mu, share, rows } = aim;
         let (n, nv) = (shape.n, at.nv);
         let delta = self.kkt.regularization;
-        for i in 0..n {
-            self.rhs[i] = -(share * lagrangian[i] + mu * at.barrier_slope(i));
+        let slope = |(i, slope): (usize, &f64)| share * slope + mu * at.barrier_slope(i);
+        let slopes = lagrangian[..nv].iter().enumerate().map(slope);
+        for (rhs, slope) in self.rhs[..n].iter_mut().zip(slopes.clone()) {
+            *rhs = -slope;
         }
         match rows {
             Some(residuals) => {
@@ -112,9 +114,8 @@ impl Newton {
             }
             None => self.rhs[n..].fill(0.0),
         }
-        for i in n..nv {
+        for (i, slope) in (n..nv).zip(slopes.skip(n)) {
             let attached = shape.attached[i - n];
-            let slope = share * lagrangian[i] + mu * at.barrier_slope(i);
             step.v[i] = slope;
             self.rhs[n + attached.row as usize] += attached.sign * slope / (self.sigma[i] + delta);
         }

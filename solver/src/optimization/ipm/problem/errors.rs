@@ -21,9 +21,9 @@ impl Errors {
     /// The errors with residuals r of the rows and the gradient ∇L without bounds.
     pub fn new(at: &Iterate, residual: &[f64], lagrangian: &[f64], mu_target: f64) -> Self {
         let (mut dual, mut sum, mut count) = (0.0_f64, 0.0, 0_usize);
-        for i in 0..at.nv {
+        for (i, slope) in lagrangian[..at.nv].iter().enumerate() {
             let (z_l, z_u) = (at.z_l[i], at.z_u[i]);
-            let error = (lagrangian[i] - z_l + z_u + mu_target * at.damping(i)).abs();
+            let error = (slope - z_l + z_u + mu_target * at.damping(i)).abs();
             if error > dual || error.is_nan() {
                 dual = error;
             }
