@@ -379,3 +379,15 @@ fn saturations_inside_of_each_other_have_an_answer() {
     assert_eq!(ran.status, 1, "{}", ran.err);
     assert!(ran.err.contains("E0421"), "{}", ran.err);
 }
+
+/// A bound whose own index has the name of an outer one depends on none: the loop is refused before it is unrolled.
+#[test]
+fn loops_whose_bounds_have_indices_of_their_own_are_foreseen() {
+    let model = "model m { state x = 1; x' = 1;\n\
+                 for i in 1..3000, j in 1..sum(i for i in 1..60) { switch s = sign(x - i*j); } }\n";
+    let folder = folder("foreseen");
+    let refused = nsdc_with_input(&folder, &["check", "-"], model);
+    assert_eq!(refused.status, 1, "{}", refused.err);
+    assert!(refused.err.contains("E0213"), "{}", refused.err);
+    assert!(refused.err.contains(":2:5]"), "{}", refused.err);
+}

@@ -16,7 +16,7 @@ use rustc_hash::FxHashMap;
 use super::adaptive::{Control, ROUNDING};
 use super::emit::Observer;
 use super::modes::{Mode, Modes};
-use super::run::Run;
+use super::run::{NEAR, Run};
 use super::watch::{BAND, Start, Values, Verdict};
 use crate::event::Segment;
 use crate::expansion::dense::ElementSeries;
@@ -166,7 +166,7 @@ impl Folds {
         length: Length,
         observer: &mut impl Observer,
     ) -> Result<Reached, Status> {
-        if length.end - run.place.t <= 16.0 * f64::EPSILON * length.end.abs() {
+        if length.end - run.place.t <= NEAR * length.end.abs() {
             run.place.go_to(length.end);
             return Ok(Reached::EndAtOnce);
         }

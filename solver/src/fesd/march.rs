@@ -1,11 +1,12 @@
-//! One step of the grid: elements of equal length from switch to switch.
+//! The elements that have been solved since the last report: of equal length in a step of the grid, up to the next
+//! switch, or one as long as its defect allows.
 
 use std::ops::ControlFlow;
 
 use super::adaptive::ROUNDING;
 use super::emit::{Observer, Polynomials};
 use super::modes::{Mode, Modes};
-use super::run::Run;
+use super::run::{NEAR, Run};
 use super::system::hidden::Unsolved;
 use super::watch::{BAND, Start, Values, Verdict};
 use crate::event::Segment;
@@ -107,7 +108,7 @@ impl March {
                 )?;
             }
             // A switch within rounding of the end is one at the end.
-            let reaches_end = end - switch <= AT_ONCE * length + 16.0 * f64::EPSILON * end.abs();
+            let reaches_end = end - switch <= AT_ONCE * length + NEAR * end.abs();
             if reaches_end {
                 self.snap(run, count, end);
             }

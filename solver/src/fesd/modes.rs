@@ -42,7 +42,7 @@ impl Mode {
         is_part.then_some(length).ok_or(Unsolved::Diverged)
     }
 
-    /// Moves to a place, and solves for z there; false where nothing solves for it.
+    /// Moves to a place, and solves for the unknowns w there unless they are known; false where nothing solves for them.
     fn enter(&mut self, place: &Place, is_solved: bool) -> bool {
         let Mode { element, hidden } = self;
         let w = place.z_of(&element.reduced.unknowns);

@@ -56,8 +56,9 @@ impl<'s> Uniform<'s> {
         let modes = &mut self.modes;
         self.zeros.extend(modes.system.pairs.iter().map(zero));
         self.repeats = false;
-        let mode = modes.of(&self.zeros);
-        self.present = mode.filter(|&mode| modes.all[mode].element.reduced.is_direct);
+        let reduced = modes.library.reduced(modes.system, &self.zeros);
+        let is_direct = reduced.is_some_and(|reduced| reduced.is_direct);
+        self.present = is_direct.then(|| modes.of(&self.zeros)).flatten();
     }
 
     /// Solves a step in the present set; `unknowns` are V and z of every node, those of the last step

@@ -26,14 +26,11 @@ impl<'e> Lowering<'_, 'e> {
     fn foresee(&mut self, binders: &[Binder]) -> Result<(), Reported> {
         let mut rounds = 1_usize;
         for (at, binder) in binders.iter().enumerate() {
-            let mut depends = false;
-            for bound in [&binder.first, &binder.last] {
-                bound.visit(&mut |expr| {
-                    let mut before = binders[..at].iter().map(|outer| &outer.name.name);
-                    depends |= matches!(&expr.kind, ExprKind::Name(name) if before.any(|outer| outer == name));
-                });
-            }
-            if depends {
+            let depends = |outer: &Binder| {
+                let name = &outer.name.name;
+                binder.first.reads(name) || binder.last.reads(name)
+            };
+            if binders[..at].iter().any(depends) {
                 break;
             }
             let first = self.integer(&binder.first, "a loop bound")?;

@@ -2,7 +2,8 @@
 //! constants have and however often it is a part.
 //!
 //! A reference stands in the table of its file or model under the place of the name. The order of
-//! declarations, units and everything else that asks what a name is read these tables.
+//! declarations, the checks of functions, and units read these tables; the value of a name is looked
+//! up in `names/lookup.rs`, by the same rules.
 
 mod collect;
 pub(crate) mod import;

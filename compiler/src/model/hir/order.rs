@@ -91,14 +91,23 @@ fn bounds<'b>(binders: impl IntoIterator<Item = &'b Binder>) -> impl Iterator<It
 
 /// Local `let`s that an expression reads, directly or through each other.
 fn used_lets<'f>(expr: &Expr, references: &References<'f>) -> Vec<&'f Named> {
+    let lets = |expr: &Expr| {
+        let mut found: Vec<&Named> = vec![];
+        for reference in read(expr, references) {
+            if let Reference::Let(named) = reference
+                && !found.iter().any(|other| std::ptr::eq(*other, named))
+            {
+                found.push(named);
+            }
+        }
+        found
+    };
     let mut used: Vec<&Named> = vec![];
-    let mut open = read(expr, references);
-    while let Some(reference) = open.pop() {
-        if let Reference::Let(named) = reference
-            && !used.iter().any(|other| std::ptr::eq(*other, named))
-        {
+    let mut open = lets(expr);
+    while let Some(named) = open.pop() {
+        if !used.iter().any(|other| std::ptr::eq(*other, named)) {
             used.push(named);
-            open.extend(read(&named.value, references));
+            open.extend(lets(&named.value));
         }
     }
     used

@@ -156,6 +156,38 @@ impl Expr {
         look(self);
         self.each(&mut |inner| inner.visit(look));
     }
+
+    /// Whether a name stands in this expression and is not that of an index inside.
+    pub fn reads(&self, name: &str) -> bool {
+        match &self.kind {
+            ExprKind::Name(own) => own == name,
+            ExprKind::Comprehension(body, binders) => reads_within(binders, body, name),
+            ExprKind::Call(function, args) => {
+                let reads = |arg: &Arg| match arg {
+                    Arg::Named(_, value) => value.reads(name),
+                    Arg::Positional(value, binders) => reads_within(binders, value, name),
+                };
+                function.reads(name) || args.iter().any(reads)
+            }
+            _ => {
+                let mut found = false;
+                self.each(&mut |inner| found |= inner.reads(name));
+                found
+            }
+        }
+    }
+}
+
+fn reads_within(binders: &[Binder], body: &Expr, name: &str) -> bool {
+    for binder in binders {
+        if binder.first.reads(name) || binder.last.reads(name) {
+            return true;
+        }
+        if binder.name.name == name {
+            return false;
+        }
+    }
+    body.reads(name)
 }
 
 fn each_bound<'a>(binders: &'a [Binder], look: &mut dyn FnMut(&'a Expr)) {

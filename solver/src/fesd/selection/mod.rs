@@ -33,7 +33,7 @@ fn sizes_of_rates(run: &Run, found: &Found, length: f64) -> Vec<f64> {
     states.map(size).collect()
 }
 
-/// What a user may choose of it.
+/// What a user may choose of the selection.
 pub(crate) struct Choices {
     /// Switches that are below their surface where several sets go on that differ in them.
     pub below: Vec<usize>,
@@ -264,7 +264,7 @@ impl<'s> Selection<'s> {
         Err(Status::NoSolution { switches })
     }
 
-    /// The set of the first nodes of an element about as long as `length`, where an element of that set up to the first
+    /// The set of the first nodes of an element about as long as a step, where an element of that set up to the first
     /// node confirms it.
     fn whole(&mut self, modes: &mut Modes, run: &mut Run, bands: &Bands) -> Option<Choice> {
         self.element_mcp.begin(modes, &run.place);

@@ -10,7 +10,7 @@ const STALLED: usize = 3;
 const NEARLY: f64 = 10.0;
 
 /// A point that can be gone back to.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Saved {
     v: Vec<f64>,
     y: Vec<f64>,

@@ -42,7 +42,7 @@ impl Values {
 }
 
 impl Derivatives {
-    /// Whether all of the first `nv` variables are numbers.
+    /// Whether ∇L of the first `nv` variables, the Jacobian and the Hessian are numbers.
     pub fn are_finite(&self, nv: usize) -> bool {
         [&self.lagrangian[..nv], &self.jacobian, &self.hessian]
             .iter()
