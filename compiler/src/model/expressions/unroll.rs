@@ -5,7 +5,7 @@ use crate::model::expressions::{Local, Lowering};
 use crate::model::names::scope::Reported;
 use crate::model::{ModelError, Shape, Tensor};
 use crate::source::Span;
-use crate::syntax::{self, Binder, ExprKind, Matrix};
+use crate::syntax::{self, Binder, Matrix};
 
 impl<'e> Lowering<'_, 'e> {
     /// Runs `body` with the indices set to each of their values, the last one fastest.
