@@ -29,8 +29,7 @@ use crate::event::Event;
 use crate::fesd::element::scheme::Scheme;
 use crate::fesd::modes::Modes;
 use crate::fesd::run::{NEAR, Run};
-use crate::fesd::selection::guided::Guided;
-use crate::fesd::selection::{Choices, Selection};
+use crate::fesd::selection::{Preferences, Selection};
 pub use crate::fesd::system::full::{Functions, Kinds};
 pub use crate::fesd::system::library::Library;
 pub use crate::fesd::system::pointwise::{Leading, Rule, Rules, Surfaces, alpha_of, alphas_of};
@@ -140,7 +139,7 @@ impl<'s> Simulator<'s> {
     ) -> Result<Self, TableauError> {
         let scheme = Scheme::new(Tableau::new(settings.family, settings.nodes)?);
         let modes = Modes::new(system, scheme);
-        let choices = Choices {
+        let preferences = Preferences {
             below: settings.below.clone(),
             limit: settings.limit.clone(),
             tolerance: match settings.grid {
@@ -151,7 +150,7 @@ impl<'s> Simulator<'s> {
         Ok(Simulator {
             system,
             settings,
-            selection: Selection::new(&modes, choices),
+            selection: Selection::new(&modes, preferences),
             march: March::new(&modes.scheme),
             folds: Folds::new(&modes.scheme),
             modes,
@@ -160,8 +159,7 @@ impl<'s> Simulator<'s> {
 
     /// Lets a selector choose the modes of a system with nonlinear switches.
     pub fn with_mode_selector(mut self, mode_selector: impl ModeSelector + 's) -> Self {
-        let selector = Box::new(mode_selector);
-        self.selection.guided = Some(Guided { selector });
+        self.selection.guide(Box::new(mode_selector));
         self
     }
 

@@ -1,4 +1,4 @@
-//! Where a run is.
+//! The present point of a run, with what rounding has taken from it.
 
 use super::system::Zero;
 use super::system::pointwise::Point;

@@ -1,4 +1,4 @@
-//! A run on its way, as plain data.
+//! What changes in the course of a run by finite elements.
 
 use super::place::Place;
 use super::system::{ComplementaritySystem, measure};

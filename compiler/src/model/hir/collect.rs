@@ -42,13 +42,10 @@ impl<'f> Collector<'_, 'f> {
         let outside_loops = place.filter(|&place| place != "a loop");
         for stmt in body {
             match stmt {
-                Stmt::Const(item) => self.top(
-                    &item.name,
-                    Definition::Const(item),
-                    "a `const`",
-                    place,
-                    item.span,
-                ),
+                Stmt::Const(own) => {
+                    let item = Definition::Const(own);
+                    self.top(&own.name, item, "a `const`", place, own.span);
+                }
                 Stmt::Decl(decl) => {
                     let item = Definition::Decl(decl);
                     self.top(&decl.name, item, "a declaration", place, decl.span);
@@ -59,25 +56,19 @@ impl<'f> Collector<'_, 'f> {
                     let what = "an `output` or `signal`";
                     self.top(&named.name, item, what, place, named.span);
                 }
-                Stmt::Part(part) => self.top(
-                    &part.name,
-                    Definition::Part(part),
-                    "a `part`",
-                    place,
-                    part.span,
-                ),
+                Stmt::Part(part) => {
+                    let item = Definition::Part(part);
+                    self.top(&part.name, item, "a `part`", place, part.span);
+                }
                 Stmt::Switch(switch) => {
                     let item = Definition::Switch(switch);
                     self.in_loops(&switch.name, item, "a `switch`", place, switch.span);
                 }
                 Stmt::Region(region) => self.region(region, place),
-                Stmt::Jump(jump) => self.in_loops(
-                    &jump.name,
-                    Definition::Word("jump"),
-                    "a `jump`",
-                    place,
-                    jump.span,
-                ),
+                Stmt::Jump(jump) => {
+                    let item = Definition::Word("jump");
+                    self.in_loops(&jump.name, item, "a `jump`", place, jump.span);
+                }
                 Stmt::Contact(contact) => self.contact(contact, place),
                 Stmt::Mechanics(mechanics) => {
                     for contact in &mechanics.contacts {

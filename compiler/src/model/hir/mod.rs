@@ -15,7 +15,7 @@ mod tests;
 
 use std::rc::Rc;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use self::import::Import;
 use self::references::Resolver;
@@ -42,6 +42,18 @@ pub(crate) enum Reference<'f> {
     Global(usize),
     /// A value or a function of the language.
     BuiltIn,
+}
+
+impl Reference<'_> {
+    /// Equal for references to the same thing.
+    fn identity(&self) -> (std::mem::Discriminant<Self>, usize) {
+        let which = match *self {
+            Reference::Index | Reference::BuiltIn => 0,
+            Reference::Argument(at) | Reference::Own(at) | Reference::Global(at) => at,
+            Reference::Let(named) => std::ptr::from_ref(named).addr(),
+        };
+        (std::mem::discriminant(self), which)
+    }
 }
 
 /// References by the place of the name.
@@ -205,16 +217,11 @@ impl<'f> File<'f> {
         let all = 0..self.globals.len();
         let needs = all.map(|index| {
             let read = body(index).map_or(vec![], |body| read(body, &self.references));
-            let mut needs = vec![];
-            for reference in read {
-                if let Reference::Global(need) = reference
-                    && body(need).is_some()
-                    && !needs.contains(&need)
-                {
-                    needs.push(need);
-                }
-            }
-            needs
+            let needs = read.into_iter().filter_map(|reference| match reference {
+                Reference::Global(need) => body(need).map(|_| need),
+                _ => None,
+            });
+            needs.collect()
         });
         needs.collect()
     }
@@ -325,12 +332,15 @@ fn own<'f>(references: impl IntoIterator<Item = Reference<'f>>) -> Vec<usize> {
     own.collect()
 }
 
-/// What an expression refers to, in order of appearance.
+/// What an expression refers to, each once, in order of first appearance.
 pub(crate) fn read<'f>(expr: &Expr, references: &References<'f>) -> Vec<Reference<'f>> {
-    let mut found = vec![];
+    let (mut found, mut seen) = (vec![], FxHashSet::default());
     expr.visit(&mut |expr| {
-        if let ExprKind::Name(_) = expr.kind {
-            found.extend(references.get(&expr.span));
+        if let ExprKind::Name(_) = expr.kind
+            && let Some(reference) = references.get(&expr.span)
+            && seen.insert(reference.identity())
+        {
+            found.push(*reference);
         }
     });
     found

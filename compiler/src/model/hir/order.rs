@@ -92,18 +92,14 @@ fn bounds<'b>(binders: impl IntoIterator<Item = &'b Binder>) -> impl Iterator<It
 /// Local `let`s that an expression reads, directly or through each other.
 fn used_lets<'f>(expr: &Expr, references: &References<'f>) -> Vec<&'f Named> {
     let lets = |expr: &Expr| {
-        let mut found: Vec<&Named> = vec![];
-        for reference in read(expr, references) {
-            if let Reference::Let(named) = reference
-                && !found.iter().any(|other| std::ptr::eq(*other, named))
-            {
-                found.push(named);
-            }
-        }
-        found
+        let read = read(expr, references).into_iter();
+        read.filter_map(|reference| match reference {
+            Reference::Let(named) => Some(named),
+            _ => None,
+        })
     };
     let mut used: Vec<&Named> = vec![];
-    let mut open = lets(expr);
+    let mut open: Vec<&Named> = lets(expr).collect();
     while let Some(named) = open.pop() {
         if !used.iter().any(|other| std::ptr::eq(*other, named)) {
             used.push(named);

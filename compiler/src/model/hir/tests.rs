@@ -55,3 +55,30 @@ fn names_refer_to_what_is_declared_next_to_them() {
     i: argument 0; k: global k; sum: built in; i: index; x: argument 1; i: argument 0
     ");
 }
+
+/// A name that is read twice counts where it stands first: the order of declarations that follow from it stays.
+#[test]
+fn what_is_read_again_does_not_change_the_order() {
+    let order_of = |value: &str| {
+        let text = format!(
+            "model m {{ state x = 1; for i in 1..1 {{ let a = p; let b = q; switch s = sign(x + {value}); }}
+             switch q = sign(x - 1); switch p = sign(x - 2); x' = 0; }}"
+        );
+        let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
+        let file = parse(&sources.add("test.nsd", &text), &mut diags);
+        let Some(Item::Model(item)) = file.items.first() else {
+            panic!("a model");
+        };
+        let model = Hir::default().model(&file, item, &mut diags);
+        let order = super::order::order(&model, &[], &mut diags);
+        let names = order
+            .into_iter()
+            .map(|at| model.declared[at].name.name.clone());
+        names.collect::<Vec<_>>().join(" ")
+    };
+    assert_eq!(order_of("a + b"), "x q p s");
+    assert_eq!(order_of("b + a"), "x p q s");
+    for again in ["a + b + a", "a + b + b + a + b", "a + a + b"] {
+        assert_eq!(order_of(again), "x q p s", "{again}");
+    }
+}

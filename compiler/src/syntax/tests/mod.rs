@@ -7,7 +7,7 @@ mod recovery;
 
 use insta::assert_snapshot;
 
-use super::{File, parse};
+use super::{File, Item, parse};
 use crate::diagnostics::{Diagnostics, render};
 use crate::source::SourceMap;
 
@@ -52,6 +52,32 @@ fn expr(text: &str) -> String {
         .and_then(|value| value.strip_suffix(';'))
         .unwrap_or(&printed)
         .to_owned()
+}
+
+/// An index takes a name from where it is bound on: not in its own bounds, nor in those of indices before it.
+#[test]
+fn names_of_indices_inside_are_not_read_from_outside() {
+    let cases = [
+        ("i", true),
+        ("j + f(i)", true),
+        ("f(x, fit = i)", true),
+        ("sum(i for i in 1..3)", false),
+        ("sum(j for i in 1..3, j in 1..i)", false),
+        ("sum(j for j in 1..i, i in 1..3)", true),
+        ("sum(i for i in 1..i)", true),
+        ("sum(sum(i for j in 1..2) for i in 1..3)", false),
+        ("sum(sum(j for i in 1..2) + i for j in 1..3)", true),
+        ("[i for i in 1..3][i]", true),
+        ("[i for i in 1..3][2]", false),
+        ("[i^2 for j in 1..3]", true),
+    ];
+    for (text, is_read) in cases {
+        let file = read(&format!("const x = {text};"));
+        let Some(Item::Const(item)) = file.items.first() else {
+            panic!("{text} is a constant");
+        };
+        assert_eq!(item.value.reads("i"), is_read, "{text}");
+    }
 }
 
 #[test]
@@ -334,7 +360,7 @@ fn comments_and_blanks_of_all_kinds_are_no_syntax() {
 fn spans_cover_what_was_written() {
     let text = "model m {\n  x[1] ' = -(a + b) ;  // end\n  region r else { x' = 1; }  \n}\n";
     let file = read(text);
-    let super::Item::Model(model) = &file.items[0] else {
+    let Item::Model(model) = &file.items[0] else {
         panic!("no model");
     };
     let spans = model.body.iter().map(|statement| match statement {

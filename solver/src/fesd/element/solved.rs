@@ -1,4 +1,4 @@
-//! An element that is solved, as a polynomial.
+//! The unknowns of a solved element, and its end with compensated sums.
 
 /// An element that is solved.
 #[derive(Default)]

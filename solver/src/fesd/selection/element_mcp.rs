@@ -1,8 +1,8 @@
 //! The active set that goes on, from the equations of a whole element.
 //!
 //! Where no set is consistent by its rates and by trial elements of its own, the complementarity
-//! problem of an element is solved with every pair open at every node (`nodes.rs`), from the length of a
-//! step down to ever shorter elements, each from the solution of the one before. The first nodes at
+//! problem of an element is solved with every pair open at every node (`nodes.rs`), as the selection asks for it,
+//! for ever shorter elements, each from the solution of the one before. The first nodes at
 //! which the members of a pair are told apart say which of them is zero. Only the set is taken from
 //! there: an element of its own has to confirm it, and what happens behind the first nodes is found by
 //! the elements that follow.
@@ -13,10 +13,6 @@ use crate::fesd::place::Place;
 use crate::fesd::run::Run;
 use crate::fesd::system::{ComplementaritySystem, Pair, Zero};
 use crate::runtime::limit::Limit;
-
-/// Elements that are tried, and how long each is next to the one before.
-pub(crate) const MAX_ELEMENTS: usize = 4;
-pub(crate) const SHRINK: f64 = 0.1;
 
 /// A pair whose members are both below this at a node is not told apart there.
 const TIED: f64 = 1e-9;

@@ -18,12 +18,13 @@ use super::system::{ComplementaritySystem, Pair, Zero};
 use super::watch::BAND;
 use crate::fesd::selection::bands::{Bands, measure_balance};
 use crate::fesd::selection::directional::{Choice, Directional, Found, switches_of};
-use crate::fesd::selection::element_mcp::{ElementMcp, MAX_ELEMENTS, SHRINK};
+use crate::fesd::selection::element_mcp::ElementMcp;
 use crate::fesd::selection::guided::Guided;
 use crate::fesd::selection::trial::Trials;
 use crate::hybrid::{Note, Side, Status};
 use crate::runtime::limit::Limit;
 use crate::selector::Candidate;
+use crate::selector::ModeSelector;
 
 /// What differences between rates of states are none next to: the largest rate by any set that was tried, or what
 /// moves the state by no more than rounding within a step.
@@ -33,8 +34,12 @@ fn sizes_of_rates(run: &Run, found: &Found, length: f64) -> Vec<f64> {
     states.map(size).collect()
 }
 
+/// Whole elements that are tried, and how long each is next to the one before.
+const MAX_ELEMENTS: usize = 4;
+const SHRINK: f64 = 0.1;
+
 /// What a user may choose of the selection.
-pub(crate) struct Choices {
+pub(crate) struct Preferences {
     /// Switches that are below their surface where several sets go on that differ in them.
     pub below: Vec<usize>,
     /// When work stops.
@@ -46,25 +51,30 @@ pub(crate) struct Choices {
 /// Decides about the active set that goes on.
 pub(crate) struct Selection<'s> {
     system: &'s ComplementaritySystem,
-    choices: Choices,
+    preferences: Preferences,
     directional: Directional,
     trials: Trials,
     element_mcp: ElementMcp,
     /// Where switches are nonlinear.
-    pub guided: Option<Guided<'s>>,
+    guided: Option<Guided<'s>>,
 }
 
 impl<'s> Selection<'s> {
     /// Memory for the modes of a system.
-    pub fn new(modes: &Modes<'s>, choices: Choices) -> Self {
+    pub fn new(modes: &Modes<'s>, preferences: Preferences) -> Self {
         Selection {
             system: modes.system,
-            choices,
+            preferences,
             directional: Directional::new(modes.system),
             trials: Trials::new(&modes.scheme),
             element_mcp: ElementMcp::default(),
             guided: None,
         }
+    }
+
+    /// Lets a selector choose among sliding modes of nonlinear switches.
+    pub fn guide(&mut self, selector: Box<dyn ModeSelector + 's>) {
+        self.guided = Some(Guided { selector });
     }
 
     /// Takes the numbers that hold from here on.
@@ -131,7 +141,7 @@ impl<'s> Selection<'s> {
         if !led.is_empty() {
             return self.begin_led(modes, run, led, length);
         }
-        let tolerance = self.choices.tolerance;
+        let tolerance = self.preferences.tolerance;
         self.directional.note_together(run, &bands, tolerance);
         self.select_from(modes, run, &bands)
     }
@@ -255,7 +265,7 @@ impl<'s> Selection<'s> {
                 return self.take(modes, run, choice, bands);
             }
             // What the clock has stopped has found nothing out.
-            self.choices.limit.check()?;
+            self.preferences.limit.check()?;
         }
         let switches = match modes.all.get(run.place.mode) {
             Some(_) => switches_of(self.system, &found.open),
@@ -270,7 +280,7 @@ impl<'s> Selection<'s> {
         self.element_mcp.begin(modes, &run.place);
         let mut h = bands.length;
         for _ in 0..MAX_ELEMENTS {
-            let limit = &self.choices.limit;
+            let limit = &self.preferences.limit;
             if limit.is_over() {
                 break;
             }
@@ -310,7 +320,7 @@ impl<'s> Selection<'s> {
         let all = accepted.iter().filter_map(|choice| modes.of(&choice.zeros));
         let all: Vec<usize> = all.collect();
         let sides: Vec<&[Side]> = all.iter().map(|&mode| modes.sides(mode)).collect();
-        if let Some(at) = preferred(&self.choices.below, &sides) {
+        if let Some(at) = preferred(&self.preferences.below, &sides) {
             run.record.rungs.tried += 1;
             return self.take(modes, run, accepted.swap_remove(at), bands);
         }

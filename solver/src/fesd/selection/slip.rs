@@ -6,6 +6,7 @@
 //! so small that it does not matter, w is set to zero, and the directional problem says what comes next: u so that w
 //! rests, or the direction that w sets off in. Then w has a small length in that direction.
 
+use super::bands::slopes;
 use super::directional::Choice;
 use crate::fesd::element::Departure;
 use crate::fesd::place::Place;
@@ -145,9 +146,7 @@ fn with_slip(
     let mut scratch = full.equations.scratch();
     full.equations.eval(&inputs, &mut values, &mut scratch);
     let missing = [0, 1].map(|k| target[k] - values[n + disc.rows[k]]);
-    let mut slopes = vec![0.0; full.slopes.entries.len()];
-    let mut scratch = full.slopes.tape.scratch();
-    full.slopes.tape.eval(&inputs, &mut slopes, &mut scratch);
+    let slopes = slopes(system, &inputs);
     let gradient = |k: usize| {
         let mut gradient = vec![0.0; n];
         for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {

@@ -21,6 +21,7 @@ impl Evaluator {
     /// Moves to a point.
     pub fn set(&mut self, t: f64, x: impl Iterator<Item = f64>) {
         self.inputs[0] = t;
+        debug_assert!(x.size_hint().0 < self.inputs.len(), "x has a place");
         for (input, x) in self.inputs[1..].iter_mut().zip(x) {
             *input = x;
         }

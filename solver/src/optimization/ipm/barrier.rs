@@ -8,7 +8,7 @@
 //! Nocedal, Wächter & Waltz 2009, eq. (4.2), with squares as in the implementation of Wächter & Biegler. Where violation
 //! and objective do not both get away from what they have been, μ is kept until its barrier problem is solved.
 
-use super::direction::{Aim, Newton};
+use super::direction::{Aim, NewtonSystem};
 use super::filter::{Filter, Merit};
 use super::options::{BarrierRule, KAPPA_EPSILON};
 use super::problem::BarrierProblem;
@@ -196,7 +196,7 @@ impl Barrier {
     pub fn choose(
         &mut self,
         problem: &BarrierProblem<'_>,
-        newton: &mut Newton,
+        newton: &mut NewtonSystem,
     ) -> Result<Option<f64>, Failure> {
         if !self.is_free || problem.is_restoration() {
             return Ok(None);

@@ -9,7 +9,7 @@
 //!
 //! tends to the direction of the least curvature.
 
-use super::direction::Newton;
+use super::direction::NewtonSystem;
 use super::problem::BarrierProblem;
 use crate::linalg::largest;
 
@@ -23,7 +23,10 @@ const SETTLED: f64 = 1e-3;
 const OUTGROWN: f64 = 1e6;
 
 /// A direction of negative curvature at a solution, in the units of the variables, with a largest entry of 1.
-pub(crate) fn falling(problem: &mut BarrierProblem<'_>, newton: &mut Newton) -> Option<Vec<f64>> {
+pub(crate) fn falling(
+    problem: &mut BarrierProblem<'_>,
+    newton: &mut NewtonSystem,
+) -> Option<Vec<f64>> {
     newton.kkt.forget_correction();
     newton.factor(problem).ok()?;
     if !newton.kkt.is_corrected() {

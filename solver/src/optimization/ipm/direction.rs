@@ -31,7 +31,7 @@ pub(crate) struct Aim<'a> {
 }
 
 /// The linear system of Newton's method, its right-hand side and its solution.
-pub(crate) struct Newton {
+pub(crate) struct NewtonSystem {
     pub kkt: Kkt,
     /// Σ.
     sigma: Vec<f64>,
@@ -40,10 +40,10 @@ pub(crate) struct Newton {
     tangential: Step,
 }
 
-impl Newton {
+impl NewtonSystem {
     pub fn new(form: &Form<'_>, options: &Options) -> Self {
         let (n_all, size) = (form.shape.n_all(), form.shape.n + form.shape.m);
-        Newton {
+        NewtonSystem {
             kkt: Kkt::new(form, options),
             sigma: vec![0.0; n_all],
             rhs: vec![0.0; size],

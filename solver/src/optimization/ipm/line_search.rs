@@ -2,7 +2,7 @@
 //!
 //! Wächter & Biegler 2006, algorithm A, steps 3 to 5.
 
-use super::direction::{Aim, Newton};
+use super::direction::{Aim, NewtonSystem};
 use super::filter::{Filter, GAMMA_PHI, GAMMA_THETA, Merit, at_most};
 use super::problem::BarrierProblem;
 use super::problem::evaluation::Trial;
@@ -74,7 +74,7 @@ impl LineSearch {
     pub fn search(
         &mut self,
         problem: &mut BarrierProblem<'_>,
-        newton: &mut Newton,
+        newton: &mut NewtonSystem,
         step: &mut Step,
     ) -> Search {
         let full = problem.iterate.primal_length(step, problem.tau);
@@ -139,7 +139,7 @@ impl LineSearch {
     fn correct(
         &mut self,
         problem: &mut BarrierProblem<'_>,
-        newton: &mut Newton,
+        newton: &mut NewtonSystem,
         prospect: &Prospect,
         step: &mut Step,
         alpha: f64,

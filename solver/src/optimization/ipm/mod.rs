@@ -27,7 +27,7 @@ use std::ops::ControlFlow;
 use crate::linalg::largest;
 use crate::optimization::problem::Nlp;
 use barrier::{Barrier, Rest};
-use direction::Newton;
+use direction::NewtonSystem;
 use line_search::{LineSearch, Search};
 use problem::BarrierProblem;
 use problem::errors::Errors;
@@ -104,7 +104,7 @@ enum Exit {
 
 struct Run<'a> {
     problem: BarrierProblem<'a>,
-    newton: Newton,
+    newton: NewtonSystem,
     step: Step,
     barrier: Barrier,
     line_search: LineSearch,
@@ -123,7 +123,7 @@ impl<'a> Run<'a> {
         let shape = &problem.form.shape;
         let (own, n_all, m) = (shape.own(), shape.n_all(), shape.m);
         Run {
-            newton: Newton::new(&problem.form, options),
+            newton: NewtonSystem::new(&problem.form, options),
             step: Step::new(n_all, m),
             barrier: Barrier::new(options.barrier, own, m),
             line_search: LineSearch::new(n_all, m),

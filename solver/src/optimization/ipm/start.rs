@@ -2,7 +2,7 @@
 //!
 //! Wächter & Biegler 2006, sections 3.6 to 3.8.
 
-use super::direction::Newton;
+use super::direction::NewtonSystem;
 use super::problem::BarrierProblem;
 use super::problem::evaluation::{Derivatives, Values};
 use super::problem::form::Form;
@@ -20,7 +20,7 @@ const WARM: f64 = 1e3;
 /// Sets up the point and its values.
 pub(crate) fn start(
     problem: &mut BarrierProblem<'_>,
-    newton: &mut Newton,
+    newton: &mut NewtonSystem,
     point: Option<&Point>,
 ) -> Result<(), Status> {
     let mut mu = problem.mu;

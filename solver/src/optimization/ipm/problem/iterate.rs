@@ -2,8 +2,6 @@
 //!
 //! d = v - l and e = u - v are the distances from the bounds; infinite ones drop out by themselves.
 
-use super::evaluation::LogSum;
-
 /// Weight of the distance of a variable from its only bound, so that it does not run away.
 /// Wächter & Biegler 2006, section 3.7.
 const DAMPING: f64 = 1e-5;
@@ -229,6 +227,55 @@ impl Iterate {
             if upper - self.v[i] < 0.1 * above {
                 self.v[i] = upper - above;
             }
+        }
+    }
+}
+
+/// Σ ln d over d > 0, by few logarithms; minus infinity if a d is not positive.
+struct LogSum {
+    sum: f64,
+    product: f64,
+}
+
+impl Default for LogSum {
+    fn default() -> Self {
+        LogSum {
+            sum: 0.0,
+            product: 1.0,
+        }
+    }
+}
+
+impl LogSum {
+    fn add(&mut self, d: f64) {
+        self.product *= d.max(0.0);
+        if !(1e-100..1e100).contains(&self.product) {
+            self.sum += self.product.ln();
+            self.product = 1.0;
+        }
+    }
+
+    fn value(self) -> f64 {
+        self.sum + self.product.ln()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::LogSum;
+
+    #[test]
+    fn few_logarithms_are_as_good_as_many() {
+        let mut sum = LogSum::default();
+        let values = (0..200).map(|i| 10.0_f64.powi(37 * i % 41 - 10 * (i % 5)));
+        let expected: f64 = values.clone().map(f64::ln).sum();
+        values.for_each(|value| sum.add(value));
+        assert!((sum.value() - expected).abs() < 1e-9 * expected.abs());
+        for outside in [0.0, -1.0] {
+            let mut sum = LogSum::default();
+            sum.add(outside);
+            sum.add(-1.0);
+            assert_eq!(sum.value(), f64::NEG_INFINITY);
         }
     }
 }
