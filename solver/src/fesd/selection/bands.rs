@@ -112,7 +112,7 @@ pub(crate) fn measure_balance(modes: &Modes, run: &mut Run) {
 }
 
 /// ∂(f, g) at these inputs, entry by entry.
-pub(super) fn slopes(system: &ComplementaritySystem, inputs: &[f64]) -> Vec<f64> {
+pub(crate) fn slopes(system: &ComplementaritySystem, inputs: &[f64]) -> Vec<f64> {
     let full = &system.full.slopes;
     let mut slopes = vec![0.0; full.entries.len()];
     full.tape

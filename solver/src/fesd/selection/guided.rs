@@ -18,7 +18,7 @@ const SAME: f64 = 1e-7;
 
 /// Chooses among sliding modes.
 pub(crate) struct Guided<'s> {
-    pub(super) selector: Box<dyn ModeSelector + 's>,
+    pub selector: Box<dyn ModeSelector + 's>,
 }
 
 impl Guided<'_> {
