@@ -62,7 +62,7 @@ fn help_names_the_commands() {
     assert_snapshot!(ran.out, @r"
     Compiler for .nsd: nonsmooth dynamical systems as they stand in a paper
 
-    Usage: nsdc <COMMAND>
+    Usage: nsdc [OPTIONS] <COMMAND>
 
     Commands:
       check        Check models and experiments, and print what is wrong with them
@@ -81,8 +81,10 @@ fn help_names_the_commands() {
       help         Print this message or the help of the given subcommand(s)
 
     Options:
-      -h, --help     Print help
-      -V, --version  Print version
+          --color <WHEN>  When messages are coloured [default: auto] [possible values: auto, always,
+                          never]
+      -h, --help          Print help
+      -V, --version       Print version
 
     Exit status: 0 all well, 1 the model or the input is wrong, 2 the numerics failed or an expectation
     was missed, 64 wrong usage.
@@ -139,6 +141,111 @@ fn what_is_wrong_with_files_exits_with_1() {
     }
 }
 
+/// Settings of the command line take the place of those of the experiment, one for one.
+#[test]
+fn settings_may_be_given_on_the_command_line() {
+    let folder = folder("settings");
+    let text = "model decay { state x = 1; output y = 2*x; x' = -x; }
+        simulate s of decay { horizon 1; tolerance 1e-9; output y every 0.5; }";
+    std::fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
+    let csv = |options: &[&str]| {
+        let ran = nsdc(
+            &folder,
+            &[&["run", "a.nsd", "--csv", "-"], options].concat(),
+        );
+        assert_eq!((ran.status, ran.err.as_str()), (0, ""), "{options:?}");
+        let times = ran.out.lines().skip(1).map(|line| line.split(',').next());
+        let times: Vec<f64> = times.map(|time| time.unwrap().parse().unwrap()).collect();
+        (ran.out.lines().next().unwrap().to_owned(), times)
+    };
+    assert_eq!(csv(&[]), ("time,y".to_owned(), vec![0.0, 0.5, 1.0]));
+    assert_eq!(csv(&["--horizon", "3/2"]).1, [0.0, 0.5, 1.0, 1.5]);
+    // The names that are kept stay.
+    let (names, times) = csv(&["--every", "1/4"]);
+    assert_eq!((&*names, times.len()), ("time,y", 5));
+    assert_eq!(csv(&["--tolerance", "1e-4"]).1.len(), 3);
+    for (options, what) in [
+        (["--horizon", "-1"], "the horizon must be a positive number"),
+        (
+            ["--tolerance", "5"],
+            "the tolerance must be between 0 and 1",
+        ),
+        (["--every", "0"], "the period must be positive"),
+        (["--horizon", "1; runs 3"], "more than one setting"),
+        (["--horizon", "1 +"], "--horizon"),
+        (
+            ["--guess", "a.json"],
+            "`guess` is no setting of a simulation",
+        ),
+    ] {
+        let ran = nsdc(&folder, &[&["run", "a.nsd"], &options[..]].concat());
+        assert_eq!(ran.status, 1, "{options:?}");
+        assert!(ran.err.contains(what), "{}", ran.err);
+    }
+}
+
+/// A file of a guess is where the command runs, and not beside the model.
+#[test]
+fn an_optimization_starts_from_a_file_of_the_command_line() {
+    let folder = folder("guess");
+    let text = "model m { state x = 0; control u in [-1, 1] = 0; x' = u; }
+        optimize o of m { horizon 1; intervals 2; minimize final((x - 0.5)^2); }";
+    std::fs::create_dir_all(folder.join("models")).expect("the folder is writable");
+    std::fs::write(folder.join("models/a.nsd"), text).expect("the folder is writable");
+    let first = nsdc(
+        &folder,
+        &["run", "models/a.nsd", "-q", "--json", "first.json"],
+    );
+    assert_eq!(
+        (first.status, first.out.as_str(), first.err.as_str()),
+        (0, "", "")
+    );
+    let again = nsdc(&folder, &["run", "models/a.nsd", "--guess", "first.json"]);
+    assert_eq!(again.status, 0, "{}", again.err);
+    let missing = nsdc(&folder, &["run", "models/a.nsd", "--guess", "second.json"]);
+    assert_eq!(missing.status, 1);
+    assert!(missing.err.contains("E0519"), "{}", missing.err);
+}
+
+#[test]
+fn all_events_are_written_on_request() {
+    let folder = folder("events");
+    let text = "model ball { state q = 1; state v = 0; q' = v; v' = -2;
+          jump floor when q <= 0 and v < 0 { v := -v; } }
+        simulate s of ball { horizon 60; }";
+    std::fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["run", "a.nsd", "--events", "-"]);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+    // It falls for 1 and bounces for 2, exactly.
+    let mut lines = ran.out.lines();
+    assert_eq!(lines.next(), Some("time,kind,surface,from,to"));
+    let times = lines.map(|line| line.split(',').take(3).collect::<Vec<_>>());
+    let events: Vec<(f64, String)> = times
+        .map(|entries| (entries[0].parse().unwrap(), entries[1..].join(" ")))
+        .collect();
+    assert_eq!(events.len(), 30);
+    for (k, (time, what)) in events.iter().enumerate() {
+        assert!((time - (2 * k + 1) as f64).abs() < 1e-9, "{time}");
+        assert_eq!(what, "jump floor");
+    }
+}
+
+/// Experiments of one model meet one mistake.
+#[test]
+fn a_mistake_is_told_once_for_all_tests_of_a_file() {
+    let folder = folder("once");
+    let text = "model m { state x = 1; x' = -k; }
+        simulate a of m { horizon 1; expect x at end ~ 1; }
+        simulate b of m { horizon 2; expect x at end ~ 1; }";
+    std::fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["test", "a.nsd", "--color", "always"]);
+    assert_eq!(ran.status, 1);
+    assert_eq!(ran.err.matches("unknown name").count(), 1, "{}", ran.err);
+    assert!(ran.err.contains('\u{1b}'), "colours are asked for");
+    let plain = nsdc(&folder, &["--color", "never", "test", "a.nsd"]);
+    assert!(!plain.err.contains('\u{1b}'), "{}", plain.err);
+}
+
 #[test]
 fn an_experiment_that_is_not_there_gets_a_suggestion() {
     let folder = with_relay("suggestion");
@@ -156,10 +263,14 @@ fn an_experiment_that_is_not_there_gets_a_suggestion() {
 fn check_says_all_that_is_wrong_and_nothing_else() {
     let folder = with_relay("check");
     let good = nsdc(&folder, &["check", "relay.nsd"]);
+    let well = "relay.nsd: no errors in 1 model and 2 experiments\n";
     assert_eq!(
         (good.status, good.out.as_str(), good.err.as_str()),
-        (0, "", "")
+        (0, well, "")
     );
+    // JSON takes its place.
+    let json = nsdc(&folder, &["check", "relay.nsd", "--json", "-"]);
+    assert_eq!((json.status, json.out.as_str()), (0, ""));
 
     let bad = RELAY
         .replace("2*x", "2*y")

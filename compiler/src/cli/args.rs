@@ -18,9 +18,30 @@ use crate::nl;
     2 the numerics failed or an expectation was missed, 64 wrong usage."
 )]
 pub struct Args {
+    /// When messages are coloured
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        default_value = "auto",
+        value_name = "WHEN"
+    )]
+    pub color: Colour,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
+}
+
+/// When messages are coloured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[allow(
+    missing_docs,
+    reason = "their help would take the place of a line by a page"
+)]
+pub enum Colour {
+    Auto,
+    Always,
+    Never,
 }
 
 /// The commands.
@@ -181,15 +202,18 @@ pub struct RunArgs {
     /// Write values over time as CSV; `-` is standard output
     #[arg(long, value_name = "PATH")]
     pub csv: Option<PathBuf>,
+    /// Write all events as CSV, with the modes before and after each; `-` is standard output
+    #[arg(long, value_name = "PATH")]
+    pub events: Option<PathBuf>,
     /// Draw states, outputs, modes and events as SVG; `-` is standard output
     #[arg(long, value_name = "PATH.svg")]
     pub plot: Option<PathBuf>,
     /// Override a parameter, initial value or input
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<String>,
-    /// Use this method instead of the experiment's
-    #[arg(long, value_name = "NAME")]
-    pub method: Option<String>,
+    /// Settings in place of those of the experiments.
+    #[command(flatten)]
+    pub settings: SettingArgs,
     /// Stop solving after so many seconds, all experiments together
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub time_limit: Option<Duration>,
@@ -202,6 +226,55 @@ pub struct RunArgs {
     /// What is told about the run; `iterations` of an optimization, or its starts where there are several
     #[arg(long, value_enum, default_value = "summary")]
     pub log: Log,
+    /// Print nothing but what is wrong, as `--log off`
+    #[arg(short, long, conflicts_with = "log")]
+    pub quiet: bool,
+}
+
+/// Settings that a command line gives in place of those of experiments, in the words of the language.
+#[derive(Debug, Arguments)]
+#[command(next_help_heading = "Settings in place of the experiment's")]
+pub struct SettingArgs {
+    /// Use this method
+    #[arg(long, value_name = "NAME")]
+    method: Option<String>,
+    /// Run to this time, such as `10` or `2*pi`
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
+    horizon: Option<String>,
+    /// Solve to this tolerance
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
+    tolerance: Option<String>,
+    /// Record at multiples of this time
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
+    every: Option<String>,
+    /// Start an optimization from the states and controls of a `.json` that `run` wrote, or of another experiment
+    #[arg(long, value_name = "FILE|EXPERIMENT")]
+    guess: Option<String>,
+}
+
+impl SettingArgs {
+    /// Options that are given, with what the experiment would say.
+    pub fn words(&self) -> impl Iterator<Item = (&'static str, String)> {
+        // A file that an experiment names is beside the model; here it is where the command runs.
+        let source = |from: &String| match std::path::absolute(from) {
+            Ok(path) if path.extension().is_some() => {
+                format!("guess {{ from \"{}\"; }}", path.display())
+            }
+            _ => format!("guess {{ from {from}; }}"),
+        };
+        let written = |word: &str, given: &Option<String>| {
+            given.as_ref().map(|given| format!("{word} {given}"))
+        };
+        let all = [
+            ("--method", written("method", &self.method)),
+            ("--horizon", written("horizon", &self.horizon)),
+            ("--tolerance", written("tolerance", &self.tolerance)),
+            ("--every", written("output every", &self.every)),
+            ("--guess", self.guess.as_ref().map(source)),
+        ];
+        all.into_iter()
+            .filter_map(|(option, words)| Some((option, words?)))
+    }
 }
 
 impl RunArgs {
@@ -210,6 +283,7 @@ impl RunArgs {
         Targets {
             json: self.json.as_deref(),
             csv: self.csv.as_deref(),
+            events: self.events.as_deref(),
             plot: self.plot.as_deref(),
             parquet: None,
         }
@@ -221,6 +295,7 @@ impl RunArgs {
 pub struct Targets<'a> {
     json: Option<&'a Path>,
     csv: Option<&'a Path>,
+    events: Option<&'a Path>,
     plot: Option<&'a Path>,
     parquet: Option<&'a Path>,
 }
@@ -228,7 +303,7 @@ pub struct Targets<'a> {
 impl<'a> Targets<'a> {
     /// Those that there are.
     pub fn all(self) -> impl Iterator<Item = &'a Path> {
-        let all = [self.json, self.csv, self.plot, self.parquet];
+        let all = [self.json, self.csv, self.events, self.plot, self.parquet];
         all.into_iter().flatten()
     }
 
@@ -240,7 +315,10 @@ impl<'a> Targets<'a> {
     /// What is wrong with their combination.
     pub fn misuse(self) -> Option<String> {
         if self.all().filter(|target| is_standard(target)).count() > 1 {
-            let all = "`--json`, `--csv`, `--plot`";
+            let all = match self.events {
+                Some(_) => "`--json`, `--csv`, `--events`, `--plot`",
+                None => "`--json`, `--csv`, `--plot`",
+            };
             return Some(format!("only one of {all} can write to standard output"));
         }
         let plot = self.plot.filter(|plot| !is_standard(plot))?;
@@ -398,6 +476,7 @@ impl SweepArgs {
         Targets {
             json: self.json.as_deref(),
             csv: self.csv.as_deref(),
+            events: None,
             plot: self.plot.as_deref(),
             parquet: self.parquet.as_deref(),
         }

@@ -21,7 +21,7 @@ use std::io::{self, Write};
 
 use clap::Parser;
 
-use self::args::{Args, Command};
+use self::args::{Args, Colour, Command};
 
 /// How a command ended; the number is the exit status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -72,6 +72,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) 
 }
 
 fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    streams.colour = match args.color {
+        Colour::Auto => streams.colour,
+        Colour::Always => true,
+        Colour::Never => false,
+    };
     match args.command {
         Command::Check(args) => commands::check::run(&args, streams),
         Command::Emit(args) => commands::emit::run(&args, streams),

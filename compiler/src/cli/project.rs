@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::args::SettingArgs;
 use super::files::Terminal;
 use super::{Streams, io};
 use crate::diagnostics::{self, Diagnostics, is_error};
@@ -66,6 +67,25 @@ pub fn selected(
             Ok(None)
         }
     }
+}
+
+/// Gives the experiments the settings of a command line; false after an error, which has been printed.
+pub fn replace_settings(
+    project: &mut Project,
+    experiments: &mut [Experiment],
+    settings: &SettingArgs,
+    streams: &mut Streams<'_>,
+) -> io::Result<bool> {
+    for (option, words) in settings.words() {
+        for experiment in &mut *experiments {
+            let replaced = project.replace_setting(experiment, option, &words);
+            if replaced.is_none() {
+                print(&project.diags, &project.sources, streams)?;
+                return Ok(false);
+            }
+        }
+    }
+    Ok(true)
 }
 
 /// Prints diagnostics.

@@ -252,23 +252,42 @@ impl Project {
         bindings((&mut self.sources, &mut self.diags), option, sets)
     }
 
-    /// Replaces the settings of an experiment that `words`, such as `method event`, gives anew.
+    /// Replaces the setting of an experiment that a user gives anew in the words of an option, such as `method event`.
     pub(crate) fn replace_setting(
         &mut self,
         experiment: &mut Experiment,
         option: &str,
         words: &str,
     ) -> Option<()> {
+        match self.replace_settings(experiment, option, words)? {
+            1 => Some(()),
+            _ => {
+                let given = words.to_owned();
+                self.diags.push(NotSetting { given });
+                None
+            }
+        }
+    }
+
+    /// The same of several settings; how many there are.
+    pub(crate) fn replace_settings(
+        &mut self,
+        experiment: &mut Experiment,
+        option: &str,
+        words: &str,
+    ) -> Option<usize> {
         let found = (&mut self.sources, &mut self.diags);
-        let new = settings(found, option, ["", words, ";"])?;
-        let same = |old: &ExperimentSetting| {
-            let kind = std::mem::discriminant(&old.kind);
-            new.iter()
-                .any(|new| std::mem::discriminant(&new.kind) == kind)
-        };
-        experiment.settings.retain(|old| !same(old));
-        experiment.settings.extend(new);
-        Some(())
+        let mut new = settings(found, option, ["", words, ";"])?;
+        let old = std::mem::take(&mut experiment.settings);
+        for old in old {
+            match new.iter_mut().find(|new| new.kind.replaces(&old.kind)) {
+                Some(new) => new.kind.keep_names(old.kind),
+                None => experiment.settings.push(old),
+            }
+        }
+        let n = new.len();
+        experiment.settings.append(&mut new);
+        Some(n)
     }
 
     /// An experiment with these settings, without any other lowering.
@@ -281,10 +300,20 @@ impl Project {
         let mut other = experiment.clone();
         let lowers = |kind: &SettingKind| matches!(kind, SettingKind::Lower(_));
         other.settings.retain(|setting| !lowers(&setting.kind));
-        self.replace_setting(&mut other, option, words)?;
+        self.replace_settings(&mut other, option, words)?;
         Some(other)
     }
 }
+
+/// What is given for a setting is more than that.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("`{given}` is more than one setting")]
+#[diagnostic(help("settings have options of their own, such as `--horizon 10 --tolerance 1e-6`"))]
+struct NotSetting {
+    given: String,
+}
+
+impl Fixable for NotSetting {}
 
 /// What is given for a value is more than that.
 #[derive(Debug, thiserror::Error, Diagnostic)]

@@ -7,6 +7,7 @@ use crate::cli::files::{FileError, Sink, Terminal, is_standard};
 use crate::cli::project::Project;
 use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::{self, AnyDiagnostic, Applicability, Diagnostics, Fix, json};
+use crate::report::forms::text::counted;
 use crate::syntax::Item;
 
 /// A fix may show the next mistake, and a statement tells one at a time; more than this is no repair.
@@ -42,6 +43,9 @@ pub fn run(args: &CheckArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         }
         if diags.has_errors() {
             exit = Exit::Wrong;
+        } else if !args.json.as_deref().is_some_and(is_standard) {
+            let name = files::display_name(path);
+            writeln!(streams.out, "{name}: {}", checked.summary())?;
         }
     }
     let written = json.map_or(Ok(true), |json| json.finish(streams))?;
@@ -64,6 +68,25 @@ impl Checked {
             diags,
             made: Vec::new(),
         }
+    }
+
+    /// What there is in a file without errors.
+    fn summary(&self) -> String {
+        let items = &self.project.file.items;
+        let n_models = items
+            .iter()
+            .filter(|item| matches!(item, Item::Model(_)))
+            .count();
+        let n_experiments = self.project.experiments().count();
+        let warnings = match self.diags.iter().count() {
+            0 => String::new(),
+            n => format!(", {}", counted(n, "warning")),
+        };
+        format!(
+            "no errors{warnings} in {} and {}",
+            counted(n_models, "model"),
+            counted(n_experiments, "experiment")
+        )
     }
 }
 

@@ -101,7 +101,7 @@ impl Forms {
             let mut other = experiment.clone();
             other.settings.retain(|setting| !lowers(setting));
             for words in road.settings() {
-                project.replace_setting(&mut other, "order", words);
+                project.replace_settings(&mut other, "order", words);
             }
             (road, other)
         };

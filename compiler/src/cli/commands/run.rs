@@ -37,17 +37,8 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     else {
         return Ok(Exit::Wrong);
     };
-    if let Some(method) = &args.method {
-        let words = format!("method {method}");
-        for experiment in &mut experiments {
-            if project
-                .replace_setting(experiment, "--method", &words)
-                .is_none()
-            {
-                project::print(&project.diags, &project.sources, streams)?;
-                return Ok(Exit::Wrong);
-            }
-        }
+    if !project::replace_settings(&mut project, &mut experiments, &args.settings, streams)? {
+        return Ok(Exit::Wrong);
     }
 
     let mut exit = Exit::Success;
@@ -195,6 +186,7 @@ struct Outputs {
     reports: bool,
     json: Option<Sink>,
     csv: Option<PathBuf>,
+    events: Option<PathBuf>,
     plot: Option<PathBuf>,
     /// Files of one experiment each.
     sinks: Vec<Sink>,
@@ -205,9 +197,10 @@ impl Outputs {
     fn new(args: &RunArgs, several: bool) -> Self {
         Outputs {
             report: String::new(),
-            reports: args.log > Log::Off && !args.targets().to_standard(),
+            reports: !args.quiet && args.log > Log::Off && !args.targets().to_standard(),
             json: args.json.as_deref().map(Sink::new),
             csv: args.csv.clone(),
+            events: args.events.clone(),
             plot: args.plot.clone(),
             sinks: Vec::new(),
             several,
@@ -225,14 +218,19 @@ impl Outputs {
             json.push(&json::write(trajectory));
             json.push("\n");
         }
-        if let Some(path) = &self.csv {
-            let sink = Sink::with(&self.path(path, trajectory), csv::write(trajectory));
-            self.sinks.push(sink);
-        }
+        let files = [
+            (&self.csv, csv::write as fn(&Trajectory) -> String),
+            (&self.events, csv::events),
+        ];
+        let written = files.into_iter().filter_map(|(path, write)| {
+            let path = self.path(path.as_deref()?, trajectory);
+            Some(Sink::with(&path, write(trajectory)))
+        });
+        let mut sinks: Vec<Sink> = written.collect();
         if let (Some(path), Some(plot)) = (&self.plot, plot) {
-            let sink = Sink::with(&self.path(path, trajectory), plot.to_owned());
-            self.sinks.push(sink);
+            sinks.push(Sink::with(&self.path(path, trajectory), plot.to_owned()));
         }
+        self.sinks.append(&mut sinks);
     }
 
     /// The file of one experiment of several: `figure.svg` becomes `figure-crossing.svg`.

@@ -1,4 +1,4 @@
-//! The CSV form: one line per instant, one column per scalar entry.
+//! The CSV forms: values, one line per instant and one column per scalar entry, and events, one line each.
 //!
 //! Numbers round-trip. Names that hold a comma, such as `R[1,2]`, are quoted.
 
@@ -28,13 +28,29 @@ pub fn write(trajectory: &Trajectory) -> String {
         let _ = text.write_record(record);
     }
 
+    finished(text)
+}
+
+/// Header `time,kind,surface,from,to` and one line per event, the modes before and after it.
+pub fn events(trajectory: &Trajectory) -> String {
+    let mut text = csv::Writer::from_writer(Vec::new());
+    let _ = text.write_record(["time", "kind", "surface", "from", "to"]);
+    for event in &trajectory.events {
+        let time = format!("{:?}", event.time);
+        let words = [&*event.surface, &event.from, &event.to];
+        let _ = text.write_record([&*time, event.kind.as_str()].into_iter().chain(words));
+    }
+    finished(text)
+}
+
+fn finished(text: csv::Writer<Vec<u8>>) -> String {
     let bytes = text.into_inner().unwrap_or_default();
     String::from_utf8(bytes).unwrap_or_default()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::write;
+    use super::{events, write};
     use crate::report::sample;
 
     #[test]
@@ -45,6 +61,18 @@ time,x[1],x[2],c
 1.0,1.0,0.0,0.0
 1.5,-1.6487212707,0.25,1.7807818284
 ");
+    }
+
+    #[test]
+    fn one_line_per_event() {
+        let mut trajectory = sample::oscillator();
+        trajectory.events.push(trajectory.events[0].clone());
+        trajectory.events[1].surface = "max(a, b)".to_owned();
+        insta::assert_snapshot!(events(&trajectory), @r#"
+time,kind,surface,from,to
+1.0,crossing,c,inside,outside
+1.0,crossing,"max(a, b)",inside,outside
+"#);
     }
 
     #[test]

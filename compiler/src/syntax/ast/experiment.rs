@@ -126,6 +126,28 @@ pub enum SettingKind {
     Bad,
 }
 
+impl SettingKind {
+    /// Whether it takes the place of another one of the same experiment.
+    pub(crate) fn replaces(&self, old: &SettingKind) -> bool {
+        match (self, old) {
+            (SettingKind::Value { name, .. }, SettingKind::Value { name: old, .. }) => {
+                name.name == old.name
+            }
+            _ => std::mem::discriminant(self) == std::mem::discriminant(old),
+        }
+    }
+
+    /// Keeps the names of outputs of a setting that is replaced, where it has none itself: it says when they are recorded.
+    pub(crate) fn keep_names(&mut self, old: SettingKind) {
+        if let (SettingKind::Output { paths, .. }, SettingKind::Output { paths: old, .. }) =
+            (self, old)
+            && paths.is_empty()
+        {
+            *paths = old;
+        }
+    }
+}
+
 /// Where a `guess` is taken from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum GuessSource {

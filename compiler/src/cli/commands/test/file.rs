@@ -54,6 +54,7 @@ pub fn test(path: &Path, options: &Options<'_>) -> Tested {
         name: files::display_name(path),
         options,
         tested: Tested::default(),
+        said: Diagnostics::new(),
         expected: Vec::new(),
         warnings: Vec::new(),
         goldens: Some(Vec::new()),
@@ -66,6 +67,8 @@ struct File<'o> {
     name: String,
     options: &'o Options<'o>,
     tested: Tested,
+    /// What has been printed.
+    said: Diagnostics,
     /// Codes of warnings that the file expects.
     expected: Vec<String>,
     /// Those of the test that runs.
@@ -109,7 +112,7 @@ impl File<'_> {
         } else if project.diags.has_errors() || experiments.is_empty() {
             if self.is_selected(None) {
                 let diags = project.checked();
-                let outcome = self.compilation(&diags, &project);
+                let outcome = self.compilation(diags, &project);
                 self.add(None, started, outcome);
             }
             return;
@@ -201,10 +204,10 @@ impl File<'_> {
     }
 
     /// What it means that something did not compile, or did.
-    fn compilation(&mut self, diags: &Diagnostics, project: &Project) -> Outcome {
-        let codes = project::error_codes(diags);
+    fn compilation(&mut self, mut diags: Diagnostics, project: &Project) -> Outcome {
+        let codes = project::error_codes(&diags);
         if codes.is_empty() {
-            self.warnings = Warning::all(diags);
+            self.warnings = Warning::all(&diags);
             return Outcome::Passed(Vec::new());
         }
         // Where everything that stops it is still to come, it is not wrong.
@@ -212,8 +215,11 @@ impl File<'_> {
             return Outcome::Unsupported(codes[0].clone());
         }
         let Options { colour, width, .. } = *self.options;
-        let text = diagnostics::render(diags, &project.sources, colour, width);
+        // Experiments of one model meet the same mistakes.
+        diags.remove_known(&self.said);
+        let text = diagnostics::render(&diags, &project.sources, colour, width);
         self.tested.diagnostics.push_str(&text);
+        self.said.append(diags);
         let missed = Missed::plain(format!("does not compile: {}", codes.join(", ")));
         Outcome::failed(missed, Exit::Wrong)
     }
@@ -226,7 +232,7 @@ impl File<'_> {
         let file = &project.file;
         let compiled = compile(&exprs, file, experiment, &[], &mut clock, &mut diags);
         let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
-            return (self.compilation(&diags, project), Compared::default());
+            return (self.compilation(diags, project), Compared::default());
         };
         if let Some(outcome) = self.mistaken(project, &compiled) {
             return (outcome, Compared::default());
@@ -242,7 +248,7 @@ impl File<'_> {
         expect::check(&compiled.subject(&project.sources), expects, &mut mistakes);
         let codes = project::error_codes(&mistakes);
         if codes.iter().any(|code| !code.starts_with("E09")) {
-            return Some(self.compilation(&mistakes, project));
+            return Some(self.compilation(mistakes, project));
         }
         let is_refused = files::is_standard(&project.path) && goldens::is_asked_for(compiled);
         is_refused.then(|| {
@@ -269,7 +275,7 @@ impl File<'_> {
         let bar = Bar::new(&compiled.settings.name, self.options.progress);
         let mut watching = Watching::new(bar);
         let trajectory = launch(project, &mut compiled, &request, &mut watching);
-        let trajectory = trajectory.map_err(|diags| self.compilation(&diags, project))?;
+        let trajectory = trajectory.map_err(|diags| self.compilation(diags, project))?;
         let subject = compiled.subject(&project.sources);
         let order = expect::asks_for_order(&subject, &expects).then(|| {
             let mut watch = |order::Progress { name, knob, done }: order::Progress<'_>| {

@@ -18,6 +18,7 @@ use crate::cli::args::TestArgs;
 use crate::cli::files::{Sink, is_standard};
 use crate::cli::progress::Bar;
 use crate::cli::{Exit, Streams, files, io};
+use crate::report::forms::text::counted;
 use crate::threads;
 
 /// Of a thread that tests files, in bytes: as much as the main thread has.
@@ -76,14 +77,6 @@ pub fn run(args: &TestArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Usage);
     }
     tally.finish(args, streams)
-}
-
-/// `1 file`, `2 files`
-fn counted(count: usize, what: &str) -> String {
-    match count {
-        1 => format!("{count} {what}"),
-        _ => format!("{count} {what}s"),
-    }
 }
 
 /// Tests files on several threads; what came of them is told in the order of the files.
