@@ -5,8 +5,8 @@ use rustc_hash::FxHashMap;
 use super::System;
 use super::switches::Entry;
 use crate::expr::{Expr, Substitution, rewrite};
+use crate::system::switches::known::Known;
 use crate::system::switches::surface;
-use crate::system::switches::surface::Known;
 use crate::system::switches::terms::{at_alpha, compared};
 
 /// Where names of the model went.

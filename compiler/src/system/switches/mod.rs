@@ -9,6 +9,7 @@
 pub(crate) mod affine;
 pub(crate) mod continuity;
 pub(crate) mod interaction;
+pub(crate) mod known;
 pub(crate) mod nonlinear;
 pub(crate) mod reading;
 pub(crate) mod relay;
@@ -17,6 +18,7 @@ pub mod smoothing;
 #[cfg(test)]
 mod smoothing_tests;
 pub(crate) mod surface;
+pub(crate) mod switched;
 #[cfg(test)]
 mod switches_tests;
 pub(crate) mod terms;
@@ -30,7 +32,8 @@ use super::{NamedReading, Relay, Role};
 use crate::expr::{Expr, Exprs, Substitution, Var, transform, variables_of};
 use crate::source::Span;
 use crate::system::switches::affine::{at, bent, multi_affine};
-use crate::system::switches::surface::{Form, Known};
+use crate::system::switches::known::Known;
+use crate::system::switches::surface::Form;
 use crate::system::switches::terms::{at_alpha, compared};
 
 /// Switches that one expression may be nonlinear in: the interpolant between their corners doubles with each.

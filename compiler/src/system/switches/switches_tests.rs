@@ -1,7 +1,7 @@
 //! Tests of [`crate::system::switches`].
 
 use super::affine::multi_affine;
-use super::surface::Known;
+use super::known::Known;
 use crate::expr::{Expr, Exprs, Var};
 use crate::source::Span;
 use crate::system::switches::{Entry, Switches};
