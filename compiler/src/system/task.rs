@@ -109,7 +109,7 @@ impl fmt::Display for Task<'_> {
 
 impl Task<'_> {
     /// With the numbers of bounds, or only which bounds there are.
-    pub(super) fn write(&self, f: &mut impl fmt::Write, with_numbers: bool) -> fmt::Result {
+    pub(crate) fn write(&self, f: &mut impl fmt::Write, with_numbers: bool) -> fmt::Result {
         let number = |value: f64, instead: &str| match with_numbers {
             true => value.to_string(),
             false => instead.to_owned(),
@@ -149,7 +149,7 @@ impl<'e> System<'e> {
     }
 
     /// The values of some parameters, by place.
-    pub(super) fn params_as_numbers(&self, holds: impl Fn(usize) -> bool) -> Substitution<'e> {
+    pub(crate) fn params_as_numbers(&self, holds: impl Fn(usize) -> bool) -> Substitution<'e> {
         let params = self.params.iter().enumerate();
         let numbers = params
             .filter(|(place, _)| holds(*place))

@@ -56,7 +56,7 @@ impl Row<'_> {
 
 /// An entry of z that is computed with the states.
 #[derive(Clone)]
-pub(super) struct Unknown<'e> {
+pub(crate) struct Unknown<'e> {
     pub var: Expr<'e>,
     pub name: String,
     pub span: Span,
@@ -150,7 +150,7 @@ impl<'e> Implicit<'e> {
             for &(e, span) in &row.members {
                 let e = translation.replace(e, span);
                 translation.check(instance, e, span, diags);
-                let e = translation.switches.merged(e);
+                let e = translation.switches.entries.merged(e);
                 let (name, psi) = match row.members.len() {
                     2 => (e.to_string(), -e),
                     _ => (format!("0 = {e}"), e),

@@ -131,7 +131,7 @@ impl<'e> Programs<'_, '_, 'e> {
     }
 
     /// The value of a variable where a run starts.
-    pub(super) fn start_value(&self, program: &Program<'e>, z: &[f64], var: Var) -> f64 {
+    pub(crate) fn start_value(&self, program: &Program<'e>, z: &[f64], var: Var) -> f64 {
         let place = program.unknowns.iter();
         let place = place.map(|z| z.as_variable()).position(|z| z == Some(var));
         match place {

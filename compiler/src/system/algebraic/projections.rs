@@ -53,7 +53,7 @@ fn constrain<'e>(
     let vars = entries.filter_map(|&entry| instance.vars[entry].as_variable());
     let gradient: Vec<Expr<'e>> = vars.map(|var| c.diff(var)).collect();
     let push = pushes(translation, projection, &gradient);
-    let is_smooth = |&e: &Expr<'e>| translation.switches.alphas_of(e).is_empty();
+    let is_smooth = |&e: &Expr<'e>| translation.switches.entries.alphas_of(e).is_empty();
     if !is_smooth(&c) || !push.iter().all(is_smooth) {
         let what = "it, or `metric`, has a switching term";
         return Err(wrong(what, row.span));

@@ -13,7 +13,7 @@ use crate::system::switches::affine::at;
 const MANY_CORNERS: usize = 1 << 10;
 
 /// The law of restitution with e in α.
-pub(super) fn restitution<'e>(
+pub(crate) fn restitution<'e>(
     instance: &Instance<'_, 'e>,
     translation: &mut Translation<'e>,
     contact: &model::Contact<'e>,
@@ -38,7 +38,7 @@ pub(super) fn restitution<'e>(
 }
 
 /// μ in α.
-pub(super) fn friction<'e>(
+pub(crate) fn friction<'e>(
     instance: &Instance<'_, 'e>,
     translation: &mut Translation<'e>,
     contact: &model::Contact<'e>,
@@ -61,7 +61,7 @@ fn coefficient<'e>(
     let e = translation.replace(e, span);
     match translation.misread(instance, e, span).into_iter().next() {
         Some(error) => Err(Box::new(error)),
-        None => Ok(translation.switches.merged(e)),
+        None => Ok(translation.switches.entries.merged(e)),
     }
 }
 
@@ -73,7 +73,7 @@ fn at_corners<'e>(
     holds: impl Fn(f64) -> bool,
 ) -> bool {
     let mut corners = vec![instance.params.in_numbers(e)];
-    for alpha in translation.switches.alphas_of(e) {
+    for alpha in translation.switches.entries.alphas_of(e) {
         if corners.len() > MANY_CORNERS {
             return true;
         }

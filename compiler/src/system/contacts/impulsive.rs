@@ -48,7 +48,7 @@ fn impulsive_contact<'e>(
         return Ok(None);
     }
     let gap = translation.in_alphas(contact.gap, contact.gap_span);
-    if !translation.switches.alphas_of(gap).is_empty() {
+    if !translation.switches.entries.alphas_of(gap).is_empty() {
         let what = "its gap, or the rate of it, has a switching term";
         return Err(no_contact(contact, what, contact.gap_span));
     }
@@ -80,7 +80,7 @@ fn impulsive_contact<'e>(
         .into_iter()
         .chain(friction.iter().map(|f: &(Expr, Vec<Expr>)| f.0));
     for e in numbers {
-        if !translation.switches.alphas_of(e).is_empty() {
+        if !translation.switches.entries.alphas_of(e).is_empty() {
             let what = "its restitution or friction has a switching term";
             return Err(no_contact(contact, what, contact.span));
         }

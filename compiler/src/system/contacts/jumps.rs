@@ -133,7 +133,9 @@ impl<'e> Flow<'_, '_, 'e> {
             return None;
         }
         let speed = self.instance.rate_of(gap, self.rates);
-        if !self.switches.alphas_of(speed).is_empty() || !self.switches.alphas_of(gap).is_empty() {
+        if !self.switches.entries.alphas_of(speed).is_empty()
+            || !self.switches.entries.alphas_of(gap).is_empty()
+        {
             return None;
         }
         let direction = self.direction(law, (gap, speed))?;
@@ -197,7 +199,7 @@ impl<'e> Flow<'_, '_, 'e> {
         let mut direction = Vec::new();
         for &(place, value) in &law.resets {
             let state = self.state(place);
-            if !gap.diff(state).is_zero() || !self.switches.alphas_of(value).is_empty() {
+            if !gap.diff(state).is_zero() || !self.switches.entries.alphas_of(value).is_empty() {
                 return None;
             }
             let change = value - value.exprs().expr(state);
@@ -224,7 +226,7 @@ impl<'e> Flow<'_, '_, 'e> {
         let is_kept = |e: Expr<'e>| {
             let both = [e, e.substitute(&after)];
             let [(a, before), (b, after)] = both.map(|e| params.in_numbers(e).split_scale());
-            self.switches.alphas_of(e).is_empty() && before == after && a * b > 0.0
+            self.switches.entries.alphas_of(e).is_empty() && before == after && a * b > 0.0
         };
         literals.iter().all(|&(k, _)| {
             let switch = &self.switches.list[k];

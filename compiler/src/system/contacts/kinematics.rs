@@ -14,10 +14,10 @@ use crate::system::switches::Switches;
 use crate::system::{Body, Direction, SystemError};
 
 /// An entry of a slip velocity, and what a force along it does.
-pub(super) type Tangent<'e> = (Expr<'e>, Vec<Direction<'e>>);
+pub(crate) type Tangent<'e> = (Expr<'e>, Vec<Direction<'e>>);
 
 /// The velocities of bodies.
-pub(super) struct Kinematics<'s, 'm, 'e> {
+pub(crate) struct Kinematics<'s, 'm, 'e> {
     pub instance: &'s Instance<'m, 'e>,
     /// Of every velocity: (body, velocity).
     pub velocities: FxHashMap<Var, (usize, usize)>,
@@ -39,7 +39,7 @@ impl<'s, 'm, 'e> Kinematics<'s, 'm, 'e> {
 
     /// The entries of the slip velocity with M⁻¹J_t: as they are given, or else the normal turned clockwise in the
     /// plane.
-    pub(super) fn tangents(
+    pub(crate) fn tangents(
         &self,
         contact: &model::Contact<'e>,
         normal: &[Direction<'e>],
@@ -64,7 +64,7 @@ impl<'s, 'm, 'e> Kinematics<'s, 'm, 'e> {
         for &slip in given {
             let slip = translation.in_alphas(slip, *span);
             let tangent = self.directions(slip, translation);
-            let alphas = translation.switches.alphas_of(slip);
+            let alphas = translation.switches.entries.alphas_of(slip);
             if !tangent.is_empty() && tangent.iter().all(is_linear) && !alphas.is_empty() {
                 let (name, span) = (name(), *span);
                 return Err(Box::new(slip_that_switches(
@@ -116,7 +116,7 @@ impl<'s, 'm, 'e> Kinematics<'s, 'm, 'e> {
     }
 
     /// J and M⁻¹J of a function of velocities.
-    pub(super) fn directions(
+    pub(crate) fn directions(
         &self,
         speed: Expr<'e>,
         translation: &mut Translation<'e>,
@@ -166,7 +166,7 @@ fn slip_that_switches(
     span: Span,
 ) -> SystemError {
     let inside = alphas.iter();
-    let inside = inside.filter_map(|&alpha| switches.of_alpha(alpha));
+    let inside = inside.filter_map(|&alpha| switches.entries.of_alpha(alpha));
     let names: Vec<String> = inside
         .map(|k| format!("`{}`", switches.name_of(k)))
         .collect();

@@ -118,7 +118,7 @@ fn gap<'e>(
 ) -> Result<(Expr<'e>, Expr<'e>, Vec<Direction<'e>>), Box<SystemError>> {
     let gap = translation.in_alphas(contact.gap, contact.gap_span);
     let speed = kinematics.instance.rate_of(gap, free);
-    let is_smooth = |e: Expr<'e>| translation.switches.alphas_of(e).is_empty();
+    let is_smooth = |e: Expr<'e>| translation.switches.entries.alphas_of(e).is_empty();
     if !is_smooth(gap) || !is_smooth(speed) {
         let what = "its gap, or the rate of it, has a switching term";
         return Err(no_contact(contact, what, contact.gap_span));

@@ -19,11 +19,12 @@ use crate::system::switches::continuity::Entered;
 use crate::system::switches::switched::Switched;
 use crate::system::switches::{Collected, Switches};
 use crate::system::{
-    Body, Contact, Continuity, Impulsive, Param, Role, State, Switch, System, SystemError, Task,
+    Body, Contact, Continuity, Impulsive, Param, Readings, Role, State, Switch, System,
+    SystemError, Task,
 };
 
 /// What moves, in α of collected switches.
-pub(super) struct Motion<'e> {
+pub(crate) struct Motion<'e> {
     /// Rates of the states of the model.
     pub rates: Vec<Expr<'e>>,
     pub integrals: Vec<State<'e>>,
@@ -51,7 +52,7 @@ impl<'e> Motion<'e> {
 }
 
 /// All parts of a system in α of collected switches.
-pub(super) struct Parts<'e> {
+pub(crate) struct Parts<'e> {
     pub motion: Motion<'e>,
     pub recorded: Recorded<'e>,
     pub task: Option<Task<'e>>,
@@ -112,7 +113,7 @@ impl<'e> Parts<'e> {
             groups: self.recorded.groups,
             subsystems: subsystems_of(&rates, &alphas, &partitions),
             skipped: skipped(instance, collected, &switches, &motion.laws, dropped),
-            readings: collected.readings(&kept, translation.given, named),
+            readings: Readings::of(collected, &kept, translation.given, named),
             switches,
             laws: finished_laws(instance, collected, motion.laws, &kept),
             bodies: motion.bodies,
@@ -168,7 +169,9 @@ fn skipped<'e>(
     dropped: Vec<usize>,
 ) -> Vec<String> {
     let guards = laws.iter().map(|law| law.guard);
-    let watched: Vec<usize> = guards.flat_map(|e| collected.occurring(e)).collect();
+    let watched: Vec<usize> = guards
+        .flat_map(|e| collected.entries.occurring(e))
+        .collect();
     let dropped = (dropped.into_iter())
         .filter(|k| !watched.contains(k))
         .map(|k| (collected.name_of(k), collected.list[k].psi))
@@ -230,7 +233,7 @@ fn finished<'e>(switches: &Switches<'e>, k: usize) -> Switch<'e> {
         psi: collected.psi,
         continuity: Continuity::Discontinuous,
         relay: collected.relay,
-        is_nonlinear: collected.is_nonlinear,
+        is_nonlinear: switches.entries.is_nonlinear(k),
         unilateral: collected.unilateral,
         slip_of: None,
         across: None,

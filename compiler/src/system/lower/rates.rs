@@ -12,7 +12,7 @@ use crate::system::regions::partitions::Regions;
 use crate::system::switches::Switches;
 
 /// x' of the states that are kept, in α.
-pub(super) fn lower<'e>(
+pub(crate) fn lower<'e>(
     instance: &Instance<'_, 'e>,
     translation: &mut Translation<'e>,
     regions: &Regions<'e>,
@@ -45,7 +45,7 @@ pub(super) fn lower<'e>(
                 .replace(rate.value, rate.span)
                 .substitute(&implied);
             translation.check(instance, value, rate.span, diags);
-            let value = translation.switches.merged(value);
+            let value = translation.switches.entries.merged(value);
             check_product(&translation.switches, (weight, value), rate.span, diags);
             add(rate, weight * value);
         }
@@ -69,7 +69,7 @@ pub(super) fn lower<'e>(
         }
     }
     let kept = instance.entries.iter();
-    kept.map(|&entry| translation.switches.merged(rates[entry]))
+    kept.map(|&entry| translation.switches.entries.merged(rates[entry]))
         .collect()
 }
 
@@ -92,12 +92,12 @@ fn check_product<'e>(
     span: Span,
     diags: &mut Diagnostics,
 ) {
-    let among = |e: Expr<'e>| switches.alphas_of(e);
+    let among = |e: Expr<'e>| switches.entries.alphas_of(e);
     let common = among(weight).into_iter().find(|alpha| {
-        let k = switches.of_alpha(*alpha);
-        k.is_some_and(|k| switches.list[k].is_nonlinear) && among(value).contains(alpha)
+        let k = switches.entries.of_alpha(*alpha);
+        k.is_some_and(|k| switches.entries.is_nonlinear(k)) && among(value).contains(alpha)
     });
-    if let Some(k) = common.and_then(|alpha| switches.of_alpha(alpha)) {
+    if let Some(k) = common.and_then(|alpha| switches.entries.of_alpha(alpha)) {
         diags.push(SystemError::NonlinearGuard {
             name: switches.name_of(k),
             span,
@@ -110,7 +110,7 @@ fn implied<'e>(guard: Expr<'e>, switches: &Switches<'e>) -> Substitution<'e> {
     let literals = literals(guard, switches).unwrap_or_default().into_iter();
     let values = literals.flat_map(|(k, on)| {
         let number = guard.exprs().constant(f64::from(on));
-        let vars = switches.variables_of_switch(k);
+        let vars = switches.entries.variables_of(k);
         vars.map(move |var| (var, number))
     });
     values.collect()

@@ -10,7 +10,7 @@ use crate::system::values::limits::{Allowed, Limit};
 use crate::system::{Output, StateGroup};
 
 /// Functions of time, states and α that nothing moves by.
-pub(super) struct Recorded<'e> {
+pub(crate) struct Recorded<'e> {
     pub groups: Vec<StateGroup>,
     pub outputs: Vec<Output<'e>>,
     pub controls: Vec<Output<'e>>,

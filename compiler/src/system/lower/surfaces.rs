@@ -8,16 +8,17 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Sliding, Surface, SwitchKind};
 use crate::source::Span;
+use crate::system::switches::entries::Entry;
 use crate::system::switches::surface::Form;
-use crate::system::switches::{Entry, Switches, relay};
+use crate::system::switches::{Switches, relay};
 use crate::system::{NamedReading, SystemError};
 
 /// ψ in the user's words, and where it stands.
-pub(super) type Texts<'e> = FxHashMap<Expr<'e>, (String, Span)>;
+pub(crate) type Texts<'e> = FxHashMap<Expr<'e>, (String, Span)>;
 
 /// Makes the switches of the source, each after those in its ψ: relays first, named switches between the surfaces
 /// without them and those with them.
-pub(super) fn declare<'e>(
+pub(crate) fn declare<'e>(
     instance: &Instance<'_, 'e>,
     translation: &mut Translation<'e>,
     diags: &mut Diagnostics,
@@ -107,7 +108,7 @@ fn read_named<'e>(instance: &Instance<'_, 'e>, translation: &mut Translation<'e>
 }
 
 /// α of the switches that expectations name.
-pub(super) fn named<'e>(
+pub(crate) fn named<'e>(
     instance: &Instance<'_, 'e>,
     translation: &mut Translation<'e>,
 ) -> Vec<Expr<'e>> {
@@ -115,7 +116,7 @@ pub(super) fn named<'e>(
         let psi = translation.replace(surface, Span::default());
         let var = surface.as_variable();
         if var.is_some_and(|var| translation.named.get(var).is_some()) {
-            return Some(translation.switches.merged(psi));
+            return Some(translation.switches.entries.merged(psi));
         }
         let (k, _) = translation.switches.find(psi)?;
         let alpha = translation.switches.list[k].alpha;
@@ -125,7 +126,7 @@ pub(super) fn named<'e>(
 }
 
 /// Says what is wrong with switching functions that are none.
-pub(super) fn report_refused<'e>(
+pub(crate) fn report_refused<'e>(
     switches: &Switches<'e>,
     texts: &Texts<'e>,
     diags: &mut Diagnostics,

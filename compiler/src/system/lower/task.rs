@@ -10,7 +10,7 @@ use crate::system::values::limits::Allowed;
 use crate::system::{Contact, State};
 
 /// The states that stand for integrals, with their rates in α.
-pub(super) fn integrals<'e>(
+pub(crate) fn integrals<'e>(
     instance: &Instance<'_, 'e>,
     translation: &mut Translation<'e>,
     diags: &mut Diagnostics,
@@ -23,7 +23,7 @@ pub(super) fn integrals<'e>(
             name: integral.var.to_string(),
             var: integral.var,
             initial: 0.0,
-            rate: translation.switches.merged(rate),
+            rate: translation.switches.entries.merged(rate),
             span: integral.span,
         }
     });
@@ -31,7 +31,7 @@ pub(super) fn integrals<'e>(
 }
 
 /// The task in α; states and parameters have their places in the system.
-pub(super) fn lower<'e>(
+pub(crate) fn lower<'e>(
     instance: &Instance<'_, 'e>,
     translation: &mut Translation<'e>,
     diags: &mut Diagnostics,
@@ -111,7 +111,8 @@ fn tied<'e>(
         let row = translation.in_alphas(x - value, span);
         // Switches have no values at t = 0 in a program.
         let free = instance.values().free.first_in(&[value]);
-        if let Some(free) = free.filter(|_| !translation.switches.alphas_of(row).is_empty()) {
+        if let Some(free) = free.filter(|_| !translation.switches.entries.alphas_of(row).is_empty())
+        {
             let name = instance.model.exprs.name(var);
             let what = format!("the initial value of `{name}`, which has a switching term,");
             diags.push(
@@ -153,7 +154,7 @@ fn state_bounds(instance: &Instance<'_, '_>) -> Vec<Free> {
 }
 
 /// 0 <= e <= 1 and 0 <= μ of contacts, where free parameters are in them.
-pub(super) fn coefficient_rows<'e>(
+pub(crate) fn coefficient_rows<'e>(
     instance: &Instance<'_, 'e>,
     contacts: &[Contact<'e>],
 ) -> Vec<TaskRow<'e>> {

@@ -60,7 +60,7 @@ impl<'e> Translation<'e> {
     /// An expression of the model in α.
     pub fn in_alphas(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
         let e = self.replace(e, span);
-        self.switches.merged(e)
+        self.switches.entries.merged(e)
     }
 
     /// What is wrong with how switches enter an expression, which is in entry variables.

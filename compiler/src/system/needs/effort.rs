@@ -44,7 +44,7 @@ pub(crate) fn check_counts(
 
 /// Reports nonlinear functions of too many switches inside each other.
 pub(crate) fn check_entangled(switches: &Switches<'_>, diags: &mut Diagnostics) {
-    if let Some((count, span)) = switches.entangled() {
+    if let Some((count, span)) = switches.entries.entangled() {
         diags.push(SystemError::EntangledSwitches { count, span });
     }
 }

@@ -5,7 +5,7 @@ use crate::system::switches::Switches;
 use crate::system::switches::interaction::positions;
 
 /// More switches than this in one guard are not enumerated.
-pub(super) const MOST_ENUMERATED: usize = 8;
+pub(crate) const MOST_ENUMERATED: usize = 8;
 
 /// The weight as a conjunction: which switches must be on which side, when it is one.
 ///
@@ -54,7 +54,7 @@ fn product_of_literals(weight: Expr<'_>, alphas: &[Var]) -> Option<Vec<(usize, b
 }
 
 /// The weight where bit i of `corner` is the side of the i-th switch inside.
-pub(super) fn corner_value(
+pub(crate) fn corner_value(
     weight: Expr<'_>,
     alphas: &[Var],
     inside: &[usize],

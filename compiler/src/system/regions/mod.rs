@@ -18,7 +18,7 @@ use crate::system::switches::switched::Switched;
 
 /// Whether in every corner of α the weights are 0 or 1, or at least sum to one, as they do with a region
 /// `else` in corners that no point has; with many α, whatever they are.
-pub(super) fn are_weights(partition: &Partition<'_>, alphas: &[Var]) -> bool {
+pub(crate) fn are_weights(partition: &Partition<'_>, alphas: &[Var]) -> bool {
     let inside = &partition.switches;
     inside.len() > MOST_ENUMERATED
         || (0..1usize << inside.len()).all(|corner| {
@@ -33,7 +33,7 @@ pub(super) fn are_weights(partition: &Partition<'_>, alphas: &[Var]) -> bool {
 
 /// Looks for points at which no guard of the partition holds, or two do, by the weights of the guards: the point that a
 /// proof has found, or sampled ones where the proof is not complete.
-pub(super) fn check<'e>(
+pub(crate) fn check<'e>(
     partition: &Partition<'e>,
     (weights, proof): (&[Expr<'e>], &Proof<'e>),
     states: &[State<'e>],
@@ -99,7 +99,7 @@ pub(super) fn check<'e>(
 
 /// Whether nothing depends on the switches of a partition but through its regions: no rate, once a region has decided
 /// them, and no other ψ.
-pub(super) fn decide_all(partition: &Partition<'_>, switched: &Switched<'_, '_>) -> bool {
+pub(crate) fn decide_all(partition: &Partition<'_>, switched: &Switched<'_, '_>) -> bool {
     let Switched {
         rates,
         switches,
@@ -128,7 +128,7 @@ pub(super) fn decide_all(partition: &Partition<'_>, switched: &Switched<'_, '_>)
 }
 
 /// The subsystems of switches that rates multiply, with the regions that they decide.
-pub(super) fn subsystems_of(
+pub(crate) fn subsystems_of(
     rates: &[Expr<'_>],
     alphas: &[Var],
     partitions: &[Partition<'_>],

@@ -50,7 +50,7 @@ impl<'s, 'e> Entered<'s, 'e> {
         let all: Vec<Expr<'e>> = (switched.rates.iter().copied())
             .chain(switches.iter().map(|switch| switch.psi))
             .collect();
-        let kinks = (0..alphas.len()).filter(|&k| collected.is_kink(kept[k]));
+        let kinks = (0..alphas.len()).filter(|&k| collected.entries.is_kink(kept[k]));
         let (kinks, kink_alphas): (Vec<usize>, Vec<Var>) = kinks.map(|k| (k, alphas[k])).unzip();
         let slopes = jacobian(&all, &kink_alphas).entries.into_iter();
         let continuous: FxHashSet<(usize, usize)> = slopes
@@ -86,7 +86,7 @@ impl<'s, 'e> Entered<'s, 'e> {
         };
         let (alpha, is_kink) = (
             self.switched.alphas[k],
-            self.collected.is_kink(self.kept[k]),
+            self.collected.entries.is_kink(self.kept[k]),
         );
         let classes = (sides.iter()).map(|(functions, psi)| {
             classify(functions, (alpha, *psi), is_kink, self.switched.sampler)

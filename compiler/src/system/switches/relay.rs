@@ -12,7 +12,8 @@ use crate::model::{NamedSwitch, SwitchKind, Thresholds};
 use crate::source::Span;
 use crate::system::lower::instance::Instance;
 use crate::system::lower::translation::Translation;
-use crate::system::switches::{Collected, Entry, Refused, Switches};
+use crate::system::switches::entries::Entry;
+use crate::system::switches::{Refused, Switches};
 use crate::system::{NamedReading, Relay, SystemError};
 
 /// More relays and switches of time than this in one comparison are not enumerated.
@@ -21,16 +22,13 @@ const MOST_ENUMERATED: usize = 8;
 impl<'e> Switches<'e> {
     /// Makes a relay that watches nothing yet; returns its number and the variable that is read.
     fn relay(&mut self, name: &str, span: Span, reading: NamedReading) -> (usize, Expr<'e>) {
-        let zero = self.exprs().constant(0.0);
-        let alpha = self.exprs().variable("alpha").as_variable();
-        let mut relay = Collected::new(alpha.expect("a fresh variable is one"), zero, span);
+        let relay = self.add(self.exprs().constant(0.0), span);
         relay.relay = Some(Relay::default());
         relay.name = Some(name.to_owned());
         relay.spans.push(span);
         relay.named.push(reading);
-        self.list.push(relay);
         let k = self.list.len() - 1;
-        (k, self.entry_variable(k, Entry::Linear))
+        (k, self.entries.variable(k, Entry::Linear))
     }
 
     /// Whether the side of a switch is decided before those of the others.
@@ -42,7 +40,11 @@ impl<'e> Switches<'e> {
     pub fn deciding(&self, psi: Expr<'e>) -> Option<Vec<Var>> {
         let mut alphas = variables_of(&[psi]);
         alphas.retain(|&var| self.params.fixed(var).is_none());
-        let leads = |var: &Var| self.of_alpha(*var).is_some_and(|k| self.is_leading(k));
+        let leads = |var: &Var| {
+            self.entries
+                .of_alpha(*var)
+                .is_some_and(|k| self.is_leading(k))
+        };
         let all = !alphas.is_empty() && alphas.iter().all(leads);
         (all && alphas.len() <= MOST_ENUMERATED).then_some(alphas)
     }
@@ -59,7 +61,7 @@ impl<'e> Switches<'e> {
                 None => self.params.fixed(var).unwrap_or(f64::NAN),
             });
             if value == 0.0 && entry != Entry::Kink {
-                let (form, span) = (Form::ZeroAtCorner, self.here());
+                let (form, span) = (Form::ZeroAtCorner, self.entries.here);
                 self.refused.push(Refused { psi, form, span });
                 return Some(exprs.constant(1.0));
             }
@@ -71,7 +73,7 @@ impl<'e> Switches<'e> {
                 above = above + exprs.product(weight);
             }
         }
-        Some(self.merged(above))
+        Some(self.entries.merged(above))
     }
 }
 
