@@ -138,18 +138,18 @@ impl<'e> Implicit<'e> {
     /// Makes switches of what is left, whose α are the rates of its unknowns.
     pub fn states(
         &self,
-        instance: &Instance<'_, 'e>,
-        translation: &mut Translation<'e>,
+        translation: &mut Translation<'_, 'e>,
         guesses: &FxHashMap<Var, f64>,
         diags: &mut Diagnostics,
     ) -> Vec<State<'e>> {
+        let instance = translation.instance;
         let exprs = instance.model.exprs;
         let mut states = Vec::new();
         for row in &self.rows {
             let mut alphas = Vec::new();
             for &(e, span) in &row.members {
                 let e = translation.replace(e, span);
-                translation.check(instance, e, span, diags);
+                translation.check(e, span, diags);
                 let e = translation.switches.entries.merged(e);
                 let (name, psi) = match row.members.len() {
                     2 => (e.to_string(), -e),

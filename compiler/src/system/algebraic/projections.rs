@@ -14,19 +14,18 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
 use crate::model::{Constraint, Projection};
 use crate::system::SystemError;
-use crate::system::lower::instance::Instance;
 use crate::system::lower::translation::Translation;
 
 /// Adds the forces of all constraints to the rates.
 pub(crate) fn push<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     rates: &mut [Expr<'e>],
     diags: &mut Diagnostics,
 ) {
+    let instance = translation.instance;
     for projection in &instance.model.statements.projections {
         for row in &projection.constraints {
-            if let Err(error) = constrain(instance, translation, (projection, row), rates) {
+            if let Err(error) = constrain(translation, (projection, row), rates) {
                 diags.push(*error);
             }
         }
@@ -34,11 +33,11 @@ pub(crate) fn push<'e>(
 }
 
 fn constrain<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     (projection, row): (&Projection<'e>, &Constraint<'e>),
     rates: &mut [Expr<'e>],
 ) -> Result<(), Box<SystemError>> {
+    let instance = translation.instance;
     if !instance.needs.holds_all(row.c) {
         return Ok(());
     }
@@ -88,7 +87,7 @@ fn constrain<'e>(
 
 /// E ∇c
 fn pushes<'e>(
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     projection: &Projection<'e>,
     gradient: &[Expr<'e>],
 ) -> Vec<Expr<'e>> {

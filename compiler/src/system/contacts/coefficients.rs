@@ -5,7 +5,6 @@ use crate::expr::Expr;
 use crate::model::{self, Restitution};
 use crate::source::Span;
 use crate::system::SystemError;
-use crate::system::lower::instance::Instance;
 use crate::system::lower::translation::Translation;
 use crate::system::switches::affine::at;
 
@@ -14,23 +13,18 @@ const MANY_CORNERS: usize = 1 << 10;
 
 /// The law of restitution with e in α.
 pub(crate) fn restitution<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     contact: &model::Contact<'e>,
 ) -> Result<Restitution<'e>, Box<SystemError>> {
-    let e = coefficient(
-        instance,
-        translation,
-        contact.restitution.coefficient,
-        contact.span,
-    )?;
+    let instance = translation.instance;
+    let e = coefficient(translation, contact.restitution.coefficient, contact.span)?;
     let all = instance.model.statements.contacts.iter();
     let mut before = all.take_while(|other| other.name != contact.name);
     if let Some(other) = before.find(|other| !other.restitution.agrees(contact.restitution)) {
         let what = format!("its law of restitution is not that of `{}`", other.name);
         return Err(no_contact(contact, &what, contact.span));
     }
-    if at_corners(instance, translation, e, |e| (0.0..=1.0).contains(&e)) {
+    if at_corners(translation, e, |e| (0.0..=1.0).contains(&e)) {
         return Ok(contact.restitution.with(e));
     }
     let what = "its restitution is not in [0, 1]";
@@ -39,13 +33,12 @@ pub(crate) fn restitution<'e>(
 
 /// μ in α.
 pub(crate) fn friction<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     contact: &model::Contact<'e>,
     (friction, span): (Expr<'e>, Span),
 ) -> Result<Expr<'e>, Box<SystemError>> {
-    let friction = coefficient(instance, translation, friction, span)?;
-    if at_corners(instance, translation, friction, |mu| mu >= 0.0) {
+    let friction = coefficient(translation, friction, span)?;
+    if at_corners(translation, friction, |mu| mu >= 0.0) {
         return Ok(friction);
     }
     Err(no_contact(contact, "its friction is negative", span))
@@ -53,13 +46,12 @@ pub(crate) fn friction<'e>(
 
 /// A coefficient of a law in α, whose switches are read as those of rates are.
 fn coefficient<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     e: Expr<'e>,
     span: Span,
 ) -> Result<Expr<'e>, Box<SystemError>> {
     let e = translation.replace(e, span);
-    match translation.misread(instance, e, span).into_iter().next() {
+    match translation.misread(e, span).into_iter().next() {
         Some(error) => Err(Box::new(error)),
         None => Ok(translation.switches.entries.merged(e)),
     }
@@ -67,11 +59,11 @@ fn coefficient<'e>(
 
 /// Whether what is a number on every side of its switches has a property there.
 fn at_corners<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &Translation<'e>,
+    translation: &Translation<'_, 'e>,
     e: Expr<'e>,
     holds: impl Fn(f64) -> bool,
 ) -> bool {
+    let instance = translation.instance;
     let mut corners = vec![instance.params.in_numbers(e)];
     for alpha in translation.switches.entries.alphas_of(e) {
         if corners.len() > MANY_CORNERS {

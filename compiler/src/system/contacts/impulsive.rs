@@ -10,17 +10,16 @@ use crate::expr::{Expr, Var, variables_of};
 use crate::model;
 use crate::system::contacts::kinematics::Kinematics;
 use crate::system::contacts::{coefficients, no_contact};
-use crate::system::lower::instance::Instance;
 use crate::system::lower::translation::Translation;
 use crate::system::{Impulsive, SystemError};
 
 /// All contacts that the experiment needs; `rates` are those without them.
 pub(crate) fn impulsive<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     rates: &[Expr<'e>],
     diags: &mut Diagnostics,
 ) -> Vec<Impulsive<'e>> {
+    let instance = translation.instance;
     let statements = &instance.model.statements;
     let kinematics = Kinematics::of(instance);
     let positions = statements.bodies.iter().flat_map(|body| &body.positions);
@@ -40,7 +39,7 @@ fn impulsive_contact<'e>(
     contact: &model::Contact<'e>,
     kinematics: &Kinematics<'_, '_, 'e>,
     positions: &FxHashSet<Var>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     rates: &[Expr<'e>],
 ) -> Result<Option<Impulsive<'e>>, Box<SystemError>> {
     let instance = kinematics.instance;
@@ -62,11 +61,11 @@ fn impulsive_contact<'e>(
         let what = "its gap does not depend on positions of a `mechanics` block";
         return Err(no_contact(contact, what, contact.gap_span));
     }
-    let restitution = coefficients::restitution(instance, translation, contact)?;
+    let restitution = coefficients::restitution(translation, contact)?;
     let friction = match contact.friction {
         None => None,
         Some(friction) => {
-            let friction = coefficients::friction(instance, translation, contact, friction)?;
+            let friction = coefficients::friction(translation, contact, friction)?;
             let speed = instance.rate_of(gap, rates);
             let normal = kinematics.directions(speed, translation);
             let tangents = kinematics.tangents(contact, &normal, translation)?;

@@ -45,10 +45,8 @@ struct Contact<'e> {
 }
 
 /// All laws that set a state that is kept.
-pub(crate) fn laws<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
-) -> Vec<Lowered<'e>> {
+pub(crate) fn laws<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Lowered<'e>> {
+    let instance = translation.instance;
     let mut laws = Vec::new();
     for (j, jump) in instance.model.statements.jumps.iter().enumerate() {
         let resets = jump.resets.iter().filter_map(|reset| {
@@ -71,13 +69,13 @@ pub(crate) fn laws<'e>(
 
 /// Finds the laws that are contacts, and lets these push; `used` is what else reads α.
 pub(crate) fn find_contacts<'e>(
-    instance: &Instance<'_, 'e>,
-    switches: &mut Switches<'e>,
+    translation: &mut Translation<'_, 'e>,
     laws: &mut [Lowered<'e>],
     rates: &mut [Expr<'e>],
     used: &[Expr<'e>],
     diags: &mut Diagnostics,
 ) {
+    let (instance, switches) = (translation.instance, &mut translation.switches);
     for at in 0..laws.len() {
         let jump = &instance.model.statements.jumps[laws[at].jump];
         let guards = laws.iter().enumerate().filter(|(other, _)| *other != at);

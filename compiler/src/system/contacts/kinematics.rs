@@ -43,7 +43,7 @@ impl<'s, 'm, 'e> Kinematics<'s, 'm, 'e> {
         &self,
         contact: &model::Contact<'e>,
         normal: &[Direction<'e>],
-        translation: &mut Translation<'e>,
+        translation: &mut Translation<'_, 'e>,
     ) -> Result<Vec<Tangent<'e>>, Box<SystemError>> {
         let name = || contact.name.clone();
         let (given, span) = &contact.slip;
@@ -119,7 +119,7 @@ impl<'s, 'm, 'e> Kinematics<'s, 'm, 'e> {
     pub(crate) fn directions(
         &self,
         speed: Expr<'e>,
-        translation: &mut Translation<'e>,
+        translation: &mut Translation<'_, 'e>,
     ) -> Vec<Direction<'e>> {
         let model = self.instance.model;
         let mut slopes: Vec<(usize, usize, Expr<'e>)> = Vec::new();
@@ -178,10 +178,8 @@ fn slip_that_switches(
 }
 
 /// The blocks of mechanics that are kept.
-pub(crate) fn bodies<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
-) -> Vec<Body<'e>> {
+pub(crate) fn bodies<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Body<'e>> {
+    let instance = translation.instance;
     let mut bodies = Vec::new();
     for body in &instance.model.statements.bodies {
         let kept: Vec<usize> = (0..body.velocities.len())

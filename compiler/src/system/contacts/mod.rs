@@ -18,7 +18,6 @@ pub(crate) mod kinematics;
 pub(crate) mod mechanics;
 pub(crate) mod start;
 
-use super::lower::instance::Instance;
 use super::lower::translation::Translation;
 use super::{Contact, Direction, Friction, Slip, SystemError};
 use crate::diagnostics::Diagnostics;
@@ -31,11 +30,11 @@ use crate::system::switches::surface::Form;
 
 /// Adds the forces of all contacts to the rates. Switches of the contacts are numbers in the collected list.
 pub(crate) fn contacts<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     rates: &mut [Expr<'e>],
     diags: &mut Diagnostics,
 ) -> Vec<Contact<'e>> {
+    let instance = translation.instance;
     let kinematics = Kinematics::of(instance);
     // Rates of positions have no forces in them.
     let free = rates.to_vec();
@@ -52,7 +51,7 @@ pub(crate) fn contacts<'e>(
 fn finish_contact<'e>(
     contact: &model::Contact<'e>,
     kinematics: &Kinematics<'_, '_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     free: &[Expr<'e>],
     rates: &mut [Expr<'e>],
 ) -> Result<Option<Contact<'e>>, Box<SystemError>> {
@@ -61,11 +60,11 @@ fn finish_contact<'e>(
         return Ok(None);
     }
     let (gap, speed, normal) = gap(contact, kinematics, translation, free)?;
-    let restitution = coefficients::restitution(instance, translation, contact)?;
+    let restitution = coefficients::restitution(translation, contact)?;
     let friction = match contact.friction {
         None => None,
         Some(friction) => {
-            let friction = coefficients::friction(instance, translation, contact, friction)?;
+            let friction = coefficients::friction(translation, contact, friction)?;
             Some((
                 friction,
                 kinematics.tangents(contact, &normal, translation)?,
@@ -113,7 +112,7 @@ fn finish_contact<'e>(
 fn gap<'e>(
     contact: &model::Contact<'e>,
     kinematics: &Kinematics<'_, '_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     free: &[Expr<'e>],
 ) -> Result<(Expr<'e>, Expr<'e>, Vec<Direction<'e>>), Box<SystemError>> {
     let gap = translation.in_alphas(contact.gap, contact.gap_span);

@@ -26,13 +26,6 @@ impl<'e> Reader<'_, 'e> {
         self.diags.push(error);
     }
 
-    pub fn not_for_simulate(&mut self, setting: &str, span: Span) {
-        self.error(ExperimentError::NotForSimulate {
-            setting: setting.to_owned(),
-            span,
-        });
-    }
-
     pub fn once(&mut self, what: &'static str, second: Span) {
         if let Some(first) = self.seen.insert(what, second) {
             self.error(ExperimentError::Twice {

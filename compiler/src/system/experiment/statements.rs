@@ -133,7 +133,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                     let end = self.horizon.and_then(|(end, _)| end);
                     draft.setting(reader, kind, span, end);
                 }
-                None => reader.not_for_simulate(&word_of(kind), span),
+                None => not_for_simulate(reader, &word_of(kind), span),
             },
         }
     }
@@ -148,7 +148,7 @@ impl<'m, 'e> Statements<'m, 'e> {
         span: Span,
     ) {
         match (&mut self.draft, free) {
-            (None, true) => reader.not_for_simulate("horizon free", span),
+            (None, true) => not_for_simulate(reader, "horizon free", span),
             (Some(draft), true) => {
                 self.horizon = Some((draft.free_horizon(reader, range, value), span));
             }
@@ -178,6 +178,13 @@ impl<'m, 'e> Statements<'m, 'e> {
             reader.error(ExperimentError::NoChattering { span });
         }
     }
+}
+
+fn not_for_simulate(reader: &mut Reader<'_, '_>, setting: &str, span: Span) {
+    reader.error(ExperimentError::NotForSimulate {
+        setting: setting.to_owned(),
+        span,
+    });
 }
 
 /// How a setting of optimal control begins.

@@ -3,6 +3,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::instance::Instance;
+use super::motion::Motion;
 use super::recorded::Recorded;
 use super::translation::Translation;
 use crate::diagnostics::Diagnostics;
@@ -19,37 +20,8 @@ use crate::system::switches::continuity::Entered;
 use crate::system::switches::switched::Switched;
 use crate::system::switches::{Collected, Switches};
 use crate::system::{
-    Body, Contact, Continuity, Impulsive, Param, Readings, Role, State, Switch, System,
-    SystemError, Task,
+    Contact, Continuity, Param, Readings, Role, State, Switch, System, SystemError, Task,
 };
-
-/// What moves, in α of collected switches.
-pub(crate) struct Motion<'e> {
-    /// Rates of the states of the model.
-    pub rates: Vec<Expr<'e>>,
-    pub integrals: Vec<State<'e>>,
-    pub algebraics: Vec<State<'e>>,
-    pub laws: Vec<Lowered<'e>>,
-    pub bodies: Vec<Body<'e>>,
-    pub contacts: Vec<Contact<'e>>,
-    pub impulsive: Vec<Impulsive<'e>>,
-}
-
-impl<'e> Motion<'e> {
-    /// f of all states.
-    fn rates(&self) -> Vec<Expr<'e>> {
-        let others = self.integrals.iter().chain(&self.algebraics);
-        let others = others.map(|state| state.rate);
-        self.rates.iter().copied().chain(others).collect()
-    }
-
-    /// What α act on besides the rates.
-    fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
-        (self.laws.iter().flat_map(Lowered::reads))
-            .chain(self.contacts.iter().flat_map(Contact::exprs))
-            .chain(self.bodies.iter().flat_map(Body::exprs))
-    }
-}
 
 /// All parts of a system in α of collected switches.
 pub(crate) struct Parts<'e> {
@@ -63,12 +35,8 @@ pub(crate) struct Parts<'e> {
 
 impl<'e> Parts<'e> {
     /// Keeps the switches that matter, and finishes their description.
-    pub fn assemble(
-        self,
-        instance: &Instance<'_, 'e>,
-        translation: Translation<'e>,
-        diags: &mut Diagnostics,
-    ) -> System<'e> {
+    pub fn assemble(self, translation: Translation<'_, 'e>, diags: &mut Diagnostics) -> System<'e> {
+        let instance = translation.instance;
         let (model, motion, regions) = (instance.model, self.motion, self.regions);
         let (collected, rates) = (&translation.switches, motion.rates());
         let guards = regions.weights.iter().chain(&regions.guards);
@@ -89,10 +57,10 @@ impl<'e> Parts<'e> {
             rates: &rates,
             switches: &switches,
             alphas: &alphas,
-            sampler: &translation.sampler_of(instance, on(|switch| switch.psi)),
+            sampler: &translation.sampler_of(on(|switch| switch.psi)),
         };
         let entered = Entered::new(collected, &kept, &switched);
-        let continuity = entered.continuity(&translation.frame(instance, on(Switch::surface)));
+        let continuity = entered.continuity(&translation.frame(on(Switch::surface)));
         entered.check_surfaces(diags);
         let mut states = states(instance, &motion.rates);
         let partitions = regions.partitions(instance, &switched, &states, diags);

@@ -13,21 +13,21 @@
 
 mod assemble;
 pub(crate) mod instance;
+mod motion;
 mod rates;
 mod recorded;
 mod surfaces;
 mod task;
 pub(crate) mod translation;
 
-use self::assemble::{Motion, Parts};
+use self::assemble::Parts;
 use self::instance::Instance;
+use self::motion::Motion;
 use self::recorded::Recorded;
 use self::translation::Translation;
 use super::System;
+use super::algebraic::Implicit;
 use super::algebraic::programs::Programs;
-use super::algebraic::{Implicit, projections};
-use super::contacts::impulsive::impulsive;
-use super::contacts::jumps::{find_contacts, laws};
 use super::contacts::kinematics::bodies;
 use super::experiment::Settings;
 use super::needs::Extent;
@@ -61,54 +61,27 @@ pub fn lower<'e>(
 
     let unknowns = implicit.vars().collect();
     let mut translation = Translation::new(instance, given, unknowns, roundings);
-    let texts = surfaces::declare(instance, &mut translation, diags);
+    let texts = surfaces::declare(&mut translation, diags);
     check_counts(instance, &translation.switches, diags);
     check_entangled(&translation.switches, diags);
     passed(diags)?;
 
-    let regions = Regions::of(instance, &mut translation);
-    let mut rates = rates::lower(instance, &mut translation, &regions, diags);
-    let integrals = task::integrals(instance, &mut translation, diags);
-    let mut laws = laws(instance, &mut translation);
+    let regions = Regions::of(&mut translation);
+    let mut motion = Motion::of(&mut translation, &regions, diags);
     check_entangled(&translation.switches, diags);
     passed(diags)?;
-    let of_integrals = integrals.iter().map(|state| state.rate);
-    let all = rates.iter().copied().chain(of_integrals.clone());
-    check_effort(&translation.switches, all, diags);
-
-    let recorded = Recorded::of(instance, &mut translation);
-    let mut task = task::lower(instance, &mut translation, diags);
-    let used: Vec<Expr<'e>> = (regions.weights.iter().chain(&regions.guards).copied())
-        .chain(recorded.exprs())
-        .chain(of_integrals)
-        .collect();
-    let switches = &mut translation.switches;
-    find_contacts(instance, switches, &mut laws, &mut rates, &used, diags);
-    let (contacts, impulsive) = match settings.steps_through_contacts() {
-        true => (
-            Vec::new(),
-            impulsive(instance, &mut translation, &rates, diags),
-        ),
-        false => {
-            let contacts = super::contacts::contacts(instance, &mut translation, &mut rates, diags);
-            (contacts, Vec::new())
-        }
-    };
+    check_effort(&translation.switches, &motion.rates(), diags);
+    let recorded = Recorded::of(&mut translation);
+    let mut task = task::lower(&mut translation, diags);
+    let used = regions.weights.iter().chain(&regions.guards).copied();
+    let used: Vec<Expr<'e>> = used.chain(recorded.exprs()).collect();
+    motion.add_forces(&mut translation, &used, diags);
     if let Some(task) = &mut task {
-        task.rows
-            .extend(task::coefficient_rows(instance, &contacts));
+        let rows = task::coefficient_rows(instance, &motion.contacts);
+        task.rows.extend(rows);
     }
-    projections::push(instance, &mut translation, &mut rates, diags);
-    let algebraics = implicit.states(instance, &mut translation, &guesses, diags);
-    let motion = Motion {
-        rates,
-        integrals,
-        algebraics,
-        laws,
-        bodies: bodies(instance, &mut translation),
-        contacts,
-        impulsive,
-    };
+    motion.algebraics = implicit.states(&mut translation, &guesses, diags);
+    motion.bodies = bodies(&mut translation);
     surfaces::report_refused(&translation.switches, &texts, diags);
     translation.roundings.report(diags);
     passed(diags)?;
@@ -120,7 +93,7 @@ pub fn lower<'e>(
         regions,
         sampled,
     };
-    let system = parts.assemble(instance, translation, diags);
+    let system = parts.assemble(translation, diags);
     system.check_start(diags);
     passed(diags)?;
     debug_assert_eq!(system.verify(), Ok(()));

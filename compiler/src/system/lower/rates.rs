@@ -1,6 +1,5 @@
 //! Rates of the states: x' = f + Σ_R w_R f_R in α.
 
-use super::instance::Instance;
 use super::translation::Translation;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution};
@@ -13,11 +12,11 @@ use crate::system::switches::Switches;
 
 /// x' of the states that are kept, in α.
 pub(crate) fn lower<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     regions: &Regions<'e>,
     diags: &mut Diagnostics,
 ) -> Vec<Expr<'e>> {
+    let instance = translation.instance;
     let (model, needs) = (instance.model, &instance.needs);
     let mut rates = vec![model.exprs.constant(0.0); needs.entries.len()];
     let mut add = |rate: &Rate<'e>, value: Expr<'e>| {
@@ -28,7 +27,7 @@ pub(crate) fn lower<'e>(
             continue;
         }
         let value = translation.replace(rate.value, rate.span);
-        translation.check(instance, value, rate.span, diags);
+        translation.check(value, rate.span, diags);
         add(rate, value);
     }
     for (r, region) in model.statements.regions.iter().enumerate() {
@@ -44,7 +43,7 @@ pub(crate) fn lower<'e>(
             let value = translation
                 .replace(rate.value, rate.span)
                 .substitute(&implied);
-            translation.check(instance, value, rate.span, diags);
+            translation.check(value, rate.span, diags);
             let value = translation.switches.entries.merged(value);
             check_product(&translation.switches, (weight, value), rate.span, diags);
             add(rate, weight * value);
@@ -63,7 +62,7 @@ pub(crate) fn lower<'e>(
             // What is read linearly has no terms that both sides do not have.
             if reading == Some(Sliding::Nonlinear) {
                 let value = translation.replace(rate.value, rate.span);
-                translation.check(instance, value, rate.span, diags);
+                translation.check(value, rate.span, diags);
                 add(rate, value);
             }
         }

@@ -21,14 +21,15 @@ pub(crate) struct Recorded<'e> {
 
 impl<'e> Recorded<'e> {
     /// What an experiment records.
-    pub fn of(instance: &Instance<'_, 'e>, translation: &mut Translation<'e>) -> Self {
-        let (outputs, controls) = outputs(instance, translation);
+    pub fn of(translation: &mut Translation<'_, 'e>) -> Self {
+        let instance = translation.instance;
+        let (outputs, controls) = outputs(translation);
         Recorded {
             groups: groups(instance),
             outputs,
             controls,
-            named: surfaces::named(instance, translation),
-            limits: limits(instance, translation),
+            named: surfaces::named(translation),
+            limits: limits(translation),
         }
     }
 
@@ -62,10 +63,8 @@ fn groups(instance: &Instance<'_, '_>) -> Vec<StateGroup> {
 }
 
 /// Outputs and controls: those of the model, or those that the experiment lists.
-fn outputs<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
-) -> (Vec<Output<'e>>, Vec<Output<'e>>) {
+fn outputs<'e>(translation: &mut Translation<'_, 'e>) -> (Vec<Output<'e>>, Vec<Output<'e>>) {
+    let instance = translation.instance;
     let mut output = |name: &str, shape: Vec<usize>, entries: &[Expr<'e>], span: Span| Output {
         name: name.to_owned(),
         shape,
@@ -109,7 +108,8 @@ fn outputs<'e>(
 }
 
 /// Bounds of the quantities that are kept.
-fn limits<'e>(instance: &Instance<'_, 'e>, translation: &mut Translation<'e>) -> Vec<Limit<'e>> {
+fn limits<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Limit<'e>> {
+    let instance = translation.instance;
     let model = instance.model;
     let quantities = (model.states.iter().map(|s| ("state", s)))
         .chain(model.algebraics.iter().map(|z| ("algebraic state", z)))

@@ -19,16 +19,16 @@ pub(crate) type Texts<'e> = FxHashMap<Expr<'e>, (String, Span)>;
 /// Makes the switches of the source, each after those in its ψ: relays first, named switches between the surfaces
 /// without them and those with them.
 pub(crate) fn declare<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     diags: &mut Diagnostics,
 ) -> Texts<'e> {
+    let instance = translation.instance;
     let mut texts = FxHashMap::default();
-    let relays = relay::declare(instance, translation);
+    let relays = relay::declare(translation);
     let (direct, through) = split(instance, &translation.given);
     declare_all(&direct, translation, &mut texts, diags);
-    relay::finish(instance, translation, &relays, diags);
-    read_named(instance, translation);
+    relay::finish(translation, &relays, diags);
+    read_named(translation);
     declare_all(&through, translation, &mut texts, diags);
     texts
 }
@@ -56,7 +56,7 @@ fn split<'m, 'e>(
 /// Makes switches in the order, orientation and words of the source.
 fn declare_all<'e>(
     surfaces: &[&Surface<'e>],
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     texts: &mut Texts<'e>,
     diags: &mut Diagnostics,
 ) {
@@ -74,7 +74,8 @@ fn declare_all<'e>(
 }
 
 /// Gives every named switch its value.
-fn read_named<'e>(instance: &Instance<'_, 'e>, translation: &mut Translation<'e>) {
+fn read_named<'e>(translation: &mut Translation<'_, 'e>) {
+    let instance = translation.instance;
     for (s, switch) in instance.model.switches.iter().enumerate() {
         let entry = match instance.sliding(s) {
             Some(Sliding::Linear) => Entry::Linear,
@@ -108,10 +109,8 @@ fn read_named<'e>(instance: &Instance<'_, 'e>, translation: &mut Translation<'e>
 }
 
 /// α of the switches that expectations name.
-pub(crate) fn named<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
-) -> Vec<Expr<'e>> {
+pub(crate) fn named<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Expr<'e>> {
+    let instance = translation.instance;
     let alpha = |&surface: &Expr<'e>| {
         let psi = translation.replace(surface, Span::default());
         let var = surface.as_variable();

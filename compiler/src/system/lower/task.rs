@@ -11,14 +11,14 @@ use crate::system::{Contact, State};
 
 /// The states that stand for integrals, with their rates in α.
 pub(crate) fn integrals<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     diags: &mut Diagnostics,
 ) -> Vec<State<'e>> {
+    let instance = translation.instance;
     let task = instance.settings.optimize.iter();
     let states = task.flat_map(|task| &task.integrals).map(|integral| {
         let rate = translation.replace(integral.value, integral.span);
-        translation.check(instance, rate, integral.span, diags);
+        translation.check(rate, integral.span, diags);
         State {
             name: integral.var.to_string(),
             var: integral.var,
@@ -32,10 +32,10 @@ pub(crate) fn integrals<'e>(
 
 /// The task in α; states and parameters have their places in the system.
 pub(crate) fn lower<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     diags: &mut Diagnostics,
 ) -> Option<Task<'e>> {
+    let instance = translation.instance;
     let (model, values) = (instance.model, instance.values());
     let asked = instance.settings.optimize.as_ref()?;
     let cost = (asked.cost).map(|value| translation.in_alphas(value, asked.cost.span));
@@ -48,7 +48,7 @@ pub(crate) fn lower<'e>(
         span: row.span,
     });
     let mut rows: Vec<TaskRow<'e>> = rows.collect();
-    rows.extend(algebraic_bounds(instance, translation));
+    rows.extend(algebraic_bounds(translation));
     let is_number = |var: &Expr<'e>| {
         let var = var.as_variable();
         var.is_none_or(|var| !values.free.derives(var))
@@ -57,7 +57,7 @@ pub(crate) fn lower<'e>(
         .flat_map(|param| param.vars.iter().copied().filter(is_number))
         .collect();
     let states: Vec<Expr<'e>> = instance.states().collect();
-    let (tied, starts) = tied(instance, translation, diags);
+    let (tied, starts) = tied(translation, diags);
     rows.extend(starts);
     let places = |freed: &[Freed], list: &[Expr<'e>]| -> Vec<Free> {
         let free = freed.iter().filter_map(|freed| {
@@ -88,10 +88,10 @@ pub(crate) fn lower<'e>(
 
 /// x(0) = x_0(p) with free p: x(0) is free, and the equation is a row at the start.
 fn tied<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     diags: &mut Diagnostics,
 ) -> (Vec<Free>, Vec<TaskRow<'e>>) {
+    let instance = translation.instance;
     let tied = instance
         .settings
         .optimize
@@ -186,10 +186,8 @@ pub(crate) fn coefficient_rows<'e>(
 }
 
 /// Bounds of algebraic states, which hold at the ends of elements.
-fn algebraic_bounds<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
-) -> Vec<TaskRow<'e>> {
+fn algebraic_bounds<'e>(translation: &mut Translation<'_, 'e>) -> Vec<TaskRow<'e>> {
+    let instance = translation.instance;
     let mut rows = Vec::new();
     for z in &instance.model.algebraics {
         for (k, &var) in z.vars.iter().enumerate() {

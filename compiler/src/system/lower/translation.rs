@@ -14,7 +14,8 @@ use crate::system::switches::reading::check_reading;
 use crate::system::values::rounding::Roundings;
 
 /// What the names and nonsmooth terms of a model are replaced by.
-pub(crate) struct Translation<'e> {
+pub(crate) struct Translation<'m, 'e> {
+    pub instance: &'m Instance<'m, 'e>,
     /// Controls and inputs, and algebraic states that an equation gives, as functions of the others.
     pub given: Substitution<'e>,
     /// Algebraic states that are computed with the others.
@@ -26,10 +27,10 @@ pub(crate) struct Translation<'e> {
     pub switches: Switches<'e>,
 }
 
-impl<'e> Translation<'e> {
+impl<'m, 'e> Translation<'m, 'e> {
     /// No switches yet.
     pub fn new(
-        instance: &Instance<'_, 'e>,
+        instance: &'m Instance<'m, 'e>,
         given: Substitution<'e>,
         implicit: Vec<Expr<'e>>,
         roundings: Roundings<'e>,
@@ -38,6 +39,7 @@ impl<'e> Translation<'e> {
         let data = roundings.data.iter().map(|data| data.var);
         let timed = data.chain([model.time]);
         Translation {
+            instance,
             given,
             implicit,
             named: Substitution::new(),
@@ -64,42 +66,28 @@ impl<'e> Translation<'e> {
     }
 
     /// What is wrong with how switches enter an expression, which is in entry variables.
-    pub fn misread(
-        &self,
-        instance: &Instance<'_, 'e>,
-        e: Expr<'e>,
-        span: Span,
-    ) -> Vec<SystemError> {
-        let sampler = || self.sampler(instance);
-        check_reading(&self.switches, e, span, sampler, instance.model)
+    pub fn misread(&self, e: Expr<'e>, span: Span) -> Vec<SystemError> {
+        let sampler = || self.sampler();
+        check_reading(&self.switches, e, span, sampler, self.instance.model)
     }
 
     /// Reports all of that.
-    pub fn check(
-        &self,
-        instance: &Instance<'_, 'e>,
-        e: Expr<'e>,
-        span: Span,
-        diags: &mut Diagnostics,
-    ) {
-        for error in self.misread(instance, e, span) {
+    pub fn check(&self, e: Expr<'e>, span: Span, diags: &mut Diagnostics) {
+        for error in self.misread(e, span) {
             diags.push(error);
         }
     }
 
     /// Samples around the initial point with all switches.
-    pub fn sampler(&self, instance: &Instance<'_, 'e>) -> Sampler<'e> {
+    pub fn sampler(&self) -> Sampler<'e> {
         let switches = self.switches.list.iter();
         let switches = switches.map(|switch| (switch.alpha, switch.psi));
-        self.sampler_of(instance, switches.collect())
+        self.sampler_of(switches.collect())
     }
 
     /// Samples around the initial point with these switches.
-    pub fn sampler_of(
-        &self,
-        instance: &Instance<'_, 'e>,
-        mut switches: Vec<(Var, Expr<'e>)>,
-    ) -> Sampler<'e> {
+    pub fn sampler_of(&self, mut switches: Vec<(Var, Expr<'e>)>) -> Sampler<'e> {
+        let instance = self.instance;
         let relays: FxHashMap<Var, f64> = (self.switches.list.iter())
             .filter_map(|switch| Some((switch.alpha, f64::from(switch.relay?.start))))
             .collect();
@@ -125,7 +113,8 @@ impl<'e> Translation<'e> {
     }
 
     /// What is the same for all points: parameters that are not free, and where and when the run begins and ends.
-    pub fn frame(&self, instance: &Instance<'_, 'e>, switches: Vec<(Var, Expr<'e>)>) -> Frame<'e> {
+    pub fn frame(&self, switches: Vec<(Var, Expr<'e>)>) -> Frame<'e> {
+        let instance = self.instance;
         let (model, values) = (instance.model, instance.values());
         let number = |var: Var| Some((var, *values.numbers.get(&var)?));
         let params = model.params.iter().flat_map(|param| &param.vars);

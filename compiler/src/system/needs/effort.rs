@@ -52,13 +52,13 @@ pub(crate) fn check_entangled(switches: &Switches<'_>, diags: &mut Diagnostics) 
 /// Reports rates in which too many switches act together.
 pub(crate) fn check_effort<'e>(
     switches: &Switches<'e>,
-    rates: impl Iterator<Item = Expr<'e>>,
+    rates: &[Expr<'e>],
     diags: &mut Diagnostics,
 ) {
     let all = switches.list.iter().enumerate();
     let place: FxHashMap<Var, usize> = all.map(|(k, switch)| (switch.alpha, k)).collect();
     let (mut effort, mut most, mut first) = (0, 0, None);
-    for rate in rates {
+    for &rate in rates {
         let vars = variables_of(&[rate]);
         let acting = || vars.iter().filter_map(|var| place.get(var));
         let count = acting().count();

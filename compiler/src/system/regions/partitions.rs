@@ -27,7 +27,8 @@ pub(crate) struct Regions<'e> {
 
 impl<'e> Regions<'e> {
     /// Weights of all regions, zero where one is skipped.
-    pub fn of(instance: &Instance<'_, 'e>, translation: &mut Translation<'e>) -> Self {
+    pub fn of(translation: &mut Translation<'_, 'e>) -> Self {
+        let instance = translation.instance;
         let model = instance.model;
         let kept = &instance.needs.regions;
         let zero = model.exprs.constant(0.0);
@@ -62,7 +63,7 @@ impl<'e> Regions<'e> {
             };
             (switch.alpha, psi)
         });
-        let frame = translation.frame(instance, surface.collect());
+        let frame = translation.frame(surface.collect());
         for partition in instance.partitions() {
             let numbers = &partition.regions;
             let guards: Vec<Expr<'e>> = numbers.iter().map(|&r| found.guards[r]).collect();

@@ -85,10 +85,8 @@ pub(crate) struct Declared {
 }
 
 /// Makes all relays that are needed, so that whatever reads them can be written.
-pub(crate) fn declare<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
-) -> Vec<Declared> {
+pub(crate) fn declare<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Declared> {
+    let instance = translation.instance;
     let mut relays = Vec::new();
     for (statement, switch) in instance.model.switches.iter().enumerate() {
         if !matches!(switch.kind, SwitchKind::Relay(_)) {
@@ -121,18 +119,18 @@ pub(crate) fn declare<'e>(
 
 /// Says what the relays watch and how they start; each may read those before it.
 pub(crate) fn finish<'e>(
-    instance: &Instance<'_, 'e>,
-    translation: &mut Translation<'e>,
+    translation: &mut Translation<'_, 'e>,
     relays: &[Declared],
     diags: &mut Diagnostics,
 ) {
+    let instance = translation.instance;
     for relay in relays {
         let switch = &instance.model.switches[relay.statement];
         let SwitchKind::Relay(thresholds) = &switch.kind else {
             continue;
         };
         let y = translation.in_alphas(switch.psi[relay.entry], switch.span);
-        let sampler = translation.sampler(instance);
+        let sampler = translation.sampler();
         let at_start = sampler.eval(y, &sampler.start());
         match remembered(instance, (switch, thresholds), relay.entry, at_start) {
             Ok(remembered) => {
