@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use super::places;
 use super::scope::{Meaning, Reported};
+use super::{fields, lookup};
 use crate::model::expressions::Lowering;
 use crate::model::hir::reserved::did_you_mean;
 use crate::model::{ModelError, Shape};
@@ -104,7 +105,7 @@ fn declaration<'p>(
     lowering: &mut Lowering<'_, '_>,
     path: &'p Path,
 ) -> Result<(TargetKind, Shape, &'p [Segment]), Reported> {
-    let mut scope = lowering.scope;
+    let mut scope = lowering.names.scope;
     let (mut name, mut span) = (&path.head.name, path.head.span);
     let mut rest = &path.rest[..];
     let mut meaning = scope.get(name);
@@ -113,14 +114,15 @@ fn declaration<'p>(
             Some(Meaning::Value(value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
             Some(Meaning::Family { binders, members }) => {
                 let (indices, count) = (indices(&mut rest), binders.len());
-                let member = lowering.member(name, indices, members, count, "loop", path.span);
+                let member =
+                    lookup::member(lowering, name, indices, members, count, "loop", path.span);
                 let (value, kind) = member?;
                 return Ok((*kind, value.tensor.shape, rest));
             }
             Some(Meaning::Part(inner)) => inner,
             Some(Meaning::Parts(members)) => {
                 let indices = indices(&mut rest);
-                lowering.member(name, indices, members, 1, "range", path.span)?
+                lookup::member(lowering, name, indices, members, 1, "range", path.span)?
             }
             Some(other) => return lowering.refuse(other.no_value(name, span)),
             None if scope.forgiving => return Err(Reported),
@@ -138,7 +140,7 @@ fn declaration<'p>(
             return lowering.refuse(part.no_value(name, span));
         };
         rest = &rest[1..];
-        meaning = Some(lowering.own(name, inner, field)?);
+        meaning = Some(fields::own(lowering, name, inner, field)?);
         (scope, name, span) = (inner, &field.name, field.span);
     }
 }
