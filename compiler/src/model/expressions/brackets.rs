@@ -1,6 +1,6 @@
 //! Values in brackets, stacked.
 
-use super::check::plural;
+use crate::model::errors::plural;
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::Reported;
 use crate::model::{ModelError, Shape, Tensor};

@@ -1,9 +1,9 @@
 //! Calls: functions of the file are inlined, built-in ones become expressions.
 
 use super::builtins;
-use super::check::plural;
 use crate::expr::Expr;
 use crate::model::errors::foreign;
+use crate::model::errors::plural;
 use crate::model::expressions::Lowering;
 use crate::model::expressions::environment::{Environment, Local};
 use crate::model::hir::reserved::{did_you_mean, function_names, is_function};

@@ -7,11 +7,6 @@ use crate::model::{DynamicsError, Rounded, Shape, Surface, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Level, Relation};
 
-/// `1 row`, `2 rows`
-pub(crate) fn plural(count: usize, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
-}
-
 /// `0` as written.
 pub(crate) fn is_zero_literal(expr: &syntax::Expr) -> bool {
     matches!(expr.kind, ExprKind::Number(0.0))

@@ -11,6 +11,7 @@ pub(crate) mod rows;
 pub(crate) mod tensor;
 pub(crate) mod text;
 pub(crate) mod unroll;
+pub(crate) mod values;
 
 use self::environment::Environment;
 use super::{ModelError, Rounded, Shape, Surface, Tensor};
