@@ -10,8 +10,8 @@ use crate::model::hir::reserved::did_you_mean;
 use crate::syntax::{Expr, ExprKind, Ident};
 
 #[inline(never)]
-pub(crate) fn field<'a, 'e>(
-    lowering: &mut Lowering<'a, 'e>,
+pub(crate) fn field<'e>(
+    lowering: &mut Lowering<'_, 'e>,
     expr: &Expr,
     base: &Expr,
     field: &Ident,
@@ -69,8 +69,8 @@ pub(crate) fn meaning<'a, 'e, 'x>(
 }
 
 /// Reports a name that a file does not declare, or a function without a call.
-pub(crate) fn not_in_module<'a, 'e, T>(
-    lowering: &mut Lowering<'a, 'e>,
+pub(crate) fn not_in_module<'e, T>(
+    lowering: &mut Lowering<'_, 'e>,
     name: &str,
     module: &Scope<'e>,
     field: &Ident,
@@ -115,8 +115,8 @@ fn place<'a, 'e, 'x>(
 }
 
 /// What a field of a part means.
-pub(crate) fn own<'a, 'e, 'm>(
-    lowering: &mut Lowering<'a, 'e>,
+pub(crate) fn own<'e, 'm>(
+    lowering: &mut Lowering<'_, 'e>,
     name: &str,
     part: &'m Scope<'e>,
     field: &Ident,

@@ -18,8 +18,8 @@ use crate::source::Span;
 use crate::syntax::{self, ExprKind, Index};
 
 #[inline(never)]
-pub(crate) fn name<'a, 'e>(
-    lowering: &mut Lowering<'a, 'e>,
+pub(crate) fn name<'e>(
+    lowering: &mut Lowering<'_, 'e>,
     name: &str,
     span: Span,
 ) -> Result<Value<'e>, Reported> {
@@ -91,8 +91,8 @@ pub(crate) fn name<'a, 'e>(
 }
 
 #[inline(never)]
-fn local<'a, 'e>(
-    lowering: &mut Lowering<'a, 'e>,
+fn local<'e>(
+    lowering: &mut Lowering<'_, 'e>,
     position: usize,
     span: Span,
 ) -> Result<Value<'e>, Reported> {
@@ -159,8 +159,8 @@ fn declared<'a, 'e>(lowering: &Lowering<'a, 'e>, expr: &syntax::Expr) -> Option<
 }
 
 #[inline(never)]
-pub(crate) fn index<'a, 'e>(
-    lowering: &mut Lowering<'a, 'e>,
+pub(crate) fn index<'e>(
+    lowering: &mut Lowering<'_, 'e>,
     base: &syntax::Expr,
     indices: &[Index],
     span: Span,
@@ -203,8 +203,8 @@ pub(crate) fn index<'a, 'e>(
 }
 
 /// One of the things of a name that are declared in a loop, or of an array of parts.
-pub(crate) fn member<'a, 'e, 'm, T>(
-    lowering: &mut Lowering<'a, 'e>,
+pub(crate) fn member<'m, T>(
+    lowering: &mut Lowering<'_, '_>,
     name: &str,
     indices: &[Index],
     members: &'m BTreeMap<Vec<i64>, T>,

@@ -74,7 +74,7 @@ fn declare_all<'e>(
 }
 
 /// Gives every named switch its value.
-fn read_named<'e>(translation: &mut Translation<'_, 'e>) {
+fn read_named(translation: &mut Translation<'_, '_>) {
     let instance = translation.instance;
     for (s, switch) in instance.model.switches.iter().enumerate() {
         let entry = match instance.sliding(s) {

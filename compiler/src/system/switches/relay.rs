@@ -85,7 +85,7 @@ pub(crate) struct Declared {
 }
 
 /// Makes all relays that are needed, so that whatever reads them can be written.
-pub(crate) fn declare<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Declared> {
+pub(crate) fn declare(translation: &mut Translation<'_, '_>) -> Vec<Declared> {
     let instance = translation.instance;
     let mut relays = Vec::new();
     for (statement, switch) in instance.model.switches.iter().enumerate() {
@@ -118,8 +118,8 @@ pub(crate) fn declare<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Declared
 }
 
 /// Says what the relays watch and how they start; each may read those before it.
-pub(crate) fn finish<'e>(
-    translation: &mut Translation<'_, 'e>,
+pub(crate) fn finish(
+    translation: &mut Translation<'_, '_>,
     relays: &[Declared],
     diags: &mut Diagnostics,
 ) {
