@@ -39,13 +39,12 @@
 #[cfg(test)]
 mod agreement_tests;
 pub(crate) mod algebraic;
-mod assemble;
 pub(crate) mod contacts;
 mod display;
 mod error;
 pub mod experiment;
 pub mod freezing;
-mod lower;
+pub(crate) mod lower;
 pub(crate) mod needs;
 #[cfg(test)]
 mod needs_tests;
@@ -65,7 +64,8 @@ pub use crate::system::values::valuation::Valuation;
 pub use display::Structure;
 pub use error::SystemError;
 pub use experiment::ExperimentError;
-pub use lower::{Extent, lower};
+pub use lower::lower;
+pub use needs::Extent;
 pub use read::Readings;
 pub use task::Task;
 

@@ -1,31 +1,74 @@
 //! What other expressions of the model mean in a system: those of `expect`, of plots, of guards.
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::System;
-use super::switches::Entry;
-use crate::expr::{Expr, Substitution, rewrite};
+use super::switches::entries::Entry;
+use crate::expr::{Expr, Substitution, Var, rewrite};
+use crate::system::switches::Switches;
+use crate::system::switches::known::Known;
 use crate::system::switches::surface;
-use crate::system::switches::surface::Known;
 use crate::system::switches::terms::{at_alpha, compared};
 
 /// Where names of the model went.
 #[derive(Clone, Debug, Default)]
 pub struct Readings<'e> {
     /// Named switches as functions of α, or of their ψ where the switch was skipped.
-    pub(super) named: Substitution<'e>,
+    pub(crate) named: Substitution<'e>,
     /// Controls and inputs.
-    pub(super) signals: Substitution<'e>,
+    pub(crate) signals: Substitution<'e>,
     /// Canonical ψ to its switch and the scale of that one's ψ.
-    pub(super) index: FxHashMap<Expr<'e>, (usize, f64)>,
+    pub(crate) index: FxHashMap<Expr<'e>, (usize, f64)>,
     /// What takes the place of step(ψ): those of the switches of the system, and behind them steep functions
     /// of switches that were smoothed.
-    pub(super) alphas: Vec<Expr<'e>>,
+    pub(crate) alphas: Vec<Expr<'e>>,
     /// Values of parameters.
-    pub(super) params: Known,
+    pub(crate) params: Known,
 }
 
 impl<'e> Readings<'e> {
+    /// How expressions of the model are read once only the switches `kept` are left.
+    pub(crate) fn of(
+        switches: &Switches<'e>,
+        kept: &[usize],
+        signals: Substitution<'e>,
+        named: impl IntoIterator<Item = (Var, Expr<'e>, Expr<'e>)>,
+    ) -> Self {
+        let alphas: FxHashSet<Var> = kept.iter().map(|&k| switches.list[k].alpha).collect();
+        let is_kept = |e: Expr<'e>| {
+            switches
+                .entries
+                .alphas_of(e)
+                .iter()
+                .all(|alpha| alphas.contains(alpha))
+        };
+        let named = named.into_iter().map(|(var, value, direct)| {
+            let value = switches.entries.merged(value);
+            (
+                var,
+                if is_kept(value) {
+                    value
+                } else {
+                    direct.substitute(&signals)
+                },
+            )
+        });
+        let index = switches.index.iter().filter_map(|(&key, k)| {
+            let place = kept.iter().position(|kept| kept == k)?;
+            Some((key, (place, switches.list[*k].scale)))
+        });
+        let alphas = kept
+            .iter()
+            .map(|&k| switches.exprs().expr(switches.list[k].alpha));
+        Readings {
+            named: named.collect(),
+            signals,
+            index: index.collect(),
+            alphas: alphas.collect(),
+            params: switches.params.clone(),
+        }
+    }
+
     /// An expression of the model without named switches, controls and inputs.
     fn resolve(&self, e: Expr<'e>) -> Expr<'e> {
         let e = e.substitute(&self.named).substitute(&self.signals);

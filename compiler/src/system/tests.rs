@@ -10,7 +10,7 @@ use crate::source::SourceMap;
 use crate::syntax::{Experiment, Item, parse};
 
 /// The printed system of the first experiment, with warnings; else the diagnostics.
-pub(super) fn printed(text: &str) -> String {
+pub(crate) fn printed(text: &str) -> String {
     let mut sources = SourceMap::new();
     let mut diags = Diagnostics::new();
     let file = parse(&sources.add("test.nsd", text), &mut diags);

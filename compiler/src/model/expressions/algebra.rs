@@ -85,7 +85,7 @@ fn total<'e>(
             }];
             if *op == BinaryOp::Sub { -entry } else { entry }
         });
-        lowering.scope.exprs.sum(signed)
+        lowering.names.scope.exprs.sum(signed)
     };
     Ok(Tensor {
         shape,
@@ -101,7 +101,7 @@ pub(crate) fn binary<'e>(
     (a, left): (&Tensor<'e>, Span),
     (b, right): (&Tensor<'e>, Span),
 ) -> Result<Tensor<'e>, Reported> {
-    let exprs = lowering.scope.exprs;
+    let exprs = lowering.names.scope.exprs;
     lowering.spend(a.data.len().max(b.data.len()), left.to(right))?;
     let divides = matches!(op, BinaryOp::Div | BinaryOp::ElementDiv);
     if divides && b.data.iter().any(|entry| entry.is_zero()) {
@@ -222,6 +222,7 @@ fn product<'e>(
     )?;
     let entry = |i: usize, j: usize| {
         lowering
+            .names
             .scope
             .exprs
             .sum((0..inner).map(|k| a.at(i, k) * b.at(k, j)))
@@ -311,6 +312,7 @@ pub(crate) fn solve<'e>(
     };
     let entry = |i: usize, j: usize| {
         lowering
+            .names
             .scope
             .exprs
             .sum((0..n).map(|k| inverse[i * n + k] * b.at(k, j)))
@@ -377,6 +379,7 @@ fn determinant<'e>(
         }
     };
     lowering
+        .names
         .scope
         .exprs
         .sum(columns.iter().enumerate().map(term))

@@ -25,7 +25,7 @@ pub(crate) fn builtin<'e>(
         values[0] = values[0].map(Expr::cancelled);
     }
     if matches!(call.name, "sign" | "step") {
-        lowering.record_zeros(call.args[0], &values[0]);
+        check::record_zeros(lowering, call.args[0], &values[0]);
     }
     lowering.varies |= varied;
     apply(lowering, call, &values)
@@ -66,8 +66,8 @@ fn apply<'e>(
     lowering.spend(first.data.len(), call.span)?;
     if let Some(function) = Function::of_name(call.name) {
         match function {
-            Function::Floor => lowering.record_rounded(&first, None, call.span),
-            _ if function.is_nonsmooth() => lowering.record_surfaces(call.args[0], &first),
+            Function::Floor => check::record_rounded(lowering, &first, None, call.span),
+            _ if function.is_nonsmooth() => check::record_surfaces(lowering, call.args[0], &first),
             _ => {}
         }
         return Ok(first.map(|entry| entry.apply(function)));
@@ -84,7 +84,11 @@ fn apply<'e>(
             for (position, arg) in call.args.iter().enumerate() {
                 // `max(0, x)` switches where x does.
                 if values.len() == 2 && check::is_zero_literal(arg) {
-                    lowering.record_surfaces(call.args[1 - position], &values[1 - position]);
+                    check::record_surfaces(
+                        lowering,
+                        call.args[1 - position],
+                        &values[1 - position],
+                    );
                 }
             }
             let function = if call.name == "min" {
@@ -95,7 +99,7 @@ fn apply<'e>(
             fold(lowering, call, values, function)
         }
         "cbrt" => {
-            lowering.record_surfaces(call.args[0], &first);
+            check::record_surfaces(lowering, call.args[0], &first);
             Ok(first.map(cube_root))
         }
         "atan2" => fold(lowering, call, values, BinaryFunction::Atan2),
@@ -119,7 +123,7 @@ fn apply<'e>(
             first.zip(&clipped, |x, c| x - c).ok_or(Reported)
         }
         "sum" => Ok(Tensor::scalar(
-            lowering.scope.exprs.sum(first.data.iter().copied()),
+            lowering.names.scope.exprs.sum(first.data.iter().copied()),
         )),
         "len" => length(lowering, call, &first),
         _ => of_arrays(lowering, call, &first, &values[1..]),
@@ -140,7 +144,7 @@ fn remainder<'e>(
         return wrong(lowering, call, "a positive period", &period.to_string());
     }
     let quotients = fold_with(lowering, call, values, |u, period| u / period)?;
-    lowering.record_rounded(&quotients, Some(&values[1]), call.span);
+    check::record_rounded(lowering, &quotients, Some(&values[1]), call.span);
     fold_with(lowering, call, values, |u, period| {
         u - period * (u / period).floor()
     })
@@ -167,7 +171,7 @@ fn of_arrays<'e>(
         "norm" => norm(lowering, call, first),
         "dot" => match vectors(first, &others[0]) {
             true => Ok(Tensor::scalar(
-                lowering.scope.exprs.dot(&first.data, &others[0].data),
+                lowering.names.scope.exprs.dot(&first.data, &others[0].data),
             )),
             false => mismatch(lowering, call, first, &others[0]),
         },
@@ -233,11 +237,13 @@ fn norm<'e>(
         );
     }
     if first.shape == Shape::Scalar {
-        lowering.record_surfaces(call.args[0], first);
+        check::record_surfaces(lowering, call.args[0], first);
         return Ok(first.map(Expr::abs));
     }
     let squares = first.data.iter().map(|entry| entry.powi(2));
-    Ok(Tensor::scalar(lowering.scope.exprs.sum(squares).sqrt()))
+    Ok(Tensor::scalar(
+        lowering.names.scope.exprs.sum(squares).sqrt(),
+    ))
 }
 
 /// True for two vectors (columns or rows) of one length.

@@ -1,11 +1,13 @@
 //! Calls: functions of the file are inlined, built-in ones become expressions.
 
 use super::builtins;
-use super::check::plural;
 use crate::expr::Expr;
 use crate::model::errors::foreign;
-use crate::model::expressions::{Local, Lowering};
+use crate::model::errors::plural;
+use crate::model::expressions::Lowering;
+use crate::model::expressions::environment::{Environment, Local};
 use crate::model::hir::reserved::{did_you_mean, function_names, is_function};
+use crate::model::names::fields::{meaning, not_in_module};
 use crate::model::names::scope::{Callable, Meaning, Reported, Scope, Value};
 use crate::model::{ModelError, Tensor};
 use crate::source::Span;
@@ -50,7 +52,7 @@ fn callee<'a, 'c, 'e>(
 ) -> Result<(&'c str, Option<Body<'a, 'e>>), Reported> {
     let span = function.span;
     if let ExprKind::Field(base, field) = &function.kind
-        && let Some((name, module)) = lowering.module(base)
+        && let Some((name, module)) = lowering.names.module(base)
     {
         let found = module.functions.get(&field.name);
         return match found.filter(|_| module.declares.contains(&field.name)) {
@@ -58,22 +60,22 @@ fn callee<'a, 'c, 'e>(
             None if matches!(module.declared(&field.name), Some(Meaning::Unusable)) => {
                 Err(Reported)
             }
-            None => lowering.not_in_module(name, module, field),
+            None => not_in_module(lowering, name, module, field),
         };
     }
     let ExprKind::Name(name) = &function.kind else {
         // What stands in a file that could not be imported is unknown.
         if let ExprKind::Field(base, _) = &function.kind
-            && let Some((_, Meaning::Unusable)) = lowering.meaning(base)?
+            && let Some((_, Meaning::Unusable)) = meaning(lowering, base)?
         {
             return Err(Reported);
         }
-        let name = lowering.written().text(function);
+        let name = lowering.names.written().text(function);
         let help = foreign::function(&name);
         return lowering.error(ModelError::UnknownFunction { name, span, help });
     };
-    let scope = lowering.scope;
-    let visible = lowering.visible(name);
+    let scope = lowering.names.scope;
+    let visible = lowering.names.visible(name);
     if let Some(Meaning::Unusable) = visible {
         return Err(Reported);
     }
@@ -84,7 +86,7 @@ fn callee<'a, 'c, 'e>(
     if is_function(name) {
         return Ok((name, None));
     }
-    let help = if lowering.is_local(name) || visible.is_some() {
+    let help = if lowering.names.is_local(name) || visible.is_some() {
         let hint = "is not a function; index it as";
         Some(format!("`{name}` {hint} `{name}[..]`, multiply with `*`").into())
     } else if scope.forgiving {
@@ -165,23 +167,18 @@ fn inline<'a, 'e>(
         locals.push(Local::Value {
             name: param.name.clone(),
             value,
-            text: lowering.whole().text(arg),
+            text: lowering.names.whole().text(arg),
         });
     }
-    let outside = (
-        std::mem::replace(&mut lowering.locals, locals),
-        lowering.in_function,
-        lowering.hook,
-        lowering.scope,
-    );
-    (lowering.in_function, lowering.hook, lowering.scope) = (true, None, home);
+    let inside = Environment {
+        scope: home,
+        locals,
+        in_function: true,
+    };
+    let outside = std::mem::replace(&mut lowering.names, inside);
+    let hook = lowering.hook.take();
     let value = lowering.expr(&function.body);
-    (
-        lowering.locals,
-        lowering.in_function,
-        lowering.hook,
-        lowering.scope,
-    ) = outside;
+    (lowering.names, lowering.hook) = (outside, hook);
     value
 }
 
@@ -254,7 +251,7 @@ pub(crate) fn reduce<'e>(
     match (name, entries) {
         ("min", [_, ..]) => halves(entries, Expr::min),
         ("max", [_, ..]) => halves(entries, Expr::max),
-        _ => lowering.scope.exprs.sum(entries.iter().copied()),
+        _ => lowering.names.scope.exprs.sum(entries.iter().copied()),
     }
 }
 

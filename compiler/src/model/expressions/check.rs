@@ -7,11 +7,6 @@ use crate::model::{DynamicsError, Rounded, Shape, Surface, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Level, Relation};
 
-/// `1 row`, `2 rows`
-pub(crate) fn plural(count: usize, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
-}
-
 /// `0` as written.
 pub(crate) fn is_zero_literal(expr: &syntax::Expr) -> bool {
     matches!(expr.kind, ExprKind::Number(0.0))
@@ -39,145 +34,162 @@ pub(crate) fn shape_help(expected: Shape, found: Shape) -> Option<String> {
     }
 }
 
-impl<'e> Lowering<'_, 'e> {
-    /// `a < b < c`
-    #[inline(never)]
-    pub fn compare(
-        &mut self,
-        first: &syntax::Expr,
-        rest: &[(Relation, syntax::Expr)],
-    ) -> Result<Value<'e>, Reported> {
-        let mut truth: Option<Expr<'e>> = None;
-        let varied = std::mem::replace(&mut self.varies, false);
-        let mut left = (first, self.scalar(first, "a side of a comparison"));
-        for (relation, member) in rest {
-            let right = self.scalar(member, "a side of a comparison");
-            let one = self.relation((left.0, left.1?), *relation, (member, right?))?;
-            truth = Some(truth.map_or(one, |truth| truth * one));
-            left = (member, right);
-        }
-        self.varies |= varied;
-        Ok(Value::condition(
-            truth.unwrap_or_else(|| self.constant(1.0)),
-        ))
+/// `a < b < c`
+#[inline(never)]
+pub(crate) fn compare<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    first: &syntax::Expr,
+    rest: &[(Relation, syntax::Expr)],
+) -> Result<Value<'e>, Reported> {
+    let mut truth: Option<Expr<'e>> = None;
+    let varied = std::mem::replace(&mut lowering.varies, false);
+    let mut left = (first, lowering.scalar(first, "a side of a comparison"));
+    for (sign, member) in rest {
+        let right = lowering.scalar(member, "a side of a comparison");
+        let one = relation(lowering, (left.0, left.1?), *sign, (member, right?))?;
+        truth = Some(truth.map_or(one, |truth| truth * one));
+        left = (member, right);
     }
+    lowering.varies |= varied;
+    Ok(Value::condition(
+        truth.unwrap_or_else(|| lowering.constant(1.0)),
+    ))
+}
 
-    /// `a > b` is `step(a - b)`, `a < b` is `1 - step(a - b)`.
-    #[inline(never)]
-    fn relation(
-        &mut self,
-        (left, a): (&syntax::Expr, Expr<'e>),
-        relation: Relation,
-        (right, b): (&syntax::Expr, Expr<'e>),
-    ) -> Result<Expr<'e>, Reported> {
-        let above = matches!(relation, Relation::Greater | Relation::GreaterEqual);
-        let difference = (a - b).cancelled();
-        if let Some(value) = difference.as_constant() {
-            let holds = match relation {
-                Relation::Less => value < 0.0,
-                Relation::LessEqual => value <= 0.0,
-                Relation::Greater => value > 0.0,
-                Relation::GreaterEqual => value >= 0.0,
-                Relation::Equal => value == 0.0,
-            };
-            if self.in_guard {
-                let span = left.span.to(right.span);
-                return self.error(DynamicsError::ConstantComparison { value: holds, span });
-            }
-            // What is made of more than structural constants was meant to switch.
-            if value == 0.0 && self.varies {
-                let (_, name) = self.difference((left, a), (right, b));
-                let (psi, span) = (difference, left.span.to(right.span));
-                self.surfaces.push(Surface { name, psi, span });
-            }
-            return Ok(self.constant(if holds { 1.0 } else { 0.0 }));
-        }
-        // A constant stands behind the minus: the surface of `1 < x` is `x - 1`.
-        let ((psi, name), above) = if a.as_constant().is_some() {
-            (self.difference((right, b), (left, a)), !above)
-        } else {
-            (self.difference((left, a), (right, b)), above)
+/// `a > b` is `step(a - b)`, `a < b` is `1 - step(a - b)`.
+#[inline(never)]
+fn relation<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    (left, a): (&syntax::Expr, Expr<'e>),
+    relation: Relation,
+    (right, b): (&syntax::Expr, Expr<'e>),
+) -> Result<Expr<'e>, Reported> {
+    let above = matches!(relation, Relation::Greater | Relation::GreaterEqual);
+    let change = (a - b).cancelled();
+    if let Some(value) = change.as_constant() {
+        let holds = match relation {
+            Relation::Less => value < 0.0,
+            Relation::LessEqual => value <= 0.0,
+            Relation::Greater => value > 0.0,
+            Relation::GreaterEqual => value >= 0.0,
+            Relation::Equal => value == 0.0,
         };
-        self.surfaces.push(Surface {
+        if lowering.in_guard {
+            let span = left.span.to(right.span);
+            return lowering.error(DynamicsError::ConstantComparison { value: holds, span });
+        }
+        // What is made of more than structural constants was meant to switch.
+        if value == 0.0 && lowering.varies {
+            let (_, name) = difference(lowering, (left, a), (right, b));
+            let (psi, span) = (change, left.span.to(right.span));
+            lowering.surfaces.push(Surface { name, psi, span });
+        }
+        return Ok(lowering.constant(if holds { 1.0 } else { 0.0 }));
+    }
+    // A constant stands behind the minus: the surface of `1 < x` is `x - 1`.
+    let ((psi, name), above) = if a.as_constant().is_some() {
+        (difference(lowering, (right, b), (left, a)), !above)
+    } else {
+        (difference(lowering, (left, a), (right, b)), above)
+    };
+    lowering.surfaces.push(Surface {
+        name,
+        psi,
+        span: left.span.to(right.span),
+    });
+    Ok(if above { psi.step() } else { 1.0 - psi.step() })
+}
+
+/// The switching function that compares two values, and its name.
+fn difference<'e>(
+    lowering: &Lowering<'_, 'e>,
+    (left, a): (&syntax::Expr, Expr<'e>),
+    (right, b): (&syntax::Expr, Expr<'e>),
+) -> (Expr<'e>, String) {
+    let text = match b.as_constant() {
+        _ if is_zero_literal(right) => lowering.names.whole().text(left),
+        Some(value) if value < 0.0 => {
+            format!(
+                "{} + {}",
+                lowering.names.whole().at_level(left, Level::Sum),
+                -value
+            )
+        }
+        _ => format!(
+            "{} - {}",
+            lowering.names.whole().at_level(left, Level::Sum),
+            lowering.names.whole().at_level(right, Level::Product)
+        ),
+    };
+    (a - b, text)
+}
+
+/// Remembers an argument of `sign` or `step` that is zero though it is made of more than structural constants.
+pub(crate) fn record_zeros<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    arg: &syntax::Expr,
+    value: &Tensor<'e>,
+) {
+    if lowering.varies && value.data.iter().any(|psi| psi.is_zero()) {
+        let (name, psi) = (lowering.names.whole().text(arg), lowering.constant(0.0));
+        let span = arg.span;
+        lowering.surfaces.push(Surface { name, psi, span });
+    }
+}
+
+/// Remembers where values are rounded down, those of quotients by periods.
+pub(crate) fn record_rounded<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    value: &Tensor<'e>,
+    periods: Option<&Tensor<'e>>,
+    span: Span,
+) {
+    let periods = periods.map_or(&[][..], |periods| &periods.data);
+    let calls = value.data.iter().enumerate();
+    lowering.rounded.extend(calls.map(|(k, &argument)| Rounded {
+        argument,
+        period: periods.get(k).or(periods.last()).copied(),
+        span,
+    }));
+}
+
+/// Remembers how the switching functions in the argument of `sign` and the like are written.
+pub(crate) fn record_surfaces<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    arg: &syntax::Expr,
+    value: &Tensor<'e>,
+) {
+    for (position, &psi) in value.data.iter().enumerate() {
+        if psi.as_constant().is_some() {
+            continue;
+        }
+        let name = match (value.shape, &arg.kind) {
+            (Shape::Scalar, _) => lowering.names.whole().text(arg),
+            (_, ExprKind::Matrix(matrix))
+                if !matrix.semicolons
+                    && matrix.rows.iter().flatten().count() == value.data.len() =>
+            {
+                matrix
+                    .rows
+                    .iter()
+                    .flatten()
+                    .nth(position)
+                    .map(|entry| lowering.names.whole().text(entry))
+                    .unwrap_or_default()
+            }
+            // `x[3]` says more than the first entry of `x[3..4]`.
+            (shape, _) => match psi.as_variable() {
+                Some(var) => psi.exprs().name(var),
+                None => {
+                    shape.entry_name(&lowering.names.whole().at_level(arg, Level::Atom), position)
+                }
+            },
+        };
+        lowering.surfaces.push(Surface {
             name,
             psi,
-            span: left.span.to(right.span),
+            span: arg.span,
         });
-        Ok(if above { psi.step() } else { 1.0 - psi.step() })
-    }
-
-    /// The switching function that compares two values, and its name.
-    fn difference(
-        &self,
-        (left, a): (&syntax::Expr, Expr<'e>),
-        (right, b): (&syntax::Expr, Expr<'e>),
-    ) -> (Expr<'e>, String) {
-        let text = match b.as_constant() {
-            _ if is_zero_literal(right) => self.whole().text(left),
-            Some(value) if value < 0.0 => {
-                format!("{} + {}", self.whole().at_level(left, Level::Sum), -value)
-            }
-            _ => format!(
-                "{} - {}",
-                self.whole().at_level(left, Level::Sum),
-                self.whole().at_level(right, Level::Product)
-            ),
-        };
-        (a - b, text)
-    }
-
-    /// Remembers an argument of `sign` or `step` that is zero though it is made of more than structural constants.
-    pub fn record_zeros(&mut self, arg: &syntax::Expr, value: &Tensor<'e>) {
-        if self.varies && value.data.iter().any(|psi| psi.is_zero()) {
-            let (name, psi) = (self.whole().text(arg), self.constant(0.0));
-            let span = arg.span;
-            self.surfaces.push(Surface { name, psi, span });
-        }
-    }
-
-    /// Remembers where values are rounded down, those of quotients by periods.
-    pub fn record_rounded(&mut self, value: &Tensor<'e>, periods: Option<&Tensor<'e>>, span: Span) {
-        let periods = periods.map_or(&[][..], |periods| &periods.data);
-        let calls = value.data.iter().enumerate();
-        self.rounded.extend(calls.map(|(k, &argument)| Rounded {
-            argument,
-            period: periods.get(k).or(periods.last()).copied(),
-            span,
-        }));
-    }
-
-    /// Remembers how the switching functions in the argument of `sign` and the like are written.
-    pub fn record_surfaces(&mut self, arg: &syntax::Expr, value: &Tensor<'e>) {
-        for (position, &psi) in value.data.iter().enumerate() {
-            if psi.as_constant().is_some() {
-                continue;
-            }
-            let name = match (value.shape, &arg.kind) {
-                (Shape::Scalar, _) => self.whole().text(arg),
-                (_, ExprKind::Matrix(matrix))
-                    if !matrix.semicolons
-                        && matrix.rows.iter().flatten().count() == value.data.len() =>
-                {
-                    matrix
-                        .rows
-                        .iter()
-                        .flatten()
-                        .nth(position)
-                        .map(|entry| self.whole().text(entry))
-                        .unwrap_or_default()
-                }
-                // `x[3]` says more than the first entry of `x[3..4]`.
-                (shape, _) => match psi.as_variable() {
-                    Some(var) => psi.exprs().name(var),
-                    None => shape.entry_name(&self.whole().at_level(arg, Level::Atom), position),
-                },
-            };
-            self.surfaces.push(Surface {
-                name,
-                psi,
-                span: arg.span,
-            });
-        }
     }
 }
 

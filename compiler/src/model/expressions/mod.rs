@@ -1,19 +1,24 @@
 //! Expressions of the syntax tree to values: names looked up, shapes checked, everything scalar.
 
 pub(crate) mod algebra;
+pub(crate) mod brackets;
 pub(crate) mod builtins;
 pub(crate) mod calls;
 pub(crate) mod check;
+pub(crate) mod environment;
+pub(crate) mod logic;
 pub(crate) mod rows;
 pub(crate) mod tensor;
 pub(crate) mod text;
 pub(crate) mod unroll;
-use std::rc::Rc;
+pub(crate) mod values;
 
+use self::environment::Environment;
 use super::{ModelError, Rounded, Shape, Surface, Tensor};
 use crate::diagnostics::{Diagnostics, Fixable};
 use crate::expr::Expr;
 use crate::model::names::scope::{Hook, Reported, Scope, Value};
+use crate::model::names::{fields, lookup};
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Level};
 
@@ -22,40 +27,11 @@ use crate::syntax::{self, ExprKind, Level};
 /// What stands between two levels is kept out of line: frames of one function would hold the locals of all.
 const MAX_DEPTH: usize = 300;
 
-/// A name that holds in a part of the model only.
-pub(crate) enum Local<'e> {
-    /// A loop index or an argument, with the text that stands for it.
-    Value {
-        name: String,
-        value: Value<'e>,
-        text: String,
-    },
-    /// A `let` in a region or loop; computed when first used.
-    Let {
-        statement: Rc<syntax::Named>,
-        value: Lazy<'e>,
-        frame: usize,
-    },
-}
-
-/// A local `let` before and after its first use.
-#[derive(Clone)]
-pub(crate) enum Lazy<'e> {
-    Waiting,
-    Running,
-    Done(Value<'e>),
-    Failed,
-}
-
 /// The state of lowering one expression.
 pub(crate) struct Lowering<'a, 'e> {
-    pub scope: &'a Scope<'e>,
+    pub names: Environment<'a, 'e>,
     pub hook: Option<&'a Hook<'a, 'e>>,
     pub diags: &'a mut Diagnostics,
-    /// Local names, innermost last.
-    pub locals: Vec<Local<'e>>,
-    /// True in the body of a function, which sees the file only.
-    pub in_function: bool,
     /// True in the guard of a region, where a comparison must not be constant.
     pub in_guard: bool,
     /// True once a name was looked up that is neither a structural constant nor a constant local one.
@@ -74,11 +50,9 @@ impl<'a, 'e> Lowering<'a, 'e> {
         diags: &'a mut Diagnostics,
     ) -> Self {
         Lowering {
-            scope,
+            names: Environment::of_model(scope),
             hook,
             diags,
-            locals: vec![],
-            in_function: false,
             in_guard: false,
             varies: false,
             surfaces: vec![],
@@ -102,11 +76,11 @@ impl<'a, 'e> Lowering<'a, 'e> {
     /// Takes work off the budget of the model.
     pub fn spend(&mut self, amount: usize, span: Span) -> Result<(), Reported> {
         // Once it is used up, everything fails without further words.
-        let Some(left) = self.scope.budget.get() else {
+        let Some(left) = self.names.scope.budget.get() else {
             return Err(Reported);
         };
         let rest = left.checked_sub(amount);
-        self.scope.budget.set(rest);
+        self.names.scope.budget.set(rest);
         match rest {
             Some(_) => Ok(()),
             None => {
@@ -117,7 +91,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
     }
 
     pub fn constant(&self, value: f64) -> Expr<'e> {
-        self.scope.exprs.constant(value)
+        self.names.scope.exprs.constant(value)
     }
 
     /// The value of an expression that must consist of numbers.
@@ -179,7 +153,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
     pub fn condition(&mut self, expr: &syntax::Expr) -> Result<Expr<'e>, Reported> {
         let value = self.expr(expr)?;
         if !value.is_condition {
-            let text = self.written().at_level(expr, Level::Atom);
+            let text = self.names.written().at_level(expr, Level::Atom);
             return self.error(ModelError::NumberAsCondition {
                 text,
                 span: expr.span,
@@ -277,129 +251,22 @@ impl<'a, 'e> Lowering<'a, 'e> {
         match &expr.kind {
             ExprKind::Number(value) => Ok(Tensor::scalar(self.constant(*value)).into()),
             ExprKind::String(_) => self.error(ModelError::Text { span: expr.span }),
-            ExprKind::Name(name) => self.name(name, expr.span),
-            ExprKind::Field(base, field) => self.field(expr, base, field),
-            ExprKind::Index(base, indices) => self.index(base, indices, expr.span),
+            ExprKind::Name(name) => lookup::name(self, name, expr.span),
+            ExprKind::Field(base, field) => fields::field(self, expr, base, field),
+            ExprKind::Index(base, indices) => lookup::index(self, base, indices, expr.span),
             ExprKind::Call(function, args) => calls::call(self, function, args, expr.span),
-            ExprKind::Matrix(matrix) => self.matrix(matrix, expr.span).map(Value::from),
-            ExprKind::Comprehension(body, binders) => self.comprehension(body, binders, expr.span),
-            ExprKind::Negate(inner) => self.negate(inner),
-            ExprKind::Binary(op, left, right) => self.power(*op, left, right),
-            ExprKind::Chain(first, rest) => algebra::chain(self, first, rest).map(Value::from),
-            ExprKind::Compare(first, rest) => self.compare(first, rest),
-            ExprKind::Not(inner) => self.not(inner),
-            ExprKind::And(members) => self.and(members),
-            ExprKind::Or(members) => self.or(members),
-            ExprKind::If(c, a, b) => self.choose(c, a, b),
-        }
-    }
-
-    #[inline(never)]
-    fn comprehension(
-        &mut self,
-        body: &syntax::Expr,
-        binders: &[syntax::Binder],
-        span: Span,
-    ) -> Result<Value<'e>, Reported> {
-        let mut data = vec![];
-        self.for_each(binders, span, &mut |lowering| {
-            data.push(lowering.scalar(body, "an entry of a comprehension")?);
-            Ok(())
-        })?;
-        Ok(Tensor::vector(data).into())
-    }
-
-    #[inline(never)]
-    fn negate(&mut self, inner: &syntax::Expr) -> Result<Value<'e>, Reported> {
-        Ok(self.numbers(inner)?.map(|entry| -entry).into())
-    }
-
-    #[inline(never)]
-    fn power(
-        &mut self,
-        op: syntax::BinaryOp,
-        left: &syntax::Expr,
-        right: &syntax::Expr,
-    ) -> Result<Value<'e>, Reported> {
-        // Both sides are looked at, so that mistakes in both are reported.
-        let (a, b) = (self.numbers(left), self.numbers(right));
-        algebra::binary(self, op, (&a?, left.span), (&b?, right.span)).map(Value::from)
-    }
-
-    /// not: 1 - a
-    #[inline(never)]
-    fn not(&mut self, inner: &syntax::Expr) -> Result<Value<'e>, Reported> {
-        let inner = self.condition(inner)?;
-        Ok(Value::condition(1.0 - inner))
-    }
-
-    /// and: Π a
-    #[inline(never)]
-    fn and(&mut self, members: &[syntax::Expr]) -> Result<Value<'e>, Reported> {
-        let members = self.conditions(members)?;
-        Ok(Value::condition(self.scope.exprs.product(members)))
-    }
-
-    /// or: 1 - Π (1 - a)
-    #[inline(never)]
-    fn or(&mut self, members: &[syntax::Expr]) -> Result<Value<'e>, Reported> {
-        let members = self.conditions(members)?;
-        let none = members.into_iter().map(|member| 1.0 - member);
-        Ok(Value::condition(1.0 - self.scope.exprs.product(none)))
-    }
-
-    /// Several conditions; mistakes in all of them are reported.
-    fn conditions(&mut self, members: &[syntax::Expr]) -> Result<Vec<Expr<'e>>, Reported> {
-        let members: Vec<_> = members
-            .iter()
-            .map(|member| self.condition(member))
-            .collect();
-        members.into_iter().collect()
-    }
-
-    /// `if c then a else b`: b + c (a - b), or one of them when c is constant.
-    #[inline(never)]
-    fn choose(
-        &mut self,
-        condition: &syntax::Expr,
-        a: &syntax::Expr,
-        b: &syntax::Expr,
-    ) -> Result<Value<'e>, Reported> {
-        let c = self.condition(condition)?;
-        if let Some(c) = c.as_constant() {
-            return self.expr(if c > 0.5 { a } else { b });
-        }
-        let (first, second) = (self.expr(a), self.expr(b));
-        let (first, second) = (first?, second?);
-        if first.is_condition != second.is_condition {
-            let span = if first.is_condition { a.span } else { b.span };
-            return self.error(ModelError::BooleanAsNumber { span });
-        }
-        match first.tensor.zip(&second.tensor, |a, b| b + c * (a - b)) {
-            Some(tensor) => {
-                self.spend(tensor.data.len(), condition.span)?;
-                Ok(Value {
-                    tensor,
-                    is_condition: first.is_condition,
-                })
+            ExprKind::Matrix(matrix) => brackets::matrix(self, matrix, expr.span).map(Value::from),
+            ExprKind::Comprehension(body, binders) => {
+                logic::comprehension(self, body, binders, expr.span)
             }
-            None => self.error(ModelError::Operands {
-                operator: "if".to_owned(),
-                left: first.tensor.shape.to_string(),
-                right: second.tensor.shape.to_string(),
-                left_span: a.span,
-                right_span: b.span,
-                help: Some("both branches must have one shape".to_owned()),
-            }),
-        }
-    }
-}
-
-impl Local<'_> {
-    pub fn name(&self) -> &str {
-        match self {
-            Local::Value { name, .. } => name,
-            Local::Let { statement, .. } => &statement.name.name,
+            ExprKind::Negate(inner) => logic::negate(self, inner),
+            ExprKind::Binary(op, left, right) => logic::power(self, *op, left, right),
+            ExprKind::Chain(first, rest) => algebra::chain(self, first, rest).map(Value::from),
+            ExprKind::Compare(first, rest) => check::compare(self, first, rest),
+            ExprKind::Not(inner) => logic::not(self, inner),
+            ExprKind::And(members) => logic::and(self, members),
+            ExprKind::Or(members) => logic::or(self, members),
+            ExprKind::If(c, a, b) => logic::choose(self, c, a, b),
         }
     }
 }

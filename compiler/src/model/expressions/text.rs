@@ -1,6 +1,6 @@
 //! Expressions back to text, with loop indices and arguments put in: the names of surfaces.
 
-use crate::model::expressions::{Local, Lowering};
+use crate::model::expressions::environment::{Environment, Local};
 use crate::model::names::scope::Scope;
 use crate::syntax::{Expr, Level, Path, Segment, Writer};
 
@@ -11,7 +11,7 @@ pub(crate) struct Naming<'l, 'e> {
     part: Option<&'l Scope<'e>>,
 }
 
-impl<'e> Lowering<'_, 'e> {
+impl<'e> Environment<'_, 'e> {
     /// Names as written, with the current indices and arguments in them.
     pub fn written(&self) -> Naming<'_, 'e> {
         let locals = &self.locals;

@@ -168,7 +168,7 @@ impl<'e> Binding<'_, 'e> {
     ) -> Result<(), Reported> {
         let target = self.brace_target(inner, bind)?;
         let lowering = Lowering::new(&self.scope, None, self.diags);
-        let what = format!("`{}`", lowering.written().path(&bind.target));
+        let what = format!("`{}`", lowering.names.written().path(&bind.target));
         if target.kind == TargetKind::Const {
             if let Some(error) = GivenError::constant_entry(&bind.target) {
                 self.diags.push(error);
@@ -198,7 +198,9 @@ impl<'e> Binding<'_, 'e> {
             .collect();
         let binder = inner.part.binder.as_ref().zip(inner.index);
         let value = self.draft.lowering(&self.scope, self.diags, |lowering| {
-            lowering.with_index(binder.map(|(binder, index)| (&*binder.name.name, index)));
+            if let Some((binder, index)) = binder {
+                lowering.names.push_index(&binder.name.name, index);
+            }
             lowering.numbers_as(&bind.value, target.shape, &what)
         })?;
         if matches!(

@@ -5,6 +5,7 @@ pub(crate) mod connect;
 pub(crate) mod draft;
 pub(crate) mod fields;
 pub(crate) mod file;
+pub(crate) mod kind;
 pub(crate) mod lookup;
 pub(crate) mod parts;
 pub(crate) mod places;

@@ -14,8 +14,6 @@ use super::scope::{Meaning, Reported, Scope, Value};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
 use crate::model::ModelError;
-use crate::model::expressions::tensor::Tensor;
-use crate::model::expressions::{Local, Lowering};
 use crate::model::hir::order::{names_const, order};
 use crate::model::hir::{self, Hir, import};
 use crate::model::statements::declare::{Declaring, Level};
@@ -262,7 +260,9 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
 
     fn given(&mut self, bind: &Bind, local: Option<(&str, i64)>) -> Result<Given<'e>, Reported> {
         self.lowering(|lowering| {
-            lowering.with_index(local);
+            if let Some((name, index)) = local {
+                lowering.names.push_index(name, index);
+            }
             let mut steps = vec![Step::Name(bind.target.head.name.clone())];
             for segment in &bind.target.rest {
                 match segment {
@@ -280,20 +280,6 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             let span = bind.value.span;
             Ok(Given { steps, value, span })
         })
-    }
-}
-
-impl Lowering<'_, '_> {
-    /// Brings the index of an array of parts in sight.
-    pub fn with_index(&mut self, local: Option<(&str, i64)>) {
-        if let Some((name, index)) = local {
-            let value = Tensor::scalar(self.constant(index as f64)).into();
-            self.locals.push(Local::Value {
-                name: name.to_owned(),
-                value,
-                text: index.to_string(),
-            });
-        }
     }
 }
 

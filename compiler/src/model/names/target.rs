@@ -4,66 +4,11 @@ use std::rc::Rc;
 
 use super::places;
 use super::scope::{Meaning, Reported};
+use super::{fields, lookup};
 use crate::model::expressions::Lowering;
 use crate::model::hir::reserved::did_you_mean;
-use crate::model::{ModelError, Shape};
+use crate::model::{ModelError, Shape, Target, TargetKind};
 use crate::syntax::{Ident, Index, Path, Segment};
-
-/// What a path names.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Target {
-    /// What it is.
-    pub kind: TargetKind,
-    /// Positions of the named entries in it.
-    pub entries: Vec<usize>,
-    /// Their shape.
-    pub shape: Shape,
-}
-
-/// A declaration, by its index in the list of the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum TargetKind {
-    /// A structural constant.
-    Const,
-    /// [`crate::model::Model::params`]
-    Param(usize),
-    /// [`crate::model::Model::states`]
-    State(usize),
-    /// [`crate::model::Model::algebraics`]
-    Algebraic(usize),
-    /// [`crate::model::Model::controls`]
-    Control(usize),
-    /// [`crate::model::Model::inputs`]
-    Input(usize),
-    /// [`crate::model::Model::signals`]
-    Signal(usize),
-    /// [`crate::model::Model::lets`]
-    Let(usize),
-    /// [`crate::model::Model::outputs`]
-    Output(usize),
-    /// [`crate::model::Model::switches`]
-    Switch(usize),
-    /// `s.sliding` of a switch.
-    Sliding(usize),
-}
-
-impl TargetKind {
-    /// The word of the language for it.
-    pub fn word(self) -> &'static str {
-        match self {
-            TargetKind::Const => "constant",
-            TargetKind::Param(_) => "param",
-            TargetKind::State(_) => "state",
-            TargetKind::Algebraic(_) => "solution of equations",
-            TargetKind::Control(_) => "control",
-            TargetKind::Input(_) => "input",
-            TargetKind::Signal(_) => "signal",
-            TargetKind::Let(_) => "let",
-            TargetKind::Output(_) => "output",
-            TargetKind::Switch(_) | TargetKind::Sliding(_) => "switch",
-        }
-    }
-}
 
 /// The declaration and the entries that a path names.
 pub(crate) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Target, Reported> {
@@ -104,7 +49,7 @@ fn declaration<'p>(
     lowering: &mut Lowering<'_, '_>,
     path: &'p Path,
 ) -> Result<(TargetKind, Shape, &'p [Segment]), Reported> {
-    let mut scope = lowering.scope;
+    let mut scope = lowering.names.scope;
     let (mut name, mut span) = (&path.head.name, path.head.span);
     let mut rest = &path.rest[..];
     let mut meaning = scope.get(name);
@@ -113,14 +58,15 @@ fn declaration<'p>(
             Some(Meaning::Value(value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
             Some(Meaning::Family { binders, members }) => {
                 let (indices, count) = (indices(&mut rest), binders.len());
-                let member = lowering.member(name, indices, members, count, "loop", path.span);
+                let member =
+                    lookup::member(lowering, name, indices, members, count, "loop", path.span);
                 let (value, kind) = member?;
                 return Ok((*kind, value.tensor.shape, rest));
             }
             Some(Meaning::Part(inner)) => inner,
             Some(Meaning::Parts(members)) => {
                 let indices = indices(&mut rest);
-                lowering.member(name, indices, members, 1, "range", path.span)?
+                lookup::member(lowering, name, indices, members, 1, "range", path.span)?
             }
             Some(other) => return lowering.refuse(other.no_value(name, span)),
             None if scope.forgiving => return Err(Reported),
@@ -138,7 +84,7 @@ fn declaration<'p>(
             return lowering.refuse(part.no_value(name, span));
         };
         rest = &rest[1..];
-        meaning = Some(lowering.own(name, inner, field)?);
+        meaning = Some(fields::own(lowering, name, inner, field)?);
         (scope, name, span) = (inner, &field.name, field.span);
     }
 }

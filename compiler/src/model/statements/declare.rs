@@ -1,7 +1,7 @@
 //! Declarations: variables for what varies, values for what is named.
 
 use crate::diagnostics::Diagnostics;
-use crate::model::expressions::{Lazy, Local, Lowering};
+use crate::model::expressions::Lowering;
 use crate::model::hir::order::given;
 use crate::model::hir::{Declared, Definition, Frame};
 use crate::model::names::draft::Draft;
@@ -191,31 +191,9 @@ pub(crate) fn in_frames<'e>(
         return body(lowering);
     };
     lowering.for_each(frame.binders, frame.span, &mut |lowering| {
-        let base = lowering.open_frame(&frame.lets);
+        let base = lowering.names.open_frame(&frame.lets);
         let result = in_frames(lowering, inner, body);
-        lowering.locals.truncate(base);
+        lowering.names.locals.truncate(base);
         result
     })
-}
-
-impl<'e> Lowering<'_, 'e> {
-    /// Brings the `let`s of a block in sight; returns how many locals there were.
-    pub fn open_frame(&mut self, lets: &[std::rc::Rc<syntax::Named>]) -> usize {
-        let base = self.locals.len();
-        let frame = base + lets.len();
-        self.locals.extend(lets.iter().map(|statement| Local::Let {
-            statement: std::rc::Rc::clone(statement),
-            value: Lazy::Waiting,
-            frame,
-        }));
-        base
-    }
-
-    /// Current values of the indices of some loops.
-    pub fn indices(&self, frames: &[Frame<'_>]) -> Vec<i64> {
-        let binders = frames.iter().flat_map(|frame| frame.binders);
-        binders
-            .filter_map(|binder| self.index_value(&binder.name.name))
-            .collect()
-    }
 }

@@ -102,16 +102,16 @@ impl<'e> Walk<'e> {
             let here = repeat
                 .binders
                 .iter()
-                .filter_map(|binder| lowering.index_value(&binder.name.name));
+                .filter_map(|binder| lowering.names.index_value(&binder.name.name));
             self.indices.extend(here);
-            let base = lowering.open_frame(&lets);
+            let base = lowering.names.open_frame(&lets);
             let result = self.statements(lowering, &repeat.body, sink);
-            lowering.locals.truncate(base);
+            lowering.names.locals.truncate(base);
             self.indices.truncate(outer);
             result
         });
         if result.is_err() {
-            self.touch(&lowering.scope.prefix, &repeat.body);
+            self.touch(&lowering.names.scope.prefix, &repeat.body);
         }
         result
     }
@@ -151,7 +151,7 @@ impl<'e> Walk<'e> {
         match (&result, sink) {
             (Err(Reported), _) => {
                 let name = &dynamics.target.head.name;
-                let name = format!("{}{name}", lowering.scope.prefix);
+                let name = format!("{}{name}", lowering.names.scope.prefix);
                 self.touched.insert(name);
             }
             (Ok(rates), Sink::Outside) => self.found.dynamics.extend(rates),
@@ -167,7 +167,7 @@ impl<'e> Walk<'e> {
     ) -> Result<Vec<Rate<'e>>, Reported> {
         let path = &dynamics.target;
         // A wrong target does not hide what is wrong on the right.
-        let target = match lowering.scope.get(&path.head.name) {
+        let target = match lowering.names.scope.get(&path.head.name) {
             Some(Meaning::Value(..)) | None => target::resolve(lowering, path),
             Some(Meaning::Word(kind)) => lowering.error(DynamicsError::not_a_state(path, kind)),
             Some(Meaning::Part(_) | Meaning::Parts(_)) => {
@@ -190,7 +190,7 @@ impl<'e> Walk<'e> {
         let TargetKind::State(state) = target.kind else {
             return lowering.error(DynamicsError::not_a_state(path, target.kind.word()));
         };
-        let what = format!("`{}'`", lowering.written().path(path));
+        let what = format!("`{}'`", lowering.names.written().path(path));
         let value = lowering.numbers_as(&dynamics.value, target.shape, &what)?;
         let first = self.offsets[state];
         let rate = |(&entry, &value): (&usize, &_)| Rate {
@@ -220,7 +220,7 @@ impl<'e> Walk<'e> {
             RegionGuard::Else => (Ok((zero, None)), region.name.span),
         };
         let lets = shared_lets(&region.body);
-        let base = lowering.open_frame(&lets);
+        let base = lowering.names.open_frame(&lets);
         let mut rates = vec![];
         let body = self.statements(lowering, &region.body, &mut Sink::Region(&mut rates));
         // A local name that nothing reads may still be wrong.
@@ -235,11 +235,11 @@ impl<'e> Walk<'e> {
             .collect::<Vec<_>>()
             .into_iter()
             .fold(Ok(()), Result::and);
-        lowering.locals.truncate(base);
+        lowering.names.locals.truncate(base);
         match (guard, body.and(unread)) {
             (Ok((guard, indicator)), Ok(())) => {
                 let name = self.indexed(&region.name.name);
-                let name = format!("{}{name}", lowering.scope.prefix);
+                let name = format!("{}{name}", lowering.names.scope.prefix);
                 self.found.regions.push(Region {
                     name,
                     guard,
@@ -252,7 +252,7 @@ impl<'e> Walk<'e> {
                 Ok(())
             }
             _ => {
-                self.touch(&lowering.scope.prefix, &region.body);
+                self.touch(&lowering.names.scope.prefix, &region.body);
                 Err(Reported)
             }
         }

@@ -132,15 +132,18 @@ impl<'e> Walk<'e> {
         let switch = match target.kind {
             TargetKind::Switch(switch) if has_sides(switch) => switch,
             _ => {
-                let (name, span) = (lowering.written().path(&hidden.switch), hidden.switch.span);
+                let (name, span) = (
+                    lowering.names.written().path(&hidden.switch),
+                    hidden.switch.span,
+                );
                 return lowering.error(DynamicsError::NotASwitch { name, span });
             }
         };
         let lets = shared_lets(&hidden.body);
-        let base = lowering.open_frame(&lets);
+        let base = lowering.names.open_frame(&lets);
         let mut rates = vec![];
         let result = self.statements(lowering, &hidden.body, &mut Sink::Hidden(&mut rates));
-        lowering.locals.truncate(base);
+        lowering.names.locals.truncate(base);
         result?;
         for rate in &rates {
             self.check_hidden(lowering, switch, &target.entries, rate)?;

@@ -22,7 +22,7 @@ impl<'e> Walk<'e> {
                 Ok(found) => {
                     let known = |new: &Reset<'e>| resets.iter().find(|r| r.entry == new.entry);
                     if let Some(first) = found.iter().find_map(known) {
-                        let name = lowering.written().path(&bind.target);
+                        let name = lowering.names.written().path(&bind.target);
                         result = lowering.error(DynamicsError::ResetTwice {
                             name,
                             first: first.span,
@@ -38,7 +38,7 @@ impl<'e> Walk<'e> {
         result?;
         let name = self.indexed(&jump.name.name);
         self.found.jumps.push(Jump {
-            name: format!("{}{name}", lowering.scope.prefix),
+            name: format!("{}{name}", lowering.names.scope.prefix),
             guard,
             guard_span: jump.guard.span,
             resets,
@@ -54,7 +54,7 @@ impl<'e> Walk<'e> {
         bind: &syntax::Bind,
     ) -> Result<Vec<Reset<'e>>, Reported> {
         let path = &bind.target;
-        let target = match lowering.scope.get(&path.head.name) {
+        let target = match lowering.names.scope.get(&path.head.name) {
             Some(Meaning::Part(_) | Meaning::Parts(_)) => {
                 let (part, span) = (path.head.name.clone(), path.span);
                 lowering.error(DynamicsError::OfAPart { part, span })
@@ -71,7 +71,7 @@ impl<'e> Walk<'e> {
         let TargetKind::State(state) = target.kind else {
             return lowering.error(DynamicsError::not_a_state(path, target.kind.word()));
         };
-        let what = format!("`{}`", lowering.written().path(path));
+        let what = format!("`{}`", lowering.names.written().path(path));
         let value = lowering.numbers_as(&bind.value, target.shape, &what)?;
         let first = self.offsets[state];
         let reset = |(&entry, &value): (&usize, &_)| Reset {

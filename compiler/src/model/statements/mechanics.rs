@@ -37,7 +37,7 @@ impl<'e> Walk<'e> {
         if body.is_err() {
             let name = &mechanics.v.head.name;
             self.touched
-                .insert(format!("{}{name}", lowering.scope.prefix));
+                .insert(format!("{}{name}", lowering.names.scope.prefix));
         }
         let velocities = body.as_ref().ok().map(|body| body.velocities.clone());
         let mut result = body.map(|body| self.found.bodies.push(body));
@@ -77,7 +77,7 @@ impl<'e> Walk<'e> {
             let row = (0..n).map(|j| inverse[i * n + j] * force.data[j]);
             self.found.dynamics.push(Rate {
                 entry,
-                value: lowering.scope.exprs.sum(row),
+                value: lowering.names.scope.exprs.sum(row),
                 adds: false,
                 span,
             });
@@ -131,7 +131,7 @@ impl<'e> Walk<'e> {
         }
         let name = self.indexed(&contact.name.name);
         self.found.contacts.push(Contact {
-            name: format!("{}{name}", lowering.scope.prefix),
+            name: format!("{}{name}", lowering.names.scope.prefix),
             gap: gap_value?,
             gap_span: gap.value.span,
             restitution: restitution?,
@@ -173,7 +173,7 @@ impl<'e> Walk<'e> {
             let entries = directions.data.iter().skip(k).step_by(columns);
             let terms = velocities.iter().zip(entries);
             let terms = terms.map(|(&v, &d)| self.vars[v] * d);
-            lowering.scope.exprs.sum(terms)
+            lowering.names.scope.exprs.sum(terms)
         };
         Ok(((0..columns).map(column).collect(), span))
     }
@@ -184,7 +184,7 @@ impl<'e> Walk<'e> {
         lowering: &mut Lowering<'_, 'e>,
         path: &syntax::Path,
     ) -> Result<Target, Reported> {
-        let meaning = lowering.scope.get(&path.head.name);
+        let meaning = lowering.names.scope.get(&path.head.name);
         if let Some(Meaning::Part(_) | Meaning::Parts(_)) = meaning {
             let (part, span) = (path.head.name.clone(), path.span);
             return lowering.error(DynamicsError::OfAPart { part, span });

@@ -65,7 +65,7 @@ impl<'e> Walk<'e> {
         program: &syntax::Program,
     ) -> Result<(), Reported> {
         let Some(Meaning::Value(value, TargetKind::Algebraic(_))) =
-            lowering.scope.get(&program.name.name)
+            lowering.names.scope.get(&program.name.name)
         else {
             return Err(Reported);
         };
@@ -94,7 +94,7 @@ impl<'e> Walk<'e> {
         };
         let mut stationary = map.clone();
         let mut multipliers = Vec::new();
-        let name = format!("{}{}", lowering.scope.prefix, program.name.name);
+        let name = format!("{}{}", lowering.names.scope.prefix, program.name.name);
         for (k, row) in (1..).zip(&rows) {
             multipliers.push(self.conditions(&name, k, row, &vars, &mut stationary));
         }

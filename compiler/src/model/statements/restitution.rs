@@ -147,11 +147,11 @@ pub(crate) fn read<'e>(
 
 /// Whether the model gives a name a meaning, as a function or as a value.
 fn is_declared(lowering: &Lowering<'_, '_>, name: &str, is_called: bool) -> bool {
-    let scope = lowering.scope;
+    let scope = lowering.names.scope;
     if is_called {
         return is_function(name) || scope.functions.contains_key(name);
     }
-    lowering.is_local(name) || VALUES.contains(&name) || scope.get(name).is_some()
+    lowering.names.is_local(name) || VALUES.contains(&name) || scope.get(name).is_some()
 }
 
 fn wrong<T>(

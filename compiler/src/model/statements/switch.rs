@@ -148,7 +148,8 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
                     });
                 }
                 let kind = form.kind(lowering, &psi)?;
-                found.push((lowering.indices(frames), psi, kind));
+                let binders = frames.iter().flat_map(|frame| frame.binders);
+                found.push((lowering.names.indices(binders), psi, kind));
                 Ok(())
             })
         })?;

@@ -5,6 +5,40 @@
 
 use std::fmt;
 
+/// Coherent units of the SI (BIPM 2019, tables 2 and 4) with their exponents of kg, m, s, A, K, mol, cd.
+pub(crate) const UNITS: [(&str, [i32; 7]); 29] = [
+    ("kg", [1, 0, 0, 0, 0, 0, 0]),
+    ("m", [0, 1, 0, 0, 0, 0, 0]),
+    ("s", [0, 0, 1, 0, 0, 0, 0]),
+    ("A", [0, 0, 0, 1, 0, 0, 0]),
+    ("K", [0, 0, 0, 0, 1, 0, 0]),
+    ("mol", [0, 0, 0, 0, 0, 1, 0]),
+    ("cd", [0, 0, 0, 0, 0, 0, 1]),
+    ("rad", [0, 0, 0, 0, 0, 0, 0]),
+    ("sr", [0, 0, 0, 0, 0, 0, 0]),
+    ("Hz", [0, 0, -1, 0, 0, 0, 0]),
+    ("N", [1, 1, -2, 0, 0, 0, 0]),
+    ("Pa", [1, -1, -2, 0, 0, 0, 0]),
+    ("J", [1, 2, -2, 0, 0, 0, 0]),
+    ("W", [1, 2, -3, 0, 0, 0, 0]),
+    ("C", [0, 0, 1, 1, 0, 0, 0]),
+    ("V", [1, 2, -3, -1, 0, 0, 0]),
+    ("F", [-1, -2, 4, 2, 0, 0, 0]),
+    ("Ohm", [1, 2, -3, -2, 0, 0, 0]),
+    // As it is after normalization: the sign of the unit and the capital letter are one.
+    ("Ω", [1, 2, -3, -2, 0, 0, 0]),
+    ("S", [-1, -2, 3, 2, 0, 0, 0]),
+    ("Wb", [1, 2, -2, -1, 0, 0, 0]),
+    ("T", [1, 0, -2, -1, 0, 0, 0]),
+    ("H", [1, 2, -2, -2, 0, 0, 0]),
+    ("lm", [0, 0, 0, 0, 0, 0, 1]),
+    ("lx", [0, -2, 0, 0, 0, 0, 1]),
+    ("Bq", [0, 0, -1, 0, 0, 0, 0]),
+    ("Gy", [0, 2, -2, 0, 0, 0, 0]),
+    ("Sv", [0, 2, -2, 0, 0, 0, 0]),
+    ("kat", [0, 0, -1, 0, 0, 1, 0]),
+];
+
 /// A rational number in lowest terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Ratio {
@@ -127,6 +161,12 @@ impl Dimension {
         Some(result)
     }
 
+    /// The dimension of a coherent unit.
+    pub fn named(name: &str) -> Option<Self> {
+        let unit = UNITS.iter().find(|(unit, _)| *unit == name);
+        unit.map(|(_, exponents)| Dimension::of(*exponents))
+    }
+
     /// The dimension of a product; none where an exponent is too large.
     pub fn multiply(self, other: Self) -> Option<Self> {
         self.with(|base, exponent| exponent.add(other.0[base]))
@@ -149,7 +189,7 @@ impl fmt::Display for Dimension {
         if *self == Dimension::NUMBER {
             return write!(f, "1");
         }
-        let named = |name: &&str| super::names::dimension(name) == Some(*self);
+        let named = |name: &&str| Dimension::named(name) == Some(*self);
         if let Some(name) = SHOWN.into_iter().find(named) {
             return write!(f, "{name}");
         }
@@ -178,7 +218,7 @@ impl fmt::Display for Dimension {
 
 /// What is known about the unit of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Dim {
+pub(crate) enum Dim {
     /// Nothing: it fits everywhere.
     Unknown,
     /// It is made of numbers alone: pure in products, of any unit beside others.

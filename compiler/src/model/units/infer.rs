@@ -32,7 +32,7 @@ enum Found<'f> {
 }
 
 /// Dimensions of expressions, and of what is declared.
-pub(super) struct Inference<'f, 'd> {
+pub(crate) struct Inference<'f, 'd> {
     pub instances: Instances<'f>,
     /// Dimensions of what instances declare; `None` while one is being looked at.
     known: FxHashMap<(usize, Span), Option<Dim>>,
@@ -432,7 +432,7 @@ impl<'f, 'd> Inference<'f, 'd> {
 }
 
 /// What a quantity is: "in m/s", "a pure number".
-pub(super) fn is(dimension: Dimension) -> String {
+pub(crate) fn is(dimension: Dimension) -> String {
     match dimension {
         Dimension::NUMBER => "a pure number".to_owned(),
         unit => format!("in {unit}"),
@@ -440,7 +440,7 @@ pub(super) fn is(dimension: Dimension) -> String {
 }
 
 /// What would make a value fit.
-pub(super) fn factor(expected: Dimension, found: Dimension) -> String {
+pub(crate) fn factor(expected: Dimension, found: Dimension) -> String {
     match expected.divide(found) {
         Some(missing) if found == Dimension::NUMBER => format!(
             "a number in a product is a pure number; give the factor a name and a unit: `param a : {missing} = ..;`"

@@ -12,7 +12,7 @@ use crate::syntax::{Bind, Decl, Expr, File, Ident, Model, Part, Path, Segment, S
 
 /// Where names stand.
 #[derive(Clone)]
-pub(super) struct Place<'f> {
+pub(crate) struct Place<'f> {
     pub file: Rc<hir::File<'f>>,
     /// What they refer to.
     pub names: Rc<References<'f>>,
@@ -35,7 +35,7 @@ struct Instance<'f> {
 }
 
 /// The model itself, which is the first, and its parts.
-pub(super) struct Instances<'f> {
+pub(crate) struct Instances<'f> {
     hir: Hir<'f>,
     all: Vec<Instance<'f>>,
     /// Instances by the instance around them and the `part` statement.
@@ -147,7 +147,7 @@ fn gives(bind: &Bind, decl: &Decl) -> bool {
 }
 
 /// True for a model that declares a unit itself.
-pub(super) fn declares_units(item: &Model) -> bool {
+pub(crate) fn declares_units(item: &Model) -> bool {
     item.body.iter().any(|stmt| match stmt {
         Stmt::Decl(decl) => decl.unit.is_some(),
         Stmt::Named(named) => named.unit.is_some(),

@@ -33,7 +33,7 @@ use crate::model::hir::{Hir, import};
 use crate::syntax::{Bind, Experiment, File, Model, Stmt};
 
 /// Reports units of a model, and of its parts, that do not fit.
-pub(super) fn check_model<'f>(
+pub(crate) fn check_model<'f>(
     hir: Hir<'f>,
     file: &'f File,
     item: &'f Model,

@@ -1,44 +1,11 @@
-//! Names of units: the coherent units of the SI (BIPM 2019, tables 2 and 4), and what is meant by others.
+//! Units as they are written, and what is meant by those that are not coherent.
 
-use super::dimension::{Dimension, Ratio};
+use super::dimension::{Dimension, Ratio, UNITS};
 use super::error::UnitError;
 use crate::diagnostics::{Applicability, Diagnostics, Help};
 use crate::model::hir::reserved::did_you_mean;
+use crate::source::Span;
 use crate::syntax::{Unit, UnitBase, UnitFactor};
-
-/// Exponents of kg, m, s, A, K, mol, cd.
-const UNITS: [(&str, [i32; 7]); 29] = [
-    ("kg", [1, 0, 0, 0, 0, 0, 0]),
-    ("m", [0, 1, 0, 0, 0, 0, 0]),
-    ("s", [0, 0, 1, 0, 0, 0, 0]),
-    ("A", [0, 0, 0, 1, 0, 0, 0]),
-    ("K", [0, 0, 0, 0, 1, 0, 0]),
-    ("mol", [0, 0, 0, 0, 0, 1, 0]),
-    ("cd", [0, 0, 0, 0, 0, 0, 1]),
-    ("rad", [0, 0, 0, 0, 0, 0, 0]),
-    ("sr", [0, 0, 0, 0, 0, 0, 0]),
-    ("Hz", [0, 0, -1, 0, 0, 0, 0]),
-    ("N", [1, 1, -2, 0, 0, 0, 0]),
-    ("Pa", [1, -1, -2, 0, 0, 0, 0]),
-    ("J", [1, 2, -2, 0, 0, 0, 0]),
-    ("W", [1, 2, -3, 0, 0, 0, 0]),
-    ("C", [0, 0, 1, 1, 0, 0, 0]),
-    ("V", [1, 2, -3, -1, 0, 0, 0]),
-    ("F", [-1, -2, 4, 2, 0, 0, 0]),
-    ("Ohm", [1, 2, -3, -2, 0, 0, 0]),
-    // As it is after normalization: the sign of the unit and the capital letter are one.
-    ("Ω", [1, 2, -3, -2, 0, 0, 0]),
-    ("S", [-1, -2, 3, 2, 0, 0, 0]),
-    ("Wb", [1, 2, -2, -1, 0, 0, 0]),
-    ("T", [1, 0, -2, -1, 0, 0, 0]),
-    ("H", [1, 2, -2, -2, 0, 0, 0]),
-    ("lm", [0, 0, 0, 0, 0, 0, 1]),
-    ("lx", [0, -2, 0, 0, 0, 0, 1]),
-    ("Bq", [0, 0, -1, 0, 0, 0, 0]),
-    ("Gy", [0, 2, -2, 0, 0, 0, 0]),
-    ("Sv", [0, 2, -2, 0, 0, 0, 0]),
-    ("kat", [0, 0, -1, 0, 0, 1, 0]),
-];
 
 /// Units that are converted into coherent ones.
 const OTHERS: [(&str, &str); 33] = [
@@ -82,12 +49,6 @@ const PREFIXES: [&str; 21] = [
     "p", "f",
 ];
 
-/// The dimension of a coherent unit.
-pub(super) fn dimension(name: &str) -> Option<Dimension> {
-    let unit = UNITS.iter().find(|(unit, _)| *unit == name);
-    unit.map(|(_, exponents)| Dimension::of(*exponents))
-}
-
 /// The coherent unit to be written instead of one with a prefix, or of another system.
 fn coherent(name: &str) -> Option<&'static str> {
     let other = |name: &str| OTHERS.iter().find(|(other, _)| *other == name);
@@ -124,7 +85,7 @@ fn product(name: &str) -> Option<String> {
 }
 
 /// The dimension of a unit as it is written; none after an error.
-pub(super) fn read(unit: &Unit, diags: &mut Diagnostics) -> Option<Dimension> {
+pub(crate) fn read(unit: &Unit, diags: &mut Diagnostics) -> Option<Dimension> {
     let mut all = Some(Dimension::NUMBER);
     for factor in &unit.factors {
         let factor = read_factor(factor, diags);
@@ -137,7 +98,7 @@ pub(super) fn read(unit: &Unit, diags: &mut Diagnostics) -> Option<Dimension> {
 
 fn read_factor(factor: &UnitFactor, diags: &mut Diagnostics) -> Option<Dimension> {
     let base = match &factor.base {
-        UnitBase::Name(name) => dimension(&name.name).or_else(|| {
+        UnitBase::Name(name) => Dimension::named(&name.name).or_else(|| {
             diags.push(unknown(&name.name, name.span));
             None
         }),
@@ -164,7 +125,7 @@ fn read_factor(factor: &UnitFactor, diags: &mut Diagnostics) -> Option<Dimension
     result.filter(|_| power.is_some())
 }
 
-fn unknown(name: &str, span: crate::source::Span) -> UnitError {
+fn unknown(name: &str, span: Span) -> UnitError {
     let converted = coherent(name).map(|unit| {
         format!("no value is ever converted: write `{unit}`, and the number in `{unit}`").into()
     });

@@ -11,7 +11,7 @@ use crate::syntax::{
 };
 
 /// Whether what statements and settings say fits.
-pub(super) struct Checker<'f, 'd> {
+pub(crate) struct Checker<'f, 'd> {
     pub dims: Inference<'f, 'd>,
 }
 

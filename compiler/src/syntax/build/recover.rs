@@ -12,37 +12,11 @@ use pest::Parser;
 use pest::error::{ErrorVariant, InputLocation};
 use pest::iterators::Pair;
 
-use super::{Builder, words};
+use super::reading::Reading;
+use super::words::{self, Place};
 use crate::diagnostics::{Applicability, Help};
 use crate::syntax::lexer::{Lexer, Token, TokenKind, is_word_start};
 use crate::syntax::{MAX_ERRORS, SyntaxError};
-
-/// Which list a wrong member stands in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// Items of a file.
-    File,
-    /// Statements of a model, a region, ...
-    Model,
-    /// Settings of an experiment.
-    Experiment,
-    /// Constraints.
-    Rows,
-    /// Constraints and freed states of `initial`.
-    Initial,
-    /// `name = expr;` of a part or a `with`.
-    Binds,
-    /// `name := expr;` of a jump.
-    Resets,
-    /// Options of a method or a contact.
-    Options,
-    /// Options and contacts of `mechanics`.
-    Mechanics,
-    /// Sources and values of a `guess`.
-    Guess,
-    /// Parameters of `free`.
-    Free,
-}
 
 /// Where the parser got stuck and what it would have taken there.
 struct Failure {
@@ -98,295 +72,304 @@ impl Failure {
     }
 }
 
-type Build<'f, 'b> = &'f mut dyn FnMut(&mut Builder<'b>, Pair<Rule>);
+type Build<'f, 'b> = &'f mut dyn FnMut(&mut Reading<'b>, Pair<Rule>);
 
-impl<'b> Builder<'b> {
-    /// Diagnoses the wrong text in `range`, and builds what can be read of it;
-    /// false where some of it could not be read.
-    pub(super) fn recover(
-        &mut self,
-        place: Place,
-        range: Range<usize>,
-        build: Build<'_, 'b>,
-    ) -> bool {
-        let scan = self.scan;
-        let text = &scan.text[..range.end];
-        let mut at = range.start;
-        let mut lost = false;
-        loop {
-            let Some(first) = significant(text, at).next() else {
-                return !lost;
-            };
-            if self.errors.len() > MAX_ERRORS {
-                return false;
-            }
-            at = first.start;
-            let rule = match self.rule_for(place, text, &first) {
-                Ok(rule) => rule,
-                Err(error) => {
-                    // What the scan has already refused needs no second message.
-                    if !self.wrong_within(first.start..range.end) {
-                        self.report(error);
-                    }
-                    return false;
-                }
-            };
-            let failure = match self.attempt(rule, &text[at..], at, build) {
-                Ok(end) => {
-                    at = end;
-                    continue;
-                }
-                Err(failure) => failure,
-            };
-            let explained = self.wrong_within(at..failure.at + 1);
-            let error = self.explain(place, &failure, text, at);
-            let semicolon = matches!(error, SyntaxError::MissingSemicolon { .. });
-            if !explained {
-                self.report(error);
-            }
-            if !semicolon {
-                return false;
-            }
-            // Read the statement as if it had its semicolon, and go on behind it.
-            let end = last_significant(text, at, failure.at).map_or(at, |token| token.end());
-            let completed = format!("{};", &text[at..end]);
-            lost |= self.attempt(rule, &completed, at, build).is_err();
-            at = failure.at;
+/// Diagnoses the wrong text in `range`, and builds what can be read of it;
+/// false where some of it could not be read.
+pub(crate) fn recover<'b>(
+    reading: &mut Reading<'b>,
+    place: Place,
+    range: Range<usize>,
+    build: Build<'_, 'b>,
+) -> bool {
+    let scan = reading.scan;
+    let text = &scan.text[..range.end];
+    let mut at = range.start;
+    let mut lost = false;
+    loop {
+        let Some(first) = significant(text, at).next() else {
+            return !lost;
+        };
+        if reading.errors.len() > MAX_ERRORS {
+            return false;
         }
-    }
-
-    /// Parses `text`, which starts at offset `at`, as one `rule` and builds it;
-    /// returns where it ends.
-    fn attempt(
-        &mut self,
-        rule: Rule,
-        text: &str,
-        at: usize,
-        build: Build<'_, 'b>,
-    ) -> Result<usize, Failure> {
-        let result = self.attempt_uncounted(rule, text, at, build);
-        #[cfg(test)]
-        crate::syntax::lexer::counter::add(match &result {
-            Ok(end) => end - at,
-            Err(failure) => failure.at - at,
-        });
-        result
-    }
-
-    fn attempt_uncounted(
-        &mut self,
-        rule: Rule,
-        text: &str,
-        at: usize,
-        build: Build<'_, 'b>,
-    ) -> Result<usize, Failure> {
-        match NsdParser::parse(rule, text) {
-            Ok(mut pairs) => {
-                let pair = pairs.next().expect("grammar: a member is one pair");
-                let end = at + pair.as_span().end();
-                let outer = std::mem::replace(&mut self.base, at);
-                build(self, pair);
-                self.base = outer;
-                Ok(end)
-            }
+        at = first.start;
+        let rule = match rule_for(reading, place, text, &first) {
+            Ok(rule) => rule,
             Err(error) => {
-                let offset = match error.location {
-                    InputLocation::Pos(offset) | InputLocation::Span((offset, _)) => offset,
-                };
-                let expected = match error.variant {
-                    ErrorVariant::ParsingError { positives, .. } => positives,
-                    ErrorVariant::CustomError { .. } => Vec::new(),
-                };
-                Err(Failure {
-                    at: at + offset,
-                    expected,
-                })
+                // What the scan has already refused needs no second message.
+                if !reading.wrong_within(first.start..range.end) {
+                    reading.report(error);
+                }
+                return false;
             }
-        }
-    }
-
-    /// The rule that a member of a list should follow, by how it starts.
-    fn rule_for(&self, place: Place, text: &str, first: &Token) -> Result<Rule, SyntaxError> {
-        let mut next = significant(text, first.end());
-        let second = next.next();
-        let second_text = second.map_or("", |token| token.text);
-        let keyword = words::starts(place)
-            .iter()
-            .find(|(start, _)| *start == first.text);
-        // Keywords are names where nothing follows that the keyword would take.
-        let only_keywords = matches!(place, Place::File | Place::Experiment);
-        let as_name = match second_text {
-            _ if only_keywords => false,
-            "in" => next
-                .next()
-                .is_some_and(|third| matches!(third.text, "argmin" | "variational")),
-            text => matches!(text, "'" | "=" | "+=" | ":=" | "."),
         };
-        if let Some((_, rule)) = keyword.filter(|_| !as_name) {
-            return Ok(*rule);
+        let failure = match attempt(reading, rule, &text[at..], at, build) {
+            Ok(end) => {
+                at = end;
+                continue;
+            }
+            Err(failure) => failure,
+        };
+        let explained = reading.wrong_within(at..failure.at + 1);
+        let error = explain(reading, place, &failure, text, at);
+        let semicolon = matches!(error, SyntaxError::MissingSemicolon { .. });
+        if !explained {
+            reading.report(error);
         }
-        let is_name = first.kind == TokenKind::Word && !words::RESERVED.contains(&first.text);
-        match place {
-            Place::Model if first.text == "0" => Ok(match second_text {
-                "<=" => Rule::complementarity,
-                _ => Rule::equation,
-            }),
-            Place::Model if is_name => self.rule_for_name(text, first),
-            Place::Rows | Place::Initial => Ok(Rule::relation),
-            Place::Binds | Place::Guess if is_name => Ok(Rule::bind),
-            Place::Resets if is_name => Ok(Rule::reset),
-            Place::Options | Place::Mechanics if is_name => Ok(Rule::option),
-            Place::Free if is_name => Ok(Rule::free_path),
-            _ => Err(self.unknown(place, text, first)),
+        if !semicolon {
+            return false;
+        }
+        // Read the statement as if it had its semicolon, and go on behind it.
+        let end = last_significant(text, at, failure.at).map_or(at, |token| token.end());
+        let completed = format!("{};", &text[at..end]);
+        lost |= attempt(reading, rule, &completed, at, build).is_err();
+        at = failure.at;
+    }
+}
+
+/// Parses `text`, which starts at offset `at`, as one `rule` and builds it;
+/// returns where it ends.
+fn attempt<'b>(
+    reading: &mut Reading<'b>,
+    rule: Rule,
+    text: &str,
+    at: usize,
+    build: Build<'_, 'b>,
+) -> Result<usize, Failure> {
+    let result = attempt_uncounted(reading, rule, text, at, build);
+    #[cfg(test)]
+    crate::syntax::lexer::counter::add(match &result {
+        Ok(end) => end - at,
+        Err(failure) => failure.at - at,
+    });
+    result
+}
+
+fn attempt_uncounted<'b>(
+    reading: &mut Reading<'b>,
+    rule: Rule,
+    text: &str,
+    at: usize,
+    build: Build<'_, 'b>,
+) -> Result<usize, Failure> {
+    match NsdParser::parse(rule, text) {
+        Ok(mut pairs) => {
+            let pair = pairs.next().expect("grammar: a member is one pair");
+            let end = at + pair.as_span().end();
+            let outer = std::mem::replace(&mut reading.base, at);
+            build(reading, pair);
+            reading.base = outer;
+            Ok(end)
+        }
+        Err(error) => {
+            let offset = match error.location {
+                InputLocation::Pos(offset) | InputLocation::Span((offset, _)) => offset,
+            };
+            let expected = match error.variant {
+                ErrorVariant::ParsingError { positives, .. } => positives,
+                ErrorVariant::CustomError { .. } => Vec::new(),
+            };
+            Err(Failure {
+                at: at + offset,
+                expected,
+            })
         }
     }
+}
 
-    /// A statement that starts with a name: dynamics, a program, or a mistake.
-    fn rule_for_name(&self, text: &str, first: &Token) -> Result<Rule, SyntaxError> {
-        // What stands behind the name and its indices and fields.
-        let mut depth = 0;
-        let mut after_field = true;
-        let mut end = first.end();
-        let mut behind = None;
-        for token in significant(text, first.end()) {
-            match token.text {
-                "[" | "(" => depth += 1,
-                "]" | ")" if depth > 0 => depth -= 1,
-                "." if depth == 0 => {}
-                ";" | "{" | "}" if depth == 0 => {
-                    behind = Some(token);
-                    break;
-                }
-                _ if depth > 0 => {}
-                _ if after_field
-                    && token.kind == TokenKind::Word
-                    && text[end..token.start].trim() == "." => {}
-                _ => {
-                    behind = Some(token);
-                    break;
-                }
-            }
-            after_field = depth == 0;
-            end = token.end();
-        }
-        let operator = behind.map_or("", |token| token.text);
-        let called = text[first.start..end].contains('(');
-        match operator {
-            "'" => Ok(Rule::dynamics),
-            "in" => Ok(Rule::program),
-            "=" | "+=" if !called => Err(SyntaxError::AssignmentWithoutPrime {
-                name: text[first.start..end].trim().to_owned(),
-                head: first.text.to_owned(),
-                operator: operator.to_owned(),
-                span: self.position(first.start..behind.map_or(end, |token| token.end())),
-            }),
-            _ => Err(self.unknown(Place::Model, text, first)),
-        }
+/// The rule that a member of a list should follow, by how it starts.
+fn rule_for(
+    reading: &Reading,
+    place: Place,
+    text: &str,
+    first: &Token,
+) -> Result<Rule, SyntaxError> {
+    let mut next = significant(text, first.end());
+    let second = next.next();
+    let second_text = second.map_or("", |token| token.text);
+    let keyword = words::starts(place)
+        .iter()
+        .find(|(start, _)| *start == first.text);
+    // Keywords are names where nothing follows that the keyword would take.
+    let only_keywords = matches!(place, Place::File | Place::Experiment);
+    let as_name = match second_text {
+        _ if only_keywords => false,
+        "in" => next
+            .next()
+            .is_some_and(|third| matches!(third.text, "argmin" | "variational")),
+        text => matches!(text, "'" | "=" | "+=" | ":=" | "."),
+    };
+    if let Some((_, rule)) = keyword.filter(|_| !as_name) {
+        return Ok(*rule);
     }
+    let is_name = first.kind == TokenKind::Word && !words::RESERVED.contains(&first.text);
+    match place {
+        Place::Model if first.text == "0" => Ok(match second_text {
+            "<=" => Rule::complementarity,
+            _ => Rule::equation,
+        }),
+        Place::Model if is_name => rule_for_name(reading, text, first),
+        Place::Rows | Place::Initial => Ok(Rule::relation),
+        Place::Binds | Place::Guess if is_name => Ok(Rule::bind),
+        Place::Resets if is_name => Ok(Rule::reset),
+        Place::Options | Place::Mechanics if is_name => Ok(Rule::option),
+        Place::Free if is_name => Ok(Rule::free_path),
+        _ => Err(unknown(reading, place, text, first)),
+    }
+}
 
-    /// No member of the list starts like this.
-    fn unknown(&self, place: Place, text: &str, first: &Token) -> SyntaxError {
-        let mut span = self.position(first.start..first.end());
-        let word = shown(first);
-        let second = significant(text, first.end()).next();
-        if let Some((here, there)) = words::belongs(first.text, place) {
-            return SyntaxError::Misplaced {
-                word: first.text.to_owned(),
-                place: here.to_owned(),
-                belongs: there.to_owned(),
-                span,
-            };
-        }
-        let help = if let Some(meant) = words::suggestion(first.text, place) {
-            let help = format!("did you mean `{meant}`?");
-            let is_known = words::is_another_word_for(first.text, meant);
-            let applicability = match is_known {
-                true => Applicability::Safe,
-                false => Applicability::Suggestion,
-            };
-            Help::edit(help, meant, applicability)
-        } else if first.text == "der" && second.is_some_and(|second| second.text == "(") {
-            let help = "write a derivative as `x' = ...;`";
-            match derivative(text, first) {
-                Some((end, state)) => {
-                    span = self.position(first.start..end);
-                    Help::edit(help, format!("{state}'"), Applicability::Safe)
-                }
-                None => help.into(),
+/// A statement that starts with a name: dynamics, a program, or a mistake.
+fn rule_for_name(reading: &Reading, text: &str, first: &Token) -> Result<Rule, SyntaxError> {
+    // What stands behind the name and its indices and fields.
+    let mut depth = 0;
+    let mut after_field = true;
+    let mut end = first.end();
+    let mut behind = None;
+    for token in significant(text, first.end()) {
+        match token.text {
+            "[" | "(" => depth += 1,
+            "]" | ")" if depth > 0 => depth -= 1,
+            "." if depth == 0 => {}
+            ";" | "{" | "}" if depth == 0 => {
+                behind = Some(token);
+                break;
             }
-        } else if matches!(first.text, "if" | "else") {
-            "cases of the dynamics are written `region NAME where ... { ... }`".into()
-        } else if first.text == ";" {
-            Help::edit("remove it", "", Applicability::Safe)
+            _ if depth > 0 => {}
+            _ if after_field
+                && token.kind == TokenKind::Word
+                && text[end..token.start].trim() == "." => {}
+            _ => {
+                behind = Some(token);
+                break;
+            }
+        }
+        after_field = depth == 0;
+        end = token.end();
+    }
+    let operator = behind.map_or("", |token| token.text);
+    let called = text[first.start..end].contains('(');
+    match operator {
+        "'" => Ok(Rule::dynamics),
+        "in" => Ok(Rule::program),
+        "=" | "+=" if !called => Err(SyntaxError::AssignmentWithoutPrime {
+            name: text[first.start..end].trim().to_owned(),
+            head: first.text.to_owned(),
+            operator: operator.to_owned(),
+            span: reading.position(first.start..behind.map_or(end, |token| token.end())),
+        }),
+        _ => Err(unknown(reading, Place::Model, text, first)),
+    }
+}
+
+/// No member of the list starts like this.
+fn unknown(reading: &Reading, place: Place, text: &str, first: &Token) -> SyntaxError {
+    let mut span = reading.position(first.start..first.end());
+    let word = shown(first);
+    let second = significant(text, first.end()).next();
+    if let Some((here, there)) = words::belongs(first.text, place) {
+        return SyntaxError::Misplaced {
+            word: first.text.to_owned(),
+            place: here.to_owned(),
+            belongs: there.to_owned(),
+            span,
+        };
+    }
+    let help = if let Some(meant) = words::suggestion(first.text, place) {
+        let help = format!("did you mean `{meant}`?");
+        let is_known = words::is_another_word_for(first.text, meant);
+        let applicability = match is_known {
+            true => Applicability::Safe,
+            false => Applicability::Suggestion,
+        };
+        Help::edit(help, meant, applicability)
+    } else if first.text == "der" && second.is_some_and(|second| second.text == "(") {
+        let help = "write a derivative as `x' = ...;`";
+        match derivative(text, first) {
+            Some((end, state)) => {
+                span = reading.position(first.start..end);
+                Help::edit(help, format!("{state}'"), Applicability::Safe)
+            }
+            None => help.into(),
+        }
+    } else if matches!(first.text, "if" | "else") {
+        "cases of the dynamics are written `region NAME where ... { ... }`".into()
+    } else if first.text == ";" {
+        Help::edit("remove it", "", Applicability::Safe)
+    } else {
+        let starts = words::starts(place).iter();
+        let starts: Vec<String> = starts.map(|(start, _)| format!("`{start}`")).collect();
+        let name = match place {
+            Place::File | Place::Experiment => "",
+            Place::Model => ", or the derivative of a state",
+            _ if starts.is_empty() => "a name",
+            _ => " or a name",
+        };
+        format!("start with {}{name}", starts.join(", ")).into()
+    };
+    SyntaxError::UnknownStatement {
+        place: words::member(place).to_owned(),
+        word,
+        help,
+        span,
+    }
+}
+
+/// Turns a failure in the statement that begins at `start` into a message.
+fn explain(
+    reading: &Reading,
+    place: Place,
+    failure: &Failure,
+    text: &str,
+    start: usize,
+) -> SyntaxError {
+    let found = significant(text, failure.at).next();
+    let span = match found {
+        Some(token) => reading.position(token.start..token.end()),
+        None => reading.position(failure.at..failure.at),
+    };
+    let found_text = found.map_or("", |token| token.text);
+    let before = last_significant(text, start, failure.at);
+    let only_name = failure.expects(Rule::name) && !failure.wants_operand();
+    if found_text == "'" && failure.after_operand() {
+        return SyntaxError::PrimeInExpression { span };
+    }
+    if only_name && words::RESERVED.contains(&found_text) {
+        let word = found_text.to_owned();
+        return SyntaxError::ReservedName { word, span };
+    }
+    let new_line = before.is_none_or(|before| text[before.end()..failure.at].contains('\n'));
+    let ends = found.is_none()
+        || found_text == "}"
+        || new_line && !failure.wants_operand()
+        || found.is_some_and(|found| starts_member(reading, place, text, &found));
+    if failure.expects(Rule::semicolon) && ends {
+        let what = if failure.after_operand() {
+            "expression"
         } else {
-            let starts = words::starts(place).iter();
-            let starts: Vec<String> = starts.map(|(start, _)| format!("`{start}`")).collect();
-            let name = match place {
-                Place::File | Place::Experiment => "",
-                Place::Model => ", or the derivative of a state",
-                _ if starts.is_empty() => "a name",
-                _ => " or a name",
-            };
-            format!("start with {}{name}", starts.join(", ")).into()
+            "statement"
         };
-        SyntaxError::UnknownStatement {
-            place: words::member(place).to_owned(),
-            word,
-            help,
-            span,
-        }
-    }
-
-    /// Turns a failure in the statement that begins at `start` into a message.
-    fn explain(&self, place: Place, failure: &Failure, text: &str, start: usize) -> SyntaxError {
-        let found = significant(text, failure.at).next();
-        let span = match found {
-            Some(token) => self.position(token.start..token.end()),
-            None => self.position(failure.at..failure.at),
+        let end = before.map_or(failure.at, |before| before.end());
+        return SyntaxError::MissingSemicolon {
+            what: what.to_owned(),
+            span: reading.position(end..end),
         };
-        let found_text = found.map_or("", |token| token.text);
-        let before = last_significant(text, start, failure.at);
-        let only_name = failure.expects(Rule::name) && !failure.wants_operand();
-        if found_text == "'" && failure.after_operand() {
-            return SyntaxError::PrimeInExpression { span };
-        }
-        if only_name && words::RESERVED.contains(&found_text) {
-            let word = found_text.to_owned();
-            return SyntaxError::ReservedName { word, span };
-        }
-        let new_line = before.is_none_or(|before| text[before.end()..failure.at].contains('\n'));
-        let ends = found.is_none()
-            || found_text == "}"
-            || new_line && !failure.wants_operand()
-            || found.is_some_and(|found| self.starts_member(place, text, &found));
-        if failure.expects(Rule::semicolon) && ends {
-            let what = if failure.after_operand() {
-                "expression"
-            } else {
-                "statement"
-            };
-            let end = before.map_or(failure.at, |before| before.end());
-            return SyntaxError::MissingSemicolon {
-                what: what.to_owned(),
-                span: self.position(end..end),
-            };
-        }
-        let begins = before.is_some_and(|before| before.start == start);
-        let before = before.map_or("", |before| before.text);
-        let expected = expected(failure, before);
-        SyntaxError::Expected {
-            help: help(place, failure, found_text, begins),
-            found: found.map_or("the end of the statement".to_owned(), |found| shown(&found)),
-            expected,
-            span,
-        }
     }
+    let begins = before.is_some_and(|before| before.start == start);
+    let before = before.map_or("", |before| before.text);
+    let expected = expected(failure, before);
+    SyntaxError::Expected {
+        help: help(place, failure, found_text, begins),
+        found: found.map_or("the end of the statement".to_owned(), |found| shown(&found)),
+        expected,
+        span,
+    }
+}
 
-    /// True where a whole member of the list starts at a token.
-    fn starts_member(&self, place: Place, text: &str, first: &Token) -> bool {
-        let rule = self.rule_for(place, text, first);
-        rule.is_ok_and(|rule| NsdParser::parse(rule, &text[first.start..]).is_ok())
-    }
+/// True where a whole member of the list starts at a token.
+fn starts_member(reading: &Reading, place: Place, text: &str, first: &Token) -> bool {
+    let rule = rule_for(reading, place, text, first);
+    rule.is_ok_and(|rule| NsdParser::parse(rule, &text[first.start..]).is_ok())
 }
 
 /// Tokens from an offset on, without blanks and comments.

@@ -2,7 +2,32 @@
 
 use nsd_grammar::Rule;
 
-use super::recover::Place;
+/// Which list a wrong member stands in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Items of a file.
+    File,
+    /// Statements of a model, a region, ...
+    Model,
+    /// Settings of an experiment.
+    Experiment,
+    /// Constraints.
+    Rows,
+    /// Constraints and freed states of `initial`.
+    Initial,
+    /// `name = expr;` of a part or a `with`.
+    Binds,
+    /// `name := expr;` of a jump.
+    Resets,
+    /// Options of a method or a contact.
+    Options,
+    /// Options and contacts of `mechanics`.
+    Mechanics,
+    /// Sources and values of a `guess`.
+    Guess,
+    /// Parameters of `free`.
+    Free,
+}
 
 /// Words that cannot be names.
 pub const RESERVED: [&str; 10] = [

@@ -141,7 +141,7 @@ impl Marks {
                 self.verbatim.insert(start, pair.as_span().end());
             }
             rule if is_member(rule) => {
-                self.members.insert(start, build::end_of(pair));
+                self.members.insert(start, build::reading::end_of(pair));
             }
             _ => {}
         }

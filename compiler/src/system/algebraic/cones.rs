@@ -9,23 +9,22 @@ use nsd_solver::optimization::conic;
 use nsd_solver::optimization::conic::{Block, Set};
 use rustc_hash::FxHashMap;
 
-use super::programs::unknowns;
+use super::programs::{Programs, unknowns};
 use crate::expr::{Expr, Var};
 use crate::model::{Cone, Program, ProgramRow};
-use crate::system::lower::Lowering;
 
 /// Up to this many complementarities a run tries all choices.
 const MAX_PAIRS: usize = 8;
 
-impl<'e> Lowering<'_, 'e> {
+impl<'e> Programs<'_, '_, 'e> {
     /// Guesses of what programs with cones solve for, and of how their rows hold.
-    pub(crate) fn guess_programs(&self) -> FxHashMap<Var, f64> {
+    pub(crate) fn guesses(&self) -> FxHashMap<Var, f64> {
         let mut guesses = FxHashMap::default();
-        if self.needs.algebraic {
-            let programs = self.model.statements.programs.iter();
-            let pairs = programs.flat_map(|program| &program.rows);
+        let programs = &self.instance.model.statements.programs;
+        if self.instance.needs.algebraic {
+            let pairs = programs.iter().flat_map(|program| &program.rows);
             let many = pairs.filter(|row| !row.is_equation).count() > MAX_PAIRS;
-            for program in &self.model.statements.programs {
+            for program in programs {
                 let is_round = |row: &ProgramRow<'e>| row.cone.is_some() || row.radius.is_some();
                 let is_guessed = many || program.rows.iter().any(is_round);
                 let found = is_guessed.then(|| self.guess_program(program)).flatten();
@@ -38,9 +37,12 @@ impl<'e> Lowering<'_, 'e> {
     fn guess_program(&self, program: &Program<'e>) -> Option<Vec<(Var, f64)>> {
         let vars = unknowns(program);
         let n = vars.len();
-        let start: Vec<f64> = vars.iter().map(|var| self.values.numbers[var]).collect();
+        let start: Vec<f64> = vars
+            .iter()
+            .map(|var| self.instance.values().numbers[var])
+            .collect();
         let value = |e: Expr<'e>| {
-            let e = e.substitute(&self.values.signals);
+            let e = e.substitute(&self.instance.values().signals);
             e.eval(&|var| self.start_value(program, &start, var))
         };
         // e ≈ a·z + b around the guess.

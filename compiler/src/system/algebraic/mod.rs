@@ -18,13 +18,15 @@ pub(crate) mod projections;
 use miette::LabeledSpan;
 use rustc_hash::FxHashMap;
 
-use super::lower::Lowering;
+use super::lower::instance::Instance;
+use super::lower::translation::Translation;
 use super::{Role, State, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Node, Substitution, Var, variables_of};
-use crate::model::SwitchKind;
+use crate::model::{Model, SwitchKind};
 use crate::source::Span;
 use crate::system::algebraic::matching::Matching;
+use crate::system::switches::known::Known;
 use crate::system::switches::surface;
 
 /// An equation or a pair.
@@ -54,25 +56,40 @@ impl Row<'_> {
 
 /// An entry of z that is computed with the states.
 #[derive(Clone)]
-pub(super) struct Unknown<'e> {
+pub(crate) struct Unknown<'e> {
     pub var: Expr<'e>,
     pub name: String,
     pub span: Span,
 }
 
-impl<'e> Lowering<'_, 'e> {
-    /// Replaces what equations give explicitly; returns the rows and unknowns that are left, in pairs that the matching
-    /// has made.
-    pub(super) fn solve_algebraics(&mut self, diags: &mut Diagnostics) -> Implicit<'e> {
+/// Rows and unknowns that are left where what equations give explicitly is replaced, in pairs of a matching.
+#[derive(Default)]
+pub(crate) struct Implicit<'e> {
+    rows: Vec<ImplicitRow<'e>>,
+}
+
+struct ImplicitRow<'e> {
+    /// F, or a and b, and where they stand.
+    members: Vec<(Expr<'e>, Span)>,
+    unknown: Unknown<'e>,
+}
+
+impl<'e> Implicit<'e> {
+    /// Adds what equations give explicitly to `given`.
+    pub fn of(
+        instance: &Instance<'_, 'e>,
+        given: &mut Substitution<'e>,
+        diags: &mut Diagnostics,
+    ) -> Self {
         let mut implicit = Implicit::default();
-        if !self.needs.algebraic {
+        if !instance.needs.algebraic {
             return implicit;
         }
-        let entries = self.model.algebraic_entries();
+        let entries = instance.model.algebraic_entries();
         let unknowns: Vec<Unknown<'e>> = entries
             .map(|(var, name, span)| Unknown { var, name, span })
             .collect();
-        let rows = self.rows_of(&unknowns);
+        let rows = rows_of(instance, given, &unknowns);
         let incidence: Vec<Vec<usize>> = rows.iter().map(Row::all).collect();
         let Some(matching) = matched(&rows, &incidence, &unknowns, diags) else {
             return implicit;
@@ -86,7 +103,7 @@ impl<'e> Lowering<'_, 'e> {
                 let var = unknowns[z].var.as_variable();
                 let solved = match block.len() {
                     1 if !rows[row].is_pair() => {
-                        var.and_then(|var| solved(rows[row].exprs[0], var, self))
+                        var.and_then(|var| solved(rows[row].exprs[0], var, &instance.params))
                     }
                     _ => None,
                 };
@@ -104,104 +121,58 @@ impl<'e> Lowering<'_, 'e> {
                 }
             }
         }
-        self.given.then(&explicit);
+        given.then(&explicit);
         for z in unknowns.iter().filter_map(|z| z.var.as_variable()) {
             if let Some(value) = explicit.get(z) {
-                self.given.insert(z, value);
+                given.insert(z, value);
             }
         }
-        self.implicit = implicit.vars().collect();
         implicit
     }
 
-    fn rows_of(&self, unknowns: &[Unknown<'e>]) -> Vec<Row<'e>> {
-        let place = unknowns.iter().enumerate();
-        let place: FxHashMap<Var, usize> = place
-            .filter_map(|(k, z)| Some((z.var.as_variable()?, k)))
-            .collect();
-        let direct = self.direct_switches();
-        let occurring = |e: Expr<'e>| {
-            let vars = variables_of(&[e.substitute(&direct)]);
-            let mut found: Vec<usize> = vars.iter().filter_map(|v| place.get(v).copied()).collect();
-            found.sort_unstable();
-            found
-        };
-        let row = |exprs: &[Expr<'e>], spans: &[Span], span: Span| {
-            let exprs: Vec<Expr<'e>> = exprs.iter().map(|e| e.substitute(&self.given)).collect();
-            Row {
-                unknowns: exprs.iter().map(|&e| occurring(e)).collect(),
-                exprs,
-                spans: spans.to_vec(),
-                span,
-            }
-        };
-        let equations = self.model.statements.equations.iter();
-        let equations = equations.map(|e| row(&[e.residual], &[e.span], e.span));
-        let pairs = self.model.statements.complementarities.iter();
-        equations
-            .chain(pairs.map(|pair| row(&pair.members, &pair.spans, pair.span)))
-            .collect()
+    /// The variables that stay unknown.
+    pub fn vars(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        self.rows.iter().map(|row| row.unknown.var)
     }
 
-    /// Named switches as the functions they are.
-    fn direct_switches(&self) -> Substitution<'e> {
-        let switches = self.model.switches.iter();
-        let named = switches.flat_map(|switch| {
-            let entries = switch.vars.iter().zip(&switch.psi);
-            entries.filter_map(|(var, &psi)| {
-                let value = match switch.kind {
-                    SwitchKind::Sign => psi.sign(),
-                    SwitchKind::Step | SwitchKind::Relay(_) => psi.step(),
-                };
-                Some((var.as_variable()?, value.substitute(&self.given)))
-            })
-        });
-        let mut direct: Substitution<'e> = named.collect();
-        // Switches inside others come out after as many rounds as there are switches.
-        for _ in 0..self.model.switches.len().min(8) {
-            let inner = direct.clone();
-            direct.then(&inner);
-        }
-        direct
-    }
-
-    /// Makes switches of what is left, and adds the rates of its unknowns.
-    pub(super) fn keep_algebraics(
-        &mut self,
-        implicit: &Implicit<'e>,
-        rates: &mut Vec<Expr<'e>>,
+    /// Makes switches of what is left, whose α are the rates of its unknowns.
+    pub fn states(
+        &self,
+        translation: &mut Translation<'_, 'e>,
+        guesses: &FxHashMap<Var, f64>,
         diags: &mut Diagnostics,
     ) -> Vec<State<'e>> {
+        let instance = translation.instance;
+        let exprs = instance.model.exprs;
         let mut states = Vec::new();
-        for row in &implicit.rows {
+        for row in &self.rows {
             let mut alphas = Vec::new();
             for &(e, span) in &row.members {
-                let e = self.replace(e, span);
-                self.check(e, span, diags);
-                let e = self.switches.merged(e);
+                let e = translation.replace(e, span);
+                translation.check(e, span, diags);
+                let e = translation.switches.entries.merged(e);
                 let (name, psi) = match row.members.len() {
                     2 => (e.to_string(), -e),
                     _ => (format!("0 = {e}"), e),
                 };
-                alphas.push(self.switches.keep(psi, &name, span));
+                alphas.push(translation.switches.keep(psi, &name, span));
             }
             match alphas[..] {
                 [a, b] => {
-                    self.switches.list[a].role = Role::Member(b);
-                    self.switches.list[b].role = Role::Member(a);
+                    translation.switches.list[a].role = Role::Member(b);
+                    translation.switches.list[b].role = Role::Member(a);
                 }
-                _ => self.switches.list[alphas[0]].role = Role::Equation,
+                _ => translation.switches.list[alphas[0]].role = Role::Equation,
             }
-            let alpha = |&k: &usize| self.model.exprs.expr(self.switches.list[k].alpha);
-            rates.push(self.model.exprs.sum(alphas.iter().map(alpha)));
+            let alpha = |&k: &usize| exprs.expr(translation.switches.list[k].alpha);
             let guess = row.unknown.var.as_variable();
-            let known = |var: Var| self.guesses.get(&var).or(self.values.numbers.get(&var));
+            let known = |var: Var| guesses.get(&var).or(instance.values().numbers.get(&var));
             let guess = guess.and_then(|var| known(var).copied());
             states.push(State {
                 name: row.unknown.name.clone(),
                 var: row.unknown.var,
                 initial: guess.unwrap_or(f64::NAN),
-                rate: row.unknown.var,
+                rate: exprs.sum(alphas.iter().map(alpha)),
                 span: row.unknown.span,
             });
         }
@@ -209,23 +180,59 @@ impl<'e> Lowering<'_, 'e> {
     }
 }
 
-/// What is left of the rows.
-#[derive(Default)]
-pub(super) struct Implicit<'e> {
-    rows: Vec<ImplicitRow<'e>>,
+fn rows_of<'e>(
+    instance: &Instance<'_, 'e>,
+    given: &Substitution<'e>,
+    unknowns: &[Unknown<'e>],
+) -> Vec<Row<'e>> {
+    let place = unknowns.iter().enumerate();
+    let place: FxHashMap<Var, usize> = place
+        .filter_map(|(k, z)| Some((z.var.as_variable()?, k)))
+        .collect();
+    let direct = direct_switches(instance.model, given);
+    let occurring = |e: Expr<'e>| {
+        let vars = variables_of(&[e.substitute(&direct)]);
+        let mut found: Vec<usize> = vars.iter().filter_map(|v| place.get(v).copied()).collect();
+        found.sort_unstable();
+        found
+    };
+    let row = |exprs: &[Expr<'e>], spans: &[Span], span: Span| {
+        let exprs: Vec<Expr<'e>> = exprs.iter().map(|e| e.substitute(given)).collect();
+        Row {
+            unknowns: exprs.iter().map(|&e| occurring(e)).collect(),
+            exprs,
+            spans: spans.to_vec(),
+            span,
+        }
+    };
+    let equations = instance.model.statements.equations.iter();
+    let equations = equations.map(|e| row(&[e.residual], &[e.span], e.span));
+    let pairs = instance.model.statements.complementarities.iter();
+    equations
+        .chain(pairs.map(|pair| row(&pair.members, &pair.spans, pair.span)))
+        .collect()
 }
 
-struct ImplicitRow<'e> {
-    /// F, or a and b, and where they stand.
-    members: Vec<(Expr<'e>, Span)>,
-    unknown: Unknown<'e>,
-}
-
-impl<'e> Implicit<'e> {
-    /// The variables that stay unknown.
-    pub(super) fn vars(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
-        self.rows.iter().map(|row| row.unknown.var)
+/// Named switches as the functions they are.
+fn direct_switches<'e>(model: &Model<'e>, given: &Substitution<'e>) -> Substitution<'e> {
+    let switches = model.switches.iter();
+    let named = switches.flat_map(|switch| {
+        let entries = switch.vars.iter().zip(&switch.psi);
+        entries.filter_map(|(var, &psi)| {
+            let value = match switch.kind {
+                SwitchKind::Sign => psi.sign(),
+                SwitchKind::Step | SwitchKind::Relay(_) => psi.step(),
+            };
+            Some((var.as_variable()?, value.substitute(given)))
+        })
+    });
+    let mut direct: Substitution<'e> = named.collect();
+    // Switches inside others come out after as many rounds as there are switches.
+    for _ in 0..model.switches.len().min(8) {
+        let inner = direct.clone();
+        direct.then(&inner);
     }
+    direct
 }
 
 /// A matching of all rows, also where either member of a pair stands alone.
@@ -293,12 +300,12 @@ fn listed(names: impl Iterator<Item = String>) -> String {
 }
 
 /// -r/c where e is c z + r, and c a number or a parameter that is not zero.
-fn solved<'e>(e: Expr<'e>, z: Var, lowering: &Lowering<'_, 'e>) -> Option<Expr<'e>> {
+fn solved<'e>(e: Expr<'e>, z: Var, params: &Known) -> Option<Expr<'e>> {
     let terms = match e.node() {
         Node::Sum { terms, .. } => terms,
         _ => vec![(1.0, e)],
     };
-    let exprs = lowering.model.exprs;
+    let exprs = e.exprs();
     let mut slope = exprs.constant(0.0);
     for (c, term) in terms.into_iter().filter(|(_, term)| term.depends_on(z)) {
         let factor = match term.node() {
@@ -316,7 +323,7 @@ fn solved<'e>(e: Expr<'e>, z: Var, lowering: &Lowering<'_, 'e>) -> Option<Expr<'
         };
         slope = slope + c * factor;
     }
-    let size = surface::parameter(slope, &lowering.switches.params).unwrap_or(f64::NAN);
+    let size = surface::parameter(slope, params).unwrap_or(f64::NAN);
     let rest = e.substitute(&Substitution::one(z, exprs.constant(0.0)));
     (size.is_finite() && size != 0.0).then(|| -rest / slope)
 }

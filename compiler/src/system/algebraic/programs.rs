@@ -10,10 +10,10 @@ use nsd_solver::optimization::qp::HalfSpace;
 
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
-use crate::model::{Program, ProgramRow};
+use crate::model::{Data, Program, ProgramRow};
 use crate::source::Span;
 use crate::system::SystemError;
-use crate::system::lower::Lowering;
+use crate::system::lower::instance::Instance;
 
 /// Curvatures below this fraction of the largest entry are rounding.
 const FLAT: f64 = 1e-9;
@@ -35,31 +35,32 @@ enum Curvature {
     Negative,
 }
 
-impl<'e> Lowering<'_, 'e> {
+/// The programs of a model where a run starts.
+pub(crate) struct Programs<'s, 'm, 'e> {
+    pub instance: &'s Instance<'m, 'e>,
+    /// Functions of time.
+    pub data: &'s [Data<'e>],
+}
+
+impl<'e> Programs<'_, '_, 'e> {
     /// Checks all programs; returns where convexity was sampled only.
-    pub(crate) fn check_programs(&self, diags: &mut Diagnostics) -> Vec<Span> {
+    pub(crate) fn check(&self, diags: &mut Diagnostics) -> Vec<Span> {
         let mut sampled = Vec::new();
-        if !self.needs.algebraic {
+        if !self.instance.needs.algebraic {
             return sampled;
         }
-        let model = self.model;
-        for program in &model.statements.programs {
+        let signals = &self.instance.values().signals;
+        for program in &self.instance.model.statements.programs {
             let before = diags.errors().count();
             let rows: Vec<ProgramRow<'e>> = (program.rows.iter())
                 .map(|row| ProgramRow {
-                    value: row.value.substitute(&self.values.signals),
+                    value: row.value.substitute(signals),
                     ..row.clone()
                 })
                 .collect();
             let objective = program.objective.iter();
-            let objective = objective.map(|&(e, span)| {
-                (
-                    e.substitute(&self.values.signals),
-                    1.0,
-                    span,
-                    "what is minimized",
-                )
-            });
+            let objective =
+                objective.map(|&(e, span)| (e.substitute(signals), 1.0, span, "what is minimized"));
             let concave = rows
                 .iter()
                 .filter(|row| !row.is_equation && row.cone.is_none());
@@ -80,7 +81,7 @@ impl<'e> Lowering<'_, 'e> {
                 }
             }
             if diags.errors().count() == before {
-                self.repeated(&rows, diags);
+                check_repeated(&rows, diags);
                 self.infeasible(program, &rows, diags);
             }
         }
@@ -106,7 +107,7 @@ impl<'e> Lowering<'_, 'e> {
         }
         let inside = variables_of(&hessian);
         let holds_z = inside.iter().any(|var| vars.contains(var));
-        let is_param = |var: &Var| self.switches.params.fixed(*var).is_some();
+        let is_param = |var: &Var| self.instance.params.fixed(*var).is_some();
         let at = |z: &[f64]| -> Vec<f64> {
             let value = |var: Var| self.start_value(program, z, var);
             hessian.iter().map(|entry| entry.eval(&value)).collect()
@@ -135,33 +136,14 @@ impl<'e> Lowering<'_, 'e> {
         let place = place.map(|z| z.as_variable()).position(|z| z == Some(var));
         match place {
             Some(place) => z[place],
-            None if self.model.time.as_variable() == Some(var) => 0.0,
-            None => (self.values.numbers.get(&var).copied())
+            None if var == self.instance.time() => 0.0,
+            None => (self.instance.values().numbers.get(&var).copied())
                 .or_else(|| {
-                    let data = self
-                        .kept_data()
-                        .find(|data| data.var.as_variable() == Some(var))?;
+                    let is_meant = |data: &&Data<'e>| data.var.as_variable() == Some(var);
+                    let data = self.data.iter().find(is_meant)?;
                     Some(data.table.value(0.0))
                 })
                 .unwrap_or(f64::NAN),
-        }
-    }
-
-    /// Reports rows that are multiples of each other.
-    fn repeated(&self, rows: &[ProgramRow<'e>], diags: &mut Diagnostics) {
-        for (k, row) in rows.iter().enumerate() {
-            let (scale, form) = row.value.split_scale();
-            let same = rows[..k].iter().find(|other| {
-                let (factor, other_form) = other.value.split_scale();
-                let alike = factor * scale > 0.0 || row.is_equation || other.is_equation;
-                other_form == form && alike
-            });
-            if let Some(other) = same {
-                diags.push(SystemError::RepeatedRow {
-                    first: other.span,
-                    second: row.span,
-                });
-            }
         }
     }
 
@@ -226,6 +208,24 @@ impl<'e> Lowering<'_, 'e> {
             rows.dedup();
             diags.push(SystemError::Infeasible {
                 rows: rows.into_iter().map(labelled).collect(),
+            });
+        }
+    }
+}
+
+/// Reports rows that are multiples of each other.
+fn check_repeated(rows: &[ProgramRow<'_>], diags: &mut Diagnostics) {
+    for (k, row) in rows.iter().enumerate() {
+        let (scale, form) = row.value.split_scale();
+        let same = rows[..k].iter().find(|other| {
+            let (factor, other_form) = other.value.split_scale();
+            let alike = factor * scale > 0.0 || row.is_equation || other.is_equation;
+            other_form == form && alike
+        });
+        if let Some(other) = same {
+            diags.push(SystemError::RepeatedRow {
+                first: other.span,
+                second: row.span,
             });
         }
     }

@@ -8,16 +8,14 @@
 //!
 //! for a jump by Δ takes the place of the time -Δ/(d c̈). Any other law is a guard and a reset, no more.
 
-use rustc_hash::FxHashMap;
-
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::Jump;
-use crate::system::lower::Lowering;
-use crate::system::regions::conjunction;
-use crate::system::regions::partitions::Regions;
-use crate::system::values::limits::Limit;
-use crate::system::{Law, Output, SystemError};
+use crate::system::lower::instance::Instance;
+use crate::system::lower::translation::Translation;
+use crate::system::regions::conjunction::literals;
+use crate::system::switches::Switches;
+use crate::system::{Law, SystemError};
 
 /// A law in α of the switches that have been collected.
 pub(crate) struct Lowered<'e> {
@@ -26,7 +24,7 @@ pub(crate) struct Lowered<'e> {
     pub guard: Expr<'e>,
     /// The switch of c, where the law is a contact.
     pub strikes: Option<usize>,
-    /// New values by state entry.
+    /// New values by place of the state.
     pub resets: Vec<(usize, Expr<'e>)>,
 }
 
@@ -46,107 +44,109 @@ struct Contact<'e> {
     direction: Vec<(usize, Expr<'e>)>,
 }
 
-impl<'e> Lowering<'_, 'e> {
-    /// All laws that set a state that is kept.
-    pub(crate) fn laws(&mut self) -> Vec<Lowered<'e>> {
-        let model = self.model;
-        let mut laws = Vec::new();
-        for (j, jump) in model.statements.jumps.iter().enumerate() {
-            let kept = |entry: usize| self.needs.entries[entry];
-            if !jump.resets.iter().any(|reset| kept(reset.entry)) && !jump.resets.is_empty() {
-                continue;
-            }
-            let resets: Vec<_> = jump.resets.iter().filter(|r| kept(r.entry)).collect();
-            let resets = resets.into_iter().map(|reset| {
-                let value = self.replace(reset.value, reset.span);
-                (reset.entry, self.switches.merged(value))
-            });
-            let resets = resets.collect();
-            laws.push(Lowered {
-                jump: j,
-                guard: self.weight(jump.guard, jump.guard_span),
-                strikes: None,
-                resets,
-            });
+/// All laws that set a state that is kept.
+pub(crate) fn laws<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Lowered<'e>> {
+    let instance = translation.instance;
+    let mut laws = Vec::new();
+    for (j, jump) in instance.model.statements.jumps.iter().enumerate() {
+        let resets = jump.resets.iter().filter_map(|reset| {
+            let place = instance.place(reset.entry)?;
+            Some((place, translation.in_alphas(reset.value, reset.span)))
+        });
+        let resets: Vec<(usize, Expr<'e>)> = resets.collect();
+        if resets.is_empty() && !jump.resets.is_empty() {
+            continue;
         }
-        laws
+        laws.push(Lowered {
+            jump: j,
+            guard: translation.in_alphas(jump.guard, jump.guard_span),
+            strikes: None,
+            resets,
+        });
     }
+    laws
+}
 
-    /// Finds the laws that are contacts, and lets these push.
-    pub(crate) fn find_contacts(
-        &mut self,
-        laws: &mut [Lowered<'e>],
-        rates: &mut [Expr<'e>],
-        regions: &Regions<'e>,
-        (outputs, limits): (&[Output<'e>], &[Limit<'e>]),
-        diags: &mut Diagnostics,
-    ) {
-        let places: FxHashMap<usize, usize> = (self.kept_states().enumerate())
-            .map(|(place, (entry, _))| (entry, place))
+/// Finds the laws that are contacts, and lets these push; `used` is what else reads α.
+pub(crate) fn find_contacts<'e>(
+    translation: &mut Translation<'_, 'e>,
+    laws: &mut [Lowered<'e>],
+    rates: &mut [Expr<'e>],
+    used: &[Expr<'e>],
+    diags: &mut Diagnostics,
+) {
+    let (instance, switches) = (translation.instance, &mut translation.switches);
+    for at in 0..laws.len() {
+        let jump = &instance.model.statements.jumps[laws[at].jump];
+        let guards = laws.iter().enumerate().filter(|(other, _)| *other != at);
+        let resets = laws.iter().flat_map(|law| &law.resets);
+        let elsewhere: Vec<Expr<'e>> = (used.iter().chain(&*rates).copied())
+            .chain(guards.map(|(_, law)| law.guard))
+            .chain(resets.map(|reset| reset.1))
             .collect();
-        let recorded = outputs
-            .iter()
-            .flat_map(|output| output.exprs.iter().copied());
-        let used: Vec<Expr<'e>> = (regions.weights.iter().chain(&regions.guards).copied())
-            .chain(recorded)
-            .chain(limits.iter().map(|limit| limit.value))
-            .collect();
-        for at in 0..laws.len() {
-            let jump = &self.model.statements.jumps[laws[at].jump];
-            let guards = laws.iter().enumerate().filter(|(other, _)| *other != at);
-            let elsewhere: Vec<Expr<'e>> = (used.iter().copied().chain(rates.iter().copied()))
-                .chain(guards.map(|(_, law)| law.guard))
-                .chain(
-                    laws.iter()
-                        .flat_map(|law| law.resets.iter().map(|reset| reset.1)),
-                )
-                .collect();
-            if self.stays(&laws[at], rates) {
-                diags.push(stays_in_guard(jump));
-                continue;
-            }
-            let Some(contact) = self.contact(&laws[at], rates, &places, &elsewhere) else {
-                continue;
-            };
-            let collected = &mut self.switches.list[contact.switch];
-            collected.unilateral = true;
-            collected.name = Some(jump.name.clone());
-            let open = self.model.exprs.expr(collected.alpha);
-            self.switches.orient(contact.switch, contact.gap);
-            for (entry, d) in contact.direction {
-                let rate = &mut rates[places[&entry]];
-                *rate = *rate + d * (1.0 - open);
-            }
-            laws[at].strikes = Some(contact.switch);
+        let flow = Flow {
+            instance,
+            switches,
+            rates,
+        };
+        if flow.stays(&laws[at]) {
+            diags.push(stays_in_guard(jump));
+            continue;
         }
+        let Some(contact) = flow.contact(&laws[at], &elsewhere) else {
+            continue;
+        };
+        let collected = &mut switches.list[contact.switch];
+        collected.unilateral = true;
+        collected.name = Some(jump.name.clone());
+        let open = instance.model.exprs.expr(collected.alpha);
+        switches.orient(contact.switch, contact.gap);
+        for (place, d) in contact.direction {
+            rates[place] = rates[place] + d * (1.0 - open);
+        }
+        laws[at].strikes = Some(contact.switch);
+    }
+}
+
+/// The motion between jumps.
+struct Flow<'s, 'm, 'e> {
+    instance: &'s Instance<'m, 'e>,
+    switches: &'s Switches<'e>,
+    rates: &'s [Expr<'e>],
+}
+
+impl<'e> Flow<'_, '_, 'e> {
+    /// The variable of a state.
+    fn state(&self, place: usize) -> Var {
+        self.instance.state(place)
     }
 
     /// The contact that a law is.
-    fn contact(
-        &self,
-        law: &Lowered<'e>,
-        rates: &[Expr<'e>],
-        places: &FxHashMap<usize, usize>,
-        elsewhere: &[Expr<'e>],
-    ) -> Option<Contact<'e>> {
-        let (switch, gap) = self.struck(law.guard, rates)?;
+    fn contact(&self, law: &Lowered<'e>, elsewhere: &[Expr<'e>]) -> Option<Contact<'e>> {
+        let (switch, gap) = self.struck(law.guard)?;
         let alpha = self.switches.list[switch].alpha;
         let shared = |e: &Expr<'e>| variables_of(&[*e]).contains(&alpha);
         let relay = self.switches.list[switch].relay.is_some();
         if relay || elsewhere.iter().any(shared) {
             return None;
         }
-        let speed = self.rate_of(gap, rates);
-        if !self.switches.alphas_of(speed).is_empty() || !self.switches.alphas_of(gap).is_empty() {
+        let speed = self.instance.rate_of(gap, self.rates);
+        if !self.switches.entries.alphas_of(speed).is_empty()
+            || !self.switches.entries.alphas_of(gap).is_empty()
+        {
             return None;
         }
-        let direction = self.direction(law, (gap, speed), places)?;
+        let direction = self.direction(law, (gap, speed))?;
         // 1 + e
         let gain = direction
             .iter()
-            .map(|&(entry, d)| self.slope(speed, entry) * d);
-        let gain = self.model.exprs.sum(gain);
-        if !self.at_samples(gain, |gain| gain >= 1.0 - 1e-9) {
+            .map(|&(place, d)| speed.diff(self.state(place)) * d);
+        let gain = self.instance.model.exprs.sum(gain);
+        if !self
+            .instance
+            .params
+            .at_samples(gain, |gain| gain >= 1.0 - 1e-9)
+        {
             return None;
         }
         Some(Contact {
@@ -156,15 +156,9 @@ impl<'e> Lowering<'_, 'e> {
         })
     }
 
-    /// The comparisons of a guard that is a conjunction, as switches with their sides.
-    pub(crate) fn literals(&self, guard: Expr<'e>) -> Option<Vec<(usize, bool)>> {
-        let alphas = self.switches.list.iter().map(|switch| switch.alpha);
-        conjunction(guard, &alphas.collect::<Vec<Var>>())
-    }
-
     /// c with its switch, where a guard is c < 0, or c < 0 and ċ < 0.
-    fn struck(&self, guard: Expr<'e>, rates: &[Expr<'e>]) -> Option<(usize, Expr<'e>)> {
-        let literals = self.literals(guard)?;
+    fn struck(&self, guard: Expr<'e>) -> Option<(usize, Expr<'e>)> {
+        let literals = literals(guard, self.switches)?;
         // The guard says that these are negative.
         let negative: Vec<(usize, Expr<'e>)> = (literals.iter())
             .map(|&(k, on)| {
@@ -172,15 +166,15 @@ impl<'e> Lowering<'_, 'e> {
                 (k, if on { -1.0 * psi } else { psi })
             })
             .collect();
+        let params = &self.instance.params;
         let is_multiple = |e: Expr<'e>, of: Expr<'e>| {
-            let (e, of) = (self.in_numbers(e), self.in_numbers(of));
-            let ((a, e), (b, of)) = (e.split_scale(), of.split_scale());
+            let [(a, e), (b, of)] = [e, of].map(|e| params.in_numbers(e).split_scale());
             e == of && a * b > 0.0
         };
         match negative[..] {
             [only] => Some(only),
-            [a, b] if is_multiple(b.1, self.rate_of(a.1, rates)) => Some(a),
-            [a, b] if is_multiple(a.1, self.rate_of(b.1, rates)) => Some(b),
+            [a, b] if is_multiple(b.1, self.instance.rate_of(a.1, self.rates)) => Some(a),
+            [a, b] if is_multiple(a.1, self.instance.rate_of(b.1, self.rates)) => Some(b),
             _ => None,
         }
     }
@@ -190,109 +184,52 @@ impl<'e> Lowering<'_, 'e> {
         &self,
         law: &Lowered<'e>,
         (gap, speed): (Expr<'e>, Expr<'e>),
-        places: &FxHashMap<usize, usize>,
     ) -> Option<Vec<(usize, Expr<'e>)>> {
-        let vars: Vec<Expr<'e>> = self.model.state_vars().collect();
         let slopes: Vec<Expr<'e>> = law
             .resets
             .iter()
-            .map(|&(entry, _)| self.slope(speed, entry))
+            .map(|&(place, _)| speed.diff(self.state(place)))
             .collect();
-        let square = self.model.exprs.sum(slopes.iter().map(|&s| s * s));
+        let square = self.instance.model.exprs.sum(slopes.iter().map(|&s| s * s));
         if square.is_zero() {
             return None;
         }
         let mut direction = Vec::new();
-        for &(entry, value) in &law.resets {
-            if !self.slope(gap, entry).is_zero() || !places.contains_key(&entry) {
+        for &(place, value) in &law.resets {
+            let state = self.state(place);
+            if !gap.diff(state).is_zero() || !self.switches.entries.alphas_of(value).is_empty() {
                 return None;
             }
-            if !self.switches.alphas_of(value).is_empty() {
-                return None;
-            }
-            let change = value - vars[entry];
+            let change = value - value.exprs().expr(state);
             let along = law.resets.iter().zip(&slopes);
-            let along = along.map(|(&(other, _), &slope)| self.slope(change, other) * slope);
-            let d = -1.0 * self.model.exprs.sum(along) / square;
-            if !self.vanishes(change + speed * d) {
+            let along = along.map(|(&(other, _), &slope)| change.diff(self.state(other)) * slope);
+            let d = -1.0 * self.instance.model.exprs.sum(along) / square;
+            if !self.instance.params.vanishes(change + speed * d) {
                 return None;
             }
-            direction.push((entry, d));
+            direction.push((place, d));
         }
         Some(direction)
     }
 
     /// Whether every comparison of a guard and its rate are the same after the jump, up to positive factors.
-    fn stays(&self, law: &Lowered<'e>, rates: &[Expr<'e>]) -> bool {
-        let Some(literals) = self.literals(law.guard) else {
+    fn stays(&self, law: &Lowered<'e>) -> bool {
+        let Some(literals) = literals(law.guard, self.switches) else {
             return false;
         };
-        let vars: Vec<Expr<'e>> = self.model.state_vars().collect();
-        let after = law
-            .resets
-            .iter()
-            .filter_map(|&(entry, value)| Some((vars[entry].as_variable()?, value)));
+        let after = law.resets.iter();
+        let after = after.map(|&(place, value)| (self.state(place), value));
         let after: Substitution<'e> = after.collect();
+        let params = &self.instance.params;
         let is_kept = |e: Expr<'e>| {
-            let (a, before) = self.in_numbers(e).split_scale();
-            let (b, after) = self.in_numbers(e.substitute(&after)).split_scale();
-            self.switches.alphas_of(e).is_empty() && before == after && a * b > 0.0
+            let both = [e, e.substitute(&after)];
+            let [(a, before), (b, after)] = both.map(|e| params.in_numbers(e).split_scale());
+            self.switches.entries.alphas_of(e).is_empty() && before == after && a * b > 0.0
         };
         literals.iter().all(|&(k, _)| {
             let switch = &self.switches.list[k];
-            let rate = self.rate_of(switch.psi, rates);
+            let rate = self.instance.rate_of(switch.psi, self.rates);
             switch.relay.is_none() && is_kept(switch.psi) && (rate.is_zero() || is_kept(rate))
-        })
-    }
-
-    /// dc/dt = ∇c·f + ∂c/∂t
-    fn rate_of(&self, c: Expr<'e>, rates: &[Expr<'e>]) -> Expr<'e> {
-        let along = self
-            .kept_states()
-            .zip(rates)
-            .filter_map(|((_, var), &rate)| {
-                let slope = c.diff(var.as_variable()?);
-                (!slope.is_zero()).then(|| slope * rate)
-            });
-        let by_time = self.model.time.as_variable().map(|time| c.diff(time));
-        self.model.exprs.sum(along.chain(by_time))
-    }
-
-    pub(crate) fn slope(&self, e: Expr<'e>, entry: usize) -> Expr<'e> {
-        let var = self
-            .model
-            .state_vars()
-            .nth(entry)
-            .and_then(Expr::as_variable);
-        var.map_or(self.model.exprs.constant(0.0), |var| e.diff(var))
-    }
-
-    /// With the numbers of parameters that are not free; only of those that occur, as there may be many of both.
-    pub(crate) fn in_numbers(&self, e: Expr<'e>) -> Expr<'e> {
-        if e.as_constant().is_some() {
-            return e;
-        }
-        let numbers = variables_of(&[e]).into_iter().filter_map(|var| {
-            let value = self.switches.params.fixed(var)?;
-            Some((var, self.model.exprs.constant(value)))
-        });
-        e.substitute(&numbers.collect())
-    }
-
-    /// Whether an expression is zero wherever its variables are: by its form, or else at points without special
-    /// relations.
-    pub(crate) fn vanishes(&self, e: Expr<'e>) -> bool {
-        e.is_zero() || self.at_samples(e, |value| value.abs() < 1e-9)
-    }
-
-    /// Whether values at points without special relations have a property.
-    pub(crate) fn at_samples(&self, e: Expr<'e>, holds: impl Fn(f64) -> bool) -> bool {
-        let e = self.in_numbers(e);
-        (1..=5).all(|point| {
-            let point = f64::from(point);
-            let at =
-                |var: Var| 0.3 + 0.618 * point + 0.7 * (point * 1.7 * var.index() as f64).sin();
-            holds(e.eval(&at))
         })
     }
 }
@@ -305,29 +242,24 @@ fn stays_in_guard(jump: &Jump) -> SystemError {
     }
 }
 
-impl<'e> Lowering<'_, 'e> {
-    /// The laws, once only the switches `kept` are left.
-    pub(crate) fn finished_laws(&self, laws: Vec<Lowered<'e>>, kept: &[usize]) -> Vec<Law<'e>> {
-        let places: FxHashMap<usize, usize> = (self.kept_states().enumerate())
-            .map(|(place, (entry, _))| (entry, place))
-            .collect();
-        let finish = |law: Lowered<'e>| {
-            let jump = &self.model.statements.jumps[law.jump];
-            let strikes = law
-                .strikes
-                .and_then(|k| kept.iter().position(|&other| other == k));
-            let resets = law.resets.into_iter();
-            let closed = |k: usize| 1.0 - self.model.exprs.expr(self.switches.list[k].alpha);
-            Law {
-                name: jump.name.clone(),
-                guard: law.strikes.map_or(law.guard, closed),
-                strikes,
-                resets: resets
-                    .map(|(entry, value)| (places[&entry], value))
-                    .collect(),
-                span: jump.span,
-            }
-        };
-        laws.into_iter().map(finish).collect()
-    }
+/// The laws, once only the switches `kept` are left.
+pub(crate) fn finished_laws<'e>(
+    instance: &Instance<'_, 'e>,
+    switches: &Switches<'e>,
+    laws: Vec<Lowered<'e>>,
+    kept: &[usize],
+) -> Vec<Law<'e>> {
+    let exprs = instance.model.exprs;
+    let finish = |law: Lowered<'e>| {
+        let jump = &instance.model.statements.jumps[law.jump];
+        let closed = |k: usize| 1.0 - exprs.expr(switches.list[k].alpha);
+        Law {
+            name: jump.name.clone(),
+            guard: law.strikes.map_or(law.guard, closed),
+            strikes: law.strikes.and_then(|k| kept.binary_search(&k).ok()),
+            resets: law.resets,
+            span: jump.span,
+        }
+    };
+    laws.into_iter().map(finish).collect()
 }

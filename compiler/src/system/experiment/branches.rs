@@ -1,6 +1,9 @@
 //! What experiments do not take of switches that are read nonlinearly.
 
-use super::{ExperimentError, Feature, MethodKind, Settings};
+use super::capabilities::Feature;
+use super::error::ExperimentError;
+use super::method::MethodKind;
+use super::settings::Settings;
 use crate::expr::{Expr, variables_of};
 use crate::model::Data;
 use crate::source::Span;

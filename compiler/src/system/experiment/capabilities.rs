@@ -1,7 +1,9 @@
 //! What methods of simulation take of models and experiments: what each does not take is told here, by the table of methods
 //! (`method.rs`).
 
-use super::{ExperimentError, Lowering, MethodKind, Settings};
+use super::error::ExperimentError;
+use super::method::{Lowering, MethodKind};
+use super::settings::Settings;
 use crate::model::Model;
 use crate::source::Span;
 use crate::system::{Role, System};

@@ -2,8 +2,8 @@
 
 use nsd_solver::integrate::tableau::Family;
 
-use super::method::once;
-use super::{ExperimentError, Reader, unknown_choice};
+use super::error::ExperimentError;
+use super::reader::{Reader, unknown_choice};
 use crate::syntax::{self, Arg, ExprKind, Ident, Setting};
 
 /// Options of `method fesd`.
@@ -135,7 +135,7 @@ const FORMS: [(&str, Form); 2] = [
     ("integral", Form::Integral),
     ("differential", Form::Differential),
 ];
-pub(super) const CROSS: [(&str, Cross); 4] = [
+pub(crate) const CROSS: [(&str, Cross); 4] = [
     ("all", Cross::All),
     ("sum_theta", Cross::SumTheta),
     ("sum_lambda", Cross::SumLambda),
@@ -144,12 +144,12 @@ pub(super) const CROSS: [(&str, Cross); 4] = [
 const EQUILIBRATIONS: [&str; 4] = ["none", "mean", "tanh", "exact"];
 
 const MOST_STEPS: f64 = 1e8;
-pub(super) const MOST_ELEMENTS: f64 = 1e4;
+pub(crate) const MOST_ELEMENTS: f64 = 1e4;
 
 /// Reads the options.
-pub(super) fn options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> FesdOptions {
+pub(crate) fn options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> FesdOptions {
     let mut fesd = FesdOptions::default();
-    once(reader, options);
+    reader.once_each(options);
     for option in options {
         let value = &option.value;
         match option.name.name.as_str() {
@@ -180,12 +180,12 @@ pub(super) fn options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> FesdO
 }
 
 /// Reads the options of `timestepping`.
-pub(super) fn stepping_options(
+pub(crate) fn stepping_options(
     reader: &mut Reader<'_, '_>,
     options: &[Setting],
 ) -> SteppingOptions {
     let mut stepping = SteppingOptions::default();
-    once(reader, options);
+    reader.once_each(options);
     for option in options {
         let value = &option.value;
         match option.name.name.as_str() {
@@ -201,7 +201,7 @@ pub(super) fn stepping_options(
 }
 
 /// One of some words.
-pub(super) fn word<T: Copy>(
+pub(crate) fn word<T: Copy>(
     reader: &mut Reader<'_, '_>,
     what: &str,
     value: &syntax::Expr,
@@ -221,7 +221,7 @@ pub(super) fn word<T: Copy>(
 }
 
 /// `none`, `exact`, `mean(1)`, `tanh(1, 0.1)`
-pub(super) fn equilibration(
+pub(crate) fn equilibration(
     reader: &mut Reader<'_, '_>,
     value: &syntax::Expr,
 ) -> Option<Equilibration> {
@@ -271,7 +271,7 @@ pub(super) fn equilibration(
 }
 
 /// `radau_iia(4)`
-pub(super) fn scheme(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(Family, usize)> {
+pub(crate) fn scheme(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(Family, usize)> {
     let named = match &value.kind {
         ExprKind::Call(function, arguments) => match (&function.kind, &arguments[..]) {
             (ExprKind::Name(name), [Arg::Positional(nodes, binders)]) if binders.is_empty() => {

@@ -1,6 +1,7 @@
 //! Laws of smoothing: the functions in the place of the sign.
 
-use super::{ExperimentError, Reader, unknown_choice};
+use super::error::ExperimentError;
+use super::reader::{Reader, unknown_choice};
 use crate::expr::{CompileError, Expr, Var, compile};
 use crate::syntax::{self, Arg, ExprKind, Ident};
 
@@ -45,7 +46,7 @@ const FAR: f64 = 1e-6;
 const ROUNDING: f64 = 1e-9;
 
 /// `tanh`, or a function of the file.
-pub(super) fn law<'e>(reader: &mut Reader<'_, 'e>, option: &syntax::Expr) -> Option<Law<'e>> {
+pub(crate) fn law<'e>(reader: &mut Reader<'_, 'e>, option: &syntax::Expr) -> Option<Law<'e>> {
     let name = match &option.kind {
         ExprKind::Name(name) => name.clone(),
         ExprKind::Field(_, name) => name.name.clone(),

@@ -2,9 +2,10 @@
 
 use super::capabilities::Feature;
 use super::capabilities::Taken::{self, Lowered, No, Yes};
+use super::error::ExperimentError;
 use super::fesd::{self, FesdOptions, SteppingOptions};
 use super::law::{self, Law};
-use super::{ExperimentError, Reader, unknown_choice};
+use super::reader::{Reader, unknown_choice};
 use crate::diagnostics::Help;
 use crate::syntax::{self, ExprKind, Ident, Setting};
 
@@ -231,7 +232,7 @@ const HIGHEST_ORDER: f64 = 60.0;
 const MOST_EVENTS: f64 = 1e9;
 
 /// `method NAME { options }`
-pub(super) fn method<'e>(
+pub(crate) fn method<'e>(
     reader: &mut Reader<'_, 'e>,
     name: &Ident,
     options: &[Setting],
@@ -272,7 +273,7 @@ fn no_options(reader: &mut Reader<'_, '_>, method: &str, options: &[Setting], he
 
 fn smoothing_options<'e>(reader: &mut Reader<'_, 'e>, options: &[Setting]) -> SmoothingOptions<'e> {
     let mut smoothing = SmoothingOptions::default();
-    once(reader, options);
+    reader.once_each(options);
     for option in options {
         match option.name.name.as_str() {
             "epsilon" => {
@@ -290,7 +291,7 @@ fn smoothing_options<'e>(reader: &mut Reader<'_, 'e>, options: &[Setting]) -> Sm
 
 fn event_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> EventOptions {
     let mut event = EventOptions::default();
-    once(reader, options);
+    reader.once_each(options);
     for option in options {
         match option.name.name.as_str() {
             "order" => event.order = reader.count("the order", &option.value, HIGHEST_ORDER),
@@ -302,21 +303,6 @@ fn event_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> EventOptio
         }
     }
     event
-}
-
-/// Reports options that are given twice.
-pub(super) fn once(reader: &mut Reader<'_, '_>, options: &[Setting]) {
-    for (k, option) in options.iter().enumerate() {
-        let mut earlier = options[..k].iter();
-        if let Some(first) = earlier.find(|first| first.name.name == option.name.name) {
-            let what = format!("option `{}`", option.name.name);
-            reader.error(ExperimentError::Twice {
-                what,
-                first: first.span,
-                second: option.span,
-            });
-        }
-    }
 }
 
 /// `plus` or `[plus, slide]`
@@ -351,7 +337,7 @@ fn branches(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Vec<Branch> {
 }
 
 /// A name after `lower`.
-pub(super) fn lowering(reader: &mut Reader<'_, '_>, name: &Ident) -> Option<Lowering> {
+pub(crate) fn lowering(reader: &mut Reader<'_, '_>, name: &Ident) -> Option<Lowering> {
     let found = Lowering::ALL
         .into_iter()
         .find(|lowering| lowering.word() == name.name);

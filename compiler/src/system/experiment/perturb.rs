@@ -2,8 +2,11 @@
 
 use nsd_solver::event::{KickSize, Kicks};
 
+use super::capabilities::Feature;
+use super::error::ExperimentError;
 use super::optimize::{LARGEST_SEED, one_argument};
-use super::{ExperimentError, Feature, Reader, Settings};
+use super::reader::Reader;
+use super::settings::Settings;
 use crate::source::Span;
 use crate::syntax;
 use crate::system::{Role, System};
@@ -48,7 +51,7 @@ fn stream(name: &str) -> u64 {
 
 impl Reader<'_, '_> {
     /// Random vectors that are added to the state.
-    pub(super) fn kicks(
+    pub(crate) fn kicks(
         &mut self,
         every: &syntax::Expr,
         by: Option<&syntax::Expr>,

@@ -1,16 +1,29 @@
 //! What the settings of an experiment say, read one by one.
 
+use super::capabilities::Feature;
+use super::error::ExperimentError;
+use super::method::{self, Lowering, Method};
 use super::optimize::Draft;
-use super::{
-    DEFAULT_OPTIMIZE_TOLERANCE, DEFAULT_TOLERANCE, ExperimentError, Feature, Kept, Lowering,
-    MOST_RUNS, Method, Perturbation, Reader, Sampling, method, word_of,
-};
-use crate::model::Model;
+use super::perturb::Perturbation;
+use super::reader::Reader;
+use super::settings::{Kept, Sampling};
+use super::with;
+use crate::expr::Expr;
+use crate::model::{Model, TargetKind};
 use crate::source::Span;
-use crate::syntax::{self, Expect, ExperimentKind, SettingKind};
+use crate::syntax::{self, Expect, ExperimentKind, OutputWhen, SettingKind};
+
+const DEFAULT_TOLERANCE: f64 = 1e-8;
+/// An optimum has the accuracy of a grid that the user chose.
+const DEFAULT_OPTIMIZE_TOLERANCE: f64 = 1e-6;
+/// More instants than this are a mistake.
+const MOST_INSTANTS: f64 = 1e8;
+
+/// Runs of one experiment.
+const MOST_RUNS: f64 = 1e4;
 
 /// What settings have said so far; spans where a later check may complain.
-pub(super) struct Statements<'m, 'e> {
+pub(crate) struct Statements<'m, 'e> {
     /// Of an optimization, what only that has.
     pub draft: Option<Draft<'m, 'e>>,
     pub horizon: Option<(Option<f64>, Span)>,
@@ -120,7 +133,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                     let end = self.horizon.and_then(|(end, _)| end);
                     draft.setting(reader, kind, span, end);
                 }
-                None => reader.not_for_simulate(&word_of(kind), span),
+                None => not_for_simulate(reader, &word_of(kind), span),
             },
         }
     }
@@ -135,7 +148,7 @@ impl<'m, 'e> Statements<'m, 'e> {
         span: Span,
     ) {
         match (&mut self.draft, free) {
-            (None, true) => reader.not_for_simulate("horizon free", span),
+            (None, true) => not_for_simulate(reader, "horizon free", span),
             (Some(draft), true) => {
                 self.horizon = Some((draft.free_horizon(reader, range, value), span));
             }
@@ -164,5 +177,98 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some(span) = self.averages.filter(|_| !averages) {
             reader.error(ExperimentError::NoChattering { span });
         }
+    }
+}
+
+fn not_for_simulate(reader: &mut Reader<'_, '_>, setting: &str, span: Span) {
+    reader.error(ExperimentError::NotForSimulate {
+        setting: setting.to_owned(),
+        span,
+    });
+}
+
+/// How a setting of optimal control begins.
+fn word_of(setting: &SettingKind) -> String {
+    match setting {
+        SettingKind::Value { name, .. } => &name.name,
+        SettingKind::Guess { .. } => "guess",
+        SettingKind::SubjectTo { .. } => "subject to",
+        SettingKind::Final(_) => "final",
+        SettingKind::Initial { .. } => "initial",
+        SettingKind::Free(_) => "free",
+        _ => "starts",
+    }
+    .to_owned()
+}
+
+impl Sampling {
+    /// What an `output` statement says, within a horizon that may be unknown.
+    fn read(reader: &mut Reader<'_, '_>, when: &OutputWhen, horizon: Option<f64>) -> Option<Self> {
+        match when {
+            OutputWhen::Method => Some(Sampling::Method),
+            OutputWhen::Every(period) => {
+                let fits = |x: f64| x > 0.0 && horizon.is_none_or(|end| end / x <= MOST_INSTANTS);
+                let period = reader.within("the period", period, "positive, and not tiny", fits)?;
+                Some(Sampling::Every(period))
+            }
+            OutputWhen::At(instants) => {
+                let mut times = reader.numbers("the instants", instants)?;
+                if let Some(bad) = times
+                    .iter()
+                    .find(|time| !(**time >= 0.0 && horizon.is_none_or(|end| **time <= end)))
+                {
+                    let (what, found) = ("every instant".to_owned(), bad.to_string());
+                    let expected = "between 0 and the horizon".to_owned();
+                    reader.error(ExperimentError::OutOfRange {
+                        what,
+                        expected,
+                        found,
+                        span: instants.span,
+                    });
+                    return None;
+                }
+                times.sort_by(f64::total_cmp);
+                Some(Sampling::At(times))
+            }
+        }
+    }
+}
+
+impl<'e> Kept<'e> {
+    /// What a path of an `output` statement names.
+    fn read(reader: &mut Reader<'_, 'e>, path: &syntax::Path) -> Option<Self> {
+        let Some(target) = reader.model.scope.target(path, reader.diags) else {
+            reader.failed = true;
+            return None;
+        };
+        let model = reader.model;
+        let all: Option<&[Expr<'e>]> = match target.kind {
+            TargetKind::State(k) => Some(&model.states[k].vars),
+            TargetKind::Algebraic(k) => Some(&model.algebraics[k].vars),
+            TargetKind::Control(k) => Some(&model.controls[k].vars),
+            TargetKind::Input(k) => Some(&model.inputs[k].vars),
+            TargetKind::Signal(k) => Some(&model.signals[k].value.data),
+            TargetKind::Let(k) => Some(&model.lets[k].value.data),
+            TargetKind::Output(k) => Some(&model.outputs[k].value.data),
+            TargetKind::Switch(k) => Some(&model.switches[k].vars),
+            TargetKind::Const | TargetKind::Param(_) | TargetKind::Sliding(_) => None,
+        };
+        let name = with::path_text(model, path, &target);
+        let Some(all) = all else {
+            let kind = target.kind.word();
+            reader.error(ExperimentError::NoTrajectory {
+                name,
+                kind,
+                span: path.span,
+            });
+            return None;
+        };
+        Some(Kept {
+            name,
+            kind: target.kind,
+            entries: target.entries.iter().map(|&entry| all[entry]).collect(),
+            shape: target.shape.sizes(),
+            span: path.span,
+        })
     }
 }

@@ -2,15 +2,31 @@
 
 use rustc_hash::FxHashMap;
 
-use super::{ExperimentError, Given, unknown_choice};
+use super::error::ExperimentError;
+use super::reader::unknown_choice;
 use crate::diagnostics::Diagnostics;
-use crate::expr::Var;
+use crate::expr::{Expr, Var};
 use crate::model::{GivenError, Model, Quantity, Target, TargetKind};
 use crate::source::Span;
 use crate::syntax::{self, Bind, ExprKind, Ident, Path, SettingKind, Sliding};
 
+/// What `with` gives to the model.
+#[derive(Debug, Default)]
+pub(crate) struct Given<'e> {
+    /// Values by variable, with the line that gives each.
+    pub values: FxHashMap<Var, (Expr<'e>, Span)>,
+    /// Readings of named switches.
+    pub sliding: FxHashMap<usize, Sliding>,
+    /// Whether controls that are not given are decided by the experiment.
+    pub decides: bool,
+    /// Parameters that are optimized, with where each is freed.
+    pub free: FxHashMap<Var, Span>,
+    /// The experiment.
+    pub span: Span,
+}
+
 /// Everything that `with` and `overrides` give; `None` after an error.
-pub(super) fn given<'e>(
+pub(crate) fn given<'e>(
     model: &Model<'e>,
     experiment: &syntax::Experiment,
     overrides: &[Bind],
@@ -170,7 +186,7 @@ fn sliding(value: &syntax::Expr, diags: &mut Diagnostics) -> Option<Sliding> {
 }
 
 /// The name of what a path means: `q`, `x[2]`, `x[1..3]`.
-pub(super) fn path_text(model: &Model<'_>, path: &Path, target: &Target) -> String {
+pub(crate) fn path_text(model: &Model<'_>, path: &Path, target: &Target) -> String {
     let list = |quantities: &[Quantity<'_>], k: usize| {
         quantities.get(k).map(|q| (q.name.clone(), q.shape))
     };

@@ -17,7 +17,7 @@
 use super::alpha;
 use crate::expr::{Expr, Var};
 use crate::source::Span;
-use crate::system::regions::conjunction;
+use crate::system::regions::conjunction::conjunction;
 use crate::system::switches::affine::at;
 use crate::system::{Continuity, Coverage, Partition, Region, State, Switch, System};
 

@@ -9,12 +9,20 @@ pub(crate) mod effort;
 pub(crate) mod skipped;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::Extent;
 use super::experiment::Settings;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Reach, Var, variables_of};
 use crate::model::{Model, Projection, Region, Tensor};
 use crate::syntax::{self, Arg, Expect, ExprKind};
+
+/// How much of a model is lowered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// What the outputs and expectations of the experiment need.
+    Needed,
+    /// Everything, so that every mistake is found.
+    Whole,
+}
 
 /// What is kept of a model.
 pub(crate) struct Needs<'e> {

@@ -17,7 +17,8 @@ use nsd_solver::optimization::qp::HalfSpace;
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Node, Substitution, Var, variables_of};
-use crate::system::switches::surface::{Known, definite};
+use crate::system::switches::known::Known;
+use crate::system::switches::surface::definite;
 use crate::system::{Switch, System};
 
 /// Surfaces of which combinations of sides are asked for.

@@ -18,7 +18,7 @@ use rustc_hash::FxHashSet;
 
 use super::arrangement::{Arrangement, Side, Sides};
 use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
-use crate::system::regions::conjunction;
+use crate::system::regions::conjunction::conjunction;
 use crate::system::switches::interaction::positions;
 
 /// More linear programs are not worth the wait; samples take their place.

@@ -1,70 +1,24 @@
-//! Guards of regions as weights in α: conjunctions, overlaps, gaps.
+//! Guards of regions as weights in α: overlaps, gaps.
 
 pub mod arrangement;
+pub(crate) mod conjunction;
 pub(crate) mod corners;
 pub(crate) mod coverage;
 pub(crate) mod partitions;
 pub(crate) mod sample;
-use super::{Coverage, Partition, State, Subsystem, Switch, SystemError};
-use crate::expr::{Expr, Node, Var};
+use super::{Coverage, Partition, State, Subsystem, SystemError};
+use crate::expr::{Expr, Var};
 use crate::source::Span;
+use crate::system::regions::conjunction::{MOST_ENUMERATED, corner_value};
 use crate::system::regions::coverage::Proof;
-use crate::system::regions::sample::{Point, Sampler};
+use crate::system::regions::sample::Point;
 use crate::system::switches::affine::at;
 use crate::system::switches::interaction::{positions, subsystems};
-
-/// More switches than this in one guard are not enumerated.
-const MOST_ENUMERATED: usize = 8;
-
-/// The weight as a conjunction: which switches must be on which side, when it is one.
-///
-/// 1 where the guard holds, among the corners of its α: a conjunction is a face of the cube.
-pub(super) fn conjunction(weight: Expr<'_>, alphas: &[Var]) -> Option<Vec<(usize, bool)>> {
-    if let Some(literals) = product_of_literals(weight, alphas) {
-        return Some(literals);
-    }
-    let inside = positions(weight, alphas);
-    if inside.len() > MOST_ENUMERATED {
-        return None;
-    }
-    let corners: Vec<usize> = (0..1usize << inside.len())
-        .filter(|&corner| corner_value(weight, alphas, &inside, corner) > 0.5)
-        .collect();
-    let all_on = corners
-        .iter()
-        .fold(usize::MAX, |mask, corner| mask & corner);
-    let all_off = corners.iter().fold(0, |mask, corner| mask | corner);
-    let literals: Vec<(usize, bool)> = (inside.iter().enumerate())
-        .filter_map(|(place, &k)| {
-            let on = all_on >> place & 1 == 1;
-            let off = all_off >> place & 1 == 0;
-            (on != off).then_some((k, on))
-        })
-        .collect();
-    (corners.len() == 1 << (inside.len() - literals.len())).then_some(literals)
-}
-
-/// α_i is (i, true) and 1 - α_i is (i, false); a product of distinct ones is their conjunction.
-fn product_of_literals(weight: Expr<'_>, alphas: &[Var]) -> Option<Vec<(usize, bool)>> {
-    let literal = |e: Expr<'_>| match positions(e, alphas)[..] {
-        [k] if e.as_variable() == Some(alphas[k]) => Some((k, true)),
-        [k] if e == 1.0 - e.exprs().expr(alphas[k]) => Some((k, false)),
-        _ => None,
-    };
-    let mut literals = match weight.node() {
-        Node::Product(factors) => (factors.into_iter())
-            .map(|(factor, power)| literal(factor).filter(|_| power == 1))
-            .collect::<Option<Vec<_>>>()?,
-        _ => vec![literal(weight)?],
-    };
-    literals.sort_unstable();
-    let are_distinct = literals.windows(2).all(|pair| pair[0].0 != pair[1].0);
-    are_distinct.then_some(literals)
-}
+use crate::system::switches::switched::Switched;
 
 /// Whether in every corner of α the weights are 0 or 1, or at least sum to one, as they do with a region
 /// `else` in corners that no point has; with many α, whatever they are.
-pub(super) fn are_weights(partition: &Partition<'_>, alphas: &[Var]) -> bool {
+pub(crate) fn are_weights(partition: &Partition<'_>, alphas: &[Var]) -> bool {
     let inside = &partition.switches;
     inside.len() > MOST_ENUMERATED
         || (0..1usize << inside.len()).all(|corner| {
@@ -77,23 +31,14 @@ pub(super) fn are_weights(partition: &Partition<'_>, alphas: &[Var]) -> bool {
         })
 }
 
-/// The weight where bit i of `corner` is the side of the i-th switch inside.
-fn corner_value(weight: Expr<'_>, alphas: &[Var], inside: &[usize], corner: usize) -> f64 {
-    weight.eval(&|var| {
-        let place = inside.iter().position(|&k| alphas[k] == var);
-        place.map_or(f64::NAN, |place| f64::from((corner >> place & 1) as u8))
-    })
-}
-
 /// Looks for points at which no guard of the partition holds, or two do, by the weights of the guards: the point that a
 /// proof has found, or sampled ones where the proof is not complete.
-pub(super) fn check<'e>(
+pub(crate) fn check<'e>(
     partition: &Partition<'e>,
     (weights, proof): (&[Expr<'e>], &Proof<'e>),
     states: &[State<'e>],
-    switches: &[Switch<'e>],
     guards: &[Span],
-    sampler: &Sampler<'e>,
+    switched: &Switched<'_, 'e>,
 ) -> Result<Coverage, SystemError> {
     if proof.is_complete && proof.counterexample.is_none() {
         return Ok(Coverage::Proven);
@@ -101,13 +46,13 @@ pub(super) fn check<'e>(
     let psi: Vec<Expr<'e>> = partition
         .switches
         .iter()
-        .map(|&k| switches[k].psi)
+        .map(|&k| switched.switches[k].psi)
         .collect();
     let Some(first) = partition.regions.first() else {
         return Ok(Coverage::Proven);
     };
     let exprs = first.weight.exprs();
-    let sampler = sampler.only(&[psi.as_slice(), weights].concat());
+    let sampler = switched.sampler.only(&[psi.as_slice(), weights].concat());
     // On a surface, no guard has a say.
     let is_off = |point: &Point| psi.iter().all(|&psi| sampler.eval(psi, point).abs() > 1e-9);
     let holding = |point: &Point| -> Vec<usize> {
@@ -154,12 +99,13 @@ pub(super) fn check<'e>(
 
 /// Whether nothing depends on the switches of a partition but through its regions: no rate, once a region has decided
 /// them, and no other ψ.
-pub(super) fn decide_all(
-    partition: &Partition<'_>,
-    rates: &[Expr<'_>],
-    switches: &[Switch<'_>],
-    alphas: &[Var],
-) -> bool {
+pub(crate) fn decide_all(partition: &Partition<'_>, switched: &Switched<'_, '_>) -> bool {
+    let Switched {
+        rates,
+        switches,
+        alphas,
+        ..
+    } = switched;
     let own = |k: &usize| partition.switches.contains(k);
     let is_free = |e: Expr<'_>| !positions(e, alphas).iter().any(own);
     let mut others = (0..switches.len()).filter(|k| !own(k));
@@ -182,7 +128,7 @@ pub(super) fn decide_all(
 }
 
 /// The subsystems of switches that rates multiply, with the regions that they decide.
-pub(super) fn subsystems_of(
+pub(crate) fn subsystems_of(
     rates: &[Expr<'_>],
     alphas: &[Var],
     partitions: &[Partition<'_>],
@@ -231,30 +177,4 @@ fn regions_of(
             && disjoint
             && covered == 1.0
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::conjunction;
-    use crate::expr::{Expr, Exprs, Var};
-
-    #[test]
-    fn conjunctions_are_faces_of_the_cube() {
-        let exprs = Exprs::new();
-        let a = exprs.variables("a", 3);
-        let vars: Vec<Var> = a.iter().map(|a| a.as_variable().unwrap()).collect();
-        let of = |weight: Expr<'_>| conjunction(weight, &vars);
-        assert_eq!(of(a[1]), Some(vec![(1, true)]));
-        assert_eq!(of(a[0] * (1.0 - a[2])), Some(vec![(0, true), (2, false)]));
-        assert_eq!(of(1.0 - a[0] * (1.0 - a[2])), None);
-        // or: the complement of a conjunction
-        assert_eq!(of(a[0] + a[1] - a[0] * a[1]), None);
-        assert_eq!(
-            of(1.0 - (a[0] + a[1] - a[0] * a[1])),
-            Some(vec![(0, false), (1, false)])
-        );
-        // a0 a1 + a0 (1 - a1) is a0
-        assert_eq!(of(a[0] * a[1] + a[0] * (1.0 - a[1])), Some(vec![(0, true)]));
-        assert_eq!(of(exprs.constant(1.0)), Some(vec![]));
-    }
 }

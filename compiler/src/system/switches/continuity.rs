@@ -11,6 +11,7 @@ use super::Switches;
 use super::affine::jump;
 use super::interaction::positions;
 use super::relay::at_all_sides;
+use super::switched::Switched;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Node, Substitution, Var, jacobian, variables_of};
 use crate::system::regions::corners::jumps_somewhere;
@@ -32,26 +33,24 @@ pub(crate) struct Entered<'s, 'e> {
     collected: &'s Switches<'e>,
     /// The switches of the system among those that were collected.
     kept: &'s [usize],
-    alphas: &'s [Var],
+    switched: &'s Switched<'s, 'e>,
     /// α of relays.
     relays: Vec<Var>,
     /// Rates and the ψ of other switches by switch, but for kinks that are continuous by form.
     functions: Vec<Vec<Expr<'e>>>,
-    sampler: &'s Sampler<'e>,
 }
 
 impl<'s, 'e> Entered<'s, 'e> {
     pub fn new(
         collected: &'s Switches<'e>,
-        (kept, alphas): (&'s [usize], &'s [Var]),
-        rates: &[Expr<'e>],
-        switches: &[Switch<'e>],
-        sampler: &'s Sampler<'e>,
+        kept: &'s [usize],
+        switched: &'s Switched<'s, 'e>,
     ) -> Self {
-        let all: Vec<Expr<'e>> = (rates.iter().copied())
+        let (alphas, switches) = (switched.alphas, switched.switches);
+        let all: Vec<Expr<'e>> = (switched.rates.iter().copied())
             .chain(switches.iter().map(|switch| switch.psi))
             .collect();
-        let kinks = (0..alphas.len()).filter(|&k| collected.is_kink(kept[k]));
+        let kinks = (0..alphas.len()).filter(|&k| collected.entries.is_kink(kept[k]));
         let (kinks, kink_alphas): (Vec<usize>, Vec<Var>) = kinks.map(|k| (k, alphas[k])).unzip();
         let slopes = jacobian(&all, &kink_alphas).entries.into_iter();
         let continuous: FxHashSet<(usize, usize)> = slopes
@@ -73,10 +72,9 @@ impl<'s, 'e> Entered<'s, 'e> {
         Entered {
             collected,
             kept,
-            alphas,
+            switched,
             relays,
             functions,
-            sampler,
         }
     }
 
@@ -86,15 +84,19 @@ impl<'s, 'e> Entered<'s, 'e> {
         let Some(sides) = at_all_sides(functions, psi, &self.relays) else {
             return Continuity::Discontinuous;
         };
-        let (alpha, is_kink) = (self.alphas[k], self.collected.is_kink(self.kept[k]));
-        let classes = (sides.iter())
-            .map(|(functions, psi)| classify(functions, (alpha, *psi), is_kink, self.sampler));
+        let (alpha, is_kink) = (
+            self.switched.alphas[k],
+            self.collected.entries.is_kink(self.kept[k]),
+        );
+        let classes = (sides.iter()).map(|(functions, psi)| {
+            classify(functions, (alpha, *psi), is_kink, self.switched.sampler)
+        });
         classes.max().unwrap_or(Continuity::Discontinuous)
     }
 
-    /// Classifies the switches that may be continuous.
-    pub fn classify(&self, switches: &mut [Switch<'e>], frame: &Frame<'e>) {
-        for (k, switch) in switches.iter_mut().enumerate() {
+    /// Whether f is continuous across the surface of every switch.
+    pub fn continuity(&self, frame: &Frame<'e>) -> Vec<Continuity> {
+        let class = |(k, switch): (usize, &Switch<'e>)| {
             let functions = &self.functions[k];
             // A hidden term needs no jump to slide by.
             if switch.relay.is_some()
@@ -103,23 +105,24 @@ impl<'s, 'e> Entered<'s, 'e> {
                 || switch.slip_of.is_some()
                 || switch.role != Role::Step
             {
-                continue;
+                return Continuity::Discontinuous;
             }
             let known = self.across(functions, (k, switch.psi));
-            let jumps =
-                known == Continuity::Sampled && jumps_somewhere(functions, k, frame, self.sampler);
-            switch.continuity = if jumps {
-                Continuity::Discontinuous
-            } else {
-                known
-            };
-        }
+            let sampler = self.switched.sampler;
+            match known == Continuity::Sampled && jumps_somewhere(functions, k, frame, sampler) {
+                true => Continuity::Discontinuous,
+                false => known,
+            }
+        };
+        let switches = self.switched.switches.iter();
+        switches.enumerate().map(class).collect()
     }
 
     /// Reports every ψ that jumps across the surface of a switch that is not decided before it.
-    pub fn check_surfaces(&self, switches: &[Switch<'e>], diags: &mut Diagnostics) {
+    pub fn check_surfaces(&self, diags: &mut Diagnostics) {
+        let switches = self.switched.switches;
         for outer in switches {
-            for k in positions(outer.psi, self.alphas) {
+            for k in positions(outer.psi, self.switched.alphas) {
                 let inner = &switches[k];
                 if self.collected.is_leading(self.kept[k])
                     || !self.functions[k].contains(&outer.psi)

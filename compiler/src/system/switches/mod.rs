@@ -8,7 +8,9 @@
 
 pub(crate) mod affine;
 pub(crate) mod continuity;
+pub(crate) mod entries;
 pub(crate) mod interaction;
+pub(crate) mod known;
 pub(crate) mod nonlinear;
 pub(crate) mod reading;
 pub(crate) mod relay;
@@ -17,39 +19,21 @@ pub mod smoothing;
 #[cfg(test)]
 mod smoothing_tests;
 pub(crate) mod surface;
+pub(crate) mod switched;
 #[cfg(test)]
 mod switches_tests;
 pub(crate) mod terms;
 pub(crate) mod words;
-use std::cell::Cell;
+use rustc_hash::FxHashMap;
 
-use rustc_hash::{FxHashMap, FxHashSet};
-
-use super::read::Readings;
 use super::{NamedReading, Relay, Role};
-use crate::expr::{Expr, Exprs, Substitution, Var, transform, variables_of};
+use crate::expr::{Expr, Exprs, Var, transform, variables_of};
 use crate::source::Span;
-use crate::system::switches::affine::{at, bent, multi_affine};
-use crate::system::switches::surface::{Form, Known};
+use crate::system::switches::affine::at;
+use crate::system::switches::entries::{Entries, Entry};
+use crate::system::switches::known::Known;
+use crate::system::switches::surface::Form;
 use crate::system::switches::terms::{at_alpha, compared};
-
-/// Switches that one expression may be nonlinear in: the interpolant between their corners doubles with each.
-const MOST_BENT: usize = 8;
-
-/// How a switching term stands in an expression.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Entry {
-    /// A comparison or `step`: it chooses between values, so powers of it mean nothing.
-    Condition,
-    /// `sign`, or a named switch without a reading.
-    Term,
-    /// A named switch that is read linearly.
-    Linear,
-    /// A named switch that is read as it is written, for all values between its two.
-    Nonlinear,
-    /// `abs`, `min` or `max`.
-    Kink,
-}
 
 /// A switch while it is collected.
 pub(crate) struct Collected<'e> {
@@ -71,12 +55,8 @@ pub(crate) struct Collected<'e> {
     pub role: Role,
     /// ψ depends on time only.
     pub is_timed: bool,
-    /// Some statement reads it nonlinearly: powers of its α are what they are.
-    pub is_nonlinear: bool,
     /// Scale of ψ over its canonical form.
-    scale: f64,
-    /// Variables of its entries.
-    entries: Vec<(Entry, Var)>,
+    pub scale: f64,
 }
 
 impl<'e> Collected<'e> {
@@ -94,9 +74,7 @@ impl<'e> Collected<'e> {
             unilateral: false,
             role: Role::Step,
             is_timed: false,
-            is_nonlinear: false,
             scale: 1.0,
-            entries: Vec::new(),
         }
     }
 }
@@ -120,18 +98,9 @@ pub(crate) struct Switches<'e> {
     /// What is known of parameters.
     pub params: Known,
     /// Canonical ψ to its switch.
-    index: FxHashMap<Expr<'e>, usize>,
-    /// Every entry variable to its α, or to what `choices` has.
-    merge: Substitution<'e>,
-    /// Of switches that are read nonlinearly, what stands for the α of entries that are read linearly all the
-    /// same, as in conditions, to that α.
-    choices: Substitution<'e>,
-    choosing: Vec<Option<Var>>,
-    /// [`Entry::Term`] variables to their α.
-    strict: Substitution<'e>,
-    here: Span,
-    /// How many switches an expression is nonlinear in, and where it stands, if they are too many.
-    entangled: Cell<Option<(usize, Span)>>,
+    pub index: FxHashMap<Expr<'e>, usize>,
+    /// What enters expressions.
+    pub entries: Entries<'e>,
 }
 
 impl<'e> Switches<'e> {
@@ -144,12 +113,7 @@ impl<'e> Switches<'e> {
             given: given.into_iter().filter_map(Expr::as_variable).collect(),
             params,
             index: FxHashMap::default(),
-            merge: Substitution::new(),
-            choices: Substitution::new(),
-            choosing: Vec::new(),
-            strict: Substitution::new(),
-            here: Span::default(),
-            entangled: Cell::new(None),
+            entries: Entries::new(exprs),
         }
     }
 
@@ -160,7 +124,7 @@ impl<'e> Switches<'e> {
 
     /// Replaces the nonsmooth terms of an expression that stands at `span` by entry variables.
     pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
-        self.here = span;
+        self.entries.here = span;
         transform(&[e], &mut |written, e| self.replace_node(written, e))[0]
     }
 
@@ -170,7 +134,7 @@ impl<'e> Switches<'e> {
             return e;
         };
         // A condition is decided there where the model states it; here is what controls make of it.
-        if entry != Entry::Kink && self.merged(psi).cancels() {
+        if entry != Entry::Kink && self.entries.merged(psi).cancels() {
             return at_alpha(e, self.exprs.constant(0.5));
         }
         let written = compared(written).map_or(psi, |(written, _)| written);
@@ -179,7 +143,7 @@ impl<'e> Switches<'e> {
 
     /// The value of step(ψ): an entry variable, one minus it, or a number.
     pub fn enter(&mut self, psi: Expr<'e>, written: Expr<'e>, entry: Entry) -> Expr<'e> {
-        let psi = self.merged(psi);
+        let psi = self.entries.merged(psi);
         if let Some(value) = self.decided_before(psi, entry) {
             return value;
         }
@@ -203,7 +167,7 @@ impl<'e> Switches<'e> {
                     self.refused.push(Refused {
                         psi,
                         form,
-                        span: self.here,
+                        span: self.entries.here,
                     });
                 }
                 return self.exprs.constant(1.0);
@@ -214,18 +178,15 @@ impl<'e> Switches<'e> {
         if let (Form::Regular, true) = (form, k == n_known) {
             self.list[k].written = written;
         }
-        if entry == Entry::Nonlinear {
-            self.read_nonlinearly(k);
-        }
-        let tau = self.entry_variable(k, entry);
+        let tau = self.entries.variable(k, entry);
         if flipped { 1.0 - tau } else { tau }
     }
 
     /// The sign of a ψ that is a multiple of |ψ_k| = (2 α_k - 1) ψ_k for some switch k.
     fn absolute_value(&self, psi: Expr<'e>) -> Option<f64> {
         // Those of ψ_k are older.
-        let alpha = self.alphas_of(psi).pop()?;
-        let inner = &self.list[self.of_alpha(alpha)?];
+        let alpha = self.entries.alphas_of(psi).pop()?;
+        let inner = &self.list[self.entries.of_alpha(alpha)?];
         let (_, key) = surface::canonical(inner.psi, &self.params);
         let sign_at = |side: f64| {
             let (scale, at_side) = surface::canonical(at(psi, alpha, side), &self.params);
@@ -235,20 +196,21 @@ impl<'e> Switches<'e> {
         (above == -below).then_some(above)
     }
 
+    /// A new switch at the end of the list.
+    fn add(&mut self, psi: Expr<'e>, origin: Span) -> &mut Collected<'e> {
+        self.list
+            .push(Collected::new(self.entries.alpha(), psi, origin));
+        self.list.last_mut().expect("it is there")
+    }
+
     /// The switch of ψ, and whether ψ is a negative multiple of its switching function.
     fn switch(&mut self, psi: Expr<'e>) -> (usize, bool) {
         let (scale, key) = surface::canonical(psi, &self.params);
         let k = *self.index.entry(key).or_insert(self.list.len());
         if k == self.list.len() {
-            let alpha = self
-                .exprs
-                .variable("alpha")
-                .as_variable()
-                .expect("a fresh variable is one");
-            let mut switch = Collected::new(alpha, psi, self.here);
-            switch.is_timed = self.is_timed(psi);
-            switch.scale = scale;
-            self.list.push(switch);
+            let is_timed = self.is_timed(psi);
+            let switch = self.add(psi, self.entries.here);
+            (switch.is_timed, switch.scale) = (is_timed, scale);
         }
         (k, scale * self.list[k].scale < 0.0)
     }
@@ -262,7 +224,7 @@ impl<'e> Switches<'e> {
 
     /// Makes the switch of a gap, or of a constraint of a projection; gives the form of ψ where it is none, or another has it.
     pub fn unilateral(&mut self, gap: Expr<'e>, name: &str, span: Span) -> Result<usize, Form<'e>> {
-        self.here = span;
+        self.entries.here = span;
         let form = surface::form(gap, &self.params);
         if form != Form::Regular || self.find(gap).is_some() {
             return Err(form);
@@ -277,12 +239,9 @@ impl<'e> Switches<'e> {
 
     /// Makes the switch of a slip velocity, an equation or a member of a pair, which no other term shares.
     pub fn keep(&mut self, psi: Expr<'e>, name: &str, span: Span) -> usize {
-        let alpha = self.exprs.variable("alpha").as_variable();
-        let alpha = alpha.expect("a fresh variable is one");
-        let mut switch = Collected::new(alpha, psi, span);
+        let switch = self.add(psi, span);
         switch.name = Some(name.to_owned());
         switch.spans.push(span);
-        self.list.push(switch);
         self.list.len() - 1
     }
 
@@ -319,50 +278,11 @@ impl<'e> Switches<'e> {
         }
     }
 
-    /// How expressions of the model are read once only the switches `kept` are left.
-    pub fn readings(
-        &self,
-        kept: &[usize],
-        signals: Substitution<'e>,
-        named: impl IntoIterator<Item = (Var, Expr<'e>, Expr<'e>)>,
-    ) -> Readings<'e> {
-        let alphas: FxHashSet<Var> = kept.iter().map(|&k| self.list[k].alpha).collect();
-        let is_kept = |e: Expr<'e>| self.alphas_of(e).iter().all(|alpha| alphas.contains(alpha));
-        let named = named.into_iter().map(|(var, value, direct)| {
-            let value = self.merged(value);
-            (
-                var,
-                if is_kept(value) {
-                    value
-                } else {
-                    direct.substitute(&signals)
-                },
-            )
-        });
-        let index = self.index.iter().filter_map(|(&key, k)| {
-            let place = kept.iter().position(|kept| kept == k)?;
-            Some((key, (place, self.list[*k].scale)))
-        });
-        let alphas = kept.iter().map(|&k| self.exprs.expr(self.list[k].alpha));
-        Readings {
-            named: named.collect(),
-            signals,
-            index: index.collect(),
-            alphas: alphas.collect(),
-            params: self.params.clone(),
-        }
-    }
-
     /// The switch that belongs to ψ, if there is one: its number, and whether ψ is flipped.
     pub fn find(&self, psi: Expr<'e>) -> Option<(usize, bool)> {
-        let (scale, key) = surface::canonical(self.merged(psi), &self.params);
+        let (scale, key) = surface::canonical(self.entries.merged(psi), &self.params);
         let k = *self.index.get(&key)?;
         Some((k, scale * self.list[k].scale < 0.0))
-    }
-
-    /// How many switches an expression is nonlinear in, and where it stands, if they are too many.
-    pub fn entangled(&self) -> Option<(usize, Span)> {
-        self.entangled.get()
     }
 
     /// The arena of all expressions.
@@ -370,148 +290,15 @@ impl<'e> Switches<'e> {
         self.exprs
     }
 
-    /// The expression that is looked at.
-    pub fn here(&self) -> Span {
-        self.here
-    }
-
     /// Whether a function depends on time only, through switches of time too.
     pub fn is_timed(&self, e: Expr<'e>) -> bool {
         variables_of(&[e]).into_iter().all(|var| {
-            let timed = || self.of_alpha(var).is_some_and(|k| self.list[k].is_timed);
+            let timed = || {
+                self.entries
+                    .of_alpha(var)
+                    .is_some_and(|k| self.list[k].is_timed)
+            };
             self.given.contains(&var) || self.params.numbers.contains_key(&var) || timed()
         })
-    }
-
-    /// The switch that a variable is the α of.
-    pub fn of_alpha(&self, var: Var) -> Option<usize> {
-        let found = self.list.binary_search_by_key(&var, |switch| switch.alpha);
-        found.ok()
-    }
-
-    /// The variable for one kind of entry of a switch.
-    pub fn entry_variable(&mut self, k: usize, entry: Entry) -> Expr<'e> {
-        if let Some(&(_, var)) = self.list[k].entries.iter().find(|known| known.0 == entry) {
-            return self.exprs.expr(var);
-        }
-        let tau = self.exprs.variable("tau");
-        let var = tau.as_variable().expect("a fresh variable is one");
-        let alpha = self.exprs.expr(self.list[k].alpha);
-        self.list[k].entries.push((entry, var));
-        self.merge.insert(var, self.value_of(k, entry));
-        if entry == Entry::Term {
-            self.strict.insert(var, alpha);
-        }
-        tau
-    }
-
-    /// What an entry variable of a switch stands for.
-    fn value_of(&self, k: usize, entry: Entry) -> Expr<'e> {
-        let is_written = matches!(entry, Entry::Term | Entry::Nonlinear);
-        let choosing = self.choosing.get(k).copied().flatten();
-        let var = choosing.filter(|_| !is_written);
-        self.exprs.expr(var.unwrap_or(self.list[k].alpha))
-    }
-
-    /// Keeps powers of the α of a switch, but where it chooses between values.
-    fn read_nonlinearly(&mut self, k: usize) {
-        if std::mem::replace(&mut self.list[k].is_nonlinear, true) {
-            return;
-        }
-        let choosing = self.exprs.variable("tau").as_variable();
-        let choosing = choosing.expect("a fresh variable is one");
-        self.choosing.resize(self.list.len(), None);
-        self.choosing[k] = Some(choosing);
-        let alpha = self.exprs.expr(self.list[k].alpha);
-        self.choices.insert(choosing, alpha);
-        for (entry, var) in self.list[k].entries.clone() {
-            self.merge.insert(var, self.value_of(k, entry));
-        }
-    }
-
-    /// The expression in α, affine in each that is read linearly.
-    pub fn merged(&self, e: Expr<'e>) -> Expr<'e> {
-        let e = e.substitute(&self.merge);
-        let mut linear = self.alphas_of(e);
-        linear.retain(|&alpha| {
-            self.of_alpha(alpha)
-                .is_none_or(|k| !self.list[k].is_nonlinear)
-        });
-        linear.extend(self.choosing.iter().flatten());
-        let bent = bent(e, &linear);
-        if bent.len() > MOST_BENT {
-            // The interpolant would have 2^n terms: this is refused, and e stands for it until then.
-            self.entangled.set(Some((bent.len(), self.here)));
-            return e.substitute(&self.choices);
-        }
-        multi_affine(e, &bent).substitute(&self.choices)
-    }
-
-    /// The expression in α, with powers of them as they stand.
-    pub fn in_alphas(&self, e: Expr<'e>) -> Expr<'e> {
-        e.substitute(&self.merge).substitute(&self.choices)
-    }
-
-    /// The expression in α where powers of a switch have no agreed meaning, in entry variables elsewhere.
-    pub fn strict(&self, e: Expr<'e>) -> Expr<'e> {
-        e.substitute(&self.strict)
-    }
-
-    /// The variable of the conditions on a switch.
-    pub fn condition(&self, k: usize) -> Option<Var> {
-        let entries = &self.list[k].entries;
-        entries
-            .iter()
-            .find(|known| known.0 == Entry::Condition)
-            .map(|known| known.1)
-    }
-
-    /// The switches whose entry variables or α occur in an expression, ascending.
-    pub fn occurring(&self, e: Expr<'e>) -> Vec<usize> {
-        let alpha_of = |var: Var| match self.merge.get(var) {
-            Some(alpha) => {
-                let alpha = alpha.substitute(&self.choices);
-                alpha.as_variable().unwrap_or(var)
-            }
-            None => var,
-        };
-        let found = variables_of(&[e]).into_iter().filter_map(|var| {
-            let alpha = alpha_of(var);
-            let found = self
-                .list
-                .binary_search_by_key(&alpha, |switch| switch.alpha);
-            found.ok()
-        });
-        let mut found: Vec<usize> = found.collect();
-        found.sort_unstable();
-        found.dedup();
-        found
-    }
-
-    /// The entry variables of a switch and its α.
-    pub fn variables_of_switch(&self, k: usize) -> impl Iterator<Item = Var> + '_ {
-        self.list[k]
-            .entries
-            .iter()
-            .map(|known| known.1)
-            .chain([self.list[k].alpha])
-    }
-
-    /// The α that occur in an expression.
-    pub fn alphas_of(&self, e: Expr<'e>) -> Vec<Var> {
-        let mut vars = variables_of(&[e]);
-        vars.retain(|var| {
-            let found = self.list.binary_search_by_key(var, |switch| switch.alpha);
-            found.is_ok()
-        });
-        vars
-    }
-
-    /// Whether the dynamics are continuous by construction: the switch enters through kinks only.
-    pub fn is_kink(&self, k: usize) -> bool {
-        self.list[k]
-            .entries
-            .iter()
-            .all(|known| known.0 == Entry::Kink)
     }
 }

@@ -22,18 +22,19 @@ pub(crate) fn check_reading<'e>(
 ) -> Vec<SystemError> {
     let mut errors = Vec::new();
     let below = variables_of(&[value]);
-    let strict = switches.strict(value);
-    for k in switches.occurring(value) {
+    let strict = switches.entries.strict(value);
+    for k in switches.entries.occurring(value) {
         let switch = &switches.list[k];
         let reads = |value: Expr<'e>, var: Var| {
             is_hidden_term_zero(value, var, switch.psi, switches, &sampler())
         };
         // What is read as it is written needs no agreement.
-        let is_open = !switch.is_nonlinear && !is_affine(strict, switch.alpha);
+        let is_open = !switches.entries.is_nonlinear(k) && !is_affine(strict, switch.alpha);
         if is_open && !reads(strict, switch.alpha) {
             errors.push(nonlinear_switch(switches, k, strict, entry, model));
         }
         if let Some(condition) = switches
+            .entries
             .condition(k)
             .filter(|var| below.binary_search(var).is_ok())
             && !is_polynomial(value, condition)
@@ -135,7 +136,7 @@ fn is_hidden_term_zero<'e>(
 ) -> bool {
     let hidden = value - multi_affine(value, &[var]);
     [0.3, 0.6].into_iter().all(|inside| {
-        let hidden = switches.merged(at(hidden, var, inside));
+        let hidden = switches.entries.merged(at(hidden, var, inside));
         hidden.is_zero() || vanishes_at_samples(hidden, psi, &sampler.only(&[hidden, psi]))
     })
 }

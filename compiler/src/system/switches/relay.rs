@@ -10,8 +10,10 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{NamedSwitch, SwitchKind, Thresholds};
 use crate::source::Span;
-use crate::system::lower::Lowering;
-use crate::system::switches::{Collected, Entry, Refused, Switches};
+use crate::system::lower::instance::Instance;
+use crate::system::lower::translation::Translation;
+use crate::system::switches::entries::Entry;
+use crate::system::switches::{Refused, Switches};
 use crate::system::{NamedReading, Relay, SystemError};
 
 /// More relays and switches of time than this in one comparison are not enumerated.
@@ -20,16 +22,13 @@ const MOST_ENUMERATED: usize = 8;
 impl<'e> Switches<'e> {
     /// Makes a relay that watches nothing yet; returns its number and the variable that is read.
     fn relay(&mut self, name: &str, span: Span, reading: NamedReading) -> (usize, Expr<'e>) {
-        let zero = self.exprs().constant(0.0);
-        let alpha = self.exprs().variable("alpha").as_variable();
-        let mut relay = Collected::new(alpha.expect("a fresh variable is one"), zero, span);
+        let relay = self.add(self.exprs().constant(0.0), span);
         relay.relay = Some(Relay::default());
         relay.name = Some(name.to_owned());
         relay.spans.push(span);
         relay.named.push(reading);
-        self.list.push(relay);
         let k = self.list.len() - 1;
-        (k, self.entry_variable(k, Entry::Linear))
+        (k, self.entries.variable(k, Entry::Linear))
     }
 
     /// Whether the side of a switch is decided before those of the others.
@@ -41,7 +40,11 @@ impl<'e> Switches<'e> {
     pub fn deciding(&self, psi: Expr<'e>) -> Option<Vec<Var>> {
         let mut alphas = variables_of(&[psi]);
         alphas.retain(|&var| self.params.fixed(var).is_none());
-        let leads = |var: &Var| self.of_alpha(*var).is_some_and(|k| self.is_leading(k));
+        let leads = |var: &Var| {
+            self.entries
+                .of_alpha(*var)
+                .is_some_and(|k| self.is_leading(k))
+        };
         let all = !alphas.is_empty() && alphas.iter().all(leads);
         (all && alphas.len() <= MOST_ENUMERATED).then_some(alphas)
     }
@@ -58,7 +61,7 @@ impl<'e> Switches<'e> {
                 None => self.params.fixed(var).unwrap_or(f64::NAN),
             });
             if value == 0.0 && entry != Entry::Kink {
-                let (form, span) = (Form::ZeroAtCorner, self.here());
+                let (form, span) = (Form::ZeroAtCorner, self.entries.here);
                 self.refused.push(Refused { psi, form, span });
                 return Some(exprs.constant(1.0));
             }
@@ -70,99 +73,113 @@ impl<'e> Switches<'e> {
                 above = above + exprs.product(weight);
             }
         }
-        Some(self.merged(above))
+        Some(self.entries.merged(above))
     }
 }
 
-impl<'e> Lowering<'_, 'e> {
-    /// Makes all relays that are needed, so that whatever reads them can be written.
-    pub fn declare_relays(&mut self) -> Vec<(usize, usize, usize)> {
-        let mut relays = Vec::new();
-        for (s, switch) in self.model.switches.iter().enumerate() {
-            if !matches!(switch.kind, SwitchKind::Relay(_)) {
-                continue;
-            }
-            for (entry, var) in switch.vars.iter().enumerate() {
-                if !self.needs.holds(var.as_variable()) {
-                    continue;
-                }
-                let name = switch.shape.entry_name(&switch.name, entry);
-                let reading = NamedReading {
-                    name: switch.name.clone(),
-                    index: (switch.psi.len() > 1).then_some(entry),
-                    flipped: false,
-                    is_sign: false,
-                };
-                let (k, value) = self.switches.relay(&name, switch.span, reading);
-                if let Some(var) = var.as_variable() {
-                    self.named.insert(var, value);
-                }
-                relays.push((s, entry, k));
-            }
-        }
-        relays
-    }
+/// A relay that reads nothing yet: the entry of a `switch` statement, and its number among the collected switches.
+pub(crate) struct Declared {
+    statement: usize,
+    entry: usize,
+    switch: usize,
+}
 
-    /// Says what the relays watch and how they start; each may read those before it.
-    pub fn finish_relays(&mut self, relays: &[(usize, usize, usize)], diags: &mut Diagnostics) {
-        for &(s, entry, k) in relays {
-            let switch = &self.model.switches[s];
-            let SwitchKind::Relay(thresholds) = &switch.kind else {
+/// Makes all relays that are needed, so that whatever reads them can be written.
+pub(crate) fn declare(translation: &mut Translation<'_, '_>) -> Vec<Declared> {
+    let instance = translation.instance;
+    let mut relays = Vec::new();
+    for (statement, switch) in instance.model.switches.iter().enumerate() {
+        if !matches!(switch.kind, SwitchKind::Relay(_)) {
+            continue;
+        }
+        for (entry, var) in switch.vars.iter().enumerate() {
+            if !instance.needs.holds(var.as_variable()) {
                 continue;
+            }
+            let name = switch.shape.entry_name(&switch.name, entry);
+            let reading = NamedReading {
+                name: switch.name.clone(),
+                index: (switch.psi.len() > 1).then_some(entry),
+                flipped: false,
+                is_sign: false,
             };
-            let y = self.replace(switch.psi[entry], switch.span);
-            let y = self.switches.merged(y);
-            match self.remembered(switch, thresholds, entry, y) {
-                Ok(relay) => {
-                    let alpha = self.model.exprs.expr(self.switches.list[k].alpha);
-                    let Relay { on, off, .. } = relay;
-                    let psi = if on < off {
-                        on + (off - on) * alpha - y
-                    } else {
-                        y - on - (off - on) * alpha
-                    };
-                    let collected = &mut self.switches.list[k];
-                    (collected.psi, collected.relay) = (psi, Some(relay));
-                }
-                Err(error) => diags.push(error),
+            let (k, value) = translation.switches.relay(&name, switch.span, reading);
+            if let Some(var) = var.as_variable() {
+                translation.named.insert(var, value);
             }
-        }
-    }
-
-    fn remembered(
-        &self,
-        switch: &NamedSwitch<'e>,
-        thresholds: &Thresholds<'e>,
-        entry: usize,
-        y: Expr<'e>,
-    ) -> Result<Relay, SystemError> {
-        let span = switch.span;
-        let name = switch.shape.entry_name(&switch.name, entry);
-        let number = |e: Expr<'e>| e.eval(&|var| self.values.numbers[&var]);
-        let (on, off) = (number(thresholds.on[entry]), number(thresholds.off[entry]));
-        if !(on.is_finite() && off.is_finite()) || on == off {
-            return Err(SystemError::Thresholds {
-                name,
-                on,
-                off,
-                span,
+            relays.push(Declared {
+                statement,
+                entry,
+                switch: k,
             });
         }
-        let given = thresholds.start.as_ref().map(|start| number(start[entry]));
-        if let Some(start) = given.filter(|start| *start != 0.0 && *start != 1.0) {
-            return Err(SystemError::RelayStart { name, start, span });
-        }
-        let sampler = self.sampler();
-        let y = sampler.eval(y, &sampler.start());
-        let start = match given {
-            // A value that the thresholds do not allow would be left at once.
-            _ if y < on.min(off) => on < off,
-            _ if y > on.max(off) => on > off,
-            Some(start) => start == 1.0,
-            None => return Err(SystemError::NoStart { name, y, span }),
-        };
-        Ok(Relay { on, off, start })
     }
+    relays
+}
+
+/// Says what the relays watch and how they start; each may read those before it.
+pub(crate) fn finish(
+    translation: &mut Translation<'_, '_>,
+    relays: &[Declared],
+    diags: &mut Diagnostics,
+) {
+    let instance = translation.instance;
+    for relay in relays {
+        let switch = &instance.model.switches[relay.statement];
+        let SwitchKind::Relay(thresholds) = &switch.kind else {
+            continue;
+        };
+        let y = translation.in_alphas(switch.psi[relay.entry], switch.span);
+        let sampler = translation.sampler();
+        let at_start = sampler.eval(y, &sampler.start());
+        match remembered(instance, (switch, thresholds), relay.entry, at_start) {
+            Ok(remembered) => {
+                let collected = &mut translation.switches.list[relay.switch];
+                let alpha = instance.model.exprs.expr(collected.alpha);
+                let Relay { on, off, .. } = remembered;
+                collected.psi = if on < off {
+                    on + (off - on) * alpha - y
+                } else {
+                    y - on - (off - on) * alpha
+                };
+                collected.relay = Some(remembered);
+            }
+            Err(error) => diags.push(error),
+        }
+    }
+}
+
+/// The relay of an entry, for y at the start.
+fn remembered<'e>(
+    instance: &Instance<'_, 'e>,
+    (switch, thresholds): (&NamedSwitch<'e>, &Thresholds<'e>),
+    entry: usize,
+    y: f64,
+) -> Result<Relay, SystemError> {
+    let span = switch.span;
+    let name = switch.shape.entry_name(&switch.name, entry);
+    let number = |entries: &[Expr<'e>]| instance.number(entries[entry]);
+    let (on, off) = (number(&thresholds.on), number(&thresholds.off));
+    if !(on.is_finite() && off.is_finite()) || on == off {
+        return Err(SystemError::Thresholds {
+            name,
+            on,
+            off,
+            span,
+        });
+    }
+    let given = thresholds.start.as_deref().map(number);
+    if let Some(start) = given.filter(|start| *start != 0.0 && *start != 1.0) {
+        return Err(SystemError::RelayStart { name, start, span });
+    }
+    let start = match given {
+        // A value that the thresholds do not allow would be left at once.
+        _ if y < on.min(off) => on < off,
+        _ if y > on.max(off) => on > off,
+        Some(start) => start == 1.0,
+        None => return Err(SystemError::NoStart { name, y, span }),
+    };
+    Ok(Relay { on, off, start })
 }
 
 /// A function at all values of the relays in it, with another one at the same values.

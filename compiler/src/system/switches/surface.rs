@@ -1,25 +1,7 @@
 //! When two switching functions have the same surface, and when one has none.
 
-use rustc_hash::FxHashMap;
-
-use crate::expr::{Expr, Function, Interval, Node, Substitution, Var, variables_of};
-
-/// What is known of parameters.
-#[derive(Clone, Debug, Default)]
-pub struct Known {
-    /// Numbers of parameters, guesses of those that are free.
-    pub numbers: FxHashMap<Var, f64>,
-    /// Where free parameters may be.
-    pub ranges: FxHashMap<Var, Interval>,
-}
-
-impl Known {
-    /// The number of a parameter that is not free.
-    pub fn fixed(&self, var: Var) -> Option<f64> {
-        let number = self.numbers.get(&var).copied();
-        number.filter(|_| !self.ranges.contains_key(&var))
-    }
-}
+use crate::expr::{Expr, Function, Interval, Node, Substitution, variables_of};
+use crate::system::switches::known::Known;
 
 /// What the zero set of ψ looks like, where its form shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]

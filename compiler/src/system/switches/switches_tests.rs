@@ -1,10 +1,11 @@
 //! Tests of [`crate::system::switches`].
 
 use super::affine::multi_affine;
-use super::surface::Known;
+use super::known::Known;
 use crate::expr::{Expr, Exprs, Var};
 use crate::source::Span;
-use crate::system::switches::{Entry, Switches};
+use crate::system::switches::Switches;
+use crate::system::switches::entries::Entry;
 use insta::assert_snapshot;
 use proptest::prelude::*;
 use rustc_hash::FxHashMap;
@@ -13,7 +14,7 @@ use rustc_hash::FxHashMap;
 fn replaced<'e>(exprs: &'e Exprs, e: Expr<'e>) -> String {
     let mut switches = Switches::new(exprs, [exprs.variable("time")], Known::default());
     let e = switches.replace(e, Span::default());
-    let e = switches.merged(e);
+    let e = switches.entries.merged(e);
     for (k, switch) in switches.list.iter().enumerate() {
         exprs.rename(switch.alpha, &format!("a{}", k + 1));
     }
@@ -119,7 +120,7 @@ proptest! {
         let mut switches = Switches::new(&exprs, [exprs.variable("time")], Known::default());
         let replaced = switches.replace(e, Span::default());
         prop_assume!(switches.refused.is_empty());
-        let replaced = switches.merged(replaced);
+        let replaced = switches.entries.merged(replaced);
 
         let value = |var: Var, alphas: &[(Var, f64)]| {
             let alpha = alphas.iter().find(|known| known.0 == var).map(|known| known.1);

@@ -4,7 +4,7 @@
 //! max(a, b) -> α a + (1 - α) b with ψ = a - b,  min(a, b) -> (1 - α) a + α b.
 
 use crate::expr::{BinaryFunction, Expr, Function, Node};
-use crate::system::switches::Entry;
+use crate::system::switches::entries::Entry;
 
 /// The ψ of a nonsmooth term, and how its switch enters.
 pub(crate) fn compared(e: Expr) -> Option<(Expr, Entry)> {

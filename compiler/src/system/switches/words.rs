@@ -15,16 +15,16 @@ impl<'e> Switches<'e> {
 
     /// The expression as a user may write it, with `step` instead of α.
     pub fn written(&self, e: Expr<'e>) -> String {
-        self.in_steps(self.merged(e)).to_string()
+        self.in_steps(self.entries.merged(e)).to_string()
     }
 
     /// Every α replaced by `step`.
     fn in_steps(&self, mut e: Expr<'e>) -> Expr<'e> {
         loop {
-            e = self.in_alphas(e);
+            e = self.entries.in_alphas(e);
             // ψ holds α of earlier switches only.
-            let last = self.alphas_of(e).pop();
-            let Some(inner) = last.and_then(|alpha| self.of_alpha(alpha)) else {
+            let last = self.entries.alphas_of(e).pop();
+            let Some(inner) = last.and_then(|alpha| self.entries.of_alpha(alpha)) else {
                 return e;
             };
             let Collected { alpha, written, .. } = self.list[inner];

@@ -5,7 +5,6 @@ use std::fmt;
 use crate::expr::Expr;
 use crate::model::{Domain, Quantity};
 use crate::source::Span;
-use crate::system::lower::Lowering;
 
 /// A scalar that is watched during a run.
 #[derive(Clone, Debug)]
@@ -76,39 +75,5 @@ impl fmt::Display for Allowed {
                 write!(f, "{{{}}}", values.join(", "))
             }
         }
-    }
-}
-
-impl<'e> Lowering<'_, 'e> {
-    /// What is watched of the quantities that are kept.
-    pub(crate) fn limits(&mut self) -> Vec<Limit<'e>> {
-        let model = self.model;
-        let numbers = &self.values.numbers;
-        let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
-        let quantities = (model.states.iter().map(|s| ("state", s)))
-            .chain(model.algebraics.iter().map(|z| ("algebraic state", z)))
-            .chain(model.controls.iter().map(|c| ("control", c)))
-            .chain(model.inputs.iter().map(|i| ("input", i)))
-            .chain(model.connected.iter().map(|c| ("input", c)));
-        let mut limits = Vec::new();
-        for (kind, quantity) in quantities {
-            for (k, &entry) in quantity.vars.iter().enumerate() {
-                let Some(allowed) = Allowed::of(quantity, k, &number) else {
-                    continue;
-                };
-                if !self.needs.holds_all(entry) {
-                    continue;
-                }
-                let value = self.replace(entry, quantity.span);
-                limits.push(Limit {
-                    kind,
-                    name: quantity.shape.entry_name(&quantity.name, k),
-                    value: self.switches.merged(value),
-                    allowed,
-                    span: quantity.span,
-                });
-            }
-        }
-        limits
     }
 }

@@ -6,7 +6,7 @@ pub(crate) mod valuation;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::ExperimentError;
-use super::experiment::Given;
+use super::experiment::with::Given;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
 use crate::model::{Domain, Model, Quantity};
@@ -174,7 +174,7 @@ impl<'e> Values<'e> {
 }
 
 /// Evaluates the values of the model with those the experiment gives; `None` after an error.
-pub(super) fn evaluate<'e>(
+pub(crate) fn evaluate<'e>(
     model: &Model<'e>,
     given: &Given<'e>,
     diags: &mut Diagnostics,

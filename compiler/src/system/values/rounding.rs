@@ -18,7 +18,7 @@ use crate::model::Data;
 use crate::source::Span;
 use crate::source::table::{Fit, Table};
 use crate::system::SystemError;
-use crate::system::lower::Lowering;
+use crate::system::lower::instance::Instance;
 
 /// Instants at which one function jumps, at most.
 const MOST_INSTANTS: usize = 10_000;
@@ -38,14 +38,18 @@ const FLAT: f64 = 1e-10;
 /// Instants closer to each other than this share of the horizon are one.
 const TOGETHER: f64 = 8.0 * f64::EPSILON;
 
-/// Roundings of time functions: what stands for each of them, and what was wrong.
-#[derive(Default)]
-pub(crate) struct Held<'e> {
+/// Functions of time that are tables: data, and what stands for each rounding.
+pub(crate) struct Roundings<'e> {
+    time: Var,
+    horizon: f64,
+    /// Numbers of parameters that are not free.
+    params: FxHashMap<Var, f64>,
+    /// The data that is kept, then the functions that are held.
+    pub data: Vec<Data<'e>>,
     /// floor(u) by u.
     values: FxHashMap<Expr<'e>, Expr<'e>>,
-    /// The functions that are held.
-    pub data: Vec<Data<'e>>,
-    pub errors: Vec<SystemError>,
+    /// What was wrong.
+    errors: Vec<SystemError>,
 }
 
 /// Why no instants are known.
@@ -58,37 +62,53 @@ enum Fault {
     Unknown,
 }
 
-impl<'e> Lowering<'_, 'e> {
+impl<'e> Roundings<'e> {
     /// Takes the roundings of the model, so that errors stand at their calls.
-    pub fn hold_roundings(&mut self, diags: &mut Diagnostics) {
-        for rounded in &self.model.rounded {
-            if !self.needs.holds_all(rounded.argument) {
+    pub fn of(instance: &Instance<'_, 'e>, diags: &mut Diagnostics) -> Self {
+        let (model, values) = (instance.model, instance.values());
+        let params = model.params.iter().flat_map(|param| &param.vars);
+        let params = params.filter_map(|param| param.as_variable());
+        let data = model.data.iter();
+        let data = data.filter(|data| instance.needs.holds(data.var.as_variable()));
+        let mut roundings = Roundings {
+            time: instance.time(),
+            horizon: instance.settings.horizon,
+            params: params
+                .filter_map(|param| Some((param, values.fixed(param)?)))
+                .collect(),
+            data: data.cloned().collect(),
+            values: FxHashMap::default(),
+            errors: Vec::new(),
+        };
+        for rounded in &model.rounded {
+            if !instance.needs.holds_all(rounded.argument) {
                 continue;
             }
             if let Some(period) = rounded.period
-                && let Ok(numbers) = self.numbers(period)
+                && let Ok(numbers) = roundings.numbers(period)
                 && let period = period.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
                 && !(period > 0.0 && period.is_finite())
             {
                 let span = rounded.span;
-                self.held.errors.push(SystemError::Period { period, span });
+                roundings.errors.push(SystemError::Period { period, span });
                 continue;
             }
-            let argument = rounded.argument.substitute(&self.given);
-            self.held(argument.apply(Function::Floor), rounded.span);
+            let argument = rounded.argument.substitute(&values.signals);
+            roundings.replace(argument.apply(Function::Floor), rounded.span);
         }
-        self.report_held(diags);
+        roundings.report(diags);
+        roundings
     }
 
-    /// Reports what was wrong with roundings.
-    pub fn report_held(&mut self, diags: &mut Diagnostics) {
-        for error in self.held.errors.drain(..) {
+    /// Reports what was wrong.
+    pub fn report(&mut self, diags: &mut Diagnostics) {
+        for error in self.errors.drain(..) {
             diags.push(error);
         }
     }
 
     /// An expression with its roundings replaced.
-    pub fn held(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+    pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
         if !e.exprs().applies(Function::Floor) {
             return e;
         }
@@ -99,7 +119,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     fn floor(&mut self, e: Expr<'e>, u: Expr<'e>, span: Span) -> Expr<'e> {
-        if let Some(&known) = self.held.values.get(&u) {
+        if let Some(&known) = self.values.get(&u) {
             return known;
         }
         let value = self.steps(u).map(|steps| match steps[..] {
@@ -108,8 +128,8 @@ impl<'e> Lowering<'_, 'e> {
         });
         let value = value.unwrap_or_else(|fault| {
             let text = e.to_string();
-            let horizon = self.settings.horizon;
-            self.held.errors.push(match fault {
+            let horizon = self.horizon;
+            self.errors.push(match fault {
                 Fault::Depends(on) => SystemError::Rounded { text, on, span },
                 Fault::Many => SystemError::TooManyInstants {
                     text,
@@ -121,7 +141,7 @@ impl<'e> Lowering<'_, 'e> {
             });
             e.exprs().constant(0.5)
         });
-        self.held.values.insert(u, value);
+        self.values.insert(u, value);
         value
     }
 
@@ -131,8 +151,7 @@ impl<'e> Lowering<'_, 'e> {
         let table = Table::new(Fit::Hold, &times, &values);
         let name = e.to_string();
         let var = e.exprs().variable(&name);
-        self.switches.give(var);
-        self.held.data.push(Data {
+        self.data.push(Data {
             text: table.to_string(),
             name,
             var,
@@ -146,40 +165,31 @@ impl<'e> Lowering<'_, 'e> {
     fn numbers(&self, e: Expr<'e>) -> Result<FxHashMap<Var, f64>, Fault> {
         let vars = variables_of(&[e]).into_iter();
         let known = vars.filter(|&var| !self.is_given(var));
-        let number = |var: Var| match self.values.fixed(var).filter(|_| self.is_param(var)) {
-            Some(value) => Ok((var, value)),
+        let number = |var: Var| match self.params.get(&var) {
+            Some(&value) => Ok((var, value)),
             None => Err(Fault::Depends(e.exprs().name(var))),
         };
         known.map(number).collect()
     }
 
-    fn is_param(&self, var: Var) -> bool {
-        let params = self.model.params.iter().flat_map(|param| &param.vars);
-        params
-            .filter_map(|param| param.as_variable())
-            .any(|param| param == var)
-    }
-
     /// Whether a variable is time, or data that is held.
     fn is_given(&self, var: Var) -> bool {
-        let data = self.kept_data().filter(|data| data.table.fit == Fit::Hold);
-        let mut given = data.map(|data| data.var).chain([self.model.time]);
-        given.any(|given| given.as_variable() == Some(var))
+        let mut held = self.data.iter().filter(|data| data.table.fit == Fit::Hold);
+        var == self.time || held.any(|data| data.var.as_variable() == Some(var))
     }
 
     /// From when on floor(u) has which value.
     fn steps(&self, u: Expr<'e>) -> Result<Vec<(f64, f64)>, Fault> {
-        let time = self.model.time.as_variable().expect("time is a variable");
         let vars = variables_of(&[u]);
-        let data = self.kept_data();
+        let data = self.data.iter();
         let data = data.filter_map(|data| Some((data.var.as_variable()?, data.table.clone())));
         let mut search = Search {
-            time,
-            horizon: self.settings.horizon,
+            time: self.time,
+            horizon: self.horizon,
             value: Evaluator::new(u),
-            slope: Evaluator::new(u.diff(time)),
+            slope: Evaluator::new(u.diff(self.time)),
             jumps: has_jumps(u),
-            moves: vars.contains(&time),
+            moves: vars.contains(&self.time),
             numbers: self.numbers(u)?,
             data: data.filter(|(var, _)| vars.contains(var)).collect(),
             found: Vec::new(),

@@ -6,7 +6,7 @@
 
 use nsd_solver::integrate::tableau::Family;
 
-use super::super::Reader;
+use super::super::reader::Reader;
 use super::{At, Draft, Shape};
 use crate::expr::Expr;
 use crate::model::{Domain, Quantity, SwitchKind};
@@ -14,7 +14,7 @@ use crate::syntax::Relation;
 
 impl<'e> Draft<'_, 'e> {
     /// The constraints of all ranges that are no numbers.
-    pub(super) fn ranges(&mut self, reader: &mut Reader<'_, 'e>) {
+    pub(crate) fn ranges(&mut self, reader: &mut Reader<'_, 'e>) {
         let model = reader.model;
         let start: &[At] = &[At::Start];
         let ends: &[At] = match self.discretization.controls {

@@ -2,7 +2,8 @@
 
 use std::cell::RefCell;
 
-use super::super::{ExperimentError, Reader};
+use super::super::error::ExperimentError;
+use super::super::reader::Reader;
 use super::{At, Cost, Integral, Term};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
@@ -11,7 +12,7 @@ use crate::source::Span;
 use crate::syntax::{self, Arg, BinaryOp, ExprKind, Row};
 
 /// Gives `integral(..)` and `final(..)` their meaning, and keeps what they contain.
-pub(super) struct Words<'m, 'e> {
+pub(crate) struct Words<'m, 'e> {
     model: &'m Model<'e>,
     found: RefCell<Found<'e>>,
 }
@@ -168,7 +169,7 @@ impl<'e> Reader<'_, 'e> {
     }
 
     /// `minimize integral(..) + final(..)`: in integrals and values at the end.
-    pub(super) fn cost(&mut self, words: &Words<'_, 'e>, value: &syntax::Expr) -> Option<Cost<'e>> {
+    pub(crate) fn cost(&mut self, words: &Words<'_, 'e>, value: &syntax::Expr) -> Option<Cost<'e>> {
         let hook = |e: &syntax::Expr| words.meaning(e);
         let tensor = self.model.scope.expr(value, Some(&hook), self.diags);
         let failed = self.take_mistakes(words);
@@ -231,7 +232,7 @@ impl<'e> Reader<'_, 'e> {
     }
 
     /// Constraints and when they hold: `at`, or at the end where they are of values of the whole run.
-    pub(super) fn comparisons(
+    pub(crate) fn comparisons(
         &mut self,
         words: &Words<'_, 'e>,
         rows: &[Row],

@@ -9,9 +9,9 @@ mod rows;
 mod settings;
 mod start;
 
-pub(super) use settings::Draft;
+pub(crate) use settings::Draft;
 pub use settings::{relaxation_word, steering_word};
-pub(super) use start::{LARGEST_SEED, one_argument};
+pub(crate) use start::{LARGEST_SEED, one_argument};
 
 use nsd_solver::integrate::tableau::Family;
 use nsd_solver::optimization::mpcc::{Relaxation, Steering};

@@ -1,6 +1,7 @@
 //! Comparisons -> rows lower <= value <= upper.
 
-use super::super::{ExperimentError, Reader};
+use super::super::error::ExperimentError;
+use super::super::reader::Reader;
 use super::{At, Row};
 use crate::expr::Expr;
 use crate::model::Comparison;
@@ -8,7 +9,7 @@ use crate::syntax::Relation;
 
 impl<'e> Reader<'_, 'e> {
     /// `a <= b <= c` as rows: what is known is a bound, and two bounds of one value are one row.
-    pub(super) fn bounded(&mut self, comparisons: &[(At, Comparison<'e>)]) -> Vec<Row<'e>> {
+    pub(crate) fn bounded(&mut self, comparisons: &[(At, Comparison<'e>)]) -> Vec<Row<'e>> {
         let mut rows: Vec<Row<'e>> = Vec::new();
         for (at, comparison) in comparisons {
             let first = rows.len();

@@ -4,7 +4,10 @@ use nsd_solver::integrate::tableau::Family;
 use nsd_solver::optimization::mpcc::{Relaxation, Steering};
 use rustc_hash::FxHashSet;
 
-use super::super::{ExperimentError, MethodKind, Reader, fesd, method, unknown_choice, with};
+use super::super::error::ExperimentError;
+use super::super::method::MethodKind;
+use super::super::reader::{Reader, unknown_choice};
+use super::super::{fesd, with};
 use super::goal::Words;
 use super::{At, Cost, Discretization, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
@@ -13,9 +16,9 @@ use crate::source::Span;
 use crate::syntax::{self, GuessSource, Ident, Path, Relation, Row, Setting, SettingKind};
 
 /// What has been read so far.
-pub(in super::super) struct Draft<'m, 'e> {
+pub(crate) struct Draft<'m, 'e> {
     words: Words<'m, 'e>,
-    pub(super) discretization: Discretization,
+    pub(crate) discretization: Discretization,
     /// Bounds of a free horizon.
     horizon: Option<(f64, f64)>,
     /// Nothing in it after a mistake.
@@ -361,7 +364,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             }
             return reader.error(error);
         }
-        method::once(reader, options);
+        reader.once_each(options);
         for option in options {
             let value = &option.value;
             match option.name.name.as_str() {
@@ -440,7 +443,7 @@ fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
 
 impl<'e> Reader<'_, 'e> {
     /// `horizon 2*p;`: where p is free, T is, and T = 2 p is a constraint.
-    pub(in super::super) fn horizon(
+    pub(crate) fn horizon(
         &mut self,
         draft: Option<&mut Draft<'_, 'e>>,
         value: &syntax::Expr,
@@ -458,7 +461,7 @@ impl<'e> Reader<'_, 'e> {
         Some(number)
     }
 
-    pub(in super::super) fn not_for_optimize(&mut self, setting: &str, span: Span) {
+    pub(crate) fn not_for_optimize(&mut self, setting: &str, span: Span) {
         self.error(ExperimentError::NotForOptimize {
             setting: setting.to_owned(),
             span,

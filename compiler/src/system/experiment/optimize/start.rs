@@ -1,6 +1,8 @@
 //! Reads where an optimization starts from.
 
-use super::super::{ExperimentError, Reader, with};
+use super::super::error::ExperimentError;
+use super::super::reader::Reader;
+use super::super::with;
 use super::Starts;
 use crate::expr::{Expr, Substitution, Var};
 use crate::model::{Quantity, TargetKind};
@@ -8,11 +10,11 @@ use crate::syntax::{self, Arg, Bind, ExprKind};
 
 const MOST_STARTS: f64 = 1e6;
 /// Largest seed: all whole numbers up to it are numbers of the language.
-pub(in super::super) const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
+pub(crate) const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
 
 impl<'e> Reader<'_, 'e> {
     /// `x = linear([0, 0], [1, 1]);` or `u = sin(time);`: values as functions of time.
-    pub(super) fn guess(&mut self, bind: &Bind, horizon: f64) -> Option<Vec<(Var, Expr<'e>)>> {
+    pub(crate) fn guess(&mut self, bind: &Bind, horizon: f64) -> Option<Vec<(Var, Expr<'e>)>> {
         let model = self.model;
         let Some(target) = model.scope.target(&bind.target, self.diags) else {
             self.failed = true;
@@ -73,7 +75,7 @@ impl<'e> Reader<'_, 'e> {
     }
 
     /// `starts 40 by gauss(0.5) seed 1`
-    pub(super) fn starts(
+    pub(crate) fn starts(
         &mut self,
         count: &syntax::Expr,
         by: Option<&syntax::Expr>,
@@ -111,7 +113,7 @@ impl<'e> Reader<'_, 'e> {
 }
 
 /// `name(argument)`
-pub(in super::super) fn one_argument(expr: &syntax::Expr) -> Option<(&str, &syntax::Expr)> {
+pub(crate) fn one_argument(expr: &syntax::Expr) -> Option<(&str, &syntax::Expr)> {
     let ExprKind::Call(function, args) = &expr.kind else {
         return None;
     };

@@ -1,0 +1,100 @@
+//! What an experiment asks for, as data.
+
+use rustc_hash::FxHashMap;
+
+use super::method::{Lowering, Method};
+use super::optimize::Optimize;
+use super::perturb::Perturbation;
+use crate::expr::Expr;
+use crate::model::TargetKind;
+use crate::source::Span;
+use crate::syntax::{Expect, Sliding};
+use crate::system::values::Values;
+
+/// What an experiment asks for.
+#[derive(Clone, Debug)]
+pub struct Settings<'e> {
+    /// Name of the experiment.
+    pub name: String,
+    /// Name of the model.
+    pub model: String,
+    /// End time, or a guess of it; the run starts at 0.
+    pub horizon: f64,
+    /// Aim for the global error of every reported state, relative to its largest magnitude.
+    pub tolerance: f64,
+    /// The method with its options.
+    pub method: Method<'e>,
+    /// Lowerings asked for by name; empty for the default.
+    pub lowerings: Vec<Lowering>,
+    /// What to keep; `None` for all states and outputs.
+    pub outputs: Option<Vec<Kept<'e>>>,
+    /// When outputs are recorded.
+    pub sampling: Sampling,
+    /// What is optimized; `None` for a simulation.
+    pub optimize: Option<Optimize<'e>>,
+    /// Whether chattering that fades and never ends goes on as sliding.
+    pub averages: bool,
+    /// Random vectors that are added to the state; none where nothing disturbs it.
+    pub kicks: Option<Perturbation>,
+    /// How often the experiment is run, with other random vectors each time; none for once.
+    pub runs: Option<usize>,
+    /// Assertions, in order, with the span of each statement.
+    pub expects: Vec<(Expect, Span)>,
+    /// The experiment.
+    pub span: Span,
+    /// Parameters, initial values, controls and inputs.
+    pub(crate) values: Values<'e>,
+    /// Readings of named switches, by index into the model's list.
+    pub(crate) sliding: FxHashMap<usize, Sliding>,
+}
+
+impl Settings<'_> {
+    /// Whether time stands still where states jump.
+    pub fn freezes(&self) -> bool {
+        self.lowerings.contains(&Lowering::TimeFreezing)
+    }
+
+    /// Whether contacts give impulses where finite elements meet.
+    pub fn takes_impulses(&self) -> bool {
+        self.lowerings.contains(&Lowering::Impact)
+    }
+
+    /// What the motion of a frozen system is measured in: the time of a run, or of a control interval.
+    pub fn pace(&self) -> f64 {
+        match &self.optimize {
+            None => self.horizon,
+            Some(task) => self.horizon / task.discretization.intervals as f64,
+        }
+    }
+
+    /// Whether contacts are a matter of the method, which takes them in steps of time.
+    pub fn steps_through_contacts(&self) -> bool {
+        self.optimize.is_none() && matches!(self.method, Method::Timestepping(_))
+    }
+}
+
+/// A quantity that `output` names.
+#[derive(Clone, Debug)]
+pub struct Kept<'e> {
+    /// `q`, `x[2]`
+    pub name: String,
+    /// What it is.
+    pub kind: TargetKind,
+    /// Its entries, in the variables of the model.
+    pub entries: Vec<Expr<'e>>,
+    /// Their shape; empty for a scalar.
+    pub shape: Vec<usize>,
+    /// The path.
+    pub span: Span,
+}
+
+/// When outputs are recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sampling {
+    /// At the method's own points.
+    Method,
+    /// At multiples of the period, and at the end.
+    Every(f64),
+    /// At these instants, ascending.
+    At(Vec<f64>),
+}
