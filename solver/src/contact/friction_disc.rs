@@ -12,12 +12,11 @@ use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::{Bands, Scales};
+use crate::expansion::scales::{BAND, Bands, Scales};
 use crate::expansion::series;
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
 use crate::integrate::step::Step;
-use crate::selector::select::BAND;
 use crate::selector::selection::Onset;
 
 /// Of the way to w = 0, what a step leaves.
@@ -111,7 +110,7 @@ impl<'d> Disc<'d> {
     ) -> Option<Root> {
         self.margin(series);
         let band = (series[0].abs() <= RIM).then_some(RIM);
-        crate::integrate::step::first_root(roots, series[0], series, h, 1.0, band, 0.0)
+        roots.first_from(series[0], series, h, 1.0, band, 0.0)
     }
 
     /// How far u with these α is inside its disc, or how fast w grows in its direction, relative to a rate.

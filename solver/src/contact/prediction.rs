@@ -5,8 +5,8 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::TIE;
 use crate::hybrid::Side;
-use crate::selector::judge::TIE;
 
 /// What rounding grows by, at most.
 const GROWTH: f64 = 100.0;

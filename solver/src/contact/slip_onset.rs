@@ -19,10 +19,11 @@ use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
-use crate::integrate::step::{Step, Stepper, Watch, first_event};
+use crate::integrate::step::Step;
+use crate::integrate::stepper::Stepper;
+use crate::integrate::watch::{Watch, first_event};
 use crate::linalg::DenseLu;
-use crate::selector::select::Choice;
-use crate::selector::selection::Onset;
+use crate::selector::selection::{Choice, Onset};
 
 /// Rounds of Newton's method for the direction of a force that leaves its cone.
 const ROUNDS: usize = 5;

@@ -13,7 +13,7 @@ use crate::expansion::mode::Mode;
 use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::selector::candidates::{Enumeration, FAR, MAX_ENUMERATED, Search, alternatives};
-use crate::selector::select::{Choice, Choices};
+use crate::selector::selection::{Choice, Choices};
 
 /// Directions from which one to set off in is looked for.
 const DIRECTIONS: usize = 8;

@@ -9,12 +9,12 @@ use super::coulomb::problem::{Delassus, NoSolution, Problem, Solution};
 use super::rows;
 use super::rows::{ContactSwitches, Rows};
 use crate::event::state::State;
+use crate::expansion::scales::TIE;
 use crate::hybrid::{Side, Status};
 use crate::linalg::norm;
 use crate::selector::candidates::{Enumeration, Zeros, product};
 use crate::selector::closing::{Bent, Closing, ROUNDING};
-use crate::selector::judge::TIE;
-use crate::selector::select::{Choice, Choices};
+use crate::selector::selection::{Choice, Choices};
 
 /// Forces and accelerations below this fraction of their scale are tried both ways.
 const NEAR: f64 = 1e-7;

@@ -34,7 +34,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::breakpoints::Pieces;
 use crate::integrate::drift::Projection;
-use crate::integrate::step::Stepper;
+use crate::integrate::stepper::Stepper;
 pub use observer::{Event, Observer, Segment};
 
 /// Runs a system, keeping the functions it has met from one run to the next.

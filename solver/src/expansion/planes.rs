@@ -87,6 +87,18 @@ impl Mode {
         }
     }
 
+    /// True when the last evaluation, at the end of the step, has left a surface behind that the
+    /// series did not see.
+    pub(crate) fn on_wrong_side(&mut self, bands: &Bands) -> bool {
+        for at in 0..self.monitored.switches.len() {
+            let i = self.monitored.switches[at];
+            if !bands.armed[i] && self.monitored_psi(i) * self.sides[i].sign() < -bands.width[i] {
+                return true;
+            }
+        }
+        false
+    }
+
     /// Watches w along the direction that it has where the point is.
     pub(crate) fn aim(&mut self, switch: usize) {
         let Some(mut plane) = self.planes.of[switch].take() else {

@@ -1,5 +1,15 @@
 //! Sizes that tell motion from rounding: of states and their rates, and of switching functions next to zero.
 
+/// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
+/// equation below this fraction of how large they are.
+pub(crate) const BAND: f64 = 1e-12;
+
+/// Rates and distances to a bound below this fraction of their scale are ties.
+pub(crate) const TIE: f64 = 1e-9;
+
+/// Rounding of the terms of a rate.
+pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
+
 /// Of each state x_i and its rate f_i, what their errors are relative to.
 #[derive(Default)]
 pub(crate) struct Scales {

@@ -4,18 +4,19 @@
 //! that ends on it, so that it is as accurate as a step's end.
 
 use super::radau::{Implicit, Radau, Shape, Start};
-use super::step::{Step, Stepper, Watch, first_event, is_at_end, met, simultaneous, verify_start};
+use super::step::Step;
+use super::stepper::Stepper;
 use super::stiffness::worth;
+use super::watch::{Watch, first_event, is_at_end, met, simultaneous, verify_start};
 use crate::event::state::{State, Trial};
 use crate::events::grazing::Grazing;
 use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Bands;
+use crate::expansion::scales::{Bands, ROUNDINGS};
 use crate::expansion::series;
 use crate::hybrid::{Side, Stats, Status};
-use crate::selector::judge::ROUNDINGS;
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
 const MAX_REJECTED: usize = 30;

@@ -6,5 +6,7 @@ pub(crate) mod radau;
 pub(crate) mod singular;
 pub(crate) mod singular_rates;
 pub(crate) mod step;
+pub(crate) mod stepper;
 pub(crate) mod stiffness;
 pub mod tableau;
+pub(crate) mod watch;

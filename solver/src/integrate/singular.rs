@@ -9,7 +9,9 @@
 //! so short that f changes in it by less than the tolerance of x over h: the error is a fraction of that, since f - f₀
 //! grows like a power of time.
 
-use super::step::{Step, Stepper, first_event, simultaneous};
+use super::step::Step;
+use super::stepper::Stepper;
+use super::watch::{first_event, simultaneous};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;

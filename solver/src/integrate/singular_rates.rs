@@ -17,10 +17,9 @@ use super::singular::Line;
 use super::step::Step;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::{Bands, Scales};
+use crate::expansion::scales::{BAND, Bands, Scales};
 use crate::expansion::series;
 use crate::hybrid::{Settings, Side, Status};
-use crate::selector::select::BAND;
 
 /// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.
 const NEAR: f64 = 1e-6;

@@ -6,10 +6,10 @@
 
 use std::sync::Arc;
 
-use super::judge::TIE;
-use super::select::{Choice, Choices};
+use super::selection::{Choice, Choices};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::TIE;
 use crate::expansion::sliding::held;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};

@@ -5,10 +5,9 @@
 //! many jumps end: with e = -ψ'⁺/ψ'⁻ the next one takes 2ψ'/|ψ''|, each one after it e times as long as the
 //! one before, and all together 2ψ'/(|ψ''| (1 - e)).
 
-use super::select::BAND;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Scales;
+use crate::expansion::scales::{BAND, Scales};
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
 

@@ -7,16 +7,16 @@
 
 use std::sync::Arc;
 
-use super::judge::{Judge, TIE};
+use super::judge::Judge;
 use super::nonlinear::ScalarRate;
-use super::select::Choice;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::TIE;
 use crate::hybrid::point::Point;
 use crate::hybrid::status::Candidate;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
-use crate::selector::selection::{Decision, Entry};
+use crate::selector::selection::{Choice, Decision, Entry};
 
 /// Steepness of one switch relative to that of the others.
 const STEEPNESS: [f64; 2] = [8.0, 0.125];

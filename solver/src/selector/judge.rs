@@ -7,27 +7,21 @@
 
 use std::sync::Arc;
 
-use super::select::Choice;
 use crate::contact::friction_disc::{Disc, NearRest};
 use crate::contact::prediction;
 use crate::contact::slip_onset::SlipOnset;
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::{ROUNDINGS, TIE};
 use crate::expansion::series;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
-use crate::selector::selection::Onset;
-
-/// Rates and distances to a bound below this fraction of their scale are ties.
-pub(crate) const TIE: f64 = 1e-9;
+use crate::selector::selection::{Choice, Onset};
 
 /// Motions that differ less than this fraction of themselves are one.
 const SAME: f64 = 1e-9;
-
-/// Rounding of the terms of a rate.
-pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 
 /// Rounding of α = 1, which is no force.
 const NO_FORCE: f64 = 8.0 * f64::EPSILON;

@@ -15,16 +15,13 @@ use super::judge::{Check, Judge, Verdict};
 use crate::contact::velocities;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::BAND;
 use crate::hybrid::breakpoints::Pieces;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
-use crate::selector::selection::{Entry, Onset};
-
-/// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
-/// equation below this fraction of how large they are.
-pub(crate) const BAND: f64 = 1e-12;
+use crate::selector::selection::{Choice, Entry, Onset};
 
 /// Roundings of the terms of a switch: where a run starts those of evaluating ψ and of the numbers of the model; later
 /// x has more, of the step to it or of a law; and those within which a surface that has just been left is not seen again.
@@ -45,24 +42,6 @@ pub(crate) enum Met {
     Surfaces(Vec<usize>),
     /// New pieces of data, together with such switches.
     Breakpoint(Vec<usize>),
-}
-
-/// A choice on one group of interacting surfaces.
-#[derive(Clone)]
-pub(crate) struct Choice {
-    pub sides: Vec<Side>,
-    pub alpha: Vec<f64>,
-    /// f of the states that ψ of the group depend on.
-    pub f: Vec<f64>,
-}
-
-/// What is known of the choices on a group.
-pub(crate) struct Choices {
-    pub found: Vec<Choice>,
-    /// Some choice of sides leaves its α undetermined.
-    pub singular: bool,
-    /// No bound of a search was met, so that there are no others.
-    pub all: bool,
 }
 
 impl Mode {
