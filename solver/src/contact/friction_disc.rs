@@ -218,7 +218,7 @@ impl Onset {
         switches.iter().for_each(|&i| alpha[i] = 0.5);
         mode.eval(point.t, x, &alpha);
         Rows::linearize(mode, &switches);
-        let sizes = switches.map(|i| mode.weigh(i, |j| scales.size(j)));
+        let sizes = switches.map(|i| mode.surfaces.weigh(i, |j| scales.size(j)));
         // Where nothing has moved yet, what the forces would make of it.
         let last = if scales.longest_step > 0.0 {
             scales.longest_step

@@ -17,9 +17,11 @@ const ROUNDS: usize = 12;
 /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
 pub(crate) fn horizon(mode: &mut Mode) -> f64 {
     let mut entries = Vec::new();
-    mode.jacobian(|row, column, value: f64| {
-        entries.push((row, column, value.abs()));
-    });
+    let (library, values) = (&mut mode.library, &mode.memory.values);
+    mode.field
+        .jacobian(library, values, |row, column, value: f64| {
+            entries.push((row, column, value.abs()));
+        });
     let times = |v: &[f64]| {
         let mut product = vec![0.0; v.len()];
         for &(row, column, value) in &entries {

@@ -162,7 +162,7 @@ impl Enumeration<'_> {
             choices.found.push(Choice {
                 sides: sides.to_vec(),
                 alpha: group.iter().map(|&i| alpha[i]).collect(),
-                f: states.map(|&state| mode.f()[state]).collect(),
+                f: states.map(|&state| mode.field.f[state]).collect(),
             });
         }
         outcome

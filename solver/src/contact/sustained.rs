@@ -220,7 +220,7 @@ impl Enumeration<'_> {
         let (mut terms, mut tie) = (0.0_f64, 0.0_f64);
         for &i in &rows {
             terms = terms.max(mode.terms_of_phi(i));
-            tie = tie.max(TIE * mode.weigh(i, |j| state.scales.activity[j]));
+            tie = tie.max(TIE * mode.surfaces.weigh(i, |j| state.scales.activity[j]));
         }
         let size = q.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
         for &i in &meets {
@@ -303,7 +303,7 @@ impl Enumeration<'_> {
         Some(Choice {
             sides: sides.to_vec(),
             alpha: group.iter().map(|&i| alpha[i]).collect(),
-            f: states.map(|&state| mode.f()[state]).collect(),
+            f: states.map(|&state| mode.field.f[state]).collect(),
         })
     }
 }

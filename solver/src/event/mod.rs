@@ -143,8 +143,10 @@ impl Simulator {
         entry: impl FnMut(usize, usize, f64),
     ) {
         self.mode.enter(sides);
-        self.mode.set(t, x, alpha);
-        self.mode.jacobian(entry);
+        self.mode.memory.set(t, x, alpha);
+        let mode = &mut self.mode;
+        mode.field
+            .jacobian(&mut mode.library, &mode.memory.values, entry);
     }
 
     /// The state with consistent algebraic states, from those in `x` as guesses.

@@ -469,7 +469,10 @@ fn disarm(mode: &mut Mode, point: &Point, bands: &mut Bands) {
     mode.move_to(point);
     for i in 0..bands.armed.len() {
         if bands.armed[i] && point.sides[i] != Side::Slide {
-            bands.armed[i] = mode.is_near(i, bands) || mode.is_rounding(i);
+            let is_plain = mode.system.switches[i].is_plain();
+            bands.armed[i] = mode.is_near(i, bands)
+                || is_plain
+                    && mode.psi(i).abs() <= mode.surfaces.running_error(i, &mode.memory.values);
         }
     }
 }

@@ -86,9 +86,8 @@ impl Unseen {
 
     /// Where there are no series, any function of those kinds may hide something.
     pub(crate) fn suspect_all(&mut self, mode: &mut Mode) {
-        mode.field.list();
         self.suspects.clear();
-        let blocks = mode.field.hiding().iter().map(|(block, _)| *block);
+        let blocks = mode.field.list().hiding.iter().map(|(block, _)| *block);
         self.suspects.extend(blocks.map(Suspect::Rates));
         let surfaces = mode.monitored.switches.iter().copied();
         self.suspects.extend(surfaces.map(Suspect::Surface));
@@ -103,7 +102,7 @@ impl Unseen {
             return;
         }
         let (memory, n) = (&mode.memory, mode.order);
-        for (block, step) in mode.field.hiding() {
+        for (block, step) in &mode.field.listed().hiding {
             let suspect = Suspect::Rates(*block);
             if self.suspects.last() != Some(&suspect)
                 && step.may_hide(&memory.rows, length, n, memory.stride)
@@ -266,6 +265,7 @@ impl Comparison<'_> {
                 return true;
             }
             let size = mode
+                .surfaces
                 .weigh(i, |j| state.scales.largest[j])
                 .max(state.bands.terms[i]);
             mode.psi(i).abs() <= self.allowed.max(1e-9) * size

@@ -5,10 +5,28 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::hybrid::{HybridSystem, Input, Piecewise, write_pieces};
-use crate::tape::{self, Depends, Row, UNBOUNDED};
+use crate::tape::{self, Ball, Depends, Lane, Rounded, Row, UNBOUNDED};
 
 /// The order to which ψ is needed beyond that of α, which follows from it.
 pub(crate) const LOOKAHEAD: usize = 1;
+
+/// What functions compute with: numbers, intervals and numbers with their running errors.
+#[derive(Default)]
+pub(crate) struct Registers {
+    pub numbers: Vec<f64>,
+    pub balls: Vec<Ball>,
+    pub rounded: Vec<Rounded>,
+}
+
+impl Registers {
+    /// Makes room for functions with so many.
+    pub(crate) fn reserve(&mut self, wanted: usize) {
+        if self.numbers.len() < wanted {
+            self.numbers.resize(wanted, 0.0);
+            self.balls.resize(wanted, Ball::splat(0.0));
+        }
+    }
+}
 
 /// Values at a point and Taylor coefficients around one.
 pub(crate) struct Memory {
@@ -108,6 +126,11 @@ impl Memory {
         let start = self.rows.len();
         self.rows.resize(start + n_rows * self.stride, 0.0);
         start
+    }
+
+    /// The series whose row starts here, as far as those of states are known.
+    pub(crate) fn series(&self, start: usize) -> &[f64] {
+        &self.rows[start..start + self.stride - LOOKAHEAD]
     }
 
     /// Where the row of a state starts.

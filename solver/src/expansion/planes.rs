@@ -226,7 +226,7 @@ impl Mode {
         };
         let [first, second] = [switch, other].map(|i| {
             self.surfaces.linearize(i, &self.memory.values);
-            let size = self.weigh(i, |j| scales.size(j));
+            let size = self.surfaces.weigh(i, |j| scales.size(j));
             (
                 self.psi(i),
                 2.0 * self.memory.values[1 + self.n + i] - 1.0,

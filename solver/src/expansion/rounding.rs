@@ -81,37 +81,6 @@ impl Mode {
         raised
     }
 
-    /// How far rounding may take ψ of a switch from what it is, where the point is.
-    pub(crate) fn running_error(&mut self, switch: usize) -> f64 {
-        let registers = &mut self.rounding.registers;
-        (self.surfaces.now(switch)).running_error(&self.memory.values, registers)
-    }
-
-    /// How far rounding of the gradient of ψ of a switch may take its rate, with rates of these sizes.
-    pub(crate) fn running_error_of_phi(
-        &mut self,
-        switch: usize,
-        size: impl Fn(usize) -> f64,
-    ) -> f64 {
-        if !self.system.switches[switch].is_plain() {
-            return 0.0;
-        }
-        let registers = &mut self.rounding.registers;
-        let mut error = 0.0;
-        let see = |state: Option<usize>, radius: f64| {
-            error += radius * state.map_or(1.0, &size);
-        };
-        let psi = self.surfaces.now(switch);
-        psi.running_errors_of_gradient(&self.memory.values, registers, see);
-        if error.is_finite() { error } else { 0.0 }
-    }
-
-    /// Whether ψ of a switch is zero within rounding where the point is.
-    pub(crate) fn is_rounding(&mut self, switch: usize) -> bool {
-        self.system.switches[switch].is_plain()
-            && self.psi(switch).abs() <= self.running_error(switch)
-    }
-
     /// Raises the activity of states in doubt whose rates are the given ones within rounding at all of some points.
     fn raise(&self, scales: &mut Scales, h: f64, points: usize, rounding: &mut Rounding) -> bool {
         rounding.errors.clear();

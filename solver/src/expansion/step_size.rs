@@ -112,7 +112,7 @@ impl Mode {
         let terms = self.surfaces.terms(switch, values, perturbed, share);
         // No change of its inputs shows what cancels within a ψ that is zero.
         bands.terms[switch] = match bands.armed[switch] && self.system.switches[switch].is_plain() {
-            true => terms.max(self.running_error(switch) / f64::EPSILON),
+            true => terms.max(self.surfaces.running_error(switch, values) / f64::EPSILON),
             false => terms,
         };
     }
@@ -167,8 +167,8 @@ impl Mode {
 
     /// Size of the terms of φ of a sliding switch at the expansion point.
     fn terms_of_rate(&self, switch: usize) -> f64 {
-        self.weigh(switch, |state| {
-            self.terms.of_rates[state].max(self.rate_series(state)[0].abs())
+        self.surfaces.weigh(switch, |state| {
+            self.terms.of_rates[state].max(self.memory.rows[self.field.rows[state]].abs())
         })
     }
 
@@ -195,8 +195,8 @@ impl Mode {
                 last.see(self.x_series(i), self.error_scale(i, h, tolerance, scales));
             }
             for &i in &self.sliding {
-                let rounding =
-                    8.0 * f64::EPSILON * self.terms_of_rate(i) / self.gain(i).max(SMALLEST);
+                let rounding = 8.0 * f64::EPSILON * self.terms_of_rate(i)
+                    / self.equations.gain(i).max(SMALLEST);
                 let c = self.alpha_series(i);
                 let scale = series::magnitude(c, h, 0).max(1.0);
                 last.see(c, scale.max(rounding / tolerance));
@@ -326,7 +326,11 @@ impl Mode {
             .iter()
             .map(|&i| curved(self.alpha_series(i), 1.0));
         // A ψ that starts at its surface is no larger than its states make it.
-        let size = |i: usize| self.weigh(i, |j| scales.largest[j]).max(bands.terms[i]);
+        let size = |i: usize| {
+            self.surfaces
+                .weigh(i, |j| scales.largest[j])
+                .max(bands.terms[i])
+        };
         let monitored = self.monitored.switches.iter();
         let psis = monitored.map(|&i| curved(self.psi_series(i), size(i)));
         states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()
@@ -454,7 +458,8 @@ impl Mode {
                 continue;
             }
             self.surfaces.linearize(i, &self.memory.values);
-            let size = allowed * self.gain(i) + (rounding + turned) * self.terms_of_rate(i);
+            let size =
+                allowed * self.equations.gain(i) + (rounding + turned) * self.terms_of_rate(i);
             if self.phi(i).abs() > size {
                 return false;
             }

@@ -353,7 +353,7 @@ impl Stiff<'_> {
     /// Adds d∇ψ/dt along the flow f to the rows of φ, by differences.
     fn add_curvature(&mut self, t: f64, y: &[f64], rows: &mut [f64]) {
         let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let (size, speed) = (largest(&y[..self.mode.n]), largest(self.mode.f()));
+        let (size, speed) = (largest(&y[..self.mode.n]), largest(&self.mode.field.f));
         let over = |v: f64| if v > 0.0 { v } else { 1.0 };
         let nudge = NUDGE * over(size) / over(speed);
         for (at, row) in rows.chunks_mut(y.len()).enumerate() {
@@ -366,13 +366,13 @@ impl Stiff<'_> {
             mode.linearize(&[i]);
             let mut before = std::mem::take(&mut self.work.gradient);
             before.clear();
-            before.extend(mode.gradient(i).iter().map(|entry| entry.1));
+            before.extend(mode.surfaces.gradient(i).iter().map(|entry| entry.1));
             mode.memory.values[0] += nudge;
             for (value, f) in mode.memory.values[1..].iter_mut().zip(&self.work.f) {
                 *value += nudge * f;
             }
             mode.linearize(&[i]);
-            for (&(state, after), before) in mode.gradient(i).iter().zip(&before) {
+            for (&(state, after), before) in mode.surfaces.gradient(i).iter().zip(&before) {
                 row[state] += (after - before) / nudge;
             }
             self.work.gradient = before;
@@ -403,7 +403,11 @@ impl Stiff<'_> {
         start.terms.extend_from_slice(&self.mode.terms.of_rates);
         let size =
             |state: usize| self.mode.terms.of_rates[state].max(self.mode.field.f[state].abs());
-        let rates = self.mode.sliding.iter().map(|&i| self.mode.weigh(i, size));
+        let rates = self
+            .mode
+            .sliding
+            .iter()
+            .map(|&i| self.mode.surfaces.weigh(i, size));
         start.terms.extend(rates);
         self.work.alphas.clone_from(&state.point.alpha);
     }
@@ -524,7 +528,7 @@ impl Implicit for Stiff<'_> {
         let mode = &mut *self.mode;
         mode.field.eval(&mode.memory.values);
         let (f, phi) = values.split_at_mut(mode.n);
-        f.copy_from_slice(mode.f());
+        f.copy_from_slice(&mode.field.f);
         if !phi.is_empty() {
             mode.linearize_surfaces();
             for (phi, &i) in phi.iter_mut().zip(&mode.sliding) {
@@ -539,7 +543,8 @@ impl Implicit for Stiff<'_> {
         matrix.fill(0.0);
         self.place(t, y);
         let mode = &mut *self.mode;
-        mode.jacobian(|row, column, value| {
+        let (library, values) = (&mut mode.library, &mode.memory.values);
+        mode.field.jacobian(library, values, |row, column, value| {
             matrix[row * width + column] += value;
         });
         if width == n {
@@ -556,7 +561,7 @@ impl Implicit for Stiff<'_> {
             }
         }
         for (row, &i) in by_phi.chunks_mut(width).zip(&mode.sliding) {
-            for &(state, g) in mode.gradient(i) {
+            for &(state, g) in mode.surfaces.gradient(i) {
                 let of_state = &by_f[state * width..(state + 1) * width];
                 for (entry, value) in row[..n].iter_mut().zip(of_state) {
                     *entry += g * value;

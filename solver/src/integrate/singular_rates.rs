@@ -70,9 +70,9 @@ impl Mode {
             size => size,
         };
         let square = |&(j, g): &(usize, f64)| (g * size(j)).powi(2);
-        let sum: f64 = self.gradient(switch).iter().map(square).sum();
+        let sum: f64 = self.surfaces.gradient(switch).iter().map(square).sum();
         if sum > 0.0 {
-            for &(j, g) in self.gradient(switch) {
+            for &(j, g) in self.surfaces.gradient(switch) {
                 d[j] = g * size(j).powi(2) / sum;
             }
         }
@@ -242,7 +242,7 @@ impl<'a> Rest<'a> {
             alpha[switch] = value;
             mode.eval(state.point.t, &state.point.x, &alpha);
             mode.linearize(&[switch]);
-            (mode.phi(switch), mode.f().to_vec())
+            (mode.phi(switch), mode.field.f.clone())
         });
         let speed = mode.psi(switch);
         let way = usize::from(speed > 0.0);
@@ -253,7 +253,7 @@ impl<'a> Rest<'a> {
         }
         mode.surfaces.stand_for(switch, 0);
         mode.surfaces.linearize(switch, &mode.memory.values);
-        let size = mode.weigh(switch, |j| state.scales.size(j));
+        let size = mode.surfaces.weigh(switch, |j| state.scales.size(j));
         let near = (self.settings.settled() * size).max(BEYOND * state.bands.width[switch]);
         if speed * speed > 2.0 * near * below.min(-above) {
             return None;
@@ -286,21 +286,21 @@ pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Opti
             continue;
         }
         let (t, x) = (state.point.t, state.point.x.clone());
-        mode.set(t, &x, &state.point.alpha);
+        mode.memory.set(t, &x, &state.point.alpha);
         state.bands.width[i] = mode.band(i, state, remaining);
         let psi = mode.psi(i);
         if psi.abs() > state.bands.width[i] {
             continue;
         }
         let rate = mode.rate_from(i, t, &x, &state.point.alpha);
-        let f = mode.f().to_vec();
+        let f = mode.field.f.clone();
         if rate * side.sign() >= 0.0 {
             continue;
         }
         let sides = state.point.sides_sliding(&[i]);
         mode.enter(&sides);
         let smooth = mode.rate_from(i, t, &x, &state.point.alpha);
-        let at_rest = mode.f().to_vec();
+        let at_rest = mode.field.f.clone();
         mode.enter(&state.point.sides);
         let closer = CLOSER * psi - psi;
         let ratio = (mode.root_at(state, i, closer)) / (rate - smooth);

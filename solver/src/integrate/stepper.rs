@@ -16,7 +16,7 @@ use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Settings, Status};
+use crate::hybrid::{HybridSystem, Settings, Status, Switch};
 use crate::selector::selection::Fold;
 
 /// Halvings of a step before it counts as impossible.
@@ -38,6 +38,8 @@ pub(crate) struct Stepper {
     pub coefficients: Coefficients,
     pub unseen: Unseen,
     pub workspace: Workspace,
+    /// Whether some switch may rest on its surface.
+    may_rest: bool,
 }
 
 impl Stepper {
@@ -51,6 +53,7 @@ impl Stepper {
             coefficients: Coefficients::of(system),
             unseen: Unseen::default(),
             workspace: Workspace::default(),
+            may_rest: system.switches.iter().any(Switch::rests),
         }
     }
 
@@ -97,7 +100,7 @@ impl Stepper {
         t1: f64,
     ) -> Result<Step, Status> {
         let remaining = state.point.remaining(goal);
-        if mode.may_rest
+        if self.may_rest
             && let Some(step) = singular_rates::arrive(mode, state, remaining)
         {
             return Ok(step);
@@ -117,7 +120,7 @@ impl Stepper {
         }
         let longest = longest(mode, state, remaining);
         let h = self.first_size(mode, state, [remaining, longest]);
-        if mode.may_rest
+        if self.may_rest
             && let Some(switch) = mode.wakes(&mut state.bands, h)
         {
             return Ok(Step::at_once(switch));

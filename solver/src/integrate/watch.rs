@@ -56,7 +56,8 @@ impl Watch {
             Dense::Taylor(mode).alphas_at(tau, &mut state.trial.alpha);
             let (value, slope) = match self {
                 Watch::Surface(i) => {
-                    mode.set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
+                    mode.memory
+                        .set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
                     (mode.psi(i), series::slope(mode.psi_series(i), tau))
                 }
                 Watch::Bound(..) | Watch::Disc(_) => {

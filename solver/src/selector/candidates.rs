@@ -178,7 +178,7 @@ impl<'a> Enumeration<'a> {
             found.push(Choice {
                 sides: sides.to_vec(),
                 alpha: group.iter().map(|&i| alpha[i]).collect(),
-                f: states.map(|&state| mode.f()[state]).collect(),
+                f: states.map(|&state| mode.field.f[state]).collect(),
             });
         }
         outcome

@@ -245,7 +245,7 @@ impl<'a> Single<'a> {
         Choice {
             sides: vec![side],
             alpha: vec![alpha],
-            f: states.map(|&state| mode.f()[state]).collect(),
+            f: states.map(|&state| mode.field.f[state]).collect(),
         }
     }
 

@@ -99,8 +99,8 @@ impl<'a> Judge<'a> {
             values.fold(state.scales.activity[component], f64::max)
         };
         let rate = |i: &usize| {
-            let terms = mode.weigh(*i, largest);
-            let size = mode.weigh(*i, |j| state.scales.size(j));
+            let terms = mode.surfaces.weigh(*i, largest);
+            let size = mode.surfaces.weigh(*i, |j| state.scales.size(j));
             let within_a_step = if state.scales.last_step > 0.0 {
                 size / state.scales.last_step
             } else {
@@ -110,10 +110,16 @@ impl<'a> Judge<'a> {
                 .iter()
                 .filter(|j| mode.system.switches[**j].is_contact());
             let push: f64 = contacts.map(|&j| mode.coupling(*i, j).abs()).sum();
-            terms + mode.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
+            terms + mode.surfaces.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
         };
         let rates: Vec<f64> = group.iter().map(rate).collect();
-        let rounded = |(&i, rate)| rate + mode.running_error_of_phi(i, largest) / TIE;
+        let rounded = |(&i, rate): (&usize, f64)| {
+            let (surfaces, values) = (&mut mode.surfaces, &mode.memory.values);
+            match mode.system.switches[i].is_plain() {
+                true => rate + surfaces.running_error_of_phi(i, values, largest) / TIE,
+                false => rate,
+            }
+        };
         group.iter().zip(rates).map(rounded).collect()
     }
 
@@ -175,7 +181,9 @@ impl<'a> Judge<'a> {
     fn spread(&mut self, state: &State, group: &[usize], units: &[f64], h: f64) -> Vec<f64> {
         let mut entries = Vec::new();
         let keep = |row, column, value: f64| entries.push((row, column, value.abs() * h));
-        self.mode.jacobian(keep);
+        let mode = &mut self.mode;
+        mode.field
+            .jacobian(&mut mode.library, &mode.memory.values, keep);
         let mut spread = state.scales.activity.clone();
         let forces = group.iter().zip(units);
         let forces: Vec<_> = forces
@@ -313,7 +321,7 @@ impl<'a> Judge<'a> {
         let sets_off = |i: usize| departs && onsets.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
         // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
-        let is_smooth = match (root, mode.has_roots()) {
+        let is_smooth = match (root, mode.system.has_roots()) {
             (Some(_), _) => mode.cut_short(2),
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };

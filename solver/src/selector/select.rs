@@ -53,15 +53,15 @@ impl Mode {
 
     /// The same of a ψ that was linearized there, and has this rounding.
     fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
-        let by_time = self.time_gradient(switch).abs();
+        let by_time = self.surfaces.time_gradient(switch).abs();
         if !self.system.switches[switch].is_plain() {
-            let size = self.weigh(switch, |j| state.scales.size(j));
+            let size = self.surfaces.weigh(switch, |j| state.scales.size(j));
             return BAND * (size + by_time * horizon);
         }
         if !state.selection.begun {
             return AT_START * rounding;
         }
-        let motion = self.weigh(switch, |j| state.scales.motion(j));
+        let motion = self.surfaces.weigh(switch, |j| state.scales.motion(j));
         (LATER * rounding).max(BAND * (motion + by_time * state.point.t.abs()))
     }
 
@@ -70,11 +70,11 @@ impl Mode {
     fn rounding(&mut self, switch: usize, state: &State) -> f64 {
         self.surfaces.stand_for(switch, 0);
         self.surfaces.linearize(switch, &self.memory.values);
-        let size = self.weigh(switch, |j| state.scales.size(j));
+        let size = self.surfaces.weigh(switch, |j| state.scales.size(j));
         let of_inputs =
-            f64::EPSILON * (size + self.time_gradient(switch).abs() * state.point.t.abs());
+            f64::EPSILON * (size + self.surfaces.time_gradient(switch).abs() * state.point.t.abs());
         match self.system.switches[switch].is_plain() {
-            true => of_inputs.max(self.running_error(switch)),
+            true => of_inputs.max(self.surfaces.running_error(switch, &self.memory.values)),
             false => of_inputs,
         }
     }
@@ -82,7 +82,7 @@ impl Mode {
     /// What rounding makes of a ψ that has just left its surface, or waits there, within a step h: its own, and how far
     /// what follows from states that are held at zero takes it.
     pub(crate) fn rounding_of_motion(&self, switch: usize, state: &State, h: f64) -> f64 {
-        let held = self.weigh(switch, |j| state.scales.held[j]);
+        let held = self.surfaces.weigh(switch, |j| state.scales.held[j]);
         state.bands.rounding[switch] + LEFT * f64::EPSILON * held * h
     }
 
@@ -447,7 +447,7 @@ impl Selector<'_> {
         let mut vanishes = |order: usize| {
             mode.surfaces.stand_for(switch, order);
             mode.surfaces.linearize(switch, &mode.memory.values);
-            let size = mode.weigh(switch, |j| state.scales.size(j));
+            let size = mode.surfaces.weigh(switch, |j| state.scales.size(j));
             if order == 1 && is_contact {
                 state.bands.still[switch] = BAND * size;
             }
