@@ -98,7 +98,6 @@ impl Simulator {
         let mode = &mut self.mode;
         mode.memory.set_parameters(parameters);
         mode.surfaces.take_parameters(&mode.memory);
-        mode.probed.load(&mode.memory);
     }
 
     /// Ends all runs that follow where the limit does.

@@ -139,7 +139,10 @@ impl Simultaneous<'_> {
     /// numbers before: two of them are two.
     fn is_one(&mut self, state: &State, both: [usize; 2]) -> bool {
         let mode = &mut *self.selector.mode;
-        if both.iter().all(|&i| mode.is_monitored_affine(i)) {
+        if both
+            .iter()
+            .all(|&i| mode.planes.is_affine(i, &mode.surfaces))
+        {
             return false;
         }
         mode.move_to(&state.point);

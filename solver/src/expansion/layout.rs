@@ -44,6 +44,8 @@ pub(crate) struct Memory {
     pub rows: Vec<f64>,
     /// 0, 1, 2, ...
     pub weights: Vec<f64>,
+    /// How often coefficients or parameters have been replaced.
+    pub version: usize,
 }
 
 impl Memory {
@@ -62,6 +64,7 @@ impl Memory {
             values: vec![0.0; n_slots],
             rows: vec![0.0; n_slots * stride],
             weights: tape::weights(stride),
+            version: 0,
         };
         memory.set_parameters(&system.parameters);
         memory
@@ -157,6 +160,7 @@ impl Memory {
 
     /// Takes other values of the parameters.
     pub(crate) fn set_parameters(&mut self, parameters: &[f64]) {
+        self.version += 1;
         for (place, &parameter) in self.parameters().zip(parameters) {
             self.values[place] = parameter;
             self.rows[place * self.stride] = parameter;
@@ -165,6 +169,7 @@ impl Memory {
 
     /// Takes the coefficients that hold from `t` on, and gives the instant at which they change.
     pub(crate) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
+        self.version += 1;
         let places = self.coefficients();
         let until = write_pieces(&self.data, t, &mut self.values[places.clone()]);
         for place in places {

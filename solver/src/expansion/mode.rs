@@ -13,12 +13,10 @@ use std::sync::Arc;
 
 use super::field::Field;
 use super::layout::Memory;
+use super::monitor::Monitored;
 use super::planes::Planes;
 use super::sliding::Sliding;
 use super::surfaces::Surfaces;
-use super::terms::{Probed, Rounding, Terms};
-use crate::expansion::scales::Bands;
-use crate::expansion::unobserved::Monitored;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Side, Status};
@@ -43,11 +41,8 @@ pub(crate) struct Mode {
     pub(crate) planes: Planes,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
-    pub terms: Terms,
     pub monitored: Monitored,
     focus: Focus,
-    pub probed: Probed,
-    pub(crate) rounding: Rounding,
 }
 
 /// A few switches whose α are varied while all else stays as it is.
@@ -82,11 +77,8 @@ impl Mode {
             still: vec![false; n],
             planes: Planes::new(system),
             arranged: false,
-            terms: Terms::new(n),
             monitored: Monitored::new(system),
             focus: Focus::default(),
-            probed: Probed::new(n),
-            rounding: Rounding::default(),
         }
     }
 
@@ -171,9 +163,7 @@ impl Mode {
     /// Takes the coefficients of the pieces that hold from `t` on, and gives the instant at which
     /// they change.
     pub(crate) fn load(&mut self, t: f64) -> f64 {
-        let until = self.memory.load(&self.system, t);
-        self.probed.load(&self.memory);
-        until
+        self.memory.load(&self.system, t)
     }
 
     /// Moves to a point of a run without evaluating anything.
@@ -342,6 +332,24 @@ impl Mode {
         self.enter_surfaces(&sides);
     }
 
+    /// ψ of a switch where the point is, or what is monitored of two entries.
+    pub(crate) fn monitored_psi(&mut self, switch: usize) -> f64 {
+        let (surfaces, values) = (&mut self.surfaces, &self.memory.values);
+        self.planes.psi(switch, surfaces, values)
+    }
+
+    /// The other switch of a slip velocity with two entries that slips, of which this is the first one.
+    pub(crate) fn slips_with(&self, switch: usize) -> Option<usize> {
+        let is_off =
+            || self.sides[switch] != Side::Slide && !self.system.is_idle(switch, &self.sides);
+        self.system.second(switch).filter(|_| is_off())
+    }
+
+    /// Whether some contact slips with two entries.
+    pub(crate) fn slips_in_a_plane(&self) -> bool {
+        self.planes.any() && (0..self.sides.len()).any(|i| self.slips_with(i).is_some())
+    }
+
     /// Why no step goes on from here.
     pub(crate) fn stuck(&self) -> Status {
         // An α that was not found makes rates infinite, and is not made so by them.
@@ -372,27 +380,5 @@ impl Mode {
             },
             false => Status::HighIndex { switches: kept },
         }
-    }
-
-    /// Takes the sides of switches that were not monitored in the last step.
-    pub(crate) fn take_unobserved(&mut self, point: &mut Point, bands: &mut Bands) {
-        for at in 0..self.monitored.unobserved.len() {
-            let switch = self.monitored.unobserved[at];
-            self.move_to(point);
-            let psi = self.psi(switch);
-            point.change_sides(&[switch], &[Side::of(psi)]);
-            bands.armed[switch] = false;
-        }
-    }
-
-    /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
-    pub(crate) fn has_no_rate(&mut self, point: &Point, switch: usize) -> bool {
-        if !self.monitored.observers[switch] {
-            return false;
-        }
-        self.move_to(point);
-        self.surfaces.linearize(switch, &self.memory.values);
-        let mut gradient = self.surfaces.gradient(switch).iter();
-        !gradient.all(|(_, g)| g.is_finite()) || !self.surfaces.time_gradient(switch).is_finite()
     }
 }

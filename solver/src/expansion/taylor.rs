@@ -117,4 +117,22 @@ impl Mode {
             rows[(1 + i) * *stride + k + 1] = rows[self.field.rows[i] + k] / (k + 1) as f64;
         }
     }
+
+    /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
+    /// overflow. What is cut off too early shows in the defect of a step.
+    pub(crate) fn cut_overflow(&mut self) {
+        let starts = (0..self.n)
+            .flat_map(|i| [self.memory.state(i), self.field.rows[i]])
+            .chain(self.sliding.iter().map(|&i| self.memory.alpha(i)));
+        let starts: Vec<usize> = starts.collect();
+        let rows = &mut self.memory.rows;
+        let is_finite = |k: &usize| starts.iter().all(|start| rows[start + k].is_finite());
+        // Values that are no numbers end the run.
+        let Some(end) = (0..=self.order).find(|k| !is_finite(k)).filter(|k| *k > 0) else {
+            return;
+        };
+        for start in starts {
+            rows[start + end..=start + self.order].fill(0.0);
+        }
+    }
 }

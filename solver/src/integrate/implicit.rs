@@ -14,8 +14,10 @@ use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::{Bands, ROUNDINGS};
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::{Side, Stats, Status};
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
@@ -60,21 +62,17 @@ impl Stepper {
         } else {
             mode.start(state.point.t, &state.point.x, &mut alpha)
         };
-        mode.measure_terms(&mut state.scales, &mut state.bands);
-        mode.measure_held(
-            &state.point,
-            &mut state.scales,
-            &state.bands,
-            t1 - state.point.t,
-        );
+        state.scales.measure(mode, &mut state.bands);
+        let remaining = t1 - state.point.t;
+        (state.scales).measure_held(mode, &state.point, &state.bands, remaining);
         state.point.alpha = alpha;
         if solved.is_err() {
             return Err(mode.stuck());
         }
         if look {
             let tolerance = self.local_tolerance;
-            self.stiffness.explicit_length =
-                mode.step_size(tolerance, &state.scales, t1 - state.point.t);
+            let step_size = StepSize { mode, tolerance };
+            self.stiffness.explicit_length = step_size.of_states(&state.scales, remaining);
         }
         let mut start = std::mem::take(&mut self.stiffness.start);
         let mut stiff = Stiff {
@@ -129,7 +127,7 @@ impl Stepper {
             stiff.write_end(radau, start, cut.length, &mut state.trial);
             let mode = &mut *stiff.mode;
             mode.eval(start.t + cut.length, &state.trial.x, &state.trial.alpha);
-            let unseen = cut.event.is_none() && mode.on_wrong_side(&state.bands);
+            let unseen = cut.event.is_none() && state.bands.leave_behind(mode);
             if !seen || unseen || mode.turned_over() {
                 state.report.stats.rejected += 1;
                 radau.limit_next(0.5 * h);
@@ -400,9 +398,9 @@ impl Stiff<'_> {
         start.scales.extend_from_slice(&state.scales.largest);
         start.scales.resize(start.y.len(), 1.0);
         start.terms.clear();
-        start.terms.extend_from_slice(&self.mode.terms.of_rates);
-        let size =
-            |state: usize| self.mode.terms.of_rates[state].max(self.mode.field.f[state].abs());
+        start.terms.extend_from_slice(&state.scales.terms);
+        let terms = &state.scales.terms;
+        let size = |state: usize| terms[state].max(self.mode.field.f[state].abs());
         let rates = self
             .mode
             .sliding
@@ -440,16 +438,18 @@ impl Stiff<'_> {
         for switch in 0..self.mode.sides.len() {
             let is_off = self.mode.sides[switch] != Side::Slide
                 && !self.mode.system.is_idle(switch, &self.mode.sides);
-            if !is_off || self.mode.keeps_off(switch, h) {
+            let mode = &mut *self.mode;
+            if !is_off || (Monitor { mode, bands }).keeps_off(switch, h) {
                 continue;
             }
             self.mode.monitored.switches.push(switch);
-            self.mode.aim(switch);
+            let (surfaces, values) = (&mut self.mode.surfaces, &self.mode.memory.values);
+            self.mode.planes.aim(switch, surfaces, values);
             for i in std::iter::once(switch).chain(self.mode.system.second(switch)) {
                 if !self.mode.system.switches[i].sides_agree() {
                     self.mode.surfaces.linearize(i, &self.mode.memory.values);
                 }
-                self.mode.measure_terms_of_psi(i, bands);
+                bands.measure(self.mode, i);
             }
         }
         let n_monitored = self.mode.monitored.switches.len();

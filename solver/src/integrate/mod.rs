@@ -2,7 +2,9 @@
 
 pub(crate) mod drift;
 pub(crate) mod implicit;
+pub(crate) mod probes;
 pub(crate) mod radau;
+pub(crate) mod rounding;
 pub(crate) mod singular;
 pub(crate) mod singular_rates;
 pub(crate) mod step;

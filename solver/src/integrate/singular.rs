@@ -15,8 +15,9 @@ use super::watch::{first_event, simultaneous};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::Bands;
-use crate::expansion::step_size::SMALLEST;
+use crate::expansion::scales::SMALLEST;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Side, Status};
 
@@ -276,10 +277,13 @@ impl Stepper {
             };
             let line = found.line;
             mode.lay(&state.point, &line);
-            mode.monitor(tolerance, &state.scales, &mut state.bands, line.length);
-            mode.take_scales(&found.sizes);
+            let bands = &mut state.bands;
+            Monitor { mode, bands }.watch(tolerance, &state.scales, line.length);
             self.unseen.suspect_all(mode);
-            if found.is_shortest || self.unseen.vouches(mode, state, line.length, allowed) {
+            let length = line.length;
+            if found.is_shortest
+                || (self.unseen).vouches(mode, state, length, allowed, &found.sizes)
+            {
                 return Ok(line);
             }
             longest = SHORTER * line.length;

@@ -17,8 +17,10 @@ use super::singular::Line;
 use super::step::Step;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::{BAND, Bands, Scales};
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::{Settings, Side, Status};
 
 /// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.
@@ -56,7 +58,7 @@ impl Mode {
         let rests = |i: &usize| self.system.switches[*i].rests() && self.sides[*i] == Side::Slide;
         let resting: Vec<usize> = (0..self.sides.len()).filter(rests).collect();
         resting.into_iter().find(|&i| {
-            self.expand_psi(i, bands);
+            Monitor { mode: self, bands }.expand(i);
             let c = self.psi_series(i);
             series::leading(c, h, bands.level(i, c, h)).is_some()
         })
@@ -178,12 +180,14 @@ impl<'a> Rest<'a> {
             return Err(mode.stuck());
         }
         let is_smooth = mode.cut_short(usize::MAX);
-        mode.measure_terms(&mut state.scales, &mut state.bands);
+        state.scales.measure(mode, &mut state.bands);
         mode.monitored.switches.clear();
-        mode.expand_psi(switch, &mut state.bands);
+        let bands = &mut state.bands;
+        Monitor { mode, bands }.expand(switch);
         mode.monitored.switches.push(switch);
-        let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
-        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
+        let step_size = StepSize { mode, tolerance };
+        let h = step_size.of_states(&state.scales, t1 - state.point.t);
+        let h = step_size.of_psi(&state.bands, h);
         let c = mode.psi_series(switch);
         if let Some(k) = series::leading(c, h, state.bands.level(switch, c, h)) {
             return Ok(Some((k, Side::of(c[k]))));

@@ -1,9 +1,11 @@
 //! One step: expand, bound, cut at the first event, and check.
 
 use super::implicit::Workspace;
+use super::probes::Probes;
+use super::rounding::Rounding;
 use super::singular_rates;
 use super::step::Step;
-use super::stiffness::{MOST_NODES, Stiffness};
+use super::stiffness::{MOST_NODES, Stiffness, motion};
 use super::watch::{Watch, first_event, is_at_end, met, simultaneous, verify_start};
 use crate::contact::coefficients::Coefficients;
 use crate::contact::friction_disc;
@@ -15,6 +17,7 @@ use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Settings, Status, Switch};
 use crate::selector::selection::Fold;
@@ -36,6 +39,8 @@ pub(crate) struct Stepper {
     pub roots: RootFinder,
     pub stiffness: Stiffness,
     pub coefficients: Coefficients,
+    pub probes: Probes,
+    rounding: Rounding,
     pub unseen: Unseen,
     pub workspace: Workspace,
     /// Whether some switch may rest on its surface.
@@ -51,6 +56,8 @@ impl Stepper {
             roots: RootFinder::new(order.max(MOST_NODES)),
             stiffness: Stiffness::new(settings.local_tolerance()),
             coefficients: Coefficients::of(system),
+            probes: Probes::new(system.n_states()),
+            rounding: Rounding::default(),
             unseen: Unseen::default(),
             workspace: Workspace::default(),
             may_rest: system.switches.iter().any(Switch::rests),
@@ -112,8 +119,8 @@ impl Stepper {
         {
             return Err(mode.stuck());
         }
-        mode.measure_terms(&mut state.scales, &mut state.bands);
-        mode.measure_held(&state.point, &mut state.scales, &state.bands, remaining);
+        state.scales.measure(mode, &mut state.bands);
+        (state.scales).measure_held(mode, &state.point, &state.bands, remaining);
         state.report.stats.rhs_evaluations += mode.order;
         if let Some(fold) = Fold::ahead(mode, state, remaining) {
             return Ok(Step::to_fold(state, fold));
@@ -178,9 +185,12 @@ impl Stepper {
         [remaining, longest]: [f64; 2],
     ) -> f64 {
         let (explicit, tolerance) = (self.stiffness.explicit_tolerance(), self.local_tolerance);
-        let h = mode.step_size_above_rounding(explicit, &mut state.scales, [remaining, longest]);
+        let h = self
+            .rounding
+            .step_size(mode, explicit, &mut state.scales, [remaining, longest]);
         let h = self.near_rest(mode).keeps_directions(&mut state.bands, h);
-        let h = mode.monitor(tolerance, &state.scales, &mut state.bands, h);
+        let bands = &mut state.bands;
+        let h = Monitor { mode, bands }.watch(tolerance, &state.scales, h);
         self.near_rest(mode).leaves_rest(&state.bands, h)
     }
 
@@ -238,22 +248,19 @@ impl Stepper {
         } else {
             cut.length
         };
-        let defect = mode.defect(
-            &state.point,
-            &state.scales,
-            &state.bands,
-            seen,
-            tolerance,
-            allowed,
-        );
+        let defect = self.probes.defect(mode, state, seen, tolerance, allowed);
         if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
             return Judged::EndsAtRoot;
         }
         let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
-        if inaccurate && mode.differs_by_rounding(&mut state.scales, seen, allowed) {
+        if inaccurate
+            && self
+                .rounding
+                .differs(mode, &self.probes, &mut state.scales, seen, allowed)
+        {
             return Judged::Again;
         }
-        let unseen = cut.event.is_none() && cut.ends.is_none() && mode.on_wrong_side(&state.bands);
+        let unseen = cut.event.is_none() && cut.ends.is_none() && state.bands.leave_behind(mode);
         let looked = (self.coefficients).agree(mode, state, cut.length, allowed);
         // Without friction nothing determines a force that sticks.
         let turned = cut.ends.is_none() && mode.turned_over();
@@ -262,7 +269,7 @@ impl Stepper {
             return Judged::Rejected;
         }
         self.unseen.suspect(mode, cut.length);
-        match self.unseen.vouches(mode, state, cut.length, allowed) {
+        match (self.unseen).vouches(mode, state, cut.length, allowed, &self.probes.scales) {
             true => Judged::Accepted(defect.rate),
             false => Judged::Rejected,
         }
@@ -284,7 +291,7 @@ impl Stepper {
             None => (cut.length, Vec::new()),
         };
         if triggers.is_empty() && h < longest && ends.is_none() {
-            let motion = mode.motion(&state.scales, &state.bands, h);
+            let motion = motion(mode, state, h);
             self.stiffness.after_explicit(mode, h, motion, left);
         }
         let dense = Dense::Taylor(mode);

@@ -13,8 +13,10 @@ use crate::contact::slip_onset::SlipOnset;
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::{ROUNDINGS, TIE};
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
@@ -325,15 +327,16 @@ impl<'a> Judge<'a> {
             (Some(_), _) => mode.cut_short(2),
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
-        mode.measure_terms(&mut state.scales, &mut state.bands);
+        state.scales.measure(mode, &mut state.bands);
         self.monitor_sides(state, group, &sides, sets_off);
         let mode = &mut self.mode;
         let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.system.switches[i].is_contact()) {
             longest = longest.min(prediction::horizon(mode));
         }
-        let h = mode.step_size(tolerance, &state.scales, longest);
-        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
+        let step_size = StepSize { mode, tolerance };
+        let h = step_size.of_states(&state.scales, longest);
+        let h = step_size.of_psi(&state.bands, h);
         let h = match departs {
             true => h,
             false => NearRest { mode, tolerance }.leaves_rest(&state.bands, h),
@@ -390,7 +393,8 @@ impl Judge<'_> {
         self.mode.monitored.switches.clear();
         for &i in group {
             if sides[i] != Side::Slide && !self.mode.system.is_idle(i, sides) && !sets_off(i) {
-                self.mode.expand_psi(i, &mut state.bands);
+                let (mode, bands) = (&mut *self.mode, &mut state.bands);
+                Monitor { mode, bands }.expand(i);
                 self.mode.monitored.switches.push(i);
             }
         }

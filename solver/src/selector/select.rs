@@ -17,6 +17,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::BAND;
 use crate::hybrid::breakpoints::Pieces;
+use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Settling};
@@ -231,7 +232,7 @@ impl Selector<'_> {
         triggers.extend(others);
         triggers.sort_unstable();
         triggers.dedup();
-        triggers.retain(|&i| !self.mode.has_no_rate(&state.point, i));
+        triggers.retain(|&i| !self.has_no_rate(&state.point, i));
         let triggers = &triggers[..];
         let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
         let is_met =
@@ -287,6 +288,19 @@ impl Selector<'_> {
             self.projection.project(self.mode, state);
         }
         Ok(())
+    }
+
+    /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
+    fn has_no_rate(&mut self, point: &Point, switch: usize) -> bool {
+        let mode = &mut *self.mode;
+        if !mode.monitored.observers[switch] {
+            return false;
+        }
+        mode.move_to(point);
+        let surfaces = &mut mode.surfaces;
+        surfaces.linearize(switch, &mode.memory.values);
+        let mut gradient = surfaces.gradient(switch).iter();
+        !gradient.all(|(_, g)| g.is_finite()) || !surfaces.time_gradient(switch).is_finite()
     }
 
     /// The sides asked for at a non-unique point: one for all, or one for each of the switches
@@ -537,7 +551,7 @@ impl Selector<'_> {
             }
             self.mode
                 .measure_bands(state, &[i, other], t1 - state.point.t);
-            if self.mode.is_near(i, &state.bands) {
+            if state.bands.is_near(self.mode, i) {
                 triggers.push(i);
             }
         }
