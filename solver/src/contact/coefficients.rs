@@ -121,7 +121,8 @@ impl Coefficients {
                 let tau = share * length;
                 Dense::Taylor(mode).states_at(tau, &mut state.trial.x);
                 Dense::Taylor(mode).alphas_at(tau, &mut state.trial.alpha);
-                mode.set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
+                mode.memory
+                    .set(state.point.t + tau, &state.trial.x, &state.trial.alpha);
                 let tape = &watched.impact.numbers;
                 let registers = &mut self.registers;
                 registers.resize(tape.n_registers().max(watched.slots.len()), 0.0);

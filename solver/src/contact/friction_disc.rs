@@ -12,12 +12,13 @@ use crate::event::state::State;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::{Bands, Scales};
+use crate::expansion::monitor::Monitor;
+use crate::expansion::scales::{BAND, Bands, Scales};
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
 use crate::integrate::step::Step;
-use crate::selector::select::BAND;
 use crate::selector::selection::Onset;
 
 /// Of the way to w = 0, what a step leaves.
@@ -111,7 +112,7 @@ impl<'d> Disc<'d> {
     ) -> Option<Root> {
         self.margin(series);
         let band = (series[0].abs() <= RIM).then_some(RIM);
-        crate::integrate::step::first_root(roots, series[0], series, h, 1.0, band, 0.0)
+        roots.first_from(series[0], series, h, 1.0, band, 0.0)
     }
 
     /// How far u with these α is inside its disc, or how fast w grows in its direction, relative to a rate.
@@ -145,10 +146,11 @@ impl NearRest<'_> {
     pub(crate) fn comes_to_rest(&mut self, state: &mut State) -> Option<Step> {
         let (mode, mut all) = (&mut *self.mode, 0..state.point.sides.len());
         let slowing = |i: &usize| {
-            if state.bands.armed[*i] || !mode.slips_by(*i) {
+            if state.bands.armed[*i] || mode.slips_with(*i).is_none() {
                 return false;
             }
-            mode.expand_psi(*i, &mut state.bands);
+            let bands = &mut state.bands;
+            Monitor { mode, bands }.expand(*i);
             let slows = |w: &[f64]| w[0] <= STOPS * state.bands.width[*i] && w[1] < 0.0;
             mode.planes.series(*i).is_some_and(slows)
         };
@@ -174,12 +176,14 @@ impl NearRest<'_> {
     pub(crate) fn keeps_directions(&mut self, bands: &mut Bands, h: f64) -> f64 {
         let mut shorter = h;
         for i in 0..bands.width.len() {
-            let Some(other) = self.mode.system.second(i).filter(|_| self.mode.slips_by(i)) else {
+            let Some(other) = self.mode.slips_with(i) else {
                 continue;
             };
             if self.mode.psi(i).hypot(self.mode.psi(other)) <= self.lost(bands, i) {
-                self.mode.expand_psi(i, bands);
-                shorter = self.mode.step_size_of_slip([i, other], KNOWN, shorter);
+                let mode = &mut *self.mode;
+                Monitor { mode, bands }.expand(i);
+                let tolerance = KNOWN;
+                shorter = StepSize { mode, tolerance }.of_slip([i, other], shorter);
             }
         }
         shorter
@@ -219,7 +223,7 @@ impl Onset {
         switches.iter().for_each(|&i| alpha[i] = 0.5);
         mode.eval(point.t, x, &alpha);
         Rows::linearize(mode, &switches);
-        let sizes = switches.map(|i| mode.weigh(i, |j| scales.size(j)));
+        let sizes = switches.map(|i| mode.surfaces.weigh(i, |j| scales.size(j)));
         // Where nothing has moved yet, what the forces would make of it.
         let last = if scales.longest_step > 0.0 {
             scales.longest_step

@@ -7,8 +7,8 @@
 
 use super::impact::{Impacts, impact_of};
 use crate::event::state::State;
+use crate::expansion::scales::BAND;
 use crate::hybrid::{Note, Side, Status};
-use crate::selector::select::BAND;
 
 /// Roundings of their terms by which equal gaps differ.
 const ROUNDINGS: f64 = 64.0;

@@ -5,8 +5,8 @@
 
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::TIE;
 use crate::hybrid::Side;
-use crate::selector::judge::TIE;
 
 /// What rounding grows by, at most.
 const GROWTH: f64 = 100.0;
@@ -17,9 +17,11 @@ const ROUNDS: usize = 12;
 /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
 pub(crate) fn horizon(mode: &mut Mode) -> f64 {
     let mut entries = Vec::new();
-    mode.jacobian(|row, column, value: f64| {
-        entries.push((row, column, value.abs()));
-    });
+    let (library, values) = (&mut mode.library, &mode.memory.values);
+    mode.field
+        .jacobian(library, values, |row, column, value: f64| {
+            entries.push((row, column, value.abs()));
+        });
     let times = |v: &[f64]| {
         let mut product = vec![0.0; v.len()];
         for &(row, column, value) in &entries {

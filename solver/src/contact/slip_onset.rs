@@ -16,13 +16,16 @@ use super::friction_disc::{Disc, RIM, STOPS, STRAIGHT};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
-use crate::integrate::step::{Step, Stepper, Watch, first_event};
+use crate::integrate::step::Step;
+use crate::integrate::stepper::Stepper;
+use crate::integrate::watch::{Watch, first_event};
 use crate::linalg::DenseLu;
-use crate::selector::select::Choice;
-use crate::selector::selection::Onset;
+use crate::selector::selection::{Choice, Onset};
 
 /// Rounds of Newton's method for the direction of a force that leaves its cone.
 const ROUNDS: usize = 5;
@@ -122,7 +125,8 @@ impl SlipOnset<'_> {
         if places.into_iter().any(is_shared) {
             return None;
         }
-        let h = self.mode.step_size(tolerance, &state.scales, longest);
+        let mode = &*self.mode;
+        let h = StepSize { mode, tolerance }.of_states(&state.scales, longest);
         let mut margin = Vec::new();
         for &Onset { switches, .. } in onsets {
             Disc::of(Dense::Taylor(self.mode), switches[0])?.margin(&mut margin);
@@ -381,16 +385,17 @@ impl Stepper {
         ) {
             return None;
         }
-        mode.measure_terms(&mut state.scales, &mut state.bands);
+        state.scales.measure(mode, &mut state.bands);
         state.report.stats.rhs_evaluations += 2 * order;
         mode.planes.onsets = onsets.iter().flat_map(|one| one.switches).collect();
         let allowed = self.allowed_defect(mode);
-        let h = mode.step_size(tolerance, &state.scales, remaining);
+        let h = StepSize { mode, tolerance }.of_states(&state.scales, remaining);
         // Rounding in the last terms of what does not move at all shows no length: then the defect does, which allows
         // more than those terms.
         let mut is_shown = h > LEAST * remaining;
         let h = if is_shown { h } else { remaining };
-        let h = mode.monitor(tolerance, &state.scales, &mut state.bands, h);
+        let bands = &mut state.bands;
+        let h = Monitor { mode, bands }.watch(tolerance, &state.scales, h);
         let mut h = self.coefficients.expand(mode, tolerance, h);
         for _ in 0..MAX_HALVINGS {
             if h < remaining && state.point.t + h <= state.point.t {
@@ -410,16 +415,9 @@ impl Stepper {
                 });
             }
             let left = self.coefficients.leave(&mut self.roots, mode, h);
-            let defect = mode.defect(
-                &state.point,
-                &state.scales,
-                &state.bands,
-                h,
-                tolerance,
-                allowed,
-            );
+            let defect = self.probes.defect(mode, state, h, tolerance, allowed);
             let is_accurate = defect.rate <= allowed && defect.switches_agree;
-            let is_seen = !mode.on_wrong_side(&state.bands);
+            let is_seen = !state.bands.leave_behind(mode);
             let looked = self.coefficients.agree(mode, state, h, allowed);
             let passes = event.is_none() && left.is_none() && is_accurate && is_seen && looked;
             if passes && is_shown {

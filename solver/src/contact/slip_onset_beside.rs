@@ -13,7 +13,7 @@ use crate::expansion::mode::Mode;
 use crate::hybrid::{Role, Side, Status};
 use crate::linalg::DenseLu;
 use crate::selector::candidates::{Enumeration, FAR, MAX_ENUMERATED, Search, alternatives};
-use crate::selector::select::{Choice, Choices};
+use crate::selector::selection::{Choice, Choices};
 
 /// Directions from which one to set off in is looked for.
 const DIRECTIONS: usize = 8;
@@ -162,7 +162,7 @@ impl Enumeration<'_> {
             choices.found.push(Choice {
                 sides: sides.to_vec(),
                 alpha: group.iter().map(|&i| alpha[i]).collect(),
-                f: states.map(|&state| mode.f()[state]).collect(),
+                f: states.map(|&state| mode.field.f[state]).collect(),
             });
         }
         outcome

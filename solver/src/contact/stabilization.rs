@@ -141,7 +141,7 @@ impl Stabilization {
             mode.surfaces.stand_for(i, if is_gap { 0 } else { highest });
             mode.surfaces.linearize(i, &mode.memory.values);
             let psi = mode.psi(i);
-            let size = mode.weigh(i, |j| state.scales.size(j));
+            let size = mode.surfaces.weigh(i, |j| state.scales.size(j));
             is_off |= psi.abs() > f64::EPSILON * size;
             if size > 0.0 {
                 worst = worst.max(psi.abs() / size);

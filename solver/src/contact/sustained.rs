@@ -9,12 +9,12 @@ use super::coulomb::problem::{Delassus, NoSolution, Problem, Solution};
 use super::rows;
 use super::rows::{ContactSwitches, Rows};
 use crate::event::state::State;
+use crate::expansion::scales::TIE;
 use crate::hybrid::{Side, Status};
 use crate::linalg::norm;
 use crate::selector::candidates::{Enumeration, Zeros, product};
 use crate::selector::closing::{Bent, Closing, ROUNDING};
-use crate::selector::judge::TIE;
-use crate::selector::select::{Choice, Choices};
+use crate::selector::selection::{Choice, Choices};
 
 /// Forces and accelerations below this fraction of their scale are tried both ways.
 const NEAR: f64 = 1e-7;
@@ -220,7 +220,7 @@ impl Enumeration<'_> {
         let (mut terms, mut tie) = (0.0_f64, 0.0_f64);
         for &i in &rows {
             terms = terms.max(mode.terms_of_phi(i));
-            tie = tie.max(TIE * mode.weigh(i, |j| state.scales.activity[j]));
+            tie = tie.max(TIE * mode.surfaces.weigh(i, |j| state.scales.activity[j]));
         }
         let size = q.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
         for &i in &meets {
@@ -303,7 +303,7 @@ impl Enumeration<'_> {
         Some(Choice {
             sides: sides.to_vec(),
             alpha: group.iter().map(|&i| alpha[i]).collect(),
-            f: states.map(|&state| mode.f()[state]).collect(),
+            f: states.map(|&state| mode.field.f[state]).collect(),
         })
     }
 }

@@ -34,7 +34,7 @@ use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::breakpoints::Pieces;
 use crate::integrate::drift::Projection;
-use crate::integrate::step::Stepper;
+use crate::integrate::stepper::Stepper;
 pub use observer::{Event, Observer, Segment};
 
 /// Runs a system, keeping the functions it has met from one run to the next.
@@ -98,7 +98,6 @@ impl Simulator {
         let mode = &mut self.mode;
         mode.memory.set_parameters(parameters);
         mode.surfaces.take_parameters(&mode.memory);
-        mode.probed.load(&mode.memory);
     }
 
     /// Ends all runs that follow where the limit does.
@@ -143,8 +142,10 @@ impl Simulator {
         entry: impl FnMut(usize, usize, f64),
     ) {
         self.mode.enter(sides);
-        self.mode.set(t, x, alpha);
-        self.mode.jacobian(entry);
+        self.mode.memory.set(t, x, alpha);
+        let mode = &mut self.mode;
+        mode.field
+            .jacobian(&mut mode.library, &mode.memory.values, entry);
     }
 
     /// The state with consistent algebraic states, from those in `x` as guesses.

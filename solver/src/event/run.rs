@@ -5,6 +5,7 @@ use crate::event::state::{Report, State};
 use crate::events::simultaneous::Simultaneous;
 use crate::events::{Approach, chattering, zeno};
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::Bands;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
@@ -265,8 +266,8 @@ impl Simulator {
         if step.length > 0.0 && observer.segment(&segment).is_break() {
             return Err(Status::Stopped);
         }
-        self.mode
-            .take_unobserved(&mut state.point, &mut state.bands);
+        let (mode, bands) = (&mut self.mode, &mut state.bands);
+        Monitor { mode, bands }.take_unobserved(&mut state.point);
         if let Some(status) = step.ends.take() {
             return Err(status);
         }
@@ -469,7 +470,10 @@ fn disarm(mode: &mut Mode, point: &Point, bands: &mut Bands) {
     mode.move_to(point);
     for i in 0..bands.armed.len() {
         if bands.armed[i] && point.sides[i] != Side::Slide {
-            bands.armed[i] = mode.is_near(i, bands) || mode.is_rounding(i);
+            let is_plain = mode.system.switches[i].is_plain();
+            bands.armed[i] = bands.is_near(mode, i)
+                || is_plain
+                    && mode.psi(i).abs() <= mode.surfaces.running_error(i, &mode.memory.values);
         }
     }
 }

@@ -25,7 +25,7 @@ impl Simulator {
         sides[switch] = Side::Slide;
         for _ in 0..MAX_MOVES {
             self.mode.enter(&sides);
-            self.mode.set(t, x, &alphas);
+            self.mode.memory.set(t, x, &alphas);
             for i in 0..sides.len() {
                 if i != switch {
                     sides[i] = Side::of(self.mode.psi(i));
@@ -36,7 +36,7 @@ impl Simulator {
             self.mode.focus(t, x, &alphas, &[switch]);
             self.mode.linearize(&[switch]);
             let psi = self.mode.psi(switch);
-            let free = self.mode.gradient(switch).iter();
+            let free = self.mode.surfaces.gradient(switch).iter();
             let free: Vec<(usize, f64)> = free
                 .copied()
                 .filter(|(state, _)| !held.contains(state))

@@ -168,7 +168,7 @@ impl Chatter {
             return;
         };
         for (t, x) in [middle, (state.point.t, &state.point.x)] {
-            mode.set(t, x, &state.point.alpha);
+            mode.memory.set(t, x, &state.point.alpha);
             for (height, &i) in last.heights.iter_mut().zip(&last.switches) {
                 *height = height.max(mode.psi(i).abs());
             }
@@ -185,7 +185,7 @@ impl Chatter {
             let onward = share * left / (3.0 * trend.doubling);
             let moved = point.x.iter().zip(trend.before);
             let x: Vec<f64> = moved.map(|(x, before)| x + (x - before) * onward).collect();
-            mode.set(point.t + share * left, &x, &point.alpha);
+            mode.memory.set(point.t + share * left, &x, &point.alpha);
             others.iter().map(|&i| mode.psi(i) > 0.0).collect()
         };
         let now = signs(0.0);
@@ -249,7 +249,7 @@ fn is_affine(mode: &mut Mode, point: &Point) -> bool {
         let of_sliding = sliding.iter().enumerate();
         of_sliding.for_each(|(k, &i)| alpha[i] = values(k));
         mode.eval(point.t, &point.x, &alpha);
-        mode.f().to_vec()
+        mode.field.f.clone()
     };
     // Of a product of two α, these shares leave something.
     let share = |k: usize| 1.0 / (k as f64 + 2.0);

@@ -51,7 +51,7 @@ impl<'a> Grazing<'a> {
         // Before the first step, a state that starts at zero has no size but that of its motion.
         let motion = if scales.last_step > 0.0 { 0.0 } else { h };
         let size = |j: usize| scales.largest[j].max(scales.activity[j] * motion);
-        let past = self.mode.weigh(switch, size);
+        let past = self.mode.surfaces.weigh(switch, size);
         let terms = bands.terms[switch];
         // The series of what is no affine function has an error of its own.
         let cut = if self.mode.surfaces.is_affine(switch) {
@@ -105,7 +105,10 @@ impl<'a> Grazing<'a> {
             side * series::value(c, tau)
         };
         let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-        let past = self.mode.weigh(switch, |j| state.scales.largest[j]);
+        let past = self
+            .mode
+            .surfaces
+            .weigh(switch, |j| state.scales.largest[j]);
         let (mut x, mut alpha) = (vec![0.0; self.mode.n], vec![0.0; self.mode.sides.len()]);
         self.dense.states_at(tau, &mut x);
         self.dense.alphas_at(tau, &mut alpha);
@@ -161,7 +164,9 @@ impl Approaches {
             mode.enter(&sides);
             let exists = mode.expand(approach.time, &approach.x, &mut alpha).is_ok();
             mode.surfaces.linearize(switch, &mode.memory.values);
-            approach.gradient.extend_from_slice(mode.gradient(switch));
+            approach
+                .gradient
+                .extend_from_slice(mode.surfaces.gradient(switch));
             approach.latches = mode.system.relay(switch).is_some();
             approach.strikes = strikes;
             let order = mode.order + 1;

@@ -67,6 +67,35 @@ impl RootFinder {
         }
     }
 
+    /// The least root of a series that should have sign `side`; its constant term is `start` instead of
+    /// `c[0]`. One that starts at zero, within `band`, is divided by its leading power first, as is `level`;
+    /// one that starts on the wrong side has its root at once.
+    pub(crate) fn first_from(
+        &mut self,
+        start: f64,
+        c: &[f64],
+        h: f64,
+        side: f64,
+        band: Option<f64>,
+        level: f64,
+    ) -> Option<Root> {
+        self.close.clear();
+        let (start, c, level) = match band {
+            Some(band) => {
+                let leading = series::leading(c, h, band)?;
+                (c[leading], &c[leading..], level / h.powi(leading as i32))
+            }
+            None => (start, c, level),
+        };
+        if start * side <= 0.0 {
+            return Some(Root {
+                tau: 0.0,
+                crosses: true,
+            });
+        }
+        self.first(start, &c[1..], h, level)
+    }
+
     /// The least root in (0, h] of `start` + Σ `rest[k]` τᵏ⁺¹, whose value at 0 counts as non-zero.
     /// Leaves in `close` where it turns back, no farther than `level` from zero.
     pub(crate) fn first(&mut self, start: f64, rest: &[f64], h: f64, level: f64) -> Option<Root> {

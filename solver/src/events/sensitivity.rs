@@ -43,7 +43,7 @@ impl Window {
             let c = mode.psi_series(i);
             // A few roundings of every term, and of the states as large as they have been.
             let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-            let past = mode.weigh(i, |j| scales.largest[j]);
+            let past = mode.surfaces.weigh(i, |j| scales.largest[j]);
             let rounding = ROUNDINGS * f64::EPSILON * bands.terms[i].max(sizes).max(past);
             let around: [f64; 1 + DERIVATIVES] = series::around(c, tau);
             let terms = around.into_iter().enumerate().skip(1);
@@ -53,7 +53,8 @@ impl Window {
         self.length = if window.is_finite() { window } else { 0.0 };
         if self.length > 0.0 {
             for i in 0..mode.n {
-                self.before[i] = series::value(&mode.rate_series(i)[..mode.order], tau);
+                self.before[i] =
+                    series::value(&mode.memory.series(mode.field.rows[i])[..mode.order], tau);
             }
         }
     }

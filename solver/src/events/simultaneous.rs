@@ -84,7 +84,7 @@ impl Simultaneous<'_> {
             alpha[i] = if sides[i] == Side::Plus { 1.0 } else { 0.0 };
         }
         mode.eval(state.point.t, &state.point.x, &state.point.alpha);
-        let before = mode.f().to_vec();
+        let before = mode.field.f.clone();
         mode.enter(&sides);
         mode.eval(state.point.t, &state.point.x, &alpha);
         mode.linearize(later);
@@ -93,7 +93,7 @@ impl Simultaneous<'_> {
             if approach > 0.0 { psi / approach } else { 0.0 }
         });
         let lasts = lasts.fold(0.0, f64::max);
-        let matters = (mode.f().iter().zip(&before))
+        let matters = (mode.field.f.iter().zip(&before))
             .enumerate()
             .any(|(j, (f, before))| {
                 let size = state.scales.largest[j].max(state.point.x[j].abs());
@@ -139,17 +139,20 @@ impl Simultaneous<'_> {
     /// numbers before: two of them are two.
     fn is_one(&mut self, state: &State, both: [usize; 2]) -> bool {
         let mode = &mut *self.selector.mode;
-        if both.iter().all(|&i| mode.is_monitored_affine(i)) {
+        if both
+            .iter()
+            .all(|&i| mode.planes.is_affine(i, &mode.surfaces))
+        {
             return false;
         }
         mode.move_to(&state.point);
         mode.linearize(&both);
         let normals = both.map(|i| {
             let mut normal: Vec<f64> = vec![0.0; state.point.x.len() + 1];
-            for &(j, g) in mode.gradient(i) {
+            for &(j, g) in mode.surfaces.gradient(i) {
                 normal[j] += g * state.scales.largest[j].max(state.point.x[j].abs());
             }
-            normal[state.point.x.len()] = mode.time_gradient(i) * state.point.t.abs();
+            normal[state.point.x.len()] = mode.surfaces.time_gradient(i) * state.point.t.abs();
             normal
         });
         let sizes = [0, 1].map(|k| normals[k].iter().fold(0.0_f64, |most, g| most.max(g.abs())));
@@ -176,7 +179,7 @@ impl Simultaneous<'_> {
             self.selector
                 .mode
                 .eval(state.point.t, &state.point.x, &alpha);
-            let f = self.selector.mode.f().to_vec();
+            let f = self.selector.mode.field.f.clone();
             Between { sides, alpha, f }
         });
         (

@@ -12,6 +12,7 @@ use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::series;
 use crate::hybrid::{Function, Note, Side};
+use crate::integrate::probes::Comparison;
 use crate::integrate::radau::Radau;
 use crate::tape::{Ball, Tame};
 
@@ -46,13 +47,15 @@ pub(crate) struct Unseen {
 
 impl Unseen {
     /// True where the series of a step of this length are what they stand for between the probes, too, up to `allowed`,
-    /// as far as functions are under suspicion. Leaves any point behind.
+    /// as far as functions are under suspicion; `sizes` are what differences of states are relative to. Leaves any point
+    /// behind.
     pub(crate) fn vouches(
         &mut self,
         mode: &mut Mode,
         state: &mut State,
         length: f64,
         allowed: f64,
+        sizes: &[f64],
     ) -> bool {
         if self.suspects.is_empty() {
             return true;
@@ -60,14 +63,15 @@ impl Unseen {
         self.copy(Dense::Taylor(mode));
         self.begin(length);
         let margin = allowed / length;
-        while let Some(tau) = self.next(mode, state.point.t, |i| margin * mode.probed_scale(i)) {
+        while let Some(tau) = self.next(mode, state.point.t, |i| margin * sizes[i]) {
             let mut step = Comparison {
                 mode,
-                state,
+                scales: &state.scales,
+                bands: &state.bands,
                 length,
                 allowed,
             };
-            if !step.agrees_at(tau) {
+            if !step.agrees_at(state.point.t, tau, &mut state.trial, sizes) {
                 return false;
             }
         }
@@ -86,9 +90,8 @@ impl Unseen {
 
     /// Where there are no series, any function of those kinds may hide something.
     pub(crate) fn suspect_all(&mut self, mode: &mut Mode) {
-        mode.field.list();
         self.suspects.clear();
-        let blocks = mode.field.hiding().iter().map(|(block, _)| *block);
+        let blocks = mode.field.list().hiding.iter().map(|(block, _)| *block);
         self.suspects.extend(blocks.map(Suspect::Rates));
         let surfaces = mode.monitored.switches.iter().copied();
         self.suspects.extend(surfaces.map(Suspect::Surface));
@@ -103,7 +106,7 @@ impl Unseen {
             return;
         }
         let (memory, n) = (&mode.memory, mode.order);
-        for (block, step) in mode.field.hiding() {
+        for (block, step) in &mode.field.listed().hiding {
             let suspect = Suspect::Rates(*block);
             if self.suspects.last() != Some(&suspect)
                 && step.may_hide(&memory.rows, length, n, memory.stride)
@@ -226,49 +229,5 @@ impl Unseen {
             time: state.point.t,
             function,
         });
-    }
-}
-
-/// The functions of a mode beside the series of a step of a length, which they may differ from by `allowed`.
-struct Comparison<'a> {
-    mode: &'a mut Mode,
-    state: &'a mut State,
-    length: f64,
-    allowed: f64,
-}
-
-impl Comparison<'_> {
-    /// True where at an instant of the step the functions are what their series say.
-    fn agrees_at(&mut self, tau: f64) -> bool {
-        let (length, allowed) = (self.length, self.allowed);
-        let (mode, state) = (&mut *self.mode, &mut *self.state);
-        Dense::Taylor(mode).states_at(tau, &mut state.trial.x);
-        Dense::Taylor(mode).alphas_at(tau, &mut state.trial.alpha);
-        mode.eval(state.point.t + tau, &state.trial.x, &state.trial.alpha);
-        let rates_agree = (0..mode.n).all(|i| {
-            let difference = series::slope(mode.x_series(i), tau) - mode.field.f[i];
-            difference.abs() * length <= allowed * mode.probed_scale(i)
-        });
-        rates_agree
-            && mode.switches_agree(&state.scales, &state.bands, tau, length, allowed)
-            && self.stays_on()
-    }
-
-    /// True where every curved ψ that slides is zero at the point.
-    fn stays_on(&mut self) -> bool {
-        let (mode, state) = (&mut *self.mode, &*self.state);
-        (0..mode.sliding.len()).all(|at| {
-            let i = mode.sliding[at];
-            if mode.surfaces.is_affine(i)
-                || mode.surfaces.is_deep(i)
-                || mode.planes.onsets.contains(&i)
-            {
-                return true;
-            }
-            let size = mode
-                .weigh(i, |j| state.scales.largest[j])
-                .max(state.bands.terms[i]);
-            mode.psi(i).abs() <= self.allowed.max(1e-9) * size
-        })
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 use wide::f64x4;
 
-use super::layout::Memory;
+use super::layout::{Memory, Registers};
 use crate::hybrid::form::Library;
 use crate::hybrid::{Block, HybridSystem, Input, Partials, Side};
 use crate::tape::{Ball, Lane, Recurrences, Step, Tape};
@@ -20,24 +20,28 @@ pub(crate) struct Field {
     pub f: Vec<f64>,
     /// Where the series of every rate is.
     pub rows: Vec<usize>,
-    /// The recurrences of all blocks: those of time alone, all others, and of these what depends on a
-    /// sliding α.
-    timed: Vec<Step>,
-    steps: Vec<Step>,
-    by_alpha: Vec<Step>,
-    /// States whose rates contain a sliding α.
-    sliding_states: Vec<usize>,
-    /// Steps of the blocks that may hide what they do within a step.
-    hiding: Vec<(usize, Step)>,
-    /// Whether the lists above are those of the present sides.
-    listed: bool,
-    registers: Vec<f64>,
-    balls: Vec<Ball>,
+    lists: Lists,
+    registers: Registers,
     /// f at the lanes evaluated last.
     pub wide: Vec<f64x4>,
     wide_registers: Vec<f64x4>,
     /// Functions taken up so far.
     pub n_functions: usize,
+}
+
+/// The recurrences of all blocks, one after another.
+#[derive(Default)]
+pub(crate) struct Lists {
+    /// Those of time alone, all others, and of these what depends on a sliding α.
+    pub timed: Vec<Step>,
+    pub steps: Vec<Step>,
+    pub by_alpha: Vec<Step>,
+    /// States whose rates contain a sliding α.
+    pub sliding_states: Vec<usize>,
+    /// Steps that may hide what they do within a step, each with its block.
+    pub hiding: Vec<(usize, Step)>,
+    /// Whether these are those of the present sides.
+    are_present: bool,
 }
 
 /// A block with its functions by local sides.
@@ -95,14 +99,8 @@ impl Field {
             of_switch,
             f: vec![0.0; n],
             rows: vec![0; n],
-            timed: Vec::new(),
-            steps: Vec::new(),
-            by_alpha: Vec::new(),
-            sliding_states: Vec::new(),
-            hiding: Vec::new(),
-            listed: false,
-            registers: Vec::new(),
-            balls: Vec::new(),
+            lists: Lists::default(),
+            registers: Registers::default(),
             wide: vec![f64x4::splat(0.0); n],
             wide_registers: Vec::new(),
             n_functions: 0,
@@ -158,9 +156,7 @@ impl Field {
                     .field
                     .n_registers()
                     .max(rates.by_alpha.tape.n_registers());
-                if self.registers.len() < wanted {
-                    self.registers.resize(wanted, 0.0);
-                }
+                self.registers.reserve(wanted);
                 // A Jacobian may have taken more of the others.
                 if self.wide_registers.len() < wanted {
                     self.wide_registers.resize(wanted, f64x4::splat(0.0));
@@ -183,7 +179,7 @@ impl Field {
         for (&state, &row) in local.block.states.iter().zip(outputs) {
             self.rows[state] = row;
         }
-        self.listed = false;
+        self.lists.are_present = false;
     }
 
     /// Evaluates f where `values` say.
@@ -221,9 +217,9 @@ impl Field {
     pub(crate) fn eval_block(&mut self, block: usize, values: &[f64]) {
         let local = &self.blocks[block];
         let compiled = local.now();
-        gather(&compiled.gather, values, &mut self.registers);
-        compiled.field.run(&mut self.registers);
-        let results = compiled.field.results(&self.registers);
+        gather(&compiled.gather, values, &mut self.registers.numbers);
+        compiled.field.run(&mut self.registers.numbers);
+        let results = compiled.field.results(&self.registers.numbers);
         for (&state, result) in local.block.states.iter().zip(results) {
             self.f[state] = result;
         }
@@ -249,12 +245,12 @@ impl Field {
             return;
         }
         let tape = &compiled.by_alpha.tape;
-        gather(&compiled.gather, values, &mut self.registers);
-        tape.run(&mut self.registers);
+        gather(&compiled.gather, values, &mut self.registers.numbers);
+        tape.run(&mut self.registers.numbers);
         for (slope, result) in compiled
             .slopes
             .iter_mut()
-            .zip(tape.results(&self.registers))
+            .zip(tape.results(&self.registers.numbers))
         {
             *slope = result;
         }
@@ -287,16 +283,18 @@ impl Field {
     ) -> [Ball; 2] {
         let (block, at) = self.place[state];
         let compiled = self.blocks[block].now();
-        self.balls.resize(self.registers.len(), Ball::new(0.0, 0.0));
+        self.registers
+            .balls
+            .resize(self.registers.numbers.len(), Ball::new(0.0, 0.0));
         let mut run = |tape: &Tape, output: usize| {
-            for (ball, &from) in self.balls.iter_mut().zip(&compiled.gather) {
+            for (ball, &from) in self.registers.balls.iter_mut().zip(&compiled.gather) {
                 *ball = match from == slot {
                     true => inside,
                     false => Ball::new(values[from], 0.0),
                 };
             }
-            tape.run(&mut self.balls);
-            let found = tape.results(&self.balls).nth(output);
+            tape.run(&mut self.registers.balls);
+            let found = tape.results(&self.registers.balls).nth(output);
             found.expect("a tape has its outputs")
         };
         let partials = &compiled.by_alpha;
@@ -334,7 +332,7 @@ impl Field {
         let local = &mut self.blocks[block];
         let compiled = &mut local.known[local.now];
         let sides = &compiled.sides;
-        let registers = &mut self.registers;
+        let registers = &mut self.registers.numbers;
         let (partials, numbers) = compiled.jacobian.get_or_insert_with(|| {
             let partials = library.jacobian(block, sides);
             if registers.len() < partials.tape.n_registers() {
@@ -355,33 +353,35 @@ impl Field {
         }
     }
 
-    /// Lists the recurrences of all blocks one after another.
-    pub(crate) fn list(&mut self) {
-        if self.listed {
-            return;
+    /// Lists the recurrences of all blocks on the present sides.
+    pub(crate) fn list(&mut self) -> &Lists {
+        let lists = &mut self.lists;
+        if lists.are_present {
+            return lists;
         }
-        self.listed = true;
-        self.timed.clear();
-        self.steps.clear();
-        self.by_alpha.clear();
-        self.sliding_states.clear();
-        self.hiding.clear();
+        lists.are_present = true;
+        lists.timed.clear();
+        lists.steps.clear();
+        lists.by_alpha.clear();
+        lists.sliding_states.clear();
+        lists.hiding.clear();
         for (block, local) in self.blocks.iter().enumerate() {
             let compiled = local.now();
             let hiding = compiled.series.hiding.iter();
-            self.hiding.extend(hiding.map(|step| (block, *step)));
-            self.timed.extend_from_slice(&compiled.series.timed);
-            self.steps.extend_from_slice(&compiled.series.moving);
+            lists.hiding.extend(hiding.map(|step| (block, *step)));
+            lists.timed.extend_from_slice(&compiled.series.timed);
+            lists.steps.extend_from_slice(&compiled.series.moving);
             if compiled.slides() {
-                self.by_alpha.extend_from_slice(&compiled.series.by_alpha);
-                self.sliding_states.extend_from_slice(&local.block.states);
+                lists.by_alpha.extend_from_slice(&compiled.series.by_alpha);
+                lists.sliding_states.extend_from_slice(&local.block.states);
             }
         }
+        lists
     }
 
-    /// Steps that may hide what they do within a step, each with its block, after `list`.
-    pub(crate) fn hiding(&self) -> &[(usize, Step)] {
-        &self.hiding
+    /// What was listed last.
+    pub(crate) fn listed(&self) -> &Lists {
+        &self.lists
     }
 
     /// Encloses the rates of a block where its inputs are in balls, by their places among the values: calls `see` with
@@ -400,26 +400,6 @@ impl Field {
         for (&state, result) in local.block.states.iter().zip(results) {
             see(state, result);
         }
-    }
-
-    /// The recurrences that depend on time alone, after `list`.
-    pub(crate) fn timed(&self) -> &[Step] {
-        &self.timed
-    }
-
-    /// All others, after `list`.
-    pub(crate) fn steps(&self) -> &[Step] {
-        &self.steps
-    }
-
-    /// Those that depend on a sliding α, after `list`.
-    pub(crate) fn by_alpha(&self) -> &[Step] {
-        &self.by_alpha
-    }
-
-    /// The states of these rates.
-    pub(crate) fn sliding_states(&self) -> &[usize] {
-        &self.sliding_states
     }
 }
 

@@ -5,10 +5,28 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::hybrid::{HybridSystem, Input, Piecewise, write_pieces};
-use crate::tape::{self, Depends, Row, UNBOUNDED};
+use crate::tape::{self, Ball, Depends, Lane, Rounded, Row, UNBOUNDED};
 
 /// The order to which ψ is needed beyond that of α, which follows from it.
 pub(crate) const LOOKAHEAD: usize = 1;
+
+/// What functions compute with: numbers, intervals and numbers with their running errors.
+#[derive(Default)]
+pub(crate) struct Registers {
+    pub numbers: Vec<f64>,
+    pub balls: Vec<Ball>,
+    pub rounded: Vec<Rounded>,
+}
+
+impl Registers {
+    /// Makes room for functions with so many.
+    pub(crate) fn reserve(&mut self, wanted: usize) {
+        if self.numbers.len() < wanted {
+            self.numbers.resize(wanted, 0.0);
+            self.balls.resize(wanted, Ball::splat(0.0));
+        }
+    }
+}
 
 /// Values at a point and Taylor coefficients around one.
 pub(crate) struct Memory {
@@ -26,6 +44,8 @@ pub(crate) struct Memory {
     pub rows: Vec<f64>,
     /// 0, 1, 2, ...
     pub weights: Vec<f64>,
+    /// How often coefficients or parameters have been replaced.
+    pub version: usize,
 }
 
 impl Memory {
@@ -44,6 +64,7 @@ impl Memory {
             values: vec![0.0; n_slots],
             rows: vec![0.0; n_slots * stride],
             weights: tape::weights(stride),
+            version: 0,
         };
         memory.set_parameters(&system.parameters);
         memory
@@ -110,6 +131,11 @@ impl Memory {
         start
     }
 
+    /// The series whose row starts here, as far as those of states are known.
+    pub(crate) fn series(&self, start: usize) -> &[f64] {
+        &self.rows[start..start + self.stride - LOOKAHEAD]
+    }
+
     /// Where the row of a state starts.
     pub(crate) fn state(&self, state: usize) -> usize {
         (1 + state) * self.stride
@@ -134,6 +160,7 @@ impl Memory {
 
     /// Takes other values of the parameters.
     pub(crate) fn set_parameters(&mut self, parameters: &[f64]) {
+        self.version += 1;
         for (place, &parameter) in self.parameters().zip(parameters) {
             self.values[place] = parameter;
             self.rows[place * self.stride] = parameter;
@@ -142,6 +169,7 @@ impl Memory {
 
     /// Takes the coefficients that hold from `t` on, and gives the instant at which they change.
     pub(crate) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
+        self.version += 1;
         let places = self.coefficients();
         let until = write_pieces(&self.data, t, &mut self.values[places.clone()]);
         for place in places {

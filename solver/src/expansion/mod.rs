@@ -4,9 +4,9 @@ pub(crate) mod dense;
 pub(crate) mod field;
 pub(crate) mod layout;
 pub(crate) mod mode;
+pub(crate) mod monitor;
 pub(crate) mod planes;
 pub(crate) mod psi;
-pub(crate) mod rounding;
 pub(crate) mod scales;
 pub(crate) mod series;
 pub(crate) mod sliding;
@@ -14,6 +14,5 @@ pub(crate) mod step_size;
 pub(crate) mod surfaces;
 pub(crate) mod taylor;
 pub(crate) mod terms;
-pub(crate) mod unobserved;
 
 pub use dense::Polynomials;

@@ -13,12 +13,10 @@ use std::sync::Arc;
 
 use super::field::Field;
 use super::layout::Memory;
+use super::monitor::Monitored;
 use super::planes::Planes;
 use super::sliding::Sliding;
 use super::surfaces::Surfaces;
-use super::terms::{Probed, Rounding, Terms};
-use crate::expansion::scales::Bands;
-use crate::expansion::unobserved::Monitored;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Side, Status};
@@ -39,17 +37,12 @@ pub(crate) struct Mode {
     pub(crate) equations: Sliding,
     /// States that no projection moves in the present mode.
     pub(crate) still: Vec<bool>,
-    /// Whether some switch may rest on its surface.
-    pub(crate) may_rest: bool,
     /// Switching functions that come in twos.
     pub(crate) planes: Planes,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
-    pub terms: Terms,
     pub monitored: Monitored,
     focus: Focus,
-    pub probed: Probed,
-    pub(crate) rounding: Rounding,
 }
 
 /// A few switches whose α are varied while all else stays as it is.
@@ -72,7 +65,6 @@ impl Mode {
         let (n, m) = (system.n_states(), system.n_switches());
         Mode {
             system: system.clone(),
-            may_rest: (0..m).any(|i| system.switches[i].rests()),
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
             n,
@@ -85,11 +77,8 @@ impl Mode {
             still: vec![false; n],
             planes: Planes::new(system),
             arranged: false,
-            terms: Terms::new(n),
             monitored: Monitored::new(system),
             focus: Focus::default(),
-            probed: Probed::new(n),
-            rounding: Rounding::default(),
         }
     }
 
@@ -126,7 +115,7 @@ impl Mode {
 
     /// Moves to a point where the α of some switches are to be varied.
     pub(crate) fn focus(&mut self, t: f64, x: &[f64], alpha: &[f64], switches: &[usize]) {
-        self.set(t, x, alpha);
+        self.memory.set(t, x, alpha);
         let focus = &mut self.focus;
         focus.switches.clear();
         focus.switches.extend_from_slice(switches);
@@ -174,24 +163,17 @@ impl Mode {
     /// Takes the coefficients of the pieces that hold from `t` on, and gives the instant at which
     /// they change.
     pub(crate) fn load(&mut self, t: f64) -> f64 {
-        let until = self.memory.load(&self.system, t);
-        self.probed.load(&self.memory);
-        until
+        self.memory.load(&self.system, t)
     }
 
     /// Moves to a point of a run without evaluating anything.
     pub(crate) fn move_to(&mut self, point: &Point) {
-        self.set(point.t, &point.x, &point.alpha);
-    }
-
-    /// Moves to a point without evaluating anything.
-    pub(crate) fn set(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
-        self.memory.set(t, x, alpha);
+        self.memory.set(point.t, &point.x, &point.alpha);
     }
 
     /// Evaluates f at a point.
     pub(crate) fn eval(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
-        self.set(t, x, alpha);
+        self.memory.set(t, x, alpha);
         self.field.eval(&self.memory.values);
     }
 
@@ -206,18 +188,6 @@ impl Mode {
         }
     }
 
-    /// Calls `entry(row, column, value)` for every ∂f/∂x that is not structurally zero where the point is; compiles
-    /// what is missing. ∂f/∂α comes from `linearize` as slopes of the field, ∂ψ/∂x as gradients of the surfaces.
-    pub(crate) fn jacobian(&mut self, entry: impl FnMut(usize, usize, f64)) {
-        let functions = &mut self.library;
-        self.field.jacobian(functions, &self.memory.values, entry);
-    }
-
-    /// f where it was last evaluated.
-    pub(crate) fn f(&self) -> &[f64] {
-        &self.field.f
-    }
-
     /// ψ where the point is.
     pub(crate) fn psi(&mut self, switch: usize) -> f64 {
         self.surfaces.value(switch, &self.memory.values)
@@ -225,49 +195,24 @@ impl Mode {
 
     /// φ = ∇ψ·f + ∂ψ/∂t, from the gradient where it was last linearized.
     pub(crate) fn phi(&self, switch: usize) -> f64 {
-        let terms = self.gradient(switch).iter();
-        terms
-            .map(|&(state, g)| g * self.field.f[state])
-            .sum::<f64>()
-            + self.time_gradient(switch)
+        self.surfaces.rate(switch, &self.field.f)
     }
 
     /// Σ |∇ψ_j f_j| + |∂ψ/∂t|, the terms of φ.
     pub(crate) fn terms_of_phi(&self, switch: usize) -> f64 {
-        let terms = self.gradient(switch).iter();
+        let terms = self.surfaces.gradient(switch).iter();
         let terms = terms.map(|&(state, g)| (g * self.field.f[state]).abs());
-        terms.sum::<f64>() + self.time_gradient(switch).abs()
+        terms.sum::<f64>() + self.surfaces.time_gradient(switch).abs()
     }
 
     /// ∂φ_switch/∂α_alpha of a sliding α, where it was last linearized.
     pub(crate) fn coupling(&self, switch: usize, alpha: usize) -> f64 {
-        let gradient = self.gradient(switch).iter();
+        let gradient = self.surfaces.gradient(switch).iter();
         let by_alpha = gradient.flat_map(|&(state, g)| {
             let slopes = self.field.slopes(state).filter(move |(j, _)| *j == alpha);
             slopes.map(move |(_, slope)| g * slope)
         });
         by_alpha.sum::<f64>() + self.surfaces.now(switch).mixed(alpha, &self.field.f)
-    }
-
-    /// (j, ∂ψ/∂x_j), where it was last linearized.
-    pub(crate) fn gradient(&self, switch: usize) -> &[(usize, f64)] {
-        self.surfaces.gradient(switch)
-    }
-
-    /// Σ |∂ψ/∂x_j| size(j), where it was last linearized.
-    pub(crate) fn weigh(&self, switch: usize, size: impl Fn(usize) -> f64) -> f64 {
-        let terms = self.gradient(switch).iter();
-        terms.map(|&(j, g)| g.abs() * size(j)).sum()
-    }
-
-    /// ∂ψ/∂t, where it was last linearized.
-    pub(crate) fn time_gradient(&self, switch: usize) -> f64 {
-        self.surfaces.time_gradient(switch)
-    }
-
-    /// Σ_l |∂φ/∂α_l| of a sliding switch at the expansion point.
-    pub(crate) fn gain(&self, switch: usize) -> f64 {
-        self.equations.gain(switch)
     }
 
     /// Finds what interacts while sliding, once per mode.
@@ -329,7 +274,7 @@ impl Mode {
                 alpha[i] -= delta;
                 change = change.max(delta.abs() / (1.0 + alpha[i].abs()));
             }
-            self.set(t, x, alpha);
+            self.memory.set(t, x, alpha);
             self.field.eval_sliding(&self.memory.values);
             // Close to a fold, what rounding does to φ is large in α.
             if change <= 1e-13 || change <= 1e-9 && change > 0.5 * last {
@@ -357,29 +302,20 @@ impl Mode {
         self.factor().is_err() || self.equations.turned_over()
     }
 
-    fn row(&self, start: usize) -> &[f64] {
-        &self.memory.rows[start..=start + self.order]
-    }
-
     /// Series of state i.
     pub(crate) fn x_series(&self, i: usize) -> &[f64] {
-        self.row(self.memory.state(i))
-    }
-
-    /// Series of the rate of state i, but for its highest order.
-    pub(crate) fn rate_series(&self, i: usize) -> &[f64] {
-        self.row(self.field.rows[i])
+        self.memory.series(self.memory.state(i))
     }
 
     /// Series of α of a sliding switch.
     pub(crate) fn alpha_series(&self, switch: usize) -> &[f64] {
-        self.row(self.memory.alpha(switch))
+        self.memory.series(self.memory.alpha(switch))
     }
 
     /// Series of ψ of a switch, or of what is monitored of two entries, after `expand_psi`.
     pub(crate) fn psi_series(&self, switch: usize) -> &[f64] {
         let along = self.planes.series(switch);
-        along.unwrap_or_else(|| self.row(self.surfaces.row(switch)))
+        along.unwrap_or_else(|| self.memory.series(self.surfaces.row(switch)))
     }
 
     /// ψ of all switches at a point of a run.
@@ -394,6 +330,24 @@ impl Mode {
     pub(crate) fn enter_choice(&mut self, point: &Point, group: &[usize], choice: &[Side]) {
         let sides = point.sides_with(group, choice);
         self.enter_surfaces(&sides);
+    }
+
+    /// ψ of a switch where the point is, or what is monitored of two entries.
+    pub(crate) fn monitored_psi(&mut self, switch: usize) -> f64 {
+        let (surfaces, values) = (&mut self.surfaces, &self.memory.values);
+        self.planes.psi(switch, surfaces, values)
+    }
+
+    /// The other switch of a slip velocity with two entries that slips, of which this is the first one.
+    pub(crate) fn slips_with(&self, switch: usize) -> Option<usize> {
+        let is_off =
+            || self.sides[switch] != Side::Slide && !self.system.is_idle(switch, &self.sides);
+        self.system.second(switch).filter(|_| is_off())
+    }
+
+    /// Whether some contact slips with two entries.
+    pub(crate) fn slips_in_a_plane(&self) -> bool {
+        self.planes.any() && (0..self.sides.len()).any(|i| self.slips_with(i).is_some())
     }
 
     /// Why no step goes on from here.
@@ -411,12 +365,12 @@ impl Mode {
         let kept: Vec<usize> = kept
             .filter(|&i| self.system.role(i) != Role::Step)
             .collect();
-        let states = self.f().iter().enumerate();
+        let states = self.field.f.iter().enumerate();
         // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
         let mut others = states.filter(|(i, _)| !self.system.is_algebraic(*i));
         if self.sliding.is_empty()
             || others.any(|(_, f)| !f.is_finite())
-            || kept.is_empty() && self.f().iter().any(|f| !f.is_finite())
+            || kept.is_empty() && self.field.f.iter().any(|f| !f.is_finite())
         {
             return Status::NotFinite;
         }
@@ -426,27 +380,5 @@ impl Mode {
             },
             false => Status::HighIndex { switches: kept },
         }
-    }
-
-    /// Takes the sides of switches that were not monitored in the last step.
-    pub(crate) fn take_unobserved(&mut self, point: &mut Point, bands: &mut Bands) {
-        for at in 0..self.monitored.unobserved.len() {
-            let switch = self.monitored.unobserved[at];
-            self.move_to(point);
-            let psi = self.psi(switch);
-            point.change_sides(&[switch], &[Side::of(psi)]);
-            bands.armed[switch] = false;
-        }
-    }
-
-    /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
-    pub(crate) fn has_no_rate(&mut self, point: &Point, switch: usize) -> bool {
-        if !self.monitored.observers[switch] {
-            return false;
-        }
-        self.move_to(point);
-        self.surfaces.linearize(switch, &self.memory.values);
-        let mut gradient = self.gradient(switch).iter();
-        !gradient.all(|(_, g)| g.is_finite()) || !self.time_gradient(switch).is_finite()
     }
 }

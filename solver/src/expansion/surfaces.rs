@@ -2,11 +2,11 @@
 
 use rustc_hash::FxHashMap;
 
-use super::layout::Memory;
+use super::layout::{Memory, Registers};
 use super::psi::{Compiled, Form, run};
 use crate::hybrid::form::{Library, Smooth};
 use crate::hybrid::{HybridSystem, Side};
-use crate::tape::{Ball, Lane};
+use crate::tape::Ball;
 
 pub(crate) struct Surfaces {
     /// All ψ, and behind them the derivatives of those of higher relative degree.
@@ -26,8 +26,7 @@ pub(crate) struct Surfaces {
     deep: Vec<usize>,
     /// The sides taken last, of the switches inside others; none before the first time.
     sides: Option<Box<[Side]>>,
-    registers: Vec<f64>,
-    balls: Vec<Ball>,
+    registers: Registers,
     /// Functions taken up so far.
     pub n_functions: usize,
 }
@@ -75,8 +74,7 @@ impl Surfaces {
             slot: (0..m).collect(),
             around,
             sides: None,
-            registers: Vec::new(),
-            balls: Vec::new(),
+            registers: Registers::default(),
             n_functions: 0,
         }
     }
@@ -139,10 +137,7 @@ impl Surfaces {
                 mixed.tape.n_registers(),
             ];
             let wanted = wanted.into_iter().max().unwrap_or(0);
-            if self.registers.len() < wanted {
-                self.registers.resize(wanted, 0.0);
-                self.balls.resize(wanted, Ball::splat(0.0));
-            }
+            self.registers.reserve(wanted);
         }
         self.n_functions += 1;
         local.known.push(compiled);
@@ -242,9 +237,9 @@ impl Surfaces {
                     &tapes.functions.psi,
                     &tapes.gather,
                     values,
-                    &mut self.registers,
+                    &mut self.registers.numbers,
                 );
-                let mut results = tapes.functions.psi.results(&self.registers);
+                let mut results = tapes.functions.psi.results(&self.registers.numbers);
                 results.next().unwrap_or(f64::NAN)
             }
         }
@@ -257,7 +252,7 @@ impl Surfaces {
         let Form::Smooth(tapes) = &mut compiled.form else {
             return;
         };
-        let registers = &mut self.registers;
+        let registers = &mut self.registers.numbers;
         let gradient = &tapes.functions.gradient;
         run(&gradient.tape, &tapes.gather, values, registers);
         for (place, value) in tapes.places.iter().zip(gradient.tape.results(registers)) {
@@ -283,6 +278,42 @@ impl Surfaces {
     /// ∂ψ/∂t where it was last linearized.
     pub(crate) fn time_gradient(&self, switch: usize) -> f64 {
         self.now(switch).by_time
+    }
+
+    /// Σ |∂ψ/∂x_j| size(j), where it was last linearized.
+    pub(crate) fn weigh(&self, switch: usize, size: impl Fn(usize) -> f64) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms.map(|&(j, g)| g.abs() * size(j)).sum()
+    }
+
+    /// φ = ∇ψ·f + ∂ψ/∂t for rates f, from the gradient where it was last linearized.
+    pub(crate) fn rate(&self, switch: usize, f: &[f64]) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms.map(|&(j, g)| g * f[j]).sum::<f64>() + self.time_gradient(switch)
+    }
+
+    /// How far rounding may take ψ of a switch from what it is.
+    pub(crate) fn running_error(&mut self, switch: usize, values: &[f64]) -> f64 {
+        let local = &self.surfaces[self.slot[switch]];
+        local
+            .now()
+            .running_error(values, &mut self.registers.rounded)
+    }
+
+    /// How far rounding of the gradient of ψ may take its rate, with rates of these sizes.
+    pub(crate) fn running_error_of_phi(
+        &mut self,
+        switch: usize,
+        values: &[f64],
+        size: impl Fn(usize) -> f64,
+    ) -> f64 {
+        let mut error = 0.0;
+        let see = |state: Option<usize>, radius: f64| {
+            error += radius * state.map_or(1.0, &size);
+        };
+        let psi = self.surfaces[self.slot[switch]].now();
+        psi.running_errors_of_gradient(values, &mut self.registers.rounded, see);
+        if error.is_finite() { error } else { 0.0 }
     }
 
     /// Computes the coefficient of order k of ψ along the series of the states, from all lower ones.
@@ -345,7 +376,7 @@ impl Surfaces {
             }
             Form::Smooth(tapes) => {
                 let n = reach.len();
-                for (ball, &slot) in self.balls.iter_mut().zip(&tapes.gather) {
+                for (ball, &slot) in self.registers.balls.iter_mut().zip(&tapes.gather) {
                     let radius = match slot {
                         0 => h,
                         slot if slot <= n => reach[slot - 1],
@@ -354,8 +385,8 @@ impl Surfaces {
                     *ball = Ball::new(values[slot], radius);
                 }
                 let psi = &tapes.functions.psi;
-                psi.run(&mut self.balls);
-                psi.results(&self.balls).all(Ball::excludes_zero)
+                psi.run(&mut self.registers.balls);
+                psi.results(&self.registers.balls).all(Ball::excludes_zero)
             }
         }
     }

@@ -28,7 +28,7 @@ impl Mode {
 
     /// The terms of order 0, and those of x of order 1.
     pub(crate) fn start_series(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
-        self.field.list();
+        let lists = self.field.list();
         let Memory {
             rows,
             weights,
@@ -42,8 +42,8 @@ impl Mode {
         for &i in &self.sliding {
             rows[(1 + self.n + i) * *stride] = alpha[i];
         }
-        tape::fill_all(self.field.timed(), rows, weights, self.order + 1, *stride);
-        tape::start_all(self.field.steps(), rows, *stride);
+        tape::fill_all(&lists.timed, rows, weights, self.order + 1, *stride);
+        tape::start_all(&lists.steps, rows, *stride);
         self.raise_states(0);
     }
 
@@ -58,7 +58,7 @@ impl Mode {
         for &i in &self.sliding {
             rows[(1 + self.n + i) * *stride + k] = 0.0;
         }
-        tape::advance_all(self.field.steps(), rows, weights, k, *stride);
+        tape::advance_all(&self.field.listed().steps, rows, weights, k, *stride);
     }
 
     /// (k + 1) x_{k+1} = f_k
@@ -112,9 +112,27 @@ impl Mode {
         for (&i, alpha) in self.equations.switches.iter().zip(&self.equations.rhs) {
             rows[(1 + self.n + i) * *stride + k] = *alpha;
         }
-        tape::advance_all(self.field.by_alpha(), rows, weights, k, *stride);
-        for &i in self.field.sliding_states() {
+        tape::advance_all(&self.field.listed().by_alpha, rows, weights, k, *stride);
+        for &i in &self.field.listed().sliding_states {
             rows[(1 + i) * *stride + k + 1] = rows[self.field.rows[i] + k] / (k + 1) as f64;
+        }
+    }
+
+    /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
+    /// overflow. What is cut off too early shows in the defect of a step.
+    pub(crate) fn cut_overflow(&mut self) {
+        let starts = (0..self.n)
+            .flat_map(|i| [self.memory.state(i), self.field.rows[i]])
+            .chain(self.sliding.iter().map(|&i| self.memory.alpha(i)));
+        let starts: Vec<usize> = starts.collect();
+        let rows = &mut self.memory.rows;
+        let is_finite = |k: &usize| starts.iter().all(|start| rows[start + k].is_finite());
+        // Values that are no numbers end the run.
+        let Some(end) = (0..=self.order).find(|k| !is_finite(k)).filter(|k| *k > 0) else {
+            return;
+        };
+        for start in starts {
+            rows[start + end..=start + self.order].fill(0.0);
         }
     }
 }

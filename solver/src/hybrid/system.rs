@@ -272,6 +272,11 @@ impl HybridSystem {
         self.across(switch).filter(|other| *other > switch)
     }
 
+    /// Whether rates have roots of some ψ.
+    pub(crate) fn has_roots(&self) -> bool {
+        self.switches.iter().any(|switch| switch.has_root)
+    }
+
     /// Whether a switch is that of the second entry.
     pub(crate) fn is_second(&self, switch: usize) -> bool {
         self.across(switch).is_some_and(|other| other < switch)

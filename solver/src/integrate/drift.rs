@@ -101,7 +101,7 @@ impl Projection {
                 continue;
             }
             let psi = mode.psi(i);
-            let size = mode.weigh(i, |j| scales.size(j));
+            let size = mode.surfaces.weigh(i, |j| scales.size(j));
             let follows = mode.equations.tie(at).is_some() || mode.equations.is_held(at);
             mode.equations.rhs[at] = if follows { 0.0 } else { psi };
             if size > 0.0 {
@@ -135,10 +135,10 @@ impl Projection {
         least.resize(mode.n, 0.0);
         let left = mode.sliding.iter().filter(|_| worst > ASTRAY);
         for &i in left.filter(|&&i| !contacts.takes(mode, i, Constraint::of(order))) {
-            let terms = mode.gradient(i).iter();
+            let terms = mode.surfaces.gradient(i).iter();
             let sizes = terms.map(|&(j, _)| mode.mobility(scales, j));
             let share = SMALLEST * sizes.fold(0.0_f64, f64::max);
-            for &(j, _) in mode.gradient(i) {
+            for &(j, _) in mode.surfaces.gradient(i) {
                 least[j] = share.max(least[j]);
             }
         }

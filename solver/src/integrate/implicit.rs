@@ -4,18 +4,21 @@
 //! that ends on it, so that it is as accurate as a step's end.
 
 use super::radau::{Implicit, Radau, Shape, Start};
-use super::step::{Step, Stepper, Watch, first_event, is_at_end, met, simultaneous, verify_start};
+use super::step::Step;
+use super::stepper::Stepper;
 use super::stiffness::worth;
+use super::watch::{Watch, first_event, is_at_end, met, simultaneous, verify_start};
 use crate::event::state::{State, Trial};
 use crate::events::grazing::Grazing;
 use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Bands;
+use crate::expansion::monitor::Monitor;
+use crate::expansion::scales::{Bands, ROUNDINGS};
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::{Side, Stats, Status};
-use crate::selector::judge::ROUNDINGS;
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
 const MAX_REJECTED: usize = 30;
@@ -59,21 +62,17 @@ impl Stepper {
         } else {
             mode.start(state.point.t, &state.point.x, &mut alpha)
         };
-        mode.measure_terms(&mut state.scales, &mut state.bands);
-        mode.measure_held(
-            &state.point,
-            &mut state.scales,
-            &state.bands,
-            t1 - state.point.t,
-        );
+        state.scales.measure(mode, &mut state.bands);
+        let remaining = t1 - state.point.t;
+        (state.scales).measure_held(mode, &state.point, &state.bands, remaining);
         state.point.alpha = alpha;
         if solved.is_err() {
             return Err(mode.stuck());
         }
         if look {
             let tolerance = self.local_tolerance;
-            self.stiffness.explicit_length =
-                mode.step_size(tolerance, &state.scales, t1 - state.point.t);
+            let step_size = StepSize { mode, tolerance };
+            self.stiffness.explicit_length = step_size.of_states(&state.scales, remaining);
         }
         let mut start = std::mem::take(&mut self.stiffness.start);
         let mut stiff = Stiff {
@@ -128,7 +127,7 @@ impl Stepper {
             stiff.write_end(radau, start, cut.length, &mut state.trial);
             let mode = &mut *stiff.mode;
             mode.eval(start.t + cut.length, &state.trial.x, &state.trial.alpha);
-            let unseen = cut.event.is_none() && mode.on_wrong_side(&state.bands);
+            let unseen = cut.event.is_none() && state.bands.leave_behind(mode);
             if !seen || unseen || mode.turned_over() {
                 state.report.stats.rejected += 1;
                 radau.limit_next(0.5 * h);
@@ -352,7 +351,7 @@ impl Stiff<'_> {
     /// Adds d∇ψ/dt along the flow f to the rows of φ, by differences.
     fn add_curvature(&mut self, t: f64, y: &[f64], rows: &mut [f64]) {
         let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let (size, speed) = (largest(&y[..self.mode.n]), largest(self.mode.f()));
+        let (size, speed) = (largest(&y[..self.mode.n]), largest(&self.mode.field.f));
         let over = |v: f64| if v > 0.0 { v } else { 1.0 };
         let nudge = NUDGE * over(size) / over(speed);
         for (at, row) in rows.chunks_mut(y.len()).enumerate() {
@@ -365,13 +364,13 @@ impl Stiff<'_> {
             mode.linearize(&[i]);
             let mut before = std::mem::take(&mut self.work.gradient);
             before.clear();
-            before.extend(mode.gradient(i).iter().map(|entry| entry.1));
+            before.extend(mode.surfaces.gradient(i).iter().map(|entry| entry.1));
             mode.memory.values[0] += nudge;
             for (value, f) in mode.memory.values[1..].iter_mut().zip(&self.work.f) {
                 *value += nudge * f;
             }
             mode.linearize(&[i]);
-            for (&(state, after), before) in mode.gradient(i).iter().zip(&before) {
+            for (&(state, after), before) in mode.surfaces.gradient(i).iter().zip(&before) {
                 row[state] += (after - before) / nudge;
             }
             self.work.gradient = before;
@@ -399,10 +398,14 @@ impl Stiff<'_> {
         start.scales.extend_from_slice(&state.scales.largest);
         start.scales.resize(start.y.len(), 1.0);
         start.terms.clear();
-        start.terms.extend_from_slice(&self.mode.terms.of_rates);
-        let size =
-            |state: usize| self.mode.terms.of_rates[state].max(self.mode.field.f[state].abs());
-        let rates = self.mode.sliding.iter().map(|&i| self.mode.weigh(i, size));
+        start.terms.extend_from_slice(&state.scales.terms);
+        let terms = &state.scales.terms;
+        let size = |state: usize| terms[state].max(self.mode.field.f[state].abs());
+        let rates = self
+            .mode
+            .sliding
+            .iter()
+            .map(|&i| self.mode.surfaces.weigh(i, size));
         start.terms.extend(rates);
         self.work.alphas.clone_from(&state.point.alpha);
     }
@@ -435,16 +438,18 @@ impl Stiff<'_> {
         for switch in 0..self.mode.sides.len() {
             let is_off = self.mode.sides[switch] != Side::Slide
                 && !self.mode.system.is_idle(switch, &self.mode.sides);
-            if !is_off || self.mode.keeps_off(switch, h) {
+            let mode = &mut *self.mode;
+            if !is_off || (Monitor { mode, bands }).keeps_off(switch, h) {
                 continue;
             }
             self.mode.monitored.switches.push(switch);
-            self.mode.aim(switch);
+            let (surfaces, values) = (&mut self.mode.surfaces, &self.mode.memory.values);
+            self.mode.planes.aim(switch, surfaces, values);
             for i in std::iter::once(switch).chain(self.mode.system.second(switch)) {
                 if !self.mode.system.switches[i].sides_agree() {
                     self.mode.surfaces.linearize(i, &self.mode.memory.values);
                 }
-                self.mode.measure_terms_of_psi(i, bands);
+                bands.measure(self.mode, i);
             }
         }
         let n_monitored = self.mode.monitored.switches.len();
@@ -523,7 +528,7 @@ impl Implicit for Stiff<'_> {
         let mode = &mut *self.mode;
         mode.field.eval(&mode.memory.values);
         let (f, phi) = values.split_at_mut(mode.n);
-        f.copy_from_slice(mode.f());
+        f.copy_from_slice(&mode.field.f);
         if !phi.is_empty() {
             mode.linearize_surfaces();
             for (phi, &i) in phi.iter_mut().zip(&mode.sliding) {
@@ -538,7 +543,8 @@ impl Implicit for Stiff<'_> {
         matrix.fill(0.0);
         self.place(t, y);
         let mode = &mut *self.mode;
-        mode.jacobian(|row, column, value| {
+        let (library, values) = (&mut mode.library, &mode.memory.values);
+        mode.field.jacobian(library, values, |row, column, value| {
             matrix[row * width + column] += value;
         });
         if width == n {
@@ -555,7 +561,7 @@ impl Implicit for Stiff<'_> {
             }
         }
         for (row, &i) in by_phi.chunks_mut(width).zip(&mode.sliding) {
-            for &(state, g) in mode.gradient(i) {
+            for &(state, g) in mode.surfaces.gradient(i) {
                 let of_state = &by_f[state * width..(state + 1) * width];
                 for (entry, value) in row[..n].iter_mut().zip(of_state) {
                     *entry += g * value;

@@ -2,9 +2,13 @@
 
 pub(crate) mod drift;
 pub(crate) mod implicit;
+pub(crate) mod probes;
 pub(crate) mod radau;
+pub(crate) mod rounding;
 pub(crate) mod singular;
 pub(crate) mod singular_rates;
 pub(crate) mod step;
+pub(crate) mod stepper;
 pub(crate) mod stiffness;
 pub mod tableau;
+pub(crate) mod watch;

@@ -9,12 +9,15 @@
 //! so short that f changes in it by less than the tolerance of x over h: the error is a fraction of that, since f - f₀
 //! grows like a power of time.
 
-use super::step::{Step, Stepper, first_event, simultaneous};
+use super::step::Step;
+use super::stepper::Stepper;
+use super::watch::{first_event, simultaneous};
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::Bands;
-use crate::expansion::step_size::SMALLEST;
+use crate::expansion::scales::SMALLEST;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Side, Status};
 
@@ -64,7 +67,7 @@ impl Mode {
     /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are
     /// switches with roots, close to which terms grow, too. Close to a pole those below it are not moderate.
     pub(crate) fn ends_at_root(&self) -> bool {
-        let has_roots = self.has_roots();
+        let has_roots = self.system.has_roots();
         let ends = |series: &[f64]| {
             let grows = |c: &&f64| has_roots && c.is_finite();
             let moderate = |c: &&f64| c.abs() < MODERATE || grows(c);
@@ -105,7 +108,7 @@ impl Mode {
         let mut alpha = state.point.alpha.clone();
         let (t, x) = (state.point.t, &state.point.x);
         self.solve_alpha(t, x, &mut alpha).ok()?;
-        let start = self.f().to_vec();
+        let start = self.field.f.clone();
         if !start.iter().all(|f| f.is_finite()) {
             return None;
         }
@@ -122,7 +125,7 @@ impl Mode {
         let soon = ahead(EARLY * longest, &start);
         self.solve_alpha(t + EARLY * longest, &soon, &mut alpha)
             .ok()?;
-        let early = self.f().to_vec();
+        let early = self.field.f.clone();
         // What starts at zero is as large as its rate makes it.
         let sizes = |f: &[f64]| -> Vec<f64> {
             let size = |(i, early): (usize, &f64)| match state.scales.largest[i].max(x[i].abs()) {
@@ -134,19 +137,19 @@ impl Mode {
         for _ in 0..MAX_TRIES {
             let middle = ahead(0.5 * h, &start);
             self.solve_alpha(t + 0.5 * h, &middle, &mut alpha).ok()?;
-            let rates = self.f().to_vec();
+            let rates = self.field.f.clone();
             let of_middle = alpha.clone();
             let end = ahead(h, &rates);
             self.solve_alpha(t + h, &end, &mut alpha).ok()?;
-            let sizes = sizes(self.f());
+            let sizes = sizes(&self.field.f);
             let is_accurate = (0..self.n).all(|i| {
-                let change = (self.f()[i] - start[i])
+                let change = (self.field.f[i] - start[i])
                     .abs()
                     .max((rates[i] - start[i]).abs());
                 SHARE * h * change <= tolerance * sizes[i]
             });
             let keeps = |(i, before): &(usize, f64)| {
-                let change = self.along(*i, &rates) - before;
+                let change = self.surfaces.rate(*i, &rates) - before;
                 *before == 0.0 || change.abs() <= STEADY * before.abs()
             };
             if is_accurate && left.iter().all(keeps) || h <= shortest {
@@ -165,19 +168,13 @@ impl Mode {
         None
     }
 
-    /// φ for rates f, where ψ was last linearized.
-    fn along(&self, switch: usize, f: &[f64]) -> f64 {
-        let terms = self.gradient(switch).iter();
-        terms.map(|&(j, g)| g * f[j]).sum::<f64>() + self.time_gradient(switch)
-    }
-
     /// The rates with which ψ of switches with roots leave their surfaces.
     fn rates_left(&mut self, bands: &Bands, f: &[f64]) -> Vec<(usize, f64)> {
         let mut left = Vec::new();
         for i in 0..self.sides.len() {
             if self.system.switches[i].has_root && bands.armed[i] && self.sides[i] != Side::Slide {
                 self.surfaces.linearize(i, &self.memory.values);
-                left.push((i, self.along(i, f)));
+                left.push((i, self.surfaces.rate(i, f)));
             }
         }
         left
@@ -228,11 +225,6 @@ impl Mode {
             self.memory.rows[row] = rate;
         }
         self.memory.set(point.t, &point.x, &line.alpha);
-    }
-
-    /// Whether rates have roots of some ψ.
-    pub(crate) fn has_roots(&self) -> bool {
-        self.system.switches.iter().any(|switch| switch.has_root)
     }
 }
 
@@ -285,10 +277,13 @@ impl Stepper {
             };
             let line = found.line;
             mode.lay(&state.point, &line);
-            mode.monitor(tolerance, &state.scales, &mut state.bands, line.length);
-            mode.take_scales(&found.sizes);
+            let bands = &mut state.bands;
+            Monitor { mode, bands }.watch(tolerance, &state.scales, line.length);
             self.unseen.suspect_all(mode);
-            if found.is_shortest || self.unseen.vouches(mode, state, line.length, allowed) {
+            let length = line.length;
+            if found.is_shortest
+                || (self.unseen).vouches(mode, state, length, allowed, &found.sizes)
+            {
                 return Ok(line);
             }
             longest = SHORTER * line.length;

@@ -17,10 +17,11 @@ use super::singular::Line;
 use super::step::Step;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::{Bands, Scales};
+use crate::expansion::monitor::Monitor;
+use crate::expansion::scales::{BAND, Bands, Scales};
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::{Settings, Side, Status};
-use crate::selector::select::BAND;
 
 /// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.
 const NEAR: f64 = 1e-6;
@@ -57,7 +58,7 @@ impl Mode {
         let rests = |i: &usize| self.system.switches[*i].rests() && self.sides[*i] == Side::Slide;
         let resting: Vec<usize> = (0..self.sides.len()).filter(rests).collect();
         resting.into_iter().find(|&i| {
-            self.expand_psi(i, bands);
+            Monitor { mode: self, bands }.expand(i);
             let c = self.psi_series(i);
             series::leading(c, h, bands.level(i, c, h)).is_some()
         })
@@ -71,9 +72,9 @@ impl Mode {
             size => size,
         };
         let square = |&(j, g): &(usize, f64)| (g * size(j)).powi(2);
-        let sum: f64 = self.gradient(switch).iter().map(square).sum();
+        let sum: f64 = self.surfaces.gradient(switch).iter().map(square).sum();
         if sum > 0.0 {
-            for &(j, g) in self.gradient(switch) {
+            for &(j, g) in self.surfaces.gradient(switch) {
                 d[j] = g * size(j).powi(2) / sum;
             }
         }
@@ -179,12 +180,14 @@ impl<'a> Rest<'a> {
             return Err(mode.stuck());
         }
         let is_smooth = mode.cut_short(usize::MAX);
-        mode.measure_terms(&mut state.scales, &mut state.bands);
+        state.scales.measure(mode, &mut state.bands);
         mode.monitored.switches.clear();
-        mode.expand_psi(switch, &mut state.bands);
+        let bands = &mut state.bands;
+        Monitor { mode, bands }.expand(switch);
         mode.monitored.switches.push(switch);
-        let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
-        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
+        let step_size = StepSize { mode, tolerance };
+        let h = step_size.of_states(&state.scales, t1 - state.point.t);
+        let h = step_size.of_psi(&state.bands, h);
         let c = mode.psi_series(switch);
         if let Some(k) = series::leading(c, h, state.bands.level(switch, c, h)) {
             return Ok(Some((k, Side::of(c[k]))));
@@ -243,7 +246,7 @@ impl<'a> Rest<'a> {
             alpha[switch] = value;
             mode.eval(state.point.t, &state.point.x, &alpha);
             mode.linearize(&[switch]);
-            (mode.phi(switch), mode.f().to_vec())
+            (mode.phi(switch), mode.field.f.clone())
         });
         let speed = mode.psi(switch);
         let way = usize::from(speed > 0.0);
@@ -254,7 +257,7 @@ impl<'a> Rest<'a> {
         }
         mode.surfaces.stand_for(switch, 0);
         mode.surfaces.linearize(switch, &mode.memory.values);
-        let size = mode.weigh(switch, |j| state.scales.size(j));
+        let size = mode.surfaces.weigh(switch, |j| state.scales.size(j));
         let near = (self.settings.settled() * size).max(BEYOND * state.bands.width[switch]);
         if speed * speed > 2.0 * near * below.min(-above) {
             return None;
@@ -287,21 +290,21 @@ pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Opti
             continue;
         }
         let (t, x) = (state.point.t, state.point.x.clone());
-        mode.set(t, &x, &state.point.alpha);
+        mode.memory.set(t, &x, &state.point.alpha);
         state.bands.width[i] = mode.band(i, state, remaining);
         let psi = mode.psi(i);
         if psi.abs() > state.bands.width[i] {
             continue;
         }
         let rate = mode.rate_from(i, t, &x, &state.point.alpha);
-        let f = mode.f().to_vec();
+        let f = mode.field.f.clone();
         if rate * side.sign() >= 0.0 {
             continue;
         }
         let sides = state.point.sides_sliding(&[i]);
         mode.enter(&sides);
         let smooth = mode.rate_from(i, t, &x, &state.point.alpha);
-        let at_rest = mode.f().to_vec();
+        let at_rest = mode.field.f.clone();
         mode.enter(&state.point.sides);
         let closer = CLOSER * psi - psi;
         let ratio = (mode.root_at(state, i, closer)) / (rate - smooth);

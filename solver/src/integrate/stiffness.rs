@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use super::radau::{Radau, Shape, Start, Tableau};
+use crate::event::state::State;
 use crate::expansion::mode::Mode;
 
 /// The implicit method, and what the lengths of steps say.
@@ -239,4 +240,28 @@ pub(crate) fn worth(mode: &Mode, nodes: usize) -> f64 {
     // A real factorization and (s - 1)/2 complex ones, and about four iterations.
     let factors = 2.0 / 3.0 * (unknowns as f64).powi(3) * (2.0 * nodes - 1.0);
     WORTH * ((factors + 4.0 * nodes * evaluation) / series).max(1.0)
+}
+
+/// A step in relation to the time scale of the solution, which the curvature of the states, α and
+/// monitored ψ shows: for c₂ h² = size it is 1.
+pub(super) fn motion(mode: &Mode, state: &State, h: f64) -> f64 {
+    let curved = |c: &[f64], size: f64| {
+        let bend = c[2].abs() * h * h;
+        let size = size.max(c[0].abs()).max(c[1].abs() * h);
+        if bend > 0.0 { bend / size } else { 0.0 }
+    };
+    let states = (0..mode.n).map(|i| curved(mode.x_series(i), state.scales.largest[i]));
+    let alphas = mode
+        .sliding
+        .iter()
+        .map(|&i| curved(mode.alpha_series(i), 1.0));
+    // A ψ that starts at its surface is no larger than its states make it.
+    let size = |i: usize| {
+        mode.surfaces
+            .weigh(i, |j| state.scales.largest[j])
+            .max(state.bands.terms[i])
+    };
+    let monitored = mode.monitored.switches.iter();
+    let psis = monitored.map(|&i| curved(mode.psi_series(i), size(i)));
+    states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()
 }

@@ -267,12 +267,15 @@ impl<'a> Initialization<'a> {
             mode.surfaces.stand_for(i, 0);
             mode.surfaces.linearize(i, &mode.memory.values);
             let along: f64 = mode
+                .surfaces
                 .gradient(i)
                 .iter()
                 .map(|&(j, g)| g * state.point.x[j])
                 .sum();
-            let terms = mode.weigh(i, |j| state.scales.largest[j]) + (mode.psi(i) - along).abs();
+            let terms =
+                mode.surfaces.weigh(i, |j| state.scales.largest[j]) + (mode.psi(i) - along).abs();
             for &(j, g) in mode
+                .surfaces
                 .gradient(i)
                 .iter()
                 .filter(|(j, _)| mode.system.is_algebraic(*j))
@@ -467,7 +470,7 @@ impl<'a> Initialization<'a> {
         for (row, &i) in rows.iter().enumerate() {
             let mode = &mut self.mode;
             mode.surfaces.linearize(i, &mode.memory.values);
-            for &(j, g) in self.mode.gradient(i) {
+            for &(j, g) in self.mode.surfaces.gradient(i) {
                 if let Ok(column) = unknowns.binary_search(&j) {
                     matrix[row * n + column] = g;
                 }

@@ -6,10 +6,10 @@
 
 use std::sync::Arc;
 
-use super::judge::TIE;
-use super::select::{Choice, Choices};
+use super::selection::{Choice, Choices};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::TIE;
 use crate::expansion::sliding::held;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
@@ -178,7 +178,7 @@ impl<'a> Enumeration<'a> {
             found.push(Choice {
                 sides: sides.to_vec(),
                 alpha: group.iter().map(|&i| alpha[i]).collect(),
-                f: states.map(|&state| mode.f()[state]).collect(),
+                f: states.map(|&state| mode.field.f[state]).collect(),
             });
         }
         outcome

@@ -5,10 +5,9 @@
 //! many jumps end: with e = -ψ'⁺/ψ'⁻ the next one takes 2ψ'/|ψ''|, each one after it e times as long as the
 //! one before, and all together 2ψ'/(|ψ''| (1 - e)).
 
-use super::select::BAND;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Scales;
+use crate::expansion::scales::{BAND, Scales};
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
 
@@ -34,11 +33,11 @@ impl Mode {
         let speed = -self.psi(switch);
         // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
         // within a step make others seem small.
-        let share = match speed > FAST * self.weigh(switch, |j| scales.largest[j]) {
+        let share = match speed > FAST * self.surfaces.weigh(switch, |j| scales.largest[j]) {
             true => ROUNDINGS * f64::EPSILON,
             false => BAND,
         };
-        (speed > share * self.weigh(switch, |j| scales.size(j))).then_some(speed)
+        (speed > share * self.surfaces.weigh(switch, |j| scales.size(j))).then_some(speed)
     }
 }
 
@@ -77,14 +76,14 @@ impl Closing<'_> {
         let mode = &mut self.mode;
         let known = state.jumps.struck.iter().find(|struck| struck.0 == switch);
         let ratio = known.map_or(1.0, |(_, before)| speed / before);
-        let size = mode.weigh(switch, |j| state.scales.size(j));
+        let size = mode.surfaces.weigh(switch, |j| state.scales.size(j));
         // Where nothing bounces, what is left of a speed is rounding.
         let bounces = ratio < 1.0 && speed > BAND * size;
         if bounces {
             let end = state.point.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
             state.jumps.end = Some(state.jumps.end.map_or(end, |other| other.max(end)));
         }
-        let gradient = self.mode.gradient(switch).to_vec();
+        let gradient = self.mode.surfaces.gradient(switch).to_vec();
         let along = |slopes: &[f64]| -> f64 { gradient.iter().map(|&(i, g)| g * slopes[i]).sum() };
         let slopes = self.slopes_of_push(&state.point, switch, false);
         let push = along(&slopes);

@@ -9,7 +9,9 @@
 use super::algebraic::Initialization;
 use super::select::{Met, Selector};
 use crate::event::state::State;
+use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::{Role, Side, Status};
 
 /// The switches on another side.
@@ -148,12 +150,14 @@ impl Selector<'_> {
         {
             return true;
         }
-        mode.measure_terms(&mut state.scales, &mut state.bands);
-        mode.expand_psi(relay, &mut state.bands);
+        state.scales.measure(mode, &mut state.bands);
+        let bands = &mut state.bands;
+        Monitor { mode, bands }.expand(relay);
         mode.monitored.switches.clear();
         mode.monitored.switches.push(relay);
-        let h = mode.step_size(tolerance, &state.scales, t1 - state.point.t);
-        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
+        let step_size = StepSize { mode, tolerance };
+        let h = step_size.of_states(&state.scales, t1 - state.point.t);
+        let h = step_size.of_psi(&state.bands, h);
         let c = mode.psi_series(relay);
         let leading = series::leading(c, h, state.bands.width[relay]);
         leading.is_some_and(|k| c[k] * state.point.sides[relay].sign() < 0.0)

@@ -5,14 +5,14 @@
 //! At a fold it is at rest in the mode that ends: it goes on in the direction in which φ has its sign around it.
 //! Where it starts at rest at a bound, the series of the side decide whether the state leaves there.
 
-use super::judge::{Judge, TIE};
-use super::select::Choice;
+use super::judge::Judge;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::TIE;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Settings, Side, Status};
 use crate::selector::nonlinear::ScalarRate;
-use crate::selector::selection::{Decision, Entry, SlidingMode};
+use crate::selector::selection::{Choice, Decision, Entry, SlidingMode};
 
 /// How the dummy system starts.
 #[derive(Clone, Copy, PartialEq)]
@@ -245,7 +245,7 @@ impl<'a> Single<'a> {
         Choice {
             sides: vec![side],
             alpha: vec![alpha],
-            f: states.map(|&state| mode.f()[state]).collect(),
+            f: states.map(|&state| mode.field.f[state]).collect(),
         }
     }
 

@@ -160,7 +160,7 @@ impl<'a> Branch<'a> {
             self.mode.move_to(&state.point);
             let moved = sum(&alpha, -1.0, &start);
             self.rates_at(&sum(&start, 1.0 / 3.0, &moved));
-            rate.copy_from_slice(self.mode.f());
+            rate.copy_from_slice(&self.mode.field.f);
             // φ_t along x' = f by a forward difference in t; φ_K and A in the iterate.
             self.shift(state, after + left, &rate);
             let ahead = self.rates_at(&alpha);
@@ -259,7 +259,7 @@ impl<'a> Branch<'a> {
         for (next, (x, rate)) in state.trial.x.iter_mut().zip(state.point.x.iter().zip(rate)) {
             *next = x + tau * rate;
         }
-        self.mode.set(
+        self.mode.memory.set(
             state.point.t + (tau + state.point.t_low),
             &state.trial.x,
             &state.point.alpha,

@@ -7,16 +7,16 @@
 
 use std::sync::Arc;
 
-use super::judge::{Judge, TIE};
+use super::judge::Judge;
 use super::nonlinear::ScalarRate;
-use super::select::Choice;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::TIE;
 use crate::hybrid::point::Point;
 use crate::hybrid::status::Candidate;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
-use crate::selector::selection::{Decision, Entry};
+use crate::selector::selection::{Choice, Decision, Entry};
 
 /// Steepness of one switch relative to that of the others.
 const STEEPNESS: [f64; 2] = [8.0, 0.125];
@@ -250,7 +250,7 @@ impl<'a> Several<'a> {
             Choice {
                 sides: Vec::new(),
                 alpha: Vec::new(),
-                f: states.map(|&state| self.mode.f()[state]).collect(),
+                f: states.map(|&state| self.mode.field.f[state]).collect(),
             }
         });
         let scales = Judge::new(self.mode, self.settings).rates(state, group, &corners);
@@ -263,7 +263,8 @@ impl<'a> Several<'a> {
                 let rates = corners.iter().map(|corner| corner.f[at].abs());
                 rates.fold(0.0, f64::max)
             };
-            let size = self.mode.weigh(i, largest) + self.mode.time_gradient(i).abs();
+            let size =
+                self.mode.surfaces.weigh(i, largest) + self.mode.surfaces.time_gradient(i).abs();
             if size > 0.0 { size } else { *scale }
         };
         let sizes = group.iter().zip(&scales).map(size).collect();

@@ -7,27 +7,23 @@
 
 use std::sync::Arc;
 
-use super::select::Choice;
 use crate::contact::friction_disc::{Disc, NearRest};
 use crate::contact::prediction;
 use crate::contact::slip_onset::SlipOnset;
 use crate::event::state::State;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
+use crate::expansion::monitor::Monitor;
+use crate::expansion::scales::{ROUNDINGS, TIE};
 use crate::expansion::series;
+use crate::expansion::step_size::StepSize;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side};
 use crate::linalg::DenseLu;
-use crate::selector::selection::Onset;
-
-/// Rates and distances to a bound below this fraction of their scale are ties.
-pub(crate) const TIE: f64 = 1e-9;
+use crate::selector::selection::{Choice, Onset};
 
 /// Motions that differ less than this fraction of themselves are one.
 const SAME: f64 = 1e-9;
-
-/// Rounding of the terms of a rate.
-pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 
 /// Rounding of α = 1, which is no force.
 const NO_FORCE: f64 = 8.0 * f64::EPSILON;
@@ -105,8 +101,8 @@ impl<'a> Judge<'a> {
             values.fold(state.scales.activity[component], f64::max)
         };
         let rate = |i: &usize| {
-            let terms = mode.weigh(*i, largest);
-            let size = mode.weigh(*i, |j| state.scales.size(j));
+            let terms = mode.surfaces.weigh(*i, largest);
+            let size = mode.surfaces.weigh(*i, |j| state.scales.size(j));
             let within_a_step = if state.scales.last_step > 0.0 {
                 size / state.scales.last_step
             } else {
@@ -116,10 +112,16 @@ impl<'a> Judge<'a> {
                 .iter()
                 .filter(|j| mode.system.switches[**j].is_contact());
             let push: f64 = contacts.map(|&j| mode.coupling(*i, j).abs()).sum();
-            terms + mode.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
+            terms + mode.surfaces.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
         };
         let rates: Vec<f64> = group.iter().map(rate).collect();
-        let rounded = |(&i, rate)| rate + mode.running_error_of_phi(i, largest) / TIE;
+        let rounded = |(&i, rate): (&usize, f64)| {
+            let (surfaces, values) = (&mut mode.surfaces, &mode.memory.values);
+            match mode.system.switches[i].is_plain() {
+                true => rate + surfaces.running_error_of_phi(i, values, largest) / TIE,
+                false => rate,
+            }
+        };
         group.iter().zip(rates).map(rounded).collect()
     }
 
@@ -181,7 +183,9 @@ impl<'a> Judge<'a> {
     fn spread(&mut self, state: &State, group: &[usize], units: &[f64], h: f64) -> Vec<f64> {
         let mut entries = Vec::new();
         let keep = |row, column, value: f64| entries.push((row, column, value.abs() * h));
-        self.mode.jacobian(keep);
+        let mode = &mut self.mode;
+        mode.field
+            .jacobian(&mut mode.library, &mode.memory.values, keep);
         let mut spread = state.scales.activity.clone();
         let forces = group.iter().zip(units);
         let forces: Vec<_> = forces
@@ -319,19 +323,20 @@ impl<'a> Judge<'a> {
         let sets_off = |i: usize| departs && onsets.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
         // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
-        let is_smooth = match (root, mode.has_roots()) {
+        let is_smooth = match (root, mode.system.has_roots()) {
             (Some(_), _) => mode.cut_short(2),
             (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
         };
-        mode.measure_terms(&mut state.scales, &mut state.bands);
+        state.scales.measure(mode, &mut state.bands);
         self.monitor_sides(state, group, &sides, sets_off);
         let mode = &mut self.mode;
         let mut longest = t1 - state.point.t;
         if group.len() > 1 && group.iter().any(|&i| mode.system.switches[i].is_contact()) {
             longest = longest.min(prediction::horizon(mode));
         }
-        let h = mode.step_size(tolerance, &state.scales, longest);
-        let h = mode.step_size_of_psi(tolerance, &state.bands, h);
+        let step_size = StepSize { mode, tolerance };
+        let h = step_size.of_states(&state.scales, longest);
+        let h = step_size.of_psi(&state.bands, h);
         let h = match departs {
             true => h,
             false => NearRest { mode, tolerance }.leaves_rest(&state.bands, h),
@@ -388,7 +393,8 @@ impl Judge<'_> {
         self.mode.monitored.switches.clear();
         for &i in group {
             if sides[i] != Side::Slide && !self.mode.system.is_idle(i, sides) && !sets_off(i) {
-                self.mode.expand_psi(i, &mut state.bands);
+                let (mode, bands) = (&mut *self.mode, &mut state.bands);
+                Monitor { mode, bands }.expand(i);
                 self.mode.monitored.switches.push(i);
             }
         }

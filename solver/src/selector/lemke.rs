@@ -1,8 +1,8 @@
 //! More surfaces than can be enumerated: one choice by Lemke's method, others by search.
 
-use super::judge::TIE;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::TIE;
 use crate::hybrid::Side;
 use crate::optimization::lcp;
 

@@ -59,11 +59,11 @@ impl<'a> ScalarRate<'a> {
         let slot = 1 + mode.n + switch;
         let inside = Ball::new(middle, radius);
         let (mut phi, mut slope) = (
-            Ball::new(mode.time_gradient(switch), 0.0),
+            Ball::new(mode.surfaces.time_gradient(switch), 0.0),
             Ball::new(0.0, 0.0),
         );
-        for at in 0..mode.gradient(switch).len() {
-            let (state, g) = mode.gradient(switch)[at];
+        for at in 0..mode.surfaces.gradient(switch).len() {
+            let (state, g) = mode.surfaces.gradient(switch)[at];
             let [f, by_alpha] =
                 mode.field
                     .enclose(state, switch, &mode.memory.values, slot, inside);

@@ -15,16 +15,14 @@ use super::judge::{Check, Judge, Verdict};
 use crate::contact::velocities;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
+use crate::expansion::scales::BAND;
 use crate::hybrid::breakpoints::Pieces;
+use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
-use crate::selector::selection::{Entry, Onset};
-
-/// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
-/// equation below this fraction of how large they are.
-pub(crate) const BAND: f64 = 1e-12;
+use crate::selector::selection::{Choice, Entry, Onset};
 
 /// Roundings of the terms of a switch: where a run starts those of evaluating ψ and of the numbers of the model; later
 /// x has more, of the step to it or of a law; and those within which a surface that has just been left is not seen again.
@@ -47,24 +45,6 @@ pub(crate) enum Met {
     Breakpoint(Vec<usize>),
 }
 
-/// A choice on one group of interacting surfaces.
-#[derive(Clone)]
-pub(crate) struct Choice {
-    pub sides: Vec<Side>,
-    pub alpha: Vec<f64>,
-    /// f of the states that ψ of the group depend on.
-    pub f: Vec<f64>,
-}
-
-/// What is known of the choices on a group.
-pub(crate) struct Choices {
-    pub found: Vec<Choice>,
-    /// Some choice of sides leaves its α undetermined.
-    pub singular: bool,
-    /// No bound of a search was met, so that there are no others.
-    pub all: bool,
-}
-
 impl Mode {
     /// Below what |ψ| is the surface, where the point is. The switch stands for ψ afterwards.
     pub(crate) fn band(&mut self, switch: usize, state: &State, horizon: f64) -> f64 {
@@ -74,15 +54,15 @@ impl Mode {
 
     /// The same of a ψ that was linearized there, and has this rounding.
     fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
-        let by_time = self.time_gradient(switch).abs();
+        let by_time = self.surfaces.time_gradient(switch).abs();
         if !self.system.switches[switch].is_plain() {
-            let size = self.weigh(switch, |j| state.scales.size(j));
+            let size = self.surfaces.weigh(switch, |j| state.scales.size(j));
             return BAND * (size + by_time * horizon);
         }
         if !state.selection.begun {
             return AT_START * rounding;
         }
-        let motion = self.weigh(switch, |j| state.scales.motion(j));
+        let motion = self.surfaces.weigh(switch, |j| state.scales.motion(j));
         (LATER * rounding).max(BAND * (motion + by_time * state.point.t.abs()))
     }
 
@@ -91,11 +71,11 @@ impl Mode {
     fn rounding(&mut self, switch: usize, state: &State) -> f64 {
         self.surfaces.stand_for(switch, 0);
         self.surfaces.linearize(switch, &self.memory.values);
-        let size = self.weigh(switch, |j| state.scales.size(j));
+        let size = self.surfaces.weigh(switch, |j| state.scales.size(j));
         let of_inputs =
-            f64::EPSILON * (size + self.time_gradient(switch).abs() * state.point.t.abs());
+            f64::EPSILON * (size + self.surfaces.time_gradient(switch).abs() * state.point.t.abs());
         match self.system.switches[switch].is_plain() {
-            true => of_inputs.max(self.running_error(switch)),
+            true => of_inputs.max(self.surfaces.running_error(switch, &self.memory.values)),
             false => of_inputs,
         }
     }
@@ -103,7 +83,7 @@ impl Mode {
     /// What rounding makes of a ψ that has just left its surface, or waits there, within a step h: its own, and how far
     /// what follows from states that are held at zero takes it.
     pub(crate) fn rounding_of_motion(&self, switch: usize, state: &State, h: f64) -> f64 {
-        let held = self.weigh(switch, |j| state.scales.held[j]);
+        let held = self.surfaces.weigh(switch, |j| state.scales.held[j]);
         state.bands.rounding[switch] + LEFT * f64::EPSILON * held * h
     }
 
@@ -252,7 +232,7 @@ impl Selector<'_> {
         triggers.extend(others);
         triggers.sort_unstable();
         triggers.dedup();
-        triggers.retain(|&i| !self.mode.has_no_rate(&state.point, i));
+        triggers.retain(|&i| !self.has_no_rate(&state.point, i));
         let triggers = &triggers[..];
         let meets = |i: &usize| state.point.sides[*i] == Side::Slide || state.bands.armed[*i];
         let is_met =
@@ -308,6 +288,19 @@ impl Selector<'_> {
             self.projection.project(self.mode, state);
         }
         Ok(())
+    }
+
+    /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
+    fn has_no_rate(&mut self, point: &Point, switch: usize) -> bool {
+        let mode = &mut *self.mode;
+        if !mode.monitored.observers[switch] {
+            return false;
+        }
+        mode.move_to(point);
+        let surfaces = &mut mode.surfaces;
+        surfaces.linearize(switch, &mode.memory.values);
+        let mut gradient = surfaces.gradient(switch).iter();
+        !gradient.all(|(_, g)| g.is_finite()) || !surfaces.time_gradient(switch).is_finite()
     }
 
     /// The sides asked for at a non-unique point: one for all, or one for each of the switches
@@ -468,7 +461,7 @@ impl Selector<'_> {
         let mut vanishes = |order: usize| {
             mode.surfaces.stand_for(switch, order);
             mode.surfaces.linearize(switch, &mode.memory.values);
-            let size = mode.weigh(switch, |j| state.scales.size(j));
+            let size = mode.surfaces.weigh(switch, |j| state.scales.size(j));
             if order == 1 && is_contact {
                 state.bands.still[switch] = BAND * size;
             }
@@ -558,7 +551,7 @@ impl Selector<'_> {
             }
             self.mode
                 .measure_bands(state, &[i, other], t1 - state.point.t);
-            if self.mode.is_near(i, &state.bands) {
+            if state.bands.is_near(self.mode, i) {
                 triggers.push(i);
             }
         }

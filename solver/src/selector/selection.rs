@@ -1,6 +1,7 @@
 //! What a selection of the next mode knows of the ones before, and leaves to the step behind it.
 
 use crate::expansion::scales::refill;
+use crate::hybrid::Side;
 
 /// From which α a nonlinear switch goes on where it is on its surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -70,6 +71,24 @@ pub(crate) struct Onset {
     pub switches: [usize; 2],
     /// Of unit length.
     pub direction: [f64; 2],
+}
+
+/// A choice on one group of interacting surfaces.
+#[derive(Clone)]
+pub(crate) struct Choice {
+    pub sides: Vec<Side>,
+    pub alpha: Vec<f64>,
+    /// f of the states that ψ of the group depend on.
+    pub f: Vec<f64>,
+}
+
+/// What is known of the choices on a group.
+pub(crate) struct Choices {
+    pub found: Vec<Choice>,
+    /// Some choice of sides leaves its α undetermined.
+    pub singular: bool,
+    /// No bound of a search was met, so that there are no others.
+    pub all: bool,
 }
 
 /// How the present mode was chosen.
