@@ -28,10 +28,6 @@ impl ComplementaritySystem {
         let is_there = |list: &[usize], n: usize| list.iter().all(|i| *i < n);
         let are_states = is_listed && is_there(&self.algebraic_states, self.n_states());
         must(are_states, "algebraic states are states, in order")?;
-        must(
-            self.continuous.len() == self.n_algebraics(),
-            "every z has its kind",
-        )?;
         self.check_full()?;
         self.check_pairs()?;
         self.check_surfaces()?;

@@ -193,6 +193,14 @@ impl ComplementaritySystem {
         z
     }
 
+    /// z where a run starts; zero where a rule has no value.
+    pub(crate) fn start_at(&self, point: Point) -> Vec<f64> {
+        let mut z = self.z_at(point, &[]);
+        let without = z.iter_mut().filter(|z| !z.is_finite());
+        without.for_each(|z| *z = 0.0);
+        z
+    }
+
     /// ψ, with indicators behind them, and α.
     fn sides_at(&self, point: Point, led: &[(usize, Side)]) -> (Vec<f64>, Vec<f64>) {
         let n = self.n_switches();
