@@ -28,6 +28,10 @@ impl ComplementaritySystem {
         let is_there = |list: &[usize], n: usize| list.iter().all(|i| *i < n);
         let are_states = is_listed && is_there(&self.algebraic_states, self.n_states());
         must(are_states, "algebraic states are states, in order")?;
+        must(
+            self.continuous.len() == self.n_algebraics(),
+            "every z has its kind",
+        )?;
         self.check_full()?;
         self.check_pairs()?;
         self.check_surfaces()?;
@@ -115,9 +119,7 @@ impl ComplementaritySystem {
         let terms = rules.compared.iter().flatten();
         let mut terms = terms.map(|&(j, _)| j);
         must(
-            rules.z.len() == self.n_algebraics()
-                && rules.z.iter().all(is_fed)
-                && terms.all(|j| j < surfaces.psi.n_outputs()),
+            rules.z.iter().all(is_fed) && terms.all(|j| j < surfaces.psi.n_outputs()),
             "every z has its rule",
         )
     }

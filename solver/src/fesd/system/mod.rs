@@ -78,7 +78,7 @@ impl ComplementaritySystem {
 
     /// Length of z.
     pub fn n_algebraics(&self) -> usize {
-        self.continuous.len()
+        self.surfaces.rules.z.len()
     }
 
     /// Length of ψ and α of the switches that the pairs state.
