@@ -106,7 +106,7 @@ impl<'s> Stepper<'s> {
         let mut end = x.clone();
         let mut until = self.load_numbers(t0);
         self.uniform.begin(x0);
-        let z = self.system.start_at(self.point(t0, x0));
+        let z = self.point(t0, x0).start(self.system);
         self.nodes.begin(self.system, t0, x0, &z);
         let mut ends = 0;
         let mut sides: Option<Box<[Side]>> = None;

@@ -148,6 +148,14 @@ impl Point<'_> {
     pub fn with(&self, more: &[f64]) -> Vec<f64> {
         [&[self.t], self.x, more, self.numbers].concat()
     }
+
+    /// z where a run starts; zero where a rule has no value.
+    pub fn start(self, system: &ComplementaritySystem) -> Vec<f64> {
+        let mut z = system.z_at(self, &[]);
+        let without = z.iter_mut().filter(|z| !z.is_finite());
+        without.for_each(|z| *z = 0.0);
+        z
+    }
 }
 
 fn eval(tape: &Tape, inputs: &[f64]) -> Vec<f64> {
@@ -190,14 +198,6 @@ impl ComplementaritySystem {
                 z[i] = -eval(&self.full.equations, &point.with(&z))[n + row];
             }
         }
-        z
-    }
-
-    /// z where a run starts; zero where a rule has no value.
-    pub(crate) fn start_at(&self, point: Point) -> Vec<f64> {
-        let mut z = self.z_at(point, &[]);
-        let without = z.iter_mut().filter(|z| !z.is_finite());
-        without.for_each(|z| *z = 0.0);
         z
     }
 
