@@ -44,7 +44,6 @@ fn relay() -> ComplementaritySystem {
     let x = psi.input(1);
     ComplementaritySystem {
         full: Full::new(equations, alphas.finish(&[alpha]), kinds),
-        start: vec![1.0, 1.0, 0.0],
         continuous,
         algebraic_states: Vec::new(),
         pairs: vec![
@@ -68,6 +67,7 @@ fn relay() -> ComplementaritySystem {
         },
         followers: Vec::new(),
         data: vec![Piecewise::new(vec![0.0, 1.0], vec![1.5, 1.0]).into()],
+        parameters: Vec::new(),
         stops: Vec::new(),
     }
 }

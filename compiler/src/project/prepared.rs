@@ -62,7 +62,7 @@ use crate::lowering::hybrid;
 use crate::lowering::hybrid::{Structural, variable};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
-use crate::simulate::solver_settings;
+use crate::simulate::{solver_settings, takes};
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
 use crate::system::System;
@@ -189,7 +189,8 @@ impl Prepared {
     /// An experiment that has been compiled with open parameters.
     fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        if settings.kicks.is_some() {
+        let is_by_events = matches!(settings.method, Method::Auto | Method::Event(_));
+        if settings.kicks.is_some() || !is_by_events {
             return Err(NotPrepared::Method(settings.method.kind().word()));
         }
         let Opened {
@@ -254,17 +255,16 @@ pub(crate) struct Opened {
 }
 
 impl Opened {
-    /// Those with which an experiment has been compiled, if it runs from event to event for all their values.
+    /// Those with which an experiment has been compiled, if one compilation serves all their values.
     pub fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let is_run = settings.optimize.is_none() && !settings.freezes();
-        if !is_run || !matches!(settings.method, Method::Auto | Method::Event(_)) {
-            return Err(NotPrepared::Method(settings.method.kind().word()));
-        }
         let values = &settings.values;
         let params = system.params.iter().enumerate();
         let open = params.filter(|(_, param)| values.is_open(param.var));
         let places: Vec<usize> = open.map(|(at, _)| at).collect();
+        if settings.optimize.is_some() || !takes(system, settings, &places) {
+            return Err(NotPrepared::Method(settings.method.kind().word()));
+        }
         let why = hybrid::structural(system);
         if let Some((at, why)) = places.iter().find_map(|&at| Some((at, why[at]?))) {
             return Err(NotPrepared::Structural(system.params[at].name.clone(), why));

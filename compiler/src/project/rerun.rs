@@ -27,7 +27,7 @@ enum Change {
     Initial(usize),
 }
 
-/// An experiment by events that has been compiled once, for one thread.
+/// An experiment that has been compiled once, for one thread.
 pub(crate) struct Rerun<'e> {
     compiled: Compiled<'e>,
     plan: Plan<'e>,
@@ -91,7 +91,7 @@ impl<'e> Rerun<'e> {
         });
         Some(Rerun {
             changes: changes.collect::<Option<_>>()?,
-            plan: Plan::open(system, settings, &places),
+            plan: Plan::of_method(system, settings, &places),
             compiled,
             places,
             parameters,

@@ -166,13 +166,13 @@ impl<'s, 'e> Bench<'s, 'e> {
         let limit = &Limit::within(limit);
         if let Variant::Smoothing(options) = variant {
             let smoothed = smoothing::smooth(self.system, &options);
-            let mut run = methods::of(&smoothed, &settings);
+            let mut run = methods::of(&smoothed, &settings, &[]);
             return self.measure(&mut *run, &Problem::of_end(&smoothed, &settings, limit));
         }
         let (system, name) = (self.system, settings.method.kind().word());
         let known = self.plans.iter().position(|(known, _)| *known == name);
         let at = known.unwrap_or_else(|| {
-            self.plans.push((name, methods::of(system, &settings)));
+            self.plans.push((name, methods::of(system, &settings, &[])));
             self.plans.len() - 1
         });
         let mut plans = std::mem::take(&mut self.plans);

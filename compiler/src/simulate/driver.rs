@@ -184,7 +184,7 @@ pub(super) trait Run<'e> {
     }
 
     /// The estimate with what only the method knows of its error.
-    fn corrected(&self, estimate: Estimate, _: &System<'e>, _: &Outcome) -> Estimate {
+    fn corrected(&mut self, estimate: Estimate, _: &System<'e>, _: &Outcome) -> Estimate {
         estimate
     }
 
@@ -200,7 +200,7 @@ pub(super) trait Run<'e> {
         accuracy.tightened(estimate.filter(|_| is_open)?, settings)
     }
 
-    /// Whether initial states and signals are numbers of a run; else they are compiled in.
+    /// Whether initial states, signals and open parameters are numbers of a run; else they are compiled in.
     fn takes_numbers(&self) -> bool {
         false
     }
@@ -278,7 +278,8 @@ fn march<'r, 'e>(
             run.march(problem, accuracy, &mut watched)
         }
         false => {
-            let mut looking = Looking::new(Look::new(system, settings), &mut recorder);
+            let look = Look::new(system, settings, &recorder.reported);
+            let mut looking = Looking::new(look, &mut recorder);
             let mut watched = Watched::new(&mut looking, horizon, false, watch);
             let mut ended = run.march(problem, accuracy, &mut watched);
             ended.outcome.notes.extend(looking.notes());

@@ -251,6 +251,7 @@ impl<'s> Simulator<'s> {
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
         self.load(run, t0);
+        run.place.z = run.place.point(&self.modes.numbers).start(self.system);
         if let Some(switch) = self.system.below(run.place.point(&self.modes.numbers)) {
             return Err(Status::Penetrates { switch });
         }

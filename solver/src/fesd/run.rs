@@ -98,7 +98,7 @@ impl Run {
                 t_low: 0.0,
                 x: x0.to_vec(),
                 low: vec![0.0; n],
-                z: system.start.clone(),
+                z: vec![0.0; system.n_algebraics()],
                 zeros: Vec::new(),
                 mode: 0,
             },

@@ -106,7 +106,8 @@ impl<'s> Stepper<'s> {
         let mut end = x.clone();
         let mut until = self.load_numbers(t0);
         self.uniform.begin(x0);
-        self.nodes.begin(self.system, t0, x0, &self.system.start);
+        let z = self.point(t0, x0).start(self.system);
+        self.nodes.begin(self.system, t0, x0, &z);
         let mut ends = 0;
         let mut sides: Option<Box<[Side]>> = None;
         let (mut stats, mut t) = (Stats::default(), t0);
@@ -193,8 +194,12 @@ impl<'s> Stepper<'s> {
 
     /// The switch of a gap that is negative.
     fn below(&self, t: f64, x: &[f64]) -> Option<usize> {
+        self.system.below(self.point(t, x))
+    }
+
+    fn point<'p>(&'p self, t: f64, x: &'p [f64]) -> Point<'p> {
         let numbers = &self.uniform.modes.numbers;
-        self.system.below(Point { t, x, numbers })
+        Point { t, x, numbers }
     }
 
     fn tableau(&self) -> &Tableau {

@@ -20,6 +20,9 @@ use moreau::Contacts;
 
 use super::driver::{self, Run};
 use super::{Progress, Request};
+use crate::expr::{Expr, variables_of};
+use crate::lowering::dcs::indicators;
+use crate::lowering::hybrid::variable;
 use crate::report::Trajectory;
 use crate::simulate::record::reported::Reported;
 use crate::source::table::Table;
@@ -41,7 +44,8 @@ struct Made {
     params: Vec<f64>,
     tables: Vec<Arc<Table>>,
     horizon: f64,
-    method: MethodKind,
+    /// None for runs from event to event, whatever the experiment says.
+    method: Option<MethodKind>,
     lowerings: Vec<Lowering>,
 }
 
@@ -52,7 +56,7 @@ impl Made {
             params: system.params.iter().map(|param| param.value).collect(),
             tables: system.data.iter().map(|data| data.table.clone()).collect(),
             horizon: settings.horizon,
-            method: settings.method.kind(),
+            method: Some(settings.method.kind()),
             lowerings: settings.lowerings.clone(),
         }
     }
@@ -64,27 +68,38 @@ impl Made {
         same && self.params.len() == other.params.len()
     }
 
-    /// Whether starts, signals and the method are the same.
-    fn is_like(&self, other: &Self) -> bool {
+    /// Whether the method and its lowerings are the same.
+    fn has_method(&self, other: &Self) -> bool {
+        let same = self.method == other.method && self.lowerings == other.lowerings;
+        self.method.is_none() || same
+    }
+
+    /// Whether starts, signals and the horizon are the same.
+    fn has_numbers(&self, other: &Self) -> bool {
         let mut tables = self.tables.iter().zip(&other.tables);
         self.x0 == other.x0
             && tables.all(|(a, b)| Arc::ptr_eq(a, b))
             && self.horizon == other.horizon
-            && self.method == other.method
-            && self.lowerings == other.lowerings
     }
 }
 
 impl<'e> Plan<'e> {
     /// Compiles a system for the method of an experiment.
     pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
-        Plan::by(of(system, settings), system, settings, &[])
+        Plan::of_method(system, settings, &[])
+    }
+
+    /// The same with some parameters open, by their numbers, for a method whose runs have other values of them.
+    pub(crate) fn of_method(system: &System<'e>, settings: &Settings<'e>, open: &[usize]) -> Self {
+        Plan::by(of(system, settings, open), system, settings, open)
     }
 
     /// Compiles a system for runs from event to event, with some parameters open, by their numbers.
     pub(crate) fn open(system: &System<'e>, settings: &Settings<'e>, open: &[usize]) -> Self {
         let events = Events::new(system, settings, open);
-        Plan::by(Box::new(events), system, settings, open)
+        let mut plan = Plan::by(Box::new(events), system, settings, open);
+        plan.made.method = None;
+        plan
     }
 
     fn by(
@@ -93,9 +108,14 @@ impl<'e> Plan<'e> {
         settings: &Settings<'e>,
         open: &[usize],
     ) -> Self {
+        let reported = Reported::new(system, open);
+        let reported = match run.sees_narrow() {
+            true => reported,
+            false => reported.and_hiding(system),
+        };
         Plan {
             run,
-            reported: Arc::new(Reported::new(system, open)),
+            reported: Arc::new(reported),
             open: open.to_vec(),
             made: Made::of(system, settings),
         }
@@ -112,14 +132,15 @@ impl<'e> Plan<'e> {
     ) -> Trajectory {
         let now = Made::of(system, settings);
         let serves = self.made.has_params(&now, &self.open)
+            && self.made.has_method(&now)
             && match self.run.takes_numbers() {
                 true => now.horizon <= self.made.horizon,
-                false => self.made.is_like(&now),
+                false => self.made.has_numbers(&now),
             };
         if !serves {
-            *self = match self.run.takes_numbers() {
-                true => Plan::open(system, settings, &self.open),
-                false => Plan::new(system, settings),
+            *self = match self.made.method {
+                None => Plan::open(system, settings, &self.open),
+                Some(_) => Plan::of_method(system, settings, &self.open),
             };
         }
         let of = (system, settings);
@@ -127,8 +148,12 @@ impl<'e> Plan<'e> {
     }
 }
 
-/// The method of an experiment.
-pub(super) fn of<'e>(system: &System<'e>, settings: &Settings<'e>) -> Box<dyn Run<'e> + 'e> {
+/// The method of an experiment, with some parameters open, by their numbers, where it takes them.
+pub(super) fn of<'e>(
+    system: &System<'e>,
+    settings: &Settings<'e>,
+    open: &[usize],
+) -> Box<dyn Run<'e> + 'e> {
     assert!(
         system.impulsive.is_empty() || settings.steps_through_contacts(),
         "contacts without forces are for steps of time"
@@ -140,12 +165,108 @@ pub(super) fn of<'e>(system: &System<'e>, settings: &Settings<'e>) -> Box<dyn Ru
         Method::Timestepping(_) if !system.impulsive.is_empty() => {
             Box::new(Contacts::new(system, settings))
         }
-        Method::Timestepping(_) => Box::new(Stepping::new(system, settings)),
+        Method::Timestepping(_) => Box::new(Stepping::new(system, settings, open)),
         _ if settings.freezes() => Box::new(InNumericalTime::new(system, settings)),
         Method::Fesd(_) if impulses => Box::new(WithImpulses::new(system, settings)),
-        Method::Fesd(_) => Box::new(ByElements::new(system, settings)),
+        Method::Fesd(_) => Box::new(ByElements::new(system, settings, open)),
         Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
-            Box::new(Events::new(system, settings, &[]))
+            Box::new(Events::new(system, settings, open))
         }
+    }
+}
+
+/// Whether runs by the method of an experiment take other values of parameters, by their numbers, and of initial states.
+///
+/// Finite elements do where values decide nothing: neither which sides of several switches have a common region, nor when
+/// switches of time change, nor which of several sliding modes of nonlinear switches is taken.
+pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
+    let by_elements = match settings.method {
+        Method::Auto | Method::Event(_) => return !settings.freezes(),
+        Method::Fesd(_) | Method::Timestepping(_) => {
+            !settings.freezes() && system.contacts.is_empty() && system.impulsive.is_empty()
+        }
+        _ => false,
+    };
+    let together = system.subsystems.iter();
+    let together = together.filter(|subsystem| subsystem.switches.len() > 1);
+    let switches = together.flat_map(|subsystem| &subsystem.switches);
+    let compared = switches.map(|&switch| system.switches[switch].psi);
+    let compared: Vec<Expr> = compared.chain(indicators(system)).collect();
+    let compared = variables_of(&compared);
+    let mut open = open.iter().map(|&place| variable(system.params[place].var));
+    by_elements
+        && system.first_nonlinear().is_none()
+        && system.leading().is_empty()
+        && open.all(|var| !compared.contains(&var))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Plan, takes};
+    use crate::report::Trajectory;
+    use crate::simulate::Request;
+    use crate::system::System;
+    use crate::system::experiment::Settings;
+    use crate::testing::with_last;
+
+    fn run<'e>(plan: &mut Plan<'e>, system: &System<'e>, settings: &Settings<'e>) -> Trajectory {
+        plan.run(system, settings, &Request::default(), &mut |_| {})
+    }
+
+    /// A block on a belt, with other friction and other starts: runs of one compilation make no expression, and end where
+    /// the same compiled with these numbers ends.
+    #[test]
+    fn finite_elements_take_other_numbers_without_compiling() {
+        for method in ["fesd", "timestepping { steps = 200; }"] {
+            let text = format!(
+                "model m {{
+                   param mu = 0.6; state q = 0; state v = 1;
+                   q' = v; v' = -q - mu*sign(v - 0.3);
+                 }}
+                 simulate o of m {{ horizon 4; method {method}{} }}",
+                if method == "fesd" { ";" } else { "" }
+            );
+            with_last(&text, |compiled| {
+                let settings = &compiled.settings;
+                let mut system = compiled.system.clone();
+                assert!(takes(&system, settings, &[0]));
+                let mut plan = Plan::of_method(&system, settings, &[0]);
+                run(&mut plan, &system, settings);
+                for (mu, q) in [(0.2, 0.5), (0.9, -1.0)] {
+                    system.params[0].value = mu;
+                    system.states[0].initial = q;
+                    let known = system.exprs.n_nodes();
+                    let found = run(&mut plan, &system, settings);
+                    assert_eq!(system.exprs.n_nodes(), known, "{method} compiles");
+                    let fresh = run(&mut Plan::new(&system, settings), &system, settings);
+                    for (found, fresh) in found.states.iter().zip(&fresh.states) {
+                        let [found, fresh] = [found, fresh].map(|x| x.values.last().copied());
+                        let apart = found.zip(fresh).map(|(a, b)| (a - b).abs());
+                        assert!(apart.is_some_and(|apart| apart <= 1e-11), "{method}");
+                    }
+                }
+            });
+        }
+    }
+
+    /// Which sides of two switches have a common region is decided by values.
+    #[test]
+    fn thresholds_of_several_switches_are_compiled_in() {
+        let text = "model m {
+                      param low = 1; param k = 1; state x = 0;
+                      x' = k + (if x > low then (if x > 2 then 1 else 2) else 3);
+                    }
+                    simulate o of m { horizon 1; method fesd; }";
+        with_last(text, |compiled| {
+            let param = |name: &str| {
+                let mut params = compiled.system.params.iter();
+                params.position(|param| param.name == name)
+            };
+            let takes = |name: &str| {
+                let place = param(name).expect("it is one");
+                takes(&compiled.system, &compiled.settings, &[place])
+            };
+            assert!(takes("k") && !takes("low"));
+        });
     }
 }

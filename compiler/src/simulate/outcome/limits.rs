@@ -7,6 +7,7 @@ use nsd_solver::event::Segment;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{self, Expr};
+use crate::lowering::hybrid::{numbers, variable};
 use crate::model::Data;
 use crate::report::Warning;
 use crate::report::forms::text::significant;
@@ -154,22 +155,17 @@ pub(crate) fn evaluated<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
     evaluated.map(|limit| limit.value).collect()
 }
 
-/// A tape of (t, x, α, data) with the parameters put in.
-pub(crate) fn tape_of<'e>(system: &System<'e>, exprs: &[Expr<'e>]) -> (Tape, usize) {
-    let variable = |e: Expr<'e>| e.as_variable().expect("a declared quantity is a variable");
-    let numbers = system.params.iter();
-    let numbers: expr::Substitution<'e> = numbers
-        .map(|param| (variable(param.var), system.exprs.constant(param.value)))
-        .collect();
+/// A tape of (t, x, α, data, open parameters), these by their numbers, with the other parameters put in.
+pub(crate) fn tape_of<'e>(system: &System<'e>, open: &[usize], exprs: &[Expr<'e>]) -> Tape {
     let states = system.states.iter().map(|state| state.var);
     let alphas = system.switches.iter().map(|switch| switch.alpha);
     let data = system.data.iter().map(|data| data.var);
+    let open_params = open.iter().map(|&place| system.params[place].var);
     let inputs = [system.time].into_iter().chain(states).chain(alphas);
-    let inputs = inputs.chain(data);
+    let inputs = inputs.chain(data).chain(open_params);
     let inputs: Vec<_> = inputs.map(variable).collect();
-    let tape = expr::compile(&inputs, &numbers.apply(exprs))
-        .expect("a verified limit is smooth in time, states, α and data");
-    (tape, inputs.len())
+    expr::compile(&inputs, &numbers(system, open).apply(exprs))
+        .expect("a verified limit is smooth in time, states, α and data")
 }
 
 /// What a value may miss its limits by.

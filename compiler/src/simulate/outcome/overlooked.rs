@@ -6,38 +6,55 @@ use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::events::Overlooked;
 use nsd_solver::hybrid::{Function, Note};
 
+use nsd_solver::tape::Tape;
+
 use super::limits::tape_of;
+use crate::simulate::record::reported::Reported;
 use crate::system::System;
 use crate::system::experiment::Settings;
 
-/// Looks at steps, where a function of the system may hide something from them.
-pub(crate) struct Look<'s, 'e> {
-    system: &'s System<'e>,
-    overlooked: Option<Overlooked>,
+/// The functions of a system that may hide something from a step, of (t, x, α, data, open parameters).
+pub(crate) struct Hiding {
+    functions: Vec<Function>,
+    tape: Tape,
 }
 
-impl<'s, 'e> Look<'s, 'e> {
-    pub fn new(system: &'s System<'e>, settings: &Settings) -> Self {
+impl Hiding {
+    /// Those of a system with some parameters open, by their numbers; none where all are tame.
+    pub fn of(system: &System, open: &[usize]) -> Option<Self> {
         let n = system.states.len();
         let rates = system.states.iter().enumerate();
         let rates = rates.map(|(i, state)| (Function::Rate(i), state.rate));
         let surfaces = system.switches.iter().enumerate();
         let surfaces = surfaces.map(|(i, switch)| (Function::Surface(i), switch.psi));
-        let hides = |expr| tape_of(system, &[expr]).0.can_hide(1..1 + n);
+        let hides = |expr| tape_of(system, open, &[expr]).can_hide(1..1 + n);
         let hiding = rates.chain(surfaces).filter(|(_, expr)| hides(*expr));
         let (functions, exprs): (Vec<_>, Vec<_>) = hiding.unzip();
-        let looks = || {
-            let (tape, _) = tape_of(system, &exprs);
-            Overlooked::new(
-                functions,
-                tape,
-                [n, system.switches.len()],
-                settings.tolerance,
-            )
-        };
+        (!exprs.is_empty()).then(|| Hiding {
+            functions,
+            tape: tape_of(system, open, &exprs),
+        })
+    }
+}
+
+/// Looks at steps, where a function of the system may hide something from them.
+pub(crate) struct Look<'s, 'e> {
+    system: &'s System<'e>,
+    parameters: Vec<f64>,
+    overlooked: Option<Overlooked>,
+}
+
+impl<'s, 'e> Look<'s, 'e> {
+    pub fn new(system: &'s System<'e>, settings: &Settings, reported: &Reported) -> Self {
+        let sizes = [system.states.len(), system.switches.len()];
+        let overlooked = reported.hiding.as_ref().map(|hiding| {
+            let (functions, tape) = (hiding.functions.clone(), hiding.tape.clone());
+            Overlooked::new(functions, tape, sizes, settings.tolerance)
+        });
         Look {
             system,
-            overlooked: (!exprs.is_empty()).then(looks),
+            parameters: reported.parameters(system).collect(),
+            overlooked,
         }
     }
 
@@ -45,8 +62,10 @@ impl<'s, 'e> Look<'s, 'e> {
         if let Some(overlooked) = &mut self.overlooked {
             let data = &self.system.data;
             overlooked.look(segment, |time, values| {
-                for (value, data) in values.iter_mut().zip(data) {
-                    *value = data.table.piece(time).value(time);
+                let data = data.iter().map(|data| data.table.piece(time).value(time));
+                let known = data.chain(self.parameters.iter().copied());
+                for (value, known) in values.iter_mut().zip(known) {
+                    *value = known;
                 }
             });
         }

@@ -63,7 +63,7 @@ pub(super) struct Recorder<'s, 'e> {
     /// What is kept.
     pub record: Record,
     pieces: Option<Vec<Piece>>,
-    reported: Arc<Reported>,
+    pub reported: Arc<Reported>,
     limits: Limits<'s, 'e>,
     x: Vec<f64>,
     alpha: Vec<f64>,

@@ -6,6 +6,7 @@ use crate::expr::{self, Expr, Var};
 use crate::lowering::hybrid::{numbers, variable};
 use crate::report::Series;
 use crate::simulate::outcome::limits::evaluated;
+use crate::simulate::outcome::overlooked::Hiding;
 use crate::system::switches::roots::Vanishing;
 use crate::system::{Output, System};
 
@@ -15,6 +16,8 @@ pub(crate) struct Reported {
     outputs: Tape,
     /// What limits are about that are no states.
     pub limits: Tape,
+    /// What may hide something from a step, for a method that does not see that by itself.
+    pub hiding: Option<Hiding>,
     /// The numbers of the open parameters.
     open: Vec<usize>,
 }
@@ -43,8 +46,15 @@ impl Reported {
                     .collect(),
             ),
             limits: tape(evaluated(system)),
+            hiding: None,
             open: open.to_vec(),
         }
+    }
+
+    /// With what may hide something from a step.
+    pub fn and_hiding(mut self, system: &System) -> Self {
+        self.hiding = Hiding::of(system, &self.open);
+        self
     }
 
     /// The values of the open parameters.

@@ -7,7 +7,8 @@
 //! The other, like θ or α, jumps where the active set changes, or is continuous, too.
 //!
 //! Functions of time that are made of pieces enter by *numbers* that hold from one breakpoint to the
-//! next, as the coefficients of their polynomials: the last inputs of every function below.
+//! next, as the coefficients of their polynomials, and parameters of which runs have other values are numbers, too:
+//! the last inputs of every function below.
 
 pub(crate) mod active;
 pub(crate) mod check;
@@ -35,8 +36,6 @@ use crate::tape::Tape;
 pub struct ComplementaritySystem {
     /// All functions, with every z an input.
     pub full: Full,
-    /// z where t = 0, with every side's share where that is on a surface.
-    pub start: Vec<f64>,
     /// Whether a z is continuous along solutions.
     pub continuous: Vec<bool>,
     /// The entries of x that equations determine at each instant; their rates are among z.
@@ -56,6 +55,8 @@ pub struct ComplementaritySystem {
     /// Functions of time that are made of pieces. For each in turn, where the present piece begins and its coefficients
     /// are the numbers.
     pub data: Vec<Arc<Piecewise>>,
+    /// The values of parameters, the last of the numbers.
+    pub parameters: Vec<f64>,
     /// Instants that no element passes over whose length is free, since functions of time are narrow there, in order.
     pub stops: Vec<f64>,
 }
@@ -77,7 +78,7 @@ impl ComplementaritySystem {
 
     /// Length of z.
     pub fn n_algebraics(&self) -> usize {
-        self.start.len()
+        self.surfaces.rules.z.len()
     }
 
     /// Length of ψ and α of the switches that the pairs state.
@@ -85,15 +86,17 @@ impl ComplementaritySystem {
         self.switches.len()
     }
 
-    /// How many numbers change at breakpoints.
+    /// How many numbers there are: those that change at breakpoints, and parameters.
     pub fn n_numbers(&self) -> usize {
         let of_each = self.data.iter().map(|data| 1 + data.n_coefficients());
-        of_each.sum()
+        of_each.sum::<usize>() + self.parameters.len()
     }
 
     /// Writes the numbers that hold from `t` on; the next breakpoint, infinity where there is none.
     pub(crate) fn numbers(&self, t: f64, numbers: &mut [f64]) -> f64 {
-        write_pieces(&self.data, t, numbers)
+        let (of_data, parameters) = numbers.split_at_mut(numbers.len() - self.parameters.len());
+        parameters.copy_from_slice(&self.parameters);
+        write_pieces(&self.data, t, of_data)
     }
 
     /// The next instant behind `t` that no element passes over whose length is free; infinity where there is none.

@@ -148,6 +148,14 @@ impl Point<'_> {
     pub fn with(&self, more: &[f64]) -> Vec<f64> {
         [&[self.t], self.x, more, self.numbers].concat()
     }
+
+    /// z where a run starts; zero where a rule has no value.
+    pub fn start(self, system: &ComplementaritySystem) -> Vec<f64> {
+        let mut z = system.z_at(self, &[]);
+        let without = z.iter_mut().filter(|z| !z.is_finite());
+        without.for_each(|z| *z = 0.0);
+        z
+    }
 }
 
 fn eval(tape: &Tape, inputs: &[f64]) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! A [`Dcs`] as the solver of finite elements sees it, as plain data.
 //!
-//! Parameters are numbers by now, and data polynomials whose coefficients are inputs.
+//! Parameters are numbers by now, but for those that stay open, and data polynomials whose coefficients are inputs.
 
 use nsd_solver::fesd::{
     ComplementaritySystem, Disc, Full, Kinds, Leading, Member, Pair, Surfaces, Switch, Zero,
@@ -11,7 +11,7 @@ use rustc_hash::FxHashMap;
 use crate::expr::{self, Expr, Exprs, Substitution, Var, variables_of};
 use crate::lowering::dcs;
 use crate::lowering::dcs::{Cause, Dcs, Origin};
-use crate::lowering::hybrid::{Polynomials, data_of};
+use crate::lowering::hybrid::{Polynomials, data_of, numbers, variable};
 use crate::system::{self, Role, System};
 
 /// x' = f(t, x, z), 0 = g(t, x, z), 0 <= a ⟂ b >= 0 with the parameters of one experiment, and what functions of it are
@@ -23,16 +23,28 @@ pub(super) struct Lowering<'e> {
     pub algebraics: Vec<Var>,
     pub rates: Vec<Expr<'e>>,
     pub equations: Vec<Expr<'e>>,
-    /// Coefficients of data, the last inputs of all functions.
+    /// Coefficients of data, and then parameters that stay open: the last inputs of all functions.
     coefficients: Vec<Var>,
+    /// The values of these parameters.
+    open: FxHashMap<Var, f64>,
 }
 
 /// A lowering of `system` with the values of its parameters.
 pub fn complementarity<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> ComplementaritySystem {
+    complementarity_open(system, dcs, &[])
+}
+
+/// The same with some parameters, by their numbers, as inputs in this order.
+pub(super) fn complementarity_open<'e>(
+    system: &System<'e>,
+    dcs: &Dcs<'e>,
+    open: &[usize],
+) -> ComplementaritySystem {
     let exprs = dcs.exprs;
-    let params = dcs.params.iter();
-    let numbers: Substitution = params
-        .map(|param| (variable(param.var), exprs.constant(param.value)))
+    let numbers = numbers(system, open);
+    let opened = open.iter().map(|&place| &system.params[place]);
+    let opened: Vec<(Var, f64)> = opened
+        .map(|param| (variable(param.var), param.value))
         .collect();
     let polynomials = Polynomials::of(system);
     let mut instead = numbers.clone();
@@ -44,7 +56,10 @@ pub fn complementarity<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Complementarit
         algebraics: dcs.algebraics.iter().map(|z| variable(z.var)).collect(),
         rates: instead.apply(&dcs.rates),
         equations: instead.apply(&dcs.equations),
-        coefficients: polynomials.coefficients.clone(),
+        coefficients: (polynomials.coefficients.iter().copied())
+            .chain(opened.iter().map(|&(var, _)| var))
+            .collect(),
+        open: opened.iter().copied().collect(),
     };
     let discs: Vec<Disc> = (dcs.discs.iter())
         .map(|disc| lowering.stated(disc, dcs))
@@ -60,7 +75,6 @@ pub fn complementarity<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Complementarit
     let psi: Vec<Expr<'e>> = system.switches.iter().map(|switch| switch.psi).collect();
     let lowered = ComplementaritySystem {
         full: lowering.full(&instead.apply(&dcs.alphas), kinds),
-        start: dcs.algebraics.iter().map(|z| z.guess).collect(),
         algebraic_states: system.algebraic_states(),
         pairs: lowering.pairs(system, dcs),
         switches_of: (dcs.origins.pairs.iter())
@@ -70,6 +84,7 @@ pub fn complementarity<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Complementarit
         surfaces: lowering.surfaces(system, dcs, &numbers, &polynomials),
         followers: lowering.followers(&numbers.apply(&psi)),
         data: data_of(system),
+        parameters: opened.iter().map(|&(_, value)| value).collect(),
         stops: Vec::new(),
         continuous,
         discs,
@@ -139,7 +154,7 @@ impl<'e> Lowering<'e> {
     fn friction(&self, disc: &Disc) -> f64 {
         let zero = |var: Var| match self.algebraics.contains(&var) {
             true => 0.0,
-            false => 1.0,
+            false => self.open.get(&var).copied().unwrap_or(1.0),
         };
         let speed = |(row, z): (usize, usize)| {
             let row = self.equations[row];
@@ -203,7 +218,7 @@ impl<'e> Lowering<'e> {
         }
     }
 
-    /// The tape of functions of these inputs, and of the coefficients of data.
+    /// The tape of functions of these inputs, of the coefficients of data, and of open parameters.
     fn tape(&self, inputs: &[Var], outputs: &[Expr<'e>]) -> Tape {
         let all: Vec<Var> = inputs.iter().chain(&self.coefficients).copied().collect();
         expr::compile(&all, outputs)
@@ -226,6 +241,11 @@ impl<'e> Lowering<'e> {
         Full::new(equations, alphas, kinds)
     }
 
+    /// Whether another value of a variable is another value of a number of runs.
+    pub(super) fn is_open(&self, var: Var) -> bool {
+        self.open.contains_key(&var)
+    }
+
     /// ∂e/∂t + Σ ∂e/∂x_i f_i, for an expression in these variables.
     pub(super) fn along(&self, e: Expr<'e>, vars: &[Var]) -> Expr<'e> {
         let states = self.states.iter().zip(&self.rates);
@@ -233,10 +253,6 @@ impl<'e> Lowering<'e> {
         let by_state = states.map(|(&state, &rate)| e.diff(state) * rate);
         self.exprs.sum(by_state.chain([e.diff(self.time)]))
     }
-}
-
-pub(super) fn variable(e: Expr) -> Var {
-    e.as_variable().expect("what a DCS declares is a variable")
 }
 
 /// z_i or 1 - z_i.

@@ -20,9 +20,9 @@ use nsd_solver::hybrid::{HybridSystem, Outcome};
 use nsd_solver::integrate::tableau::Family;
 
 pub use complementarity::complementarity;
-use turns::{Turned, Turns};
+use complementarity::complementarity_open;
+use turns::{Surfaces, Turned, Turns};
 
-use crate::lowering::dcs::Dcs;
 use crate::lowering::hybrid::Pulses;
 use crate::lowering::{dcs, hybrid};
 use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
@@ -82,14 +82,46 @@ impl fesd::Observer for Keeper<'_, '_, '_> {
     }
 }
 
+/// A complementarity system that is compiled once, and what runs have made of its functions.
+pub(super) struct Compiled {
+    pub complementarity: ComplementaritySystem,
+    pub library: Library,
+    /// The parameters that stay open, by their numbers.
+    open: Vec<usize>,
+    /// How it is stated.
+    pub lowering: &'static str,
+}
+
+impl Compiled {
+    /// A system as an experiment states it, with some parameters open, and the names of its algebraic variables.
+    pub fn new(system: &System, settings: &Settings, open: &[usize]) -> (Self, Vec<String>) {
+        let dcs = dcs::lower(system, &settings.lowerings);
+        let dcs = dcs.expect("compilation has checked that the system can be lowered");
+        let compiled = Compiled {
+            complementarity: complementarity_open(system, &dcs, open),
+            library: Library::default(),
+            open: open.to_vec(),
+            lowering: dcs.formulation.word(),
+        };
+        let names = dcs.algebraics.iter().map(|z| z.var.to_string());
+        (compiled, names.collect())
+    }
+
+    /// Takes the data of a system, and its values of the open parameters.
+    pub fn load(&mut self, system: &System) {
+        let params = self.open.iter().map(|&place| system.params[place].value);
+        self.complementarity.parameters = params.collect();
+        let data = hybrid::data_of(system);
+        self.complementarity.data[..data.len()].clone_from_slice(&data);
+    }
+}
+
 /// A complementarity system that finite elements run.
 pub(super) struct ByElements {
-    complementarity: ComplementaritySystem,
-    /// What runs have made of its functions.
-    library: Library,
-    /// How it is stated, and the names of its algebraic variables.
-    lowering: &'static str,
+    compiled: Compiled,
+    /// The names of its algebraic variables.
     algebraics: Vec<String>,
+    surfaces: Surfaces,
     /// Where switches are nonlinear: the same system event by event.
     events: Option<Arc<HybridSystem>>,
     pulses: Pulses,
@@ -113,16 +145,15 @@ struct Left {
 }
 
 impl ByElements {
-    /// Compiles a system.
-    pub fn new(system: &System, settings: &Settings) -> Self {
-        let (dcs, mut complementarity) = lower(system, settings);
+    /// Compiles a system, with some parameters open, by their numbers; none where switches are nonlinear.
+    pub fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
+        let (mut compiled, algebraics) = Compiled::new(system, settings, open);
         let pulses = Pulses::of(system, settings.horizon);
-        complementarity.stops = pulses.stops().to_vec();
+        compiled.complementarity.stops = pulses.stops().to_vec();
         ByElements {
-            complementarity,
-            library: Library::default(),
-            lowering: dcs.formulation.word(),
-            algebraics: dcs.algebraics.iter().map(|z| z.var.to_string()).collect(),
+            compiled,
+            algebraics,
+            surfaces: Surfaces::of(system, open),
             events: system.first_nonlinear().map(|_| hybrid::lower(system)),
             pulses,
             left: Left::default(),
@@ -163,16 +194,20 @@ impl<'e> Run<'e> for ByElements {
             grid: grid(options, accuracy),
             ..fesd::Settings::new(options.scheme.0, nodes)
         };
-        let simulator = simulator(&self.complementarity, self.events.as_ref(), settings);
-        let mut simulator = simulator.knowing(std::mem::take(&mut self.library));
+        self.compiled.load(problem.system);
+        let library = std::mem::take(&mut self.compiled.library);
+        let complementarity = &self.compiled.complementarity;
+        let simulator = simulator(complementarity, self.events.as_ref(), settings);
+        let mut simulator = simulator.knowing(library);
         let is_kept = problem.multipliers && !accuracy.is_finer;
         let mut keeper = Keeper {
             observer,
             kept: is_kept.then(|| empty(&self.algebraics)),
-            turns: (problem.estimates && !accuracy.is_finer).then(|| Turns::new(problem.system)),
+            turns: (problem.estimates && !accuracy.is_finer)
+                .then(|| Turns::new(problem.system, &mut self.surfaces)),
         };
         let solution = simulator.run(0.0, problem.settings.horizon, &problem.x0, &mut keeper);
-        self.library = simulator.library().clone();
+        let library = simulator.library().clone();
         if accuracy.is_finer {
             self.allowed = simulator.allowed_defect();
         } else {
@@ -186,22 +221,23 @@ impl<'e> Run<'e> for ByElements {
                 turned: keeper.turns.map(Turns::done).unwrap_or_default(),
             };
         }
+        self.compiled.library = library;
         Ended::by(solution.outcome)
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
-        method(problem.settings, self.lowering, &self.left)
+        method(problem.settings, self.compiled.lowering, &self.left)
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
         Estimator::of_elements(settings)
     }
 
-    fn corrected(&self, estimate: Estimate, system: &System<'e>, found: &Outcome) -> Estimate {
+    fn corrected(&mut self, estimate: Estimate, system: &System<'e>, found: &Outcome) -> Estimate {
         let error = estimate.error / (1.0 - self.share_of_finer());
         Estimate {
             error,
-            touches: self.left.turned.judge(system, error, found.time),
+            touches: (self.left.turned).judge(system, &mut self.surfaces, error, found.time),
             ..estimate
         }
     }
@@ -218,6 +254,10 @@ impl<'e> Run<'e> for ByElements {
         let next = accuracy.tightened(estimate.filter(|_| is_open)?, settings)?;
         let tolerance = next.tolerance.max(FINEST);
         (tolerance < accuracy.tolerance).then(|| accuracy.next(tolerance))
+    }
+
+    fn takes_numbers(&self) -> bool {
+        true
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
@@ -253,14 +293,6 @@ pub(super) fn simulator<'s>(
         )),
         None => simulator,
     }
-}
-
-/// The complementarity system of an experiment, with names, and as data.
-fn lower<'e>(system: &System<'e>, settings: &Settings<'e>) -> (Dcs<'e>, ComplementaritySystem) {
-    let dcs = dcs::lower(system, &settings.lowerings);
-    let dcs = dcs.expect("compilation has checked that the system can be lowered");
-    let complementarity = complementarity(system, &dcs);
-    (dcs, complementarity)
 }
 
 /// No values yet of any algebraic variable.

@@ -1,9 +1,9 @@
 //! `method timestepping`: the complementarity system in steps of one length, without switch detection.
 
 use nsd_solver::event::Observer;
-use nsd_solver::fesd::{ComplementaritySystem, Library, Stepper, SteppingSettings};
+use nsd_solver::fesd::{Stepper, SteppingSettings};
 
-use super::lower;
+use super::Compiled;
 use crate::lowering::hybrid::Pulses;
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
@@ -14,22 +14,19 @@ use crate::system::experiment::{self, MethodKind, Settings, SteppingOptions};
 
 /// A complementarity system that is stepped.
 pub(in crate::simulate) struct Stepping {
-    complementarity: ComplementaritySystem,
-    /// What runs have made of its functions.
-    library: Library,
-    /// How it is stated.
-    lowering: &'static str,
+    compiled: Compiled,
+    /// Whether switches of time are data, which other parameters or another horizon would change.
+    is_scheduled: bool,
     pulses: Pulses,
 }
 
 impl Stepping {
-    /// Compiles a system.
-    pub fn new(system: &System, settings: &Settings) -> Self {
-        let (dcs, complementarity) = lower(&scheduled(system, settings.horizon), settings);
+    /// Compiles a system, with some parameters open, by their numbers; none where switches of time lead.
+    pub fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
+        let scheduled = scheduled(system, settings.horizon);
         Stepping {
-            complementarity,
-            library: Library::default(),
-            lowering: dcs.formulation.word(),
+            compiled: Compiled::new(&scheduled, settings, open).0,
+            is_scheduled: !system.leading().is_empty(),
             pulses: Pulses::of(system, settings.horizon),
         }
     }
@@ -63,12 +60,14 @@ impl<'e> Run<'e> for Stepping {
             steps: steps(problem.settings, accuracy),
             limit: problem.limit.clone(),
         };
-        let stepper = Stepper::new(&self.complementarity, settings);
+        self.compiled.load(problem.system);
+        let library = std::mem::take(&mut self.compiled.library);
+        let stepper = Stepper::new(&self.compiled.complementarity, settings);
         let stepper = stepper.expect("the number of nodes has been checked");
-        let mut stepper = stepper.knowing(std::mem::take(&mut self.library));
+        let mut stepper = stepper.knowing(library);
         let horizon = problem.settings.horizon;
         let outcome = stepper.run(0.0, horizon, &problem.x0, &mut observer);
-        self.library = stepper.library().clone();
+        self.compiled.library = stepper.library().clone();
         Ended::by(outcome)
     }
 
@@ -80,7 +79,7 @@ impl<'e> Run<'e> for Stepping {
             name: MethodKind::Timestepping.word().into(),
             options: vec![
                 ("scheme".into(), text(format!("{}({nodes})", family.word()))),
-                ("lowering".into(), text(self.lowering.into())),
+                ("lowering".into(), text(self.compiled.lowering.into())),
                 ("steps".into(), MethodOption::Number(options.steps as f64)),
             ],
         }
@@ -92,6 +91,10 @@ impl<'e> Run<'e> for Stepping {
 
     fn compares(&self, ended: &Ended) -> bool {
         ended.is_solved()
+    }
+
+    fn takes_numbers(&self) -> bool {
+        !self.is_scheduled
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {

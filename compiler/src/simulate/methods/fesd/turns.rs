@@ -8,8 +8,10 @@
 use nsd_solver::event::Segment;
 use nsd_solver::hybrid::Side;
 use nsd_solver::tape::{Scratch, Tape};
+use rustc_hash::FxHashMap;
 
 use crate::expr::Expr;
+use crate::lowering::hybrid::variable;
 use crate::simulate::estimate::{Touch, Touches};
 use crate::simulate::outcome::limits::tape_of;
 use crate::system::{Role, System};
@@ -39,34 +41,45 @@ struct Turn {
     alpha: Vec<f64>,
 }
 
-/// Looks at the switches whose sides have different fields.
+/// The switches whose sides have different fields, and what is asked of them.
+pub(super) struct Surfaces {
+    watched: Vec<usize>,
+    psi: Function,
+    /// The parameters that stay open, by their numbers.
+    open: Vec<usize>,
+    /// All rates, and by switch ∂ψ/∂x, where a run has asked for them.
+    rates: Option<Function>,
+    gradients: FxHashMap<usize, Function>,
+}
+
+/// Looks at such switches in a run.
 pub(super) struct Turns<'s, 'e> {
     system: &'s System<'e>,
-    /// Switches that are looked at.
-    watched: Vec<usize>,
+    surfaces: &'s mut Surfaces,
     /// By state.
     scale: Vec<f64>,
     /// By switch that is looked at: the largest |ψ|.
     largest: Vec<f64>,
     found: Vec<Turn>,
-    psi: Function,
 }
 
-/// Functions of (t, x, α, data).
+/// Functions of (t, x, α, data, open parameters).
 struct Function {
     tape: Tape,
+    open: Vec<usize>,
     scratch: Scratch,
     inputs: Vec<f64>,
     values: Vec<f64>,
 }
 
 impl Function {
-    fn new<'e>(system: &System<'e>, exprs: &[Expr<'e>]) -> Self {
-        let (tape, n_inputs) = tape_of(system, exprs);
+    fn new<'e>(system: &System<'e>, open: &[usize], exprs: &[Expr<'e>]) -> Self {
+        let tape = tape_of(system, open, exprs);
         Function {
             scratch: tape.scratch(),
-            inputs: vec![0.0; n_inputs],
+            inputs: vec![0.0; tape.n_inputs()],
             values: vec![0.0; exprs.len()],
+            open: open.to_vec(),
             tape,
         }
     }
@@ -76,8 +89,11 @@ impl Function {
         self.inputs[0] = time;
         self.inputs[1..=n].copy_from_slice(x);
         self.inputs[1 + n..1 + n + m].copy_from_slice(alpha);
-        for (value, data) in self.inputs[1 + n + m..].iter_mut().zip(&system.data) {
-            *value = data.table.piece(piece).value(time);
+        let data = system.data.iter();
+        let data = data.map(|data| data.table.piece(piece).value(time));
+        let known = data.chain(self.open.iter().map(|&place| system.params[place].value));
+        for (value, known) in self.inputs[1 + n + m..].iter_mut().zip(known) {
+            *value = known;
         }
         self.tape
             .eval(&self.inputs, &mut self.values, &mut self.scratch);
@@ -85,38 +101,67 @@ impl Function {
     }
 }
 
-impl<'s, 'e> Turns<'s, 'e> {
-    /// For a run of the system.
-    pub fn new(system: &'s System<'e>) -> Self {
+impl Surfaces {
+    /// Those of a system with some parameters open, by their numbers.
+    pub fn of(system: &System, open: &[usize]) -> Self {
         let switches = system.switches.iter().enumerate();
         let watched = switches.filter(|(_, switch)| {
             let acts = !switch.continuity.is_continuous() && !switch.unilateral;
             acts && switch.role == Role::Step && switch.relay.is_none()
         });
         let watched: Vec<usize> = watched.map(|(i, _)| i).collect();
-        let psi: Vec<Expr<'e>> = watched.iter().map(|&i| system.switches[i].psi).collect();
+        let psi: Vec<Expr> = watched.iter().map(|&i| system.switches[i].psi).collect();
+        Surfaces {
+            psi: Function::new(system, open, &psi),
+            watched,
+            open: open.to_vec(),
+            rates: None,
+            gradients: FxHashMap::default(),
+        }
+    }
+
+    /// All rates, and the gradient of ψ of a switch.
+    fn rates_and_gradient(&mut self, system: &System, switch: usize) -> [&mut Function; 2] {
+        let open = &self.open;
+        let rates = self.rates.get_or_insert_with(|| {
+            let rates: Vec<Expr> = system.states.iter().map(|state| state.rate).collect();
+            Function::new(system, open, &rates)
+        });
+        let gradient = self.gradients.entry(switch).or_insert_with(|| {
+            let psi = system.switches[switch].psi;
+            let states = system.states.iter();
+            let gradient: Vec<Expr> = states.map(|state| psi.diff(variable(state.var))).collect();
+            Function::new(system, open, &gradient)
+        });
+        [rates, gradient]
+    }
+}
+
+impl<'s, 'e> Turns<'s, 'e> {
+    /// For a run of the system.
+    pub fn new(system: &'s System<'e>, surfaces: &'s mut Surfaces) -> Self {
         Turns {
             scale: system
                 .states
                 .iter()
                 .map(|state| state.initial.abs())
                 .collect(),
-            largest: vec![0.0; watched.len()],
+            largest: vec![0.0; surfaces.watched.len()],
             found: Vec::new(),
-            psi: Function::new(system, &psi),
-            watched,
+            surfaces,
             system,
         }
     }
 
     /// Looks at one element.
     pub fn segment(&mut self, segment: &Segment) {
-        if self.watched.is_empty() {
+        let n_watched = self.surfaces.watched.len();
+        if n_watched == 0 {
             return;
         }
         let mut x = vec![0.0; self.scale.len()];
         let mut alpha = vec![0.0; segment.sides.len()];
-        let mut values = vec![[0.0_f64; PARTS + 1]; self.watched.len()];
+        let mut values = vec![[0.0_f64; PARTS + 1]; n_watched];
         for part in 0..=PARTS {
             let tau = segment.length * part as f64 / PARTS as f64;
             segment.state(tau, &mut x);
@@ -125,13 +170,14 @@ impl<'s, 'e> Turns<'s, 'e> {
                 *scale = scale.max(x.abs());
             }
             let time = segment.start + tau;
-            let psi = self.psi.at(self.system, time, segment.start, &x, &alpha);
+            let psi = &mut self.surfaces.psi;
+            let psi = psi.at(self.system, time, segment.start, &x, &alpha);
             for (values, psi) in values.iter_mut().zip(psi) {
                 values[part] = *psi;
             }
         }
         for (k, values) in values.iter_mut().enumerate() {
-            let sign = match segment.sides[self.watched[k]] {
+            let sign = match segment.sides[self.surfaces.watched[k]] {
                 Side::Minus => -1.0,
                 Side::Slide => continue,
                 Side::Plus => 1.0,
@@ -152,7 +198,7 @@ impl<'s, 'e> Turns<'s, 'e> {
     fn turn(&mut self, segment: &Segment, k: usize, sign: f64, (from, to): (usize, usize)) {
         let system = self.system;
         let (mut x, mut alpha) = (vec![0.0; self.scale.len()], vec![0.0; segment.sides.len()]);
-        let psi = &mut self.psi;
+        let psi = &mut self.surfaces.psi;
         let mut at = |tau: f64| {
             segment.state(tau, &mut x);
             segment.alpha(tau, &mut alpha);
@@ -184,7 +230,7 @@ impl<'s, 'e> Turns<'s, 'e> {
         let bend = (at(tau + step) + at(tau - step) - 2.0 * distance) / (2.0 * step * step);
         at(tau);
         self.found.push(Turn {
-            switch: self.watched[k],
+            switch: self.surfaces.watched[k],
             time: segment.start + tau,
             distance,
             bend,
@@ -211,19 +257,10 @@ pub(super) struct Turned {
 
 impl Turned {
     /// What a run with errors of this share of every state cannot tell, until its end.
-    pub fn judge<'e>(&self, system: &System<'e>, error: f64, end: f64) -> Touches {
+    pub fn judge(&self, system: &System, surfaces: &mut Surfaces, error: f64, end: f64) -> Touches {
         let mut touches = Touches::default();
-        if self.found.is_empty() {
-            return touches;
-        }
-        let rates: Vec<Expr<'e>> = system.states.iter().map(|state| state.rate).collect();
-        let mut rates = Function::new(system, &rates);
         for turn in &self.found {
-            let psi = system.switches[turn.switch].psi;
-            let gradient: Vec<Expr<'e>> = (system.states.iter())
-                .map(|state| psi.diff(state.var.as_variable().expect("a state is a variable")))
-                .collect();
-            let mut gradient = Function::new(system, &gradient);
+            let [rates, gradient] = surfaces.rates_and_gradient(system, turn.switch);
             let gradient = gradient.at(system, turn.time, turn.time, &turn.x, &turn.alpha);
             let reach: f64 = gradient
                 .iter()

@@ -77,6 +77,8 @@ struct Reached {
     work: Work,
     /// Elements that were added to steps.
     added: usize,
+    /// Whether its observer has ended it.
+    is_stopped: bool,
 }
 
 /// A run over one grid.
@@ -235,13 +237,17 @@ impl Reached {
         let last = self.sides.last();
         let sides = last.map_or_else(open, |(_, sides)| sides.to_vec());
         let x = self.x[..system.states.len()].to_vec();
+        let status = match self.is_stopped {
+            true => Status::Stopped,
+            false => Status::Solved,
+        };
         Outcome {
             stats: nsd_solver::hybrid::Stats {
                 steps: self.steps,
                 newton_iterations: self.work.iterations,
                 ..nsd_solver::hybrid::Stats::default()
             },
-            ..Outcome::at(Status::Solved, self.time, x, sides)
+            ..Outcome::at(status, self.time, x, sides)
         }
     }
 }
@@ -318,6 +324,9 @@ impl<'s, 'e> OnGrid<'s, 'e> {
                 Err(failure) => return Some(failure),
             }
             self.reached.work = self.stepper.work;
+            if self.reached.is_stopped {
+                break;
+            }
         }
         None
     }
@@ -479,14 +488,15 @@ impl<'s, 'e> OnGrid<'s, 'e> {
                 let rows = Rows { piece: &piece, n };
                 let end = &x[layout.end][..n];
                 let segment = Segment::new(from, to - from, to, &sides, end, &rows);
-                // Nobody ends a run of this method.
-                let _ = observer.segment(&segment);
+                reached.is_stopped = observer.segment(&segment).is_break();
                 reached.sides.push((from, sides));
             }
+            reached.time = to;
+            reached.x.copy_from_slice(x[layout.end]);
+            if reached.is_stopped {
+                break;
+            }
         }
-        reached.time = interval.1;
-        let last = step.states(w, layout.elements - 1, layout.end);
-        reached.x.copy_from_slice(last);
         reached.size = reached
             .x
             .iter()
