@@ -147,7 +147,7 @@ fn settings_may_be_given_on_the_command_line() {
     let folder = folder("settings");
     let text = "model decay { state x = 1; output y = 2*x; x' = -x; }
         simulate s of decay { horizon 1; tolerance 1e-9; output y every 0.5; }";
-    std::fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
+    fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
     let csv = |options: &[&str]| {
         let ran = nsdc(
             &folder,
@@ -190,8 +190,8 @@ fn an_optimization_starts_from_a_file_of_the_command_line() {
     let folder = folder("guess");
     let text = "model m { state x = 0; control u in [-1, 1] = 0; x' = u; }
         optimize o of m { horizon 1; intervals 2; minimize final((x - 0.5)^2); }";
-    std::fs::create_dir_all(folder.join("models")).expect("the folder is writable");
-    std::fs::write(folder.join("models/a.nsd"), text).expect("the folder is writable");
+    fs::create_dir_all(folder.join("models")).expect("the folder is writable");
+    fs::write(folder.join("models/a.nsd"), text).expect("the folder is writable");
     let first = nsdc(
         &folder,
         &["run", "models/a.nsd", "-q", "--json", "first.json"],
@@ -213,7 +213,7 @@ fn all_events_are_written_on_request() {
     let text = "model ball { state q = 1; state v = 0; q' = v; v' = -2;
           jump floor when q <= 0 and v < 0 { v := -v; } }
         simulate s of ball { horizon 60; }";
-    std::fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
+    fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
     let ran = nsdc(&folder, &["run", "a.nsd", "--events", "-"]);
     assert_eq!((ran.status, ran.err.as_str()), (0, ""));
     // It falls for 1 and bounces for 2, exactly.
@@ -237,7 +237,7 @@ fn a_mistake_is_told_once_for_all_tests_of_a_file() {
     let text = "model m { state x = 1; x' = -k; }
         simulate a of m { horizon 1; expect x at end ~ 1; }
         simulate b of m { horizon 2; expect x at end ~ 1; }";
-    std::fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
+    fs::write(folder.join("a.nsd"), text).expect("the folder is writable");
     let ran = nsdc(&folder, &["test", "a.nsd", "--color", "always"]);
     assert_eq!(ran.status, 1);
     assert_eq!(ran.err.matches("unknown name").count(), 1, "{}", ran.err);
