@@ -429,7 +429,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
         let decided = || {
             decided
                 .iter()
-                .filter_map(|u| Some((u.var.as_variable()?, u.guess)))
+                .filter_map(|u| Some((u.var.as_variable()?, u.guess())))
         };
         let numbers = self.values.numbers.iter().chain(&relays);
         let fixed = numbers.map(|(&var, &value)| (var, value)).chain(decided());

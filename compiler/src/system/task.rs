@@ -52,10 +52,18 @@ pub struct Control<'e> {
     pub var: Expr<'e>,
     /// Where it may be.
     pub allowed: Option<Allowed>,
-    /// Its default, or what is allowed and near to zero.
-    pub guess: f64,
+    /// Its default, or zero.
+    pub default: f64,
     /// The declaration.
     pub span: Span,
+}
+
+impl Control<'_> {
+    /// What is allowed and near to its default.
+    pub fn guess(&self) -> f64 {
+        let allowed = self.allowed.as_ref();
+        allowed.map_or(self.default, |allowed| allowed.nearest(self.default))
+    }
 }
 
 /// A quantity with bounds.
@@ -150,6 +158,12 @@ impl<'e> System<'e> {
     pub fn is_free(&self, param: usize) -> bool {
         let mut free = self.task.iter().flat_map(|task| &task.params);
         free.any(|free| free.place == param)
+    }
+
+    /// The values of the parameters at these places.
+    pub(crate) fn values_of(&self, places: &[usize]) -> Vec<f64> {
+        let values = places.iter().map(|&place| self.params[place].value);
+        values.collect()
     }
 
     /// The values of some parameters, by place.
@@ -278,16 +292,24 @@ impl<'e> Lowering<'_, 'e> {
         e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
     }
 
-    /// Where an entry of a quantity may be, open where free parameters say so, which is a constraint.
-    fn allowed(&self, quantity: &Quantity<'e>, entry: usize) -> Option<Allowed> {
+    fn moves(&self, e: Expr<'e>) -> bool {
+        self.values.free.first_in(&[e]).is_some()
+    }
+
+    /// Where an entry of a quantity may be, without bounds that move, which are constraints.
+    fn allowed(
+        &self,
+        quantity: &Quantity<'e>,
+        entry: usize,
+        moves: impl Fn(Expr<'e>) -> bool,
+    ) -> Option<Allowed> {
         let allowed = Allowed::of(quantity, entry, &|e| self.number(e))?;
         let (Allowed::Between(lower, upper), Some(Domain::Box(lo, hi))) =
             (&allowed, &quantity.domain)
         else {
             return Some(allowed);
         };
-        let is_free = |e: Expr<'e>| self.values.free.first_in(&[e]).is_some();
-        let open = |e: Expr<'e>, number: f64, open: f64| if is_free(e) { open } else { number };
+        let open = |e: Expr<'e>, number: f64, open: f64| if moves(e) { open } else { number };
         let lower = open(lo.data[entry], *lower, f64::NEG_INFINITY);
         let upper = open(hi.data[entry], *upper, f64::INFINITY);
         Some(Allowed::Between(lower, upper))
@@ -305,16 +327,14 @@ impl<'e> Lowering<'_, 'e> {
                 if var.as_variable().is_none_or(is_given) || !self.needs.holds_all(var) {
                     continue;
                 }
-                let allowed = self.allowed(quantity, k);
+                let moves = |e: Expr<'e>| self.values.free.decided_in(&[e]).is_some();
+                let allowed = self.allowed(quantity, k, moves);
                 let default = quantity.value.as_ref().and_then(|value| value.data.get(k));
                 let default = default.map_or(0.0, |&e| self.number(e));
-                let guess = if default.is_finite() { default } else { 0.0 };
                 controls.push(Control {
                     name: quantity.shape.entry_name(&quantity.name, k),
                     var,
-                    guess: allowed
-                        .as_ref()
-                        .map_or(guess, |allowed| allowed.nearest(guess)),
+                    default: if default.is_finite() { default } else { 0.0 },
                     allowed,
                     span: quantity.span,
                 });
@@ -330,7 +350,7 @@ impl<'e> Lowering<'_, 'e> {
         });
         let bounds = entries.filter_map(|(state, k, var)| {
             let place = states.iter().position(|known| *known == var)?;
-            match self.allowed(state, k)? {
+            match self.allowed(state, k, |e| self.moves(e))? {
                 Allowed::Between(lower, upper) => Some(Free {
                     place,
                     lower,
@@ -344,7 +364,8 @@ impl<'e> Lowering<'_, 'e> {
 
     /// 0 <= e <= 1 and 0 <= μ of contacts, where free parameters are in them.
     pub(super) fn coefficient_rows(&self, contacts: &[Contact<'e>]) -> Vec<TaskRow<'e>> {
-        let is_free = |var: &Var| self.values.free.vars.contains_key(var);
+        let free = &self.values.free;
+        let is_free = |var: &Var| free.vars.contains_key(var) && !free.inputs.contains(var);
         let is_param = |var: &Var| self.switches.params.numbers.contains_key(var);
         let coefficients = contacts.iter().flat_map(|contact| {
             let friction = contact.friction.as_ref();
@@ -376,7 +397,7 @@ impl<'e> Lowering<'_, 'e> {
         let mut rows = Vec::new();
         for z in &self.model.algebraics {
             for (k, &var) in z.vars.iter().enumerate() {
-                if let Some(Allowed::Between(lower, upper)) = self.allowed(z, k)
+                if let Some(Allowed::Between(lower, upper)) = self.allowed(z, k, |e| self.moves(e))
                     && (lower.is_finite() || upper.is_finite())
                 {
                     let value = self.replace(var, z.span);

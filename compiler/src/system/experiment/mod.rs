@@ -14,7 +14,7 @@ mod perturb;
 mod statements;
 mod with;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::values::{self, Values};
 use crate::diagnostics::{Diagnostics, Help};
@@ -143,8 +143,10 @@ pub(super) struct Given<'e> {
     pub sliding: FxHashMap<usize, Sliding>,
     /// Whether controls that are not given are decided by the experiment.
     pub decides: bool,
-    /// Parameters that are optimized, with where each is freed.
+    /// Parameters that are optimized or stay open, with where each is freed.
     pub free: FxHashMap<Var, Span>,
+    /// Those that stay open.
+    pub open: FxHashSet<Var>,
     /// The experiment.
     pub span: Span,
 }
