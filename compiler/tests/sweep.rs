@@ -251,7 +251,7 @@ fn files_are_replaced_whole() {
 }
 
 /// Models, an axis of values each, and what is told of every point: a run of its own.
-const POINTS: [(&str, &str, &[f64]); 12] = [
+const POINTS: [(&str, &str, &[f64]); 14] = [
     // Slides on x = 0, or crosses it.
     (
         "model m { param k = 1; state x = 1; output y = k*x; x' = -sign(x) + k*sin(4*time); }
@@ -328,6 +328,18 @@ const POINTS: [(&str, &str, &[f64]); 12] = [
         "model m { param p = 2; state x = 1; x' = -x^p; } simulate run of m { horizon 1; }",
         "p",
         &[1.0, 2.0, 3.0],
+    ),
+    (
+        "model m { param p = 1; state x = 1; control u in [-p, 9]; output y = p*x; x' = u + sign(x); }
+         optimize run of m { horizon 2; intervals 2; minimize integral(p*u^2) + final((x - p)^2); }",
+        "p",
+        &[0.5, 2.0, 1.0],
+    ),
+    (
+        "model m { state x = 1; control u in [-9, 9]; x' = u + sign(x); }
+         optimize run of m { horizon 2; intervals 2; minimize integral(u^2) + final(x^2); }",
+        "x",
+        &[0.5, -1.0, 0.25],
     ),
 ];
 

@@ -39,10 +39,11 @@ fn row(name: &str, text: &str, experiment: &str, reach: f64) {
     let project = Project::from_text("bench.nsd", text);
     let (exprs, limit) = (Exprs::new(), Limit::default());
     let started = Instant::now();
-    let prepared = project.prepare_optimal(&exprs, experiment, &[]);
+    let prepared = project.prepare_optimal(&exprs, experiment, &[], &[]);
     let mut prepared = prepared.expect("it has a program");
-    let (names, start) = (prepared.states().to_vec(), prepared.initial());
-    let mut last = (prepared.solve(&start, None, &limit, &mut ())).expect("it begins there");
+    let (names, start) = (prepared.states().to_vec(), prepared.initial(&[]));
+    let start = start.expect("it has no parameters");
+    let mut last = (prepared.solve(&[], None, None, &limit, &mut ())).expect("it begins there");
     let first = started.elapsed().as_secs_f64();
     let (mut fresh, mut again, mut patterns, mut solved) = (0.0, 0.0, 0, [0, 0]);
     let (mut lower, mut higher) = (0.0_f64, 0.0_f64);
@@ -51,7 +52,8 @@ fn row(name: &str, text: &str, experiment: &str, reach: f64) {
         let x0 = start.iter().enumerate();
         let x0: Vec<f64> = x0.map(|(i, x)| x + 2.0 * reach * shift(i)).collect();
         let started = Instant::now();
-        last = (prepared.solve(&x0, Some(&last), &limit, &mut ())).expect("it begins there");
+        let found = prepared.solve(&[], Some(&x0), Some(&last), &limit, &mut ());
+        last = found.expect("it begins there");
         again += started.elapsed().as_secs_f64();
         let optimum = last.trajectory.optimum.as_ref();
         patterns += optimum.map_or(0, |optimum| optimum.analyses);

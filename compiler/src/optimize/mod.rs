@@ -78,11 +78,11 @@ pub struct Progress<'s> {
 
 /// What initial values are in a program: which member of a pair is a variable may depend on them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Given {
+enum Given<'p> {
     /// Numbers.
     Numbers,
-    /// Variables, which are given their values by [`Problem::restart`].
-    Inputs,
+    /// Variables, which are given their values by [`Problem::restart`], as the parameters at these places are.
+    Inputs(&'p [usize]),
 }
 
 /// Everything about one task before it is solved.
@@ -98,6 +98,8 @@ pub(crate) struct Problem<'e> {
     program: Program,
     runs: Runs<'e>,
     analyses: Analyses,
+    /// The places of parameters that are inputs.
+    open: Vec<usize>,
 }
 
 /// Solves the task of a system; `sampled` are trajectories to start from, the last one counts most.
@@ -268,7 +270,7 @@ impl<'e> Problem<'e> {
         system: &System<'e>,
         settings: &Settings<'e>,
         task: &Optimize<'e>,
-        given: Given,
+        given: Given<'_>,
     ) -> Result<Self, DiscretizeError> {
         let frozen = settings.freezes().then(|| {
             let frozen = freeze(system, settings.pace());
@@ -282,12 +284,12 @@ impl<'e> Problem<'e> {
             steps: task.discretization.intervals,
         };
         let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
-        let program = match given {
-            Given::Numbers => mpcc.program(),
-            Given::Inputs => {
+        let (program, open) = match given {
+            Given::Numbers => (mpcc.program(), &[][..]),
+            Given::Inputs(params) => {
                 let mut open = mpcc.clone();
                 layout.given(&dcs).for_each(|(index, _)| open.free(index));
-                open.program()
+                (open.program(), params)
             }
         };
         let mut program = program.expect("kernels are smooth");
@@ -304,6 +306,7 @@ impl<'e> Problem<'e> {
             program,
             runs: Runs::default(),
             analyses: Analyses::default(),
+            open: open.to_vec(),
         })
     }
 }

@@ -87,7 +87,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         let alphas = problem.alphas(w, k, j, layout.nodes);
         elements.jump(horizon, laws, [&before, x], &alphas);
     }
-    elements.finish(&problem.settings, horizon)
+    elements.finish(&problem.settings, horizon, &problem.open)
 }
 
 /// The state where an element begins; of algebraic states that jump there, what the program has for them, or else the

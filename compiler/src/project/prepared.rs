@@ -58,8 +58,8 @@ use crate::diagnostics::Diagnostics;
 use crate::diagnostics::messages::Messages;
 use crate::expr::{self, Expr, Exprs, Var};
 use crate::limit::Limit;
-use crate::lowering::hybrid;
 use crate::lowering::hybrid::{Structural, variable};
+use crate::lowering::{dcs, hybrid};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
 use crate::simulate::{solver_settings, takes};
@@ -258,14 +258,25 @@ impl Opened {
     /// Those with which an experiment has been compiled, if one compilation serves all their values.
     pub fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let values = &settings.values;
-        let params = system.params.iter().enumerate();
-        let open = params.filter(|(_, param)| values.is_open(param.var));
-        let places: Vec<usize> = open.map(|(at, _)| at).collect();
-        if settings.optimize.is_some() || !takes(system, settings, &places) {
+        if settings.optimize.is_some() || !takes(system, settings, &open_places(compiled)) {
             return Err(NotPrepared::Method(settings.method.kind().word()));
         }
-        let why = hybrid::structural(system);
+        Opened::inputs(compiled)
+    }
+
+    /// Those with which an experiment has been compiled, if no other value of theirs is another system.
+    pub fn inputs(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let values = &settings.values;
+        let places = open_places(compiled);
+        let mut why = hybrid::structural(system);
+        if settings.optimize.is_some() {
+            let deciding = dcs::deciding(system);
+            for (why, param) in why.iter_mut().zip(&system.params) {
+                let decides = deciding.contains(&variable(param.var));
+                *why = why.or(decides.then_some(Structural::Regions));
+            }
+        }
         if let Some((at, why)) = places.iter().find_map(|&at| Some((at, why[at]?))) {
             return Err(NotPrepared::Structural(system.params[at].name.clone(), why));
         }
@@ -288,6 +299,21 @@ impl Opened {
             places,
         })
     }
+
+    /// x(0) with these values.
+    pub fn initial(&self, parameters: &[f64]) -> Vec<f64> {
+        let mut initial = vec![0.0; self.start.n_outputs()];
+        (self.start).eval(parameters, &mut initial, &mut self.start.scratch());
+        initial
+    }
+}
+
+/// The places of the parameters that stay open.
+fn open_places(compiled: &Compiled<'_>) -> Vec<usize> {
+    let (system, values) = (&compiled.system, &compiled.settings.values);
+    let params = system.params.iter().enumerate();
+    let open = params.filter(|(_, param)| values.is_open(param.var));
+    open.map(|(at, _)| at).collect()
 }
 
 /// Runs of one [`Prepared`] on one thread.
@@ -329,23 +355,9 @@ impl Runs<'_> {
             horizon: longest,
             ..
         } = self.prepared;
-        let states = x0.map(|x0| (x0.len(), states.len(), "states"));
-        for (found, wanted, what) in [Some((parameters.len(), known.len(), "parameters")), states]
-            .into_iter()
-            .flatten()
-        {
-            if found != wanted {
-                return Err(NotRun::Count {
-                    found,
-                    wanted,
-                    what,
-                });
-            }
-        }
-        let outside = |(value, of): &(&f64, &Parameter)| !of.takes(**value);
-        if let Some((&value, of)) = parameters.iter().zip(known).find(outside) {
-            let of = of.clone();
-            return Err(NotRun::Range { of, value });
+        check_parameters(known, parameters)?;
+        if let Some(x0) = x0 {
+            check_count(x0.len(), states.len(), "states")?;
         }
         match 0.0 < horizon && horizon <= *longest {
             true => Ok(()),
@@ -354,6 +366,31 @@ impl Runs<'_> {
                 longest: *longest,
             }),
         }
+    }
+}
+
+/// That there are as many numbers as there is something.
+pub(crate) fn check_count(found: usize, wanted: usize, what: &'static str) -> Result<(), NotRun> {
+    match found == wanted {
+        true => Ok(()),
+        false => Err(NotRun::Count {
+            found,
+            wanted,
+            what,
+        }),
+    }
+}
+
+/// That every parameter has a value, which it may have.
+pub(crate) fn check_parameters(known: &[Parameter], values: &[f64]) -> Result<(), NotRun> {
+    check_count(values.len(), known.len(), "parameters")?;
+    let mut pairs = known.iter().zip(values);
+    match pairs.find(|(of, value)| !of.takes(**value)) {
+        None => Ok(()),
+        Some((of, &value)) => Err(NotRun::Range {
+            of: of.clone(),
+            value,
+        }),
     }
 }
 

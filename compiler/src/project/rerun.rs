@@ -1,19 +1,21 @@
 //! Whole runs of one experiment, again and again, with other parameters and initial values.
 //!
-//! What [`crate::project::prepared`] gives is a system; here it is all that [`simulate::run`] tells: outputs, warnings, the second run
-//! that estimates the error.
-
-use nsd_solver::tape::Tape;
+//! What [`crate::project::prepared`] gives is a system; here it is all that [`crate::simulate::run`] tells: outputs,
+//! warnings, the second run that estimates the error. An optimal control problem is solved again without a solution to
+//! start from, so that what is found does not depend on what was solved before.
 
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::model::Model;
+use crate::optimize;
 use crate::project::clock::Clock;
 use crate::project::ensemble::Source;
-use crate::project::prepared::{Opened, Parameter};
+use crate::project::prepared::{Opened, Parameter, check_parameters};
+use crate::project::{Project, launch};
 use crate::report::Trajectory;
 use crate::simulate::{Plan, Request};
 use crate::syntax::Path;
+use crate::system::System;
 use crate::system::experiment::{Sampling, Settings};
 use crate::system::values::{Values, bounds};
 use crate::{Compiled, compile};
@@ -30,22 +32,28 @@ enum Change {
 /// An experiment that has been compiled once, for one thread.
 pub(crate) struct Rerun<'e> {
     compiled: Compiled<'e>,
-    plan: Plan<'e>,
+    work: Work<'e>,
     /// None for what stays as it is.
     changes: Vec<Option<Change>>,
-    /// The numbers of open parameters in the system, and what they may be.
-    places: Vec<usize>,
-    parameters: Vec<Parameter>,
-    /// From these to x(0).
-    start: Tape,
+}
+
+/// What is ready to be run.
+enum Work<'e> {
+    /// From event to event.
+    Events {
+        plan: Box<Plan<'e>>,
+        opened: Box<Opened>,
+    },
+    Optimal(Box<optimize::Prepared<'e>>),
 }
 
 impl<'e> Rerun<'e> {
-    /// Compiles an experiment of which parameters and initial values, by their names as they stand in `with`, change from
-    /// run to run, or stay as they are for none; `states` are the entries of all states. None where it has to be compiled for
-    /// each of their values.
+    /// Compiles an experiment of a project of which parameters and initial values, by their names as they stand in `with`,
+    /// change from run to run, or stay as they are for none; `states` are the entries of all states. None where it has to be
+    /// compiled for each of their values.
     pub fn new(
         exprs: &'e Exprs,
+        project: &Project,
         source: Source<'_>,
         names: &[Option<Path>],
         states: &[String],
@@ -54,33 +62,28 @@ impl<'e> Rerun<'e> {
         let open = names.iter().flatten().filter(|path| !is_state(path));
         let open: Vec<Path> = open.cloned().collect();
         let compiled = without_warnings(exprs, source, &open)?;
-        let Opened {
-            places,
-            parameters,
-            start,
-        } = Opened::of(&compiled).ok()?;
-        let Compiled {
-            model,
-            system,
-            settings,
-        } = &compiled;
+        let system = &compiled.system;
         // A relay starts, and what equations solve for is guessed, where the experiment itself starts.
         let is_fixed = system.switches.iter().any(|switch| switch.relay.is_some())
-            || !system.algebraic_states().is_empty()
-            || moves_limits(model, &settings.values);
-        if parameters.len() != open.len() || is_fixed {
+            || !system.algebraic_states().is_empty();
+        if is_fixed {
             return None;
         }
+        let work = Work::of(project, &compiled)?;
+        let parameters = work.parameters();
+        if parameters.len() != open.len() {
+            return None;
+        }
+        let starts = work.states(system);
         let change = |path: &Path| {
             let name = path.to_string();
             let parameter = parameters.iter().position(|p| p.name == name);
             let initial = || {
-                let place = system.states.iter().position(|state| state.name == name)?;
+                let place = starts.iter().position(|state| *state == name)?;
                 // Where it starts outside of its bounds it is refused.
-                let is_bounded = system
-                    .limits
-                    .iter()
-                    .any(|limit| limit.value == system.states[place].var);
+                let state = system.states.iter().find(|state| state.name == name)?;
+                let mut limits = system.limits.iter();
+                let is_bounded = limits.any(|limit| limit.value == state.var);
                 (!is_bounded).then_some(Change::Initial(place))
             };
             parameter.map(Change::Parameter).or_else(initial)
@@ -91,11 +94,8 @@ impl<'e> Rerun<'e> {
         });
         Some(Rerun {
             changes: changes.collect::<Option<_>>()?,
-            plan: Plan::of_method(system, settings, &places),
             compiled,
-            places,
-            parameters,
-            start,
+            work,
         })
     }
 
@@ -113,39 +113,88 @@ impl<'e> Rerun<'e> {
 
     /// A run with these values, in the order of the names. None where the experiment has to be compiled for them.
     pub fn run(&mut self, values: &[f64], request: &Request) -> Option<Trajectory> {
-        let changes = || {
-            let changes = self.changes.iter().zip(values);
-            changes.filter_map(|(change, &value)| Some(((*change)?, value)))
-        };
-        let mut open: Vec<f64> = self.parameters.iter().map(|p| p.value).collect();
-        for (change, value) in changes() {
+        let known = self.work.parameters().iter();
+        let mut open: Vec<f64> = known.map(|parameter| parameter.value).collect();
+        let changes = self.changes.iter().zip(values);
+        let changes = changes.filter_map(|(change, &value)| Some(((*change)?, value)));
+        for (change, value) in changes.clone() {
             if let Change::Parameter(at) = change {
                 open[at] = value;
             }
         }
-        let mut all = open.iter().zip(&self.parameters);
-        if !all.all(|(value, of)| of.takes(*value)) {
-            return None;
-        }
-        let mut x0 = vec![0.0; self.compiled.system.states.len()];
-        (self.start).eval(&open, &mut x0, &mut self.start.scratch());
-        for (change, value) in changes() {
+        let mut x0 = self.work.initial(&open)?;
+        for (change, value) in changes {
             if let Change::Initial(state) = change {
                 x0[state] = value;
             }
         }
-        let system = &mut self.compiled.system;
-        for (&place, &value) in self.places.iter().zip(&open) {
-            system.params[place].value = value;
+        match &mut self.work {
+            Work::Events { plan, opened } => {
+                let system = &mut self.compiled.system;
+                for (&place, &value) in opened.places.iter().zip(&open) {
+                    system.params[place].value = value;
+                }
+                for (state, x0) in system.states.iter_mut().zip(x0) {
+                    state.initial = x0;
+                }
+                let (system, settings) = (&self.compiled.system, &self.compiled.settings);
+                let mut diags = Diagnostics::new();
+                system.check_start(&mut diags);
+                let run = || plan.run(system, settings, request, &mut |_| {});
+                diags.is_empty().then(run)
+            }
+            Work::Optimal(prepared) => {
+                let solved = prepared.solve(&open, Some(&x0), None, &request.limit, &mut ());
+                let solved = solved.ok()?;
+                self.compiled.system = solved.system;
+                Some(solved.trajectory)
+            }
         }
-        for (state, x0) in system.states.iter_mut().zip(x0) {
-            state.initial = x0;
+    }
+}
+
+impl<'e> Work<'e> {
+    /// None where another number is another system.
+    fn of(project: &Project, compiled: &Compiled<'e>) -> Option<Self> {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let Some(task) = &settings.optimize else {
+            let opened = Opened::of(compiled).ok()?;
+            let moves = moves_limits(&compiled.model, &settings.values);
+            return (!moves).then(|| Work::Events {
+                plan: Box::new(Plan::of_method(system, settings, &opened.places)),
+                opened: Box::new(opened),
+            });
+        };
+        let sampled = launch::sampled(project, task, &Request::default()).ok()?;
+        let (diags, sources) = (Diagnostics::new(), project.sources.clone());
+        let prepared = optimize::Prepared::new(compiled, sampled, diags, sources).ok()?;
+        Some(Work::Optimal(Box::new(prepared)))
+    }
+
+    fn parameters(&self) -> &[Parameter] {
+        match self {
+            Work::Events { opened, .. } => &opened.parameters,
+            Work::Optimal(prepared) => prepared.parameters(),
         }
-        let (system, settings) = (&self.compiled.system, &self.compiled.settings);
-        let mut diags = Diagnostics::new();
-        system.check_start(&mut diags);
-        let run = || self.plan.run(system, settings, request, &mut |_| {});
-        diags.is_empty().then(run)
+    }
+
+    /// The names of the states whose initial values are numbers of a run.
+    fn states(&self, system: &System<'_>) -> Vec<String> {
+        match self {
+            Work::Events { .. } => system.states.iter().map(|s| s.name.clone()).collect(),
+            Work::Optimal(prepared) => prepared.states().to_vec(),
+        }
+    }
+
+    /// Their values with those of the parameters; none where these may not have them.
+    fn initial(&self, parameters: &[f64]) -> Option<Vec<f64>> {
+        match self {
+            Work::Events { opened, .. } => {
+                check_parameters(&opened.parameters, parameters).ok()?;
+                Some(opened.initial(parameters))
+            }
+            Work::Optimal(prepared) => prepared.initial(parameters).ok(),
+        }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::report::forms::{csv, json, text};
 use crate::report::{Trajectory, Warning};
 use crate::simulate::Request;
 use crate::source::SourceMap;
-use crate::syntax::{Bind, Experiment};
+use crate::syntax::{Bind, Experiment, Path};
 
 /// What is asked of a run besides what its experiment says.
 #[derive(Clone, Debug, Default)]
@@ -189,43 +189,40 @@ impl Project {
         let mut asked = self
             .ask(experiment, values)
             .map_err(NotPrepared::NotAsked)?;
-        let paths = open.iter().map(|name| {
-            let path = prepared::path(name, &mut asked.sources);
-            path.ok_or_else(|| NotPrepared::NoParameter((*name).to_owned()))
-        });
-        let paths = paths.collect::<Result<Vec<_>, _>>()?;
+        let paths = asked.paths(open)?;
         Prepared::new(&self.file, asked.experiment, &asked.overrides, &paths)
     }
 
-    /// Compiles an optimal control problem once, to be solved from many initial states: see [`optimize::Prepared`].
+    /// Compiles an optimal control problem once, to be solved with many values of the parameters that are `open` and from
+    /// many initial states: see [`optimize::Prepared`].
     ///
     /// # Errors
     ///
     /// Where there is no such experiment, it does not compile, or has no value that is named; where it optimizes nothing,
-    /// or in numerical time.
+    /// or in numerical time; where another value of a parameter is another program.
     pub fn prepare_optimal<'e>(
         &self,
         exprs: &'e Exprs,
         experiment: &str,
+        open: &[&str],
         values: &[(String, f64)],
     ) -> Result<optimize::Prepared<'e>, PrepareError> {
         let asked = self.ask(experiment, values);
-        let asked = asked.map_err(PrepareError::NotCompiled)?;
+        let mut asked = asked.map_err(PrepareError::NotCompiled)?;
         let (clock, mut diags) = (&mut Clock::default(), Diagnostics::new());
-        let (of, overrides) = (asked.experiment, &asked.overrides);
-        let compiled = compile(exprs, &self.file, of, overrides, clock, &mut diags);
+        let mut of = asked.experiment.clone();
+        of.open = asked.paths(open)?;
+        let overrides = &asked.overrides;
+        let compiled = compile(exprs, &self.file, &of, overrides, clock, &mut diags);
         let failed = |diags, sources| PrepareError::NotCompiled(Messages::new(diags, sources));
         let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
             return Err(failed(diags, asked.sources));
         };
-        let (system, settings) = (&compiled.system, &compiled.settings);
-        let Some(task) = &settings.optimize else {
+        let Some(task) = &compiled.settings.optimize else {
             return Err(PrepareError::NoTask(experiment.to_owned()));
         };
         match launch::sampled(self, task, &Request::default()) {
-            Ok(sampled) => {
-                optimize::Prepared::new(system, settings, task, sampled, diags, asked.sources)
-            }
+            Ok(sampled) => optimize::Prepared::new(&compiled, sampled, diags, asked.sources),
             Err(diags) => Err(failed(diags, asked.sources)),
         }
     }
@@ -259,4 +256,15 @@ struct Asked<'p> {
     overrides: Vec<Bind>,
     /// All texts, those of the values with them.
     sources: SourceMap,
+}
+
+impl Asked<'_> {
+    /// Names of parameters as they stand on the left of `=` in `with`.
+    fn paths(&mut self, names: &[&str]) -> Result<Vec<Path>, NotPrepared> {
+        let paths = names.iter().map(|name| {
+            let path = prepared::path(name, &mut self.sources);
+            path.ok_or_else(|| NotPrepared::NoParameter((*name).to_owned()))
+        });
+        paths.collect()
+    }
 }

@@ -31,14 +31,19 @@ pub(crate) struct Values {
 }
 
 impl Again {
-    /// A system as it stands, for runs to about this horizon.
-    pub fn new(system: &System, horizon: f64, tolerance: f64) -> Self {
+    /// A system as it stands, for runs to about this horizon, with some parameters open, by their numbers.
+    pub fn new(system: &System, horizon: f64, tolerance: f64, open: &[usize]) -> Self {
         let settings = nsd_solver::hybrid::Settings {
             tolerance,
             ..nsd_solver::hybrid::Settings::default()
         };
-        let simulator = Simulator::new(hybrid::lower_over(system, horizon), settings);
+        let simulator = Simulator::new(hybrid::lower_open(system, horizon, open), settings);
         Again { simulator }
+    }
+
+    /// Gives the open parameters other values.
+    pub fn set_parameters(&mut self, values: &[f64]) {
+        self.simulator.set_parameters(values);
     }
 
     /// Gives the data from number `first` on other values, of the same fits.

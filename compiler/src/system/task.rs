@@ -48,10 +48,18 @@ pub struct Control<'e> {
     pub var: Expr<'e>,
     /// Where it may be.
     pub allowed: Option<Allowed>,
-    /// Its default, or what is allowed and near to zero.
-    pub guess: f64,
+    /// Its default, or zero.
+    pub default: f64,
     /// The declaration.
     pub span: Span,
+}
+
+impl Control<'_> {
+    /// What is allowed and near to its default.
+    pub fn guess(&self) -> f64 {
+        let allowed = self.allowed.as_ref();
+        allowed.map_or(self.default, |allowed| allowed.nearest(self.default))
+    }
 }
 
 /// A quantity with bounds.
@@ -146,6 +154,12 @@ impl<'e> System<'e> {
     pub fn is_free(&self, param: usize) -> bool {
         let mut free = self.task.iter().flat_map(|task| &task.params);
         free.any(|free| free.place == param)
+    }
+
+    /// The values of the parameters at these places.
+    pub(crate) fn values_of(&self, places: &[usize]) -> Vec<f64> {
+        let values = places.iter().map(|&place| self.params[place].value);
+        values.collect()
     }
 
     /// The values of some parameters, by place.

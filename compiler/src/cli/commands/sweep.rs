@@ -289,7 +289,7 @@ impl Swept<'_> {
         let axes = self.axes.iter().zip(point);
         let names = axes.map(|(axis, value)| (*value != 0.0).then(|| axis.target.clone()));
         let names: Vec<Option<Path>> = names.collect();
-        let rerun = Rerun::new(exprs, source, &names, &self.states)?;
+        let rerun = Rerun::new(exprs, self.project, source, &names, &self.states)?;
         Some(rerun.sampled(|settings| self.sampling(settings)))
     }
 

@@ -44,6 +44,7 @@ pub use drift::Kept;
 pub use error::DcsError;
 pub use impact::{Friction, Impact, SlipLaw, Tangent};
 pub use pointwise::{Pointwise, directed, indicators, rules, solve_in_mode, solve_pointwise};
+pub(crate) use signs::deciding;
 pub use tex::tex;
 
 use crate::expr::{Expr, Exprs};

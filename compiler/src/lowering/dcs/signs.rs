@@ -6,7 +6,7 @@
 //!
 //! Regions with indicators are rows as they are: what their switches compare is in the indicators.
 
-use crate::expr::variables_of;
+use crate::expr::{Expr, Var, variables_of};
 use crate::system::regions::arrangement::{Side, Sides};
 use crate::system::{Subsystem, System};
 
@@ -39,6 +39,16 @@ pub(crate) struct Row {
 pub(crate) fn check(system: &System) -> Result<(), DcsError> {
     let mut subsystems = system.subsystems.iter();
     subsystems.try_for_each(|subsystem| rows(system, subsystem).map(|_| ()))
+}
+
+/// What decides by its values which combinations of sides are regions, parameters among it: what several ψ of a subsystem
+/// contain.
+pub(crate) fn deciding(system: &System) -> Vec<Var> {
+    let subsystems = system.subsystems.iter();
+    let several = subsystems.filter(|subsystem| subsystem.switches.len() > 1);
+    let switches = several.flat_map(|subsystem| &subsystem.switches);
+    let psi: Vec<Expr> = switches.map(|&k| system.switches[k].psi).collect();
+    variables_of(&psi)
 }
 
 /// Whether the subsystem is nothing but disjoint regions of the user.
@@ -145,14 +155,19 @@ fn combinations(
     subsystem: &Subsystem,
     switches: &[usize],
 ) -> Result<Vec<Vec<bool>>, DcsError> {
-    let arrangement = system.arrangement(switches);
     let count = switches.len();
+    match count {
+        0 => return Ok(vec![Vec::new()]),
+        1 => return Ok(vec![vec![false], vec![true]]),
+        _ => {}
+    }
+    let arrangement = system.arrangement(switches);
     let most = most_regions(system, subsystem);
     let mut combinations = vec![arrangement.all()];
     for place in 0..count {
         // What fails or takes too long is not left out; neither is one that can only be touched.
         let side = |sides: &Sides, above: bool| {
-            if count == 1 || arrangement.n_programs() > MOST_PROGRAMS {
+            if arrangement.n_programs() > MOST_PROGRAMS {
                 return Some(sides.with(place, above));
             }
             match arrangement.side(sides, place, above) {

@@ -1,7 +1,10 @@
-//! What a program takes from initial values: where it starts from, and what is known before the first element.
+//! What a program takes from initial values and parameters: where it starts from, what is known before the first element,
+//! and what bounds controls.
 
 use super::{Layout, task};
 use crate::lowering::dcs::Dcs;
+use crate::lowering::mpcc::{Bounds, Stated};
+use crate::system::task::TaskRow;
 
 impl Layout {
     /// The variables that are fixed where the first element begins, with their values: x(0) that are not free, and the
@@ -17,6 +20,26 @@ impl Layout {
         let knows_z = !task::Start::of(dcs).is_free;
         let z = self.fixed_at_start().filter(move |_| knows_z);
         states.chain(z.map(|(index, i)| (index, dcs.algebraics[i].guess)))
+    }
+
+    /// The bounds of a control in all steps: its range, cut by the constraints that are bounds of it.
+    pub(crate) fn control_bounds(
+        &self,
+        dcs: &Dcs,
+        stated: &[Stated],
+        control: usize,
+    ) -> Vec<(usize, Bounds)> {
+        let task = dcs.task.iter();
+        let rows: Vec<_> = task.flat_map(|task| &task.rows).zip(stated).collect();
+        let range = dcs.task.as_ref().map(|task| &task.controls[control]);
+        let range = range.map_or(Bounds::free(0.0), task::bounds_of);
+        let bounds = self.control_instants().map(|(k, _)| {
+            let index = self.u(k) + control;
+            let own = rows.iter().filter(|(_, s)| s.variables.contains(&index));
+            let cut = |bounds: Bounds, row: &TaskRow| bounds.within(row.lower, row.upper);
+            (index, own.fold(range, |bounds, (row, _)| cut(bounds, row)))
+        });
+        bounds.collect()
     }
 
     /// What x and z are guessed to be everywhere: x(0), and z there.

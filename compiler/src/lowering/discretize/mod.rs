@@ -51,6 +51,7 @@ pub use data::inside;
 pub use error::{DiscretizeError, check_given, check_start};
 pub use impulses::WINDOW;
 pub use layout::Layout;
+pub(crate) use task::fixed_params;
 
 use crate::expr::Expr;
 use crate::lowering::dcs::Dcs;
@@ -198,7 +199,7 @@ pub fn discretize<'e>(
         exprs: dcs.exprs,
         name: dcs.name.clone(),
         remarks: definitions::remarks(dcs, grid, form, options),
-        params: task::fixed_params(dcs),
+        params: fixed_params(dcs),
         definitions: Vec::new(),
         variables: Vec::new(),
         blocks: Vec::new(),

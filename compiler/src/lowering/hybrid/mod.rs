@@ -33,7 +33,12 @@ pub(crate) use substituted::{numbers, variable, with_numbers};
 
 /// A system with the values of its parameters.
 pub fn lower(system: &System) -> Arc<HybridSystem> {
-    Arc::new(Lowering::of(system, &[]).finish(system, &[]))
+    lower_at(system, &[])
+}
+
+/// The same for a single instant, with some parameters, by their numbers, as inputs.
+pub(crate) fn lower_at(system: &System, open: &[usize]) -> Arc<HybridSystem> {
+    Arc::new(Lowering::of(system, open).finish(system, open))
 }
 
 /// The same for runs from 0 to the horizon, of which no step passes over where functions of time are narrow.
@@ -70,6 +75,9 @@ pub enum Structural {
     /// Its values are listed, or bounded by other parameters, or it has bounds and follows from others.
     #[error("is in a set, or in a range that moves")]
     Range,
+    /// It may decide which combinations of the sides of switches there are.
+    #[error("decides which regions there are")]
+    Regions,
 }
 
 /// For each parameter, why it may be no input.

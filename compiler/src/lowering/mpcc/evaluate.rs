@@ -23,6 +23,7 @@ impl Evaluator {
         let n = mpcc.n_variables();
         let free = (vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]);
         let mut rows = kernels::Program::builder(&free.0, &free.1, &vec![0.0; n]);
+        rows.parameters(&mpcc.parameters());
         for block in blocks {
             let zeros = vec![0.0; block.n_rows()];
             rows.rows(mpcc.kernel(block, &block.kernel.outputs)?, &zeros, &zeros);
@@ -48,6 +49,11 @@ impl Evaluator {
 }
 
 impl Mpcc<'_> {
+    /// The values of the parameters.
+    pub(crate) fn parameters(&self) -> Vec<f64> {
+        self.params.iter().map(|param| param.value).collect()
+    }
+
     /// The sum of all rows of some blocks.
     pub fn sum(&self, blocks: &[Block], w: &[f64]) -> Result<f64, CompileError> {
         let mut values = vec![0.0; blocks.iter().map(Block::n_rows).sum()];
@@ -63,10 +69,10 @@ impl Mpcc<'_> {
     ) -> Result<kernels::Block, CompileError> {
         let kernel = &block.kernel;
         let occurring = variables_of(outputs);
-        let params = (self.params.iter())
-            .filter_map(|param| Some((param.var.as_variable()?, param.value)))
+        let params = (self.params.iter().zip(0..))
+            .filter_map(|(param, place)| Some((param.var.as_variable()?, place)))
             .filter(|(var, _)| occurring.binary_search(var).is_ok());
-        let (params, parameters): (Vec<Var>, Vec<f64>) = params.unzip();
+        let (params, parameters): (Vec<Var>, Vec<u32>) = params.unzip();
         let n = block.n_places();
         let (variables, arguments) = among(&occurring, &kernel.variables, &block.arguments, n);
         let (numbers, values) = among(&occurring, &kernel.numbers, &block.numbers, n);

@@ -74,6 +74,7 @@ impl<'e> Mpcc<'e> {
         let side = |side: fn(&Bounds) -> f64| bounds.iter().map(side).collect::<Vec<f64>>();
         let (lower, upper) = (side(|b| b.lower), side(|b| b.upper));
         let mut builder = kernels::Program::builder(&lower, &upper, &side(|b| b.guess));
+        builder.parameters(&self.parameters());
         let mut steering = Vec::new();
         let mut rows = Vec::new();
         let mut pairs = Pairs {
@@ -285,7 +286,17 @@ impl Program {
 
     /// Gives a variable its value; it is no side of a pair by itself.
     pub fn set_value(&mut self, variable: usize, value: f64) {
-        self.kernels.set_variable_bounds(variable, value, value);
+        self.set_bounds(variable, value, value);
+    }
+
+    /// Gives a variable other bounds; where it is a side of a pair, its lower one has to stay.
+    pub fn set_bounds(&mut self, variable: usize, lower: f64, upper: f64) {
+        self.kernels.set_variable_bounds(variable, lower, upper);
+    }
+
+    /// Gives the parameters of the [`Mpcc`] that this was made of other values, in their order.
+    pub fn set_parameters(&mut self, values: &[f64]) {
+        self.kernels.set_parameters(values);
     }
 
     /// The program near a point with multipliers y.

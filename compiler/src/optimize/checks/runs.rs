@@ -1,7 +1,7 @@
 //! Simulations from event to event with other controls and initial values, which keep what they compile.
 //!
-//! Controls are data and initial values are numbers of a run; free parameters are compiled in, and so are the instants
-//! within a horizon that no step passes over.
+//! Controls are data, and initial values and parameters that stay open are numbers of a run; free parameters are compiled
+//! in, and so are the instants within a horizon that no step passes over.
 
 use std::cell::RefCell;
 
@@ -25,6 +25,8 @@ const LEAST_SHARE: f64 = 0.5;
 pub(crate) struct Runs<'e> {
     events: RefCell<Option<Kept<Plan<'e>>>>,
     again: RefCell<Option<Kept<Again>>>,
+    /// With controls that are numbers.
+    constant: RefCell<Option<Plan<'e>>>,
 }
 
 /// Runs with these parameters, to no longer horizon.
@@ -93,12 +95,20 @@ impl<'e> Problem<'e> {
         ReferenceRun::by(Some(events), system, settings, limit)
     }
 
+    /// A run over the horizon of a system whose controls are parameters of its own.
+    pub(crate) fn constant_run(&self, system: &System<'e>, limit: &Limit) -> ReferenceRun<'e> {
+        let mut kept = self.runs.constant.borrow_mut();
+        let plan = kept.get_or_insert_with(|| Plan::open(system, &self.settings, &self.open));
+        ReferenceRun::by(Some(plan), system, &self.settings, limit)
+    }
+
     /// Makes runs with the parameters and about the horizon of a point ready.
     pub(crate) fn run_again(&self, w: &[f64]) {
         let mut kept = self.runs.again.borrow_mut();
-        ready(&mut kept, self, (w, self.horizon(w)), |horizon| {
-            Again::new(&solved::system(self, w), horizon, TOLERANCE)
+        let again = ready(&mut kept, self, (w, self.horizon(w)), |horizon| {
+            Again::new(&solved::system(self, w), horizon, TOLERANCE, &self.open)
         });
+        again.set_parameters(&self.system.values_of(&self.open));
     }
 
     /// What is asked of those, with the parameters of another point.
@@ -110,7 +120,8 @@ impl<'e> Problem<'e> {
             // Parameters are numbers in what is compiled.
             None => {
                 let system = solved::system(self, w);
-                ask(&mut Again::new(&system, self.horizon(w), TOLERANCE))
+                let horizon = self.horizon(w);
+                ask(&mut Again::new(&system, horizon, TOLERANCE, &self.open))
             }
         }
     }
@@ -124,7 +135,7 @@ impl<'e> Problem<'e> {
         ready(kept, self, (w, settings.horizon), |horizon| {
             let mut longest = settings.clone();
             longest.horizon = horizon;
-            Plan::open(system, &longest, &[])
+            Plan::open(system, &longest, &self.open)
         })
     }
 }

@@ -40,6 +40,7 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
     }
     let mut system = problem.system.clone();
     system.task = None;
+    system.outputs.clear();
     for (i, control) in task.controls.iter().enumerate() {
         let values: Vec<f64> = layout
             .control_instants()
@@ -50,7 +51,7 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
         }
         system.params.push(known(control, values[0]));
     }
-    let reference = ReferenceRun::new(&system, settings, limit);
+    let reference = problem.constant_run(&system, limit);
     follow(problem, &reference, settings.horizon, w);
     reference.begins()
 }

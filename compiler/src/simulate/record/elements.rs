@@ -154,8 +154,8 @@ impl<'s, 'e> Elements<'s, 'e> {
         self.pieces.push(piece);
     }
 
-    /// The trajectory to the horizon.
-    pub fn finish(mut self, settings: &Settings, horizon: f64) -> Trajectory {
+    /// The trajectory to the horizon, with some parameters open, by their numbers.
+    pub fn finish(mut self, settings: &Settings, horizon: f64, open: &[usize]) -> Trajectory {
         if let Some(piece) = self.pieces.last_mut() {
             piece.to = horizon;
         }
@@ -169,7 +169,14 @@ impl<'s, 'e> Elements<'s, 'e> {
             _ if dense.pieces.is_empty() => self.points,
             _ => sampled(&dense, &settings.sampling, horizon, (n, m), self.points),
         };
-        recorded(self.system, settings, points, dense.pieces, &self.sides)
+        recorded(
+            self.system,
+            settings,
+            points,
+            dense.pieces,
+            &self.sides,
+            open,
+        )
     }
 }
 

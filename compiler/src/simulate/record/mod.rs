@@ -300,13 +300,14 @@ impl Points {
 }
 
 /// The trajectory of a run that another method has made: its points, its polynomials, and the sides of the switches
-/// from some instants on.
+/// from some instants on; what is reported is compiled with some parameters open, by their numbers.
 pub(crate) fn recorded(
     system: &System,
     settings: &Settings,
     points: Points,
     pieces: Vec<Piece>,
     sides: &[(f64, Box<[Side]>)],
+    open: &[usize],
 ) -> Trajectory {
     let names = ModeNames::new(system);
     let (n, m) = (system.states.len(), system.switches.len());
@@ -335,7 +336,7 @@ pub(crate) fn recorded(
         changes: changes.collect(),
         ..Record::default()
     };
-    let reported = Arc::new(Reported::new(system, &[]));
+    let reported = Arc::new(Reported::new(system, open));
     let recorder = Recorder {
         record,
         pieces: Some(pieces),

@@ -1,6 +1,6 @@
 //! `with { omega = 6; x = [0, 1]; u = sin(time); s.sliding = linear; }`
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::error::ExperimentError;
 use super::reader::unknown_choice;
@@ -19,8 +19,10 @@ pub(crate) struct Given<'e> {
     pub sliding: FxHashMap<usize, Sliding>,
     /// Whether controls that are not given are decided by the experiment.
     pub decides: bool,
-    /// Parameters that are optimized, with where each is freed.
+    /// Parameters that are optimized or stay open, with where each is freed.
     pub free: FxHashMap<Var, Span>,
+    /// Those that stay open.
+    pub open: FxHashSet<Var>,
     /// The experiment.
     pub span: Span,
 }
@@ -38,7 +40,7 @@ pub(crate) fn given<'e>(
         span: experiment.span,
         ..Given::default()
     };
-    let mut complete = stay_open(model, &experiment.open, diags);
+    let mut complete = stay_open(model, &experiment.open, &mut given, diags);
     let binds = experiment
         .settings
         .iter()
@@ -55,15 +57,20 @@ pub(crate) fn given<'e>(
     complete.then_some(given)
 }
 
-/// Whether what stays open are parameters.
-fn stay_open(model: &Model<'_>, open: &[Path], diags: &mut Diagnostics) -> bool {
+/// Lets parameters stay open; false where something else should, or what is optimized.
+fn stay_open(
+    model: &Model<'_>,
+    open: &[Path],
+    given: &mut Given<'_>,
+    diags: &mut Diagnostics,
+) -> bool {
     let mut complete = true;
     for path in open {
         let Some(target) = model.scope.target(path, diags) else {
             complete = false;
             continue;
         };
-        if !matches!(target.kind, TargetKind::Param(_)) {
+        let TargetKind::Param(k) = target.kind else {
             diags.push(ExperimentError::NotFree {
                 name: path_text(model, path, &target),
                 kind: target.kind.word(),
@@ -71,12 +78,32 @@ fn stay_open(model: &Model<'_>, open: &[Path], diags: &mut Diagnostics) -> bool 
                 span: path.span,
             });
             complete = false;
+            continue;
+        };
+        for var in entries(&model.params[k], &target) {
+            match given.free.insert(var, path.span) {
+                Some(first) if !given.open.contains(&var) => {
+                    diags.push(ExperimentError::Twice {
+                        what: format!("`{}`", model.exprs.name(var)),
+                        first,
+                        second: path.span,
+                    });
+                    complete = false;
+                }
+                _ => _ = given.open.insert(var),
+            }
         }
     }
     complete
 }
 
-/// The parameters that `free` names, and those that stay open; what is wrong with it is reported where it is read.
+/// The variables of what is named of a quantity.
+fn entries(quantity: &Quantity<'_>, target: &Target) -> impl Iterator<Item = Var> {
+    let entries = target.entries.iter();
+    entries.filter_map(|&entry| quantity.vars.get(entry)?.as_variable())
+}
+
+/// The parameters that `free` names; what is wrong with it is reported where it is read.
 fn freed(model: &Model<'_>, experiment: &syntax::Experiment) -> FxHashMap<Var, Span> {
     let mut freed = FxHashMap::default();
     let listed = experiment.settings.iter().flat_map(|setting| {
@@ -86,13 +113,13 @@ fn freed(model: &Model<'_>, experiment: &syntax::Experiment) -> FxHashMap<Var, S
         };
         list.iter().map(|(path, _)| path)
     });
-    for path in listed.chain(&experiment.open) {
+    for path in listed {
         let Some(target) = model.scope.target(path, &mut Diagnostics::new()) else {
             continue;
         };
         if let TargetKind::Param(k) = target.kind {
-            let vars = (target.entries.iter()).filter_map(|&e| model.params[k].vars.get(e));
-            freed.extend(vars.filter_map(|var| Some((var.as_variable()?, path.span))));
+            let vars = entries(&model.params[k], &target);
+            freed.extend(vars.map(|var| (var, path.span)));
         }
     }
     freed

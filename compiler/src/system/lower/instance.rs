@@ -99,16 +99,25 @@ impl<'m, 'e> Instance<'m, 'e> {
         exprs.sum(along.chain([c.diff(self.time())]))
     }
 
-    /// Where an entry of a quantity may be, open where free parameters say so, which is a constraint.
-    pub fn allowed(&self, quantity: &Quantity<'e>, entry: usize) -> Option<Allowed> {
+    /// Whether a bound moves with a free parameter.
+    pub fn moves(&self, e: Expr<'e>) -> bool {
+        self.values().free.first_in(&[e]).is_some()
+    }
+
+    /// Where an entry of a quantity may be, without bounds that move, which are constraints.
+    pub fn allowed(
+        &self,
+        quantity: &Quantity<'e>,
+        entry: usize,
+        moves: impl Fn(Expr<'e>) -> bool,
+    ) -> Option<Allowed> {
         let allowed = Allowed::of(quantity, entry, &|e| self.number(e))?;
         let (Allowed::Between(lower, upper), Some(Domain::Box(lo, hi))) =
             (&allowed, &quantity.domain)
         else {
             return Some(allowed);
         };
-        let is_free = |e: Expr<'e>| self.values().free.first_in(&[e]).is_some();
-        let open = |e: Expr<'e>, number: f64, open: f64| if is_free(e) { open } else { number };
+        let open = |e: Expr<'e>, number: f64, open: f64| if moves(e) { open } else { number };
         let lower = open(lo.data[entry], *lower, f64::NEG_INFINITY);
         let upper = open(hi.data[entry], *upper, f64::INFINITY);
         Some(Allowed::Between(lower, upper))
@@ -126,16 +135,14 @@ impl<'m, 'e> Instance<'m, 'e> {
                 if var.as_variable().is_none_or(is_given) || !self.needs.holds_all(var) {
                     continue;
                 }
-                let allowed = self.allowed(quantity, k);
+                let moves = |e: Expr<'e>| self.values().free.decided_in(&[e]).is_some();
+                let allowed = self.allowed(quantity, k, moves);
                 let default = quantity.value.as_ref().and_then(|value| value.data.get(k));
                 let default = default.map_or(0.0, |&e| self.number(e));
-                let guess = if default.is_finite() { default } else { 0.0 };
                 controls.push(Control {
                     name: quantity.shape.entry_name(&quantity.name, k),
                     var,
-                    guess: allowed
-                        .as_ref()
-                        .map_or(guess, |allowed| allowed.nearest(guess)),
+                    default: if default.is_finite() { default } else { 0.0 },
                     allowed,
                     span: quantity.span,
                 });

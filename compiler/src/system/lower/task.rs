@@ -141,7 +141,7 @@ fn state_bounds(instance: &Instance<'_, '_>) -> Vec<Free> {
     });
     let bounds = entries.filter_map(|(state, k, var)| {
         let place = *instance.places.get(&var.as_variable()?)?;
-        match instance.allowed(state, k)? {
+        match instance.allowed(state, k, |e| instance.moves(e))? {
             Allowed::Between(lower, upper) => Some(Free {
                 place,
                 lower,
@@ -158,7 +158,8 @@ pub(crate) fn coefficient_rows<'e>(
     instance: &Instance<'_, 'e>,
     contacts: &[Contact<'e>],
 ) -> Vec<TaskRow<'e>> {
-    let is_free = |var: &Var| instance.values().free.vars.contains_key(var);
+    let free = &instance.values().free;
+    let is_free = |var: &Var| free.vars.contains_key(var) && !free.inputs.contains(var);
     let is_param = |var: &Var| instance.params.numbers.contains_key(var);
     let coefficients = contacts.iter().flat_map(|contact| {
         let friction = contact.friction.as_ref();
@@ -191,7 +192,8 @@ fn algebraic_bounds<'e>(translation: &mut Translation<'_, 'e>) -> Vec<TaskRow<'e
     let mut rows = Vec::new();
     for z in &instance.model.algebraics {
         for (k, &var) in z.vars.iter().enumerate() {
-            if let Some(Allowed::Between(lower, upper)) = instance.allowed(z, k)
+            if let Some(Allowed::Between(lower, upper)) =
+                instance.allowed(z, k, |e| instance.moves(e))
                 && (lower.is_finite() || upper.is_finite())
             {
                 rows.push(TaskRow {

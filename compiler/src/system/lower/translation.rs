@@ -94,7 +94,7 @@ impl<'m, 'e> Translation<'m, 'e> {
         switches.retain(|(alpha, _)| !relays.contains_key(alpha));
         let decided = instance.decided();
         let decided = decided.iter();
-        let decided = decided.filter_map(|u| Some((u.var.as_variable()?, u.guess)));
+        let decided = decided.filter_map(|u| Some((u.var.as_variable()?, u.guess())));
         let numbers = instance.values().numbers.iter().chain(&relays);
         let fixed = numbers.map(|(&var, &value)| (var, value));
         let states = instance.states().chain(self.implicit.iter().copied());

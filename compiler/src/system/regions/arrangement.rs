@@ -105,7 +105,14 @@ impl<'e> System<'e> {
             let switch = &self.switches[k];
             Some((switch.alpha.as_variable()?, switch.surface()))
         });
-        let params = self.params_as_numbers(|place| !self.is_free(place));
+        let surfaces: Vec<_> = surfaces.collect();
+        let psi: Vec<Expr> = surfaces.iter().map(|&(_, psi)| psi).collect();
+        let occurring = variables_of(&psi);
+        let occurs = |place: usize| {
+            let var = self.params[place].var.as_variable();
+            var.is_some_and(|var| occurring.contains(&var))
+        };
+        let params = self.params_as_numbers(|place| occurs(place) && !self.is_free(place));
         let freed = self.params.iter().enumerate();
         let freed = freed.filter(|(place, _)| self.is_free(*place));
         let freed = freed.map(|(_, param)| (param.var, param.value));
@@ -120,7 +127,7 @@ impl<'e> System<'e> {
             .map(|data| (data.var, data.table.value(0.0)));
         let origin = states.chain([(self.time, 0.0)]).chain(data);
         let origin = origin.filter_map(|(var, value)| Some((var.as_variable()?, value)));
-        Arrangement::new(&surfaces.collect::<Vec<_>>(), &params, origin)
+        Arrangement::new(&surfaces, &params, origin)
     }
 }
 

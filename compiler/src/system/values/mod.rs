@@ -30,6 +30,8 @@ pub(crate) struct Values<'e> {
 pub(crate) struct FreeParams<'e> {
     /// p, with where each is freed.
     pub vars: FxHashMap<Var, Span>,
+    /// Those of p that no experiment decides: they are inputs of runs.
+    pub inputs: FxHashSet<Var>,
     /// Parameters q(p), as functions of p and of parameters that are numbers.
     derived: Substitution<'e>,
     /// Initial values x(0) = x_0(p), with where they are given.
@@ -52,11 +54,26 @@ impl<'e> FreeParams<'e> {
 
     /// The first free parameter that expressions depend on.
     pub fn first_in(&self, exprs: &[Expr<'e>]) -> Option<Var> {
+        self.find_in(exprs, |_| true)
+    }
+
+    /// The first of those that are optimized.
+    pub fn decided_in(&self, exprs: &[Expr<'e>]) -> Option<Var> {
+        self.find_in(exprs, |var| !self.inputs.contains(var))
+    }
+
+    /// The first of those that are inputs of runs.
+    pub fn input_in(&self, exprs: &[Expr<'e>]) -> Option<Var> {
+        self.find_in(exprs, |var| self.inputs.contains(var))
+    }
+
+    fn find_in(&self, exprs: &[Expr<'e>], is_meant: impl Fn(&Var) -> bool) -> Option<Var> {
         if self.vars.is_empty() {
             return None;
         }
-        let vars = variables_of(&self.derived.apply(exprs));
-        vars.into_iter().find(|var| self.vars.contains_key(var))
+        let vars = variables_of(&self.derived.apply(exprs)).into_iter();
+        let mut free = vars.filter(|var| self.vars.contains_key(var));
+        free.find(is_meant)
     }
 
     /// Whether a parameter is computed from free ones.
@@ -91,7 +108,7 @@ impl<'e> Values<'e> {
             let value = self
                 .numbers
                 .get(&var)
-                .filter(|_| self.free.vars.contains_key(&var))?;
+                .filter(|_| self.free.inputs.contains(&var))?;
             let side = match *value >= 0.0 {
                 true => [0.0, f64::INFINITY],
                 false => [f64::NEG_INFINITY, 0.0],
@@ -105,17 +122,17 @@ impl<'e> Values<'e> {
         open.collect()
     }
 
-    /// Whether a parameter is free, or stays open.
+    /// Whether a parameter stays open.
     pub fn is_open(&self, param: Expr<'e>) -> bool {
         let var = param.as_variable();
-        var.is_some_and(|var| self.free.vars.contains_key(&var))
+        var.is_some_and(|var| self.free.inputs.contains(&var))
     }
 
-    /// The first parameter whose values are bounded by what free parameters move, or that is free and in a finite set.
+    /// The first parameter whose values are bounded by what open parameters move, or that is open and in a finite set.
     pub fn moving_range(&self, model: &Model<'e>) -> Option<String> {
         let moves = |var: Expr<'e>, bounds: &[Expr<'e>], is_set: bool| {
-            let derives = var.as_variable().is_some_and(|var| self.free.derives(var));
-            derives || is_set && self.is_open(var) || self.free.first_in(bounds).is_some()
+            let follows = !self.is_open(var) && self.free.input_in(&[var]).is_some();
+            follows || is_set && self.is_open(var) || self.free.input_in(bounds).is_some()
         };
         let entries = (model.params.iter()).flat_map(|p| (0..p.vars.len()).map(move |k| (p, k)));
         let mut found = entries.filter_map(|(param, k)| {
@@ -181,6 +198,7 @@ pub(crate) fn evaluate<'e>(
 ) -> Option<Values<'e>> {
     let mut free = FreeParams {
         vars: given.free.clone(),
+        inputs: given.open.clone(),
         ..FreeParams::default()
     };
     let numbers = numbers(model, given, &mut free, diags);

@@ -30,14 +30,19 @@ pub(crate) struct Compiled {
     rows: Range<usize>,
     /// Indices of the variables that are the first inputs.
     gather: Vec<u32>,
+    /// The indices of the parameters that are the last inputs but weights.
+    parameters: Vec<u32>,
     /// Variables, numbers and parameters at all places, then weights.
     inputs: Vec<f64>,
     n_weights: usize,
     values: Function,
     slopes: Function,
+    /// The slopes that do not change with the variables.
+    constant: Function,
     curvature: Function,
-    /// The entry of the Jacobian or gradient that each of the slopes is added to.
+    /// The entry of the Jacobian or gradient that each of the slopes is added to: of those that change, and of the others.
     slopes_to: Vec<u32>,
+    constant_to: Vec<u32>,
     /// Row and column of each output of the curvature at each place, and its entry of the Hessian.
     curvature_at: Vec<(u32, u32)>,
     curvature_to: Vec<u32>,
@@ -120,12 +125,9 @@ impl Compiled {
             .flat_map(|(output, _)| output * n..(output + 1) * n);
         let twice = twice.filter(|&at| curvature_at[at].0 == curvature_at[at].1);
         let twice = twice.map(|at| (at as u32, 0)).collect();
-        let parameters = block.parameters.iter();
-        let inputs = (vec![0.0; block.variables.len()].into_iter())
-            .chain(block.numbers.iter().copied())
-            .chain(parameters.flat_map(|&parameter| vec![parameter; n]))
-            .chain(vec![0.0; n_weights]);
-        let inputs: Vec<f64> = inputs.collect();
+        let mut inputs = vec![0.0; block.variables.len()];
+        inputs.extend_from_slice(&block.numbers);
+        inputs.resize(inputs.len() + block.parameters.len() * n + n_weights, 0.0);
         debug_assert_eq!(
             curvature.constant.n_outputs(),
             0,
@@ -135,12 +137,15 @@ impl Compiled {
             n_places: n,
             rows,
             gather: block.variables,
+            parameters: block.parameters,
             inputs,
             n_weights,
             values: Function::new(block.values, n),
             slopes: Function::new(slopes.derivative.tape.clone(), n),
+            constant: Function::new(slopes.derivative.constant.clone(), n),
             curvature: Function::new(curvature.tape, n),
             slopes_to: Vec::new(),
+            constant_to: Vec::new(),
             curvature_at,
             curvature_to: Vec::new(),
             twice,
@@ -151,22 +156,28 @@ impl Compiled {
         self.rows.start
     }
 
-    /// Notes where slopes go, and adds those that never change to `constant`.
-    pub(crate) fn scatter_slopes(
-        &mut self,
-        slopes: &Slopes,
-        place: impl Fn((u32, u32)) -> u32,
-        constant: &mut [f64],
-    ) {
+    /// Notes where slopes go.
+    pub(crate) fn scatter_slopes(&mut self, slopes: &Slopes, place: impl Fn((u32, u32)) -> u32) {
         let to = slopes.entries.iter().map(|&entry| place(entry));
         self.slopes_to = to.collect();
-        let changing = self.slopes.outputs.len();
-        let fixed = self.slopes_to.split_off(changing);
-        let tape = slopes.derivative.constant.clone();
-        let mut function = Function::new(tape, self.n_places);
-        let inputs = self.inputs.len() - self.n_weights;
-        let values = function.eval(&self.inputs[..inputs], self.n_places);
-        add(values, &fixed, constant);
+        self.constant_to = self.slopes_to.split_off(self.slopes.outputs.len());
+    }
+
+    /// Sets the parameters among the inputs, which are the same at all places.
+    pub(crate) fn set_parameters(&mut self, values: &[f64]) {
+        let n_inputs = self.inputs.len() - self.n_weights;
+        let first = n_inputs - self.parameters.len() * self.n_places;
+        let places = self.inputs[first..n_inputs].chunks_mut(self.n_places.max(1));
+        for (places, &parameter) in places.zip(&self.parameters) {
+            places.fill(values[parameter as usize]);
+        }
+    }
+
+    /// Adds the slopes that do not change with the variables.
+    pub(crate) fn add_constant_slopes(&mut self, entries: &mut [f64]) {
+        let n_inputs = self.inputs.len() - self.n_weights;
+        let slopes = (self.constant).eval(&self.inputs[..n_inputs], self.n_places);
+        add(slopes, &self.constant_to, entries);
     }
 
     /// Notes where second derivatives go.

@@ -28,8 +28,8 @@ pub struct Block {
     pub variables: Vec<u32>,
     /// Number i at place p, at i · places + p.
     pub numbers: Vec<f64>,
-    /// Numbers that are the same at all places.
-    pub parameters: Vec<f64>,
+    /// The indices of the parameters of the program, the same at all places, that are its last inputs.
+    pub parameters: Vec<u32>,
 }
 
 /// A nonlinear program with complementarity constraints, made of blocks.
@@ -82,6 +82,7 @@ struct Term {
 #[derive(Clone, Debug)]
 pub struct ProgramBuilder {
     structure: HeldStructure,
+    parameters: Vec<f64>,
     pairs: Vec<Pair>,
     blocks: Vec<(Range<usize>, Block)>,
     terms: Vec<Block>,
@@ -105,6 +106,7 @@ impl Program {
                 start: start.to_vec(),
                 ..HeldStructure::default()
             },
+            parameters: Vec::new(),
             pairs: Vec::new(),
             blocks: Vec::new(),
             terms: Vec::new(),
@@ -123,6 +125,31 @@ impl Program {
     /// If there are more or fewer values than variables.
     pub fn set_start(&mut self, start: &[f64]) {
         self.structure.start.copy_from_slice(start);
+    }
+
+    /// Gives the parameters other values; patterns stay as they are.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer values than parameters.
+    pub fn set_parameters(&mut self, values: &[f64]) {
+        self.constant_slopes.fill(0.0);
+        for block in &mut self.blocks {
+            block.set_parameters(values);
+            block.add_constant_slopes(&mut self.constant_slopes);
+        }
+        self.constant_gradient.fill(0.0);
+        let mut own = vec![0.0; self.constant_gradient.len()];
+        for term in &mut self.terms {
+            term.block.set_parameters(values);
+            own.fill(0.0);
+            term.block.add_constant_slopes(&mut own);
+            let constant = (0..).zip(own.iter().copied());
+            term.constant = constant.filter(|(_, slope)| *slope != 0.0).collect();
+            for &(variable, slope) in term.constant.iter().filter(|_| term.is_on) {
+                self.constant_gradient[variable as usize] += slope;
+            }
+        }
     }
 
     /// Takes a term of the objective out of it, or puts it back; patterns stay as they are.
@@ -164,13 +191,18 @@ impl Program {
 }
 
 impl ProgramBuilder {
+    /// The values of the parameters, which are known before the first block.
+    pub fn parameters(&mut self, values: &[f64]) {
+        self.parameters = values.to_vec();
+    }
+
     /// Adds rows cl <= c(w) <= cu and gives their numbers.
     ///
     /// # Panics
     ///
     /// If there are not as many bounds as rows, or if the arguments of the block do not fit together.
     pub fn rows(&mut self, block: Block, lower: &[f64], upper: &[f64]) -> Range<usize> {
-        block.check(self.structure.variables.lower.len());
+        self.check(&block);
         let n_rows = block.values.n_outputs() * block.n_places;
         assert_eq!(lower.len(), n_rows, "one lower bound per row");
         assert_eq!(upper.len(), n_rows, "one upper bound per row");
@@ -188,7 +220,7 @@ impl ProgramBuilder {
     ///
     /// If the arguments of the block do not fit together.
     pub fn objective(&mut self, block: Block) -> usize {
-        block.check(self.structure.variables.lower.len());
+        self.check(&block);
         self.terms.push(block);
         self.terms.len() - 1
     }
@@ -235,37 +267,29 @@ impl ProgramBuilder {
         let jacobian = Pattern::new(self.structure.rows.lower.len(), slopes);
         let hessian = Pattern::new(n, curvatures);
 
-        let mut constant_slopes = vec![0.0; jacobian.n_entries()];
-        let mut constant_gradient = vec![0.0; n];
         for (block, found) in &mut of_rows {
             let first = block.first_row();
             let place = |(row, column): (u32, u32)| {
                 let place = jacobian.place(first + row as usize, column);
                 place.expect("the pattern has all entries") as u32
             };
-            block.scatter_slopes(found, place, &mut constant_slopes);
+            block.scatter_slopes(found, place);
             block.scatter_curvature(&hessian);
         }
         let mut terms = Vec::with_capacity(of_terms.len());
         for (mut block, found) in of_terms {
-            let mut own = vec![0.0; n];
-            block.scatter_slopes(&found, |(_, column)| column, &mut own);
+            block.scatter_slopes(&found, |(_, column)| column);
             block.scatter_curvature(&hessian);
-            let constant = own.iter().enumerate().filter(|(_, slope)| **slope != 0.0);
-            let constant: Vec<(u32, f64)> = constant
-                .map(|(variable, &slope)| (variable as u32, slope))
-                .collect();
-            for &(variable, slope) in &constant {
-                constant_gradient[variable as usize] += slope;
-            }
             terms.push(Term {
                 block,
-                constant,
+                constant: Vec::new(),
                 is_constant: found.entries.is_empty(),
                 is_on: true,
             });
         }
-        Program {
+        let mut program = Program {
+            constant_slopes: vec![0.0; jacobian.n_entries()],
+            constant_gradient: vec![0.0; n],
             structure: HeldStructure {
                 jacobian,
                 hessian,
@@ -274,9 +298,15 @@ impl ProgramBuilder {
             pairs: self.pairs,
             blocks: of_rows.into_iter().map(|(block, _)| block).collect(),
             terms,
-            constant_slopes,
-            constant_gradient,
-        }
+        };
+        program.set_parameters(&self.parameters);
+        program
+    }
+
+    fn check(&self, block: &Block) {
+        block.check(self.structure.variables.lower.len());
+        let known = |&parameter: &u32| (parameter as usize) < self.parameters.len();
+        assert!(block.parameters.iter().all(known), "parameters are known");
     }
 }
 

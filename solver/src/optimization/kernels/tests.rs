@@ -18,6 +18,7 @@ fn program() -> Program {
     let free = vec![-INFINITY; n];
     let start: Vec<f64> = (0..n).map(|i| 0.3 + 0.1 * i as f64).collect();
     let mut program = Program::builder(&free, &vec![INFINITY; n], &start);
+    program.parameters(&[0.5]);
     let pairs = |last: u32| (0..11).chain([5]).chain(1..12).chain([last]).collect();
     let rows = program.rows(
         Block {
@@ -30,7 +31,7 @@ fn program() -> Program {
             n_places: 12,
             variables: pairs(5),
             numbers: vec![],
-            parameters: vec![0.5],
+            parameters: vec![0],
         },
         &[0.0; 24],
         &[INFINITY; 24],
@@ -254,4 +255,51 @@ fn a_term_may_be_taken_out() {
     program.switch_term(linear, true);
     program.switch_term(cube, true);
     assert_eq!(all(&mut program), (21.0, [6.0, 14.0], [2.0, 12.0]));
+}
+
+/// Values and derivatives with another parameter are those of a program that is built with it: e^(p x) + p x as a row and
+/// p x as a term, of which some slopes do not depend on x.
+#[test]
+fn parameters_may_have_other_values() {
+    let built = |p: f64| {
+        let mut program = Program::builder(&[0.0; 2], &[9.0; 2], &[1.0; 2]);
+        program.parameters(&[7.0, p]);
+        let block = |values, variable| Block {
+            values,
+            n_places: 1,
+            variables: vec![variable],
+            numbers: vec![],
+            parameters: vec![1],
+        };
+        let row = tape(2, |b, x| {
+            let product = b.mul(x[0], x[1]);
+            let exp = b.exp(product);
+            vec![product, b.add(exp, product)]
+        });
+        program.rows(block(row, 0), &[0.0; 2], &[0.0; 2]);
+        let term = program.objective(block(tape(2, |b, x| vec![b.mul(x[0], x[1])]), 1));
+        (program.finish(), term)
+    };
+    let all = |program: &mut Program| {
+        let w = [0.5, 2.0];
+        let (mut rows, mut slopes) = ([0.0; 2], [0.0; 2]);
+        let (mut gradient, mut hessian) = ([0.0; 2], [0.0; 1]);
+        program.rows(&w, &mut rows);
+        program.jacobian(&w, &mut slopes);
+        program.gradient(&w, &mut gradient);
+        program.hessian(&w, 1.0, &[1.0, 2.0], &mut hessian);
+        (rows, slopes, gradient, hessian, program.objective(&w))
+    };
+    let ((mut program, term), (mut other, _)) = (built(3.0), built(-0.5));
+    assert_ne!(all(&mut program), all(&mut other));
+    program.set_parameters(&[7.0, -0.5]);
+    assert_eq!(all(&mut program), all(&mut other));
+    // A term that is out stays out, and comes back with the parameter that there is.
+    program.switch_term(term, false);
+    program.set_parameters(&[7.0, 3.0]);
+    let mut gradient = [0.0; 2];
+    program.gradient(&[0.5, 2.0], &mut gradient);
+    assert_eq!(gradient, [0.0; 2]);
+    program.switch_term(term, true);
+    assert_eq!(all(&mut program), all(&mut built(3.0).0));
 }

@@ -175,13 +175,13 @@ pub(crate) fn declare(mpcc: &mut Mpcc, dcs: &Dcs, grid: Grid) -> Decided {
     }
 }
 
-fn bounds_of(control: &Control) -> Bounds {
+pub(crate) fn bounds_of(control: &Control) -> Bounds {
     match &control.allowed {
-        None => Bounds::free(control.guess),
-        Some(Allowed::Between(lower, upper)) => Bounds::between(*lower, *upper, control.guess),
+        None => Bounds::free(control.guess()),
+        Some(Allowed::Between(lower, upper)) => Bounds::between(*lower, *upper, control.guess()),
         Some(Allowed::OneOf(values)) => {
             let [lower, upper] = ends(values);
-            Bounds::between(lower, upper, control.guess)
+            Bounds::between(lower, upper, control.guess())
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Where p is free, `control u in [-p, p]` says -p <= u <= p at the ends of control intervals, `state x in [0, p]`
 //! 0 <= x <= p at all nodes, and `param q in [0, 1] = 2*p` 0 <= 2 p <= 1. Finite sets and thresholds of relays are
-//! numbers.
+//! numbers. Where p is an input of runs, the range of a control is one of its variable, whose ends are numbers of a run.
 
 use nsd_solver::integrate::tableau::Family;
 
@@ -63,6 +63,7 @@ impl<'e> Draft<'_, 'e> {
             return;
         };
         let is_param = kind == "param";
+        let decides = |exprs: &[Expr<'e>]| values.free.decided_in(exprs).is_some();
         let is_derived = is_param && values.free.derives(var);
         // What is given follows from other quantities, and is watched only.
         if !is_param && values.signals.contains(&var) {
@@ -73,7 +74,12 @@ impl<'e> Draft<'_, 'e> {
             None => {}
             Some(Domain::Box(lower, upper)) => {
                 let ends = [lower.data[k], upper.data[k]];
-                if is_derived || values.free.first_in(&ends).is_some() {
+                let moves = match kind {
+                    "param" => is_derived && decides(&[entry]) || decides(&ends),
+                    "control" => decides(&ends),
+                    _ => values.free.first_in(&ends).is_some(),
+                };
+                if moves {
                     for &at in instants {
                         let members = vec![ends[0], entry, ends[1]];
                         self.relate(at, members, Relation::LessEqual, span);

@@ -182,14 +182,16 @@ impl<'m, 'e> Draft<'m, 'e> {
         }
     }
 
-    /// Initial values of states that are computed from free parameters, without those that are free themselves.
+    /// Initial values of states that are computed from what is optimized, without those that are free themselves.
     fn tied(&self, reader: &Reader<'_, 'e>) -> Vec<Tied<'e>> {
         let states: FxHashSet<Var> = (reader.model.state_vars())
             .filter_map(Expr::as_variable)
             .collect();
         let is_free = |var: Var| self.initial.iter().any(|freed| freed.var == var);
         let initial = reader.values.free.initial.iter();
-        let tied = initial.filter(|(var, ..)| states.contains(var) && !is_free(*var));
+        let decides = |value: Expr<'e>| reader.values.free.decided_in(&[value]).is_some();
+        let tied = initial
+            .filter(|(var, value, _)| states.contains(var) && !is_free(*var) && decides(*value));
         tied.map(|&(var, value, span)| Tied { var, value, span })
             .collect()
     }

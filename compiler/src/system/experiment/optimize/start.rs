@@ -68,8 +68,9 @@ impl<'e> Reader<'_, 'e> {
             .entries
             .iter()
             .map(|&entry| quantity.vars[entry].as_variable());
+        let values = self.values.signals.apply(&value.data);
         let pairs = vars
-            .zip(value.data)
+            .zip(values)
             .filter_map(|(var, value)| Some((var?, value)));
         Some(pairs.collect())
     }
