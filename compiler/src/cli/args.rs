@@ -220,15 +220,30 @@ pub struct RunArgs {
     /// Add the multipliers of `method fesd` to the JSON
     #[arg(long, requires = "json")]
     pub multipliers: bool,
+    /// What is told about them.
+    #[command(flatten)]
+    pub told: ToldArgs,
+}
+
+/// What a command tells about runs.
+#[derive(Debug, Arguments)]
+pub struct ToldArgs {
     /// Say where the time went
     #[arg(long)]
     pub time: bool,
     /// What is told about the run; `iterations` of an optimization, or its starts where there are several
     #[arg(long, value_enum, default_value = "summary")]
-    pub log: Log,
+    log: Log,
     /// Print nothing but what is wrong, as `--log off`
     #[arg(short, long, conflicts_with = "log")]
-    pub quiet: bool,
+    quiet: bool,
+}
+
+impl ToldArgs {
+    /// How much is told.
+    pub fn log(&self) -> Log {
+        if self.quiet { Log::Off } else { self.log }
+    }
 }
 
 /// Settings that a command line gives in place of those of experiments, in the words of the language.

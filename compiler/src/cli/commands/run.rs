@@ -71,7 +71,7 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {}
         Err(error) => return Err(error),
     }
-    if args.time {
+    if args.told.time {
         times(&clock, streams)?;
     }
     Ok(exit)
@@ -139,7 +139,7 @@ fn one(
     };
     let name = &compiled.settings.name;
     // A log shows how far the run is.
-    let logs = args.log == Log::Iterations && compiled.settings.optimize.is_some();
+    let logs = args.told.log() == Log::Iterations && compiled.settings.optimize.is_some();
     let bar = Bar::new(name, streams.progress && !logs);
     let mut watching = match logs {
         false => Watching::new(bar),
@@ -197,7 +197,7 @@ impl Outputs {
     fn new(args: &RunArgs, several: bool) -> Self {
         Outputs {
             report: String::new(),
-            reports: !args.quiet && args.log > Log::Off && !args.targets().to_standard(),
+            reports: args.told.log() > Log::Off && !args.targets().to_standard(),
             json: args.json.as_deref().map(Sink::new),
             csv: args.csv.clone(),
             events: args.events.clone(),
