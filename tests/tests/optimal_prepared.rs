@@ -467,6 +467,53 @@ fn coefficients_of_contacts_are_inputs() {
         }";
     let values: [&[f64]; 3] = [&[0.5, 1.0], &[0.4, 1.0], &[0.5, 2.0]];
     as_compiled_with(text, &["e", "m"], &values, [1e-7, 1e-5]);
+    let exprs = Exprs::new();
+    let project = Project::from_text("test.nsd", text);
+    let prepared = project.prepare_optimal(&exprs, "o", &["e"], &[]);
+    let mut prepared = prepared.expect("it has a program");
+    let found = prepared.solve(&[1.5], None, None, &Limit::default(), &mut ());
+    let error = found.err().map(|error| error.to_string());
+    let told = error.is_some_and(|error| error.contains("restitution is not in [0, 1]"));
+    assert!(told, "no restitution is 1.5");
+}
+
+/// Conditions and kinks that a parameter moves: either it is refused to keep it open, or what is prepared on one side of
+/// the threshold is right on the other.
+#[test]
+fn thresholds_of_open_parameters_are_not_compiled_in() {
+    let terms = [
+        "if m > 2 then 1 else 3",
+        "abs(m - 2)",
+        "max(m - 2, 0)",
+        "min(m, 2)",
+        "sat(m, -2, 2)",
+        "sign(x^2 + m - 2)",
+        "if x^2 + m > 2 then 1 else 3",
+        "if m*m > 4 and x < 9 then 1 else 3",
+    ];
+    let mut n_prepared = 0;
+    for term in terms {
+        let text = format!(
+            "model k {{ param m = 1; state x = 0.1; control u in [-9, 9]; x' = u - 0.5*x + ({term}); }}
+            optimize o of k {{ horizon 1; intervals 2; minimize integral(u^2) + final((x - 4)^2); }}"
+        );
+        let exprs = Exprs::new();
+        let project = Project::from_text("test.nsd", &text);
+        let Ok(mut prepared) = project.prepare_optimal(&exprs, "o", &["m"], &[]) else {
+            continue;
+        };
+        n_prepared += 1;
+        for m in [1.0, 3.0, 2.5, 1.5] {
+            let found = prepared.solve(&[m], None, None, &Limit::default(), &mut ());
+            let Ok(found) = found else {
+                continue;
+            };
+            let other = fresh(&project, &["m".to_owned()], &[m]);
+            let apart = objective(&found.trajectory) - objective(&other);
+            assert!(apart.abs() <= 1e-6, "{term}, m = {m}: off by {apart:e}");
+        }
+    }
+    assert!(n_prepared >= 2, "{n_prepared} of {}", terms.len());
 }
 
 /// What is compiled in is refused, and so are numbers for which nothing was prepared.

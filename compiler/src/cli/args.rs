@@ -262,8 +262,8 @@ pub struct SettingArgs {
     /// Record at multiples of this time
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     every: Option<String>,
-    /// Start an optimization from the states and controls of a `.json` that `run` wrote, or of another experiment
-    #[arg(long, value_name = "FILE|EXPERIMENT")]
+    /// Start the optimization from the states and controls of a `.json` that `run` wrote, or of another experiment
+    #[arg(long, value_name = "FILE|EXPERIMENT", value_parser = source)]
     guess: Option<String>,
 }
 
@@ -271,8 +271,9 @@ impl SettingArgs {
     /// Options that are given, with what the experiment would say.
     pub fn words(&self) -> impl Iterator<Item = (&'static str, String)> {
         // A file that an experiment names is beside the model; here it is where the command runs.
+        let is_file = |from: &str| from.contains(['.', '/', '\\']) || Path::new(from).is_file();
         let source = |from: &String| match std::path::absolute(from) {
-            Ok(path) if path.extension().is_some() => {
+            Ok(path) if is_file(from) => {
                 format!("guess {{ from \"{}\"; }}", path.display())
             }
             _ => format!("guess {{ from {from}; }}"),
@@ -341,6 +342,14 @@ impl<'a> Targets<'a> {
             .extension()
             .is_some_and(|extension| extension.eq_ignore_ascii_case("svg"));
         (!is_svg).then(|| format!("plots are SVG: `{}` must end in `.svg`", plot.display()))
+    }
+}
+
+/// A source of guesses that the language can name.
+fn source(text: &str) -> Result<String, String> {
+    match text.is_empty() || text.contains(['"', '\n']) {
+        true => Err("a name of a file without quotes, or of an experiment, is wanted".to_owned()),
+        false => Ok(text.to_owned()),
     }
 }
 

@@ -177,8 +177,9 @@ pub(super) fn of<'e>(
 
 /// Whether runs by the method of an experiment take other values of parameters, by their numbers, and of initial states.
 ///
-/// Finite elements do where values decide nothing: neither which sides of several switches have a common region, nor when
-/// switches of time change, nor which of several sliding modes of nonlinear switches is taken.
+/// From event to event they do unless time stands still at impacts. Finite elements and steps do where there are no contacts
+/// besides, and where values decide nothing: neither which sides of several switches have a common region, nor when switches
+/// of time change, nor which of several sliding modes of nonlinear switches is taken.
 pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
     let by_elements = match settings.method {
         Method::Auto | Method::Event(_) => return !settings.freezes(),

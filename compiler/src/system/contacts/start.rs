@@ -71,6 +71,7 @@ impl<'e> System<'e> {
                 diags.push(SystemError::StartsBelow { name, gap, span });
             }
         }
+        self.check_coefficients(&start, diags);
         let closed = |contact: &&Contact<'e>| start.gap(contact.gap) == 0.0;
         let closed: Vec<&Contact<'e>> = self.contacts.iter().filter(closed).collect();
         if let Some(error) = self.dependent(&start, &closed) {
@@ -91,6 +92,25 @@ impl<'e> System<'e> {
                     span: contact.span,
                 });
             }
+        }
+    }
+
+    /// 0 <= e <= 1 and 0 <= μ where they are numbers: parameters that stay open when a system is lowered have values now.
+    fn check_coefficients(&self, start: &Start, diags: &mut Diagnostics) {
+        for contact in &self.contacts {
+            let e = start.value(contact.restitution.coefficient);
+            let friction = contact.friction.as_ref();
+            let friction = friction.map(|friction| start.value(friction.coefficient));
+            let what = match friction.unwrap_or(0.0) {
+                _ if e < 0.0 || e > 1.0 => "its restitution is not in [0, 1]",
+                mu if mu < 0.0 => "its friction is negative",
+                _ => continue,
+            };
+            diags.push(SystemError::NoContact {
+                name: contact.name.clone(),
+                what: what.to_owned(),
+                span: contact.span,
+            });
         }
     }
 

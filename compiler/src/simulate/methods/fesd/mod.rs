@@ -257,7 +257,8 @@ impl<'e> Run<'e> for ByElements {
     }
 
     fn takes_numbers(&self) -> bool {
-        true
+        // Whoever selects among the modes of nonlinear switches has numbers compiled in.
+        self.events.is_none()
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
