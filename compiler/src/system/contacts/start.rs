@@ -102,7 +102,7 @@ impl<'e> System<'e> {
             let friction = contact.friction.as_ref();
             let friction = friction.map(|friction| start.value(friction.coefficient));
             let what = match friction.unwrap_or(0.0) {
-                _ if e < 0.0 || e > 1.0 => "its restitution is not in [0, 1]",
+                _ if (e - 0.5).abs() > 0.5 => "its restitution is not in [0, 1]",
                 mu if mu < 0.0 => "its friction is negative",
                 _ => continue,
             };
