@@ -95,12 +95,20 @@ impl<'e> System<'e> {
         }
     }
 
-    /// 0 <= e <= 1 and 0 <= μ where they are numbers: parameters that stay open when a system is lowered have values now.
+    /// 0 <= e <= 1 and 0 <= μ where parameters alone decide: those that stay open when a system is lowered have values now.
     fn check_coefficients(&self, start: &Start, diags: &mut Diagnostics) {
+        let is_param = |var: &Var| {
+            let mut params = self.params.iter();
+            params.any(|param| param.var.as_variable() == Some(*var))
+        };
+        let value = |e: Expr<'e>| match variables_of(&[e]).iter().all(is_param) {
+            true => start.value(e),
+            false => f64::NAN,
+        };
         for contact in &self.contacts {
-            let e = start.value(contact.restitution.coefficient);
+            let e = value(contact.restitution.coefficient);
             let friction = contact.friction.as_ref();
-            let friction = friction.map(|friction| start.value(friction.coefficient));
+            let friction = friction.map(|friction| value(friction.coefficient));
             let what = match friction.unwrap_or(0.0) {
                 _ if (e - 0.5).abs() > 0.5 => "its restitution is not in [0, 1]",
                 mu if mu < 0.0 => "its friction is negative",
