@@ -22,10 +22,19 @@ const FOLDERS: [&str; 6] = [
     "compiler", "examples", "grammar", "solver", "stdlib", "tests",
 ];
 
-/// All Markdown files of the repository, without what builds and snapshots leave behind.
+/// All Markdown files of the repository.
 fn documents() -> Vec<PathBuf> {
+    let mut found = files("md");
+    found.push(root().join("README.md"));
+    found.sort();
+    assert!(found.len() > 100, "{} documents", found.len());
+    found
+}
+
+/// All files of the folders with that extension, without what builds and snapshots leave behind.
+fn files(extension: &str) -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> = FOLDERS.iter().map(|name| root().join(name)).collect();
-    let mut found = vec![root().join("README.md")];
+    let mut found = Vec::new();
     while let Some(folder) = folders.pop() {
         let entries = fs::read_dir(&folder).expect("folders of the repository are readable");
         for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
@@ -35,13 +44,11 @@ fn documents() -> Vec<PathBuf> {
                 if !name.starts_with('.') && !built.contains(&&*name) {
                     folders.push(path);
                 }
-            } else if name.ends_with(".md") {
+            } else if path.extension().is_some_and(|kind| kind == extension) {
                 found.push(path);
             }
         }
     }
-    found.sort();
-    assert!(found.len() > 100, "{} documents", found.len());
     found
 }
 
@@ -133,6 +140,41 @@ fn broken(document: &Path, target: &str) -> Option<String> {
         .filter(|line| line.starts_with('#'));
     let is_there = headings.any(|line| anchor(line) == heading);
     (!is_there).then(|| format!("{}: no heading for `{target}`", document.display()))
+}
+
+/// The source files that a line names in backticks: `selector/select.rs`.
+fn sources(line: &str) -> impl Iterator<Item = &str> {
+    let codes = line.split('`').skip(1).step_by(2);
+    codes.filter(|code| {
+        let is_path = |stem: &str| {
+            stem.chars()
+                .all(|c| c.is_ascii_alphanumeric() || "_/".contains(c))
+        };
+        code.strip_suffix(".rs").is_some_and(is_path)
+    })
+}
+
+/// In documents and in comments; files that move take their names with them.
+#[test]
+fn sources_that_are_named_are_there() {
+    let known = files("rs");
+    let (mut count, mut wrong) = (0, Vec::new());
+    for path in documents().iter().chain(&known) {
+        let is_source = path.extension().is_some_and(|kind| kind == "rs");
+        for line in read(path).lines() {
+            if is_source && !line.trim_start().starts_with("//") {
+                continue;
+            }
+            for name in sources(line) {
+                count += 1;
+                if !known.iter().any(|file| file.ends_with(name)) {
+                    wrong.push(format!("{}: no `{name}`", path.display()));
+                }
+            }
+        }
+    }
+    assert!(count > 100, "{count} names");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 #[test]

@@ -127,13 +127,16 @@ impl Tally {
     /// Names the case on standard error where it is not as accurate as promised.
     fn run(&mut self, case: &Case, name: &str) -> Outcome {
         let outcome = case.run();
+        let is_kept = case.keeps(&outcome);
         let count = match &outcome {
-            outcome if !case.keeps(outcome) => &mut self.broken,
+            _ if !is_kept => &mut self.broken,
             Outcome::Met { .. } => &mut self.met,
             _ => &mut self.reported,
         };
         *count += 1;
-        if !matches!(outcome, Outcome::Met { .. }) {
+        if !is_kept {
+            eprintln!("{name}: {outcome}, promised {}", case.promised());
+        } else if !matches!(outcome, Outcome::Met { .. }) {
             eprintln!("{name}: {outcome}");
         }
         outcome

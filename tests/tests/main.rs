@@ -47,6 +47,7 @@ mod moreau_space;
 mod mpcc;
 mod narrow;
 mod nl;
+mod open_parameters;
 mod optimal_contacts;
 mod optimal_nl;
 mod optimal_prepared;

@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::{Args as Arguments, Parser, Subcommand, ValueEnum};
+use clap::{Args as Arguments, ColorChoice, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
 use super::files::is_standard;
@@ -26,22 +26,10 @@ pub struct Args {
         default_value = "auto",
         value_name = "WHEN"
     )]
-    pub color: Colour,
+    pub color: ColorChoice,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
-}
-
-/// When messages are coloured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[allow(
-    missing_docs,
-    reason = "their help would take the place of a line by a page"
-)]
-pub enum Colour {
-    Auto,
-    Always,
-    Never,
 }
 
 /// The commands.
@@ -263,7 +251,7 @@ pub struct SettingArgs {
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     every: Option<String>,
     /// Start the optimization from the states and controls of a `.json` that `run` wrote, or of another experiment
-    #[arg(long, value_name = "FILE|EXPERIMENT", value_parser = source)]
+    #[arg(long, value_name = "FILE|EXPERIMENT", value_parser = named)]
     guess: Option<String>,
 }
 
@@ -345,8 +333,8 @@ impl<'a> Targets<'a> {
     }
 }
 
-/// A source of guesses that the language can name.
-fn source(text: &str) -> Result<String, String> {
+/// The name of a file or an experiment, as the language can write it.
+fn named(text: &str) -> Result<String, String> {
     match text.is_empty() || text.contains(['"', '\n']) {
         true => Err("a name of a file without quotes, or of an experiment, is wanted".to_owned()),
         false => Ok(text.to_owned()),

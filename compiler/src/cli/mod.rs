@@ -19,9 +19,9 @@ mod watch;
 use std::ffi::OsString;
 use std::io::{self, Write};
 
-use clap::Parser;
+use clap::{ColorChoice, Parser};
 
-use self::args::{Args, Colour, Command};
+use self::args::{Args, Command};
 
 /// How a command ended; the number is the exit status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -73,9 +73,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) 
 
 fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
     streams.colour = match args.color {
-        Colour::Auto => streams.colour,
-        Colour::Always => true,
-        Colour::Never => false,
+        ColorChoice::Auto => streams.colour,
+        ColorChoice::Always => true,
+        ColorChoice::Never => false,
     };
     match args.command {
         Command::Check(args) => commands::check::run(&args, streams),

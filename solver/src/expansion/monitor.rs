@@ -1,8 +1,9 @@
 //! Switches off their surface within a step.
 //!
-//! Those that nothing but outputs looks at may have a ψ without a series: |v| has no derivative where a body comes to rest. In a rate this ends a run; in an output it must not, whose values
-//! alone are wanted. Within a step such a switch is not monitored: its α is not known, and follows from ψ itself wherever
-//! an output is evaluated. At the end of the step it takes the side of ψ.
+//! Those that nothing but outputs looks at may have a ψ without a series: |v| has no derivative where a body comes to
+//! rest. In a rate this ends a run; in an output it must not, whose values alone are wanted. Within a step such a switch
+//! is not monitored: its α is not known, and follows from ψ itself wherever an output is evaluated. At the end of the step
+//! it takes the side of ψ.
 
 use super::mode::Mode;
 use super::scales::{Bands, Scales};

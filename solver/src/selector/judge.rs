@@ -329,22 +329,12 @@ impl<'a> Judge<'a> {
         };
         state.scales.measure(mode, &mut state.bands);
         self.monitor_sides(state, group, &sides, sets_off);
-        let mode = &mut self.mode;
-        let mut longest = t1 - state.point.t;
-        if group.len() > 1 && group.iter().any(|&i| mode.system.switches[i].is_contact()) {
-            longest = longest.min(prediction::horizon(mode));
-        }
-        let step_size = StepSize { mode, tolerance };
-        let h = step_size.of_states(&state.scales, longest);
-        let h = step_size.of_psi(&state.bands, h);
-        let h = match departs {
-            true => h,
-            false => NearRest { mode, tolerance }.leaves_rest(&state.bands, h),
-        };
+        let longest = self.longest_step(state, group, t1);
+        let h = self.step_size(state, departs, longest);
         // Where series end early, rates a moment later tell.
         let later = match is_smooth {
             true => Vec::new(),
-            false => mode.rates_ahead(state, group, tolerance, longest),
+            false => self.mode.rates_ahead(state, group, tolerance, longest),
         };
         let mode = &self.mode;
         // A gap that is still open is struck behind this instant.
@@ -382,6 +372,29 @@ impl<'a> Judge<'a> {
 }
 
 impl Judge<'_> {
+    /// The time that is left, or what contacts that meet are predicted for.
+    fn longest_step(&mut self, state: &State, group: &[usize], t1: f64) -> f64 {
+        let left = t1 - state.point.t;
+        let switches = &self.mode.system.switches;
+        let meet = group.len() > 1 && group.iter().any(|&i| switches[i].is_contact());
+        match meet {
+            true => left.min(prediction::horizon(self.mode)),
+            false => left,
+        }
+    }
+
+    /// A step that states and ψ allow in the mode of a choice.
+    fn step_size(&mut self, state: &State, departs: bool, longest: f64) -> f64 {
+        let (mode, tolerance) = (&mut *self.mode, self.settings.local_tolerance());
+        let step_size = StepSize { mode, tolerance };
+        let h = step_size.of_states(&state.scales, longest);
+        let h = step_size.of_psi(&state.bands, h);
+        match departs {
+            true => h,
+            false => NearRest { mode, tolerance }.leaves_rest(&state.bands, h),
+        }
+    }
+
     /// Watches the ψ of those of a group that are off their surfaces, and do not set off from rest.
     fn monitor_sides(
         &mut self,

@@ -219,18 +219,19 @@ impl Outputs {
             json.push("\n");
         }
         let files = [
-            (&self.csv, csv::write as fn(&Trajectory) -> String),
-            (&self.events, csv::events),
+            (&self.csv, self.csv.as_ref().map(|_| csv::write(trajectory))),
+            (
+                &self.events,
+                self.events.as_ref().map(|_| csv::events(trajectory)),
+            ),
+            (&self.plot, plot.map(str::to_owned)),
         ];
-        let written = files.into_iter().filter_map(|(path, write)| {
-            let path = self.path(path.as_deref()?, trajectory);
-            Some(Sink::with(&path, write(trajectory)))
+        let files = files.into_iter().filter_map(|(path, text)| {
+            let path = self.path(path.as_ref()?, trajectory);
+            Some(Sink::with(&path, text?))
         });
-        let mut sinks: Vec<Sink> = written.collect();
-        if let (Some(path), Some(plot)) = (&self.plot, plot) {
-            sinks.push(Sink::with(&self.path(path, trajectory), plot.to_owned()));
-        }
-        self.sinks.append(&mut sinks);
+        let mut files: Vec<Sink> = files.collect();
+        self.sinks.append(&mut files);
     }
 
     /// The file of one experiment of several: `figure.svg` becomes `figure-crossing.svg`.

@@ -41,6 +41,8 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
     let mut system = problem.system.clone();
     system.task = None;
     system.outputs.clear();
+    // Bounds are rows of the program.
+    system.limits.clear();
     for (i, control) in task.controls.iter().enumerate() {
         let values: Vec<f64> = layout
             .control_instants()

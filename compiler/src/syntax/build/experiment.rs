@@ -5,7 +5,7 @@ use pest::iterators::Pair;
 
 use super::expression::{expr, path};
 use super::reading::{Parts, Reading, parts};
-use super::statement::{bind, binds, domain, interval, member, options, row, rows};
+use super::statement::{bind, binds, domain, interval, members, options, row, rows};
 use super::words::Place;
 use crate::source::Span;
 use crate::syntax::ast::*;
@@ -24,21 +24,11 @@ pub(crate) fn experiment(reading: &mut Reading, mut parts: Parts, span: Span) ->
     };
     let name = reading.ident(parts.one(Rule::name));
     let model = path(reading, parts.one(Rule::path));
-    let mut settings = Vec::new();
-    for pair in parts {
-        let bad = |span| ExperimentSetting {
-            kind: SettingKind::Bad,
-            span,
-        };
-        member(
-            reading,
-            pair,
-            Place::Experiment,
-            setting,
-            bad,
-            &mut settings,
-        );
-    }
+    let bad = |span| ExperimentSetting {
+        kind: SettingKind::Bad,
+        span,
+    };
+    let settings = members(reading, parts, Place::Experiment, setting, bad);
     Experiment {
         kind,
         name,
@@ -81,12 +71,8 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
         Rule::final_rows => SettingKind::Final(rows(reading, parts.one(Rule::rows))),
         Rule::initial => initial(reading, parts),
         Rule::free => {
-            let mut list = Vec::new();
-            for pair in parts {
-                let build =
-                    |reading: &mut Reading, pair: Pair<Rule>| Some(free_path(reading, pair));
-                member(reading, pair, Place::Free, build, |_| None, &mut list);
-            }
+            let build = |reading: &mut Reading, pair: Pair<Rule>| Some(free_path(reading, pair));
+            let list = members(reading, parts, Place::Free, build, |_| None);
             SettingKind::Free(list.into_iter().flatten().collect())
         }
         Rule::perturb => SettingKind::Perturb {
@@ -110,22 +96,13 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
 }
 
 fn guess(reading: &mut Reading, parts: Parts) -> SettingKind {
-    let mut list = Vec::new();
     let build = |reading: &mut Reading, pair: Pair<Rule>| match pair.as_rule() {
         Rule::guess_from => Member::Marked(guess_source(reading, pair)),
         _ => Member::Plain(bind(reading, pair)),
     };
-    for pair in parts {
-        member(
-            reading,
-            pair,
-            Place::Guess,
-            build,
-            |_| Member::Bad,
-            &mut list,
-        );
-    }
-    let (from, binds) = divide(list);
+    let (from, binds) = divide(members(reading, parts, Place::Guess, build, |_| {
+        Member::Bad
+    }));
     SettingKind::Guess { from, binds }
 }
 
@@ -169,22 +146,13 @@ fn output_when(reading: &mut Reading, mut parts: Parts) -> OutputWhen {
 }
 
 fn initial(reading: &mut Reading, parts: Parts) -> SettingKind {
-    let mut list = Vec::new();
     let build = |reading: &mut Reading, pair: Pair<Rule>| match pair.as_rule() {
         Rule::initial_free => Member::Marked(free_path(reading, pair)),
         _ => Member::Plain(row(reading, pair)),
     };
-    for pair in parts {
-        member(
-            reading,
-            pair,
-            Place::Initial,
-            build,
-            |_| Member::Bad,
-            &mut list,
-        );
-    }
-    let (free, rows) = divide(list);
+    let (free, rows) = divide(members(reading, parts, Place::Initial, build, |_| {
+        Member::Bad
+    }));
     SettingKind::Initial { free, rows }
 }
 

@@ -20,8 +20,7 @@ pub(crate) fn rows(reading: &mut Reading, pair: Pair<Rule>) -> Vec<Row> {
     list(reading, pair, Place::Rows, row, Row::Bad)
 }
 
-/// Builds the members of a list in braces; wrong ones are diagnosed, and
-/// leave what could be read of them and a `bad` node.
+/// The members of a list in braces.
 pub(crate) fn list<T>(
     reading: &mut Reading,
     pair: Pair<Rule>,
@@ -29,15 +28,26 @@ pub(crate) fn list<T>(
     build: fn(&mut Reading, Pair<Rule>) -> T,
     bad: fn(Span) -> T,
 ) -> Vec<T> {
+    members(reading, parts(pair), place, build, bad)
+}
+
+/// Builds the members of a list; wrong ones are diagnosed, and leave what could be read of them and a `bad` node.
+pub(crate) fn members<T>(
+    reading: &mut Reading,
+    parts: Parts,
+    place: Place,
+    build: fn(&mut Reading, Pair<Rule>) -> T,
+    bad: fn(Span) -> T,
+) -> Vec<T> {
     let mut list = Vec::new();
-    for pair in parts(pair) {
+    for pair in parts {
         member(reading, pair, place, build, bad, &mut list);
     }
     list
 }
 
 /// Builds one member of a list.
-pub(crate) fn member<T>(
+fn member<T>(
     reading: &mut Reading,
     pair: Pair<Rule>,
     place: Place,
@@ -277,18 +287,7 @@ fn region(reading: &mut Reading, mut parts: Parts, span: Span) -> Region {
 fn mechanics(reading: &mut Reading, mut parts: Parts, span: Span) -> Mechanics {
     let q = path(reading, parts.one(Rule::path));
     let v = path(reading, parts.one(Rule::path));
-    let mut members = Vec::new();
-    for pair in parts {
-        let build = mechanics_member;
-        member(
-            reading,
-            pair,
-            Place::Mechanics,
-            build,
-            |_| None,
-            &mut members,
-        );
-    }
+    let members = members(reading, parts, Place::Mechanics, mechanics_member, |_| None);
     let mut mechanics = Mechanics {
         q,
         v,

@@ -59,9 +59,9 @@ impl<'e> Motion<'e> {
         projections::push(translation, rates, diags);
     }
 
-    /// f of all states.
+    /// f of all states, in their order in the system.
     pub fn rates(&self) -> Vec<Expr<'e>> {
-        let others = self.integrals.iter().chain(&self.algebraics);
+        let others = self.algebraics.iter().chain(&self.integrals);
         let others = others.map(|state| state.rate);
         self.rates.iter().copied().chain(others).collect()
     }
