@@ -306,6 +306,7 @@ impl Project {
 }
 
 /// What is given for a setting is more than that.
+#[cfg(feature = "cli")]
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("`{given}` is more than one setting")]
 #[diagnostic(help("settings have options of their own, such as `--horizon 10 --tolerance 1e-6`"))]
@@ -313,6 +314,7 @@ struct NotSetting {
     given: String,
 }
 
+#[cfg(feature = "cli")]
 impl Fixable for NotSetting {}
 
 /// What is given for a value is more than that.
