@@ -147,8 +147,10 @@ pub mod work {
         /// Looks at a limit.
         pub looks: u64,
         /// Operations when a limit was looked at last.
+        #[cfg(debug_assertions)]
         last: u64,
         /// Who is canceled once there were so many operations.
+        #[cfg(debug_assertions)]
         canceled: Option<(u64, Cancel)>,
     }
 

@@ -21,22 +21,27 @@ impl<'s> Bands<'s> {
         let (n, full) = (place.x.len(), &system.full);
         let slopes = slopes(system, &place.point(&modes.numbers).with(&place.z));
         let n_rows = full.equations.n_outputs() - n;
-        let mut sizes = vec![0.0; n_rows];
+        let (mut sizes, mut balanced) = (vec![0.0_f64; n_rows], vec![0.0_f64; n_rows]);
         for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {
-            let scale = match input {
-                0 => place.t.abs(),
-                _ if input <= n => run.scale[input - 1],
-                _ => continue,
+            let Some(row) = row.checked_sub(n) else {
+                continue;
             };
-            if row >= n {
-                sizes[row - n] += slope.abs() * scale;
+            match input {
+                0 => sizes[row] += slope.abs() * place.t.abs(),
+                _ if input <= n => sizes[row] += slope.abs() * run.scale[input - 1],
+                // λ = g_i - μ is as rounded as μ, although x may be in no term of g_i.
+                _ if system.is_continuous(input - 1 - n) => {
+                    let term = (slope * place.z[input - 1 - n]).abs();
+                    balanced[row] = balanced[row].max(term);
+                }
+                _ => {}
             }
         }
         let mut of_variable = vec![0.0_f64; place.z.len()];
         for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {
             if row >= n && input > n && *slope != 0.0 {
                 let size = &mut of_variable[input - 1 - n];
-                *size = size.max(sizes[row - n]);
+                *size = size.max(sizes[row - n]).max(balanced[row - n]);
             }
         }
         let band = |pair: &Pair| {

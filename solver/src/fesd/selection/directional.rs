@@ -119,7 +119,6 @@ impl Directional {
             let (found, scale) = self.one(system, zeros, z, &open);
             (found, scale, false)
         };
-        let rate_scale = rate_scale(system, &found).max(scale).max(least);
         let has_several = found.len() > 1;
         let mut sizes = vec![0.0_f64; if has_several { self.n } else { 0 }];
         for (_, u) in found.iter().filter(|_| has_several) {
@@ -127,15 +126,54 @@ impl Directional {
                 *size = size.max(rate.abs());
             }
         }
-        let choices = found
-            .into_iter()
-            .filter_map(|(zeros, u)| self.choice_of(system, (zeros, u), z, bands, rate_scale));
+        let mut choices = self.choices_of(system, found, z, bands, scale.max(least));
+        if choices.is_empty() && !complete {
+            let next = self.pivot(system, zeros, z, &open);
+            choices = self.choices_of(system, next, z, bands, scale.max(least));
+        }
         Found {
-            choices: choices.collect(),
+            choices,
             complete,
             open,
             sizes,
         }
+    }
+
+    /// Those of some active sets that the first derivatives do not contradict; rates are zero next to `least` in any case.
+    fn choices_of(
+        &mut self,
+        system: &ComplementaritySystem,
+        found: Vec<Solved>,
+        z: &[f64],
+        bands: &[f64],
+        least: f64,
+    ) -> Vec<Choice> {
+        let rate_scale = rate_scale(system, &found).max(least);
+        let choices = found.into_iter();
+        let choices =
+            choices.filter_map(|solved| self.choice_of(system, solved, z, bands, rate_scale));
+        choices.collect()
+    }
+
+    /// The set next to the present one: weights that have come to zero stay there, as in a step of a simplex method.
+    /// Where a face of solutions ends, its middle is this corner, in which smoothed pairs do not tell what is zero.
+    fn pivot(
+        &mut self,
+        system: &ComplementaritySystem,
+        zeros: &[Zero],
+        z: &[f64],
+        open: &[usize],
+    ) -> Vec<Solved> {
+        let mut next = zeros.to_vec();
+        for &pair in open {
+            let (_, member) = system.pairs[pair].split(zeros[pair]);
+            if !system.is_continuous(member.variable) && member.value(z) <= TIE {
+                next[pair] = zeros[pair].other();
+            }
+        }
+        let start = self.start(system, z, &[], [0.5, 0.5]);
+        let u = self.solve(system, &next, start);
+        u.into_iter().map(|u| (next.clone(), u)).collect()
     }
 
     /// Moves to a point.
