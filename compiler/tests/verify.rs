@@ -84,6 +84,21 @@ fn a_choice_that_others_do_not_make_leaves_one_road_alone() {
     assert_eq!(ran.status, 2, "{}{}", ran.out, ran.err);
 }
 
+/// Elements are a switch late by 1 of 2, and estimate 1e-16; events estimate 2e-2, and are right.
+#[test]
+fn a_run_that_knows_its_error_contradicts_one_that_does_not() {
+    let folder = folder("verify_offset");
+    let text =
+        "model m { state t = 1e13; state y = 0; t' = 1; y' = if t > 1e13 + 1 then 1 else 0; }
+        simulate s of m { horizon 2; method fesd; lower timefreezing; }";
+    fs::write(folder.join("offset.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["verify", "offset.nsd"]);
+    assert_eq!(ran.status, 2, "{}{}", ran.out, ran.err);
+    assert!(ran.out.contains("DIFFERS"), "{}", ran.out);
+    let ran = nsdc(&folder, &["run", "offset.nsd"]);
+    assert!(ran.out.contains("W0727"), "{}{}", ran.out, ran.err);
+}
+
 #[test]
 fn what_is_wrong_as_written_is_said_with_its_line() {
     let folder = folder("verify_wrong");

@@ -1,6 +1,6 @@
 //! Algebraic states and complementarity against closed forms.
 
-use nsd_tests::{end, run, times};
+use nsd_tests::{end, run, solved, times};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 /// Runs a model to a horizon.
@@ -370,6 +370,54 @@ fn bounds_of_a_program_are_met_and_left() {
     let inside = |a: usize, b: usize| 1.61 / 1.26 * (phases[a].cos() - phases[b].cos());
     let y = 0.5 * (t[0] + 6.0 - t[3]) - 0.66 * (t[2] - t[1]) + inside(0, 1) + inside(2, 3);
     assert_near(&end(&found, "y"), &[y], 1e-10);
+}
+
+/// A program in t - B, which is known to the rounding of B: z is t - B between its bounds.
+#[test]
+fn bounds_of_a_program_far_from_zero_are_met() {
+    for offset in ["0", "1e6", "1e9", "1e12", "1e13"] {
+        let model = format!(
+            "param B = {offset}; state t = B; state y = 0; t' = 1; y' = z;
+             z in argmin 0.5*z^2 - (t - B)*z subject to {{ z >= 0.5; z <= 1.5; }};"
+        );
+        let found = solved(
+            &format!("model m {{ {model} }} simulate s of m {{ horizon 2; method event; }}"),
+            "s",
+        );
+        let instants = times(&found, EventKind::Activate);
+        let known = 1e-10 + 64.0 * f64::EPSILON * offset.parse::<f64>().expect("it is a number");
+        assert_near(&instants, &[0.5, 1.5], known);
+        assert_near(&end(&found, "y"), &[2.0], known);
+    }
+}
+
+/// Bounds that are never met have multipliers that are zero, or rounding: neither has an error of its own.
+#[test]
+fn multipliers_that_stay_zero_have_no_error() {
+    for phase in 0..20 {
+        let drive = |shift: u32| format!("0.53*sin(1.6*time + {})", 0.3 * f64::from(phase + shift));
+        let models = [
+            format!(
+                "state y = 0; y' = z; z in variational [-0.63, 0.93] solves z - {};",
+                drive(0)
+            ),
+            format!(
+                "state y = 0; y' = z[1] + z[2];
+                 z[2] in argmin 0.5*(z[1]^2 + z[2]^2) + 0.2*z[1]*z[2] - {}*z[1] - {}*z[2]
+                   subject to {{ z[1] >= -2; z[2] <= 3; z[1] + z[2] <= 4; }};",
+                drive(0),
+                drive(2)
+            ),
+        ];
+        for model in models {
+            let text =
+                format!("model m {{ {model} }} simulate s of m {{ horizon 3; method event; }}");
+            let found = solved(&text, "s");
+            assert!(found.warnings.is_empty(), "{text}: {:?}", found.warnings);
+            let estimate = found.error_estimate.expect("a second run was made");
+            assert!(estimate <= 1e-8, "{text}: {estimate}");
+        }
+    }
 }
 
 /// From t = 1 on z₁ + z₂ ≤ 3 - t cuts off the corner (1, 1), in which both multipliers are positive: with three rows on

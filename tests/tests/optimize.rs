@@ -492,16 +492,31 @@ fn a_switch_at_a_free_instant_goes_downhill() {
 /// The data are those of k = 4; the mass turns round at π/√k, which is the end of an interval on the way from 3.
 #[test]
 fn a_stiffness_is_fitted_with_any_number_of_intervals() {
-    for intervals in [10, 16, 30, 40] {
+    // With two elements an interval holds no two switches, so that values of k between 3.9 and 4 are none of the program.
+    let grids = [(10, 2), (10, 3), (16, 3), (30, 3), (40, 3)];
+    for (intervals, elements) in grids {
         let found = solved(&format!(
             "model m {{
                param k in [1, 9] = 3; state x = 2.5; state v = 0; state y = 2.5; state w = 0;
                x' = v; v' = -k*x - 2.4525*sign(v); y' = w; w' = -4*y - 2.4525*sign(w);
              }}
-             optimize a of m {{ horizon 4; intervals {intervals}; elements 3; minimize integral((x - y)^2); free {{ k; }} }}"
+             optimize a of m {{ horizon 4; intervals {intervals}; elements {elements};
+               minimize integral((x - y)^2); free {{ k; }} }}"
         ));
         close(objective(&found), 0.0, 1e-8);
     }
+}
+
+/// A grid steps over a pulse of c √π, and simulations do not: what they say of other c says nothing of the program.
+#[test]
+fn an_optimum_that_a_simulation_contradicts_is_not_confirmed() {
+    let found = solved(
+        "model m { param c in [1, 9] = 3; state y = 0; y' = 100*c*exp(-((time - 5.2)/0.01)^2); }
+         optimize o of m { horizon 10; intervals 4; free { c; } minimize final((y - 6)^2); }",
+    );
+    let optimum = found.optimum.as_ref().expect("it is an optimization");
+    assert_eq!(optimum.confirmation, Confirmation::Differs);
+    assert!(found.warnings.iter().any(|one| one.code == "W0709"));
 }
 
 /// The derivative of x(1)² is 0 at u = 0, where it is largest.

@@ -37,6 +37,33 @@ fn a_relay_leaves_a_set_point_that_steps() {
     }
 }
 
+/// A region in which no term of its function g is a state: λ = g - μ is as rounded as μ. The end is by matrix exponentials.
+#[test]
+fn a_multiplier_gives_its_size_to_members() {
+    for method in METHODS {
+        let text = format!(
+            "model m {{
+               let r1 = if time < 0.25 then 1.0 else if time < 2.5 then 0.25 else 0.0; state x1 = -0.4208984375;
+               x1' = 0.2275390625*x2 - 0.076171875*x3 + 0.010498046875 + sat(6*(r1 - x1), -1, 1);
+               let r2 = if time < 2.5 then 1.0 else 0.25; state x2 = -0.2412109375;
+               x2' = 0.19873046875*x1 - 0.5*x2 - 0.2236328125*x3 - 0.029052734375 + sat(4*(r2 - x2), -2, 2);
+               let r3 = if time < 0.75 then -1.0 else if time < 1.75 then -0.5 else -0.25; state x3 = 0.802734375;
+               x3' = -0.0341796875*x1 + 0.184814453125*x2 - 0.75*x3 - 0.0185546875 + sign(r3 - x3);
+             }}
+             simulate run of m {{ horizon 3; method {method}; }}"
+        );
+        let run = solved(&text, "run");
+        for (state, exact) in [
+            ("x1", 0.0373659582852006),
+            ("x2", 0.30575868199274164),
+            ("x3", -0.25),
+        ] {
+            let x = end(&run, state)[0];
+            assert!((x - exact).abs() < 1e-8, "{method}, {state}: {x}");
+        }
+    }
+}
+
 /// x' = 2 until 8 (1 - x) = 2 at t = 1 + 3/8, then 1 - x = e^{-8 (t - 1.375)}/4.
 #[test]
 fn a_saturated_loop_follows_a_set_point_that_steps() {

@@ -242,7 +242,7 @@ impl<'e> Problem<'e> {
         }
         trajectory.failure = failure::of(self, solution)
             .or(in_other_mode)
-            .or(checks::simulated::confirmation(self, &mut trajectory));
+            .or(checks::simulated::confirmation(self, &trajectory));
         if let Some(failure) = &trajectory.failure {
             trajectory.status = failure.status();
         }

@@ -377,16 +377,22 @@ pub enum Failure {
         terms: Vec<LabeledSpan>,
     },
 
-    /// Constraints that contradict each other.
-    #[error("no controls satisfy all constraints: at best they are missed by {violation}")]
+    /// Constraints that contradict each other, or a grid that holds no trajectory.
+    #[error("{}: at best {violation} is missed", match *is_asked {
+        true => "no controls satisfy all constraints",
+        false => "no trajectory on this grid was found",
+    })]
     #[diagnostic(
         code(E0715),
-        help(
-            "loosen one of these lines, the horizon, or bounds of controls and states, or start from another `guess`"
-        )
+        help("{}", match *is_asked {
+            true => "loosen one of these lines, the horizon, or bounds of controls and states, or start from another `guess`",
+            false => "take more `elements`: an interval with m of them holds m - 1 instants at which something switches; or more `intervals`, or another `guess`",
+        })
     )]
     Infeasible {
         violation: String,
+        /// Whether the task has constraints.
+        is_asked: bool,
         #[label(collection)]
         lines: Vec<LabeledSpan>,
     },

@@ -67,8 +67,12 @@ impl Scales {
 
     /// How large state i is, or would be after a step at the rate its terms have, or what it balances.
     pub(crate) fn size(&self, i: usize) -> f64 {
-        let moved = self.largest[i].max(self.activity[i] * self.last_step);
-        moved.max(self.floor[i])
+        self.reach(i).max(self.floor[i])
+    }
+
+    /// How large state i is, or would be after a step at the rate its terms have.
+    pub(crate) fn reach(&self, i: usize) -> f64 {
+        self.largest[i].max(self.activity[i] * self.last_step)
     }
 
     /// How far state i has moved, or would in a step at the rate its terms have.

@@ -28,6 +28,7 @@ use crate::selector::selection::{Choice, Entry, Onset};
 /// x has more, of the step to it or of a law; and those within which a surface that has just been left is not seen again.
 const AT_START: f64 = 2.0;
 const LATER: f64 = 4.0;
+const BALANCED: f64 = 64.0;
 const LEFT: f64 = 16.0;
 
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
@@ -56,8 +57,9 @@ impl Mode {
     fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
         let by_time = self.surfaces.time_gradient(switch).abs();
         if !self.system.switches[switch].is_plain() {
-            let size = self.surfaces.weigh(switch, |j| state.scales.size(j));
-            return BAND * (size + by_time * horizon);
+            // What algebraic states balance is known to its rounding, however large it is.
+            let size = self.surfaces.weigh(switch, |j| state.scales.reach(j));
+            return (BALANCED * rounding).max(BAND * (size + by_time * horizon));
         }
         if !state.selection.begun {
             return AT_START * rounding;

@@ -7,8 +7,8 @@ use crate::affine::exact::{End, Solution, solve};
 /// States in units of 2^±27, time in units of 2^±20.
 pub fn families(extent: Extent) -> Vec<Family> {
     let states = extent.sweep(&[-27, 27], &[-27, -20, -13, -7, 0, 7, 13, 20, 27]);
-    let times = extent.sweep(&[-20, 20], &[-20, -13, -7, 0, 7, 13, 20]);
-    let count = extent.of(2, 14);
+    let times = extent.sweep(&[-20, 7, 13], &[-20, -13, -7, 0, 7, 13, 20]);
+    let count = extent.of(4, 14);
     let systems: Vec<_> = systems().take(count).collect();
     let cases = |powers: &[i32], units: fn(i32, usize) -> (Vec<f64>, f64)| {
         let in_units = |power: &i32| {

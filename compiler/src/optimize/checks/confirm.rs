@@ -28,6 +28,8 @@ const KEPT: f64 = 1e-6;
 const MAX_EFFORT: usize = 200_000;
 /// Multipliers of constraints are weighted by so much more.
 const WEIGHT: f64 = 2.0;
+/// Simulations that miss the objective by more than this, relative to max(1, |J|), say nothing about it.
+const CREDIBLE: f64 = 1e-3;
 /// Errors of derivatives are so many times those of the objective, at most.
 const DOUBT: f64 = 10.0;
 
@@ -78,14 +80,21 @@ pub(crate) fn confirm(
                 .find_map(|point| from(problem, &point.w, options, limit, watch).filter(is_better))
         });
         if let Some(found) = found {
-            let iterations = solution.stats.iterations;
-            *solution = found;
-            solution.stats.iterations += iterations;
+            take(solution, found);
             (looks, unfollowed) = (&LOOKS[..], None);
             continue;
         }
         if better.is_descent {
-            return (Confirmation::Descent(better.rate), None);
+            let rate = better.rate;
+            let beyond = beyond(problem, solution, better, limit, |problem, point| {
+                from(problem, point, options, limit, watch).filter(is_better)
+            });
+            let Some(found) = beyond else {
+                return (Confirmation::Descent(rate), None);
+            };
+            take(solution, found);
+            (looks, unfollowed) = (&LOOKS[..], None);
+            continue;
         }
         // What is only better at some distance, and keeps the constraints, is another minimum.
         let worth = solution.objective - WORTH * solution.objective.abs();
@@ -95,6 +104,41 @@ pub(crate) fn confirm(
         unfollowed = (best < worth).then_some(best);
         looks = better.left;
     }
+}
+
+/// Replaces a solution by a better one.
+fn take(solution: &mut Solution, found: Solution) {
+    let iterations = solution.stats.iterations;
+    *solution = found;
+    solution.stats.iterations += iterations;
+}
+
+/// A solution on the way that descent takes in simulations, to which the program has no way of its own: in between, an
+/// element may have to hold more switches than it can.
+fn beyond(
+    problem: &mut Problem,
+    solution: &Solution,
+    mut better: Better,
+    limit: &Limit,
+    mut from: impl FnMut(&mut Problem, &[f64]) -> Option<Solution>,
+) -> Option<Solution> {
+    for _ in 0..MAX_ROUNDS {
+        let point = better.points.swap_remove(0);
+        let mut place = Solution {
+            w: point.w,
+            objective: point.merit,
+            ..solution.clone()
+        };
+        let values = Reduced::new(problem, &place.w, limit)?.at(&place.w)?;
+        let (end, n) = end(problem, &values.end);
+        place.w[end..][..n].copy_from_slice(&values.end[..n]);
+        better = look(problem, &place, &LOOKS[..1], limit).ok()?;
+        let mut points = better.points.iter();
+        if let Some(found) = points.find_map(|point| from(problem, &point.w)) {
+            return Some(found);
+        }
+    }
+    None
 }
 
 /// The solution of the program that is found from a simulation with the free quantities of a point.
@@ -159,6 +203,10 @@ fn look(
     let terminal = base
         .as_ref()
         .map_or(0.0, |base| terminal_error(problem, w, &base.end));
+    // Where simulations are that far off, no change of them is told from it.
+    if error > CREDIBLE * solution.objective.abs().max(1.0) {
+        return Err(Confirmation::Differs);
+    }
     let mut search = Search {
         reduced: &mut reduced,
         w,
@@ -196,14 +244,19 @@ fn look(
 }
 
 /// How far the end of a simulation is from that of the program.
-fn terminal_error(problem: &Problem, w: &[f64], end: &[f64]) -> f64 {
+fn terminal_error(problem: &Problem, w: &[f64], values: &[f64]) -> f64 {
+    let (end, n) = end(problem, values);
+    let differences = values.iter().zip(&w[end..][..n]);
+    differences.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
+}
+
+/// Where the states at the end stand in the program, and how many of those of a simulation there are.
+fn end(problem: &Problem, values: &[f64]) -> (usize, usize) {
     let layout = &problem.layout;
     // In numerical time the clock and what moves while it stands come behind the states of the model.
     let n = match &problem.frozen {
         Some(frozen) => frozen.n_states,
-        None => layout.n_states().min(end.len()),
+        None => layout.n_states().min(values.len()),
     };
-    let planned = &w[layout.x(layout.steps, layout.elements, layout.end)..][..n];
-    let differences = end.iter().zip(planned).map(|(a, b)| (a - b).abs());
-    differences.fold(0.0, f64::max)
+    (layout.x(layout.steps, layout.elements, layout.end), n)
 }

@@ -67,18 +67,12 @@ pub(crate) fn simulate(
     }
 }
 
-/// What simulations with other free quantities mean for a result: where the one with its own differs, nothing.
-pub(crate) fn confirmation(problem: &Problem, trajectory: &mut Trajectory) -> Option<Failure> {
-    let differs = trajectory.warnings.iter().any(|one| one.code == DISAGREES);
-    let optimum = trajectory.optimum.as_mut()?;
-    let Confirmation::Descent(rate) = optimum.confirmation else {
-        return None;
-    };
-    if differs {
-        optimum.confirmation = Confirmation::Differs;
-        return None;
+/// What simulations with other free quantities mean for a result: one with descent is no optimum.
+pub(crate) fn confirmation(problem: &Problem, trajectory: &Trajectory) -> Option<Failure> {
+    match trajectory.optimum.as_ref()?.confirmation {
+        Confirmation::Descent(rate) => Some(failure::descends(rate, &problem.settings)),
+        _ => None,
     }
-    Some(failure::descends(rate, &problem.settings))
 }
 
 /// That a simulation with the controls does not come to the end.

@@ -146,11 +146,22 @@ fn is_above(value: f64, most: f64) -> bool {
 }
 
 impl Roads {
-    /// The difference of two runs that came to their ends and vouch for them.
+    /// The difference of two runs that came to their ends. One that estimates that it is far off is believed to be no
+    /// farther.
     pub fn difference(&self, a: usize, b: usize) -> Option<Difference> {
-        let (a, b) = (self.roads[a].sound()?, self.roads[b].sound()?);
+        let roads = [&self.roads[a], &self.roads[b]];
+        let vouch = roads.iter().all(|road| road.sound().is_some());
+        if roads.iter().any(|road| road.misses()) {
+            return None;
+        }
+        let (a, b) = (roads[0].solved()?, roads[1].solved()?);
         let estimates = [a, b].map(|run| run.error_estimate.unwrap_or(0.0));
-        let allowed = self.tolerance + (SAFETY * estimates.iter().sum::<f64>()).min(MOST);
+        let estimated = SAFETY * estimates.iter().sum::<f64>();
+        let allowed = match vouch {
+            true => self.tolerance + estimated.min(MOST),
+            false if estimated < 1.0 => self.tolerance + estimated,
+            false => return None,
+        };
         Some(Difference {
             end: end(a, b),
             along: along(a, b, allowed),
@@ -183,6 +194,7 @@ impl Roads {
         let others = 1..self.roads.len();
         let confirms = |other: &usize| {
             let difference = self.difference(0, *other);
+            let difference = difference.filter(|_| self.roads[*other].sound().is_some());
             difference.is_some_and(|difference| difference.is_explained())
         };
         others.filter(confirms).count()

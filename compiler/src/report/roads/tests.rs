@@ -44,7 +44,7 @@ fn what_a_run_says_of_its_own_error_is_believed() {
     let far_off = roads(0.5, Some(0.5));
     assert!(far_off.agree());
     assert_eq!(far_off.n_sound(), 2);
-    assert!(text(&far_off).contains("estimates that it is far off: not compared"));
+    assert!(text(&far_off).contains("estimates that it is far off: confirms nothing"));
     assert!(!roads(1e-3, None).agree());
 }
 

@@ -47,7 +47,7 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
                     writeln!(text, "     {:width$}  {failure}", "")?;
                 }
                 if let Some(doubt) = road.doubt() {
-                    writeln!(text, "     {:width$}  {doubt}: not compared", "")?;
+                    writeln!(text, "     {:width$}  {doubt}: confirms nothing", "")?;
                 }
             }
         }

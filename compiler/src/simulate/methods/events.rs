@@ -108,10 +108,6 @@ impl<'e> Run<'e> for Events {
         Estimator::Tolerance
     }
 
-    fn least_sizes(&self, _: &System<'e>, sizes: &[f64]) -> Vec<f64> {
-        vec![0.0; sizes.len()]
-    }
-
     fn takes_numbers(&self) -> bool {
         true
     }

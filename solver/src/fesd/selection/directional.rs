@@ -64,6 +64,8 @@ pub(crate) struct Directional {
     pub(crate) matrix: Blocks,
     pub(crate) rhs: Vec<f64>,
     residual: Vec<f64>,
+    /// Which rows of g are about rates.
+    of_rates: Vec<bool>,
     /// What the member of each pair is that is zero by its set, while it is not.
     pub(crate) held: Vec<f64>,
     n: usize,
@@ -83,9 +85,14 @@ impl Directional {
         let members = system.pairs.iter().enumerate().flat_map(|(k, pair)| {
             [pair.left, pair.right].map(|member| (n_equations + k, member.variable))
         });
+        let of_rates = |row: usize| {
+            let mut of_row = entries.clone().filter(|(of, _)| *of == row);
+            of_row.any(|(_, variable)| system.is_continuous(variable))
+        };
         Directional {
+            of_rates: (0..n_equations).map(of_rates).collect(),
             at: Evaluator::new(1 + n + 2 * n_z + system.n_numbers(), tapes),
-            matrix: Blocks::new(n_z, entries.chain(members)),
+            matrix: Blocks::new(n_z, entries.clone().chain(members)),
             rhs: vec![0.0; n_z],
             residual: vec![0.0; n_equations],
             held: vec![0.0; system.pairs.len()],
@@ -418,6 +425,19 @@ impl Directional {
             *self.matrix.entry(at, member.variable) = member.slope();
         }
         self.step(u, 1.0)
+    }
+
+    /// The rows of g, negated, where it was linearized last, those of rates in units of `size`.
+    pub(crate) fn residuals(&self, size: f64) -> impl Iterator<Item = f64> {
+        let rows = self.rhs.iter().zip(&self.of_rates);
+        rows.map(move |(row, of_rates)| if *of_rates { row / size } else { *row })
+    }
+
+    /// The largest of the rows of g about rates, where it was linearized last.
+    pub(crate) fn largest_rate(&self) -> f64 {
+        let rates = self.rhs.iter().zip(&self.of_rates);
+        let rates = rates.filter(|(_, of_rates)| **of_rates);
+        rates.fold(0.0, |most: f64, (row, _)| most.max(row.abs()))
     }
 
     /// The directional form of g at u into `residual` and the first rows of `rhs`, with its negative

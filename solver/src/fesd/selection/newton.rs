@@ -26,11 +26,10 @@ impl Directional {
     ) -> Option<Vec<f64>> {
         // Rates are measured by the largest one at the start.
         self.linearize(system, &u);
-        let n_equations = system.full.directional.n_outputs();
-        let size = self.rhs[..n_equations]
-            .iter()
-            .fold(0.0_f64, |s, r| s.max(r.abs()));
-        let size = if size > 0.0 { size } else { 1.0 };
+        let size = match self.largest_rate() {
+            0.0 => 1.0,
+            size => size,
+        };
         let mut sigma = 1.0;
         while sigma > LAST {
             for _ in 0..MAX_ITERATIONS {
@@ -62,7 +61,7 @@ impl Directional {
         Some(u)
     }
 
-    /// Residual and Jacobian at u. Returns the norm of the residual.
+    /// Residual and Jacobian at u. Returns the norm of the residual, rates in units of `size`.
     fn assemble(
         &mut self,
         system: &ComplementaritySystem,
@@ -100,6 +99,9 @@ impl Directional {
             *self.matrix.entry(at, pair.right.variable) +=
                 (1.0 - b / root) * pair.right.slope() / scales[1];
         }
-        self.rhs.iter().map(|r| r * r).sum::<f64>().sqrt()
+        let rows = self
+            .residuals(size)
+            .chain(self.rhs[n_equations..].iter().copied());
+        rows.map(|row| row * row).sum::<f64>().sqrt()
     }
 }

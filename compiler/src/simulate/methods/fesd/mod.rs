@@ -3,7 +3,7 @@
 //! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
 //! global error.
 
-mod blurred;
+pub(super) mod blurred;
 mod complementarity;
 pub(super) mod impulses;
 mod kept;

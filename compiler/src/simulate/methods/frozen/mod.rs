@@ -13,7 +13,7 @@ use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome};
 use physical_time::{End, Law, drive};
 
 use super::events::{finer, solver_settings};
-use super::fesd::{complementarity, options};
+use super::fesd::{blurred, complementarity, options};
 use crate::lowering::dcs::Formulation;
 use crate::lowering::{dcs, hybrid};
 use crate::report::{Failure, Method, MethodOption, Trajectory};
@@ -120,8 +120,10 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
         Estimator::of_elements(settings)
     }
 
-    fn tell(&mut self, _: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
+    fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
         if let Road::Elements(..) = self.road {
+            let blurred = blurred::warning(problem.system, &ended.outcome, trajectory);
+            trajectory.warnings.extend(blurred);
             // As of `method fesd`.
             trajectory.certificate.max_violation = -self.least_member;
         }
