@@ -20,8 +20,9 @@ use crate::report::Confirmation;
 const MAX_ROUNDS: usize = 10;
 /// Decreases of the objective, relative to it, that are none.
 const NO_GAIN: f64 = 1e-8;
-/// A minimum elsewhere is told where it is better by more than this share.
+/// A minimum elsewhere is told where it is better by more than this share, and by more than that at all.
 const WORTH: f64 = 1e-2;
+const LEAST_WORTH: f64 = 1e-6;
 /// Constraints that are violated by no more are kept.
 const KEPT: f64 = 1e-6;
 /// Simulations are made as long as they take fewer steps than this, times the number of states.
@@ -97,7 +98,7 @@ pub(crate) fn confirm(
             continue;
         }
         // What is only better at some distance, and keeps the constraints, is another minimum.
-        let worth = solution.objective - WORTH * solution.objective.abs();
+        let worth = solution.objective - (WORTH * solution.objective.abs()).max(LEAST_WORTH);
         let kept = better.points.iter().filter(|point| point.excess <= KEPT);
         let merits = kept.map(|point| point.merit);
         let best = merits.fold(unfollowed.unwrap_or(worth), f64::min);

@@ -12,6 +12,8 @@ use crate::system::experiment::{Sampling, Settings};
 /// How accurate the simulation is, compared with what the result is to be.
 const FINER: f64 = 1e-2;
 const FINEST: f64 = 1e-12;
+/// The rows of a program hold to an absolute accuracy: smaller states are zero to it.
+const FEASIBLE: f64 = 1e-6;
 /// The code of what a simulation says against a result.
 const DISAGREES: &str = "W0709";
 
@@ -47,8 +49,8 @@ pub(crate) fn simulate(
     let all = (0..run.time.len()).flat_map(|k| &run.states[0].at(k)[..n]);
     let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
     let objective = problem.cost(x, w) - solution.objective;
-    let relative = (terminal / size.max(f64::MIN_POSITIVE))
-        .max(objective.abs() / solution.objective.abs().max(1.0));
+    let relative =
+        (terminal / size.max(FEASIBLE)).max(objective.abs() / solution.objective.abs().max(1.0));
     if relative > problem.settings.tolerance {
         let message = format!(
             "a simulation with these controls ends {terminal:.1e} away, with an objective that differs by \
