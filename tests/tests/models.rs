@@ -136,6 +136,10 @@ const EXAMPLES: &[&str] = &[
 
 /// Experiments of the standard library. All of them pass.
 const LIBRARY: &[&str] = &[
+    "biology.nsd: grades",
+    "biology.nsd: holds",
+    "biology.nsd: parts_ways",
+    "biology.nsd: saturates",
     "contact.nsd: bounces",
     "contact.nsd: depend_on_speed",
     "contact.nsd: docks",
@@ -143,12 +147,24 @@ const LIBRARY: &[&str] = &[
     "contact.nsd: holds",
     "contact.nsd: stops",
     "contact.nsd: turns",
+    "control.nsd: differentiates",
+    "control.nsd: follow",
+    "control.nsd: lags_behind",
+    "control.nsd: leads",
+    "control.nsd: modulates",
+    "control.nsd: samples",
+    "control.nsd: settles",
+    "control.nsd: unwinds",
     "friction.nsd: breaks_loose",
     "friction.nsd: slows_down",
     "friction.nsd: sticks_longer",
     "friction.nsd: stops_at_rest",
     "friction.nsd: stops_in_time",
     "friction.nsd: without_excess",
+    "hydraulics.nsd: empties",
+    "hydraulics.nsd: fills",
+    "hydraulics.nsd: levels_out",
+    "hydraulics.nsd: spills",
     "mechanics.nsd: falls",
     "mechanics.nsd: slows_down",
     "mechanics.nsd: swings",
@@ -157,6 +173,8 @@ const LIBRARY: &[&str] = &[
     "prelude.nsd: narrow",
     "relay.nsd: reaches_zero",
     "relay.nsd: stops_at_the_edge",
+    "signals.nsd: areas",
+    "signals.nsd: frequencies",
 ];
 
 /// What `nsdc test` says of the experiments below a folder.
