@@ -152,6 +152,7 @@ const EXAMPLES: &[&str] = &[
     "voronoi.nsd: passes",
     "voronoi.nsd: slides",
     "walker.nsd: limps",
+    "walker.nsd: strides",
     "walker.nsd: walks",
 ];
 
