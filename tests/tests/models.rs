@@ -91,7 +91,7 @@ const EXAMPLES: &[&str] = &[
     "projected.nsd: level",
     "puck.nsd: carry",
     "push_crate.nsd: push",
-    "quarter_car.nsd: over_a_bump",
+    "quarter_car.nsd: on_waves",
     "rectifier.nsd: rectifies",
     "schedule.nsd: day",
     "servo.nsd: tracked",
