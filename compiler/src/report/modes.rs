@@ -26,11 +26,26 @@ impl Side {
 
 impl Trajectory {
     /// The mode in at most about `length` characters: where it has many switches, regions and
-    /// sliding surfaces are named and the others counted.
+    /// sliding surfaces are named and the others counted, but for those by which other modes of the run differ that
+    /// count the same.
     pub fn short_mode(&self, interval: &ModeInterval, length: usize) -> String {
         if interval.mode.chars().count() <= length {
             return interval.mode.clone();
         }
+        let mut text = self.counted(interval);
+        let twins = self.modes.iter();
+        let twins = twins.filter(|other| other.mode != interval.mode);
+        let twins: Vec<_> = twins.filter(|other| self.counted(other) == text).collect();
+        for (i, (name, side)) in self.switches.iter().zip(&interval.sides).enumerate() {
+            if twins.iter().any(|twin| twin.sides[i] != *side) {
+                text += &format!(", {}({name})", side.as_str());
+            }
+        }
+        text
+    }
+
+    /// Regions and sliding surfaces by their names, others by their numbers.
+    fn counted(&self, interval: &ModeInterval) -> String {
         let on = |side: Side| {
             let pairs = self.switches.iter().zip(&interval.sides);
             pairs
@@ -124,6 +139,33 @@ mod tests {
         interval.sides = vec![Side::Sliding; 8];
         insta::assert_snapshot!(short(&interval), @"inside, 8 sliding");
         assert_eq!(trajectory.short_mode(&interval, 30), interval.mode);
+    }
+
+    #[test]
+    fn modes_that_count_the_same_are_told_apart() {
+        let mut trajectory = sample::oscillator();
+        trajectory.switches = ["x", "y", "z"].map(str::to_owned).into();
+        let mode = |name: &str, sides: [Side; 3]| ModeInterval {
+            mode: name.into(),
+            regions: Vec::new(),
+            sides: sides.into(),
+            ..trajectory.modes[0].clone()
+        };
+        let (above, below) = (Side::Above, Side::Below);
+        let modes = vec![
+            mode("above(x), below(y), above(z)", [above, below, above]),
+            mode("below(x), above(y), above(z)", [below, above, above]),
+            mode("below(x), below(y), above(z)", [below, below, above]),
+        ];
+        trajectory.modes = modes;
+        let short: Vec<String> = (trajectory.modes.iter())
+            .map(|interval| trajectory.short_mode(interval, 10))
+            .collect();
+        insta::assert_snapshot!(short.join("\n"), @r"
+        1 below, 2 above, above(x), below(y)
+        1 below, 2 above, below(x), above(y)
+        2 below, 1 above
+        ");
     }
 
     #[test]
