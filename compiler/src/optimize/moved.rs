@@ -458,7 +458,7 @@ impl Others for Moved {
     fn at(&self, w: &[f64], zeros: &[Member], near: &Linearized) -> Vec<Other> {
         let (layout, conditions) = (&self.layout, &self.conditions);
         // Where controls enter the switching functions a mode does not last beyond its interval.
-        if conditions.groups.is_empty() || conditions.has_more || layout.restarts() {
+        if conditions.groups.is_empty() || conditions.has_more || layout.algebraics.restarts {
             return Vec::new();
         }
         let runs = |k| self.runs(k, w, zeros);

@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 use thiserror::Error;
 
-use super::layout::End;
+use super::layout::ends::{End, Start};
 use super::{Grid, Options};
 use crate::expr::{Expr, Var};
 use crate::lowering::dcs::Dcs;
@@ -71,7 +71,7 @@ pub fn check_start(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
 
 /// The same where z are known at the start.
 pub fn check_given(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
-    match super::task::Start::of(dcs).is_free {
+    match Start::of(dcs).is_free {
         true => Ok(()),
         false => check_start(dcs, start),
     }

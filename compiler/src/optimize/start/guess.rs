@@ -102,7 +102,7 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
             let begins = (k, j) == (1, 1) || layout.impulses(k, j).is_some();
             let element = ((k - 1) * elements + j - 1) as f64;
             let share = (element + c) / (steps * elements) as f64;
-            let restarts = (m, j) == (0, 1) && (k == 1 || layout.restarts());
+            let restarts = (m, j) == (0, 1) && (k == 1 || layout.algebraics.restarts);
             for i in 0..layout.n_states() {
                 if let Some(index) = layout.started(k, i).filter(|_| restarts) {
                     let state = &system.states[i];

@@ -282,7 +282,7 @@ fn fill(
         let found = solve_in_mode(system, &problem.dcs, &alphas, &value);
         let is_first = (k, j) == (1, 1);
         for (i, z) in found.algebraics.into_iter().enumerate() {
-            if m == 0 && !is_first && !layout.starts_anew(i) {
+            if m == 0 && !is_first && !layout.algebraics.starts_anew(i) {
                 continue;
             }
             if let Some(index) = layout.z(k, j, m, i) {
