@@ -34,7 +34,7 @@ const NEGATIVE: f64 = -1e-9;
 
 /// Moves switches of a discretized system.
 #[derive(Debug)]
-pub(super) struct Moved {
+pub(crate) struct Moved {
     layout: Layout,
     conditions: Conditions,
     products: Vec<Product>,

@@ -9,12 +9,14 @@ use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Form, Homotopy, MultiStart, Options, Solution};
 use nsd_solver::optimization::problem::Nlp;
 
-use super::{Point, Problem, Progress, Sampled, is_decided};
+use super::{Point, Problem, Progress, Sampled};
 use crate::expr::Var;
 use crate::limit::Limit;
 use crate::project::watch;
 use crate::project::watch::Watch;
+use crate::system::System;
 use crate::system::experiment::Starts;
+use crate::system::task::Task;
 use crate::threads;
 
 /// How much a single start may cost while other ways are tried for a smaller objective: next to nothing, as there are
@@ -101,6 +103,17 @@ impl Problem<'_> {
         }
         (guess, false)
     }
+}
+
+/// Whether a variable is a control or a parameter that is decided.
+fn is_decided(system: &System, var: Var) -> bool {
+    let of_task = |task: &Task<'_>| {
+        let controls = task.controls.iter().map(|control| control.var);
+        let params = (task.params.iter()).map(|free| system.params[free.place].var);
+        let mut all = controls.chain(params);
+        all.any(|known| known.as_variable() == Some(var))
+    };
+    system.task.as_ref().is_some_and(of_task)
 }
 
 /// How a task is solved from one or several starts.

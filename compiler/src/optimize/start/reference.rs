@@ -84,7 +84,7 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
     for free in &task.initial {
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
-    let length = problem.horizon(w) / layout.steps as f64;
+    let length = problem.at(w).horizon() / layout.steps as f64;
     for k in 1..=layout.steps {
         system.params.truncate(n_params);
         system.states.truncate(n_states);
@@ -176,11 +176,11 @@ pub(crate) fn in_modes(problem: &Problem, run: &ReferenceRun, w: &mut [f64]) -> 
     if run.failure.is_some() {
         return false;
     }
-    follow(problem, run, problem.horizon(w), w);
+    follow(problem, run, problem.at(w).horizon(), w);
     let layout = &problem.layout;
     for (k, j) in layout.all_elements() {
         let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
-            .map(|m| problem.alphas(w, k, j, m))
+            .map(|m| problem.at(w).alphas(k, j, m))
             .collect();
         for (i, branch) in problem.dcs.branches.iter().enumerate() {
             // Only where it slides is its stability bounded.

@@ -1,30 +1,52 @@
-//! A program in numerical time as it is seen in physical time.
+//! A point w of the program in quantities of the model: T, instants, free parameters, α, contacts that act.
 //!
-//! Elements in which the clock stands still are instants: contacts that act there are jumps. Elsewhere polynomials go
+//! A program in numerical time is seen in physical time. Elements in which the clock stands still are instants: contacts that act there are jumps. Elsewhere polynomials go
 //! through the values at the nodes at the times that the clock shows there.
 
 use rustc_hash::FxHashMap;
 
 use super::Problem;
 use crate::expr::{Expr, Var};
-use crate::system::System;
 
 /// A clock slower than this stands still.
 const STANDS: f64 = 1e-6;
 
+/// Impulses below this are rounding.
+const IMPULSE: f64 = 1e-9;
+
+/// A point of a program.
+#[derive(Clone, Copy)]
+pub(crate) struct Iterate<'p, 'e> {
+    problem: &'p Problem<'e>,
+    w: &'p [f64],
+}
+
 impl<'e> Problem<'e> {
-    /// The system that is discretized.
-    pub(super) fn lowered(&self) -> &System<'e> {
-        match &self.frozen {
-            Some(frozen) => &frozen.system,
-            None => &self.system,
-        }
+    /// A point of the program.
+    pub(crate) fn at<'p>(&'p self, w: &'p [f64]) -> Iterate<'p, 'e> {
+        Iterate { problem: self, w }
+    }
+}
+
+impl Iterate<'_, '_> {
+    /// T.
+    pub fn horizon(&self) -> f64 {
+        let free = self.problem.layout.horizon();
+        free.map_or(self.problem.settings.horizon, |index| self.w[index])
+    }
+
+    /// The free parameters.
+    pub fn params(&self) -> Vec<f64> {
+        let task = self.problem.system.task.iter();
+        let n = task.map(|task| task.params.len()).sum();
+        (0..n).map(|i| self.w[self.problem.layout.p(i)]).collect()
     }
 
     /// Physical time at node 0, the Runge-Kutta nodes and the end of an element that starts at `start`.
-    pub(super) fn instants(&self, w: &[f64], (k, j): (usize, usize), start: f64) -> Vec<f64> {
-        let layout = &self.layout;
-        match &self.frozen {
+    pub fn instants(&self, (k, j): (usize, usize), start: f64) -> Vec<f64> {
+        let (problem, w) = (self.problem, self.w);
+        let layout = &problem.layout;
+        match &problem.frozen {
             Some(frozen) => (0..=layout.end)
                 .map(|m| w[layout.x(k, j, m) + frozen.clock])
                 .collect(),
@@ -36,18 +58,20 @@ impl<'e> Problem<'e> {
     }
 
     /// Whether the clock stands still in an element with these instants.
-    pub(super) fn stands(&self, w: &[f64], (k, j): (usize, usize), instants: &[f64]) -> bool {
+    pub fn stands(&self, (k, j): (usize, usize), instants: &[f64]) -> bool {
+        let (problem, w) = (self.problem, self.w);
         let advance = instants[instants.len() - 1] - instants[0];
-        self.frozen.is_some() && advance <= STANDS * w[self.layout.h(k, j)]
+        problem.frozen.is_some() && advance <= STANDS * w[problem.layout.h(k, j)]
     }
 
     /// The laws of the contacts that act in an element.
-    pub(super) fn acting(&self, w: &[f64], (k, j): (usize, usize)) -> Vec<usize> {
-        let Some(frozen) = &self.frozen else {
+    pub fn acting(&self, (k, j): (usize, usize)) -> Vec<usize> {
+        let problem = self.problem;
+        let Some(frozen) = &problem.frozen else {
             return Vec::new();
         };
-        let n = self.layout.nodes;
-        let nodes: Vec<Vec<f64>> = (1..=n).map(|m| self.lowered_alphas(w, k, j, m)).collect();
+        let n = problem.layout.nodes;
+        let nodes: Vec<Vec<f64>> = (1..=n).map(|m| self.lowered_alphas(k, j, m)).collect();
         let is_below = |switch: usize| {
             let sum: f64 = nodes.iter().map(|alphas| alphas[switch]).sum();
             sum < 0.5 * n as f64
@@ -63,12 +87,13 @@ impl<'e> Problem<'e> {
     }
 
     /// α of the switches of the model at a node; of a contact, 1 - λ_n.
-    pub(super) fn alphas(&self, w: &[f64], k: usize, j: usize, m: usize) -> Vec<f64> {
-        let lowered = self.lowered_alphas(w, k, j, m);
-        let Some(frozen) = &self.frozen else {
+    pub fn alphas(&self, k: usize, j: usize, m: usize) -> Vec<f64> {
+        let (problem, w) = (self.problem, self.w);
+        let lowered = self.lowered_alphas(k, j, m);
+        let Some(frozen) = &problem.frozen else {
             return lowered;
         };
-        let x = &w[self.layout.x(k, j, m)..];
+        let x = &w[problem.layout.x(k, j, m)..];
         let known = frozen
             .places
             .iter()
@@ -80,7 +105,7 @@ impl<'e> Problem<'e> {
         let value = |var: Var| {
             let is = |e: Expr| e.as_variable() == Some(var);
             let state = frozen.system.states.iter().position(|state| is(state.var));
-            let param = || self.system.params.iter().find(|param| is(param.var));
+            let param = || problem.system.params.iter().find(|param| is(param.var));
             let given = || param().map_or(f64::NAN, |param| param.value);
             state.map_or_else(given, |i| x[i])
         };
@@ -101,15 +126,26 @@ impl<'e> Problem<'e> {
     }
 
     /// α of the switches of the system that is discretized.
-    pub(super) fn lowered_alphas(&self, w: &[f64], k: usize, j: usize, m: usize) -> Vec<f64> {
-        let dcs = &self.dcs;
-        let known = dcs
-            .algebraics
-            .iter()
-            .enumerate()
-            .filter_map(|(i, z)| Some((z.var.as_variable()?, w[self.layout.z(k, j, m, i)?])));
+    pub fn lowered_alphas(&self, k: usize, j: usize, m: usize) -> Vec<f64> {
+        let (problem, w) = (self.problem, self.w);
+        let dcs = &problem.dcs;
+        let known =
+            dcs.algebraics.iter().enumerate().filter_map(|(i, z)| {
+                Some((z.var.as_variable()?, w[problem.layout.z(k, j, m, i)?]))
+            });
         let known: FxHashMap<Var, f64> = known.collect();
         let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
         dcs.alphas.iter().map(|alpha| alpha.eval(&value)).collect()
+    }
+
+    /// The laws of the contacts that give impulses where an element begins: jumps come first.
+    pub fn struck(&self, (k, j): (usize, usize)) -> Vec<usize> {
+        let (problem, w) = (self.problem, self.w);
+        let Some(first) = problem.layout.impulses(k, j) else {
+            return Vec::new();
+        };
+        let contacts = 0..problem.dcs.impacts.len();
+        let struck = contacts.filter(|c| w[first + c] > IMPULSE);
+        struck.map(|c| problem.system.laws.len() + c).collect()
     }
 }
