@@ -59,7 +59,7 @@ impl<'e> Problem<'e> {
                 continue;
             };
             let nodes: Vec<Vec<f64>> = (1..=layout.nodes).map(|m| at.alphas(k, j, m)).collect();
-            let differs = self.dcs.branches.iter().find_map(|branch| {
+            let differs = self.dcs.switches.branches.iter().find_map(|branch| {
                 let switch = branch.switch;
                 let found = nodes.iter().zip(&middle);
                 let found: f64 = found.map(|(alphas, share)| share * alphas[switch]).sum();

@@ -135,7 +135,7 @@ impl Iterate<'_, '_> {
             });
         let known: FxHashMap<Var, f64> = known.collect();
         let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-        dcs.alphas.iter().map(|alpha| alpha.eval(&value)).collect()
+        dcs.switches.at(&value)
     }
 
     /// The laws of the contacts that give impulses where an element begins: jumps come first.

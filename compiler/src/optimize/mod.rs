@@ -147,7 +147,7 @@ impl<'e> Problem<'e> {
             .best
             .unwrap_or_else(|| least_violated(&found.solutions));
         let mut solution = found.solutions[best].clone();
-        let has_branches = !self.dcs.branches.is_empty() && solution.is_feasible();
+        let has_branches = !self.dcs.switches.branches.is_empty() && solution.is_feasible();
         let in_other_mode = match has_branches {
             true => branches::settle(self, &mut solution, options, limit, watch),
             false => None,
@@ -253,7 +253,7 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
     let (family, nodes) = grid.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
-    let formulation = problem.dcs.formulation.word();
+    let formulation = problem.dcs.lowering.formulation.word();
     let lowering = match &problem.frozen {
         Some(_) => format!("timefreezing, {formulation}"),
         None if settings.takes_impulses() => format!("impact, {formulation}"),

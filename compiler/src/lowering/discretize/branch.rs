@@ -45,7 +45,7 @@ pub(crate) fn state<'e>(formals: &Formals<'_, 'e>, mpcc: &mut Mpcc<'e>) {
         .bounds(vec![(-ROOM, f64::INFINITY); rows.len()]);
     let block = formals.at(block, h, |node| node);
     let text = format!("S{} <= sum(r[k,j])", formals.at_node());
-    let origins = sources(dcs.branches.iter().map(|branch| branch.origin));
+    let origins = sources(dcs.switches.branches.iter().map(|branch| branch.origin));
     block.state(mpcc, Kind::Inequality, rows, origins, text);
 }
 
@@ -75,13 +75,13 @@ pub(crate) fn bounds_of<'e, const N: usize>(
 
 /// S of all branches.
 pub(crate) fn stabilities<'e>(formals: &Formals<'_, 'e>) -> Vec<Expr<'e>> {
-    let branches = formals.dcs.branches.iter();
+    let branches = formals.dcs.switches.branches.iter();
     branches.map(|branch| branch.stability).collect()
 }
 
 /// The branch whose α a member contains.
 pub(crate) fn of(formals: &Formals, member: &Member) -> Option<usize> {
     let alpha = formals.dcs.algebraics[member.z].var;
-    let mut branches = formals.dcs.branches.iter();
+    let mut branches = formals.dcs.switches.branches.iter();
     branches.position(|branch| branch.alpha == alpha)
 }

@@ -101,7 +101,7 @@ impl<'p, 'e> Pairs<'p, 'e> {
             ),
         ];
         groups[2].is_crossed = false;
-        for (pair, &origin) in dcs.pairs.iter().zip(&dcs.origins.pairs) {
+        for (pair, &origin) in dcs.rows.pairs.iter().zip(&dcs.rows.origins.pairs) {
             let [left, right] = [pair.left, pair.right].map(|value| Member::new(dcs, value));
             let is_continuous = |member: Member| dcs.algebraics[member.z].continuous;
             let at_end = |jump: Member| usize::from(layout.algebraics.at_end.contains(&jump.z));

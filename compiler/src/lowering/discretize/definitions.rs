@@ -28,10 +28,10 @@ pub(crate) fn remarks(dcs: &Dcs, grid: Grid, form: Form, options: &Options) -> V
             format!("{steps} of {elements} to T = {}, {cross}", grid.horizon)
         }
     };
-    let reason = dcs.reason.as_ref();
+    let reason = dcs.lowering.reason.as_ref();
     let reason = reason.map_or_else(String::new, |reason| format!(": {reason}"));
     vec![
-        format!("{}{reason}", dcs.formulation),
+        format!("{}{reason}", dcs.lowering.formulation),
         format!("{method}, {grid}"),
     ]
 }
@@ -52,10 +52,10 @@ pub(crate) fn state(pairs: &Pairs, detection: Option<Detection>, mpcc: &mut Mpcc
         }
     };
     let arguments = pairs.formals.arguments(&dcs.time.to_string(), "x", "z");
-    let rates = dcs.states.iter().zip(&dcs.rates);
+    let rates = dcs.states.iter().zip(&dcs.rows.rates);
     let rates = rates.map(|(state, rate)| format!("der({}) = {rate}", state.var));
     define(format!("f{arguments}"), rates.collect());
-    let equations = dcs.equations.iter().map(|row| format!("0 = {row}"));
+    let equations = dcs.rows.equations.iter().map(|row| format!("0 = {row}"));
     define(format!("g{arguments}"), equations.collect());
     let jumps = dcs.jumps().into_iter();
     let jumps = jumps.map(|(state, by)| format!("jump({}) = {by}", dcs.states[state].var));

@@ -44,7 +44,7 @@ impl<'e> Dynamics<'_, 'e> {
         let (d, x) = (exprs.variables("d", n + 1), self.copies("x", n + 1));
         let sums = self.sums(&d, &x);
         let h = exprs.variable("h");
-        let rates = self.formals.timed(&dcs.rates, h);
+        let rates = self.formals.timed(&dcs.rows.rates, h);
         let rows = sums.iter().zip(&rates).map(|(&sum, &rate)| sum - h * rate);
         let (mut block, mut at_end) = self.blocks("collocation");
         let ends = lagrange(points, &[1.0]);
@@ -61,7 +61,7 @@ impl<'e> Dynamics<'_, 'e> {
             "0 = sum(d[m,l]*x[k,j,l], l in 0..{n}) - h[k,j]*f{}",
             self.formals.at_node()
         );
-        let origins = sources(dcs.origins.rates.iter().copied());
+        let origins = sources(dcs.rows.origins.rates.iter().copied());
         block.state(mpcc, Kind::Equation, rows.collect(), origins.clone(), text);
 
         let last = layout.end;
@@ -87,7 +87,7 @@ impl<'e> Dynamics<'_, 'e> {
         let rows: Vec<Expr> = rows
             .map(|((&start, &sum), &end)| start + h * sum - end)
             .collect();
-        let origins = sources(dcs.origins.rates.iter().copied());
+        let origins = sources(dcs.rows.origins.rates.iter().copied());
         let slope = |k, j, l| layout.v(k, j, l).expect("the differential form has slopes");
 
         let last = layout.end;
@@ -116,7 +116,7 @@ impl<'e> Dynamics<'_, 'e> {
             at_end.state(mpcc, Kind::Equation, rows, origins.clone(), text);
         }
 
-        let rates = self.formals.timed(&dcs.rates, h);
+        let rates = self.formals.timed(&dcs.rows.rates, h);
         let rows = rates.iter().zip(&v[0]).map(|(&rate, &v)| rate - v);
         let (block, _) = self.blocks("slopes");
         let block = block.vector(&v[0], |[k, j, m]| slope(k, j, m));
@@ -127,7 +127,7 @@ impl<'e> Dynamics<'_, 'e> {
 
     /// g at the nodes.
     fn equations(&self, mpcc: &mut Mpcc<'e>) {
-        let all: Vec<usize> = (0..self.formals.dcs.equations.len()).collect();
+        let all: Vec<usize> = (0..self.formals.dcs.rows.equations.len()).collect();
         if all.is_empty() {
             return;
         }
@@ -154,7 +154,7 @@ impl<'e> Dynamics<'_, 'e> {
         let block = formals.at(block, h, |[k, j]| [k, j, end]);
         let (x, z) = (format!("x[k,j,{end}]"), format!("z[k,j,{end}]"));
         let g = formals.arguments("t[k,j] + h[k,j]", &x, &z);
-        let which = match numbers.len() == formals.dcs.equations.len() {
+        let which = match numbers.len() == formals.dcs.rows.equations.len() {
             true => String::new(),
             false => {
                 let numbers: Vec<String> = numbers.iter().map(|i| (i + 1).to_string()).collect();

@@ -90,7 +90,7 @@ fn between<'e>(
         for (i, b) in group.continuous.members.iter().enumerate() {
             let mut products = sides.iter().map(|(before, behind)| before[i] * behind[i]);
             let is_gap = dcs.impacts.iter().any(|impact| impact.gap == b.z);
-            let is_slip = dcs.discs.iter().any(|disc| disc.slip == b.z);
+            let is_slip = dcs.switches.discs.iter().any(|disc| disc.slip == b.z);
             factors.push(match is_gap || is_slip {
                 false => exprs.sum(products),
                 // Open on both sides of an impact, where the gap is zero.

@@ -46,9 +46,9 @@ pub(crate) fn state<'e>(formals: &Formals<'_, 'e>, mpcc: &mut Mpcc<'e>) {
 /// Where the pair of a contact comes from.
 pub(crate) fn origin(dcs: &Dcs, impact: &Impact) -> Source {
     let gap = dcs.algebraics[impact.gap].var;
-    let mut pairs = dcs.pairs.iter();
+    let mut pairs = dcs.rows.pairs.iter();
     let place = pairs.position(|pair| pair.left == gap || pair.right == gap);
-    Source::Dcs(dcs.origins.pairs[place.expect("a contact has a pair")])
+    Source::Dcs(dcs.rows.origins.pairs[place.expect("a contact has a pair")])
 }
 
 /// Where elements begin, with formal arguments for h and x⁻; x is x⁺.
@@ -92,7 +92,7 @@ impl<'s, 'e> LeftEnds<'s, 'e> {
         let sides = self.formals.states.iter().zip(&self.before).enumerate();
         let rows: Vec<Expr> = sides.map(row).collect();
         let text = "0 = x[k,j,0] - before(x)[k,j] - r(x[k,j,0], y[k,j])";
-        let origins = sources(dcs.origins.rates.iter().copied());
+        let origins = sources(dcs.rows.origins.rates.iter().copied());
         self.push(mpcc, ("jump", Kind::Equation), &rows, origins, text);
     }
 
@@ -100,8 +100,11 @@ impl<'s, 'e> LeftEnds<'s, 'e> {
     fn equations(&self, mpcc: &mut Mpcc<'e>) {
         let dcs = self.formals.dcs;
         let (_, equations) = jumping_with_states(dcs);
-        let rows: Vec<Expr> = equations.iter().map(|&row| dcs.equations[row]).collect();
-        let origins = sources(equations.iter().map(|&row| dcs.origins.equations[row]));
+        let rows: Vec<Expr> = equations
+            .iter()
+            .map(|&row| dcs.rows.equations[row])
+            .collect();
+        let origins = sources(equations.iter().map(|&row| dcs.rows.origins.equations[row]));
         let g = self.formals.arguments("t[k,j]", "x[k,j,0]", "z[k,j,0]");
         let text = format!("0 = g{g}, where states jump");
         self.push(mpcc, ("left", Kind::Equation), &rows, origins, &text);

@@ -134,7 +134,7 @@ fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &L
     };
     let [effort, patience] = match starts {
         // Other ways would be cheaper in modes that the model is not in.
-        None if reference && !problem.dcs.branches.is_empty() => [0, SINGLE_PATIENCE],
+        None if reference && !problem.dcs.switches.branches.is_empty() => [0, SINGLE_PATIENCE],
         None => [SINGLE_EFFORT, SINGLE_PATIENCE],
         Some(_) => [Options::default().effort, Options::default().patience],
     };

@@ -29,7 +29,7 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
     let Some(task) = &problem.dcs.task else {
         return false;
     };
-    if !problem.dcs.branches.is_empty() {
+    if !problem.dcs.switches.branches.is_empty() {
         return in_modes(problem, &problem.simulated(w, limit), w);
     }
     if problem.frozen.is_none() && problem.dcs.impacts.is_empty() {
@@ -182,7 +182,7 @@ pub(crate) fn in_modes(problem: &Problem, run: &ReferenceRun, w: &mut [f64]) -> 
         let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
             .map(|m| problem.at(w).alphas(k, j, m))
             .collect();
-        for (i, branch) in problem.dcs.branches.iter().enumerate() {
+        for (i, branch) in problem.dcs.switches.branches.iter().enumerate() {
             // Only where it slides is its stability bounded.
             let Some(r) = layout.r(k, j) else { continue };
             for (side, end) in [0.0, 1.0].into_iter().enumerate() {

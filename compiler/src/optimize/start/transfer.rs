@@ -58,7 +58,7 @@ impl Problem<'_> {
             is_frozen: self.frozen.is_some(),
             n_impacts: self.n_impulses(),
             n_states: layout.n_states(),
-            n_switches: self.dcs.alphas.len(),
+            n_switches: self.dcs.switches.alphas.len(),
             grid: [layout.steps, layout.elements, layout.nodes],
         }
     }

@@ -4,19 +4,17 @@
 //!
 //! Its pieces begin where steps do, and T is known, unless there is one piece alone.
 
-use std::sync::Arc;
-
 use super::block::{Builder, variable};
 use crate::expr::{Expr, Var};
+use crate::lowering::dcs;
 use crate::lowering::dcs::Dcs;
 use crate::lowering::discretize::Grid;
 use crate::source::table::Table;
 
 /// A function of time.
 struct Function<'p, 'e> {
-    /// r, a variable.
-    var: Expr<'e>,
-    table: &'p Table,
+    /// r.
+    data: &'p dcs::Data<'e>,
     /// t_k and c_ki, formal arguments.
     start: Expr<'e>,
     coefficients: Vec<Expr<'e>>,
@@ -51,14 +49,13 @@ pub fn inside(table: &Table, horizon: (f64, f64), steps: usize) -> Option<f64> {
 impl<'p, 'e> Data<'p, 'e> {
     /// With formal arguments for all functions.
     pub fn of(dcs: &'p Dcs<'e>, grid: Grid) -> Self {
-        let function = |(&var, table): (&Expr<'e>, &'p Arc<Table>)| Function {
-            var,
-            table,
+        let function = |data: &'p dcs::Data<'e>| Function {
+            data,
             start: dcs.exprs.variable("start"),
-            coefficients: dcs.exprs.variables("c", table.n_coefficients()),
+            coefficients: dcs.exprs.variables("c", data.table.n_coefficients()),
         };
         Data {
-            functions: dcs.data.iter().zip(&dcs.tables).map(function).collect(),
+            functions: dcs.data.iter().map(function).collect(),
             grid,
         }
     }
@@ -69,16 +66,16 @@ impl<'p, 'e> Data<'p, 'e> {
             let since = time - function.start;
             let terms = (0..).zip(&function.coefficients);
             let terms = terms.map(|(i, &c)| if i == 0 { c } else { c * since.powi(i) });
-            (variable(function.var), time.exprs().sum(terms))
+            (variable(function.data.var), time.exprs().sum(terms))
         })
     }
 
     /// The functions at an instant of the horizon, which is known.
     pub fn at_instant(&self, instant: f64) -> impl Iterator<Item = (Var, Expr<'e>)> {
         self.functions.iter().map(move |function| {
-            let value = function.table.value(instant);
+            let value = function.data.table.value(instant);
             let value = function.start.exprs().constant(value);
-            (variable(function.var), value)
+            (variable(function.data.var), value)
         })
     }
 
@@ -100,7 +97,7 @@ impl<'p, 'e> Data<'p, 'e> {
                 block = block.number(c, |place| {
                     // The piece of the middle is that of the step.
                     let middle = start(place) + 0.5 * horizon / steps as f64;
-                    let around = function.table.piece(middle).around(start(place));
+                    let around = function.data.table.piece(middle).around(start(place));
                     around.get(i).copied().unwrap_or(0.0)
                 });
             }

@@ -104,8 +104,8 @@ impl<'p, 'e> Formals<'p, 'e> {
     /// The rows of the system with these numbers, at c of an element of length h, and where they come from.
     pub fn equations(&self, numbers: &[usize], h: Expr<'e>) -> (Vec<Expr<'e>>, Vec<Source>) {
         let dcs = self.dcs;
-        let rows: Vec<Expr> = numbers.iter().map(|&row| dcs.equations[row]).collect();
-        let origins = numbers.iter().map(|&row| dcs.origins.equations[row]);
+        let rows: Vec<Expr> = numbers.iter().map(|&row| dcs.rows.equations[row]).collect();
+        let origins = numbers.iter().map(|&row| dcs.rows.origins.equations[row]);
         (self.timed(&rows, h), sources(origins))
     }
 

@@ -145,7 +145,7 @@ impl<'d, 'e> Frame<'d, 'e> {
             Some(detection) if self.elements > 1 => detection.spread,
             _ => 0.0,
         };
-        let least = match task.is_some() && !self.dcs.branches.is_empty() {
+        let least = match task.is_some() && !self.dcs.switches.branches.is_empty() {
             true => SHORTEST,
             false => 0.0,
         };
@@ -164,7 +164,7 @@ impl<'d, 'e> Frame<'d, 'e> {
     /// The starts of elements, where the system depends on time.
     fn times(&self, mpcc: &mut Mpcc, rates: &[Expr]) -> Option<usize> {
         let Frame { dcs, grid, .. } = *self;
-        let rows = dcs.rates.iter().chain(&dcs.equations).copied();
+        let rows = dcs.rows.rates.iter().chain(&dcs.rows.equations).copied();
         let rows = rows.chain(dcs.impacts.iter().flat_map(Impact::exprs));
         let rows: Vec<Expr> = rows.chain(rates.iter().copied()).collect();
         let occurring = variables_of(&rows);
@@ -300,7 +300,7 @@ impl<'d, 'e> Frame<'d, 'e> {
     /// What jumps with switches of time, for every element.
     fn led(&self, mpcc: &mut Mpcc, bounds: &[Bounds]) -> Option<Led> {
         let dcs = self.dcs;
-        if self.detection.is_none() || dcs.leading.is_empty() || !dcs.impacts.is_empty() {
+        if self.detection.is_none() || dcs.switches.leading.is_empty() || !dcs.impacts.is_empty() {
             return None;
         }
         let (algebraics, equations) = jumping_with_time(dcs);
@@ -379,29 +379,25 @@ impl<'d, 'e> Frame<'d, 'e> {
             let alpha = branch.alpha.to_string();
             [format!("S({alpha}=0)"), format!("S({alpha}=1)")]
         };
-        let names: Vec<String> = dcs.branches.iter().flat_map(names).collect();
+        let names: Vec<String> = dcs.switches.branches.iter().flat_map(names).collect();
         let bounds = vec![Bounds::between(0.0, f64::INFINITY, 0.0); names.len()];
         let elements = self.per_element();
         let first = mpcc.declare("r", names, &elements, everywhere(&elements, &bounds));
-        (first, dcs.branches.len())
+        (first, dcs.switches.branches.len())
     }
 }
 
 /// Members of pairs are not negative.
 fn algebraic_bounds(dcs: &Dcs) -> Vec<Bounds> {
-    let members: FxHashSet<Expr> = (dcs.pairs.iter())
-        .flat_map(|pair| [pair.left, pair.right])
-        .collect();
+    let members: FxHashSet<Expr> = dcs.rows.members().collect();
     let bounds = |z: &Algebraic| {
-        let lower = if members.contains(&z.var) {
-            0.0
-        } else {
-            f64::NEG_INFINITY
+        let lower = match members.contains(&z.var) {
+            true => 0.0,
+            false => f64::NEG_INFINITY,
         };
-        let upper = if members.contains(&(1.0 - z.var)) {
-            1.0
-        } else {
-            f64::INFINITY
+        let upper = match members.contains(&(1.0 - z.var)) {
+            true => 1.0,
+            false => f64::INFINITY,
         };
         Bounds::between(lower, upper, z.guess)
     };
@@ -421,7 +417,7 @@ fn is_timed(dcs: &Dcs, occurring: &[Var]) -> bool {
     };
     let lines = task.shape == Shape::Linear;
     occurs(dcs.time)
-        || dcs.data.iter().any(|&data| occurs(data))
+        || dcs.data.iter().any(|data| occurs(data.var))
         || lines && task.controls.iter().any(|control| occurs(control.var))
 }
 

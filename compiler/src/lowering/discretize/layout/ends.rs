@@ -6,7 +6,7 @@
 use rustc_hash::FxHashSet;
 
 use crate::expr::{Expr, Var, variables_of};
-use crate::lowering::dcs::Dcs;
+use crate::lowering::dcs::{Data, Dcs};
 use crate::lowering::discretize::formals::block::variable;
 use crate::source::table::Fit;
 use crate::system::task::Shape;
@@ -23,13 +23,13 @@ pub(crate) struct End {
 impl End {
     pub fn new(dcs: &Dcs) -> Self {
         let occurring = |row: &Expr<'_>| variables_of(&[*row]);
-        let occurring: Vec<Vec<Var>> = dcs.equations.iter().map(occurring).collect();
+        let occurring: Vec<Vec<Var>> = dcs.rows.equations.iter().map(occurring).collect();
         let declared: FxHashSet<Var> = dcs.algebraics.iter().map(|z| variable(z.var)).collect();
         let continuous = dcs.algebraics.iter().filter(|z| z.continuous);
         let place = |i: usize| variable(dcs.algebraics[i].var);
-        let sticks = dcs.discs.iter().map(|disc| place(disc.stick));
+        let sticks = dcs.switches.discs.iter().map(|disc| place(disc.stick));
         let mut known: FxHashSet<Var> = continuous.map(|z| variable(z.var)).chain(sticks).collect();
-        let directions = dcs.discs.iter().flat_map(|disc| disc.alphas);
+        let directions = dcs.switches.discs.iter().flat_map(|disc| disc.alphas);
         let directions: FxHashSet<Var> = directions.map(place).collect();
         let spreads = |var: &&Var| !directions.contains(var);
         loop {
@@ -58,16 +58,17 @@ impl End {
 /// The continuous z that jump with states, and the equations that say what they are; those of discs are stated with
 /// α⁺ and β⁺.
 pub(crate) fn jumping_with_states(dcs: &Dcs) -> (Vec<usize>, Vec<usize>) {
-    let mut algebraics: Vec<usize> = dcs.discs.iter().map(|disc| disc.slip).collect();
+    let mut algebraics: Vec<usize> = dcs.switches.discs.iter().map(|disc| disc.slip).collect();
     let mut equations = Vec::new();
-    let of_discs: Vec<usize> = dcs.discs.iter().flat_map(|disc| disc.inside()).collect();
+    let discs = dcs.switches.discs.iter();
+    let of_discs: Vec<usize> = discs.flat_map(|disc| disc.inside()).collect();
     for row in End::new(dcs).equations {
-        let occurring = variables_of(&[dcs.equations[row]]);
+        let occurring = variables_of(&[dcs.rows.equations[row]]);
         let occurs = |e: Expr| occurring.contains(&variable(e));
         if of_discs.iter().any(|&i| occurs(dcs.algebraics[i].var)) {
             continue;
         }
-        let jumps = dcs.jumps_in(dcs.equations[row])
+        let jumps = dcs.jumps_in(dcs.rows.equations[row])
             || algebraics
                 .iter()
                 .any(|&i: &usize| occurs(dcs.algebraics[i].var));
@@ -84,25 +85,22 @@ pub(crate) fn jumping_with_states(dcs: &Dcs) -> (Vec<usize>, Vec<usize>) {
 
 /// The continuous z that jump with switches of time, and the equations that say what they are.
 pub(crate) fn jumping_with_time(dcs: &Dcs) -> (Vec<usize>, Vec<usize>) {
-    let steps: Vec<Expr> = dcs
-        .leading
-        .iter()
-        .map(|&switch| dcs.alphas[switch])
-        .collect();
-    let mut known: Vec<Var> = variables_of(&steps);
+    let leading = dcs.switches.leading.iter();
+    let steps = leading.map(|&switch| dcs.switches.alphas[switch]);
+    let mut known: Vec<Var> = variables_of(&steps.collect::<Vec<Expr>>());
     let rows = End::new(dcs).equations;
     let continuous = dcs.algebraics.iter().filter(|z| z.continuous);
     let continuous: Vec<Var> = continuous.map(|z| variable(z.var)).collect();
     let mut equations: Vec<usize> = Vec::new();
     loop {
         let jumps = |row: &&usize| {
-            let occurring = variables_of(&[dcs.equations[**row]]);
+            let occurring = variables_of(&[dcs.rows.equations[**row]]);
             !equations.contains(*row) && occurring.iter().any(|var| known.contains(var))
         };
         let Some(&row) = rows.iter().find(jumps) else {
             break;
         };
-        let occurring = variables_of(&[dcs.equations[row]]).into_iter();
+        let occurring = variables_of(&[dcs.rows.equations[row]]).into_iter();
         known.extend(occurring.filter(|var| continuous.contains(var)));
         equations.push(row);
     }
@@ -142,26 +140,18 @@ impl Start {
         let Some(task) = &dcs.task else {
             return start;
         };
-        let rows = start.rows.iter().map(|&row| dcs.equations[row]);
+        let rows = start.rows.iter().map(|&row| dcs.rows.equations[row]);
         let occurring = variables_of(&rows.collect::<Vec<Expr>>());
         let occurs = |e: Expr| occurring.contains(&variable(e));
         let controls = task.controls.iter().any(|control| occurs(control.var));
-        let params = task
-            .params
-            .iter()
-            .any(|free| occurs(dcs.params[free.place].var));
-        let states = task
-            .initial
-            .iter()
-            .any(|free| occurs(dcs.states[free.place].var));
+        let mut params = task.params.iter().map(|free| dcs.params[free.place].var);
+        let mut states = task.initial.iter().map(|free| dcs.states[free.place].var);
+        let is_known = !params.any(occurs) && !states.any(occurs);
         let jumps = jumping_with_data(dcs, &occurring);
-        start.is_free = controls || params || states || jumps;
+        start.is_free = controls || !is_known || jumps;
         start.restarts = controls && task.shape == Shape::Constant || jumps;
         if start.is_free {
-            let follows = |i: &usize| {
-                let x = dcs.states[*i].var;
-                dcs.following.contains(&x) && occurs(x)
-            };
+            let follows = |i: &usize| dcs.states[*i].follows && occurs(dcs.states[*i].var);
             start.states = (0..dcs.states.len()).filter(follows).collect();
         }
         start
@@ -169,13 +159,14 @@ impl Start {
 
     fn rows(dcs: &Dcs) -> Vec<usize> {
         let mut rows = End::new(dcs).equations;
-        let followed: Vec<Var> = dcs.following.iter().map(|&x| variable(x)).collect();
+        let followed = dcs.states.iter().filter(|state| state.follows);
+        let followed: Vec<Var> = followed.map(|state| variable(state.var)).collect();
         let follows = |row: &usize| {
-            let vars = variables_of(&[dcs.equations[*row]]);
+            let vars = variables_of(&[dcs.rows.equations[*row]]);
             vars.iter().any(|var| followed.contains(var))
         };
         if rows.iter().any(follows) {
-            rows.extend((0..dcs.equations.len()).filter(follows));
+            rows.extend((0..dcs.rows.equations.len()).filter(follows));
             rows.sort_unstable();
             rows.dedup();
         }
@@ -185,6 +176,7 @@ impl Start {
 
 /// Whether what is continuous in other respects may jump with the data, where steps begin.
 fn jumping_with_data(dcs: &Dcs, occurring: &[Var]) -> bool {
-    let mut data = dcs.data.iter().zip(&dcs.tables);
-    data.any(|(&var, table)| table.fit == Fit::Hold && occurring.contains(&variable(var)))
+    let is_held = |data: &Data| data.table.fit == Fit::Hold;
+    let mut held = dcs.data.iter().filter(|data| is_held(data));
+    held.any(|data| occurring.contains(&variable(data.var)))
 }

@@ -126,7 +126,7 @@ impl<'e> Conditional<'_, 'e> {
             let own = own.filter(|(_, a)| branch::of(self.pairs.formals, a) == Some(branch));
             own.map(|(at, _)| at).collect()
         };
-        let branches = &self.pairs.formals.dcs.branches;
+        let branches = &self.pairs.formals.dcs.switches.branches;
         let members: Vec<Vec<usize>> = (0..branches.len()).map(of_branch).collect();
         let own = branches.iter().zip(&members);
         let own = own.flat_map(|(branch, own)| own.iter().map(move |&at| (branch, at)));
@@ -145,7 +145,7 @@ impl<'e> Conditional<'_, 'e> {
     ) -> Option<usize> {
         let Formals { dcs, layout, .. } = *self.pairs.formals;
         let is_linear = (dcs.task.iter()).any(|task| task.shape == Shape::Linear);
-        if dcs.branches.is_empty() || !is_linear || layout.steps < 2 {
+        if dcs.switches.branches.is_empty() || !is_linear || layout.steps < 2 {
             return None;
         }
         let last = layout.elements;

@@ -142,12 +142,12 @@ impl<'e> Points<'_, 'e> {
             _ => return None,
         }
         let bound = |bounds: &Bounds| bounds.within(row.lower, row.upper);
-        let fits = |index: &usize| {
-            let bounds = bound(mpcc.bound(*index));
+        let mut fits = |index: &usize| {
+            let bounds = bound(mpcc.bound_mut(*index));
             bounds.lower <= bounds.upper
         };
         // What is fixed, or left without a value, stays a row that says so.
-        if !indices.iter().all(fits) {
+        if !indices.iter().all(&mut fits) {
             return None;
         }
         for &index in &indices {
@@ -231,13 +231,5 @@ fn stated<'e, const N: usize>(block: Builder<N>, value: Expr<'e>, row: &TaskRow<
             let block = block.bounds(vec![(row.lower, row.upper)]);
             block.finish(Kind::Inequality, vec![value], sources, text)
         }
-    }
-}
-
-impl<'e> Mpcc<'e> {
-    fn bound(&self, index: usize) -> &Bounds {
-        let block = self.variables.partition_point(|block| block.start <= index) - 1;
-        let block = &self.variables[block];
-        &block.bounds[index - block.start]
     }
 }

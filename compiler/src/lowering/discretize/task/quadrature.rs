@@ -62,13 +62,13 @@ pub(crate) fn split<'e>(dcs: &Dcs<'e>) -> (Dcs<'e>, Vec<Integral<'e>>) {
     task.cost = task.cost.map(|e| e.substitute(&integrals));
     task.integrals = 0;
     reduced.states.truncate(first);
-    reduced.rates.truncate(first);
-    reduced.origins.rates.truncate(first);
+    reduced.rows.rates.truncate(first);
+    reduced.rows.origins.rates.truncate(first);
     let sums = factors
         .into_iter()
         .zip(shares)
-        .zip(&dcs.rates[first..])
-        .zip(&dcs.origins.rates[first..]);
+        .zip(&dcs.rows.rates[first..])
+        .zip(&dcs.rows.origins.rates[first..]);
     let sums = sums.map(|(((factor, shares), &rate), origin)| Integral {
         factor,
         shares,
