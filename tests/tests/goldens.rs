@@ -108,7 +108,7 @@ fn both_lowerings_give_the_same_rates() {
                     let own = all.find(|(z, _)| z.var.as_variable() == Some(var));
                     own.map_or_else(|| value(var), |(_, z)| *z)
                 };
-                dcs.alphas.iter().map(|e| e.eval(&inside)).collect()
+                dcs.switches.at(&inside)
             };
             let [a, b] = [alphas(&stewart, &a), alphas(&step, &b)];
             for ((a, b), switch) in a.iter().zip(&b).zip(&system.switches) {

@@ -37,7 +37,7 @@ impl<'e> Problem<'e> {
     /// A run from event to event with the controls of a point, for so long.
     pub(super) fn simulated(&self, w: &[f64], limit: &Limit) -> ReferenceRun<'e> {
         let mut settings = self.settings.clone();
-        settings.horizon = self.horizon(w);
+        settings.horizon = self.at(w).horizon();
         let mut system = solved::system(self, w);
         system.outputs.clear();
         system.controls.clear();
@@ -47,7 +47,7 @@ impl<'e> Problem<'e> {
     /// Where nonlinear switches of a point differ from those of a run first, if they do for long.
     fn difference(&self, run: &ReferenceRun, w: &[f64]) -> Option<Difference> {
         let layout = &self.layout;
-        let horizon = self.horizon(w);
+        let (at, horizon) = (self.at(w), self.at(w).horizon());
         let middle = lagrange(&layout.points[1..=layout.nodes], &[0.5]);
         let (mut first, mut duration) = (None, 0.0);
         for (k, j) in layout.all_elements() {
@@ -58,10 +58,8 @@ impl<'e> Problem<'e> {
             let Some(simulated) = run.alphas(time) else {
                 continue;
             };
-            let nodes: Vec<Vec<f64>> = (1..=layout.nodes)
-                .map(|m| self.alphas(w, k, j, m))
-                .collect();
-            let differs = self.dcs.branches.iter().find_map(|branch| {
+            let nodes: Vec<Vec<f64>> = (1..=layout.nodes).map(|m| at.alphas(k, j, m)).collect();
+            let differs = self.dcs.switches.branches.iter().find_map(|branch| {
                 let switch = branch.switch;
                 let found = nodes.iter().zip(&middle);
                 let found: f64 = found.map(|(alphas, share)| share * alphas[switch]).sum();

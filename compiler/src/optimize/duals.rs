@@ -12,6 +12,9 @@ use nsd_solver::optimization::mpcc::{Class, Multipliers, Options, Solution};
 use nsd_solver::optimization::problem::{Bounds, Nlp};
 
 use super::Problem;
+use crate::lowering::dcs::Dcs;
+use crate::lowering::discretize::Layout;
+use crate::lowering::mpcc::Program;
 use crate::report::{Constraint, Term, Values};
 use crate::system::Allowed;
 use crate::system::task::Free;
@@ -99,6 +102,60 @@ struct ActiveBounds {
     variables: Vec<Active>,
 }
 
+impl ActiveBounds {
+    /// Those that hold within a share of the sizes of values.
+    fn of(program: &mut Program, w: &[f64], within: f64) -> Self {
+        let mut rows = vec![0.0; program.n_rows()];
+        program.rows(w, &mut rows);
+        ActiveBounds {
+            rows: Active::of(&rows, &program.row_bounds(), within),
+            variables: Active::of(w, &program.variable_bounds(), within),
+        }
+    }
+
+    /// Derivatives by bounds, as some multipliers of the program have them: at a bound that is active they may have any
+    /// sign, at others they are zero.
+    fn slopes(
+        &self,
+        sides: &[Side],
+        bounds: &Bounds<'_>,
+        multipliers: &Multipliers,
+        counts: Counts,
+    ) -> Vec<f64> {
+        let mut is_taken = vec![[false; 2]; bounds.lower.len()];
+        let mut slopes = vec![0.0; sides.len()];
+        for k in 0..sides.len() {
+            let place = match counts {
+                Counts::First => k,
+                Counts::Last => sides.len() - 1 - k,
+            };
+            let Side {
+                constraint,
+                rows,
+                variables,
+            } = &sides[place];
+            let relation = constraint.relation;
+            let of_rows = rows.iter().map(|&row| {
+                let y = multipliers.rows[row];
+                self.rows[row].share(relation, -y)
+            });
+            let mut sum: f64 = of_rows.sum();
+            for &i in variables {
+                let (end, taken) = match relation {
+                    ">=" => (bounds.lower[i], &mut is_taken[i][0]),
+                    _ => (bounds.upper[i], &mut is_taken[i][1]),
+                };
+                if end == constraint.bound && !std::mem::replace(taken, true) {
+                    let r = multipliers.lower[i] - multipliers.upper[i];
+                    sum += self.variables[i].share(relation, r);
+                }
+            }
+            slopes[place] = sum;
+        }
+        slopes
+    }
+}
+
 /// What is declared to be in an interval.
 struct Declared {
     value: String,
@@ -119,129 +176,82 @@ impl Declared {
     }
 }
 
-impl Problem<'_> {
-    /// What a solution consists of.
-    pub(super) fn values(&mut self, solution: &Solution, options: &Options) -> Values {
-        let constraints = match solution.class {
-            Class::S if solution.is_feasible() => self.unique(solution, options),
-            _ => Vec::new(),
+/// What a solution consists of.
+pub(super) fn values(problem: &mut Problem, solution: &Solution, options: &Options) -> Values {
+    let constraints = match solution.class {
+        Class::S if solution.is_feasible() => unique(problem, solution, options),
+        _ => Vec::new(),
+    };
+    let free = problem.dcs.task.iter().flat_map(|task| &task.params);
+    let free = free.enumerate().map(|(i, free)| {
+        let name = problem.dcs.params[free.place].name.clone();
+        (name, solution.w[problem.layout.p(i)])
+    });
+    Values {
+        free: free.collect(),
+        terms: terms(problem, &solution.w),
+        constraints,
+    }
+}
+
+/// Bounds with the multipliers that all multipliers of the program agree on.
+fn unique(problem: &mut Problem, solution: &Solution, options: &Options) -> Vec<Constraint> {
+    let others = mpcc::alternatives(&mut problem.program, solution, options);
+    let sides = sides(problem);
+    let active = ActiveBounds::of(
+        &mut problem.program,
+        &solution.w,
+        options.certificate.active,
+    );
+    let bounds = problem.program.variable_bounds();
+    let slopes =
+        |multipliers: &Multipliers, counts| active.slopes(&sides, &bounds, multipliers, counts);
+    let found = slopes(&solution.multipliers, Counts::First);
+    let others = others
+        .map(|[first, second]| [slopes(&first, Counts::First), slopes(&second, Counts::Last)]);
+    let constraints = sides.into_iter().enumerate().map(|(k, side)| {
+        let agrees =
+            |other: &Vec<f64>| (found[k] - other[k]).abs() <= SAME * found[k].abs().max(1.0);
+        let is_unique = others
+            .as_ref()
+            .is_some_and(|others| others.iter().all(agrees));
+        Constraint {
+            // -0 becomes 0.
+            multiplier: is_unique.then_some(found[k] + 0.0),
+            ..side.constraint
+        }
+    });
+    constraints.collect()
+}
+
+/// The terms of the objective at a point.
+fn terms(problem: &Problem, w: &[f64]) -> Vec<Term> {
+    let texts = problem.task.cost.terms.iter().map(|term| &term.text);
+    let terms = texts.zip(&problem.mpcc.terms);
+    let terms = terms.map(|(text, blocks)| Term {
+        text: text.clone(),
+        value: problem.mpcc.sum(blocks, w).expect("kernels are smooth"),
+    });
+    terms.collect()
+}
+
+/// The bounds of the experiment, then those that are declared.
+fn sides(problem: &Problem) -> Vec<Side> {
+    let rows = problem.dcs.task.iter().flat_map(|task| &task.rows);
+    let stated = rows.zip(&problem.mpcc.stated).filter_map(|(row, stated)| {
+        let blocks = stated.blocks.clone();
+        let rows = blocks.flat_map(|block| problem.mpcc.rows_of(&problem.program, block));
+        let bounded = Bounded {
+            value: row.name.clone()?,
+            at: Some(row.at.word()),
+            rows: rows.collect(),
+            variables: stated.variables.clone(),
         };
-        let free = self.dcs.task.iter().flat_map(|task| &task.params);
-        let free = free.enumerate().map(|(i, free)| {
-            let name = self.dcs.params[free.place].name.clone();
-            (name, solution.w[self.layout.p(i)])
-        });
-        Values {
-            free: free.collect(),
-            terms: self.terms(&solution.w),
-            constraints,
-        }
-    }
-
-    /// Bounds with the multipliers that all multipliers of the program agree on.
-    fn unique(&mut self, solution: &Solution, options: &Options) -> Vec<Constraint> {
-        let others = mpcc::alternatives(&mut self.program, solution, options);
-        let sides = self.sides();
-        let active = self.active(&solution.w, options.certificate.active);
-        let found = self.slopes(&sides, &active, &solution.multipliers, Counts::First);
-        let others = others.map(|[first, second]| {
-            [
-                self.slopes(&sides, &active, &first, Counts::First),
-                self.slopes(&sides, &active, &second, Counts::Last),
-            ]
-        });
-        let constraints = sides.into_iter().enumerate().map(|(k, side)| {
-            let agrees =
-                |other: &Vec<f64>| (found[k] - other[k]).abs() <= SAME * found[k].abs().max(1.0);
-            let is_unique = others
-                .as_ref()
-                .is_some_and(|others| others.iter().all(agrees));
-            Constraint {
-                // -0 becomes 0.
-                multiplier: is_unique.then_some(found[k] + 0.0),
-                ..side.constraint
-            }
-        });
-        constraints.collect()
-    }
-
-    fn active(&mut self, w: &[f64], within: f64) -> ActiveBounds {
-        let mut rows = vec![0.0; self.program.n_rows()];
-        self.program.rows(w, &mut rows);
-        ActiveBounds {
-            rows: Active::of(&rows, &self.program.row_bounds(), within),
-            variables: Active::of(w, &self.program.variable_bounds(), within),
-        }
-    }
-
-    fn terms(&self, w: &[f64]) -> Vec<Term> {
-        let texts = self.task.cost.terms.iter().map(|term| &term.text);
-        let terms = texts.zip(&self.mpcc.terms);
-        let terms = terms.map(|(text, blocks)| Term {
-            text: text.clone(),
-            value: self.mpcc.sum(blocks, w).expect("kernels are smooth"),
-        });
-        terms.collect()
-    }
-
-    /// Derivatives by bounds, as some multipliers of the program have them: at a bound that is active they may have any
-    /// sign, at others they are zero.
-    fn slopes(
-        &self,
-        sides: &[Side],
-        active: &ActiveBounds,
-        multipliers: &Multipliers,
-        counts: Counts,
-    ) -> Vec<f64> {
-        let bounds = self.program.variable_bounds();
-        let mut is_taken = vec![[false; 2]; bounds.lower.len()];
-        let mut slopes = vec![0.0; sides.len()];
-        for k in 0..sides.len() {
-            let place = match counts {
-                Counts::First => k,
-                Counts::Last => sides.len() - 1 - k,
-            };
-            let Side {
-                constraint,
-                rows,
-                variables,
-            } = &sides[place];
-            let relation = constraint.relation;
-            let of_rows = rows.iter().map(|&row| {
-                let y = multipliers.rows[row];
-                active.rows[row].share(relation, -y)
-            });
-            let mut sum: f64 = of_rows.sum();
-            for &i in variables {
-                let (end, taken) = match relation {
-                    ">=" => (bounds.lower[i], &mut is_taken[i][0]),
-                    _ => (bounds.upper[i], &mut is_taken[i][1]),
-                };
-                if end == constraint.bound && !std::mem::replace(taken, true) {
-                    let r = multipliers.lower[i] - multipliers.upper[i];
-                    sum += active.variables[i].share(relation, r);
-                }
-            }
-            slopes[place] = sum;
-        }
-        slopes
-    }
-
-    /// The bounds of the experiment, then those that are declared.
-    fn sides(&self) -> Vec<Side> {
-        let rows = self.dcs.task.iter().flat_map(|task| &task.rows);
-        let stated = rows.zip(&self.mpcc.stated).filter_map(|(row, stated)| {
-            let blocks = stated.blocks.clone();
-            let rows = blocks.flat_map(|block| self.mpcc.rows_of(&self.program, block));
-            let bounded = Bounded {
-                value: row.name.clone()?,
-                at: Some(row.at.word()),
-                rows: rows.collect(),
-                variables: stated.variables.clone(),
-            };
-            Some(bounded.sides([row.lower, row.upper]))
-        });
-        let declared = self.declared().into_iter().map(|declared| {
+        Some(bounded.sides([row.lower, row.upper]))
+    });
+    let declared = declared(&problem.layout, &problem.dcs)
+        .into_iter()
+        .map(|declared| {
             let bounded = Bounded {
                 value: declared.value,
                 at: declared.at,
@@ -250,60 +260,58 @@ impl Problem<'_> {
             };
             bounded.sides(declared.bounds)
         });
-        stated.chain(declared).flatten().collect()
-    }
+    stated.chain(declared).flatten().collect()
+}
 
-    /// Controls, free quantities and states with an interval of their own.
-    fn declared(&self) -> Vec<Declared> {
-        let (layout, dcs) = (&self.layout, &self.dcs);
-        let Some(task) = &dcs.task else {
-            return Vec::new();
-        };
-        let mut found = Vec::new();
-        for (i, control) in task.controls.iter().enumerate() {
-            if let Some(Allowed::Between(lower, upper)) = control.allowed {
-                let variables = layout.control_instants().map(|(k, _)| layout.u(k) + i);
-                found.push(Declared {
-                    value: control.name.clone(),
-                    at: None,
-                    bounds: [lower, upper],
-                    variables: variables.collect(),
-                });
-            }
-        }
-        for (i, free) in task.params.iter().enumerate() {
-            let name = dcs.params[free.place].name.clone();
-            found.push(Declared::once(name, free, layout.p(i)));
-        }
-        if let (Some((lower, upper)), Some(index)) = (task.horizon, layout.horizon()) {
+/// Controls, free quantities and states with an interval of their own.
+fn declared(layout: &Layout, dcs: &Dcs) -> Vec<Declared> {
+    let Some(task) = &dcs.task else {
+        return Vec::new();
+    };
+    let mut found = Vec::new();
+    for (i, control) in task.controls.iter().enumerate() {
+        if let Some(Allowed::Between(lower, upper)) = control.allowed {
+            let variables = layout.control_instants().map(|(k, _)| layout.u(k) + i);
             found.push(Declared {
-                value: "horizon".to_owned(),
+                value: control.name.clone(),
                 at: None,
                 bounds: [lower, upper],
-                variables: vec![index],
+                variables: variables.collect(),
             });
         }
-        let name = |free: &Free| dcs.states[free.place].var.to_string();
-        let start = |free: &Free| layout.before(1, 1) + free.place;
-        for free in &task.initial {
-            found.push(Declared {
-                at: Some("start"),
-                ..Declared::once(name(free), free, start(free))
-            });
-        }
-        for bound in &task.bounds {
-            let nodes = layout.all_elements().flat_map(|(k, j)| {
-                let nodes = 1..=layout.end;
-                nodes.map(move |m| layout.x(k, j, m) + bound.place)
-            });
-            // Where x(0) is given, it is no bound that holds it.
-            let is_free = task.initial.iter().any(|free| free.place == bound.place);
-            let variables = nodes.chain(is_free.then(|| start(bound))).collect();
-            found.push(Declared {
-                variables,
-                ..Declared::once(name(bound), bound, 0)
-            });
-        }
-        found
     }
+    for (i, free) in task.params.iter().enumerate() {
+        let name = dcs.params[free.place].name.clone();
+        found.push(Declared::once(name, free, layout.p(i)));
+    }
+    if let (Some((lower, upper)), Some(index)) = (task.horizon, layout.horizon()) {
+        found.push(Declared {
+            value: "horizon".to_owned(),
+            at: None,
+            bounds: [lower, upper],
+            variables: vec![index],
+        });
+    }
+    let name = |free: &Free| dcs.states[free.place].var.to_string();
+    let start = |free: &Free| layout.before(1, 1) + free.place;
+    for free in &task.initial {
+        found.push(Declared {
+            at: Some("start"),
+            ..Declared::once(name(free), free, start(free))
+        });
+    }
+    for bound in &task.bounds {
+        let nodes = layout.all_elements().flat_map(|(k, j)| {
+            let nodes = 1..=layout.end;
+            nodes.map(move |m| layout.x(k, j, m) + bound.place)
+        });
+        // Where x(0) is given, it is no bound that holds it.
+        let is_free = task.initial.iter().any(|free| free.place == bound.place);
+        let variables = nodes.chain(is_free.then(|| start(bound))).collect();
+        found.push(Declared {
+            variables,
+            ..Declared::once(name(bound), bound, 0)
+        });
+    }
+    found
 }

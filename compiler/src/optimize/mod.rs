@@ -8,31 +8,27 @@
 //!    (`descent.rs`), or another minimum (`elsewhere.rs`), the program is solved again from it (`confirm.rs`).
 //! 6. That system is simulated from event to event, as a check by another method (`check.rs`).
 //!
-//! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`physical_time.rs`).
+//! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`iterate.rs`).
 
 mod branches;
 pub mod checks;
 mod duals;
 mod failure;
+mod iterate;
 mod moved;
-mod physical_time;
 mod prepared;
+mod problem;
+pub(crate) mod progress;
 mod record;
 pub(crate) mod start;
 
-use std::sync::Arc;
-
-use nsd_solver::linalg::analyses::Analyses;
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{MultiStart, Solution};
 use nsd_solver::optimization::problem::Nlp;
 
-use crate::expr::Var;
 use crate::limit::{Limit, Over};
-use crate::lowering::dcs::Dcs;
-use crate::lowering::discretize::{DiscretizeError, Grid, Layout, discretize};
-use crate::lowering::mpcc::{Mpcc, Program};
-use crate::lowering::{dcs, discretize};
+use crate::lowering::discretize::DiscretizeError;
+use crate::lowering::mpcc::Mpcc;
 use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{
@@ -42,16 +38,14 @@ use crate::report::{
 use crate::simulate::{self, Request};
 use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
-use crate::system::freezing::{Frozen, freeze};
-use crate::system::task::Task;
 
-use crate::optimize::checks::runs::Runs;
 pub use crate::optimize::start::guess::Sampled;
-use crate::optimize::start::products::products;
 pub use crate::optimize::start::transfer::Point;
 use crate::optimize::start::{Begin, Start};
-use moved::Moved;
 pub use prepared::{PrepareError, Prepared, SolveError};
+use problem::Given;
+pub(crate) use problem::Problem;
+pub use progress::Progress;
 
 /// A solved task.
 pub struct Solved<'e> {
@@ -63,43 +57,6 @@ pub struct Solved<'e> {
     pub point: Point,
     /// The point of the program.
     w: Vec<f64>,
-}
-
-/// How far an optimization is.
-#[derive(Clone, Copy, Debug)]
-pub struct Progress<'s> {
-    /// Starts that are done.
-    pub done: usize,
-    /// All starts.
-    pub starts: usize,
-    /// The start that was done last, counted from 1, and what came of it.
-    pub last: Option<(usize, &'s Solution)>,
-}
-
-/// What initial values are in a program: which member of a pair is a variable may depend on them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Given<'p> {
-    /// Numbers.
-    Numbers,
-    /// Variables, which are given their values by [`Problem::restart`], as the parameters at these places are.
-    Inputs(&'p [usize]),
-}
-
-/// Everything about one task before it is solved.
-pub(crate) struct Problem<'e> {
-    system: System<'e>,
-    /// The same in numerical time.
-    frozen: Option<Frozen<'e>>,
-    settings: Settings<'e>,
-    task: Optimize<'e>,
-    dcs: Dcs<'e>,
-    mpcc: Mpcc<'e>,
-    layout: Layout,
-    program: Program,
-    runs: Runs<'e>,
-    analyses: Analyses,
-    /// The places of parameters that are inputs.
-    open: Vec<usize>,
 }
 
 /// Solves the task of a system; `sampled` are trajectories to start from, the last one counts most.
@@ -164,17 +121,6 @@ fn simulate_again(
     }
 }
 
-/// Whether a variable is a control or a parameter that is decided.
-fn is_decided(system: &System, var: Var) -> bool {
-    let of_task = |task: &Task<'_>| {
-        let controls = task.controls.iter().map(|control| control.var);
-        let params = (task.params.iter()).map(|free| system.params[free.place].var);
-        let mut all = controls.chain(params);
-        all.any(|known| known.as_variable() == Some(var))
-    };
-    system.task.as_ref().is_some_and(of_task)
-}
-
 /// The program of a task, with the point to start from as its guess.
 pub fn program<'e>(
     system: &System<'e>,
@@ -201,7 +147,7 @@ impl<'e> Problem<'e> {
             .best
             .unwrap_or_else(|| least_violated(&found.solutions));
         let mut solution = found.solutions[best].clone();
-        let has_branches = !self.dcs.branches.is_empty() && solution.is_feasible();
+        let has_branches = !self.dcs.switches.branches.is_empty() && solution.is_feasible();
         let in_other_mode = match has_branches {
             true => branches::settle(self, &mut solution, options, limit, watch),
             false => None,
@@ -219,7 +165,7 @@ impl<'e> Problem<'e> {
         trajectory.warnings.extend(
             elsewhere.map(|objective| checks::simulated::elsewhere(&self.settings, objective)),
         );
-        let values = self.values(solution, options);
+        let values = duals::values(self, solution, options);
         trajectory.optimum = Some(Optimum {
             values,
             built_s: built.as_secs_f64(),
@@ -265,50 +211,6 @@ impl<'e> Problem<'e> {
         trajectory.warnings.extend(simulate::sampled(&solved));
         (solved, trajectory)
     }
-
-    fn new(
-        system: &System<'e>,
-        settings: &Settings<'e>,
-        task: &Optimize<'e>,
-        given: Given<'_>,
-    ) -> Result<Self, DiscretizeError> {
-        let frozen = settings.freezes().then(|| {
-            let frozen = freeze(system, settings.pace());
-            frozen.expect("compilation has checked that the system can be frozen")
-        });
-        let lowered = frozen.as_ref().map_or(system, |frozen| &frozen.system);
-        let dcs = dcs::lower(lowered, &settings.lowerings).expect("the lowering has been checked");
-        let grid = Grid {
-            start: 0.0,
-            horizon: settings.horizon,
-            steps: task.discretization.intervals,
-        };
-        let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
-        let (program, open) = match given {
-            Given::Numbers => (mpcc.program(), &[][..]),
-            Given::Inputs(params) => {
-                let mut open = mpcc.clone();
-                layout.given(&dcs).for_each(|(index, _)| open.free(index));
-                (open.program(), params)
-            }
-        };
-        let mut program = program.expect("kernels are smooth");
-        let moved = Moved::new(&layout, &mpcc.conditions, products(&dcs));
-        program.set_others(Arc::new(moved));
-        Ok(Problem {
-            system: system.clone(),
-            frozen,
-            settings: settings.clone(),
-            task: task.clone(),
-            dcs,
-            mpcc,
-            layout,
-            program,
-            runs: Runs::default(),
-            analyses: Analyses::default(),
-            open: open.to_vec(),
-        })
-    }
 }
 
 /// That the run had to end before all starts were done, where some start led to a solution.
@@ -351,7 +253,7 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
     let (family, nodes) = grid.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
-    let formulation = problem.dcs.formulation.word();
+    let formulation = problem.dcs.lowering.formulation.word();
     let lowering = match &problem.frozen {
         Some(_) => format!("timefreezing, {formulation}"),
         None if settings.takes_impulses() => format!("impact, {formulation}"),

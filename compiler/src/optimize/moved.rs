@@ -34,7 +34,7 @@ const NEGATIVE: f64 = -1e-9;
 
 /// Moves switches of a discretized system.
 #[derive(Debug)]
-pub(super) struct Moved {
+pub(crate) struct Moved {
     layout: Layout,
     conditions: Conditions,
     products: Vec<Product>,
@@ -458,7 +458,7 @@ impl Others for Moved {
     fn at(&self, w: &[f64], zeros: &[Member], near: &Linearized) -> Vec<Other> {
         let (layout, conditions) = (&self.layout, &self.conditions);
         // Where controls enter the switching functions a mode does not last beyond its interval.
-        if conditions.groups.is_empty() || conditions.has_more || layout.restarts() {
+        if conditions.groups.is_empty() || conditions.has_more || layout.algebraics.restarts {
             return Vec::new();
         }
         let runs = |k| self.runs(k, w, zeros);

@@ -35,7 +35,8 @@
 //! assert!(prepared.solve(&[-1.0], None, None, &limit, &mut ()).is_err());
 //! ```
 
-use super::{Given, Problem, Sampled, Solved, refused};
+use super::problem::Given;
+use super::{Problem, Sampled, Solved, refused};
 use crate::Compiled;
 use crate::diagnostics::Diagnostics;
 use crate::diagnostics::messages::Messages;

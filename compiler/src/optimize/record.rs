@@ -11,13 +11,10 @@ use crate::system::algebraic::following::following;
 /// Elements that are so short, as a share of the horizon, have no mode of their own.
 const SHORTEST: f64 = 1e-9;
 
-/// Impulses below this are rounding.
-const IMPULSE: f64 = 1e-9;
-
 /// States, α and modes of a system without integrals; nothing about how they were found.
 pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Trajectory {
-    let layout = &problem.layout;
-    let horizon = problem.horizon(w);
+    let (layout, at) = (&problem.layout, problem.at(w));
+    let horizon = at.horizon();
     let n = layout.n_states();
 
     let instant = |k: usize| match k == layout.steps {
@@ -33,7 +30,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         if j == 1 {
             t = t.max(instant(k - 1));
         }
-        let instants = problem.instants(w, (k, j), t);
+        let instants = at.instants((k, j), t);
         // Clocks are continuous but for rounding.
         let from = instants[0].max(t).min(horizon);
         let mut to = instants[layout.end].max(from).min(horizon);
@@ -49,9 +46,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
             0 => &left[..],
             _ => &w[layout.x(k, j, m)..][..n],
         };
-        let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
-            .map(|m| problem.alphas(w, k, j, m))
-            .collect();
+        let alphas: Vec<Vec<f64>> = (1..=layout.nodes).map(|m| at.alphas(k, j, m)).collect();
         let before = &w[layout.before(k, j)..][..n];
         let before = if follows.contains(&true) {
             x(0)
@@ -61,12 +56,12 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         if (k, j) == (1, 1) {
             elements.point(0.0, before, &alphas[0]);
         }
-        if problem.stands(w, (k, j), &instants) {
+        if at.stands((k, j), &instants) {
             let (_, laws) = stopped.get_or_insert_with(|| (x(0).to_vec(), Vec::new()));
-            laws.extend(problem.acting(w, (k, j)));
+            laws.extend(at.acting((k, j)));
             continue;
         }
-        let struck = problem.struck(w, (k, j));
+        let struck = at.struck((k, j));
         if !struck.is_empty() {
             elements.jump(from, struck, [before, x(0)], &alphas[0]);
         }
@@ -84,7 +79,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     if let Some((before, laws)) = stopped.filter(|(_, laws)| !laws.is_empty()) {
         let (k, j, m) = (layout.steps, layout.elements, layout.end);
         let x = &w[layout.x(k, j, m)..][..n];
-        let alphas = problem.alphas(w, k, j, layout.nodes);
+        let alphas = at.alphas(k, j, layout.nodes);
         elements.jump(horizon, laws, [&before, x], &alphas);
     }
     elements.finish(&problem.settings, horizon, &problem.open)
@@ -109,16 +104,4 @@ fn left(problem: &Problem, follows: &[bool], w: &[f64], (k, j): (usize, usize)) 
         *x = nodes.zip(&at_left).map(|(x, share)| share * x).sum();
     }
     x
-}
-
-impl Problem<'_> {
-    /// The laws of the contacts that give impulses where an element begins: jumps come first.
-    fn struck(&self, w: &[f64], (k, j): (usize, usize)) -> Vec<usize> {
-        let Some(first) = self.layout.impulses(k, j) else {
-            return Vec::new();
-        };
-        let contacts = 0..self.dcs.impacts.len();
-        let struck = contacts.filter(|c| w[first + c] > IMPULSE);
-        struck.map(|c| self.system.laws.len() + c).collect()
-    }
 }

@@ -53,7 +53,7 @@ pub fn forms(model: &Path, compiled: &Compiled<'_>) -> Vec<Golden> {
             true => without_numbers(&dcs.to_string()),
             false => dcs.to_string(),
         };
-        file(&format!("{}.dcs", dcs.formulation), text)
+        file(&format!("{}.dcs", dcs.lowering.formulation), text)
     });
     [system].into_iter().chain(dcs).collect()
 }

@@ -5,7 +5,8 @@ use std::fmt;
 use nsd_solver::optimization::ipm;
 use nsd_solver::optimization::mpcc::{Observer, Program};
 
-use crate::{optimize, simulate};
+use crate::optimize::progress;
+use crate::simulate;
 
 /// How far a run is; as text, what it is doing.
 #[derive(Clone, Copy, Debug)]
@@ -15,7 +16,7 @@ pub enum Progress<'s> {
     /// An optimization: a solver goes on.
     Iteration(Iteration),
     /// An optimization with several starts, or one of them: a start is done, or none yet.
-    Starts(optimize::Progress<'s>),
+    Starts(progress::Progress<'s>),
     /// An ensemble.
     Runs {
         /// Runs that are done.

@@ -63,7 +63,7 @@ fn lower_taking<'e>(
         reason,
     } = asked.unwrap_or_else(|| choose(system));
     let mut dcs = lowered(system, formulation, takes)?;
-    dcs.reason = Some(reason);
+    dcs.lowering.reason = Some(reason);
     Ok(dcs)
 }
 
@@ -187,11 +187,11 @@ fn lowered<'e>(
         Formulation::Step => heaviside::lower(system),
     };
     let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
-    dcs.rates = Vanishing::of(system, &switching).extended(&dcs.rates);
-    let alphas: Substitution = (system.switches.iter().zip(&dcs.alphas))
+    dcs.rows.rates = Vanishing::of(system, &switching).extended(&dcs.rows.rates);
+    let alphas: Substitution = (system.switches.iter().zip(&dcs.switches.alphas))
         .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
         .collect();
-    dcs.impacts = impact::impacts(system, &alphas, &dcs.discs);
+    dcs.impacts = impact::impacts(system, &alphas, &dcs.switches.discs);
     let task = system.task.as_ref();
     dcs.task = task.map(|task| task.map(|e| e.substitute(&alphas)));
     debug_assert_eq!(

@@ -45,7 +45,7 @@ impl<'e> Dcs<'e> {
                 let var = self.states[i].var.as_variable();
                 let slope = contact.gap.diff(var.expect("a state is a variable"));
                 if !slope.is_zero() {
-                    dcs.rates[i] = dcs.rates[i] + slope * multiplier;
+                    dcs.rows.rates[i] = dcs.rows.rates[i] + slope * multiplier;
                 }
             }
             let row = closed * impact.speed + (1.0 - closed) * multiplier;

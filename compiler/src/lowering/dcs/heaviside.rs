@@ -57,11 +57,11 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let mut lift = Lift::new(system.exprs, lifted.collect(), labels, beta);
     let mut rates = lift.lift(&rows);
     let psi = rates.split_off(system.states.len());
-    dcs.rates = rates;
-    dcs.branches = branches(system, &dcs, &psi, alphas);
+    dcs.rows.rates = rates;
+    dcs.switches.branches = branches(system, &dcs, &psi, alphas);
     relate(system, &psi, &declared, &mut dcs);
     define(system, lift.products, &mut dcs);
-    dcs.alphas = declared.alphas;
+    dcs.switches.alphas = declared.alphas;
     dcs
 }
 
@@ -173,7 +173,7 @@ fn relate<'e>(
                 let inside = [alphas[other], alpha].map(|alpha| (2.0 * alpha - 1.0).powi(2));
                 dcs.equation(1.0 - inside[0] - inside[1] - stick, origin);
                 dcs.pair(slip, stick, origin);
-                dcs.discs.push(Disc {
+                dcs.switches.discs.push(Disc {
                     switches: [other, k],
                     alphas: [places[other], places[k]],
                     slip: places[other] + 1,
@@ -229,7 +229,7 @@ fn branches<'e>(
         let var = alpha.as_variable()?;
         let inside = variables_of(&[psi[k]]);
         let states = dcs.states.iter().map(|state| state.var.as_variable());
-        let terms = states.zip(&dcs.rates).filter_map(|(state, rate)| {
+        let terms = states.zip(&dcs.rows.rates).filter_map(|(state, rate)| {
             let state = state.filter(|state| inside.binary_search(state).is_ok())?;
             Some(psi[k].diff(state) * rate.diff(var))
         });

@@ -47,7 +47,7 @@ pub use pointwise::{Pointwise, directed, indicators, rules, solve_in_mode, solve
 pub(crate) use signs::deciding;
 pub use tex::tex;
 
-use crate::expr::{Expr, Exprs};
+use crate::expr::{Expr, Exprs, Var};
 use crate::source::Span;
 use crate::source::table::Table;
 use crate::system::algebraic::following::following;
@@ -60,44 +60,70 @@ pub struct Dcs<'e> {
     pub exprs: &'e Exprs,
     /// Name of the model.
     pub name: String,
-    /// How switches are stated.
-    pub formulation: Formulation,
-    /// Why this formulation, where somebody chose; the first line of the printed form.
-    pub reason: Option<String>,
+    /// How switches are stated, and why.
+    pub lowering: Lowering,
     /// Physical time t, a variable.
     pub time: Expr<'e>,
-    /// Functions of time from data that occur, as variables.
-    pub data: Vec<Expr<'e>>,
-    /// What these functions are.
-    pub tables: Vec<Arc<Table>>,
+    /// Functions of time from data that occur.
+    pub data: Vec<Data<'e>>,
     /// Scalar parameters p with their values.
     pub params: Vec<Param<'e>>,
     /// Scalar states x.
     pub states: Vec<State<'e>>,
-    /// The states that follow at once what is decided, as `system/algebraic/following.rs` finds them.
-    pub following: Vec<Expr<'e>>,
-    /// f: the rate of every state.
-    pub rates: Vec<Expr<'e>>,
     /// Algebraic variables z.
     pub algebraics: Vec<Algebraic<'e>>,
-    /// g: what is zero.
-    pub equations: Vec<Expr<'e>>,
-    /// Complementary pairs.
-    pub pairs: Vec<Pair<'e>>,
-    /// What tells apart the sliding modes of switches that are read nonlinearly.
-    pub branches: Vec<Branch<'e>>,
-    /// The slip velocities with two entries.
-    pub discs: Vec<Disc>,
+    /// f, g, a and b.
+    pub rows: Rows<'e>,
+    /// The way back to the switches of the system.
+    pub switches: Switches<'e>,
     /// Contacts whose impulses act where elements meet; empty where no state jumps.
     pub impacts: Vec<Impact<'e>>,
     /// What is optimized, in z; none in a simulation.
     pub task: Option<Task<'e>>,
-    /// The way back: α of every switch of the system, in z.
+}
+
+/// How switches are stated.
+#[derive(Clone, Debug)]
+pub struct Lowering {
+    /// In which form.
+    pub formulation: Formulation,
+    /// Why in this one, where somebody chose; the first line of the printed form.
+    pub reason: Option<String>,
+}
+
+/// A function of time from data.
+#[derive(Clone, Debug)]
+pub struct Data<'e> {
+    /// Its variable.
+    pub var: Expr<'e>,
+    /// What it is.
+    pub table: Arc<Table>,
+}
+
+/// All rows, with where they come from.
+#[derive(Clone, Debug, Default)]
+pub struct Rows<'e> {
+    /// f: the rate of every state.
+    pub rates: Vec<Expr<'e>>,
+    /// g: what is zero.
+    pub equations: Vec<Expr<'e>>,
+    /// Complementary pairs.
+    pub pairs: Vec<Pair<'e>>,
+    /// Where rates, equations and pairs come from.
+    pub origins: Origins,
+}
+
+/// Switches of the system, by their numbers there.
+#[derive(Clone, Debug, Default)]
+pub struct Switches<'e> {
+    /// α of every switch, in z.
     pub alphas: Vec<Expr<'e>>,
     /// Switches of time with which ψ of others jump.
     pub leading: Vec<usize>,
-    /// Where rates, equations and pairs come from.
-    pub origins: Origins,
+    /// What tells apart the sliding modes of switches that are read nonlinearly.
+    pub branches: Vec<Branch<'e>>,
+    /// The slip velocities with two entries.
+    pub discs: Vec<Disc>,
 }
 
 /// The reformulation of switches.
@@ -116,6 +142,8 @@ pub struct State<'e> {
     pub var: Expr<'e>,
     /// Value at t = 0.
     pub initial: f64,
+    /// Whether it follows at once what is decided, as `system/algebraic/following.rs` finds.
+    pub follows: bool,
 }
 
 /// An algebraic variable.
@@ -182,11 +210,11 @@ impl Disc {
 /// Origins of all rows.
 #[derive(Clone, Debug, Default)]
 pub struct Origins {
-    /// Of [`Dcs::rates`].
+    /// Of [`Rows::rates`].
     pub rates: Vec<Origin>,
-    /// Of [`Dcs::equations`].
+    /// Of [`Rows::equations`].
     pub equations: Vec<Origin>,
-    /// Of [`Dcs::pairs`].
+    /// Of [`Rows::pairs`].
     pub pairs: Vec<Origin>,
 }
 
@@ -237,48 +265,63 @@ impl fmt::Display for Formulation {
     }
 }
 
+impl Switches<'_> {
+    /// All α for values of z.
+    pub fn at(&self, value: &impl Fn(Var) -> f64) -> Vec<f64> {
+        self.alphas.iter().map(|alpha| alpha.eval(value)).collect()
+    }
+}
+
+impl<'e> Rows<'e> {
+    /// The members of all pairs.
+    pub fn members(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        self.pairs.iter().flat_map(|pair| [pair.left, pair.right])
+    }
+}
+
 impl<'e> Dcs<'e> {
     /// The smooth frame of a system: nothing switches yet, and there are no rates.
     fn frame(system: &System<'e>, formulation: Formulation) -> Self {
-        let state = |state: &crate::system::State<'e>| State {
+        let state = |(state, follows): (&crate::system::State<'e>, bool)| State {
             var: state.var,
             initial: state.initial,
+            follows,
         };
         let origin = |(i, state): (usize, &crate::system::State<'e>)| Origin {
             cause: Cause::State(i),
             continuous: false,
             span: state.span,
         };
-        let follows = system.states.iter().zip(following(system).states);
+        let data = |data: &crate::model::Data<'e>| Data {
+            var: data.var,
+            table: data.table.clone(),
+        };
+        let states = system.states.iter().zip(following(system).states);
         Dcs {
             exprs: system.exprs,
             name: system.name.clone(),
-            formulation,
-            reason: None,
+            lowering: Lowering {
+                formulation,
+                reason: None,
+            },
             time: system.time,
-            data: system.data.iter().map(|data| data.var).collect(),
-            tables: (system.data.iter())
-                .map(|data| data.table.clone())
-                .collect(),
+            data: system.data.iter().map(data).collect(),
             params: system.params.clone(),
-            states: system.states.iter().map(state).collect(),
-            following: follows
-                .filter_map(|(state, follows)| follows.then_some(state.var))
-                .collect(),
-            rates: Vec::new(),
+            states: states.map(state).collect(),
             algebraics: Vec::new(),
-            equations: Vec::new(),
-            pairs: Vec::new(),
-            branches: Vec::new(),
-            discs: Vec::new(),
+            rows: Rows {
+                origins: Origins {
+                    rates: system.states.iter().enumerate().map(origin).collect(),
+                    ..Origins::default()
+                },
+                ..Rows::default()
+            },
+            switches: Switches {
+                leading: system.leading(),
+                ..Switches::default()
+            },
             impacts: Vec::new(),
             task: None,
-            alphas: Vec::new(),
-            leading: system.leading(),
-            origins: Origins {
-                rates: system.states.iter().enumerate().map(origin).collect(),
-                ..Origins::default()
-            },
         }
     }
 
@@ -303,29 +346,29 @@ impl<'e> Dcs<'e> {
     }
 
     fn equation(&mut self, row: Expr<'e>, origin: Origin) {
-        self.equations.push(row);
-        self.origins.equations.push(origin);
+        self.rows.equations.push(row);
+        self.rows.origins.equations.push(origin);
     }
 
     fn pair(&mut self, left: Expr<'e>, right: Expr<'e>, origin: Origin) {
-        self.pairs.push(Pair { left, right });
-        self.origins.pairs.push(origin);
+        self.rows.pairs.push(Pair { left, right });
+        self.rows.origins.pairs.push(origin);
     }
 }
 
 /// One equation per line: rates, equations, pairs.
 impl fmt::Display for Dcs<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(reason) = &self.reason {
-            writeln!(f, "// {}: {reason}", self.formulation)?;
+        if let Some(reason) = &self.lowering.reason {
+            writeln!(f, "// {}: {reason}", self.lowering.formulation)?;
         }
-        for (state, rate) in self.states.iter().zip(&self.rates) {
+        for (state, rate) in self.states.iter().zip(&self.rows.rates) {
             writeln!(f, "der({}) = {rate}", state.var)?;
         }
-        for row in &self.equations {
+        for row in &self.rows.equations {
             writeln!(f, "0 = {row}")?;
         }
-        for (pair, origin) in self.pairs.iter().zip(&self.origins.pairs) {
+        for (pair, origin) in self.rows.pairs.iter().zip(&self.rows.origins.pairs) {
             let mark = if origin.continuous {
                 "  // continuous"
             } else {

@@ -80,13 +80,13 @@ pub fn indicators<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
 
 /// The algebraic variables of a lowering of `system` by ψ, with the indicators behind them, and α.
 pub fn rules(system: &System, dcs: &Dcs) -> Rules {
-    let mut rules = match dcs.formulation {
+    let mut rules = match dcs.lowering.formulation {
         Formulation::Stewart => stewart::rules(system),
         Formulation::Step => heaviside::rules(system),
     };
     // What is left are products, defined in order by the last equations: 0 = β - product.
     let n_products = dcs.algebraics.len() - rules.z.len();
-    let n_rows = dcs.equations.len();
+    let n_rows = dcs.rows.equations.len();
     rules
         .z
         .extend((n_rows - n_products..n_rows).map(Rule::Product));
@@ -140,7 +140,7 @@ pub fn solve_in_mode<'e>(
     alphas: &[f64],
     value: &impl Fn(Var) -> f64,
 ) -> Pointwise {
-    let led: Vec<(usize, f64)> = (dcs.leading.iter())
+    let led: Vec<(usize, f64)> = (dcs.switches.leading.iter())
         .map(|&switch| (switch, alphas[switch]))
         .collect();
     let sides = Sides {
@@ -184,18 +184,18 @@ pub(crate) fn solve_with<'e>(
     known.extend(declared().zip(rules.values(&sides.psi, &sides.alpha)));
     for (var, rule) in declared().zip(&rules.z) {
         if let Rule::Product(row) = *rule {
-            let product = -eval(dcs.equations[row], &known, value);
+            let product = -eval(dcs.rows.equations[row], &known, value);
             known.insert(var, product);
         }
     }
 
     let at = |expr: Expr<'e>| eval(expr, &known, value);
-    let equations = dcs.equations.iter().map(|&row| at(row).abs());
-    let pairs = dcs.pairs.iter();
+    let equations = dcs.rows.equations.iter().map(|&row| at(row).abs());
+    let pairs = dcs.rows.pairs.iter();
     let pairs = pairs.map(|pair| at(pair.left).min(at(pair.right)).abs());
     Pointwise {
         algebraics: dcs.algebraics.iter().map(|z| at(z.var)).collect(),
-        rates: dcs.rates.iter().map(|&rate| at(rate)).collect(),
+        rates: dcs.rows.rates.iter().map(|&rate| at(rate)).collect(),
         residual: equations.chain(pairs).fold(0.0, larger),
     }
 }

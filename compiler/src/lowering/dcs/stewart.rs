@@ -80,10 +80,10 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
     // α_k = Σ θ_r over the rows with ψ_k > 0.
     let marginals: Substitution = simplices.iter().flat_map(Simplex::marginals).collect();
     let shares: Substitution = simplices.iter().flat_map(Simplex::shares).collect();
-    dcs.alphas = (system.switches.iter())
+    dcs.switches.alphas = (system.switches.iter())
         .map(|switch| switch.alpha.substitute(&shares).substitute(&marginals))
         .collect();
-    dcs.rates = (system.states.iter())
+    dcs.rows.rates = (system.states.iter())
         .map(|state| combine(system.exprs, state.rate, &simplices))
         .collect();
 

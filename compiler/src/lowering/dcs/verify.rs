@@ -19,25 +19,25 @@ impl<'e> Dcs<'e> {
 
     fn verify_counts(&self) -> Result<(), String> {
         let counts = [
-            ("rates and states", self.rates.len(), self.states.len()),
+            ("rates and states", self.rows.rates.len(), self.states.len()),
             (
                 "rates and origins",
-                self.rates.len(),
-                self.origins.rates.len(),
+                self.rows.rates.len(),
+                self.rows.origins.rates.len(),
             ),
             (
                 "equations and origins",
-                self.equations.len(),
-                self.origins.equations.len(),
+                self.rows.equations.len(),
+                self.rows.origins.equations.len(),
             ),
             (
                 "pairs and origins",
-                self.pairs.len(),
-                self.origins.pairs.len(),
+                self.rows.pairs.len(),
+                self.rows.origins.pairs.len(),
             ),
             (
                 "rows and algebraic variables",
-                self.equations.len() + self.pairs.len(),
+                self.rows.equations.len() + self.rows.pairs.len(),
                 self.algebraics.len(),
             ),
         ];
@@ -55,7 +55,7 @@ impl<'e> Dcs<'e> {
         let mut declared: HashSet<Var> = HashSet::new();
         for var in [self.time]
             .into_iter()
-            .chain(self.data.iter().copied())
+            .chain(self.data.iter().map(|data| data.var))
             .chain(params)
             .chain(states)
             .chain(algebraics)
@@ -68,7 +68,7 @@ impl<'e> Dcs<'e> {
                 return Err(format!("`{var}` is declared twice"));
             }
         }
-        let occurring = variables_of(&self.rows()).into_iter();
+        let occurring = variables_of(&self.exprs()).into_iter();
         match occurring.into_iter().find(|var| !declared.contains(var)) {
             Some(var) => Err(format!("`{}` is not declared", self.exprs.name(var))),
             None => Ok(()),
@@ -78,7 +78,7 @@ impl<'e> Dcs<'e> {
     fn verify_pairs(&self) -> Result<(), String> {
         let algebraic = self.algebraic_variables();
         let is_algebraic = |e: Expr| e.as_variable().is_some_and(|var| algebraic.contains(&var));
-        let mut members = self.pairs.iter().flat_map(|pair| [pair.left, pair.right]);
+        let mut members = self.rows.members();
         match members.find(|&member| !is_algebraic(member) && !is_algebraic(1.0 - member)) {
             Some(member) => Err(format!("`{member}` stands in a pair")),
             None => Ok(()),
@@ -87,7 +87,7 @@ impl<'e> Dcs<'e> {
 
     fn verify_smooth(&self) -> Result<(), String> {
         let mut nonsmooth = None;
-        rewrite_all(&self.rows(), &mut |e| {
+        rewrite_all(&self.exprs(), &mut |e| {
             let kink = match e.node() {
                 Node::Unary(function, _) => function.is_nonsmooth(),
                 Node::Binary(function, ..) => function.is_nonsmooth(),
@@ -116,7 +116,7 @@ impl<'e> Dcs<'e> {
             return Err(format!("the guess of `{}` is {}", z.var, z.guess));
         }
         let algebraic = self.algebraic_variables();
-        match variables_of(&self.alphas)
+        match variables_of(&self.switches.alphas)
             .into_iter()
             .find(|var| !algebraic.contains(var))
         {
@@ -126,12 +126,12 @@ impl<'e> Dcs<'e> {
     }
 
     /// Everything in which a variable may occur.
-    fn rows(&self) -> Vec<Expr<'e>> {
-        let members = self.pairs.iter().flat_map(|pair| [pair.left, pair.right]);
-        let rows = self.rates.iter().chain(&self.equations).copied();
+    fn exprs(&self) -> Vec<Expr<'e>> {
+        let members = self.rows.members();
+        let rows = self.rows.rates.iter().chain(&self.rows.equations).copied();
         let task = self.task.iter().flat_map(crate::system::Task::exprs);
         let impacts = self.impacts.iter().flat_map(|impact| impact.exprs());
-        let branches = self.branches.iter().map(|branch| branch.stability);
+        let branches = self.switches.branches.iter().map(|branch| branch.stability);
         rows.chain(members)
             .chain(task)
             .chain(impacts)

@@ -12,198 +12,192 @@
 
 use std::fmt;
 
-use super::Problem;
-use super::block::{Builder, variable};
-use crate::expr::{Expr, Substitution, Var, variables_of};
-use crate::lowering::dcs::Origin;
-use crate::lowering::mpcc::{Block, Kind, Mpcc, Source, Span};
+use super::branch;
+use super::formals::block::{Builder, variable};
+use super::formals::{Formals, sources};
+use super::layout::Layout;
+use crate::expr::{Expr, Substitution};
+use crate::lowering::dcs::{Dcs, Origin};
+use crate::lowering::mpcc::{Kind, Mpcc, Source, Span};
 use crate::system::experiment::Cross;
 
-/// 0 <= `jump` ⟂ `continuous` >= 0.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Members<'e> {
-    pub jump: Expr<'e>,
-    pub continuous: Expr<'e>,
-    origin: Origin,
+/// All pairs, and how they are stated.
+pub(crate) struct Pairs<'p, 'e> {
+    pub formals: &'p Formals<'p, 'e>,
+    /// How pairs across nodes are added up; `None` where switches are not detected.
+    cross: Option<Cross>,
+    pub groups: Vec<Group<'e>>,
 }
 
-/// Pairs with the same nodes.
+/// Pairs with the same nodes: 0 <= a_i ⟂ b_i >= 0.
 pub(crate) struct Group<'e> {
-    /// What a and b are called where they are printed.
-    pub names: (&'static str, &'static str),
     pub block: &'static str,
-    /// The last m.
-    pub last: usize,
     /// Whether b is taken at all nodes and ends, or at the node of a alone.
     pub is_crossed: bool,
-    pub members: Vec<Members<'e>>,
+    /// a, which jumps.
+    pub jumps: Side<'e>,
+    /// b, which is continuous.
+    pub continuous: Side<'e>,
+    origins: Vec<Origin>,
 }
 
-/// One vector of formal arguments with its node.
-pub(crate) type Copied<'e> = (usize, Vec<Expr<'e>>);
+/// The members a or b.
+#[derive(Clone)]
+pub(crate) struct Side<'e> {
+    /// What they are called where they are printed.
+    pub name: &'static str,
+    /// Where they are taken.
+    pub nodes: Span,
+    pub members: Vec<Member<'e>>,
+}
 
-impl fmt::Display for Members<'_> {
+/// A member of a pair: z or 1 - z.
+#[derive(Clone, Copy)]
+pub(crate) struct Member<'e> {
+    pub value: Expr<'e>,
+    /// The place of z among the algebraic variables.
+    pub z: usize,
+    /// The derivative by z.
+    pub slope: f64,
+}
+
+impl fmt::Display for Group<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} perp {}", self.jump, self.continuous)
+        write!(f, "{}(z), {}(z)", self.jumps.name, self.continuous.name)
     }
 }
 
-impl<'e> Problem<'_, 'e> {
-    /// All pairs: those whose a is there at the nodes, those whose a is there at a right end that is no node too, and
-    /// those that are not stated across nodes.
-    pub(crate) fn groups(&self) -> Vec<Group<'e>> {
-        let layout = &self.layout;
-        let group = |names, block, last, is_crossed| Group {
-            names,
-            block,
-            last,
-            is_crossed,
-            members: Vec::new(),
+impl<'e> Member<'e> {
+    fn new(dcs: &Dcs<'e>, value: Expr<'e>) -> Self {
+        let mut z = dcs.algebraics.iter().map(|z| z.var);
+        let z = z.position(|z| z == value || 1.0 - z == value);
+        let z = z.expect("members of pairs are algebraic variables, or 1 minus one");
+        let slope = match dcs.algebraics[z].var == value {
+            true => 1.0,
+            false => -1.0,
         };
+        Member { value, z, slope }
+    }
+}
+
+impl<'p, 'e> Pairs<'p, 'e> {
+    /// Those whose a is there at the nodes, those whose a is there at a right end that is no node too, and those that are
+    /// not stated across nodes.
+    pub fn new(formals: &'p Formals<'p, 'e>, cross: Option<Cross>) -> Self {
+        let Formals { dcs, layout, .. } = *formals;
         let mut groups = [
-            group(("a", "b"), "complementarity", layout.nodes, true),
-            group(("a_end", "b_end"), "complementarity_end", layout.end, true),
-            group(
-                ("a_node", "b_node"),
+            Group::new(layout, ["a", "b"], "complementarity", layout.nodes),
+            Group::new(
+                layout,
+                ["a_end", "b_end"],
+                "complementarity_end",
+                layout.end,
+            ),
+            Group::new(
+                layout,
+                ["a_node", "b_node"],
                 "complementarity_node",
                 layout.nodes,
-                false,
             ),
         ];
-        for (pair, &origin) in self.dcs.pairs.iter().zip(&self.dcs.origins.pairs) {
-            let [left, right] = [pair.left, pair.right].map(|member| self.algebraic(member));
-            let is_continuous = |i: usize| self.dcs.algebraics[i].continuous;
-            let detected = self.detection.is_some();
+        groups[2].is_crossed = false;
+        for (pair, &origin) in dcs.rows.pairs.iter().zip(&dcs.rows.origins.pairs) {
+            let [left, right] = [pair.left, pair.right].map(|value| Member::new(dcs, value));
+            let is_continuous = |member: Member| dcs.algebraics[member.z].continuous;
+            let at_end = |jump: Member| usize::from(layout.algebraics.at_end.contains(&jump.z));
             let (jump, continuous, group) = match (is_continuous(left), is_continuous(right)) {
-                (false, true) if detected => (pair.left, pair.right, self.group(left)),
-                (true, false) if detected => (pair.right, pair.left, self.group(right)),
-                (true, true) if detected => (pair.left, pair.right, self.group(left)),
-                _ => (pair.left, pair.right, 2),
+                _ if cross.is_none() => (left, right, 2),
+                (_, true) => (left, right, at_end(left)),
+                (true, false) => (right, left, at_end(right)),
+                (false, false) => (left, right, 2),
             };
-            groups[group].members.push(Members {
-                jump,
-                continuous,
-                origin,
-            });
+            groups[group].jumps.members.push(jump);
+            groups[group].continuous.members.push(continuous);
+            groups[group].origins.push(origin);
         }
-        groups
-            .into_iter()
-            .filter(|group| !group.members.is_empty())
-            .collect()
+        let is_there = |group: &Group| !group.origins.is_empty();
+        Pairs {
+            formals,
+            cross,
+            groups: groups.into_iter().filter(is_there).collect(),
+        }
     }
 
-    fn group(&self, jump: usize) -> usize {
-        usize::from(self.layout.at_end.contains(&jump))
+    /// Whether switches are detected.
+    pub fn are_detected(&self) -> bool {
+        self.cross.is_some()
     }
 
-    /// The number of the variable that a member contains.
-    pub(crate) fn algebraic(&self, member: Expr<'e>) -> usize {
-        let contains =
-            |z: &crate::lowering::dcs::Algebraic| z.var == member || z.var == 1.0 - member;
-        let place = self.dcs.algebraics.iter().position(contains);
-        place.expect("members of pairs are algebraic variables, or 1 minus one")
+    /// Those that are stated across nodes.
+    pub fn crossed(&self) -> impl Iterator<Item = &Group<'e>> {
+        self.groups.iter().filter(|group| group.is_crossed)
     }
 
-    /// The number of the variable that a member contains, and the derivative by it.
-    pub(crate) fn jump(&self, member: Expr<'e>) -> (usize, f64) {
-        let i = self.algebraic(member);
-        let is_variable = self.dcs.algebraics[i].var == member;
-        (i, if is_variable { 1.0 } else { -1.0 })
+    /// All rows.
+    pub fn state(&self, mpcc: &mut Mpcc<'e>) {
+        for group in &self.groups {
+            self.state_group(group, mpcc);
+        }
     }
 
-    /// The pairs.
-    pub(crate) fn complementarity(&self, mpcc: &mut Mpcc<'e>) {
-        for group in self.groups() {
-            let cross = self.detection.map(|detection| detection.cross);
-            match cross.filter(|_| group.is_crossed) {
-                None => self.nodewise(&group, mpcc),
-                Some(Cross::All) => {
-                    self.all(&group, mpcc);
-                    self.bounded(&group, mpcc);
-                }
-                Some(Cross::SumTheta) => {
-                    self.sum_theta(&group, mpcc);
-                    self.bounded(&group, mpcc);
-                }
-                Some(Cross::SumLambda) => self.sum_lambda(&group, mpcc),
-                Some(Cross::SumBoth) => self.sum_both(&group, mpcc),
+    fn state_group(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+        let (formals, name) = (self.formals, group.block);
+        let [k, j] = [formals.layout.each_step(), formals.layout.each_element()];
+        let Group {
+            jumps: a,
+            continuous: b,
+            ..
+        } = group;
+        let (m, l) = (a.nodes, b.nodes);
+        match self.cross.filter(|_| group.is_crossed) {
+            None => {
+                let (block, jumps) = a.at(formals, Builder::new(name, [k, j, m]), |node| node);
+                let (block, continuous) = b.at(formals, block, |node| node);
+                let text = [a.at_node("m"), b.at_node("m")];
+                group.finish(mpcc, block, [jumps, continuous], text);
+            }
+            Some(Cross::All) => {
+                let block = Builder::new(name, [k, j, m, l]);
+                let (block, jumps) = a.at(formals, block, |[k, j, m, _]| [k, j, m]);
+                let (block, continuous) = b.at(formals, block, |[k, j, _, l]| [k, j, l]);
+                let text = [a.at_node("m"), b.at_node("l")];
+                group.finish(mpcc, block, [jumps, continuous], text);
+                self.bounded(group, mpcc);
+            }
+            Some(Cross::SumTheta) => {
+                let block = Builder::new(name, [k, j, l]);
+                let (block, jumps) = a.sum(formals, block, |[k, j, _]| [k, j]);
+                let (block, continuous) = b.at(formals, block, |node| node);
+                let text = [a.summed(), b.at_node("l")];
+                group.finish(mpcc, block, [jumps, continuous], text);
+                self.bounded(group, mpcc);
+            }
+            Some(Cross::SumLambda) => {
+                let block = Builder::new(name, [k, j, m]);
+                let (block, continuous) = b.sum(formals, block, |[k, j, _]| [k, j]);
+                let (block, jumps) = a.at(formals, block, |node| node);
+                let (block, continuous, more) = self.with_bounds(block, a, continuous);
+                let text = [a.at_node("m"), b.summed() + more];
+                group.finish(mpcc, block, [jumps, continuous], text);
+            }
+            Some(Cross::SumBoth) => {
+                let (block, jumps) = a.sum(formals, Builder::new(name, [k, j]), |place| place);
+                let (block, continuous) = b.sum(formals, block, |place| place);
+                let (block, continuous, more) = self.with_bounds(block, a, continuous);
+                let text = [a.summed(), b.summed() + more];
+                group.finish(mpcc, block, [jumps, continuous], text);
             }
         }
-    }
-
-    fn nodewise(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
-        let ranges = [self.steps(), self.elements(), Span::new("m", 1, group.last)];
-        let (a, b) = (group.jumps(), group.continuous());
-        let both = [a.clone(), b.clone()].concat();
-        let block = Builder::new(group.block, ranges);
-        let block = self.bind(block, &both, &both, |[k, j, m]| (k, j, m));
-        let text = [at(group.names.0, "m"), at(group.names.1, "m")];
-        mpcc.blocks.push(group.finish(block, a, b, text));
-    }
-
-    fn all(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
-        let [m, l] = self.spans(group);
-        let (a, b) = (group.jumps(), group.continuous());
-        let block = Builder::new(group.block, [self.steps(), self.elements(), m, l]);
-        let block = self.bind(block, &a, &a, |[k, j, m, _]| (k, j, m));
-        let block = self.bind(block, &b, &b, |[k, j, _, l]| (k, j, l));
-        let text = [at(group.names.0, "m"), at(group.names.1, "l")];
-        mpcc.blocks.push(group.finish(block, a, b, text));
-    }
-
-    fn sum_theta(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
-        let [m, l] = self.spans(group);
-        let (a, b) = (group.jumps(), group.continuous());
-        let jumps = self.copied(&a, m);
-        let mut block = Builder::new(group.block, [self.steps(), self.elements(), l]);
-        for (m, copy) in &jumps {
-            block = self.bind(block, &a, copy, |[k, j, _]| (k, j, *m));
-        }
-        let block = self.bind(block, &b, &b, |[k, j, l]| (k, j, l));
-        let text = [summed(group.names.0, m), at(group.names.1, "l")];
-        mpcc.blocks
-            .push(group.finish(block, self.sum(&jumps), b, text));
-    }
-
-    fn sum_lambda(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
-        let [m, l] = self.spans(group);
-        let (a, b) = (group.jumps(), group.continuous());
-        let continuous = self.copied(&b, l);
-        let mut block = Builder::new(group.block, [self.steps(), self.elements(), m]);
-        for (l, copy) in &continuous {
-            block = self.bind(block, &b, copy, |[k, j, _]| (k, j, *l));
-        }
-        let block = self.bind(block, &a, &a, |[k, j, m]| (k, j, m));
-        let (block, b, more) = self.with_bounds(block, &a, self.sum(&continuous));
-        let text = [at(group.names.0, "m"), summed(group.names.1, l) + more];
-        mpcc.blocks.push(group.finish(block, a, b, text));
-    }
-
-    fn sum_both(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
-        let [m, l] = self.spans(group);
-        let (a, b) = (group.jumps(), group.continuous());
-        let (jumps, continuous) = (self.copied(&a, m), self.copied(&b, l));
-        let mut block = Builder::new(group.block, [self.steps(), self.elements()]);
-        for (m, copy) in &jumps {
-            block = self.bind(block, &a, copy, |[k, j]| (k, j, *m));
-        }
-        for (l, copy) in &continuous {
-            block = self.bind(block, &b, copy, |[k, j]| (k, j, *l));
-        }
-        let (block, b, more) = self.with_bounds(block, &a, self.sum(&continuous));
-        let text = [summed(group.names.0, m), summed(group.names.1, l) + more];
-        let a = self.sum(&jumps);
-        mpcc.blocks.push(group.finish(block, a, b, text));
     }
 
     /// Σ b with the bounds of S, which are complementary to the same a.
     fn with_bounds<const N: usize>(
         &self,
         block: Builder<N>,
-        a: &[Expr<'e>],
+        a: &Side<'e>,
         b: Vec<Expr<'e>>,
     ) -> (Builder<N>, Vec<Expr<'e>>, &'static str) {
-        let (block, bounds) = self.bounds_of(block, a);
+        let (block, bounds) = branch::bounds_of(self.formals, block, &a.members);
         let more = match bounds.iter().any(Option::is_some) {
             true => " + r[k,j]",
             false => "",
@@ -215,134 +209,164 @@ impl<'e> Problem<'_, 'e> {
 
     /// Σ a against the bounds of S alone, where b is not added up.
     fn bounded(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
-        let (block, bounds) = self.bounds_of(
-            Builder::new("sliding", [self.steps(), self.elements()]),
-            &group.jumps(),
-        );
-        let members = group.members.iter().zip(bounds);
-        let members = members.filter_map(|(&member, r)| Some((member, r?)));
-        let (members, r): (Vec<Members>, Vec<Expr>) = members.unzip();
-        if members.is_empty() {
+        let layout = self.formals.layout;
+        let block = Builder::new("sliding", [layout.each_step(), layout.each_element()]);
+        let (block, bounds) = branch::bounds_of(self.formals, block, &group.jumps.members);
+        let all = group.jumps.members.iter().zip(&group.origins).zip(bounds);
+        let bounded: Vec<_> = all
+            .filter_map(|((&a, &origin), r)| Some((a, origin, r?)))
+            .collect();
+        if bounded.is_empty() {
             return;
         }
-        let group = Group { members, ..*group };
-        let [m, _] = self.spans(&group);
-        let a = group.jumps();
-        let jumps = self.copied(&a, m);
-        let block = jumps.iter().fold(block, |block, (m, copy)| {
-            self.bind(block, &a, copy, |[k, j]| (k, j, *m))
-        });
-        let text = [summed(group.names.0, m), "r[k,j]".to_owned()];
-        mpcc.blocks
-            .push(group.finish(block, self.sum(&jumps), r, text));
-    }
-
-    /// Where a and b are taken.
-    pub(crate) fn spans(&self, group: &Group) -> [Span; 2] {
-        [
-            Span::new("m", 1, group.last),
-            Span::new("l", 0, self.layout.end),
-        ]
-    }
-
-    /// Members in variables of their own for each node.
-    pub(crate) fn copied(&self, members: &[Expr<'e>], nodes: Span) -> Vec<Copied<'e>> {
-        let copy = |node| {
-            let fresh = |&member: &Expr<'e>| {
-                let z = self.dcs.algebraics[self.algebraic(member)].var;
-                let mut renamed = Substitution::new();
-                renamed.insert(variable(z), self.dcs.exprs.variable(&z.to_string()));
-                member.substitute(&renamed)
-            };
-            (node, members.iter().map(fresh).collect())
+        let a = Side {
+            members: bounded.iter().map(|bounded| bounded.0).collect(),
+            ..group.jumps
         };
-        (nodes.first..=nodes.last).map(copy).collect()
+        let origins = sources(bounded.iter().map(|bounded| bounded.1));
+        let r = bounded.iter().map(|bounded| bounded.2);
+        let (block, mut outputs) = a.sum(self.formals, block, |place| place);
+        outputs.extend(r);
+        let text = format!("0 <= {} perp r[k,j] >= 0", a.summed());
+        block.state(mpcc, Kind::Pair, outputs, origins, text);
     }
-
-    /// Sums of members over the nodes.
-    pub(crate) fn sum(&self, copies: &[Copied<'e>]) -> Vec<Expr<'e>> {
-        let n = copies.first().map_or(0, |(_, members)| members.len());
-        let sum = |i| {
-            self.dcs
-                .exprs
-                .sum(copies.iter().map(|(_, members)| members[i]))
-        };
-        (0..n).map(sum).collect()
-    }
-
-    /// Binds the variables of members, or of their copies, at a node.
-    pub(crate) fn bind<const N: usize>(
-        &self,
-        block: Builder<N>,
-        members: &[Expr<'e>],
-        copies: &[Expr<'e>],
-        node: impl Fn([usize; N]) -> (usize, usize, usize),
-    ) -> Builder<N> {
-        let mut bound: Vec<Var> = Vec::new();
-        members
-            .iter()
-            .zip(copies)
-            .fold(block, |block, (&member, &copy)| {
-                let i = self.algebraic(member);
-                let formal = variables_of(&[copy])[0];
-                // One variable may be in several members, as α is.
-                if bound.contains(&formal) {
-                    return block;
-                }
-                bound.push(formal);
-                block.variable(self.dcs.exprs.expr(formal), |place| {
-                    let (k, j, m) = node(place);
-                    let index = self.layout.z(k, j, m, i);
-                    index.expect("members are taken where they are declared")
-                })
-            })
-    }
-}
-
-/// `a(z[k,j,m])`
-fn at(name: &str, index: &str) -> String {
-    format!("{name}(z[k,j,{index}])")
-}
-
-/// `sum(a(z[k,j,m]), m in 1..4)`
-fn summed(name: &str, nodes: Span) -> String {
-    let (index, first, last) = (nodes.name, nodes.first, nodes.last);
-    format!("sum({}, {index} in {first}..{last})", at(name, index))
 }
 
 impl<'e> Group<'e> {
-    /// a.
-    pub fn jumps(&self) -> Vec<Expr<'e>> {
-        self.members.iter().map(|pair| pair.jump).collect()
+    fn new(layout: &Layout, names: [&'static str; 2], block: &'static str, last: usize) -> Self {
+        let side = |name, nodes| Side {
+            name,
+            nodes,
+            members: Vec::new(),
+        };
+        Group {
+            block,
+            is_crossed: true,
+            jumps: side(names[0], Span::new("m", 1, last)),
+            continuous: side(names[1], Span::new("l", 0, layout.end)),
+            origins: Vec::new(),
+        }
     }
 
-    /// b.
-    pub fn continuous(&self) -> Vec<Expr<'e>> {
-        self.members.iter().map(|pair| pair.continuous).collect()
+    /// Where the pairs come from.
+    pub fn sources(&self) -> Vec<Source> {
+        sources(self.origins.iter().copied())
     }
 
-    /// Rows about a that hold for some choices only.
-    pub(crate) fn conditional<const N: usize>(
-        &self,
-        block: Builder<N>,
-        values: Vec<Expr<'e>>,
-        text: String,
-    ) -> Block<'e> {
-        let sources = self.members.iter().map(|pair| Source::Dcs(pair.origin));
-        block.finish(Kind::Conditional, values, sources.collect(), text)
+    /// As they are printed, one per line.
+    pub fn lines(&self) -> Vec<String> {
+        let pairs = self.jumps.members.iter().zip(&self.continuous.members);
+        pairs
+            .map(|(a, b)| format!("{} perp {}", a.value, b.value))
+            .collect()
     }
 
     /// The rows 0 <= a ⟂ b >= 0.
     fn finish<const N: usize>(
         &self,
+        mpcc: &mut Mpcc<'e>,
         block: Builder<N>,
-        a: Vec<Expr<'e>>,
-        b: Vec<Expr<'e>>,
+        sides: [Vec<Expr<'e>>; 2],
         text: [String; 2],
-    ) -> Block<'e> {
-        let sources = self.members.iter().map(|pair| Source::Dcs(pair.origin));
-        let outputs = a.into_iter().chain(b).collect();
+    ) {
         let text = format!("0 <= {} perp {} >= 0", text[0], text[1]);
-        block.finish(Kind::Pair, outputs, sources.collect(), text)
+        block.state(mpcc, Kind::Pair, sides.concat(), self.sources(), text);
     }
+}
+
+impl<'e> Side<'e> {
+    /// Their values at a node.
+    fn at<const N: usize>(
+        &self,
+        formals: &Formals<'_, 'e>,
+        block: Builder<N>,
+        node: impl Fn([usize; N]) -> [usize; 3],
+    ) -> (Builder<N>, Vec<Expr<'e>>) {
+        let z = |member: &Member| formals.dcs.algebraics[member.z].var;
+        let block = self.members.iter().fold(block, |block, member| {
+            bind(formals, block, z(member), member.z, &node)
+        });
+        (
+            block,
+            self.members.iter().map(|member| member.value).collect(),
+        )
+    }
+
+    /// Their values at each node of an element, in variables of their own.
+    pub fn at_each<const N: usize>(
+        &self,
+        formals: &Formals<'_, 'e>,
+        mut block: Builder<N>,
+        element: impl Fn([usize; N]) -> [usize; 2],
+    ) -> (Builder<N>, Vec<Vec<Expr<'e>>>) {
+        let mut all = Vec::with_capacity(self.nodes.len());
+        for m in self.nodes.first..=self.nodes.last {
+            let mut values = Vec::with_capacity(self.members.len());
+            for member in &self.members {
+                let z = formals.dcs.algebraics[member.z].var;
+                let copy = formals.dcs.exprs.variable(&z.to_string());
+                values.push(
+                    member
+                        .value
+                        .substitute(&Substitution::one(variable(z), copy)),
+                );
+                block = bind(formals, block, copy, member.z, |place| {
+                    let [k, j] = element(place);
+                    [k, j, m]
+                });
+            }
+            all.push(values);
+        }
+        (block, all)
+    }
+
+    /// Their sums over the nodes of an element.
+    pub fn sum<const N: usize>(
+        &self,
+        formals: &Formals<'_, 'e>,
+        block: Builder<N>,
+        element: impl Fn([usize; N]) -> [usize; 2],
+    ) -> (Builder<N>, Vec<Expr<'e>>) {
+        let (block, values) = self.at_each(formals, block, element);
+        let sum = |i| formals.dcs.exprs.sum(values.iter().map(|values| values[i]));
+        (block, (0..self.members.len()).map(sum).collect())
+    }
+
+    /// `a(z[k,j,m])`
+    fn at_node(&self, index: &str) -> String {
+        format!("{}(z[k,j,{index}])", self.name)
+    }
+
+    /// `sum(a(z[k,j,m]), m in 1..4)`
+    fn summed(&self) -> String {
+        self.summed_in("j")
+    }
+
+    /// The same in an element of another name.
+    pub fn summed_in(&self, element: &str) -> String {
+        let (
+            name,
+            Span {
+                name: index,
+                first,
+                last,
+            },
+        ) = (self.name, self.nodes);
+        format!("sum({name}(z[k,{element},{index}]), {index} in {first}..{last})")
+    }
+}
+
+/// Binds a formal argument to z_i at a node.
+fn bind<const N: usize>(
+    formals: &Formals,
+    block: Builder<N>,
+    formal: Expr,
+    i: usize,
+    node: impl Fn([usize; N]) -> [usize; 3],
+) -> Builder<N> {
+    block.variable(formal, |place| {
+        let [k, j, m] = node(place);
+        let index = formals.layout.z(k, j, m, i);
+        index.expect("members are taken where they are declared")
+    })
 }

@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 use thiserror::Error;
 
-use super::layout::End;
+use super::layout::ends::{End, Start};
 use super::{Grid, Options};
 use crate::expr::{Expr, Var};
 use crate::lowering::dcs::Dcs;
@@ -47,8 +47,10 @@ pub fn check_start(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
     let params = dcs.params.iter().map(|param| (param.var, param.value));
     let states = dcs.states.iter().map(|state| (state.var, state.initial));
     let algebraics = dcs.algebraics.iter().map(|z| (z.var, z.guess));
-    let data = dcs.data.iter().zip(&dcs.tables);
-    let data = data.map(|(&var, table)| (var, table.value(start)));
+    let data = dcs
+        .data
+        .iter()
+        .map(|data| (data.var, data.table.value(start)));
     let values: FxHashMap<Var, f64> = (params.chain(states).chain(algebraics).chain(data))
         .chain([(dcs.time, start)])
         .filter_map(|(var, value)| Some((var.as_variable()?, value)))
@@ -59,7 +61,7 @@ pub fn check_start(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
     let value = |var: Var| values.get(&var).copied().unwrap_or(f64::NAN);
     let holds = |row: &Expr| row.eval(&value).abs() <= ROUNDING * scale;
     let rows = End::new(dcs).equations;
-    let mut rows = rows.iter().map(|&row| dcs.equations[row]);
+    let mut rows = rows.iter().map(|&row| dcs.rows.equations[row]);
     match rows.find(|row| !holds(row)) {
         Some(row) => Err(DiscretizeError::Start {
             time: start,
@@ -71,7 +73,7 @@ pub fn check_start(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
 
 /// The same where z are known at the start.
 pub fn check_given(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
-    match super::task::Start::of(dcs).is_free {
+    match Start::of(dcs).is_free {
         true => Ok(()),
         false => check_start(dcs, start),
     }
@@ -87,7 +89,7 @@ pub(crate) fn check_size(dcs: &Dcs, grid: Grid, options: &Options) -> Result<(),
     let (states, algebraics) = (number(dcs.states.len()), number(dcs.algebraics.len()));
     let elements = number(grid.steps) * options.detection.map_or(1.0, |d| number(d.elements));
     let collocation = nodes * (states * (nodes + 3.0) + 2.0 * algebraics);
-    let pairs = 2.0 * number(dcs.pairs.len());
+    let pairs = 2.0 * number(dcs.rows.pairs.len());
     let pairs = options
         .detection
         .map_or(nodes, |detection| match detection.cross {

@@ -14,142 +14,51 @@
 //!
 //! Nurkanović, Frey, Pozharskiy & Diehl 2024.
 
-use super::block::{Builder, variable};
-use super::dynamics::sources;
-use super::layout::{End, Layout};
-use super::{Grid, Problem};
-use crate::expr::{Expr, Substitution, variables_of};
+use super::Grid;
+use super::formals::block::{Builder, variable};
+use super::formals::{Formals, sources};
+use super::layout::ends::jumping_with_states;
+use crate::expr::{Expr, Substitution};
 use crate::lowering::dcs::{Dcs, Friction, Impact, SlipLaw};
-use crate::lowering::mpcc;
-use crate::lowering::mpcc::{Bounds, Kind, Mpcc, Source, Span, n_places};
+use crate::lowering::mpcc::{Kind, Mpcc, Source};
 
 /// τ as a share of the mean length of elements.
 pub const WINDOW: f64 = 1e-3;
 
-/// First indices of what elements begin with.
-#[derive(Clone, Debug)]
-pub(crate) struct Boundaries {
-    pub states: usize,
-    impulses: usize,
-    n_impulses: usize,
-    pub algebraics: usize,
-    /// Which continuous z jump with states.
-    pub jumping: Vec<usize>,
-}
-
-/// The continuous z that jump with states, and the equations that say what they are; those of discs are stated with
-/// α⁺ and β⁺.
-pub(crate) fn jumping(dcs: &Dcs) -> (Vec<usize>, Vec<usize>) {
-    let mut algebraics: Vec<usize> = dcs.discs.iter().map(|disc| disc.slip).collect();
-    let mut equations = Vec::new();
-    let of_discs: Vec<usize> = dcs.discs.iter().flat_map(|disc| disc.inside()).collect();
-    for row in End::new(dcs).equations {
-        let occurring = variables_of(&[dcs.equations[row]]);
-        let occurs = |e: Expr| occurring.contains(&variable(e));
-        if of_discs.iter().any(|&i| occurs(dcs.algebraics[i].var)) {
-            continue;
-        }
-        let jumps = dcs.jumps_in(dcs.equations[row])
-            || algebraics
-                .iter()
-                .any(|&i: &usize| occurs(dcs.algebraics[i].var));
-        if jumps {
-            equations.push(row);
-            let of_row = |&i: &usize| occurs(dcs.algebraics[i].var) && !algebraics.contains(&i);
-            let new: Vec<usize> = (0..dcs.algebraics.len()).filter(of_row).collect();
-            algebraics.extend(new);
-        }
+/// Jumps, what jumps with states, and the laws of impulses.
+pub(crate) fn state<'e>(formals: &Formals<'_, 'e>, mpcc: &mut Mpcc<'e>) {
+    if formals.layout.boundaries.is_none() {
+        return;
     }
-    algebraics.sort_unstable();
-    (algebraics, equations)
-}
-
-/// Declares x⁺, y and the z that jump, for every element; `states` and `algebraics` are bounds of all of them.
-pub(crate) fn declare(
-    mpcc: &mut Mpcc,
-    dcs: &Dcs,
-    elements: [Span; 2],
-    states: &[Bounds],
-    algebraics: &[Bounds],
-) -> Option<Boundaries> {
-    if dcs.impacts.is_empty() {
-        return None;
-    }
-    let n = n_places(&elements);
-    let [k, j] = elements;
-    let left = [k, j, Span::new("m", 0, 0)];
-    let names = |vars: Vec<Expr>| vars.iter().map(Expr::to_string).collect::<Vec<_>>();
-    let all = dcs.states.iter().map(|state| state.var);
-    let first_state = mpcc.declare("x", names(all.collect()), &left, states.repeat(n));
-    let impulse = Bounds::between(0.0, f64::INFINITY, 0.0);
-    let frictions = dcs.impacts.iter().flat_map(|impact| &impact.friction);
-    let of_friction = |friction: &Friction| match friction.law {
-        SlipLaw::Interval(_) => vec![Bounds::between(0.0, 1.0, 0.5)],
-        // |u⁺| ≤ 1 says more than bounds of α⁺.
-        SlipLaw::Disc { .. } => vec![
-            Bounds::free(0.5),
-            Bounds::free(0.5),
-            Bounds::between(0.0, f64::INFINITY, 1.0),
-        ],
+    let h = mpcc.exprs.variable("h");
+    let left = LeftEnds {
+        formals,
+        h,
+        before: mpcc.exprs.variables("before", formals.states.len()),
     };
-    let bounds: Vec<Bounds> = (dcs.impacts.iter().map(|_| impulse))
-        .chain(frictions.flat_map(of_friction))
-        .collect();
-    let n_impulses = bounds.len();
-    let impulses = mpcc.declare("y", names(dcs.boundary()), &elements, bounds.repeat(n));
-    let (jumping, _) = jumping(dcs);
-    let vars = jumping.iter().map(|&i| dcs.algebraics[i].var);
-    let bounds: Vec<Bounds> = jumping.iter().map(|&i| algebraics[i]).collect();
-    let algebraics = mpcc.declare("z", names(vars.collect()), &left, bounds.repeat(n));
-    Some(Boundaries {
-        states: first_state,
-        impulses,
-        n_impulses,
-        algebraics,
-        jumping,
-    })
+    left.jumps(mpcc);
+    left.equations(mpcc);
+    left.directions(mpcc);
+    left.contacts(mpcc);
+    left.slips(mpcc);
 }
 
-impl Layout {
-    /// The first impulse where an element begins: Λ of every contact.
-    pub fn impulses(&self, k: usize, j: usize) -> Option<usize> {
-        let boundaries = self.boundaries.as_ref()?;
-        Some(boundaries.impulses + self.element(k, j) * boundaries.n_impulses)
-    }
+/// Where the pair of a contact comes from.
+pub(crate) fn origin(dcs: &Dcs, impact: &Impact) -> Source {
+    let gap = dcs.algebraics[impact.gap].var;
+    let mut pairs = dcs.rows.pairs.iter();
+    let place = pairs.position(|pair| pair.left == gap || pair.right == gap);
+    Source::Dcs(dcs.rows.origins.pairs[place.expect("a contact has a pair")])
 }
 
-/// Where elements begin, with formal arguments for h, x⁺ and x⁻.
-struct LeftEnds<'s, 'p, 'e> {
-    problem: &'s Problem<'p, 'e>,
+/// Where elements begin, with formal arguments for h and x⁻; x is x⁺.
+struct LeftEnds<'s, 'e> {
+    formals: &'s Formals<'s, 'e>,
     h: Expr<'e>,
-    states: Vec<Expr<'e>>,
     before: Vec<Expr<'e>>,
 }
 
-impl<'s, 'e> LeftEnds<'s, '_, 'e> {
-    fn builder(&self, name: &'static str) -> Builder<2> {
-        let problem = self.problem;
-        let (dcs, layout) = (problem.dcs, &problem.layout);
-        let block = Builder::new(name, [problem.steps(), problem.elements()])
-            .vector(&self.states, |[k, j]| layout.x(k, j, 0))
-            .vector(&self.before, |[k, j]| layout.before(k, j))
-            .vector(&dcs.boundary(), |[k, j]| layout.impulses(k, j).unwrap_or(0))
-            .variable(self.h, |[k, j]| layout.h(k, j))
-            .number(problem.node, |_| 0.0);
-        let z = layout.continuous.iter();
-        let block = z.fold(block, |block, &i| {
-            let index = |[k, j]: [usize; 2]| layout.z(k, j, 0, i);
-            block.variable(dcs.algebraics[i].var, |place| {
-                index(place).expect("what is continuous is there at left ends")
-            })
-        });
-        let block = match layout.t(1, 1) {
-            Some(_) => block.variable(dcs.time, |[k, j]| layout.t(k, j).unwrap_or(0)),
-            None => block,
-        };
-        problem.decided(block, |[k, _]| k)
-    }
-
+impl<'s, 'e> LeftEnds<'s, 'e> {
     /// Adds a block of rows, if there are any.
     fn push(
         &self,
@@ -162,51 +71,56 @@ impl<'s, 'e> LeftEnds<'s, '_, 'e> {
         if rows.is_empty() {
             return;
         }
-        let rows = self.problem.timed(rows, self.h);
-        let block = self.builder(name);
-        mpcc.blocks
-            .push(block.finish(kind, rows, origins, text.to_owned()));
+        let Formals { dcs, layout, .. } = *self.formals;
+        let block = Builder::new(name, [layout.each_step(), layout.each_element()])
+            .vector(&self.before, |[k, j]| layout.before(k, j))
+            .vector(&dcs.boundary(), |[k, j]| layout.impulses(k, j).unwrap_or(0));
+        let block = self.formals.at(block, self.h, |[k, j]| [k, j, 0]);
+        let rows = self.formals.timed(rows, self.h);
+        block.state(mpcc, kind, rows, origins, text);
     }
 
     /// x⁺ - x⁻ = r y
     fn jumps(&self, mpcc: &mut Mpcc<'e>) {
-        let (dcs, exprs) = (self.problem.dcs, mpcc.exprs);
+        let (dcs, exprs) = (self.formals.dcs, mpcc.exprs);
         let jumps = dcs.jumps();
         let row = |(i, (&after, &before)): (usize, (&Expr<'e>, &Expr<'e>))| {
             let jump = jumps.iter().find(|(state, _)| *state == i);
             let by = jump.map_or(exprs.constant(0.0), |&(_, by)| by);
             after - before - by
         };
-        let sides = self.states.iter().zip(&self.before).enumerate();
+        let sides = self.formals.states.iter().zip(&self.before).enumerate();
         let rows: Vec<Expr> = sides.map(row).collect();
         let text = "0 = x[k,j,0] - before(x)[k,j] - r(x[k,j,0], y[k,j])";
-        let origins = sources(&dcs.origins.rates);
+        let origins = sources(dcs.rows.origins.rates.iter().copied());
         self.push(mpcc, ("jump", Kind::Equation), &rows, origins, text);
     }
 
     /// The equations of what jumps with states.
     fn equations(&self, mpcc: &mut Mpcc<'e>) {
-        let dcs = self.problem.dcs;
-        let (_, equations) = jumping(dcs);
-        let rows: Vec<Expr> = equations.iter().map(|&row| dcs.equations[row]).collect();
-        let origins = equations.iter().map(|&row| dcs.origins.equations[row]);
-        let origins = sources(&origins.collect::<Vec<_>>());
-        let g = self.problem.arguments("t[k,j]", "x[k,j,0]", "z[k,j,0]");
+        let dcs = self.formals.dcs;
+        let (_, equations) = jumping_with_states(dcs);
+        let rows: Vec<Expr> = equations
+            .iter()
+            .map(|&row| dcs.rows.equations[row])
+            .collect();
+        let origins = sources(equations.iter().map(|&row| dcs.rows.origins.equations[row]));
+        let g = self.formals.arguments("t[k,j]", "x[k,j,0]", "z[k,j,0]");
         let text = format!("0 = g{g}, where states jump");
         self.push(mpcc, ("left", Kind::Equation), &rows, origins, &text);
     }
 
     /// Friction, with where it comes from.
     fn frictions(&self) -> impl Iterator<Item = (&'s Friction<'e>, Source)> {
-        let problem = self.problem;
+        let dcs = self.formals.dcs;
         let friction =
-            |impact: &'s Impact<'e>| Some((impact.friction.as_ref()?, problem.origin(impact)));
-        problem.dcs.impacts.iter().filter_map(friction)
+            |impact: &'s Impact<'e>| Some((impact.friction.as_ref()?, origin(dcs, impact)));
+        dcs.impacts.iter().filter_map(friction)
     }
 
     /// Friction in discs with γ⁺ and β⁺, and where it comes from.
     fn discs(&self) -> impl Iterator<Item = (&'s Friction<'e>, [Expr<'e>; 2], Source)> {
-        let dcs = self.problem.dcs;
+        let dcs = self.formals.dcs;
         self.frictions()
             .filter_map(|(friction, origin)| match friction.law {
                 SlipLaw::Interval(_) => None,
@@ -231,19 +145,18 @@ impl<'s, 'e> LeftEnds<'s, '_, 'e> {
 
     /// 0 <= Λ ⟂ gap >= 0, and Newton's law.
     fn contacts(&self, mpcc: &mut Mpcc<'e>) {
-        let (dcs, layout) = (self.problem.dcs, &self.problem.layout);
+        let Formals { dcs, layout, .. } = *self.formals;
         let gap = |impact: &Impact<'e>| dcs.algebraics[impact.gap].var;
         let impulses = dcs.impacts.iter().map(|impact| impact.impulse);
-        let origins = dcs.impacts.iter().map(|i| self.problem.origin(i));
-        let origins: Vec<Source> = origins.collect();
+        let origins: Vec<Source> = dcs.impacts.iter().map(|i| origin(dcs, i)).collect();
         let gaps = dcs.impacts.iter().map(gap);
         let rows: Vec<Expr> = impulses.clone().chain(gaps).collect();
         let text = "0 <= impulse[k,j] perp gap[k,j,0] >= 0";
         self.push(mpcc, ("impulse", Kind::Pair), &rows, origins.clone(), text);
 
-        let sides = self.states.iter().zip(&self.before);
+        let sides = self.formals.states.iter().zip(&self.before);
         let sides: Substitution = sides.map(|(&x, &before)| (variable(x), before)).collect();
-        let Grid { horizon, steps, .. } = self.problem.grid;
+        let Grid { horizon, steps, .. } = self.formals.grid;
         let window = WINDOW * horizon / (steps * layout.elements) as f64;
         let laws = dcs.impacts.iter().map(|impact| {
             let before = impact.speed.substitute(&sides);
@@ -258,7 +171,7 @@ impl<'s, 'e> LeftEnds<'s, '_, 'e> {
 
     /// 0 <= λⁿ ⟂ α⁺ >= 0, 0 <= λᵖ ⟂ 1 - α⁺ >= 0; of discs 0 <= γ⁺ ⟂ β⁺ >= 0.
     fn slips(&self, mpcc: &mut Mpcc<'e>) {
-        let dcs = self.problem.dcs;
+        let dcs = self.formals.dcs;
         let intervals = self
             .frictions()
             .filter_map(|(friction, origin)| match friction.law {
@@ -284,52 +197,5 @@ impl<'s, 'e> LeftEnds<'s, '_, 'e> {
         let origins = self.discs().map(|(_, _, origin)| origin).collect();
         let text = "0 <= slip[k,j,0] perp side_stick[k,j] >= 0";
         self.push(mpcc, ("impulse_disc", Kind::Pair), &rows, origins, text);
-    }
-}
-
-impl<'e> Problem<'_, 'e> {
-    /// Jumps, what jumps with states, and the laws of impulses.
-    pub(crate) fn impulses(&self, mpcc: &mut Mpcc<'e>) {
-        if self.layout.boundaries.is_none() {
-            return;
-        }
-        let (states, h) = (self.states(), mpcc.exprs.variable("h"));
-        let left = LeftEnds {
-            problem: self,
-            h,
-            before: mpcc.exprs.variables("before", states.len()),
-            states,
-        };
-        left.jumps(mpcc);
-        left.equations(mpcc);
-        left.directions(mpcc);
-        left.contacts(mpcc);
-        left.slips(mpcc);
-    }
-
-    /// Where the pair of a contact comes from.
-    pub(crate) fn origin(&self, impact: &Impact<'e>) -> Source {
-        let gap = self.dcs.algebraics[impact.gap].var;
-        let pairs = &self.dcs.pairs;
-        let place = pairs
-            .iter()
-            .position(|pair| pair.left == gap || pair.right == gap);
-        let place = place.expect("a contact has a pair");
-        Source::Dcs(self.dcs.origins.pairs[place])
-    }
-
-    /// The contact whose gap is this continuous member.
-    pub(crate) fn impact_of(&self, continuous: Expr<'e>) -> Option<&Impact<'e>> {
-        let i = self.algebraic(continuous);
-        self.dcs.impacts.iter().find(|impact| impact.gap == i)
-    }
-
-    /// Which pairs of the program say that there is an impact.
-    pub(crate) fn impact_pairs(&self, mpcc: &Mpcc<'e>) -> Option<mpcc::Impulses> {
-        let gaps = self.dcs.impacts.iter().map(|impact| impact.gap);
-        self.layout.boundaries.as_ref().map(|_| mpcc::Impulses {
-            first_pair: mpcc.first_pair("impulse"),
-            gaps: gaps.collect(),
-        })
     }
 }

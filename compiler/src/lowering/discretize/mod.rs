@@ -26,150 +26,44 @@
 //! control intervals; `task` adds controls, free parameters, a free T and constraints, `quadrature` the integrals of
 //! the cost.
 //!
+//! `layout` says which variable is what, `formals` binds the symbols of the model to variables; every other file states
+//! rows in these.
+//!
 //! Nurkanović, Sperl, Albrecht & Diehl 2024; Baumrucker & Biegler 2009 for free lengths.
 
-mod block;
 mod branch;
 mod cross;
-mod data;
 mod definitions;
 mod directions;
 mod dynamics;
 mod equilibrate;
 mod error;
-mod given;
+mod formals;
 mod impulses;
 mod layout;
 mod led;
+mod options;
 mod task;
 #[cfg(test)]
 mod tests;
+mod times;
 
-use nsd_solver::integrate::tableau::{Family, Tableau};
+use nsd_solver::integrate::tableau::Tableau;
 
-pub use data::inside;
+use cross::Pairs;
+use dynamics::Dynamics;
 pub use error::{DiscretizeError, check_given, check_start};
+use formals::Formals;
+pub use formals::inside;
 pub use impulses::WINDOW;
 pub use layout::Layout;
-pub(crate) use task::fixed_params;
+pub(crate) use layout::fixed_params;
+pub use options::{Detection, Grid, Options};
 
 use crate::expr::Expr;
 use crate::lowering::dcs::Dcs;
 use crate::lowering::mpcc::{Conditions, Mpcc};
 pub use crate::system::experiment::{Cross, Equilibration, Form};
-use crate::system::experiment::{FesdOptions, Optimize, SteppingOptions};
-
-/// The steps of a horizon.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grid {
-    /// When it starts.
-    pub start: f64,
-    /// T.
-    pub horizon: f64,
-    /// N.
-    pub steps: usize,
-}
-
-/// How a step becomes rows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options {
-    /// Family of Runge-Kutta methods, and number of nodes.
-    pub scheme: (Family, usize),
-    /// How the method is written; `None` for the integral form where there is one.
-    pub form: Option<Form>,
-    /// How switches are detected; `None` for time stepping, which does not.
-    pub detection: Option<Detection>,
-}
-
-/// How switches get to the ends of elements.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Detection {
-    /// Elements per step; r switches inside a step need r + 1.
-    pub elements: usize,
-    /// How pairs across the nodes are added up.
-    pub cross: Cross,
-    /// What makes lengths equal where there is no switch.
-    pub equilibration: Equilibration,
-    /// γ: lengths are between (1 - γ) and (1 + γ) times their mean, and not negative.
-    pub spread: f64,
-}
-
-impl Default for Detection {
-    fn default() -> Self {
-        let FesdOptions {
-            elements,
-            cross,
-            equilibration,
-            ..
-        } = FesdOptions::default();
-        Detection {
-            elements,
-            cross,
-            equilibration,
-            spread: 1.0,
-        }
-    }
-}
-
-impl Options {
-    /// Those of `method fesd`.
-    pub fn fesd(options: &FesdOptions) -> Self {
-        Options {
-            scheme: options.scheme,
-            form: options.form,
-            detection: Some(Detection {
-                elements: options.elements,
-                cross: options.cross,
-                equilibration: options.equilibration,
-                ..Detection::default()
-            }),
-        }
-    }
-
-    /// Those of an `optimize`.
-    pub fn optimize(task: &Optimize) -> Self {
-        Options {
-            scheme: task.discretization.scheme,
-            form: None,
-            detection: Some(Detection {
-                elements: task.discretization.elements,
-                cross: task.options.cross,
-                equilibration: task.options.equilibration,
-                // An element may be as long as its interval: which of them a switch is between is the solver's choice.
-                spread: task.discretization.elements as f64 - 1.0,
-            }),
-        }
-    }
-
-    /// Those of `method timestepping`.
-    pub fn stepping(options: &SteppingOptions) -> Self {
-        Options {
-            scheme: options.scheme(),
-            form: None,
-            detection: None,
-        }
-    }
-}
-
-/// What the passes of this folder share.
-struct Problem<'p, 'e> {
-    dcs: &'p Dcs<'e>,
-    grid: Grid,
-    tableau: Tableau,
-    form: Form,
-    detection: Option<Detection>,
-    layout: Layout,
-    /// c, a formal argument.
-    node: Expr<'e>,
-    /// T: a number, or a formal argument where it is free.
-    horizon: Expr<'e>,
-    /// k - 1, a formal argument.
-    before: Expr<'e>,
-    /// Functions of time as polynomials.
-    data: Vec<data::Polynomial<'e>>,
-    /// Linear controls at the end of a step, formal arguments; at its start they are those of the system.
-    next: Vec<Expr<'e>>,
-}
 
 /// Discretizes; the scheme has its number of nodes, and the form.
 pub fn discretize<'e>(
@@ -207,40 +101,26 @@ pub fn discretize<'e>(
         stated: Vec::new(),
         conditions: Conditions::default(),
     };
-    let layout = layout::declare(
-        &mut mpcc,
-        dcs,
-        grid,
-        &tableau,
+    let rates: Vec<Expr> = integrals.iter().map(|integral| integral.rate).collect();
+    let detection = options.detection;
+    let layout = layout::declare(&mut mpcc, dcs, grid, &tableau, form, detection, &rates);
+    let formals = Formals::new(dcs, &layout, grid);
+    let pairs = Pairs::new(&formals, detection.map(|detection| detection.cross));
+    let dynamics = Dynamics {
+        formals: &formals,
+        tableau: &tableau,
         form,
-        options.detection,
-        &integrals,
-    );
-    let problem = Problem {
-        dcs,
-        grid,
-        tableau,
-        form,
-        detection: options.detection,
-        layout,
-        node: dcs.exprs.variable("c"),
-        horizon: match dcs.task.as_ref().and_then(|task| task.horizon) {
-            Some(_) => dcs.exprs.variable("T"),
-            None => dcs.exprs.constant(grid.horizon),
-        },
-        before: dcs.exprs.variable("before"),
-        data: data::polynomials(dcs),
-        next: task::next(dcs),
     };
-    problem.define(&mut mpcc);
-    problem.dynamics(&mut mpcc);
-    problem.complementarity(&mut mpcc);
-    problem.branches(&mut mpcc);
-    problem.impulses(&mut mpcc);
-    problem.leads(&mut mpcc);
-    problem.directions(&mut mpcc);
-    problem.equilibrate(&mut mpcc);
-    problem.task(&mut mpcc, &integrals)?;
+    definitions::state(&pairs, detection, &mut mpcc);
+    dynamics.state(&mut mpcc);
+    times::state(&formals, &mut mpcc);
+    pairs.state(&mut mpcc);
+    branch::state(&formals, &mut mpcc);
+    impulses::state(&formals, &mut mpcc);
+    led::state(&formals, &mut mpcc);
+    directions::state(&formals, &mut mpcc);
+    equilibrate::state(&pairs, detection, &mut mpcc);
+    task::state(&pairs, &tableau, &integrals, &mut mpcc)?;
     debug_assert_eq!(mpcc.verify(), Ok(()), "discretization keeps the invariants");
-    Ok((mpcc, problem.layout))
+    Ok((mpcc, layout))
 }

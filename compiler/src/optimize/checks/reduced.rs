@@ -99,7 +99,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
         let Some(task) = &self.problem.system.task else {
             return;
         };
-        let horizon = self.problem.horizon(w);
+        let horizon = self.problem.at(w).horizon();
         let mut ends: Vec<Place> = Vec::new();
         let mut nodes: Vec<Place> = Vec::new();
         for (k, j) in layout.all_elements() {
@@ -203,7 +203,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
         if limit.is_over() {
             return None;
         }
-        let horizon = problem.horizon(w);
+        let horizon = problem.at(w).horizon();
         let tables = solved::tables(problem, w);
         let x0 = initial(problem, w);
         let instants = self.places.iter().map(|place| place.share * horizon);

@@ -43,7 +43,7 @@ fn ready<'k, T>(
     (w, horizon): (&[f64], f64),
     make: impl FnOnce(f64) -> T,
 ) -> &'k mut T {
-    let params = problem.params(w);
+    let params = problem.at(w).params();
     let serves = |kept: &Kept<T>| {
         let share = horizon / kept.horizon;
         kept.params == params && (LEAST_SHARE..=1.0).contains(&share)
@@ -64,13 +64,6 @@ fn ready<'k, T>(
 }
 
 impl<'e> Problem<'e> {
-    /// The free parameters.
-    pub(crate) fn params(&self, w: &[f64]) -> Vec<f64> {
-        let task = self.system.task.iter();
-        let n = task.map(|task| task.params.len()).sum();
-        (0..n).map(|i| w[self.layout.p(i)]).collect()
-    }
-
     /// A run of the system at a point, which has neither outputs nor controls to report.
     pub(crate) fn simulate(
         &self,
@@ -105,7 +98,7 @@ impl<'e> Problem<'e> {
     /// Makes runs with the parameters and about the horizon of a point ready.
     pub(crate) fn run_again(&self, w: &[f64]) {
         let mut kept = self.runs.again.borrow_mut();
-        let again = ready(&mut kept, self, (w, self.horizon(w)), |horizon| {
+        let again = ready(&mut kept, self, (w, self.at(w).horizon()), |horizon| {
             Again::new(&solved::system(self, w), horizon, TOLERANCE, &self.open)
         });
         again.set_parameters(&self.system.values_of(&self.open));
@@ -114,13 +107,13 @@ impl<'e> Problem<'e> {
     /// What is asked of those, with the parameters of another point.
     pub(crate) fn again<R>(&self, w: &[f64], ask: impl FnOnce(&mut Again) -> R) -> R {
         let mut kept = self.runs.again.borrow_mut();
-        let params = self.params(w);
+        let params = self.at(w).params();
         match kept.as_mut().filter(|kept| kept.params == params) {
             Some(kept) => ask(&mut kept.runs),
             // Parameters are numbers in what is compiled.
             None => {
                 let system = solved::system(self, w);
-                let horizon = self.horizon(w);
+                let horizon = self.at(w).horizon();
                 ask(&mut Again::new(&system, horizon, TOLERANCE, &self.open))
             }
         }

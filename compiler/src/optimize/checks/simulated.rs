@@ -48,7 +48,7 @@ pub(crate) fn simulate(
     let terminal = differences.fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
     let all = (0..run.time.len()).flat_map(|k| &run.states[0].at(k)[..n]);
     let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
-    let objective = problem.cost(x, w) - solution.objective;
+    let objective = cost(problem, x, w) - solution.objective;
     let relative =
         (terminal / size.max(FEASIBLE)).max(objective.abs() / solution.objective.abs().max(1.0));
     if relative > problem.settings.tolerance {
@@ -104,18 +104,15 @@ fn disagrees(settings: &Settings, message: String) -> Warning {
     }
 }
 
-impl Problem<'_> {
-    /// The cost for states, integrals among them, at the end.
-    fn cost(&self, x: &[f64], w: &[f64]) -> f64 {
-        let Some(task) = &self.system.task else {
-            return f64::NAN;
-        };
-        let solved = solved::system(self, w);
-        let horizon = self.horizon(w);
-        // Switches in the cost have the values they have in the program.
-        let layout = &self.layout;
-        let alphas = self.alphas(w, layout.steps, layout.elements, layout.nodes);
-        let known = solved.valuation(horizon, x, &alphas);
-        known.value(task.cost.value)
-    }
+/// The cost for states, integrals among them, at the end.
+fn cost(problem: &Problem, x: &[f64], w: &[f64]) -> f64 {
+    let Some(task) = &problem.system.task else {
+        return f64::NAN;
+    };
+    let (layout, at) = (&problem.layout, problem.at(w));
+    let solved = solved::system(problem, w);
+    // Switches in the cost have the values they have in the program.
+    let alphas = at.alphas(layout.steps, layout.elements, layout.nodes);
+    let known = solved.valuation(at.horizon(), x, &alphas);
+    known.value(task.cost.value)
 }

@@ -12,19 +12,6 @@ use crate::system::experiment::{EventOptions, Method, Settings};
 use crate::system::task::Shape;
 use crate::system::{StateGroup, System};
 
-impl Problem<'_> {
-    /// T.
-    pub(crate) fn horizon(&self, w: &[f64]) -> f64 {
-        let free = self.layout.horizon();
-        free.map_or(self.settings.horizon, |index| w[index])
-    }
-
-    /// 0 and the Runge-Kutta nodes of an element of length 1, and its end.
-    pub(crate) fn nodes(&self) -> Vec<f64> {
-        self.layout.points.clone()
-    }
-}
-
 /// A run of the system at a point from event to event, with all states, integrals among them, in one series.
 pub(crate) fn run<'e>(
     problem: &Problem<'e>,
@@ -41,7 +28,7 @@ pub(crate) fn run<'e>(
         entries: (0..system.states.len()).collect(),
     }];
     let mut settings = problem.settings.clone();
-    settings.horizon = problem.horizon(w);
+    settings.horizon = problem.at(w).horizon();
     settings.method = Method::Event(EventOptions::default());
     settings.lowerings.clear();
     (settings.outputs, settings.optimize) = (None, None);
@@ -85,7 +72,7 @@ pub(crate) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
 /// The controls at a point as functions of time.
 pub(crate) fn tables(problem: &Problem, w: &[f64]) -> Vec<Arc<Table>> {
     let layout = &problem.layout;
-    let (horizon, steps) = (problem.horizon(w), layout.steps);
+    let (horizon, steps) = (problem.at(w).horizon(), layout.steps);
     let instant = |k: usize| horizon * k as f64 / steps as f64;
     let task = problem.system.task.iter();
     let controls = task.flat_map(|task| task.controls.iter().map(|_| task.shape));

@@ -80,7 +80,7 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
             w[index] = value.max(bounds[index].lower).min(bounds[index].upper);
         }
     };
-    let (Some(decided), nodes) = (&dcs.task, &problem.nodes()) else {
+    let Some(decided) = &dcs.task else {
         return w;
     };
     for (i, free) in decided.params.iter().enumerate() {
@@ -98,11 +98,11 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
     let is_moved = !sampled.is_empty() || !task.guess.is_empty() || decided.clock.is_some();
     let (steps, elements) = (layout.steps, layout.elements);
     for (k, j) in (1..=steps).flat_map(|k| (1..=elements).map(move |j| (k, j))) {
-        for (m, &c) in nodes.iter().enumerate() {
+        for (m, &c) in layout.points.iter().enumerate() {
             let begins = (k, j) == (1, 1) || layout.impulses(k, j).is_some();
             let element = ((k - 1) * elements + j - 1) as f64;
             let share = (element + c) / (steps * elements) as f64;
-            let restarts = (m, j) == (0, 1) && (k == 1 || layout.restarts());
+            let restarts = (m, j) == (0, 1) && (k == 1 || layout.algebraics.restarts);
             for i in 0..layout.n_states() {
                 if let Some(index) = layout.started(k, i).filter(|_| restarts) {
                     let state = &system.states[i];

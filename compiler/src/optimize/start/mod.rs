@@ -9,12 +9,14 @@ use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Form, Homotopy, MultiStart, Options, Solution};
 use nsd_solver::optimization::problem::Nlp;
 
-use super::{Point, Problem, Progress, Sampled, is_decided};
+use super::{Point, Problem, Progress, Sampled};
 use crate::expr::Var;
 use crate::limit::Limit;
 use crate::project::watch;
 use crate::project::watch::Watch;
+use crate::system::System;
 use crate::system::experiment::Starts;
+use crate::system::task::Task;
 use crate::threads;
 
 /// How much a single start may cost while other ways are tried for a smaller objective: next to nothing, as there are
@@ -103,6 +105,17 @@ impl Problem<'_> {
     }
 }
 
+/// Whether a variable is a control or a parameter that is decided.
+fn is_decided(system: &System, var: Var) -> bool {
+    let of_task = |task: &Task<'_>| {
+        let controls = task.controls.iter().map(|control| control.var);
+        let params = (task.params.iter()).map(|free| system.params[free.place].var);
+        let mut all = controls.chain(params);
+        all.any(|known| known.as_variable() == Some(var))
+    };
+    system.task.as_ref().is_some_and(of_task)
+}
+
 /// How a task is solved from one or several starts.
 fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &Limit) -> Options {
     let chosen = &problem.task.options;
@@ -121,7 +134,7 @@ fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &L
     };
     let [effort, patience] = match starts {
         // Other ways would be cheaper in modes that the model is not in.
-        None if reference && !problem.dcs.branches.is_empty() => [0, SINGLE_PATIENCE],
+        None if reference && !problem.dcs.switches.branches.is_empty() => [0, SINGLE_PATIENCE],
         None => [SINGLE_EFFORT, SINGLE_PATIENCE],
         Some(_) => [Options::default().effort, Options::default().patience],
     };

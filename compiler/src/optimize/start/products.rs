@@ -35,7 +35,7 @@ impl Product {
 /// The products of a system, in order: one contains earlier ones only. A product with other variables is left out.
 pub(crate) fn products(dcs: &Dcs) -> Vec<Product> {
     let place = |var: Var| (dcs.algebraics.iter()).position(|z| z.var.as_variable() == Some(var));
-    let rows = dcs.equations.iter().zip(&dcs.origins.equations);
+    let rows = dcs.rows.equations.iter().zip(&dcs.rows.origins.equations);
     let rows = rows.filter(|(_, origin)| matches!(origin.cause, Cause::Product(_)));
     let rows: Vec<_> = rows.map(|(&row, _)| row).collect();
     let first = dcs.algebraics.len() - rows.len();

@@ -29,7 +29,7 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
     let Some(task) = &problem.dcs.task else {
         return false;
     };
-    if !problem.dcs.branches.is_empty() {
+    if !problem.dcs.switches.branches.is_empty() {
         return in_modes(problem, &problem.simulated(w, limit), w);
     }
     if problem.frozen.is_none() && problem.dcs.impacts.is_empty() {
@@ -84,7 +84,7 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
     for free in &task.initial {
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
-    let length = problem.horizon(w) / layout.steps as f64;
+    let length = problem.at(w).horizon() / layout.steps as f64;
     for k in 1..=layout.steps {
         system.params.truncate(n_params);
         system.states.truncate(n_states);
@@ -176,13 +176,13 @@ pub(crate) fn in_modes(problem: &Problem, run: &ReferenceRun, w: &mut [f64]) -> 
     if run.failure.is_some() {
         return false;
     }
-    follow(problem, run, problem.horizon(w), w);
+    follow(problem, run, problem.at(w).horizon(), w);
     let layout = &problem.layout;
     for (k, j) in layout.all_elements() {
         let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
-            .map(|m| problem.alphas(w, k, j, m))
+            .map(|m| problem.at(w).alphas(k, j, m))
             .collect();
-        for (i, branch) in problem.dcs.branches.iter().enumerate() {
+        for (i, branch) in problem.dcs.switches.branches.iter().enumerate() {
             // Only where it slides is its stability bounded.
             let Some(r) = layout.r(k, j) else { continue };
             for (side, end) in [0.0, 1.0].into_iter().enumerate() {
@@ -282,7 +282,7 @@ fn fill(
         let found = solve_in_mode(system, &problem.dcs, &alphas, &value);
         let is_first = (k, j) == (1, 1);
         for (i, z) in found.algebraics.into_iter().enumerate() {
-            if m == 0 && !is_first && !layout.starts_anew(i) {
+            if m == 0 && !is_first && !layout.algebraics.starts_anew(i) {
                 continue;
             }
             if let Some(index) = layout.z(k, j, m, i) {

@@ -58,7 +58,7 @@ impl Problem<'_> {
             is_frozen: self.frozen.is_some(),
             n_impacts: self.n_impulses(),
             n_states: layout.n_states(),
-            n_switches: self.dcs.alphas.len(),
+            n_switches: self.dcs.switches.alphas.len(),
             grid: [layout.steps, layout.elements, layout.nodes],
         }
     }
@@ -89,7 +89,7 @@ impl Problem<'_> {
                 })
                 .collect(),
             alphas: (1..=layout.nodes)
-                .map(|m| self.lowered_alphas(w, k, j, m))
+                .map(|m| self.at(w).lowered_alphas(k, j, m))
                 .collect(),
             impulses: layout.impulses(k, j).map_or_else(Vec::new, |first| {
                 w[first..first + self.n_impulses()].to_vec()
@@ -97,7 +97,7 @@ impl Problem<'_> {
         };
         Point {
             kind: self.kind(),
-            horizon: self.horizon(w),
+            horizon: self.at(w).horizon(),
             params: (0..n_params).map(|i| w[layout.p(i)]).collect(),
             controls: layout
                 .control_instants()

@@ -67,7 +67,7 @@ fn slips<'e>(dcs: &Dcs<'e>, friction: &Friction<'e>, writer: &mut Writer<'e>) ->
 
 /// The lines of the laws of a system, with α as the complementarity system has them.
 pub(crate) fn laws<'e>(system: &System<'e>, dcs: &Dcs<'e>, writer: &mut Writer<'e>) -> Vec<String> {
-    let alphas: Substitution = (system.switches.iter().zip(&dcs.alphas))
+    let alphas: Substitution = (system.switches.iter().zip(&dcs.switches.alphas))
         .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
         .collect();
     let mut lines = Vec::new();

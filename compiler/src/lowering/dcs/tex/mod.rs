@@ -28,17 +28,17 @@ pub fn tex(system: &System, lowerings: &[Lowering]) -> Result<String, DcsError> 
 /// The equations of a DCS, and lines about jumps.
 fn equations<'e>(dcs: &Dcs<'e>, mut writer: Writer<'e>, jumps: Vec<String>) -> String {
     let mut lines = Vec::new();
-    for (state, &rate) in dcs.states.iter().zip(&dcs.rates) {
+    for (state, &rate) in dcs.states.iter().zip(&dcs.rows.rates) {
         lines.push(format!(
             "{} &= {}",
             derivative(state.var),
             writer.formula(rate)
         ));
     }
-    for &row in &dcs.equations {
+    for &row in &dcs.rows.equations {
         lines.push(format!("0 &= {}", writer.formula(row)));
     }
-    for pair in &dcs.pairs {
+    for pair in &dcs.rows.pairs {
         let (left, right) = (writer.formula(pair.left), writer.formula(pair.right));
         lines.push(format!("0 &\\le {left} \\perp {right} \\ge 0"));
     }
@@ -47,9 +47,9 @@ fn equations<'e>(dcs: &Dcs<'e>, mut writer: Writer<'e>, jumps: Vec<String>) -> S
     lines.extend(writer.definitions);
 
     // A comment ends with its line.
-    let comment = dcs.reason.as_ref().map(|reason| {
+    let comment = dcs.lowering.reason.as_ref().map(|reason| {
         let reason = reason.replace(['\n', '\r'], " ");
-        format!("% {}: {reason}\n", dcs.formulation)
+        format!("% {}: {reason}\n", dcs.lowering.formulation)
     });
     let legend = match has_jumps {
         true => "% where states jump, - is before and + behind\n",

@@ -3,139 +3,102 @@
 //! A constraint on one variable alone becomes a bound of that variable, unless it fixes it: then it stays a row, so
 //! that what cannot be met has a name.
 
-use super::quadrature::Integral;
-use crate::expr::{Expr, Substitution, variables_of};
-use crate::lowering::discretize::block::{Builder, variable};
-use crate::lowering::discretize::{DiscretizeError, Problem};
+use super::quadrature::Quadrature;
+use crate::expr::{Expr, variables_of};
+use crate::lowering::discretize::DiscretizeError;
+use crate::lowering::discretize::formals::Formals;
+use crate::lowering::discretize::formals::block::{Builder, variable};
 use crate::lowering::mpcc::{Block, Bounds, Kind, Mpcc, Source, Stated};
 use crate::source::Span;
-use crate::system::task::{At, Shape, TaskRow};
+use crate::system::task::{At, Shape, Task, TaskRow};
 
-/// Step, element and node.
-type Place = (usize, usize, usize);
+/// The cost and the constraints of a task.
+pub(crate) struct Points<'p, 'e> {
+    pub formals: &'p Formals<'p, 'e>,
+    pub task: &'p Task<'e>,
+}
 
-impl<'e> Problem<'_, 'e> {
+impl<'e> Points<'_, 'e> {
     /// φ at the end.
-    pub(crate) fn cost(&self, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
-        let Some(task) = &self.dcs.task else {
-            return Ok(());
-        };
-        mpcc.blocks.extend(self.at_horizon(task.cost.value)?);
+    pub fn cost(&self, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
+        mpcc.blocks.extend(self.at_horizon(self.task.cost.value)?);
         Ok(())
     }
 
     /// The terms of φ each by itself, which are no part of the program.
-    pub(crate) fn terms(
+    pub fn terms(
         &self,
-        integrals: &[Integral<'e>],
+        quadrature: &Quadrature<'_, 'e>,
         mpcc: &mut Mpcc<'e>,
     ) -> Result<(), DiscretizeError> {
-        let terms = self.dcs.task.iter().flat_map(|task| &task.cost.terms);
-        for (number, term) in terms.enumerate() {
-            let mut blocks: Vec<_> = self.at_horizon(term.value)?.into_iter().collect();
-            for integral in integrals {
-                let share = integral.shares[number];
-                blocks.extend((share != 0.0).then(|| self.integral_of(integral, share)));
-            }
-            mpcc.terms.push(blocks);
+        for (number, term) in self.task.cost.terms.iter().enumerate() {
+            let at_end = self.at_horizon(term.value)?;
+            let blocks = at_end.into_iter().chain(quadrature.shares(number));
+            mpcc.terms.push(blocks.collect());
         }
         Ok(())
     }
 
     /// A term of the objective from values at the end.
     fn at_horizon(&self, value: Expr<'e>) -> Result<Option<Block<'e>>, DiscretizeError> {
-        let Some(task) = self.dcs.task.as_ref().filter(|_| !value.is_zero()) else {
+        if value.is_zero() {
             return Ok(None);
-        };
-        let (text, span) = (value.to_string(), task.cost.span);
-        let (block, value) = self.at_end("final", (value, span))?;
+        }
+        let (text, span) = (value.to_string(), self.task.cost.span);
+        let (block, value) = self.at_end(value, span)?;
         let sources = vec![Source::Task(span)];
-        Ok(Some(block.finish(
-            Kind::Objective,
-            vec![value],
-            sources,
-            text,
-        )))
+        let block = block.finish(Kind::Objective, vec![value], sources, text);
+        Ok(Some(block))
     }
 
     /// Constraints.
-    pub(crate) fn points(&self, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
-        let rows = self.dcs.task.iter().flat_map(|task| &task.rows);
-        for row in rows {
+    pub fn constraints(&self, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
+        for row in &self.task.rows {
             let first = mpcc.blocks.len();
             let variables = match row.lower < row.upper {
                 true => self.bound(row, mpcc),
                 false => None,
             };
-            if let Some(variables) = variables {
-                mpcc.stated.push(Stated {
-                    blocks: first..first,
-                    variables,
-                });
-                continue;
-            }
-            match row.at {
-                At::Start => {
-                    let (block, value) = self.at_start("initial", row)?;
-                    self.push(mpcc, block, value, row);
-                }
-                At::End => {
-                    let (block, value) = self.at_end("final", (row.value, row.span))?;
-                    self.push(mpcc, block, value, row);
-                }
-                At::Nodes | At::Elements | At::Intervals => {
-                    self.along(row, mpcc)?;
-                    let is_free = |e: &Expr<'e>| variables_of(&[row.value]).contains(&variable(*e));
-                    let initial = self.dcs.task.iter().flat_map(|task| &task.initial);
-                    let mut freed = initial.map(|free| self.dcs.states[free.place].var);
-                    if freed.any(|state| is_free(&state)) {
-                        let (block, value) = self.at_start("path_start", row)?;
-                        self.push(mpcc, block, value, row);
-                    }
-                }
+            if variables.is_none() {
+                mpcc.blocks.extend(self.rows(row)?);
             }
             mpcc.stated.push(Stated {
                 blocks: first..mpcc.blocks.len(),
-                variables: Vec::new(),
+                variables: variables.unwrap_or_default(),
             });
         }
         Ok(())
     }
 
-    fn push<const N: usize>(
-        &self,
-        mpcc: &mut Mpcc<'e>,
-        block: Builder<N>,
-        value: Expr<'e>,
-        row: &TaskRow<'e>,
-    ) {
-        let sources = vec![Source::Task(row.span)];
-        let (text, finite) = (row.value, (row.lower.is_finite(), row.upper.is_finite()));
-        let block = match row.lower == row.upper {
-            true => {
-                let zero = value - row.lower;
-                let text = format!("0 = {}", text - row.lower);
-                block.finish(Kind::Equation, vec![zero], sources, text)
+    /// A constraint at its instants; at x(0) that is free, too.
+    fn rows(&self, row: &TaskRow<'e>) -> Result<Vec<Block<'e>>, DiscretizeError> {
+        Ok(match row.at {
+            At::Start => vec![self.at_start("initial", row)?],
+            At::End => {
+                let (block, value) = self.at_end(row.value, row.span)?;
+                vec![stated(block, value, row)]
             }
-            false => {
-                let text = match finite {
-                    (true, true) => format!("{} <= {text} <= {}", row.lower, row.upper),
-                    (true, false) => format!("{text} >= {}", row.lower),
-                    _ => format!("{text} <= {}", row.upper),
-                };
-                let block = block.bounds(vec![(row.lower, row.upper)]);
-                block.finish(Kind::Inequality, vec![value], sources, text)
+            At::Nodes | At::Elements | At::Intervals => {
+                let mut blocks = vec![self.along(row)?];
+                let occurring = variables_of(&[row.value]);
+                let mut freed = self
+                    .task
+                    .initial
+                    .iter()
+                    .map(|free| self.formals.states[free.place]);
+                if freed.any(|state| occurring.contains(&variable(state))) {
+                    blocks.push(self.at_start("path_start", row)?);
+                }
+                blocks
             }
-        };
-        mpcc.blocks.push(block);
+        })
     }
 
     /// A constraint on one variable as bounds of these; nothing where it is more than that.
     fn bound(&self, row: &TaskRow<'e>, mpcc: &mut Mpcc<'e>) -> Option<Vec<usize>> {
-        let layout = &self.layout;
-        let task = self.dcs.task.as_ref()?;
-        let states = &self.dcs.states;
-        let state = states.iter().position(|state| state.var == row.value);
+        let (task, layout) = (self.task, self.formals.layout);
+        let states = &self.formals.states;
+        let state = states.iter().position(|state| *state == row.value);
         let control = task
             .controls
             .iter()
@@ -146,7 +109,7 @@ impl<'e> Problem<'_, 'e> {
         match (state, control) {
             (Some(i), _) => {
                 let last = layout.elements;
-                let at = |(k, j, m): Place| match m {
+                let at = |[k, j, m]: [usize; 3]| match m {
                     0 => layout.before(k, j) + i,
                     _ => layout.x(k, j, m) + i,
                 };
@@ -156,17 +119,17 @@ impl<'e> Problem<'_, 'e> {
                     return None;
                 }
                 if is_free && row.at != At::End {
-                    indices.push(at((1, 1, 0)));
+                    indices.push(at([1, 1, 0]));
                 }
                 match row.at {
                     At::Start => {}
-                    At::End => indices.push(at((layout.steps, last, layout.end))),
-                    At::Intervals => indices.extend(steps.map(|k| at((k, last, layout.end)))),
+                    At::End => indices.push(at([layout.steps, last, layout.end])),
+                    At::Intervals => indices.extend(steps.map(|k| at([k, last, layout.end]))),
                     At::Elements => indices.extend(
-                        steps.flat_map(|k| elements.clone().map(move |j| at((k, j, layout.end)))),
+                        steps.flat_map(|k| elements.clone().map(move |j| at([k, j, layout.end]))),
                     ),
                     At::Nodes => indices.extend(steps.flat_map(|k| {
-                        let nodes = move |j| (1..=layout.nodes).map(move |m| at((k, j, m)));
+                        let nodes = move |j| (1..=layout.nodes).map(move |m| at([k, j, m]));
                         elements.clone().flat_map(nodes)
                     })),
                 }
@@ -179,12 +142,12 @@ impl<'e> Problem<'_, 'e> {
             _ => return None,
         }
         let bound = |bounds: &Bounds| bounds.within(row.lower, row.upper);
-        let fits = |index: &usize| {
-            let bounds = bound(mpcc.bound(*index));
+        let mut fits = |index: &usize| {
+            let bounds = bound(mpcc.bound_mut(*index));
             bounds.lower <= bounds.upper
         };
         // What is fixed, or left without a value, stays a row that says so.
-        if !indices.iter().all(fits) {
+        if !indices.iter().all(&mut fits) {
             return None;
         }
         for &index in &indices {
@@ -195,121 +158,78 @@ impl<'e> Problem<'_, 'e> {
     }
 
     /// A row at the ends of intervals or elements, or at all nodes.
-    fn along(&self, row: &TaskRow<'e>, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
-        let layout = &self.layout;
+    fn along(&self, row: &TaskRow<'e>) -> Result<Block<'e>, DiscretizeError> {
+        let (formals, layout) = (self.formals, self.formals.layout);
         let (end, last) = (layout.end, layout.elements);
-        let steps = self.steps();
-        let h = mpcc.exprs.variable("h");
-        let value = self.timed(&[row.value], h)[0];
-        match row.at {
+        let [k, j] = [layout.each_step(), layout.each_element()];
+        let h = formals.dcs.exprs.variable("h");
+        let value = formals.timed(&[row.value], h)[0];
+        Ok(match row.at {
             At::Nodes => {
-                let ranges = [steps, self.elements(), self.nodes()];
-                let block = self.at_nodes(Builder::new("path", ranges), h);
-                self.push(mpcc, block, value, row);
+                let block = Builder::new("path", [k, j, layout.each_node()]);
+                stated(formals.at(block, h, |node| node), value, row)
             }
             At::Elements => {
-                let block = Builder::new("path", [steps, self.elements()]);
-                let block = self.at_place(block, h, (row.value, row.span), |[k, j]| (k, j, end))?;
-                self.push(mpcc, block.number(self.node, |_| 1.0), value, row);
+                let block = formals.at(Builder::new("path", [k, j]), h, |[k, j]| [k, j, end]);
+                formals.check(&block, row.value, row.span)?;
+                stated(block, value, row)
             }
             _ => {
-                let block = Builder::new("path", [steps]);
-                let block = self.at_place(block, h, (row.value, row.span), |[k]| (k, last, end))?;
-                self.push(mpcc, block.number(self.node, |_| 1.0), value, row);
+                let block = formals.at(Builder::new("path", [k]), h, |[k]| [k, last, end]);
+                formals.check(&block, row.value, row.span)?;
+                stated(block, value, row)
             }
-        }
-        Ok(())
+        })
     }
 
     /// A value at t = T.
     fn at_end(
         &self,
-        name: &'static str,
-        (value, span): (Expr<'e>, Span),
+        value: Expr<'e>,
+        span: Span,
     ) -> Result<(Builder<0>, Expr<'e>), DiscretizeError> {
-        let layout = &self.layout;
-        let place = (layout.steps, layout.elements, layout.end);
-        let h = self.dcs.exprs.variable("h");
-        let block = self.at_place(Builder::new(name, []), h, (value, span), |[]| place)?;
-        let mut values = Substitution::new();
-        values.insert(variable(self.dcs.time), self.horizon);
-        for (data, value) in self.functions_at(self.grid.horizon) {
-            values.insert(data, value);
-        }
-        let controls = self.dcs.task.iter().flat_map(|task| &task.controls);
-        for (control, &next) in controls.zip(&self.next) {
-            values.insert(variable(control.var), next);
-        }
-        Ok((block, value.substitute(&values)))
+        let (formals, layout) = (self.formals, self.formals.layout);
+        let place = [layout.steps, layout.elements, layout.end];
+        let h = formals.dcs.exprs.variable("h");
+        let block = formals.at(Builder::new("final", []), h, |[]| place);
+        formals.check(&block, value, span)?;
+        Ok((block, formals.at_end(value)))
     }
 
-    /// A value at t = 0.
+    /// A row at t = 0, before impulses.
     fn at_start(
         &self,
         name: &'static str,
         row: &TaskRow<'e>,
-    ) -> Result<(Builder<0>, Expr<'e>), DiscretizeError> {
-        let (value, h) = (row.value, self.dcs.exprs.variable("h"));
+    ) -> Result<Block<'e>, DiscretizeError> {
+        let formals = self.formals;
+        let h = formals.dcs.exprs.variable("h");
         let block = Builder::new(name, []);
-        let block = self.at_place(block, h, (value, row.span), |[]| (1, 1, 0))?;
-        let zero = self.dcs.exprs.constant(0.0);
-        let mut at_zero = Substitution::one(variable(self.dcs.time), zero);
-        for (data, value) in self.functions_at(0.0) {
-            at_zero.insert(data, value);
-        }
-        Ok((block, value.substitute(&at_zero)))
-    }
-
-    /// Binds everything that `value` may contain at a place.
-    fn at_place<const N: usize>(
-        &self,
-        block: Builder<N>,
-        h: Expr<'e>,
-        (value, span): (Expr<'e>, Span),
-        place: impl Fn([usize; N]) -> Place,
-    ) -> Result<Builder<N>, DiscretizeError> {
-        let (dcs, layout) = (self.dcs, &self.layout);
-        let mut block = block.vector(&self.states(), |at| {
-            // The start is that before impulses.
-            match place(at) {
-                (k, j, 0) => layout.before(k, j),
-                (k, j, m) => layout.x(k, j, m),
-            }
-        });
-        block = block.variable(h, |at| {
-            let (k, j, _) = place(at);
-            layout.h(k, j)
-        });
-        block = self.decided(block, |at| place(at).0);
-        if layout.t(1, 1).is_some() {
-            block = block.variable(dcs.time, |at| {
-                let (k, j, _) = place(at);
-                layout.t(k, j).unwrap_or(0)
-            });
-        }
-        let occurring = variables_of(&[value]);
-        let algebraics = dcs.algebraics.iter().enumerate();
-        for (i, z) in algebraics.filter(|(_, z)| occurring.contains(&variable(z.var))) {
-            let index = |at| {
-                let (k, j, m) = place(at);
-                layout.z(k, j, m, i)
-            };
-            if block.places().any(|at| index(at).is_none()) {
-                return Err(DiscretizeError::NoValue {
-                    name: z.var.to_string(),
-                    span,
-                });
-            }
-            block = block.variable(z.var, |at| index(at).unwrap_or(0));
-        }
-        Ok(block)
+        let block = block.vector(&formals.states, |[]| formals.layout.before(1, 1));
+        let block = formals.at(block, h, |[]| [1, 1, 0]);
+        formals.check(&block, row.value, row.span)?;
+        Ok(stated(block, formals.at_start(row.value), row))
     }
 }
 
-impl<'e> Mpcc<'e> {
-    fn bound(&self, index: usize) -> &Bounds {
-        let block = self.variables.partition_point(|block| block.start <= index) - 1;
-        let block = &self.variables[block];
-        &block.bounds[index - block.start]
+/// A row with what it is to be.
+fn stated<'e, const N: usize>(block: Builder<N>, value: Expr<'e>, row: &TaskRow<'e>) -> Block<'e> {
+    let sources = vec![Source::Task(row.span)];
+    let (text, finite) = (row.value, (row.lower.is_finite(), row.upper.is_finite()));
+    match row.lower == row.upper {
+        true => {
+            let zero = value - row.lower;
+            let text = format!("0 = {}", text - row.lower);
+            block.finish(Kind::Equation, vec![zero], sources, text)
+        }
+        false => {
+            let text = match finite {
+                (true, true) => format!("{} <= {text} <= {}", row.lower, row.upper),
+                (true, false) => format!("{text} >= {}", row.lower),
+                _ => format!("{text} <= {}", row.upper),
+            };
+            let block = block.bounds(vec![(row.lower, row.upper)]);
+            block.finish(Kind::Inequality, vec![value], sources, text)
+        }
     }
 }

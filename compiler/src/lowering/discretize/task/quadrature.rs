@@ -7,8 +7,8 @@
 
 use crate::expr::{Expr, Substitution, variables_of};
 use crate::lowering::dcs::Dcs;
-use crate::lowering::discretize::Problem;
-use crate::lowering::discretize::block::{Builder, variable};
+use crate::lowering::discretize::formals::Formals;
+use crate::lowering::discretize::formals::block::{Builder, variable};
 use crate::lowering::mpcc::{Block, Kind, Mpcc, Source};
 use crate::source::Span;
 use crate::system::task::Term;
@@ -62,13 +62,13 @@ pub(crate) fn split<'e>(dcs: &Dcs<'e>) -> (Dcs<'e>, Vec<Integral<'e>>) {
     task.cost = task.cost.map(|e| e.substitute(&integrals));
     task.integrals = 0;
     reduced.states.truncate(first);
-    reduced.rates.truncate(first);
-    reduced.origins.rates.truncate(first);
+    reduced.rows.rates.truncate(first);
+    reduced.rows.origins.rates.truncate(first);
     let sums = factors
         .into_iter()
         .zip(shares)
-        .zip(&dcs.rates[first..])
-        .zip(&dcs.origins.rates[first..]);
+        .zip(&dcs.rows.rates[first..])
+        .zip(&dcs.rows.origins.rates[first..]);
     let sums = sums.map(|(((factor, shares), &rate), origin)| Integral {
         factor,
         shares,
@@ -78,22 +78,43 @@ pub(crate) fn split<'e>(dcs: &Dcs<'e>) -> (Dcs<'e>, Vec<Integral<'e>>) {
     (reduced, sums.collect())
 }
 
-impl<'e> Problem<'_, 'e> {
+/// All integrals as sums.
+pub(crate) struct Quadrature<'p, 'e> {
+    pub formals: &'p Formals<'p, 'e>,
+    /// b_m.
+    pub weights: &'p [f64],
+    pub integrals: &'p [Integral<'e>],
+}
+
+impl<'e> Quadrature<'_, 'e> {
     /// Terms of the objective.
-    pub(crate) fn integrals(&self, integrals: &[Integral<'e>], mpcc: &mut Mpcc<'e>) {
-        let blocks = integrals.iter();
-        let blocks = blocks.map(|integral| self.integral_of(integral, integral.factor));
+    pub fn state(&self, mpcc: &mut Mpcc<'e>) {
+        let integrals = self.integrals.iter();
+        let blocks = integrals.map(|integral| self.sum(integral, integral.factor));
         mpcc.blocks.extend(blocks);
     }
 
+    /// What a term of the cost has of all integrals, by its number.
+    pub fn shares(&self, term: usize) -> impl Iterator<Item = Block<'e>> {
+        let integrals = self.integrals.iter();
+        let shares = integrals.map(move |integral| (integral, integral.shares[term]));
+        let shares = shares.filter(|(_, share)| *share != 0.0);
+        shares.map(|(integral, share)| self.sum(integral, share))
+    }
+
     /// An integral with a factor.
-    pub(crate) fn integral_of(&self, integral: &Integral<'e>, factor: f64) -> Block<'e> {
-        let exprs = self.dcs.exprs;
+    fn sum(&self, integral: &Integral<'e>, factor: f64) -> Block<'e> {
+        let (formals, layout) = (self.formals, self.formals.layout);
+        let exprs = formals.dcs.exprs;
         let (h, b) = (exprs.variable("h"), exprs.variable("b"));
-        let rate = self.timed(&[integral.rate], h)[0];
-        let block = Builder::new("integral", [self.steps(), self.elements(), self.nodes()])
-            .number(b, |[_, _, m]| self.tableau.weights[m - 1]);
-        let block = self.at_nodes(block, h);
+        let rate = formals.timed(&[integral.rate], h)[0];
+        let ranges = [
+            layout.each_step(),
+            layout.each_element(),
+            layout.each_node(),
+        ];
+        let block = Builder::new("integral", ranges).number(b, |[_, _, m]| self.weights[m - 1]);
+        let block = formals.at(block, h, |node| node);
         let weight = match factor {
             1.0 => String::new(),
             factor => format!("{factor}*"),

@@ -54,18 +54,18 @@ pub(super) fn complementarity_open<'e>(
         time: variable(dcs.time),
         states: dcs.states.iter().map(|state| variable(state.var)).collect(),
         algebraics: dcs.algebraics.iter().map(|z| variable(z.var)).collect(),
-        rates: instead.apply(&dcs.rates),
-        equations: instead.apply(&dcs.equations),
+        rates: instead.apply(&dcs.rows.rates),
+        equations: instead.apply(&dcs.rows.equations),
         coefficients: (polynomials.coefficients.iter().copied())
             .chain(opened.iter().map(|&(var, _)| var))
             .collect(),
         open: opened.iter().copied().collect(),
     };
-    let discs: Vec<Disc> = (dcs.discs.iter())
+    let discs: Vec<Disc> = (dcs.switches.discs.iter())
         .map(|disc| lowering.stated(disc, dcs))
         .collect();
     let continuous: Vec<bool> = dcs.algebraics.iter().map(|z| z.continuous).collect();
-    let rows = dcs.origins.equations.iter();
+    let rows = dcs.rows.origins.equations.iter();
     let determines_state: Vec<bool> = rows.map(|row| determines_state(system, row)).collect();
     let kinds = Kinds {
         continuous: &continuous,
@@ -74,10 +74,10 @@ pub(super) fn complementarity_open<'e>(
     };
     let psi: Vec<Expr<'e>> = system.switches.iter().map(|switch| switch.psi).collect();
     let lowered = ComplementaritySystem {
-        full: lowering.full(&instead.apply(&dcs.alphas), kinds),
+        full: lowering.full(&instead.apply(&dcs.switches.alphas), kinds),
         algebraic_states: system.algebraic_states(),
         pairs: lowering.pairs(system, dcs),
-        switches_of: (dcs.origins.pairs.iter())
+        switches_of: (dcs.rows.origins.pairs.iter())
             .map(|origin| switches_of(system, origin))
             .collect(),
         switches: switches(system, dcs),
@@ -115,7 +115,7 @@ fn switches(system: &System, dcs: &Dcs) -> Vec<Switch> {
         member: None,
     };
     let mut switches: Vec<Switch> = system.switches.iter().map(switch).collect();
-    for (pair, origin) in dcs.origins.pairs.iter().enumerate() {
+    for (pair, origin) in dcs.rows.origins.pairs.iter().enumerate() {
         if let Cause::Switch(second) = origin.cause
             && let Role::Member(first) = system.switches[second].role
         {
@@ -130,10 +130,10 @@ impl<'e> Lowering<'e> {
     /// The pair and the rows that state a disc.
     fn stated(&self, disc: &dcs::Disc, dcs: &Dcs) -> Disc {
         let slip = dcs.algebraics[disc.slip].var;
-        let pair = dcs.pairs.iter().position(|pair| pair.left == slip);
+        let pair = dcs.rows.pairs.iter().position(|pair| pair.left == slip);
         let row = |inside: &[usize]| {
             let holds = |row: &Expr| inside.iter().all(|&z| row.depends_on(self.algebraics[z]));
-            let place = dcs.equations.iter().position(holds);
+            let place = dcs.rows.equations.iter().position(holds);
             place.expect("a disc has its equations")
         };
         let mut stated = Disc {
@@ -179,7 +179,12 @@ impl<'e> Lowering<'e> {
                 is_bounded: !is_force(system, origin),
             }
         };
-        dcs.pairs.iter().zip(&dcs.origins.pairs).map(pair).collect()
+        dcs.rows
+            .pairs
+            .iter()
+            .zip(&dcs.rows.origins.pairs)
+            .map(pair)
+            .collect()
     }
 
     /// ψ of all switches, and what follows from it.

@@ -101,7 +101,7 @@ impl Compiled {
             complementarity: complementarity_open(system, &dcs, open),
             library: Library::default(),
             open: open.to_vec(),
-            lowering: dcs.formulation.word(),
+            lowering: dcs.lowering.formulation.word(),
         };
         let names = dcs.algebraics.iter().map(|z| z.var.to_string());
         (compiled, names.collect())

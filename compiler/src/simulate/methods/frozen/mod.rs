@@ -220,7 +220,7 @@ impl Road {
         let dcs = dcs::lower(&frozen.system, &settings.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
         let complementarity = complementarity(&frozen.system, &dcs);
-        Road::Elements(Box::new(complementarity), dcs.formulation)
+        Road::Elements(Box::new(complementarity), dcs.lowering.formulation)
     }
 
     fn method(&self, settings: &Settings, order: usize) -> Method {

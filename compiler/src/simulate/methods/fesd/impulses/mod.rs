@@ -109,7 +109,7 @@ impl<'e> WithImpulses<'e> {
         let mut dcs = dcs.expect("compilation has checked that the system can be lowered");
         dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
         WithImpulses {
-            lowering: format!("impact, {}", dcs.formulation),
+            lowering: format!("impact, {}", dcs.lowering.formulation),
             start: dcs.states.iter().map(|state| state.initial).collect(),
             dcs,
             reference: None,
@@ -521,7 +521,7 @@ fn alphas(dcs: &Dcs, layout: &Layout, w: &[f64], (j, m): (usize, usize)) -> Vec<
     let known = places.filter_map(|(i, z)| Some((z.var.as_variable()?, w[layout.z(1, j, m, i)?])));
     let known: FxHashMap<Var, f64> = known.collect();
     let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-    dcs.alphas.iter().map(|alpha| alpha.eval(&value)).collect()
+    dcs.switches.at(&value)
 }
 
 /// A task with nothing to decide.

@@ -29,7 +29,7 @@ impl StepProgram {
     pub fn new(system: &System, dcs: &Dcs, grid: Grid, options: &Options) -> Option<Self> {
         let (dcs, kept) = dcs.without_drift(system);
         let (mut mpcc, layout) = discretize(&dcs, grid, options).ok()?;
-        let continuous: Vec<(usize, usize)> = layout.fixed_at_start().collect();
+        let continuous: Vec<(usize, usize)> = layout.algebraics.fixed_at_start().collect();
         for &(index, _) in &continuous {
             mpcc.free(index);
         }

@@ -1,9 +1,10 @@
 //! One kernel, bound to variables and numbers at many places.
 
 use crate::expr::{Expr, Var, variables_of};
-use crate::lowering::mpcc::{Block, Kernel, Kind, Source, Span, n_places, place_of};
+use crate::lowering::mpcc::{Block, Kernel, Kind, Mpcc, Source, Span, n_places, place_of};
 
-/// A block to whose formal arguments actual ones are bound; what the kernel does not contain is dropped in the end.
+/// A block to whose formal arguments actual ones are bound. The first of several bindings of an argument counts, and
+/// what the kernel does not contain is dropped in the end.
 pub(crate) struct Builder<const N: usize> {
     name: &'static str,
     ranges: [Span; N],
@@ -43,12 +44,21 @@ impl<const N: usize> Builder<N> {
 
     /// The argument `formal` is this variable at a place.
     pub fn variable(mut self, formal: Expr, index: impl Fn([usize; N]) -> usize) -> Self {
+        if self.is_bound(formal) {
+            return self;
+        }
         let index = |&place: &[usize; N]| {
             u32::try_from(index(place)).expect("a problem has fewer than 2^32 variables")
         };
         let actual = self.places.iter().map(index).collect();
         self.variables.push((variable(formal), actual));
         self
+    }
+
+    /// Whether an argument is a variable at all places.
+    pub fn is_bound(&self, formal: Expr) -> bool {
+        let formal = variable(formal);
+        self.variables.iter().any(|(var, _)| *var == formal)
     }
 
     /// The arguments `formals` are consecutive variables from this one on.
@@ -64,6 +74,19 @@ impl<const N: usize> Builder<N> {
         let actual = self.places.iter().map(|&place| value(place)).collect();
         self.numbers.push((variable(formal), actual));
         self
+    }
+
+    /// Adds the block to a program.
+    pub fn state<'e>(
+        self,
+        mpcc: &mut Mpcc<'e>,
+        kind: Kind,
+        outputs: Vec<Expr<'e>>,
+        sources: Vec<Source>,
+        text: impl Into<String>,
+    ) {
+        mpcc.blocks
+            .push(self.finish(kind, outputs, sources, text.into()));
     }
 
     /// The block; its outputs contain what was bound.

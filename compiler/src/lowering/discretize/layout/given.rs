@@ -1,9 +1,11 @@
 //! What a program takes from initial values and parameters: where it starts from, what is known before the first element,
 //! and what bounds controls.
 
-use super::{Layout, task};
+use super::ends::Start;
+use super::{Layout, bounds_of};
 use crate::lowering::dcs::Dcs;
 use crate::lowering::mpcc::{Bounds, Stated};
+use crate::system::Param;
 use crate::system::task::TaskRow;
 
 impl Layout {
@@ -17,8 +19,8 @@ impl Layout {
         };
         let states = (0..self.n_states()).filter(move |&i| !is_free(i));
         let states = states.map(move |i| (first + i, dcs.states[i].initial));
-        let knows_z = !task::Start::of(dcs).is_free;
-        let z = self.fixed_at_start().filter(move |_| knows_z);
+        let knows_z = !Start::of(dcs).is_free;
+        let z = self.algebraics.fixed_at_start().filter(move |_| knows_z);
         states.chain(z.map(|(index, i)| (index, dcs.algebraics[i].guess)))
     }
 
@@ -32,7 +34,7 @@ impl Layout {
         let task = dcs.task.iter();
         let rows: Vec<_> = task.flat_map(|task| &task.rows).zip(stated).collect();
         let range = dcs.task.as_ref().map(|task| &task.controls[control]);
-        let range = range.map_or(Bounds::free(0.0), task::bounds_of);
+        let range = range.map_or(Bounds::free(0.0), bounds_of);
         let bounds = self.control_instants().map(|(k, _)| {
             let index = self.u(k) + control;
             let own = rows.iter().filter(|(_, s)| s.variables.contains(&index));
@@ -61,4 +63,17 @@ impl Layout {
         let elements = self.all_elements().flat_map(nodes);
         states(self.before(1, 1)).chain(elements)
     }
+}
+
+/// Parameters that stay numbers.
+pub(crate) fn fixed_params<'e>(dcs: &Dcs<'e>) -> Vec<Param<'e>> {
+    let free = |place: usize| {
+        let mut free = dcs.task.iter().flat_map(|task| &task.params);
+        free.any(|free| free.place == place)
+    };
+    let params = dcs.params.iter().enumerate();
+    params
+        .filter(|(place, _)| !free(*place))
+        .map(|(_, param)| param.clone())
+        .collect()
 }

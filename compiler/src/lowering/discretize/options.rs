@@ -1,0 +1,99 @@
+//! The grid of a horizon, and how its steps become rows.
+
+use nsd_solver::integrate::tableau::Family;
+
+use crate::system::experiment::{
+    Cross, Equilibration, FesdOptions, Form, Optimize, SteppingOptions,
+};
+
+/// The steps of a horizon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// When it starts.
+    pub start: f64,
+    /// T.
+    pub horizon: f64,
+    /// N.
+    pub steps: usize,
+}
+
+/// How a step becomes rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Family of Runge-Kutta methods, and number of nodes.
+    pub scheme: (Family, usize),
+    /// How the method is written; `None` for the integral form where there is one.
+    pub form: Option<Form>,
+    /// How switches are detected; `None` for time stepping, which does not.
+    pub detection: Option<Detection>,
+}
+
+/// How switches get to the ends of elements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detection {
+    /// Elements per step; r switches inside a step need r + 1.
+    pub elements: usize,
+    /// How pairs across the nodes are added up.
+    pub cross: Cross,
+    /// What makes lengths equal where there is no switch.
+    pub equilibration: Equilibration,
+    /// γ: lengths are between (1 - γ) and (1 + γ) times their mean, and not negative.
+    pub spread: f64,
+}
+
+impl Default for Detection {
+    fn default() -> Self {
+        let FesdOptions {
+            elements,
+            cross,
+            equilibration,
+            ..
+        } = FesdOptions::default();
+        Detection {
+            elements,
+            cross,
+            equilibration,
+            spread: 1.0,
+        }
+    }
+}
+
+impl Options {
+    /// Those of `method fesd`.
+    pub fn fesd(options: &FesdOptions) -> Self {
+        Options {
+            scheme: options.scheme,
+            form: options.form,
+            detection: Some(Detection {
+                elements: options.elements,
+                cross: options.cross,
+                equilibration: options.equilibration,
+                ..Detection::default()
+            }),
+        }
+    }
+
+    /// Those of an `optimize`.
+    pub fn optimize(task: &Optimize) -> Self {
+        Options {
+            scheme: task.discretization.scheme,
+            form: None,
+            detection: Some(Detection {
+                elements: task.discretization.elements,
+                cross: task.options.cross,
+                equilibration: task.options.equilibration,
+                // An element may be as long as its interval: which of them a switch is between is the solver's choice.
+                spread: task.discretization.elements as f64 - 1.0,
+            }),
+        }
+    }
+
+    /// Those of `method timestepping`.
+    pub fn stepping(options: &SteppingOptions) -> Self {
+        Options {
+            scheme: options.scheme(),
+            form: None,
+            detection: None,
+        }
+    }
+}
