@@ -162,3 +162,131 @@ fn names_of_models_stay_theirs() {
     close(end(&run, "mod")[0], 1.5, 1e-9, "mod");
     close(end(&run, "floor")[0], 11.0, 1e-9, "floor");
 }
+
+/// Names of functions that came later are the model's, too, whatever declares them.
+#[test]
+fn names_of_later_functions_stay_theirs() {
+    let text = "fn log10(x) = x^2;
+        fn erf(a, b) = a + b;
+        const frac = 2;
+        model m {
+          param hypot = 1; param exp2 = 2; input clamp = 3; let round = hypot + exp2; output log2 = 7;
+          state ceil = 0; state pulse = 0; signal triangle = time;
+          region sawtooth where pulse < 0.5 { ceil' = log10(3); }
+          region other else { ceil' = 0; }
+          pulse' = erf(round, clamp)*frac + 0*triangle;
+        }
+        simulate run of m { horizon 0.1; expect log2 at end = 7; }";
+    let run = solved(text, "run");
+    close(end(&run, "pulse")[0], 1.2, 1e-9, "pulse");
+    close(end(&run, "ceil")[0], 9.0 / 24.0, 1e-9, "ceil");
+}
+
+/// ∫ over [0, 2.2] of ceil, round and frac of what rises and falls.
+#[test]
+fn rounding_up_and_to_the_nearest() {
+    let cases = [
+        ("ceil(time)", 1.0 + 2.0 + 0.2 * 3.0),
+        ("ceil(-time)", 0.0 - 1.0 - 0.2 * 2.0),
+        ("round(time)", 1.0 + 0.7 * 2.0),
+        ("round(1 - time)", 0.5 + 0.0 - 0.7),
+        ("frac(time)", 0.5 + 0.5 + 0.02),
+        ("frac(-time)", 0.5 + 0.5 + 0.2 - 0.02),
+        (
+            "ceil(2.5) + round(2.5) + round(-2.5) + frac(2.25) + round(2.4)",
+            2.2 * (3.0 + 3.0 - 2.0 + 0.25 + 2.0),
+        ),
+        ("ceil(n) + round(n/3)", 2.2 * 7.0),
+    ];
+    for settings in METHODS {
+        for (rate, exact) in cases {
+            let model = format!("param n = 5; state x = 0; x' = {rate};");
+            let found = end(&by(settings, &model, 2.2), "x")[0];
+            close(found, exact, 1e-11, &format!("{rate} {settings}"));
+        }
+    }
+}
+
+/// Periods of 0.4, two and a quarter of them.
+#[test]
+fn periodic_signals_have_their_means() {
+    let cases = [
+        ("pulse(time, T, d)", 2.0 * 0.12 + 0.1),
+        ("pulse(time, 0.4, 0.3)", 2.0 * 0.12 + 0.1),
+        ("pulse(time - 0.1, T, d)", 2.0 * 0.12),
+        ("pulse(time, T, 0)", 0.0),
+        ("pulse(time, T, 1)", 0.9),
+        ("sawtooth(time, T)", 2.0 * 0.2 + 0.0125),
+        ("triangle(time, T)", 2.0 * 0.2 + 0.025),
+        ("triangle(time + T/4, T)", 2.0 * 0.2 + 0.075),
+        ("triangle(-time, T)", 2.0 * 0.2 + 0.025),
+    ];
+    let methods = METHODS
+        .into_iter()
+        .chain(["tolerance 1e-10; method timestepping { steps = 400; }"]);
+    for settings in methods {
+        for (rate, exact) in cases {
+            // A quarter of a period is 0.1, of which the pulse has all.
+            let model = format!("param T = 0.4; param d = 0.3; state x = 0; x' = {rate};");
+            let found = end(&by(settings, &model, 0.9), "x")[0];
+            close(found, exact, 1e-10, &format!("{rate} {settings}"));
+        }
+    }
+    // A triangle goes through its ends and middle, and its corners are where it turns.
+    let run = by(
+        METHODS[0],
+        "state x = 0; x' = triangle(time, 2); output y = triangle(time, 2);",
+        1.5,
+    );
+    close(end(&run, "x")[0], 0.5 + 0.375, 1e-12, "two halves");
+    close(end(&run, "y")[0], 0.5, 1e-12, "half way down");
+}
+
+/// A duty that a state has switches where the sawtooth passes it.
+#[test]
+fn pulse_widths_follow_states() {
+    for settings in METHODS {
+        // Within period n, from n to n + 1, the pulse ends where frac(t) = t/4: at 4n/3.
+        let model = "state d = 0; state x = 0; d' = 1/4; x' = pulse(time, 1, d);";
+        let run = by(settings, model, 3.0);
+        // Widths are n/3 for n = 0, 1, 2.
+        close(end(&run, "x")[0], 1.0, 1e-9, settings);
+    }
+}
+
+/// Where a state drives them, and where a share or period is none, the error says what to write.
+#[test]
+fn what_is_no_duty_or_period_is_told() {
+    let cases = [
+        ("pulse(time, 1, 1.5)", "E0210"),
+        ("sawtooth(time, 0)", "E0210"),
+        ("pulse(time, 1, d)", "E0423"),
+        ("triangle(time, d - 3)", "E0423"),
+        ("ceil(x)", "E0423"),
+        ("round(x)", "E0423"),
+        ("clamp(x, 1)", "E0210"),
+        ("hypot(x)", "E0210"),
+    ];
+    for (rate, code) in cases {
+        let text = format!(
+            "model m {{ param d = 3; state x = 0; x' = {rate}; }}
+             simulate run of m {{ horizon 1; }}"
+        );
+        let found = nsdc::Project::from_text("test.nsd", &text)
+            .check()
+            .to_string();
+        assert!(found.contains(code), "{rate}: {found}");
+    }
+}
+
+/// Logarithms, powers of two, lengths and bounds are what they are made of.
+#[test]
+fn short_names_are_what_they_stand_for() {
+    let model = "state x = 1; state y = 0; x' = 1;
+        y' = (log10(x) - log(x)/log(10))^2 + (log2(x) - log(x)/log(2))^2 + (exp2(x) - 2^x)^2
+           + (hypot(x, 2*x) - sqrt(5)*x)^2 + (clamp(x, 2, 3) - sat(x, 2, 3))^2
+           + (log10(1000) - 3)^2 + (log2(1024) - 10)^2 + (exp2(0.5) - sqrt(2))^2 + hypot(3, 4) - 5;";
+    for settings in METHODS {
+        close(end(&by(settings, model, 3.0), "y")[0], 0.0, 1e-12, settings);
+    }
+}

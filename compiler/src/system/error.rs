@@ -464,10 +464,19 @@ pub enum SystemError {
     },
 
     /// A remainder by nothing.
-    #[error("the period of `mod` is {period}")]
+    #[error("the period is {period}")]
     #[diagnostic(code(E0423), help("a period is a number above zero"))]
     Period {
         period: f64,
+        #[label("called here")]
+        span: Span,
+    },
+
+    /// A pulse that is shorter than nothing or longer than its period.
+    #[error("the duty of `pulse` is {duty}")]
+    #[diagnostic(code(E0423), help("it is a share of the period, from 0 to 1"))]
+    Duty {
+        duty: f64,
         #[label("called here")]
         span: Span,
     },

@@ -7,6 +7,7 @@ pub(crate) mod calls;
 pub(crate) mod check;
 pub(crate) mod environment;
 pub(crate) mod logic;
+pub(crate) mod periodic;
 pub(crate) mod rows;
 pub(crate) mod tensor;
 pub(crate) mod text;

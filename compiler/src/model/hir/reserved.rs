@@ -7,13 +7,24 @@ use crate::expr::Function;
 pub(crate) const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
 
 /// Built-in functions beside the elementary ones, with their least and greatest number of arguments.
-const FUNCTIONS: [(&str, usize, usize); 22] = [
+const FUNCTIONS: [(&str, usize, usize); 33] = [
     ("cbrt", 1, 1),
+    ("log2", 1, 1),
+    ("log10", 1, 1),
+    ("exp2", 1, 1),
+    ("hypot", 2, 2),
     ("atan2", 2, 2),
     ("min", 1, usize::MAX),
     ("max", 1, usize::MAX),
+    ("ceil", 1, 1),
+    ("round", 1, 1),
+    ("frac", 1, 1),
     ("mod", 2, 2),
+    ("pulse", 3, 3),
+    ("sawtooth", 2, 2),
+    ("triangle", 2, 2),
     ("sat", 1, 3),
+    ("clamp", 3, 3),
     ("deadzone", 1, 2),
     ("dot", 2, 2),
     ("cross", 2, 2),
@@ -52,7 +63,10 @@ pub(crate) fn arity(name: &str) -> (usize, usize) {
 
 /// Functions whose names may be declared, and then are what they are declared to be: `table` is a word of `signal`
 /// only, and the others are words of models, too.
-const FREE: [&str; 7] = ["table", "floor", "mod", "cbrt", "asinh", "acosh", "atanh"];
+const FREE: [&str; 18] = [
+    "table", "floor", "ceil", "round", "frac", "mod", "pulse", "sawtooth", "triangle", "clamp",
+    "cbrt", "log2", "log10", "exp2", "hypot", "asinh", "acosh", "atanh",
+];
 
 /// True for a name that cannot be declared.
 pub(crate) fn is_builtin(name: &str) -> bool {
