@@ -138,6 +138,8 @@ pub struct Quantity<'e> {
     pub value: Option<Tensor<'e>>,
     /// Where its values may be.
     pub domain: Option<Domain<'e>>,
+    /// A state with the rate zero, which only jumps set.
+    pub is_discrete: bool,
     /// The declaration.
     pub span: Span,
 }

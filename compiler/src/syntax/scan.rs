@@ -174,7 +174,7 @@ impl<'t> Repair<'t> {
                 self.replace(range, empty, SyntaxError::UnterminatedString { span });
             }
             TokenKind::BadNumber => {
-                let error = malformed(token.text, self.stands_apart(&range), span);
+                let error = malformed(token.text, span);
                 self.replace(range, "0", error);
             }
             TokenKind::Number if token.text.parse().is_ok_and(f64::is_infinite) => {
@@ -277,12 +277,6 @@ impl<'t> Repair<'t> {
         let right = runs_into(word.chars().next_back(), after);
         let blank = |needed: bool| if needed { " " } else { "" };
         format!("{}{word}{}", blank(left), blank(right))
-    }
-
-    /// Whether a number could not be the end of what stands before it.
-    fn stands_apart(&self, range: &Range<usize>) -> bool {
-        let [before, _] = self.beside(range);
-        before.is_none_or(|c| !is_word_part(c) && !matches!(c, '.' | ')' | ']'))
     }
 
     /// A comment of another language, up to the end of the line where nothing else can be meant.
@@ -416,22 +410,8 @@ fn line_comments(block: &str, behind: &str) -> String {
 }
 
 /// Says what is wrong with a number and how to write it.
-fn malformed(text: &str, stands_apart: bool, span: Span) -> SyntaxError {
-    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    let safe = |help: String, number: String, digits: &str| match stands_apart && is_digits(digits)
-    {
-        true => Help::edit(help, number, Applicability::Safe),
-        false => help.into(),
-    };
-    let (problem, help) = if let Some(fraction) = text.strip_prefix('.') {
-        let number = format!("0.{fraction}");
-        let help = safe(format!("write `{number}`"), number, fraction);
-        ("a digit is missing before the point", help)
-    } else if let Some(whole) = text.strip_suffix('.') {
-        let number = format!("{whole}.0");
-        let help = safe(format!("write `{number}` or `{whole}`"), number, whole);
-        ("a digit is missing after the point", help)
-    } else if text.matches('.').count() > 1 {
+fn malformed(text: &str, span: Span) -> SyntaxError {
+    let (problem, help) = if text.matches('.').count() > 1 {
         (
             "more than one point",
             "write the number with one point".into(),

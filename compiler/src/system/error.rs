@@ -425,7 +425,7 @@ pub enum SystemError {
     #[diagnostic(
         code(E0423),
         help(
-            "fix it before the run; what states count is a state, `state n = 0;` with `jump up when x > n + 1 {{ n := n + 1; }}`, or `hysteresis` between two levels"
+            "fix it before the run; what states count is a state, `discrete n = 0;` with `jump up when x > n + 1 {{ n := n + 1; }}`, or `hysteresis` between two levels"
         )
     )]
     Rounded {

@@ -61,6 +61,21 @@ pub enum ModelError {
         span: Span,
     },
 
+    /// A declaration of the name of a built-in function.
+    #[error("`{name}` is the name of a function, too")]
+    #[diagnostic(
+        code(W0104),
+        severity(Warning),
+        help(
+            "`{name}` is now what is declared here, and `{name}(..)` still the function; another name keeps them apart"
+        )
+    )]
+    ShadowsFunction {
+        name: String,
+        #[label("declared here")]
+        span: Span,
+    },
+
     /// Declarations that need each other.
     #[error("{what} depends on itself: {chain}")]
     #[diagnostic(code(E0105), help("write one of them without the others"))]

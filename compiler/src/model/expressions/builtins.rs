@@ -106,23 +106,8 @@ fn apply<'e>(
             };
             fold(lowering, call, values, function)
         }
-        "cbrt" => {
-            check::record_surfaces(lowering, call.args[0], &first);
-            Ok(first.map(cube_root))
-        }
+        "cbrt" | "log2" | "log10" | "exp2" | "hypot" => composed(lowering, call, values),
         "atan2" => fold(lowering, call, values, BinaryFunction::Atan2),
-        "log2" => Ok(first.map(|x| logarithm(x, 2.0, f64::log2))),
-        "log10" => Ok(first.map(|x| logarithm(x, 10.0, f64::log10))),
-        "exp2" => {
-            let two = lowering.constant(2.0);
-            Ok(first.map(|x| match x.as_constant() {
-                Some(value) => x.exprs().constant(value.exp2()),
-                None => two.powf(x),
-            }))
-        }
-        "hypot" => fold_with(lowering, call, values, |x, y| {
-            (x.powi(2) + y.powi(2)).sqrt()
-        }),
         "sat" | "clamp" => {
             let (lo, hi) = match values.get(1..) {
                 Some([lo, hi]) => (lo.clone(), hi.clone()),
@@ -146,6 +131,33 @@ fn apply<'e>(
         )),
         "len" => length(lowering, call, &first),
         _ => of_arrays(lowering, call, &first, &values[1..]),
+    }
+}
+
+/// Functions of numbers that are made of others.
+fn composed<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    values: &[Tensor<'e>],
+) -> Result<Tensor<'e>, Reported> {
+    let first = &values[0];
+    match call.name {
+        "log2" => Ok(first.map(|x| logarithm(x, 2.0, f64::log2))),
+        "log10" => Ok(first.map(|x| logarithm(x, 10.0, f64::log10))),
+        "exp2" => {
+            let two = lowering.constant(2.0);
+            Ok(first.map(|x| match x.as_constant() {
+                Some(value) => x.exprs().constant(value.exp2()),
+                None => two.powf(x),
+            }))
+        }
+        "hypot" => fold_with(lowering, call, values, |x, y| {
+            (x.powi(2) + y.powi(2)).sqrt()
+        }),
+        _ => {
+            check::record_surfaces(lowering, call.args[0], first);
+            Ok(first.map(cube_root))
+        }
     }
 }
 

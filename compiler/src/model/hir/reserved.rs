@@ -2,6 +2,8 @@
 
 use crate::diagnostics::Help;
 use crate::expr::Function;
+use crate::model::ModelError;
+use crate::source::Span;
 
 /// Built-in values.
 pub(crate) const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
@@ -61,16 +63,26 @@ pub(crate) fn arity(name: &str) -> (usize, usize) {
     known.map_or((1, 1), |&(_, least, most)| (least, most))
 }
 
-/// Functions whose names may be declared, and then are what they are declared to be: `table` is a word of `signal`
-/// only, and the others are words of models, too.
-const FREE: [&str; 18] = [
+/// Functions whose names may be declared, functions too, and then are what they are declared to be: `table` is a word
+/// of `signal` only, and the others are words of models, too.
+const FREE: [&str; 19] = [
     "table", "floor", "ceil", "round", "frac", "mod", "pulse", "sawtooth", "triangle", "clamp",
-    "cbrt", "log2", "log10", "exp2", "hypot", "asinh", "acosh", "atanh",
+    "cbrt", "log2", "log10", "exp2", "hypot", "asinh", "erf", "acosh", "atanh",
 ];
 
-/// True for a name that cannot be declared.
-pub(crate) fn is_builtin(name: &str) -> bool {
-    VALUES.contains(&name) || is_function(name) && !FREE.contains(&name)
+/// True for a function of the language whose name others may take with a warning, and functions not at all.
+pub(crate) fn is_kept(name: &str) -> bool {
+    is_function(name) && !FREE.contains(&name)
+}
+
+/// What is wrong with a declaration that is no function under a built-in name: all where that is a value, for a
+/// function it is a warning.
+pub(crate) fn taken(name: &str, span: Span) -> Option<ModelError> {
+    let text = || name.to_owned();
+    match VALUES.contains(&name) {
+        true => Some(ModelError::BuiltIn { name: text(), span }),
+        false => is_kept(name).then(|| ModelError::ShadowsFunction { name: text(), span }),
+    }
 }
 
 /// The candidate that was probably meant.

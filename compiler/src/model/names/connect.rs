@@ -243,6 +243,7 @@ impl<'e> Connected<'e> {
                 let shape = quantity.shape;
                 if quantity.domain.is_some() {
                     model.connected.push(Quantity {
+                        is_discrete: false,
                         vars: data.clone(),
                         ..quantity.clone()
                     });

@@ -166,6 +166,7 @@ fn decl(reading: &mut Reading, mut parts: Parts, span: Span) -> Decl {
     let kind = match parts.one(Rule::decl_kind).as_str() {
         "param" => DeclKind::Param,
         "state" => DeclKind::State,
+        "discrete" => DeclKind::Discrete,
         "control" => DeclKind::Control,
         "input" => DeclKind::Input,
         _ => DeclKind::Algebraic,
