@@ -254,6 +254,41 @@ fn pulse_widths_follow_states() {
     }
 }
 
+/// ∫ erf over [-1, 2] is u erf(u) + exp(-u²)/√π between its ends, and a narrow one is a step.
+#[test]
+fn error_functions_follow_their_integrals() {
+    for settings in METHODS {
+        let run = by(
+            settings,
+            "state x = -1; state y = 0; state z = 0; x' = 1; y' = erf(x); z' = exp(-x^2)*2/sqrt(pi) - 1;",
+            3.0,
+        );
+        close(end(&run, "y")[0], ERF_INTEGRAL, 1e-9, settings);
+        close(end(&run, "z")[0], ERF_RISE - 3.0, 1e-9, settings);
+    }
+    let narrow = by(
+        "tolerance 1e-10;",
+        "state x = -1; state y = 0; x' = 1; y' = erf(200*x + 3);",
+        2.5,
+    );
+    close(
+        end(&narrow, "y")[0],
+        1.5 - 1.0 + 2.0 * 3.0 / 200.0,
+        1e-9,
+        "narrow",
+    );
+    let optimum = "model m { state x = 0; control u in [-1, 1] = 0; x' = u + erf(x); }
+        optimize o of m { horizon 1; intervals 4; minimize integral(u^2); final { x = 1; } }";
+    nsd_tests::agrees(&nsd_tests::solved_optimum(optimum, "o"), 1e-6);
+}
+
+/// erf(2) + erf(1).
+const ERF_RISE: f64 = ERF_2 + ERF_1;
+const ERF_1: f64 = 0.842_700_792_949_714_9;
+const ERF_2: f64 = 0.995_322_265_018_952_7;
+/// 2 erf(2) - erf(1) + (exp(-4) - exp(-1))/√π.
+const ERF_INTEGRAL: f64 = 0.950_723_481_054_939_3;
+
 /// Where a state drives them, and where a share or period is none, the error says what to write.
 #[test]
 fn what_is_no_duty_or_period_is_told() {
@@ -289,4 +324,20 @@ fn short_names_are_what_they_stand_for() {
     for settings in METHODS {
         close(end(&by(settings, model, 3.0), "y")[0], 0.0, 1e-12, settings);
     }
+}
+
+/// Units behind numbers are converted, in models with units and without.
+#[test]
+fn quantities_drive_models() {
+    let model = "state x : m = 1 km; state y : m = 0; param m : kg = 500 g;
+        x' = -20 km/h; y' = 2 (m/s)*sin(5 rad/s*time) + 3 mm/1 ms*pulse(time, 100 ms, 0.5);";
+    for settings in METHODS {
+        let run = by(settings, model, 0.9);
+        close(end(&run, "x")[0], 1000.0 - 5.0, 1e-8, settings);
+        let exact = 0.4 * (1.0 - 4.5_f64.cos()) + 3.0 * 0.45;
+        close(end(&run, "y")[0], exact, 1e-8, settings);
+    }
+    let text = "model m { state x = 0; x' = 1; }
+        simulate run of m { horizon 30 ms; output x every 10 ms; expect x at 20 ms ~ 2 cm within 1 nm; }";
+    close(end(&solved(text, "run"), "x")[0], 0.03, 1e-12, "horizon");
 }

@@ -12,6 +12,9 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use nsd_grammar::{NsdParser, Rule};
+use pest::Parser;
+
 use super::brackets::Brackets;
 use super::lexer::{Lexer, Token, TokenKind, is_word_part};
 use super::{MAX_BYTES, MAX_DEPTH, MAX_ERRORS, SyntaxError};
@@ -409,6 +412,12 @@ fn line_comments(block: &str, behind: &str) -> String {
     lines.join("\n") + breaks
 }
 
+/// Whether a word is a unit that may stand behind a number.
+fn is_unit(word: &str) -> bool {
+    let parsed = NsdParser::parse(Rule::known_unit, word);
+    parsed.is_ok_and(|mut pairs| pairs.as_str() == word && pairs.next().is_some())
+}
+
 /// Says what is wrong with a number and how to write it.
 fn malformed(text: &str, span: Span) -> SyntaxError {
     let (problem, help) = if text.matches('.').count() > 1 {
@@ -430,6 +439,13 @@ fn malformed(text: &str, span: Span) -> SyntaxError {
                     &text[end..]
                 );
                 ("a digit is missing after the point", help.into())
+            }
+            None if is_unit(&text[end..]) => {
+                let (number, unit) = text.split_at(end);
+                let help = format!(
+                    "write `{number} {unit}` for a number with its unit, `{number}*{unit}` for a product"
+                );
+                ("a number runs into a unit", help.into())
             }
             None => {
                 let product = format!("{}*{}", &text[..end], &text[end..]);

@@ -353,6 +353,17 @@ pub enum ModelError {
         cause: String,
     },
 
+    /// A unit behind a number in a model that has a value of that name.
+    #[error("`{name}` is a unit behind this number, and a value here")]
+    #[diagnostic(code(E0236))]
+    UnitOrValue {
+        name: String,
+        #[label("which of them")]
+        span: Span,
+        #[help]
+        help: Option<Help>,
+    },
+
     /// An expression of numbers that has no value, as `sqrt(-1)`.
     #[error("{what} is no finite number")]
     #[diagnostic(code(E0225))]
@@ -518,6 +529,7 @@ impl Fixable for ModelError {
             | ModelError::UnknownModel { help, span, .. }
             | ModelError::UnknownFunction { help, span, .. }
             | ModelError::NoField { help, span, .. }
+            | ModelError::UnitOrValue { help, span, .. }
             | ModelError::NotInModel { help, span, .. }
             | ModelError::NotInFile { help, span, .. } => help.as_ref()?.fix(*span),
             _ => None,

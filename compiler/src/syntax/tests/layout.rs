@@ -51,6 +51,15 @@ fn numbers_have_digits_on_both_sides_of_the_point() {
 }
 
 #[test]
+fn units_stand_behind_their_numbers() {
+    assert_snapshot!(formatted(
+        "model m { let a = sin(5   rad / s*time)-9.81 m / s ^ 2+2 (J / ( kg * K ))/3 ms^-1*[1 s , 2]; }"
+    ), @r"
+    model m { let a = sin(5 rad/s*time) - 9.81 m/s^2 + 2 (J/(kg*K))/3 ms^-1*[1 s, 2]; }
+    ");
+}
+
+#[test]
 fn short_blocks_stay_on_their_line() {
     assert_snapshot!(formatted(
         "model a { state x=0;x'=1; }\n\
