@@ -5,11 +5,10 @@ use std::path::Path;
 use crate::terminal::{folder, nsdc_with_input};
 
 /// Expressions with what their help names.
-const EXPRESSIONS: [(&str, &str); 58] = [
+const EXPRESSIONS: [(&str, &str); 57] = [
     ("ln(x)", "write `log(x)`"),
     ("log1p(x)", "write `log(1 + x)`"),
     ("np.log10(x)", "write `log10(..)`"),
-    ("sawtoth(x, 1)", "did you mean `sawtooth`"),
     ("pow(x, 2)", "write `x^n`"),
     ("x**2", "write `^`"),
     ("fmod(x, 2)", "write `mod(u, T)`"),
