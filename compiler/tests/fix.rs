@@ -44,8 +44,6 @@ fn safe_fixes_leave_a_file_that_checks() {
             "let a = if x≤0∨k≥2 then 1 else 0;",
             "let a = if x<=0 or k>=2 then 1 else 0;",
         ),
-        ("let a = .5*x + 2.;", "let a = 0.5*x + 2.0;"),
-        ("let a = [.5, 1.];", "let a = [0.5, 1.0];"),
         (
             "jump j when x < -1 { x = 1; }",
             "jump j when x < -1 { x := 1; }",

@@ -5,18 +5,15 @@ use std::path::Path;
 use crate::terminal::{folder, nsdc_with_input};
 
 /// Expressions with what their help names.
-const EXPRESSIONS: [(&str, &str); 62] = [
+const EXPRESSIONS: [(&str, &str); 57] = [
     ("ln(x)", "write `log(x)`"),
-    ("log10(x)", "write `log(x)/log(10)`"),
-    ("log2(x)", "write `log(x)/log(2)`"),
+    ("log1p(x)", "write `log(1 + x)`"),
+    ("np.log10(x)", "write `log10(..)`"),
     ("pow(x, 2)", "write `x^n`"),
     ("x**2", "write `^`"),
     ("fmod(x, 2)", "write `mod(u, T)`"),
     ("trunc(x)", "write `floor(u)`"),
-    ("ceil(x)", "write `-floor(-x)`"),
-    ("round(x)", "write `floor(x + 1/2)`"),
     ("clip(x, 0, 1)", "write `sat(x, low, high)`"),
-    ("clamp(x, 0, 1)", "write `sat(x, low, high)`"),
     ("saturate(x)", "write `sat(x, low, high)`"),
     ("heaviside(x)", "write `step(x)`"),
     ("sgn(x)", "write `sign(x)`"),
@@ -28,7 +25,6 @@ const EXPRESSIONS: [(&str, &str); 62] = [
     ("arctan(x)", "write `atan(x)`"),
     ("arcsinh(x)", "write `asinh(x)`"),
     ("arctanh(x)", "write `atanh(x)`"),
-    ("hypot(x, 1)", "write `norm([x, y])`"),
     ("fmax(x, 1)", "write `max(x, y)`"),
     ("minimum(x, 1)", "write `min(x, y)`"),
     ("relu(x)", "write `max(0, x)`"),
@@ -49,7 +45,6 @@ const EXPRESSIONS: [(&str, &str); 62] = [
     ("norm2([1, 2])", "write `norm(v)`"),
     ("np.sin(x)", "write `sin(..)`"),
     ("np.clip(x, 0, 1)", "write `sat(x, low, high)`"),
-    ("Math.log10(x)", "write `log(x)/log(10)`"),
     ("pi()", "write `pi` without parentheses"),
     ("PI", "write `pi`"),
     ("π*x", "write `pi`"),

@@ -162,3 +162,182 @@ fn names_of_models_stay_theirs() {
     close(end(&run, "mod")[0], 1.5, 1e-9, "mod");
     close(end(&run, "floor")[0], 11.0, 1e-9, "floor");
 }
+
+/// Names of functions that came later are the model's, too, whatever declares them.
+#[test]
+fn names_of_later_functions_stay_theirs() {
+    let text = "fn log10(x) = x^2;
+        fn erf(a, b) = a + b;
+        const frac = 2;
+        model m {
+          param hypot = 1; param exp2 = 2; input clamp = 3; let round = hypot + exp2; output log2 = 7;
+          state ceil = 0; state pulse = 0; signal triangle = time;
+          region sawtooth where pulse < 0.5 { ceil' = log10(3); }
+          region other else { ceil' = 0; }
+          pulse' = erf(round, clamp)*frac + 0*triangle;
+        }
+        simulate run of m { horizon 0.1; expect log2 at end = 7; }";
+    let run = solved(text, "run");
+    close(end(&run, "pulse")[0], 1.2, 1e-9, "pulse");
+    close(end(&run, "ceil")[0], 9.0 / 24.0, 1e-9, "ceil");
+}
+
+/// ∫ over [0, 2.2] of ceil, round and frac of what rises and falls.
+#[test]
+fn rounding_up_and_to_the_nearest() {
+    let cases = [
+        ("ceil(time)", 1.0 + 2.0 + 0.2 * 3.0),
+        ("ceil(-time)", 0.0 - 1.0 - 0.2 * 2.0),
+        ("round(time)", 1.0 + 0.7 * 2.0),
+        ("round(1 - time)", 0.5 + 0.0 - 0.7),
+        ("frac(time)", 0.5 + 0.5 + 0.02),
+        ("frac(-time)", 0.5 + 0.5 + 0.2 - 0.02),
+        (
+            "ceil(2.5) + round(2.5) + round(-2.5) + frac(2.25) + round(2.4)",
+            2.2 * (3.0 + 3.0 - 2.0 + 0.25 + 2.0),
+        ),
+        ("ceil(n) + round(n/3)", 2.2 * 7.0),
+    ];
+    for settings in METHODS {
+        for (rate, exact) in cases {
+            let model = format!("param n = 5; state x = 0; x' = {rate};");
+            let found = end(&by(settings, &model, 2.2), "x")[0];
+            close(found, exact, 1e-11, &format!("{rate} {settings}"));
+        }
+    }
+}
+
+/// Periods of 0.4, two and a quarter of them.
+#[test]
+fn periodic_signals_have_their_means() {
+    let cases = [
+        ("pulse(time, T, d)", 2.0 * 0.12 + 0.1),
+        ("pulse(time, 0.4, 0.3)", 2.0 * 0.12 + 0.1),
+        ("pulse(time - 0.1, T, d)", 2.0 * 0.12),
+        ("pulse(time, T, 0)", 0.0),
+        ("pulse(time, T, 1)", 0.9),
+        ("sawtooth(time, T)", 2.0 * 0.2 + 0.0125),
+        ("triangle(time, T)", 2.0 * 0.2 + 0.025),
+        ("triangle(time + T/4, T)", 2.0 * 0.2 + 0.075),
+        ("triangle(-time, T)", 2.0 * 0.2 + 0.025),
+    ];
+    let methods = METHODS
+        .into_iter()
+        .chain(["tolerance 1e-10; method timestepping { steps = 400; }"]);
+    for settings in methods {
+        for (rate, exact) in cases {
+            // A quarter of a period is 0.1, of which the pulse has all.
+            let model = format!("param T = 0.4; param d = 0.3; state x = 0; x' = {rate};");
+            let found = end(&by(settings, &model, 0.9), "x")[0];
+            close(found, exact, 1e-10, &format!("{rate} {settings}"));
+        }
+    }
+    // A triangle goes through its ends and middle, and its corners are where it turns.
+    let run = by(
+        METHODS[0],
+        "state x = 0; x' = triangle(time, 2); output y = triangle(time, 2);",
+        1.5,
+    );
+    close(end(&run, "x")[0], 0.5 + 0.375, 1e-12, "two halves");
+    close(end(&run, "y")[0], 0.5, 1e-12, "half way down");
+}
+
+/// A duty that a state has switches where the sawtooth passes it.
+#[test]
+fn pulse_widths_follow_states() {
+    for settings in METHODS {
+        // Within period n, from n to n + 1, the pulse ends where frac(t) = t/4: at 4n/3.
+        let model = "state d = 0; state x = 0; d' = 1/4; x' = pulse(time, 1, d);";
+        let run = by(settings, model, 3.0);
+        // Widths are n/3 for n = 0, 1, 2.
+        close(end(&run, "x")[0], 1.0, 1e-9, settings);
+    }
+}
+
+/// ∫ erf over [-1, 2] is u erf(u) + exp(-u²)/√π between its ends, and a narrow one is a step.
+#[test]
+fn error_functions_follow_their_integrals() {
+    for settings in METHODS {
+        let run = by(
+            settings,
+            "state x = -1; state y = 0; state z = 0; x' = 1; y' = erf(x); z' = exp(-x^2)*2/sqrt(pi) - 1;",
+            3.0,
+        );
+        close(end(&run, "y")[0], ERF_INTEGRAL, 1e-9, settings);
+        close(end(&run, "z")[0], ERF_RISE - 3.0, 1e-9, settings);
+    }
+    let narrow = by(
+        "tolerance 1e-10;",
+        "state x = -1; state y = 0; x' = 1; y' = erf(200*x + 3);",
+        2.5,
+    );
+    close(
+        end(&narrow, "y")[0],
+        1.5 - 1.0 + 2.0 * 3.0 / 200.0,
+        1e-9,
+        "narrow",
+    );
+    let optimum = "model m { state x = 0; control u in [-1, 1] = 0; x' = u + erf(x); }
+        optimize o of m { horizon 1; intervals 4; minimize integral(u^2); final { x = 1; } }";
+    nsd_tests::agrees(&nsd_tests::solved_optimum(optimum, "o"), 1e-6);
+}
+
+/// erf(2) + erf(1).
+const ERF_RISE: f64 = ERF_2 + ERF_1;
+const ERF_1: f64 = 0.842_700_792_949_714_9;
+const ERF_2: f64 = 0.995_322_265_018_952_7;
+/// 2 erf(2) - erf(1) + (exp(-4) - exp(-1))/√π.
+const ERF_INTEGRAL: f64 = 0.950_723_481_054_939_3;
+
+/// Where a state drives them, and where a share or period is none, the error says what to write.
+#[test]
+fn what_is_no_duty_or_period_is_told() {
+    let cases = [
+        ("pulse(time, 1, 1.5)", "E0210"),
+        ("sawtooth(time, 0)", "E0210"),
+        ("pulse(time, 1, d)", "E0423"),
+        ("triangle(time, d - 3)", "E0423"),
+        ("ceil(x)", "E0423"),
+        ("round(x)", "E0423"),
+        ("clamp(x, 1)", "E0210"),
+        ("hypot(x)", "E0210"),
+    ];
+    for (rate, code) in cases {
+        let text = format!(
+            "model m {{ param d = 3; state x = 0; x' = {rate}; }}
+             simulate run of m {{ horizon 1; }}"
+        );
+        let found = nsdc::Project::from_text("test.nsd", &text)
+            .check()
+            .to_string();
+        assert!(found.contains(code), "{rate}: {found}");
+    }
+}
+
+/// Logarithms, powers of two, lengths and bounds are what they are made of.
+#[test]
+fn short_names_are_what_they_stand_for() {
+    let model = "state x = 1; state y = 0; x' = 1;
+        y' = (log10(x) - log(x)/log(10))^2 + (log2(x) - log(x)/log(2))^2 + (exp2(x) - 2^x)^2
+           + (hypot(x, 2*x) - sqrt(5)*x)^2 + (clamp(x, 2, 3) - sat(x, 2, 3))^2
+           + (log10(1000) - 3)^2 + (log2(1024) - 10)^2 + (exp2(0.5) - sqrt(2))^2 + hypot(3, 4) - 5;";
+    for settings in METHODS {
+        close(end(&by(settings, model, 3.0), "y")[0], 0.0, 1e-12, settings);
+    }
+}
+
+/// Units behind numbers are converted, in models with units and without.
+#[test]
+fn quantities_drive_models() {
+    let model = "state x : m = 1 km; state y : m = 0; param m : kg = 500 g;
+        x' = -20 km/h; y' = 2 (m/s)*sin(5 rad/s*time) + 3 mm/1 ms*pulse(time, 100 ms, 0.5);";
+    for settings in METHODS {
+        let run = by(settings, model, 0.9);
+        close(end(&run, "x")[0], 1000.0 - 5.0, 1e-8, settings);
+        let exact = 0.4 * (1.0 - 4.5_f64.cos()) + 3.0 * 0.45;
+        close(end(&run, "y")[0], exact, 1e-8, settings);
+    }
+    let text = "model m { state x = 0; x' = 1; }
+        simulate run of m { horizon 30 ms; output x every 10 ms; expect x at 20 ms ~ 2 cm within 1 nm; }";
+    close(end(&solved(text, "run"), "x")[0], 0.03, 1e-12, "horizon");
+}

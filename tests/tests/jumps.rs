@@ -1,6 +1,6 @@
 //! State jumps against closed forms.
 
-use nsd_tests::{end, optimum, run, times, with_experiment};
+use nsd_tests::{end, optimum, run, solved, times, with_experiment};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 const BALL: &str = include_str!("../../examples/bouncing_ball.nsd");
@@ -394,4 +394,37 @@ fn one_number_each(trajectory: &Trajectory, name: &str) {
         let rows = trajectory.time.iter().filter(|time| **time == jump);
         assert!(rows.count() >= 2, "{name}: a jump at {jump}");
     }
+}
+
+/// A counter, a sampler and their vector have no rates, and are states to jumps, regions, parts and finite elements.
+#[test]
+fn discrete_states_keep_what_jumps_set() {
+    let text = "
+        model sampler {
+          input u;
+          param T = 0.5;
+          discrete y[2] = [u0, 7];
+          param u0 = 0.25;
+          state clock = 0;
+          clock' = 1;
+          jump take when clock >= T { clock := 0; y[1] := u; }
+        }
+        model m {
+          state x = 0;
+          discrete n in [0, 5] = 0;
+          part s = sampler { u = x; }
+          region slow where n < 1.5 { x' = 1 + s.y[2] - 7; }
+          region fast else { x' = 2; }
+          jump up when x > n + 1 { n := n + 1; }
+        }
+        simulate run of m { horizon 2.25; }
+        simulate other of m { with { n = 1; } horizon 0.25; }";
+    let run = solved(text, "run");
+    // From 2 on x is 2t - 2; the last sample was taken at 2.
+    assert_eq!(end(&run, "n"), [2.0]);
+    let found = [end(&run, "x")[0], end(&run, "s.y")[0], end(&run, "s.y")[1]];
+    for (found, exact) in found.into_iter().zip([2.5, 2.0, 7.0]) {
+        assert!((found - exact).abs() <= 1e-12, "{found}, not {exact}");
+    }
+    assert_eq!(end(&solved(text, "other"), "n"), [1.0]);
 }

@@ -1,6 +1,6 @@
 //! The functions an expression is made of: the table of those of one argument, and those of two.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_2_SQRT_PI, PI};
 
 use nsd_solver::tape::{Elementary, TapeBuilder, Value};
 
@@ -283,6 +283,17 @@ functions! {
         code: Some(TapeBuilder::tanh),
         opcode: Some(37),
         tex: tex!("tanh"),
+        steep: Steep::Flank,
+        unit: Unit::Number,
+    }
+    /// The error function, 2/√π ∫ exp(-s²) ds from 0 to it.
+    Erf erf {
+        value: |a| Elementary::Erf.value()(a),
+        slope: |_, a| FRAC_2_SQRT_PI * (-(a * a)).exp(),
+        image: |a| a.rising(Interval::ALL, Elementary::Erf.value()),
+        code: Some(TapeBuilder::erf),
+        opcode: None,
+        tex: tex!("operatorname{erf}"),
         steep: Steep::Flank,
         unit: Unit::Number,
     }

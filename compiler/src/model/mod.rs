@@ -138,6 +138,8 @@ pub struct Quantity<'e> {
     pub value: Option<Tensor<'e>>,
     /// Where its values may be.
     pub domain: Option<Domain<'e>>,
+    /// A state with the rate zero, which only jumps set.
+    pub is_discrete: bool,
     /// The declaration.
     pub span: Span,
 }
@@ -426,13 +428,15 @@ pub struct Surface<'e> {
     pub span: Span,
 }
 
-/// A call of `floor`, or of `mod`: the floor of a quotient by a period.
+/// A floor, of a quotient by a period in `mod` and the like.
 #[derive(Clone, Copy, Debug)]
 pub struct Rounded<'e> {
     /// u in floor(u).
     pub argument: Expr<'e>,
     /// T in mod(u, T).
     pub period: Option<Expr<'e>>,
+    /// d in pulse(t, T, d).
+    pub duty: Option<Expr<'e>>,
     /// The call.
     pub span: Span,
 }

@@ -150,20 +150,21 @@ fn digits(text: &str) -> usize {
     prefix(text, |c| c.is_ascii_digit())
 }
 
-/// Numbers have digits on both sides of the point and end where no name goes on.
+/// Numbers have digits on a side of the point and end where no name goes on.
 fn number(text: &str) -> (TokenKind, usize) {
     let whole = digits(text);
     let mut length = whole;
-    let mut good = whole > 0;
+    let mut good = true;
     let mut points = 0;
     // A point belongs to the number unless it starts `..` or a dotted operator.
     while let Some(after) = text[length..].strip_prefix('.') {
-        if after.starts_with(['.', '*', '/', '^']) {
+        let is_comment = after.starts_with("//");
+        if after.starts_with(['.', '*', '/', '^']) && !is_comment {
             break;
         }
         let fraction = digits(after);
         points += 1;
-        good &= fraction > 0 && points == 1;
+        good &= points == 1;
         length += 1 + fraction;
     }
     if let Some(after) = text[length..].strip_prefix(['e', 'E']) {
@@ -242,8 +243,12 @@ mod tests {
             "1 .. n 1.5 .. 2 2 .* x 2.5 .^ y 1e-3"
         );
         assert_eq!(
-            tokens(".5 5. 2x 1.2.3 1e 0x1F 3.x"),
-            "BadNumber(.5) BadNumber(5.) BadNumber(2x) BadNumber(1.2.3) BadNumber(1e) BadNumber(0x1F) BadNumber(3.x)"
+            tokens(".5 5. 5.e-3 .5..2. 2.*.5 [1.] 1...5"),
+            ".5 5. 5.e-3 .5 .. 2. 2 .* .5 [ 1. ] 1 .. .5"
+        );
+        assert_eq!(
+            tokens("2x 1.2.3 1e 1.e 0x1F 3.x 5.. .5. 5.."),
+            "BadNumber(2x) BadNumber(1.2.3) BadNumber(1e) BadNumber(1.e) BadNumber(0x1F) BadNumber(3.x) 5 .. BadNumber(.5.) 5 .."
         );
     }
 
@@ -255,7 +260,7 @@ mod tests {
         );
         assert_eq!(
             tokens("a ./ b.//{\n1.//{"),
-            "a ./ b . Comment(//{) 1 . Comment(//{)"
+            "a ./ b . Comment(//{) 1. Comment(//{)"
         );
         assert_eq!(
             tokens("a @ /* no */ b"),

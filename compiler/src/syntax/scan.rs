@@ -12,6 +12,9 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use nsd_grammar::{NsdParser, Rule};
+use pest::Parser;
+
 use super::brackets::Brackets;
 use super::lexer::{Lexer, Token, TokenKind, is_word_part};
 use super::{MAX_BYTES, MAX_DEPTH, MAX_ERRORS, SyntaxError};
@@ -174,7 +177,7 @@ impl<'t> Repair<'t> {
                 self.replace(range, empty, SyntaxError::UnterminatedString { span });
             }
             TokenKind::BadNumber => {
-                let error = malformed(token.text, self.stands_apart(&range), span);
+                let error = malformed(token.text, span);
                 self.replace(range, "0", error);
             }
             TokenKind::Number if token.text.parse().is_ok_and(f64::is_infinite) => {
@@ -277,12 +280,6 @@ impl<'t> Repair<'t> {
         let right = runs_into(word.chars().next_back(), after);
         let blank = |needed: bool| if needed { " " } else { "" };
         format!("{}{word}{}", blank(left), blank(right))
-    }
-
-    /// Whether a number could not be the end of what stands before it.
-    fn stands_apart(&self, range: &Range<usize>) -> bool {
-        let [before, _] = self.beside(range);
-        before.is_none_or(|c| !is_word_part(c) && !matches!(c, '.' | ')' | ']'))
     }
 
     /// A comment of another language, up to the end of the line where nothing else can be meant.
@@ -415,23 +412,15 @@ fn line_comments(block: &str, behind: &str) -> String {
     lines.join("\n") + breaks
 }
 
+/// Whether a word is a unit that may stand behind a number.
+fn is_unit(word: &str) -> bool {
+    let parsed = NsdParser::parse(Rule::known_unit, word);
+    parsed.is_ok_and(|mut pairs| pairs.as_str() == word && pairs.next().is_some())
+}
+
 /// Says what is wrong with a number and how to write it.
-fn malformed(text: &str, stands_apart: bool, span: Span) -> SyntaxError {
-    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    let safe = |help: String, number: String, digits: &str| match stands_apart && is_digits(digits)
-    {
-        true => Help::edit(help, number, Applicability::Safe),
-        false => help.into(),
-    };
-    let (problem, help) = if let Some(fraction) = text.strip_prefix('.') {
-        let number = format!("0.{fraction}");
-        let help = safe(format!("write `{number}`"), number, fraction);
-        ("a digit is missing before the point", help)
-    } else if let Some(whole) = text.strip_suffix('.') {
-        let number = format!("{whole}.0");
-        let help = safe(format!("write `{number}` or `{whole}`"), number, whole);
-        ("a digit is missing after the point", help)
-    } else if text.matches('.').count() > 1 {
+fn malformed(text: &str, span: Span) -> SyntaxError {
+    let (problem, help) = if text.matches('.').count() > 1 {
         (
             "more than one point",
             "write the number with one point".into(),
@@ -450,6 +439,13 @@ fn malformed(text: &str, stands_apart: bool, span: Span) -> SyntaxError {
                     &text[end..]
                 );
                 ("a digit is missing after the point", help.into())
+            }
+            None if is_unit(&text[end..]) => {
+                let (number, unit) = text.split_at(end);
+                let help = format!(
+                    "write `{number} {unit}` for a number with its unit, `{number}*{unit}` for a product"
+                );
+                ("a number runs into a unit", help.into())
             }
             None => {
                 let product = format!("{}*{}", &text[..end], &text[end..]);

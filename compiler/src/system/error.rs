@@ -425,7 +425,7 @@ pub enum SystemError {
     #[diagnostic(
         code(E0423),
         help(
-            "fix it before the run; what states count is a state, `state n = 0;` with `jump up when x > n + 1 {{ n := n + 1; }}`, or `hysteresis` between two levels"
+            "fix it before the run; what states count is a state, `discrete n = 0;` with `jump up when x > n + 1 {{ n := n + 1; }}`, or `hysteresis` between two levels"
         )
     )]
     Rounded {
@@ -464,10 +464,19 @@ pub enum SystemError {
     },
 
     /// A remainder by nothing.
-    #[error("the period of `mod` is {period}")]
+    #[error("the period is {period}")]
     #[diagnostic(code(E0423), help("a period is a number above zero"))]
     Period {
         period: f64,
+        #[label("called here")]
+        span: Span,
+    },
+
+    /// A pulse that is shorter than nothing or longer than its period.
+    #[error("the duty of `pulse` is {duty}")]
+    #[diagnostic(code(E0423), help("it is a share of the period, from 0 to 1"))]
+    Duty {
+        duty: f64,
         #[label("called here")]
         span: Span,
     },

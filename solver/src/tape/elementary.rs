@@ -2,6 +2,8 @@
 //!
 //! Derivatives, Taylor coefficients, enclosures and where a series hides something follow from that equation.
 
+use std::f64::consts::FRAC_2_SQRT_PI;
+
 use serde::{Deserialize, Serialize};
 
 use super::term::Term;
@@ -20,10 +22,12 @@ pub(crate) enum Rate {
     Rational(f64),
     /// q w' = r a' with q² = p = c + s a²
     Root { c: f64, s: f64, r: f64 },
+    /// w' = q a' with q = 2/√π exp(-a²)
+    Gauss,
 }
 
 macro_rules! elementary {
-    ($($(#[$doc:meta])* $Name:ident $method:ident: $value:expr, $rate:expr, $opcode:literal;)*) => {
+    ($($(#[$doc:meta])* $Name:ident $method:ident: $value:expr, $rate:expr, $opcode:expr;)*) => {
         /// A function of one number; the names are the functions.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
         pub enum Elementary {
@@ -48,8 +52,8 @@ macro_rules! elementary {
                 }
             }
 
-            /// The number of the operator in AMPL files (Gay 2005, table 2).
-            pub(crate) fn opcode(self) -> i64 {
+            /// The number of the operator in AMPL files (Gay 2005, table 2), where there is one.
+            pub(crate) fn opcode(self) -> Option<i64> {
                 match self {
                     $(Self::$Name => $opcode,)*
                 }
@@ -66,25 +70,27 @@ macro_rules! elementary {
 
 elementary! {
     /// The exponential.
-    Exp exp: f64::exp, Rate::Exponential, 44;
+    Exp exp: f64::exp, Rate::Exponential, Some(44);
     /// The natural logarithm.
-    Log log: f64::ln, Rate::Logarithm, 43;
+    Log log: f64::ln, Rate::Logarithm, Some(43);
     /// The tangent.
-    Tan tan: f64::tan, Rate::Riccati(1.0), 38;
+    Tan tan: f64::tan, Rate::Riccati(1.0), Some(38);
     /// The hyperbolic tangent.
-    Tanh tanh: f64::tanh, Rate::Riccati(-1.0), 37;
+    Tanh tanh: f64::tanh, Rate::Riccati(-1.0), Some(37);
     /// The inverse sine.
-    Asin asin: f64::asin, Rate::Root { c: 1.0, s: -1.0, r: 1.0 }, 51;
+    Asin asin: f64::asin, Rate::Root { c: 1.0, s: -1.0, r: 1.0 }, Some(51);
     /// The inverse cosine.
-    Acos acos: f64::acos, Rate::Root { c: 1.0, s: -1.0, r: -1.0 }, 53;
+    Acos acos: f64::acos, Rate::Root { c: 1.0, s: -1.0, r: -1.0 }, Some(53);
     /// The inverse tangent.
-    Atan atan: f64::atan, Rate::Rational(1.0), 49;
+    Atan atan: f64::atan, Rate::Rational(1.0), Some(49);
     /// The inverse hyperbolic sine.
-    Asinh asinh: f64::asinh, Rate::Root { c: 1.0, s: 1.0, r: 1.0 }, 50;
+    Asinh asinh: f64::asinh, Rate::Root { c: 1.0, s: 1.0, r: 1.0 }, Some(50);
     /// The inverse hyperbolic cosine.
-    Acosh acosh: acosh, Rate::Root { c: -1.0, s: 1.0, r: 1.0 }, 52;
+    Acosh acosh: acosh, Rate::Root { c: -1.0, s: 1.0, r: 1.0 }, Some(52);
     /// The inverse hyperbolic tangent.
-    Atanh atanh: atanh, Rate::Rational(-1.0), 47;
+    Atanh atanh: atanh, Rate::Rational(-1.0), Some(47);
+    /// The error function, 2/√π ∫ exp(-s²) ds from 0 to a.
+    Erf erf: libm::erf, Rate::Gauss, None;
 }
 
 /// log(1 + d + √(d (d + 2))) with d = a - 1: no digit is lost near 1, and no square overflows.
@@ -124,6 +130,7 @@ impl Rate {
             Self::Riccati(s) => Some(quadratic(1.0, s, w)),
             Self::Rational(s) => Some(quadratic(1.0, s, a)),
             Self::Root { c, s, .. } => Some(quadratic(c, s, a).sqrt()),
+            Self::Gauss => Some(FRAC_2_SQRT_PI * (-a * a).exp()),
         }
     }
 
@@ -148,6 +155,11 @@ impl Rate {
                 let slope = square.sqrt(b).recip(b).times(r);
                 [slope, x.mul(slope, b).div(square, b).times(-s)]
             }
+            Self::Gauss => {
+                let square = x.square(b).neg();
+                let slope = square.function(Elementary::Exp, b).times(FRAC_2_SQRT_PI);
+                [slope, x.mul(slope, b).times(-2.0)]
+            }
         }
     }
 
@@ -165,6 +177,7 @@ impl Rate {
     pub fn steepest(self) -> f64 {
         match self {
             Self::Riccati(-1.0) | Self::Rational(1.0) | Self::Root { c: 1.0, s: 1.0, .. } => 1.0,
+            Self::Gauss => FRAC_2_SQRT_PI,
             _ => f64::INFINITY,
         }
     }
@@ -184,6 +197,23 @@ impl Rate {
 #[cfg(test)]
 mod tests {
     use super::Elementary;
+
+    /// Values of 20 digits (mpmath).
+    #[test]
+    fn the_error_function_is_right_to_the_last_digit() {
+        let cases = [
+            (1e-9, 1.128_379_167_095_512_6e-9),
+            (0.5, 0.520_499_877_813_046_5),
+            (-1.0, -0.842_700_792_949_714_9),
+            (2.5, 0.999_593_047_982_555),
+            (6.5, 1.0),
+        ];
+        for (at, exact) in cases {
+            let found = Elementary::Erf.value()(at);
+            let error = (found / exact - 1.0).abs();
+            assert!(error <= 4e-16, "erf({at}): {found}, not {exact}");
+        }
+    }
 
     /// Values of 20 digits at the numbers that stand here (mpmath).
     #[test]

@@ -113,6 +113,7 @@ impl Dual {
             Function::Sinh => x.map(f64::cosh),
             Function::Cosh => x.map(f64::sinh),
             Function::Tanh => number(1.0) + minus(value * value),
+            Function::Erf => x.map(|x| std::f64::consts::FRAC_2_SQRT_PI * (-x * x).exp()),
             Function::Floor | Function::Step | Function::Sign | Function::Abs => number(f64::NAN),
         };
         Self {

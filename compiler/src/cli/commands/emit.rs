@@ -5,7 +5,7 @@ use crate::cli::files::{Sink, is_standard};
 use crate::cli::project::Project;
 use crate::cli::{Exit, Streams, io, project};
 use crate::diagnostics::Diagnostics;
-use crate::expr::Exprs;
+use crate::expr::{Exprs, Function};
 use crate::lowering::discretize::{DiscretizeError, Grid, discretize};
 use crate::lowering::{dcs, discretize};
 use crate::project::clock::Clock;
@@ -276,12 +276,27 @@ fn lowered(
             optimize::program(&compiled.system, settings, task, &sampled).ok()?
         }
     };
+    if let Some(refused) = without_operator(compiled) {
+        return Some(Err(refused));
+    }
     let ampl = program.nl();
     Some(Ok(Printed {
         text: ampl.text,
         row_names: ampl.row_names,
         column_names: ampl.column_names,
     }))
+}
+
+/// An error where a function of the model has no operator in AMPL files.
+fn without_operator(compiled: &Compiled) -> Option<Refused> {
+    let is_unknown =
+        |function: &&Function| !function.is_nonsmooth() && function.definition().opcode.is_none();
+    let mut unknown = Function::ALL.iter().filter(is_unknown);
+    let function = unknown.find(|function| compiled.model.exprs.applies(**function))?;
+    Some(Refused {
+        fact: format!("AMPL files have no operator for `{}`", function.name()),
+        help: "`--ir mpcc` prints the program with it",
+    })
 }
 
 /// Prints all models of the file, as they are before any experiment.

@@ -18,7 +18,7 @@ pub enum DynamicsError {
     #[error("state `{name}` has no dynamics")]
     #[diagnostic(
         code(E0301),
-        help("add `{entry}' = ..;`, or `{entry}' = 0;` if it is constant")
+        help("add `{entry}' = ..;`, or declare `discrete` what only jumps set")
     )]
     NoDynamics {
         name: String,
@@ -48,6 +48,15 @@ pub enum DynamicsError {
         span: Span,
         #[help]
         help: Option<String>,
+    },
+
+    /// Dynamics of a discrete state.
+    #[error("`{name}` is discrete: only jumps set it")]
+    #[diagnostic(code(E0303), help("declare `state {name} = ..;`"))]
+    Discrete {
+        name: String,
+        #[label("has no dynamics")]
+        span: Span,
     },
 
     /// A region of a partition that leaves out a state the others set.

@@ -8,10 +8,8 @@ use crate::diagnostics::{
 };
 
 /// Functions of MATLAB, Modelica, Python, Julia and C that are not built in, with what to write instead.
-pub(crate) const FUNCTIONS: [(&str, &str); 91] = [
+pub(crate) const FUNCTIONS: [(&str, &str); 85] = [
     ("ln", "write `log(x)`, the natural logarithm"),
-    ("log10", "write `log(x)/log(10)`"),
-    ("log2", "write `log(x)/log(2)`"),
     ("log1p", "write `log(1 + x)`"),
     ("expm1", "write `exp(x) - 1`"),
     ("pow", "write `x^n`"),
@@ -19,17 +17,13 @@ pub(crate) const FUNCTIONS: [(&str, &str); 91] = [
     ("square", "write `x^2`"),
     ("sqr", "write `x^2`"),
     ("nthroot", "write `x^(1/n)` for a positive `x`"),
-    ("hypot", "write `norm([x, y])`, or `sqrt(x^2 + y^2)`"),
     ("fmod", MODULO),
     ("rem", MODULO),
-    ("ceil", "write `-floor(-x)`, of time and numbers"),
-    ("round", "write `floor(x + 1/2)`, of time and numbers"),
     ("trunc", ROUNDING),
     ("fix", ROUNDING),
     ("int", ROUNDING),
     ("integer", ROUNDING),
     ("clip", "write `sat(x, low, high)`"),
-    ("clamp", "write `sat(x, low, high)`"),
     ("limit", "write `sat(x, low, high)`"),
     ("limiter", "write `sat(x, low, high)`"),
     (
@@ -159,10 +153,9 @@ pub(crate) const VALUES: [(&str, &str); 22] = [
 
 /// Functions and values that go by another name and are the same in all else; a name that may well be meant for
 /// something else is not replaced unseen.
-const SAME: [(&str, &str, Applicability); 51] = [
+const SAME: [(&str, &str, Applicability); 50] = [
     ("ln", "log", Safe),
     ("clip", "sat", Safe),
-    ("clamp", "sat", Safe),
     ("limit", "sat", Suggestion),
     ("limiter", "sat", Suggestion),
     ("saturate", "sat", Suggestion),

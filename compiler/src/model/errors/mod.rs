@@ -61,6 +61,21 @@ pub enum ModelError {
         span: Span,
     },
 
+    /// A declaration of the name of a built-in function.
+    #[error("`{name}` is the name of a function, too")]
+    #[diagnostic(
+        code(W0104),
+        severity(Warning),
+        help(
+            "`{name}` is now what is declared here, and `{name}(..)` still the function; another name keeps them apart"
+        )
+    )]
+    ShadowsFunction {
+        name: String,
+        #[label("declared here")]
+        span: Span,
+    },
+
     /// Declarations that need each other.
     #[error("{what} depends on itself: {chain}")]
     #[diagnostic(code(E0105), help("write one of them without the others"))]
@@ -338,6 +353,17 @@ pub enum ModelError {
         cause: String,
     },
 
+    /// A unit behind a number in a model that has a value of that name.
+    #[error("`{name}` is a unit behind this number, and a value here")]
+    #[diagnostic(code(E0236))]
+    UnitOrValue {
+        name: String,
+        #[label("which of them")]
+        span: Span,
+        #[help]
+        help: Option<Help>,
+    },
+
     /// An expression of numbers that has no value, as `sqrt(-1)`.
     #[error("{what} is no finite number")]
     #[diagnostic(code(E0225))]
@@ -503,6 +529,7 @@ impl Fixable for ModelError {
             | ModelError::UnknownModel { help, span, .. }
             | ModelError::UnknownFunction { help, span, .. }
             | ModelError::NoField { help, span, .. }
+            | ModelError::UnitOrValue { help, span, .. }
             | ModelError::NotInModel { help, span, .. }
             | ModelError::NotInFile { help, span, .. } => help.as_ref()?.fix(*span),
             _ => None,

@@ -1,6 +1,7 @@
 //! Built-in functions.
 
 use super::calls::{Call, arguments, reduce, wrong};
+use super::periodic::rounding;
 use super::{algebra, check};
 use crate::expr::{BinaryFunction, Expr, Function};
 use crate::model::expressions::Lowering;
@@ -46,6 +47,9 @@ fn check_arity(lowering: &mut Lowering<'_, '_>, call: &Call) -> Result<(), Repor
     if count < least || count > most || (call.name == "sat" && count == 2) {
         let expected = match call.name {
             "sat" => "1 or 3 arguments".to_owned(),
+            "clamp" => "a value and 2 bounds".to_owned(),
+            "sawtooth" | "triangle" => "a time and a period".to_owned(),
+            "pulse" => "a time, a period and a duty".to_owned(),
             "min" | "max" => "at least 1 argument".to_owned(),
             _ if least < most => format!("{least} or {most} arguments"),
             _ => arguments(least),
@@ -64,11 +68,15 @@ fn apply<'e>(
 ) -> Result<Tensor<'e>, Reported> {
     let first = values[0].clone();
     lowering.spend(first.data.len(), call.span)?;
+    if matches!(
+        call.name,
+        "floor" | "ceil" | "round" | "frac" | "mod" | "pulse" | "sawtooth" | "triangle"
+    ) {
+        return rounding(lowering, call, values);
+    }
     if let Some(function) = Function::of_name(call.name) {
-        match function {
-            Function::Floor => check::record_rounded(lowering, &first, None, call.span),
-            _ if function.is_nonsmooth() => check::record_surfaces(lowering, call.args[0], &first),
-            _ => {}
+        if function.is_nonsmooth() {
+            check::record_surfaces(lowering, call.args[0], &first);
         }
         return Ok(first.map(|entry| entry.apply(function)));
     }
@@ -98,13 +106,9 @@ fn apply<'e>(
             };
             fold(lowering, call, values, function)
         }
-        "cbrt" => {
-            check::record_surfaces(lowering, call.args[0], &first);
-            Ok(first.map(cube_root))
-        }
+        "cbrt" | "log2" | "log10" | "exp2" | "hypot" => composed(lowering, call, values),
         "atan2" => fold(lowering, call, values, BinaryFunction::Atan2),
-        "mod" => remainder(lowering, call, values),
-        "sat" => {
+        "sat" | "clamp" => {
             let (lo, hi) = match values.get(1..) {
                 Some([lo, hi]) => (lo.clone(), hi.clone()),
                 _ => (
@@ -130,24 +134,39 @@ fn apply<'e>(
     }
 }
 
-/// u - T floor(u/T), which is in [0, T) for a period T > 0.
-fn remainder<'e>(
+/// Functions of numbers that are made of others.
+fn composed<'e>(
     lowering: &mut Lowering<'_, 'e>,
     call: &Call,
     values: &[Tensor<'e>],
 ) -> Result<Tensor<'e>, Reported> {
-    let mut periods = values[1]
-        .data
-        .iter()
-        .filter_map(|period| period.as_constant());
-    if let Some(period) = periods.find(|period| !(*period > 0.0 && period.is_finite())) {
-        return wrong(lowering, call, "a positive period", &period.to_string());
+    let first = &values[0];
+    match call.name {
+        "log2" => Ok(first.map(|x| logarithm(x, 2.0, f64::log2))),
+        "log10" => Ok(first.map(|x| logarithm(x, 10.0, f64::log10))),
+        "exp2" => {
+            let two = lowering.constant(2.0);
+            Ok(first.map(|x| match x.as_constant() {
+                Some(value) => x.exprs().constant(value.exp2()),
+                None => two.powf(x),
+            }))
+        }
+        "hypot" => fold_with(lowering, call, values, |x, y| {
+            (x.powi(2) + y.powi(2)).sqrt()
+        }),
+        _ => {
+            check::record_surfaces(lowering, call.args[0], first);
+            Ok(first.map(cube_root))
+        }
     }
-    let quotients = fold_with(lowering, call, values, |u, period| u / period)?;
-    check::record_rounded(lowering, &quotients, Some(&values[1]), call.span);
-    fold_with(lowering, call, values, |u, period| {
-        u - period * (u / period).floor()
-    })
+}
+
+/// log(x)/log(b), unless x is a number.
+fn logarithm(x: Expr, base: f64, number: fn(f64) -> f64) -> Expr {
+    match x.as_constant() {
+        Some(value) => x.exprs().constant(number(value)),
+        None => x.log() / x.exprs().constant(base.ln()),
+    }
 }
 
 /// sign(x) |x|^(1/3): a root with a switch at zero, unless x is a number.
@@ -310,7 +329,7 @@ fn fold<'e>(
     fold_with(lowering, call, values, |a, b| a.apply_binary(function, b))
 }
 
-fn fold_with<'e>(
+pub(crate) fn fold_with<'e>(
     lowering: &mut Lowering<'_, 'e>,
     call: &Call,
     values: &[Tensor<'e>],

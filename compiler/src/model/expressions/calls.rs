@@ -6,7 +6,7 @@ use crate::model::errors::foreign;
 use crate::model::errors::plural;
 use crate::model::expressions::Lowering;
 use crate::model::expressions::environment::{Environment, Local};
-use crate::model::hir::reserved::{did_you_mean, function_names, is_function};
+use crate::model::hir::reserved::{did_you_mean, function_names, is_function, is_kept};
 use crate::model::names::fields::{meaning, not_in_module};
 use crate::model::names::scope::{Callable, Meaning, Reported, Scope, Value};
 use crate::model::{ModelError, Tensor};
@@ -77,7 +77,12 @@ fn callee<'a, 'c, 'e>(
     let scope = lowering.names.scope;
     let visible = lowering.names.visible(name);
     if let Some(Meaning::Unusable) = visible {
-        return Err(Reported);
+        // A value says nothing of a function; only a function of the file may stand behind its name.
+        let is_file = matches!(scope.of_file.get(name), Some(Meaning::Unusable));
+        let may_be_built_in = is_kept(name) || is_function(name) && !is_file;
+        if !may_be_built_in {
+            return Err(Reported);
+        }
     }
     if let Some(callable) = scope.functions.get(name) {
         let home = callable.home.as_deref().unwrap_or(scope);

@@ -3,8 +3,7 @@
 use crate::expr::{Expr, Function, Node, rewrite, variables_of};
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Reported, Value};
-use crate::model::{DynamicsError, Rounded, Shape, Surface, Tensor};
-use crate::source::Span;
+use crate::model::{DynamicsError, Shape, Surface, Tensor};
 use crate::syntax::{self, ExprKind, Level, Relation};
 
 /// `0` as written.
@@ -135,22 +134,6 @@ pub(crate) fn record_zeros<'e>(
         let span = arg.span;
         lowering.surfaces.push(Surface { name, psi, span });
     }
-}
-
-/// Remembers where values are rounded down, those of quotients by periods.
-pub(crate) fn record_rounded<'e>(
-    lowering: &mut Lowering<'_, 'e>,
-    value: &Tensor<'e>,
-    periods: Option<&Tensor<'e>>,
-    span: Span,
-) {
-    let periods = periods.map_or(&[][..], |periods| &periods.data);
-    let calls = value.data.iter().enumerate();
-    lowering.rounded.extend(calls.map(|(k, &argument)| Rounded {
-        argument,
-        period: periods.get(k).or(periods.last()).copied(),
-        span,
-    }));
 }
 
 /// Remembers how the switching functions in the argument of `sign` and the like are written.

@@ -7,6 +7,8 @@ pub(crate) mod calls;
 pub(crate) mod check;
 pub(crate) mod environment;
 pub(crate) mod logic;
+pub(crate) mod periodic;
+pub(crate) mod quantity;
 pub(crate) mod rows;
 pub(crate) mod tensor;
 pub(crate) mod text;
@@ -250,6 +252,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
         }
         match &expr.kind {
             ExprKind::Number(value) => Ok(Tensor::scalar(self.constant(*value)).into()),
+            ExprKind::Quantity(value, unit) => quantity::quantity(self, *value, unit, expr.span),
             ExprKind::String(_) => self.error(ModelError::Text { span: expr.span }),
             ExprKind::Name(name) => lookup::name(self, name, expr.span),
             ExprKind::Field(base, field) => fields::field(self, expr, base, field),

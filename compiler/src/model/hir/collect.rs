@@ -2,12 +2,12 @@
 
 use rustc_hash::FxHashMap;
 
-use super::reserved::is_builtin;
-use super::{Declared, Definition, File, Frame, shared_lets};
+use super::reserved::{VALUES, taken};
+use super::{Declared, Definition, File, Frame, Global, shared_lets};
 use crate::diagnostics::Diagnostics;
 use crate::model::errors::ModelError;
 use crate::source::Span;
-use crate::syntax::{Contact, Ident, Model, NamedKind, Region, Stmt};
+use crate::syntax::{Binder, Contact, Ident, Model, NamedKind, Region, Stmt};
 
 /// The declarations of a model; what takes a name twice is [`Definition::Unsupported`].
 pub(super) fn collect<'f>(
@@ -173,7 +173,7 @@ impl<'f> Collector<'_, 'f> {
         {
             // Which of the two is meant is unknown.
             known.item = Definition::Unsupported;
-        } else if is_builtin(&name.name) {
+        } else if VALUES.contains(&name.name.as_str()) {
             let item = Definition::Unsupported;
             self.declared.push(Declared { name, item, frames });
         }
@@ -181,18 +181,18 @@ impl<'f> Collector<'_, 'f> {
 
     fn is_free(&mut self, name: &Ident) -> bool {
         let text = &name.name;
-        let error = if is_builtin(text) {
-            ModelError::BuiltIn {
-                name: text.clone(),
-                span: name.span,
-            }
-        } else if let Some(&first) = self.seen.get(text.as_str()) {
+        let built_in = taken(text, name.span);
+        let is_value = VALUES.contains(&text.as_str());
+        let of_file = self.file.get(text);
+        // What is no value is told apart by where it stands.
+        let of_file = of_file.filter(|known| !matches!(known.global, Global::Model(_)));
+        let error = if let Some(&first) = self.seen.get(text.as_str()) {
             ModelError::Redeclared {
                 name: text.clone(),
                 first,
                 second: name.span,
             }
-        } else if let Some(known) = self.file.get(text) {
+        } else if let Some(known) = of_file.filter(|_| !is_value) {
             ModelError::ShadowsFile {
                 name: text.clone(),
                 kind: known.global.word(),
@@ -200,7 +200,10 @@ impl<'f> Collector<'_, 'f> {
                 second: name.span,
             }
         } else {
-            return true;
+            if let Some(error) = built_in {
+                self.diags.push(error);
+            }
+            return !is_value;
         };
         self.diags.push(error);
         false
@@ -224,13 +227,10 @@ impl<'f> Collector<'_, 'f> {
                     }
                 }
                 Stmt::For(repeat) => {
-                    for binder in repeat
-                        .binders
-                        .iter()
-                        .filter(|binder| is_builtin(&binder.name.name))
-                    {
-                        let (name, span) = (binder.name.name.clone(), binder.name.span);
-                        self.diags.push(ModelError::BuiltIn { name, span });
+                    for Binder { name, .. } in &repeat.binders {
+                        if let Some(error) = taken(&name.name, name.span) {
+                            self.diags.push(error);
+                        }
                     }
                     self.locals(&repeat.body, true);
                 }

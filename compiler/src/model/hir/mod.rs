@@ -190,9 +190,22 @@ impl<'f> File<'f> {
     /// Declares a name that is free.
     fn declare(&mut self, name: &'f str, span: Span, global: Global<'f>, diags: &mut Diagnostics) {
         let text = name.to_owned();
-        if reserved::is_builtin(name) {
-            diags.push(ModelError::BuiltIn { name: text, span });
-        } else if let Some(known) = self.get(name) {
+        let is_function = matches!(global, Global::Function(..) | Global::Import(_));
+        let built_in = match is_function && reserved::is_kept(name) {
+            true => Some(ModelError::BuiltIn {
+                name: text.clone(),
+                span,
+            }),
+            false => reserved::taken(name, span),
+        };
+        let is_refused = matches!(built_in, Some(ModelError::BuiltIn { .. }));
+        if let Some(error) = built_in {
+            diags.push(error);
+        }
+        if is_refused {
+            return;
+        }
+        if let Some(known) = self.get(name) {
             diags.push(ModelError::Redeclared {
                 name: text,
                 first: known.span,

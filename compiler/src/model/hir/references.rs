@@ -1,8 +1,8 @@
 //! The walk that finds references: local names first, then values of the language, then what the model
 //! and the file declare, then functions of the language.
 
-use super::reserved::{VALUES, is_function};
-use super::{File, Model, Reference, References, local_lets};
+use super::reserved::{VALUES, is_function, is_kept};
+use super::{File, Global, Model, Reference, References, local_lets};
 use crate::syntax::{
     Arg, Bind, Binder, Contact, Domain, Expect, ExpectWhen, Experiment, Expr, ExprKind, Function,
     OutputWhen, ProgramKind, RegionGuard, Row, Setting, SettingKind, Stmt,
@@ -49,6 +49,16 @@ impl<'r, 'f> Resolver<'r, 'f> {
         own.or_else(global).or_else(built_in)
     }
 
+    /// Whether a call of this name is one of a function of the language, whatever else has the name.
+    fn is_built_in(&self, name: &str) -> bool {
+        is_function(name)
+            && match self.file.get(name).map(|known| known.global) {
+                Some(Global::Function(..) | Global::Import(_)) => false,
+                Some(Global::Const(_)) => is_kept(name),
+                Some(Global::Model(_)) | None => true,
+            }
+    }
+
     pub fn expr(&mut self, expr: &'f Expr) {
         match &expr.kind {
             ExprKind::Name(name) => {
@@ -57,7 +67,12 @@ impl<'r, 'f> Resolver<'r, 'f> {
             }
             ExprKind::Comprehension(body, binders) => self.under(binders, |r| r.expr(body)),
             ExprKind::Call(function, args) => {
-                self.expr(function);
+                match &function.kind {
+                    ExprKind::Name(name) if self.is_built_in(name) => {
+                        self.found.insert(function.span, Reference::BuiltIn);
+                    }
+                    _ => self.expr(function),
+                }
                 for arg in args {
                     match arg {
                         Arg::Named(_, value) => self.expr(value),

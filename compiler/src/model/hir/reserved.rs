@@ -2,18 +2,31 @@
 
 use crate::diagnostics::Help;
 use crate::expr::Function;
+use crate::model::ModelError;
+use crate::source::Span;
 
 /// Built-in values.
 pub(crate) const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
 
 /// Built-in functions beside the elementary ones, with their least and greatest number of arguments.
-const FUNCTIONS: [(&str, usize, usize); 22] = [
+const FUNCTIONS: [(&str, usize, usize); 33] = [
     ("cbrt", 1, 1),
+    ("log2", 1, 1),
+    ("log10", 1, 1),
+    ("exp2", 1, 1),
+    ("hypot", 2, 2),
     ("atan2", 2, 2),
     ("min", 1, usize::MAX),
     ("max", 1, usize::MAX),
+    ("ceil", 1, 1),
+    ("round", 1, 1),
+    ("frac", 1, 1),
     ("mod", 2, 2),
+    ("pulse", 3, 3),
+    ("sawtooth", 2, 2),
+    ("triangle", 2, 2),
     ("sat", 1, 3),
+    ("clamp", 3, 3),
     ("deadzone", 1, 2),
     ("dot", 2, 2),
     ("cross", 2, 2),
@@ -50,13 +63,26 @@ pub(crate) fn arity(name: &str) -> (usize, usize) {
     known.map_or((1, 1), |&(_, least, most)| (least, most))
 }
 
-/// Functions whose names may be declared, and then are what they are declared to be: `table` is a word of `signal`
-/// only, and the others are words of models, too.
-const FREE: [&str; 7] = ["table", "floor", "mod", "cbrt", "asinh", "acosh", "atanh"];
+/// Functions whose names may be declared, functions too, and then are what they are declared to be: `table` is a word
+/// of `signal` only, and the others are words of models, too.
+const FREE: [&str; 19] = [
+    "table", "floor", "ceil", "round", "frac", "mod", "pulse", "sawtooth", "triangle", "clamp",
+    "cbrt", "log2", "log10", "exp2", "hypot", "asinh", "erf", "acosh", "atanh",
+];
 
-/// True for a name that cannot be declared.
-pub(crate) fn is_builtin(name: &str) -> bool {
-    VALUES.contains(&name) || is_function(name) && !FREE.contains(&name)
+/// True for a function of the language whose name others may take with a warning, and functions not at all.
+pub(crate) fn is_kept(name: &str) -> bool {
+    is_function(name) && !FREE.contains(&name)
+}
+
+/// What is wrong with a declaration that is no function under a built-in name: all where that is a value, for a
+/// function it is a warning.
+pub(crate) fn taken(name: &str, span: Span) -> Option<ModelError> {
+    let text = || name.to_owned();
+    match VALUES.contains(&name) {
+        true => Some(ModelError::BuiltIn { name: text(), span }),
+        false => is_kept(name).then(|| ModelError::ShadowsFunction { name: text(), span }),
+    }
 }
 
 /// The candidate that was probably meant.

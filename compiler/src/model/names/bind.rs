@@ -249,7 +249,7 @@ impl<'e> Binding<'_, 'e> {
     fn default(&mut self, decl: &syntax::Decl, shape: Shape) -> Option<Tensor<'e>> {
         let value = decl.value.as_ref()?;
         let word = match decl.kind {
-            DeclKind::State => "the initial value of",
+            DeclKind::State | DeclKind::Discrete => "the initial value of",
             DeclKind::Algebraic => "the guess of",
             _ => "the default of",
         };
@@ -290,7 +290,7 @@ impl<'e> Binding<'_, 'e> {
         decl: &syntax::Decl,
         values: &[syntax::Expr],
     ) -> Option<crate::model::Domain<'e>> {
-        if decl.kind == DeclKind::State {
+        if matches!(decl.kind, DeclKind::State | DeclKind::Discrete) {
             self.diags.push(GivenError::FiniteState {
                 name: decl.name.name.clone(),
                 span: decl.span,

@@ -208,7 +208,8 @@ impl<'e> Connected<'e> {
         }
         for rounded in &mut model.rounded {
             let argument = [&mut rounded.argument].into_iter();
-            self.replace_each(argument.chain(&mut rounded.period));
+            let given = rounded.period.iter_mut().chain(&mut rounded.duty);
+            self.replace_each(argument.chain(given));
         }
         self.replace_each(model.surfaces.iter_mut().map(|surface| &mut surface.psi));
     }
@@ -242,6 +243,7 @@ impl<'e> Connected<'e> {
                 let shape = quantity.shape;
                 if quantity.domain.is_some() {
                     model.connected.push(Quantity {
+                        is_discrete: false,
                         vars: data.clone(),
                         ..quantity.clone()
                     });

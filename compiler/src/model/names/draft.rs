@@ -80,7 +80,7 @@ impl<'e> Draft<'e> {
     ) -> TargetKind {
         let (list, target): (_, fn(usize) -> TargetKind) = match kind {
             DeclKind::Param => (&mut self.model.params, TargetKind::Param),
-            DeclKind::State => (&mut self.model.states, TargetKind::State),
+            DeclKind::State | DeclKind::Discrete => (&mut self.model.states, TargetKind::State),
             DeclKind::Control => (&mut self.model.controls, TargetKind::Control),
             DeclKind::Input => (&mut self.model.inputs, TargetKind::Input),
             DeclKind::Algebraic => (&mut self.model.algebraics, TargetKind::Algebraic),
@@ -92,6 +92,7 @@ impl<'e> Draft<'e> {
             vars: value.data.clone(),
             value: None,
             domain: None,
+            is_discrete: kind == DeclKind::Discrete,
             span,
         });
         if kind == DeclKind::Param {

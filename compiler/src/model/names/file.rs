@@ -10,7 +10,7 @@ use crate::model::TargetKind;
 use crate::model::errors::{ModelError, foreign};
 use crate::model::expressions::Lowering;
 use crate::model::hir::order::{chain, others, topological};
-use crate::model::hir::reserved::{VALUES, did_you_mean, function_names, is_builtin};
+use crate::model::hir::reserved::{VALUES, did_you_mean, function_names, taken};
 use crate::model::hir::{self, Global};
 use crate::source::Span;
 use crate::syntax::Function;
@@ -124,13 +124,11 @@ fn check_function(file: &hir::File<'_>, function: &Function, diags: &mut Diagnos
     let mut fine = true;
     for (position, param) in function.params.iter().enumerate() {
         let name = param.name.clone();
-        if is_builtin(&name) {
-            diags.push(ModelError::BuiltIn {
-                name,
-                span: param.span,
-            });
-            fine = false;
-        } else if let Some(first) = function.params[..position]
+        fine &= !VALUES.contains(&name.as_str());
+        if let Some(error) = taken(&name, param.span) {
+            diags.push(error);
+        }
+        if let Some(first) = function.params[..position]
             .iter()
             .find(|other| other.name == name)
         {

@@ -17,6 +17,8 @@ pub(crate) struct Walk<'e> {
     pub(crate) offsets: Vec<usize>,
     /// Variables of all state entries.
     pub(crate) vars: Vec<Expr<'e>>,
+    /// Whether each state has the rate zero by its declaration.
+    discrete: Vec<bool>,
     pub(crate) switches: Vec<crate::model::NamedSwitch<'e>>,
     /// Where variables may be, where that is known.
     pub(crate) ranges: FxHashMap<Var, Range>,
@@ -42,12 +44,28 @@ impl<'e> Walk<'e> {
             *next += state.vars.len();
             Some(first)
         });
+        let offsets: Vec<usize> = offsets.collect();
+        let mut found = Statements::default();
+        for (state, &first) in model.states.iter().zip(&offsets) {
+            let entries = if state.is_discrete {
+                state.vars.len()
+            } else {
+                0
+            };
+            found.dynamics.extend((0..entries).map(|entry| Rate {
+                entry: first + entry,
+                value: model.exprs.constant(0.0),
+                adds: false,
+                span: state.span,
+            }));
+        }
         Walk {
-            offsets: offsets.collect(),
+            offsets,
+            discrete: model.states.iter().map(|state| state.is_discrete).collect(),
             switches: model.switches.clone(),
             ranges: hidden::ranges(model),
             indices: vec![],
-            found: Statements::default(),
+            found,
             vars: model.state_vars().collect(),
             touched: FxHashSet::default(),
         }
@@ -190,6 +208,12 @@ impl<'e> Walk<'e> {
         let TargetKind::State(state) = target.kind else {
             return lowering.error(DynamicsError::not_a_state(path, target.kind.word()));
         };
+        if self.discrete[state] {
+            return lowering.error(DynamicsError::Discrete {
+                name: path.head.name.clone(),
+                span: path.span,
+            });
+        }
         let what = format!("`{}'`", lowering.names.written().path(path));
         let value = lowering.numbers_as(&dynamics.value, target.shape, &what)?;
         let first = self.offsets[state];

@@ -261,3 +261,35 @@ fn model_text_with(
     }
     text
 }
+
+/// A value may have the name of a function, and is not what a call of it means; a declaration that of a model.
+#[test]
+fn names_of_functions_and_models_name_values_too() {
+    assert_snapshot!(model("
+        const cross = 2.;
+        const dot = dot([1, 2], [3, 4]);
+        fn f(norm, v) = norm*.5 + norm(v);
+        model ball { state x = 1; x' = -x; }
+        model m {
+          param len = 3.;
+          let norm = norm([3, 4]) + len + len([1, 2]);
+          state ball = 0;
+          let mod = mod(7, 4);
+          part fall = ball;
+          ball' = norm + cross + dot + mod + f(1, [3, 4]) + sum(step*len for step in 1..2);
+        }"), @r"
+    W0104: `cross` is the name of a function, too | cross: declared here | `cross` is now what is declared here, and `cross(..)` still the function; another name keeps them apart
+    W0104: `dot` is the name of a function, too | dot: declared here | `dot` is now what is declared here, and `dot(..)` still the function; another name keeps them apart
+    W0104: `norm` is the name of a function, too | norm: declared here | `norm` is now what is declared here, and `norm(..)` still the function; another name keeps them apart
+    W0104: `len` is the name of a function, too | len: declared here | `len` is now what is declared here, and `len(..)` still the function; another name keeps them apart
+    W0104: `norm` is the name of a function, too | norm: declared here | `norm` is now what is declared here, and `norm(..)` still the function; another name keeps them apart
+    model m
+    param len = 3
+    state ball = 0
+    state fall.x = 1
+    let norm = len + 7
+    let mod = 3
+    ball' = 4*len + 28.5
+    fall.x' = -fall.x
+    ");
+}

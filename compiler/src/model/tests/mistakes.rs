@@ -11,9 +11,9 @@ fn refuses_wrong_names() {
     E0109: unknown function `sinn` | sinn: not a function | did you mean `sign`?
     ");
     assert_snapshot!(model("model m { state x[2] = 0; for i in 1..2, j in 1..1 { switch s = sign(x[i] + j); } x' = s[2, 3]; }"), @"E0205: index 2,3 is out of range for `s` | s[2, 3]: out of range | valid indices are from 1,1 to 2,1");
-    assert_snapshot!(model("model m { state x = 1; let x = 2; param sin = 1; x' = -x; }"), @r"
+    assert_snapshot!(model("model m { state x = 1; let x = 2; param pi = 1; x' = -x; }"), @r"
     E0102: `x` is declared twice | x: declared here | x: and again here | rename one of them
-    E0104: `sin` is built in and cannot be redeclared | sin: declared here | choose another name
+    E0104: `pi` is built in and cannot be redeclared | pi: declared here | choose another name
     ");
     assert_snapshot!(model("const g = 1; fn g(x) = x; model m { param g = 2; state x = g; x' = 1; }"), @r"
     E0102: `g` is declared twice | g: declared here | g: and again here | rename one of them
@@ -122,8 +122,8 @@ fn long_chains_do_not_overflow() {
 #[test]
 fn every_state_is_set_once() {
     assert_snapshot!(model("model m { state x = 1; state y[2] = 0; y[2]' = 1; }"), @r"
-    E0301: state `x` has no dynamics | state x = 1;: `x` is never set | add `x' = ..;`, or `x' = 0;` if it is constant
-    E0301: state `y` has no dynamics | state y[2] = 0;: `y[1]` is never set | add `y[1]' = ..;`, or `y[1]' = 0;` if it is constant
+    E0301: state `x` has no dynamics | state x = 1;: `x` is never set | add `x' = ..;`, or declare `discrete` what only jumps set
+    E0301: state `y` has no dynamics | state y[2] = 0;: `y[1]` is never set | add `y[1]' = ..;`, or declare `discrete` what only jumps set
     ");
     assert_snapshot!(model("model m { state x[3] = 0; x[1..2]' = [1, 2]; x' = 0; }"), @"E0302: the dynamics of `x[1]` are set twice | x[1..2]' = [1, 2];: set here | x' = 0;: and again here | use `+=` to add a term");
     assert_snapshot!(model("model m { param k = 1; state x = 0; k' = 1; x' = 1; z' = 2; r' = 1; region r where x > 0 { x' += 1; } }"), @r"
@@ -170,7 +170,7 @@ fn forgives_what_cannot_be_read() {
     assert_snapshot!(model("model m { state = 1; param k = 2; let a = x + k*[1, 2] + [1, 2, 3]; y' = f(x); }"), @"E0016: `state =` sets nothing in a model | state =: neither a declaration nor dynamics | write `state' = ...;` for dynamics, or `let state = ...;` for a name");
     assert_snapshot!(model("use std.friction.{coulomb, stribeck as curve}; model m { state v = 1; v' = -curve(v); }"), @"E0119: cannot import `..` | use std.friction.{coulomb, stribeck as curve};: files are not read here");
     assert_snapshot!(model("model m { param exp = 2; let a = b; let b = a; let a = 2; state x = exp; x' = a + exp(b); }"), @r"
-    E0104: `exp` is built in and cannot be redeclared | exp: declared here | choose another name
+    W0104: `exp` is the name of a function, too | exp: declared here | `exp` is now what is declared here, and `exp(..)` still the function; another name keeps them apart
     E0102: `a` is declared twice | a: declared here | a: and again here | rename one of them
     ");
 }

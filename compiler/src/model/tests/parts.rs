@@ -146,7 +146,7 @@ fn mistakes_in_a_model_are_told_once() {
         "model bad { state x = 1; state y = 1; region r where x > 0 { x' = 1; } output z = x + w; }
         model pair { part a = bad; part b[i in 1..2] = bad; output e = a.z + b[1].z; }";
     assert_snapshot!(model(text), @r"
-    E0301: state `y` has no dynamics | state y = 1;: `y` is never set | add `y' = ..;`, or `y' = 0;` if it is constant
+    E0301: state `y` has no dynamics | state y = 1;: `y` is never set | add `y' = ..;`, or declare `discrete` what only jumps set
     E0307: nothing sets `x` outside region `r` | x' = 1;: set here only | add the other regions, or one with `else`
     E0101: unknown name `w` | w: not declared here
     ");

@@ -96,3 +96,77 @@ fn prop_assert_eq_values(left: &str, right: &str) -> Result<(), TestCaseError> {
     prop_assert_eq!(entries(left)?, entries(right)?, "{} and {}", left, right);
     Ok(())
 }
+
+/// A unit goes on as long as its words are units; powers of ten move the point and round nothing.
+#[test]
+fn numbers_have_units() {
+    let cases = [
+        ("20 kHz", "20000"),
+        ("3 ms", "0.003"),
+        ("7 µm + 5 um", "0.000012"),
+        ("2 d", "172800"),
+        ("1.5 h + 2 min", "5520"),
+        ("180 deg", "3.141592653589793"),
+        ("60 rpm/(2 rad/s)/pi", "1"),
+        ("9.81 m/s^2", "9.81"),
+        ("72 km/h", "20"),
+        ("5 g", "0.005"),
+        ("4.2 kJ/(kg*K)", "4200"),
+        ("4.2 (kJ/(kg*K))", "4200"),
+        ("1 L + 3 mL", "0.001003"),
+        ("2 bar", "200000"),
+        ("2 mm^2", "0.000002"),
+        ("(2 mm)^2", "0.000004"),
+        ("2 cm^-1", "200"),
+        ("4 kHz^(1/2)*0 + 1", "1"),
+        ("-2 km", "-2000"),
+        ("2 m*3", "6"),
+        ("6 m/2 s", "3"),
+        ("[1 km, 2 m][1]", "1000"),
+        ("sqrt(4 km/m)*0 + 2", "2"),
+        ("3 m/pi*0", "0"),
+    ];
+    for (text, exact) in cases {
+        let found: f64 = value(text).parse().expect("a number");
+        let exact: f64 = exact.parse().expect("a number");
+        assert!(
+            (found - exact).abs() <= 4e-16 * exact.abs(),
+            "{text}: {found}"
+        );
+    }
+}
+
+/// Where a value has the name of a unit, either may be meant; parentheses decide.
+#[test]
+fn units_and_values_of_one_name_are_told_apart() {
+    let of = |text: &str| {
+        model(&format!(
+            "model m {{ param s = 4; param kg = 2; output y = {text}; }}"
+        ))
+    };
+    for text in [
+        "3 s",
+        "8 m/s",
+        "2 m*kg",
+        "1 J/(kg*K)",
+        "sum(2 m*k for k in 1..2) + 2 s",
+    ] {
+        let found = of(text);
+        assert!(found.starts_with("E0236"), "{text}: {found}");
+    }
+    for (text, exact) in [
+        ("3 (s)", "3"),
+        ("3 (km/s)", "3000"),
+        ("(8 m)/s", "8/s"),
+        ("8 m/(s + 1)", "8/(s + 1)"),
+        ("8 m/(s)", "E0236"),
+        ("2 m*T", "2"),
+        ("sum(2 m*m for m in 1..2)", "E0236"),
+    ] {
+        let found = of(text);
+        let shown = found
+            .split_once("output y = ")
+            .map_or(&found[..5], |(_, value)| value.trim_end());
+        assert_eq!(shown, exact, "{text}: {found}");
+    }
+}

@@ -38,6 +38,17 @@ impl<'f> Inference<'f, '_> {
             "min" => self.agree("the arguments of `min`", values),
             "max" => self.agree("the arguments of `max`", values),
             "mod" => self.agree("the arguments of `mod`", values),
+            "hypot" => self.agree("the arguments of `hypot`", values),
+            "clamp" => self.agree("the arguments of `clamp`", values),
+            "ceil" | "round" | "frac" | "log2" | "log10" | "exp2" => self.number(name, &values),
+            "sawtooth" | "triangle" | "pulse" => {
+                let (times, duty) = values.split_at(values.len().min(2));
+                self.agree("time and period", times.to_vec());
+                for duty in duty {
+                    self.pure("the duty of `pulse`", duty);
+                }
+                Dim::PURE
+            }
             "sat" => self.agree("the arguments of `sat`", values),
             "deadzone" => self.agree("the arguments of `deadzone`", values),
             "dot" | "cross" => {
@@ -73,20 +84,23 @@ impl<'f> Inference<'f, '_> {
     /// The dimension of a function of one argument.
     fn elementary(&mut self, function: Function, values: &[&'f Expr]) -> Dim {
         match function.definition().unit {
-            Unit::Number => {
-                let what = format!("the argument of `{}`", function.name());
-                let dims: Vec<Dim> = values.iter().map(|value| self.pure(&what, value)).collect();
-                match dims[..] {
-                    [Dim::Number] => Dim::Number,
-                    _ => Dim::PURE,
-                }
-            }
+            Unit::Number => self.number(function.name(), values),
             Unit::Dropped => {
                 self.each(values);
                 Dim::PURE
             }
             Unit::Kept => self.first(values),
             Unit::SquareRoot => self.root(2, values),
+        }
+    }
+
+    /// The dimension of a function of pure numbers.
+    fn number(&mut self, name: &str, values: &[&'f Expr]) -> Dim {
+        let what = format!("the argument of `{name}`");
+        let dims: Vec<Dim> = values.iter().map(|value| self.pure(&what, value)).collect();
+        match dims[..] {
+            [Dim::Number] => Dim::Number,
+            _ => Dim::PURE,
         }
     }
 

@@ -7,6 +7,7 @@ use rustc_hash::FxHashMap;
 use super::dimension::{Dim, Dimension, Ratio};
 use super::error::UnitError;
 use super::instances::{Instances, Place};
+use super::literal;
 use super::names::read;
 use crate::diagnostics::Diagnostics;
 use crate::model::hir::import::own;
@@ -130,6 +131,7 @@ impl<'f, 'd> Inference<'f, 'd> {
     fn any(&mut self, expr: &'f Expr) -> Dim {
         match &expr.kind {
             ExprKind::Number(_) => Dim::Number,
+            ExprKind::Quantity(_, unit) => Dim::of(literal::dimension(unit)),
             ExprKind::String(_) => Dim::Unknown,
             ExprKind::Name(_) | ExprKind::Field(..) => match self.find(expr) {
                 Some(Found::Local(dim, _)) => dim,

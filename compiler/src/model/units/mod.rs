@@ -14,6 +14,7 @@ mod error;
 mod functions;
 mod infer;
 mod instances;
+pub(crate) mod literal;
 mod names;
 mod statements;
 #[cfg(test)]

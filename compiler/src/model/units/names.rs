@@ -44,7 +44,8 @@ const OTHERS: [(&str, &str); 33] = [
     ("ohm", "Ohm"),
 ];
 
-const PREFIXES: [&str; 21] = [
+/// Prefixes, longer ones before those that they begin with.
+pub(crate) const PREFIXES: [&str; 21] = [
     "da", "Q", "R", "Y", "Z", "E", "P", "T", "G", "M", "k", "h", "d", "c", "m", "µ", "μ", "u", "n",
     "p", "f",
 ];

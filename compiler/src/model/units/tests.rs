@@ -144,6 +144,12 @@ fn accepts_what_fits() {
     fine("output E : J = kinetic(m, v) + m*g*q;");
     fine("output E : J = 0.5*m*dot(w, w) + m*g*norm(r);");
     fine("output p : W = k*q*v;");
+    fine(
+        "output y : m = q + 2 mm - 3 km; output z : m/s^2 = g + 1 (m/s^2); output J : J = 2 kJ + 3 N*(2 cm);",
+    );
+    fine(
+        "output y : 1 = sin(5 rad/s*time) + sin(20 kHz*time) + frac(time/3 ms) + sawtooth(time, 1 min);",
+    );
     fine("let omega = sqrt(k/m); output s : 1 = sin(omega*time);");
     fine("output y : m = q + 1 - 2*q; output z : m = if q > 2 then q else 0;");
     fine("output y : m = max(q, r[1], 0) + abs(q) + sat(q, -1, 1) + min(r);");
@@ -260,4 +266,17 @@ fn models_without_units_are_left_alone() {
         wrong("model m { state x = 1; x' = sin(time) + x^x; } simulate e of m { horizon x; }"),
         ""
     );
+}
+
+#[test]
+fn refuses_quantities_that_do_not_fit() {
+    for text in [
+        "output y = q + 2 s;",
+        "output y : m = 3 kHz;",
+        "output y = sin(5 rad/s);",
+        "output y = hypot(q, v);",
+    ] {
+        let found = falling(text);
+        assert!(found.starts_with("E023"), "{text}: {found}");
+    }
 }

@@ -2,7 +2,7 @@
 //!
 //! Trees are at most [`MAX_DEPTH`](crate::syntax::MAX_DEPTH) deep, so recursion over them is safe.
 
-use super::{Binder, Ident, Relation};
+use super::{Binder, Ident, Relation, Unit};
 use crate::source::Span;
 
 /// An expression.
@@ -19,6 +19,8 @@ pub struct Expr {
 pub enum ExprKind {
     /// `2.5`
     Number(f64),
+    /// `20 kHz`: a number of units, which are not converted yet
+    Quantity(f64, Unit),
     /// `"data.csv"`
     String(String),
     /// `x`
@@ -106,7 +108,8 @@ impl Expr {
     /// Looks at the expressions directly inside, in order; at the bounds of indices before what they hold in.
     pub fn each<'a>(&'a self, look: &mut dyn FnMut(&'a Expr)) {
         match &self.kind {
-            ExprKind::Number(_) | ExprKind::String(_) | ExprKind::Name(_) => {}
+            ExprKind::Number(_) | ExprKind::Quantity(..) => {}
+            ExprKind::String(_) | ExprKind::Name(_) => {}
             ExprKind::Field(inner, _) | ExprKind::Negate(inner) | ExprKind::Not(inner) => {
                 look(inner);
             }

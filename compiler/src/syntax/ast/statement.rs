@@ -61,6 +61,8 @@ pub enum DeclKind {
     Param,
     /// `state`
     State,
+    /// `discrete`
+    Discrete,
     /// `control`
     Control,
     /// `input`
@@ -72,7 +74,7 @@ pub enum DeclKind {
 /// `state x[3] : m in [lo, hi] = expr;`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decl {
-    /// Which of the five it is.
+    /// Which of the six it is.
     pub kind: DeclKind,
     /// Declared name.
     pub name: Ident,

@@ -8,6 +8,7 @@ use nsd_grammar::Rule;
 use pest::iterators::Pair;
 
 use super::reading::{Parts, Reading, parts};
+use super::statement::unit_of;
 use crate::source::Span;
 use crate::syntax::ast::*;
 
@@ -116,6 +117,15 @@ fn factor(reading: &mut Reading, parts: &mut Parts) -> Expr {
 fn primary(reading: &mut Reading, parts: &mut Parts) -> Expr {
     let pair = parts.next().expect("grammar: an operator has its operands");
     let mut expr = atom(reading, pair);
+    if let Some(unit) = parts.maybe(Rule::literal_unit)
+        && let ExprKind::Number(value) = expr.kind
+    {
+        let unit = unit_of(reading, unit);
+        expr = Expr {
+            span: expr.span.to(unit.span),
+            kind: ExprKind::Quantity(value, unit),
+        };
+    }
     let start = expr.span;
     loop {
         let (kind, end) = if let Some(call) = parts.maybe(Rule::call) {

@@ -49,14 +49,16 @@ impl Failure {
     /// True for what an expression or a name can always go on or start with.
     fn goes_without_saying(&self, rule: Rule) -> bool {
         use Rule::{
-            call, close_bracket, close_paren, comparator, equals, field, index, infix, kw_for,
-            kw_if, matrix,
+            call, close_bracket, close_paren, comparator, equals, field, index, infix, known_unit,
+            kw_for, kw_if, literal_factor, literal_group, literal_unit, matrix, unit_op,
         };
         use Rule::{
             group, name, negative, number, op_and, op_not, op_or, open_bracket, open_paren, string,
         };
         match rule {
             infix | comparator | op_and | op_or | call | index | field => true,
+            literal_unit | literal_group | literal_factor | known_unit => true,
+            unit_op => self.after_operand(),
             number | string | name | matrix | group | negative | op_not | kw_if => {
                 self.wants_operand()
             }

@@ -166,6 +166,7 @@ fn decl(reading: &mut Reading, mut parts: Parts, span: Span) -> Decl {
     let kind = match parts.one(Rule::decl_kind).as_str() {
         "param" => DeclKind::Param,
         "state" => DeclKind::State,
+        "discrete" => DeclKind::Discrete,
         "control" => DeclKind::Control,
         "input" => DeclKind::Input,
         _ => DeclKind::Algebraic,
@@ -191,7 +192,8 @@ fn unit(reading: &mut Reading, parts: &mut Parts) -> Option<Unit> {
     Some(unit_of(reading, pair))
 }
 
-fn unit_of(reading: &mut Reading, pair: Pair<Rule>) -> Unit {
+/// The unit of a declaration, or behind a number.
+pub(crate) fn unit_of(reading: &mut Reading, pair: Pair<Rule>) -> Unit {
     let span = reading.span(&pair);
     let (mut factors, mut divides) = (Vec::new(), false);
     for part in parts(pair) {
@@ -210,7 +212,7 @@ fn unit_factor(reading: &mut Reading, pair: Pair<Rule>, divides: bool) -> UnitFa
         .next()
         .expect("grammar: a factor of a unit has a base");
     let base = match base.as_rule() {
-        Rule::name => UnitBase::Name(reading.ident(base)),
+        Rule::name | Rule::known_unit => UnitBase::Name(reading.ident(base)),
         Rule::number => UnitBase::Number(number(&base)),
         _ => UnitBase::Group(unit_of(reading, base)),
     };

@@ -51,6 +51,7 @@ const MODEL: Starts = &[
     ("const", Rule::const_item),
     ("param", Rule::decl),
     ("state", Rule::decl),
+    ("discrete", Rule::decl),
     ("control", Rule::decl),
     ("input", Rule::decl),
     ("algebraic", Rule::decl),

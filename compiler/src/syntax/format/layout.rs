@@ -123,12 +123,20 @@ fn flat_block(block: &Block) -> Option<String> {
     Some(text)
 }
 
-/// Adds a token behind another one.
+/// Adds a token behind another one; a number gets digits on both sides of its point.
 fn push(text: &mut String, last: Option<Piece>, piece: &Piece) {
     if last.is_some_and(|last| spaced(&last, piece)) {
         text.push(' ');
     }
-    text.push_str(piece.text);
+    let starts = |text: &str| text.starts_with(|c: char| c.is_ascii_digit());
+    match piece.text.split_once('.') {
+        // `1.*x` would be another operator than `1. * x`.
+        Some((whole, rest)) if starts(whole) && !starts(rest) => {
+            text.push_str(&format!("{whole}.0{rest}"));
+        }
+        Some(("", rest)) if starts(rest) => text.push_str(&format!("0.{rest}")),
+        _ => text.push_str(piece.text),
+    }
 }
 
 /// Whether a blank stands between two tokens.

@@ -110,6 +110,10 @@ impl Writer<'_> {
         let signed = self.names.map_or(Level::Negate, |_| Level::Power);
         match &expr.kind {
             ExprKind::Number(value) => (self.number(*value), Level::Atom),
+            // Behind `5 m`, a `/` would go on with the unit.
+            ExprKind::Quantity(value, unit) => {
+                (format!("{} {unit}", self.number(*value)), Level::Product)
+            }
             ExprKind::String(text) => (format!("\"{text}\""), Level::Atom),
             ExprKind::Name(name) => self.name(name),
             ExprKind::Field(base, name) => {

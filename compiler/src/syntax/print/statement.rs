@@ -169,6 +169,7 @@ fn decl(stmt: &Decl) -> String {
     let word = match stmt.kind {
         DeclKind::Param => "param",
         DeclKind::State => "state",
+        DeclKind::Discrete => "discrete",
         DeclKind::Control => "control",
         DeclKind::Input => "input",
         DeclKind::Algebraic => "algebraic",

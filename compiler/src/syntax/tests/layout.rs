@@ -42,6 +42,24 @@ fn blanks_follow_the_operators() {
 }
 
 #[test]
+fn numbers_have_digits_on_both_sides_of_the_point() {
+    assert_snapshot!(formatted(
+        "model m { let a = 1. * .5 ./ 2.e3 + [.5, 1.;] .* 3. - x[1. .. 2]; let b=2.*a-2./a^.5; } // 1."
+    ), @r"
+    model m { let a = 1.0*0.5./2.0e3 + [0.5, 1.0;].*3.0 - x[1.0..2]; let b = 2.*a - 2./a^0.5; }  // 1.
+    ");
+}
+
+#[test]
+fn units_stand_behind_their_numbers() {
+    assert_snapshot!(formatted(
+        "model m { let a = sin(5   rad / s*time)-9.81 m / s ^ 2+2 (J / ( kg * K ))/3 ms^-1*[1 s , 2]; }"
+    ), @r"
+    model m { let a = sin(5 rad/s*time) - 9.81 m/s^2 + 2 (J/(kg*K))/3 ms^-1*[1 s, 2]; }
+    ");
+}
+
+#[test]
 fn short_blocks_stay_on_their_line() {
     assert_snapshot!(formatted(
         "model a { state x=0;x'=1; }\n\

@@ -84,17 +84,21 @@ impl<'e> Roundings<'e> {
             if !instance.needs.holds_all(rounded.argument) {
                 continue;
             }
-            if let Some(period) = rounded.period
-                && let Ok(numbers) = roundings.numbers(period)
-                && let period = period.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
+            let span = rounded.span;
+            if let Some(period) = roundings.number_of(rounded.period)
                 && !(period > 0.0 && period.is_finite())
             {
-                let span = rounded.span;
                 roundings.errors.push(SystemError::Period { period, span });
                 continue;
             }
+            if let Some(duty) = roundings.number_of(rounded.duty)
+                && !(0.0..=1.0).contains(&duty)
+            {
+                roundings.errors.push(SystemError::Duty { duty, span });
+                continue;
+            }
             let argument = rounded.argument.substitute(&values.signals);
-            roundings.replace(argument.apply(Function::Floor), rounded.span);
+            roundings.replace(argument.apply(Function::Floor), span);
         }
         roundings.report(diags);
         roundings
@@ -170,6 +174,12 @@ impl<'e> Roundings<'e> {
             None => Err(Fault::Depends(e.exprs().name(var))),
         };
         known.map(number).collect()
+    }
+
+    /// The number that an expression of parameters is.
+    fn number_of(&self, e: Option<Expr<'e>>) -> Option<f64> {
+        let numbers = self.numbers(e?).ok()?;
+        Some(e?.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN)))
     }
 
     /// Whether a variable is time, or data that is held.

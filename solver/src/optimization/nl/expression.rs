@@ -197,7 +197,7 @@ impl Operator {
             79 => (Self::Logistic, one),
             _ => {
                 let mut functions = Elementary::ALL.iter();
-                match functions.find(|function| function.opcode() == number) {
+                match functions.find(|function| function.opcode() == Some(number)) {
                     Some(&function) => (Self::Apply(function), one),
                     None => return Err(refused(number)),
                 }

@@ -274,9 +274,10 @@ mod tests {
             let cubic = tape.power(b, 1.0 / 3.0);
             let beyond = tape.offset(1.0, square);
             let inverses = (tape.asinh(a), tape.acosh(beyond), tape.atanh(sine));
+            let error = tape.erf(a);
             let outputs = [
                 product, quotient, root, log, exp, tanh, atan, scaled, recip, sinh, cosh, tan, asin, acos, angle, power,
-                powers, cubic, inverses.0, inverses.1, inverses.2,
+                powers, cubic, inverses.0, inverses.1, inverses.2, error,
             ];
             let tape = tape.finish(&outputs);
 

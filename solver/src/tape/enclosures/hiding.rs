@@ -137,6 +137,13 @@ impl Step {
                     !is_slow
                 }
                 Rate::Riccati(_) => false,
+                // 1 - erf u falls off as exp(-u²).
+                Rate::Gauss => {
+                    let [least, _] = distances(row(self.a), h);
+                    let (square, now) = (least * least, data[self.a] * data[self.a]);
+                    let is_slow = square >= 2.0 * SATURATED || now - square <= RISE;
+                    !is_slow
+                }
                 rate => {
                     let range = distances(row(self.a), h);
                     let [now, worst] = rate.divisor(data[self.a], range);

@@ -204,6 +204,11 @@ impl Lane for Tame {
             // 1 - tanh u falls off as exp(-2 |u|).
             Rate::Riccati(-1.0) => 2.0 * ball.radius <= RISE || ball.least() >= SATURATED,
             Rate::Riccati(_) => image.radius.is_finite(),
+            // 1 - erf u falls off as exp(-u²).
+            Rate::Gauss => {
+                let [least, most] = [ball.least(), ball.most()].map(|u| u * u);
+                most - least <= RISE || least >= 2.0 * SATURATED
+            }
             Rate::Rational(_) | Rate::Root { .. } => {
                 let [middle, worst] = rate.divisor(ball.middle, [ball.least(), ball.most()]);
                 worst >= FALL * middle

@@ -77,7 +77,7 @@ pub(crate) enum Kind {
     Power,
     /// [log a, b log a]
     Pow,
-    /// [q]
+    /// [q], of the error function [q, a²]
     Apply(Elementary),
     /// [cos a]
     SinCos,
@@ -159,6 +159,9 @@ pub(crate) fn start(step: &Step, data: &mut [f64], stride: usize) {
             if let Some(q) = f.rate().helper(a, *w) {
                 open[stride] = q;
             }
+            if f.rate() == Rate::Gauss {
+                open[2 * stride] = a * a;
+            }
         }
         Kind::SinCos => (open[0], open[stride]) = (a.sin(), a.cos()),
         Kind::SinhCosh => (open[0], open[stride]) = (a.sinh(), a.cosh()),
@@ -226,6 +229,13 @@ pub(crate) fn advance(step: &Step, data: &mut [f64], weights: &[f64], k: usize, 
                 helpers[k] = (s * square(row(a)) - square(&helpers[1..k])) / (2.0 * helpers[0]);
                 w[k] = (r * done[a + k] - inner(w, helpers) / order) / helpers[0];
             }
+            // q' = -q (a²)'
+            Rate::Gauss => {
+                let (q, squares) = helpers.split_at_mut(stride);
+                w[k] = chain(q) / order;
+                squares[k] = square(row(a));
+                q[k] = -convolve_weighted(&weights[1..=k], &squares[1..=k], &q[..k]) / order;
+            }
         },
         // s' = c a',  c' = -s a'
         Kind::SinCos => (w[k], helpers[k]) = (chain(helpers) / order, -chain(w) / order),
@@ -290,6 +300,7 @@ impl Kind {
             Self::Apply(f) => match f.rate() {
                 Rate::Exponential | Rate::Logarithm => 0,
                 Rate::Riccati(_) | Rate::Rational(_) | Rate::Root { .. } => 1,
+                Rate::Gauss => 2,
             },
             _ => 0,
         }
