@@ -207,3 +207,27 @@ fn outputs_need_values_and_no_derivatives() {
         }
     }
 }
+
+/// Without states there are no equations to solve, and a step is a value like another.
+#[test]
+fn a_model_without_states_runs_by_every_method() {
+    let methods = [
+        "event;",
+        "adaptive;",
+        "fesd;",
+        "fesd { steps = 4; }",
+        "fesd; lower stewart;",
+        "event; lower timefreezing;",
+        "fesd; lower timefreezing;",
+        "timestepping { steps = 10; }",
+    ];
+    for output in ["2*time", "step(time - 0.5)"] {
+        for method in methods {
+            let text = format!(
+                "model m {{ output y = {output}; }} simulate s of m {{ horizon 1; method {method} }}"
+            );
+            let found = solved(&text, "s");
+            assert_eq!(found.time.last(), Some(&1.0), "{text}");
+        }
+    }
+}

@@ -89,7 +89,7 @@ pub enum Confirmation {
     TooLong,
     /// Nothing: some of them do not reach the end.
     Unfinished,
-    /// Nothing: the one with the free quantities as they are misses the objective by more than a thousandth.
+    /// Nothing: the one with the free quantities as they are misses the objective by more than a thousandth, or by more than descent gains.
     Differs,
     /// Nothing: there are none.
     #[default]
@@ -122,9 +122,7 @@ impl Confirmation {
             Confirmation::Unfinished => {
                 Some("not all simulations with other free quantities reach the end")
             }
-            Confirmation::Differs => {
-                Some("the simulation differs by more than a thousandth of the objective")
-            }
+            Confirmation::Differs => Some("the simulation differs too much to tell"),
         }
     }
 }

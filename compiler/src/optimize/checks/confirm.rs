@@ -48,6 +48,8 @@ enum Look {
 /// Points that are better or may lead to better ones, the best first.
 struct Better {
     points: Vec<Candidate>,
+    /// The objective of the simulation where it was looked around.
+    cost: f64,
     /// By how much the objective falls per size of a free quantity.
     rate: f64,
     /// Whether it falls to first order.
@@ -86,14 +88,18 @@ pub(crate) fn confirm(
             continue;
         }
         if better.is_descent {
-            let rate = better.rate;
+            let (rate, cost) = (better.rate, better.cost);
             let beyond = beyond(problem, solution, better, limit, |problem, point| {
                 from(problem, point, options, limit, watch).filter(is_better)
             });
-            let Some(found) = beyond else {
-                return (Confirmation::Descent(rate), None);
-            };
-            take(solution, found);
+            match beyond {
+                Ok(found) => take(solution, found),
+                // No farther than the program and simulations are apart, it does not count.
+                Err(least) if cost - least <= (cost - solution.objective).abs() => {
+                    return (Confirmation::Differs, None);
+                }
+                Err(_) => return (Confirmation::Descent(rate), None),
+            }
             (looks, unfollowed) = (&LOOKS[..], None);
             continue;
         }
@@ -115,31 +121,46 @@ fn take(solution: &mut Solution, found: Solution) {
 }
 
 /// A solution on the way that descent takes in simulations, to which the program has no way of its own: in between, an
-/// element may have to hold more switches than it can.
+/// element may have to hold more switches than it can. Where there is none, the least objective on the way.
 fn beyond(
     problem: &mut Problem,
     solution: &Solution,
     mut better: Better,
     limit: &Limit,
     mut from: impl FnMut(&mut Problem, &[f64]) -> Option<Solution>,
-) -> Option<Solution> {
+) -> Result<Solution, f64> {
+    let mut least = better.cost;
     for _ in 0..MAX_ROUNDS {
         let point = better.points.swap_remove(0);
-        let mut place = Solution {
-            w: point.w,
-            objective: point.merit,
-            ..solution.clone()
-        };
-        let values = Reduced::new(problem, &place.w, limit)?.at(&place.w)?;
-        let (end, n) = end(problem, &values.end);
-        place.w[end..][..n].copy_from_slice(&values.end[..n]);
-        better = look(problem, &place, &LOOKS[..1], limit).ok()?;
+        least = point.merit.min(least);
+        let next = simulated(problem, solution, point, limit);
+        let next = next.and_then(|place| look(problem, &place, &LOOKS[..1], limit).ok());
+        let Some(next) = next else { break };
+        better = next;
         let mut points = better.points.iter();
         if let Some(found) = points.find_map(|point| from(problem, &point.w)) {
-            return Some(found);
+            return Ok(found);
         }
     }
-    None
+    Err(least)
+}
+
+/// A solution moved to a point, with the end of its simulation.
+fn simulated(
+    problem: &Problem,
+    solution: &Solution,
+    point: Candidate,
+    limit: &Limit,
+) -> Option<Solution> {
+    let mut place = Solution {
+        w: point.w,
+        objective: point.merit,
+        ..solution.clone()
+    };
+    let values = Reduced::new(problem, &place.w, limit)?.at(&place.w)?;
+    let (end, n) = end(problem, &values.end);
+    place.w[end..][..n].copy_from_slice(&values.end[..n]);
+    Some(place)
 }
 
 /// The solution of the program that is found from a simulation with the free quantities of a point.
@@ -230,6 +251,7 @@ fn look(
             } => {
                 return Ok(Better {
                     points,
+                    cost: base.as_ref().map_or(solution.objective, |base| base.cost),
                     rate,
                     is_descent: is_first_order,
                     left: &looks[i + 1..],

@@ -342,8 +342,8 @@ impl Element {
     fn advance(&mut self, scale: &[f64]) -> f64 {
         let Stages { n, per_node, h, .. } = self.stages;
         let mut largest = 0.0_f64;
-        let nodes = self.stages.unknowns.chunks_exact_mut(per_node);
-        for (node, changes) in nodes.zip(self.rhs.chunks_exact(per_node)) {
+        let nodes = self.stages.unknowns.chunks_exact_mut(per_node.max(1));
+        for (node, changes) in nodes.zip(self.rhs.chunks_exact(per_node.max(1))) {
             for (place, (y, change)) in node.iter_mut().zip(changes).enumerate() {
                 *y += change;
                 let (change, size) = match place < n {

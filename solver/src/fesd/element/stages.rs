@@ -75,7 +75,7 @@ impl Stages {
 
     /// Takes constant rates as the first guess.
     pub fn guess(&mut self, rates: &[f64], w: &[f64]) {
-        for node in self.unknowns.chunks_exact_mut(self.per_node) {
+        for node in self.unknowns.chunks_exact_mut(self.per_node.max(1)) {
             node[..self.n].copy_from_slice(rates);
             node[self.n..].copy_from_slice(w);
         }
