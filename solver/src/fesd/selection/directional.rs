@@ -178,8 +178,8 @@ impl Directional {
                 next[pair] = zeros[pair].other();
             }
         }
-        let start = self.start(system, z, &[], [0.5, 0.5]);
-        let u = self.solve(system, &next, start);
+        let first = start(system, z, &[], [0.5, 0.5]);
+        let u = self.solve(system, &next, first);
         u.into_iter().map(|u| (next.clone(), u)).collect()
     }
 
@@ -211,7 +211,7 @@ impl Directional {
         rate_scale: f64,
     ) -> Option<Choice> {
         let starts = (0..zeros.len())
-            .map(|pair| self.starts(system, (&zeros, &u), z, bands, rate_scale, pair))
+            .map(|pair| starts(system, (&zeros, &u), z, bands, rate_scale, pair))
             .collect::<Option<Vec<Start>>>()?;
         let strict = !starts.contains(&Start::Tangent);
         let rates = self.rates(system, &u);
@@ -248,7 +248,7 @@ impl Directional {
                 continue;
             }
             let guesses = guesses(&system.full);
-            let starts = guesses.map(|guess| self.start(system, z, open, guess));
+            let starts = guesses.map(|guess| start(system, z, open, guess));
             for mut u in from_directions(system, &tried, open, starts.collect()) {
                 let solved = match is_affine && mask > 0 {
                     // Only the rows of the pairs differ from those of the first choice.
@@ -274,14 +274,14 @@ impl Directional {
         z: &[f64],
         open: &[usize],
     ) -> (Vec<Solved>, f64) {
-        let start = self.start(system, z, open, [0.5, 0.5]);
-        let Some(u) = self.smooth(system, zeros, open, start) else {
+        let first = start(system, z, open, [0.5, 0.5]);
+        let Some(u) = self.smooth(system, zeros, open, first) else {
             return (Vec::new(), 0.0);
         };
         let before = zeros;
         let mut zeros = zeros.to_vec();
         for &pair in open {
-            let (a, b) = self.members(system, pair, &u);
+            let (a, b) = members(system, pair, &u);
             zeros[pair] = if a <= b { Zero::Left } else { Zero::Right };
         }
         if let Some(u) = self.solve(system, &zeros, u.clone()) {
@@ -310,70 +310,6 @@ impl Directional {
         }
         let rows = terms.iter().zip(&slopes).filter(|(_, slope)| **slope > 0.0);
         rows.fold(0.0, |most, (terms, slope)| most.max(terms / slope))
-    }
-
-    /// Where Newton's method starts: what is open stands at `guess`, every other pair at the second.
-    pub(crate) fn start(
-        &self,
-        system: &ComplementaritySystem,
-        z: &[f64],
-        open: &[usize],
-        guess: [f64; 2],
-    ) -> Vec<f64> {
-        let mut u: Vec<f64> = (0..z.len())
-            .map(|i| if system.is_continuous(i) { 0.0 } else { z[i] })
-            .collect();
-        for (at, &pair) in open.iter().enumerate() {
-            let pair = &system.pairs[pair];
-            for member in [pair.left, pair.right] {
-                if !system.is_continuous(member.variable) {
-                    u[member.variable] = guess[at % 2];
-                }
-            }
-        }
-        u
-    }
-
-    /// The members of a pair in the directional form: a value, or the rate of what is continuous.
-    pub(crate) fn members(
-        &self,
-        system: &ComplementaritySystem,
-        pair: usize,
-        u: &[f64],
-    ) -> (f64, f64) {
-        let value = |member: Member| match system.is_continuous(member.variable) {
-            true => member.slope() * u[member.variable],
-            false => member.value(u),
-        };
-        let pair = &system.pairs[pair];
-        (value(pair.left), value(pair.right))
-    }
-
-    /// How the member of a pair that is not zero starts; none where it is negative or becomes so.
-    pub(crate) fn starts(
-        &self,
-        system: &ComplementaritySystem,
-        (zeros, u): (&[Zero], &[f64]),
-        z: &[f64],
-        bands: &[f64],
-        rate_scale: f64,
-        pair: usize,
-    ) -> Option<Start> {
-        let (_, member) = system.pairs[pair].split(zeros[pair]);
-        if system.is_continuous(member.variable) {
-            match member.slope() * u[member.variable] / rate_scale {
-                _ if member.value(z) > bands[pair] => Some(Start::Inside),
-                rate if rate > TIE => Some(Start::Rising),
-                rate if rate >= -TIE => Some(Start::Tangent),
-                _ => None,
-            }
-        } else {
-            match member.value(u) {
-                value if value > TIE => Some(Start::Inside),
-                value if value >= -TIE => Some(Start::Tangent),
-                _ => None,
-            }
-        }
     }
 
     /// f where the problem was solved.
@@ -418,7 +354,7 @@ impl Directional {
         self.rhs[..n_equations].copy_from_slice(&self.residual);
         for (row, &zero) in zeros.iter().enumerate() {
             let (member, _) = system.pairs[row].split(zero);
-            let (left, right) = self.members(system, row, u);
+            let (left, right) = members(system, row, u);
             let at = n_equations + row;
             self.rhs[at] = self.held[row] - if zero == Zero::Left { left } else { right };
             self.matrix.clear_row(at);
@@ -467,6 +403,63 @@ impl Directional {
             largest = largest.max(step.abs() / (1.0 + u.abs()));
         }
         u.iter().all(|u| u.is_finite()).then_some(largest)
+    }
+}
+
+/// Where Newton's method starts: what is open stands at `guess`, every other pair at the second.
+pub(crate) fn start(
+    system: &ComplementaritySystem,
+    z: &[f64],
+    open: &[usize],
+    guess: [f64; 2],
+) -> Vec<f64> {
+    let mut u: Vec<f64> = (0..z.len())
+        .map(|i| if system.is_continuous(i) { 0.0 } else { z[i] })
+        .collect();
+    for (at, &pair) in open.iter().enumerate() {
+        let pair = &system.pairs[pair];
+        for member in [pair.left, pair.right] {
+            if !system.is_continuous(member.variable) {
+                u[member.variable] = guess[at % 2];
+            }
+        }
+    }
+    u
+}
+
+/// The members of a pair in the directional form: a value, or the rate of what is continuous.
+pub(crate) fn members(system: &ComplementaritySystem, pair: usize, u: &[f64]) -> (f64, f64) {
+    let value = |member: Member| match system.is_continuous(member.variable) {
+        true => member.slope() * u[member.variable],
+        false => member.value(u),
+    };
+    let pair = &system.pairs[pair];
+    (value(pair.left), value(pair.right))
+}
+
+/// How the member of a pair that is not zero starts; none where it is negative or becomes so.
+pub(crate) fn starts(
+    system: &ComplementaritySystem,
+    (zeros, u): (&[Zero], &[f64]),
+    z: &[f64],
+    bands: &[f64],
+    rate_scale: f64,
+    pair: usize,
+) -> Option<Start> {
+    let (_, member) = system.pairs[pair].split(zeros[pair]);
+    if system.is_continuous(member.variable) {
+        match member.slope() * u[member.variable] / rate_scale {
+            _ if member.value(z) > bands[pair] => Some(Start::Inside),
+            rate if rate > TIE => Some(Start::Rising),
+            rate if rate >= -TIE => Some(Start::Tangent),
+            _ => None,
+        }
+    } else {
+        match member.value(u) {
+            value if value > TIE => Some(Start::Inside),
+            value if value >= -TIE => Some(Start::Tangent),
+            _ => None,
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 
 use petgraph::unionfind::UnionFind;
 
-use super::directional::{Directional, Solved};
+use super::directional::{Directional, Solved, start, starts};
 use crate::fesd::system::{ComplementaritySystem, Zero};
 
 /// Pairs of one group of which all choices are tried.
@@ -32,7 +32,7 @@ impl Directional {
         }
         let base = self.one(system, zeros, z, open).0.pop();
         let (zeros, u) = base.unwrap_or_else(|| {
-            let u = self.start(system, z, open, [0.5, 0.5]);
+            let u = start(system, z, open, [0.5, 0.5]);
             (zeros.to_vec(), u)
         });
         let tried = groups
@@ -45,10 +45,7 @@ impl Directional {
         for (group, tried) in groups.iter().zip(tried) {
             let agrees = |(zeros, u): &Solved| {
                 let mut pairs = group.iter();
-                pairs.all(|&pair| {
-                    self.starts(system, (zeros, u), z, bands, scale, pair)
-                        .is_some()
-                })
+                pairs.all(|&pair| starts(system, (zeros, u), z, bands, scale, pair).is_some())
             };
             let mut sets: Vec<Vec<Zero>> = Vec::new();
             for (zeros, _) in tried.into_iter().filter(agrees) {

@@ -4,7 +4,7 @@
 //! a + b - √(a² + b² + 2σ) = 0, whose solutions satisfy ab = σ, a, b > 0; Newton's method follows
 //! them from σ = 1 towards zero (Kanzow 1996).
 
-use super::directional::Directional;
+use super::directional::{Directional, members};
 use crate::fesd::system::{ComplementaritySystem, Zero};
 
 /// Where σ ends, and what it is multiplied with; pairs are of size 1 by their scales.
@@ -75,7 +75,7 @@ impl Directional {
         let n_equations = system.full.directional.n_outputs();
         for (row, &zero) in zeros.iter().enumerate() {
             let pair = &system.pairs[row];
-            let (left, right) = self.members(system, row, u);
+            let (left, right) = members(system, row, u);
             let at = n_equations + row;
             if !open.contains(&row) {
                 let (member, _) = pair.split(zero);
