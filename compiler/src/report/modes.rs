@@ -26,7 +26,7 @@ impl Side {
 
 impl Trajectory {
     /// The mode in at most about `length` characters: where it has many switches, regions and
-    /// sliding surfaces are named and the others counted, but for those by which other modes of the run differ that
+    /// sliding surfaces are named and the others counted, but for as many as tell it from other modes of the run that
     /// count the same.
     pub fn short_mode(&self, interval: &ModeInterval, length: usize) -> String {
         if interval.mode.chars().count() <= length {
@@ -35,10 +35,11 @@ impl Trajectory {
         let mut text = self.counted(interval);
         let twins = self.modes.iter();
         let twins = twins.filter(|other| other.mode != interval.mode);
-        let twins: Vec<_> = twins.filter(|other| self.counted(other) == text).collect();
+        let mut twins: Vec<_> = twins.filter(|other| self.counted(other) == text).collect();
         for (i, (name, side)) in self.switches.iter().zip(&interval.sides).enumerate() {
             if twins.iter().any(|twin| twin.sides[i] != *side) {
                 text += &format!(", {}({name})", side.as_str());
+                twins.retain(|twin| twin.sides[i] == *side);
             }
         }
         text
@@ -162,8 +163,8 @@ mod tests {
             .map(|interval| trajectory.short_mode(interval, 10))
             .collect();
         insta::assert_snapshot!(short.join("\n"), @r"
-        1 below, 2 above, above(x), below(y)
-        1 below, 2 above, below(x), above(y)
+        1 below, 2 above, above(x)
+        1 below, 2 above, below(x)
         2 below, 1 above
         ");
     }
