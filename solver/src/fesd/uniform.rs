@@ -136,11 +136,11 @@ impl<'s> Uniform<'s> {
                 }
             }
         }
-        for (node, solved) in unknowns.chunks_exact_mut(per_node).zip(
+        for (node, solved) in unknowns.chunks_exact_mut(per_node.max(1)).zip(
             element
                 .stages
                 .unknowns
-                .chunks_exact(element.stages.per_node),
+                .chunks_exact(element.stages.per_node.max(1)),
         ) {
             node[..n].copy_from_slice(&solved[..n]);
         }

@@ -146,6 +146,9 @@ impl Element {
             // One iteration solves linear equations from anywhere.
             return;
         }
+        if self.stages.unknowns.is_empty() {
+            return;
+        }
         let per_node = self.stages.per_node;
         let (s, unknowns) = (scheme.s, &self.stages.unknowns);
         let coefficients = &mut self.rhs[..s];
