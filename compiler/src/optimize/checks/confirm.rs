@@ -77,7 +77,8 @@ pub(crate) fn confirm(
         let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN);
         let least = solution.objective - gain;
         let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
-        let found = rounds.next().and_then(|_| {
+        let round = rounds.next();
+        let found = round.and_then(|_| {
             let mut points = better.points.iter();
             points
                 .find_map(|point| from(problem, &point.w, options, limit, watch).filter(is_better))
@@ -89,6 +90,9 @@ pub(crate) fn confirm(
         }
         if better.is_descent {
             let (rate, cost) = (better.rate, better.cost);
+            if round.is_none() {
+                return (Confirmation::Descent(rate), None);
+            }
             let beyond = beyond(problem, solution, better, limit, |problem, point| {
                 from(problem, point, options, limit, watch).filter(is_better)
             });
