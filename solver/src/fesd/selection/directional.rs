@@ -64,8 +64,8 @@ pub(crate) struct Directional {
     pub(crate) matrix: Blocks,
     pub(crate) rhs: Vec<f64>,
     residual: Vec<f64>,
-    /// Which rows of g are about rates.
-    of_rates: Vec<bool>,
+    /// Which rows of g are about rates, once that was asked.
+    pub(crate) of_rates: Vec<bool>,
     /// What the member of each pair is that is zero by its set, while it is not.
     pub(crate) held: Vec<f64>,
     n: usize,
@@ -85,14 +85,10 @@ impl Directional {
         let members = system.pairs.iter().enumerate().flat_map(|(k, pair)| {
             [pair.left, pair.right].map(|member| (n_equations + k, member.variable))
         });
-        let of_rates = |row: usize| {
-            let mut of_row = entries.clone().filter(|(of, _)| *of == row);
-            of_row.any(|(_, variable)| system.is_continuous(variable))
-        };
         Directional {
-            of_rates: (0..n_equations).map(of_rates).collect(),
+            of_rates: Vec::new(),
             at: Evaluator::new(1 + n + 2 * n_z + system.n_numbers(), tapes),
-            matrix: Blocks::new(n_z, entries.clone().chain(members)),
+            matrix: Blocks::new(n_z, entries.chain(members)),
             rhs: vec![0.0; n_z],
             residual: vec![0.0; n_equations],
             held: vec![0.0; system.pairs.len()],

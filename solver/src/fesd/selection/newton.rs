@@ -24,6 +24,9 @@ impl Directional {
         open: &[usize],
         mut u: Vec<f64>,
     ) -> Option<Vec<f64>> {
+        if self.of_rates.is_empty() {
+            self.of_rates = rows_of_rates(system);
+        }
         // Rates are measured by the largest one at the start.
         self.linearize(system, &u);
         let size = match self.largest_rate() {
@@ -104,4 +107,14 @@ impl Directional {
             .chain(self.rhs[n_equations..].iter().copied());
         rows.map(|row| row * row).sum::<f64>().sqrt()
     }
+}
+
+/// Which rows of the directional form of g have the rate of something in them.
+fn rows_of_rates(system: &ComplementaritySystem) -> Vec<bool> {
+    let (full, first) = (&system.full, 1 + system.n_states() + system.n_algebraics());
+    let mut of_rates = vec![false; full.directional.n_outputs()];
+    for &(row, input) in &full.directional_slopes.entries {
+        of_rates[row] |= system.is_continuous(input - first);
+    }
+    of_rates
 }
