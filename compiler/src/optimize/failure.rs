@@ -48,7 +48,6 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
                 .max(solution.residuals.complementarity);
             Some(Failure::Infeasible {
                 violation: format!("{violation:.1e}"),
-                is_asked: has_constraints(problem),
                 lines: lines(problem, &solution.w),
             })
         }
@@ -120,14 +119,6 @@ fn line(problem: &Problem, row: usize) -> Option<Span> {
         Source::Task(span) => Some(span),
         Source::Grid => None,
     }
-}
-
-/// Whether a row of the program is none of its model and its grid.
-fn has_constraints(problem: &Problem) -> bool {
-    let rows = 0..problem.program.n_rows();
-    let source = |row| Some(problem.mpcc.origin(&problem.program, row)?.source);
-    rows.filter_map(source)
-        .any(|source| matches!(source, Source::Task(_)))
 }
 
 /// What keeps a feasible point from being known to be an optimum.

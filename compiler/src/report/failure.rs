@@ -378,21 +378,17 @@ pub enum Failure {
     },
 
     /// Constraints that contradict each other, or a grid that holds no trajectory.
-    #[error("{}: at best {violation} is missed", match *is_asked {
-        true => "no controls satisfy all constraints",
-        false => "no trajectory on this grid was found",
-    })]
+    #[error(
+        "no controls satisfy the model and all constraints on this grid: at best {violation} is missed"
+    )]
     #[diagnostic(
         code(E0715),
-        help("{}", match *is_asked {
-            true => "loosen one of these lines, the horizon, or bounds of controls and states, or start from another `guess`",
-            false => "take more `elements`: an interval with m of them holds m - 1 instants at which something switches; or more `intervals`, or another `guess`",
-        })
+        help(
+            "loosen one of these lines, the horizon, or bounds of controls and states, or start from another `guess`; an interval with m `elements` holds m - 1 instants of switches"
+        )
     )]
     Infeasible {
         violation: String,
-        /// Whether the task has constraints.
-        is_asked: bool,
         #[label(collection)]
         lines: Vec<LabeledSpan>,
     },

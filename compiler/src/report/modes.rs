@@ -33,9 +33,9 @@ impl Trajectory {
             return interval.mode.clone();
         }
         let mut text = self.counted(interval);
-        let twins = self.modes.iter();
-        let twins = twins.filter(|other| other.mode != interval.mode);
-        let mut twins: Vec<_> = twins.filter(|other| self.counted(other) == text).collect();
+        let is_twin =
+            |other: &&ModeInterval| other.mode != interval.mode && self.counted(other) == text;
+        let mut twins: Vec<_> = self.modes.iter().filter(is_twin).collect();
         for (i, (name, side)) in self.switches.iter().zip(&interval.sides).enumerate() {
             if twins.iter().any(|twin| twin.sides[i] != *side) {
                 text += &format!(", {}({name})", side.as_str());

@@ -9,6 +9,7 @@ use wide::f64x4;
 use super::modes::Modes;
 use super::system::{ComplementaritySystem, Pair, Zero, measure};
 use crate::fesd::element::scheme::{Scheme, WIDTH};
+use crate::fesd::element::stages::{by_node, by_node_mut};
 use crate::fesd::system::evaluator::n_registers;
 use crate::hybrid::Stats;
 
@@ -136,12 +137,8 @@ impl<'s> Uniform<'s> {
                 }
             }
         }
-        for (node, solved) in unknowns.chunks_exact_mut(per_node.max(1)).zip(
-            element
-                .stages
-                .unknowns
-                .chunks_exact(element.stages.per_node.max(1)),
-        ) {
+        let solved = by_node(&element.stages.unknowns, element.stages.per_node);
+        for (node, solved) in by_node_mut(unknowns, per_node).zip(solved) {
             node[..n].copy_from_slice(&solved[..n]);
         }
         true

@@ -28,8 +28,10 @@ use crate::selector::selection::{Choice, Entry, Onset};
 /// x has more, of the step to it or of a law; and those within which a surface that has just been left is not seen again.
 const AT_START: f64 = 2.0;
 const LATER: f64 = 4.0;
-const BALANCED: f64 = 64.0;
 const LEFT: f64 = 16.0;
+
+/// The same of what equations solve for, which have more than one term in a row.
+const SOLVED: f64 = 64.0;
 
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
 /// by, so that bodies that graze two others at once are not taken for jammed between them.
@@ -59,7 +61,7 @@ impl Mode {
         if !self.system.switches[switch].is_plain() {
             // What algebraic states balance is known to its rounding, however large it is.
             let size = self.surfaces.weigh(switch, |j| state.scales.reach(j));
-            return (BALANCED * rounding).max(BAND * (size + by_time * horizon));
+            return (SOLVED * rounding).max(BAND * (size + by_time * horizon));
         }
         if !state.selection.begun {
             return AT_START * rounding;

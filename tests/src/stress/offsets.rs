@@ -8,19 +8,20 @@ pub fn families(extent: Extent) -> Vec<Family> {
         &[1.7e12, 1e15],
         &[1e3, 1e6, 1e9, 1e11, 1.7e12, 1e13, 1e14, 5e14, 1e15],
     );
-    let methods = ["event", "fesd"];
+    let methods = ["event", "fesd", "fesd; lower timefreezing", "adaptive"];
     let count = extent.sweep(&[1], &[1, 2, 3, 4, 5, 6, 7, 8]).len();
     let cases = offsets.iter().flat_map(|&offset| {
         (0..count).flat_map(move |k| {
-            methods
-                .into_iter()
-                .flat_map(move |method| [thresholds(offset, k, method), resets(offset, k, method)])
+            methods.into_iter().flat_map(move |method| {
+                let all = [thresholds, resets, bounds];
+                all.map(|case| case(offset, k, method))
+            })
         })
     });
     vec![Family {
         name: "far from zero",
-        about: "A state that starts at an offset and passes two thresholds whole numbers away, or is sent back by a jump \
-                there; closed forms in whole numbers.",
+        about: "A state that starts at an offset and passes two thresholds whole numbers away, is sent back by a jump \
+                there, or is the linear term of a program with two bounds; closed forms in whole numbers.",
         hardness: "offset",
         cases: cases.flatten().collect(),
     }]
@@ -49,6 +50,20 @@ fn resets(offset: f64, k: usize, method: &str) -> Option<Case> {
          jump back when x > {offset:?} + {gap} {{ x := {offset:?}; y := y + 1; }}"
     );
     Some(of(offset, text, (7 / gap) as f64, 7.5, method))
+}
+
+/// z = x - offset between two bounds, as the solution of a program: y' = z.
+fn bounds(offset: f64, k: usize, method: &str) -> Option<Case> {
+    if method.contains("timefreezing") {
+        return None;
+    }
+    let (low, high) = (1 + k % 4, 5 + k % 3);
+    let text = format!(
+        "state x = {offset:?}; x' = 1; state y = 0; y' = z; \
+         z in argmin 0.5*z^2 - (x - {offset:?})*z subject to {{ z >= {low}; z <= {high}; }};"
+    );
+    let known = (2 * low * low + high * high - low * low + 2 * (8 - high) * high) as f64 / 2.0;
+    Some(of(offset, text, known, 8.0, method))
 }
 
 /// An instant is known to a few roundings of the offset.

@@ -10,6 +10,7 @@ use nsd_solver::optimization::mpcc::{Options, Solution};
 
 use super::descent::{Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
+use super::solved;
 use crate::limit::Limit;
 use crate::optimize::Problem;
 use crate::optimize::start::reference;
@@ -162,7 +163,7 @@ fn simulated(
         ..solution.clone()
     };
     let values = Reduced::new(problem, &place.w, limit)?.at(&place.w)?;
-    let (end, n) = end(problem, &values.end);
+    let (end, n) = solved::end(problem, &values.end);
     place.w[end..][..n].copy_from_slice(&values.end[..n]);
     Some(place)
 }
@@ -228,7 +229,7 @@ fn look(
         .map_or(0.0, |base| (base.cost - solution.objective).abs());
     let terminal = base
         .as_ref()
-        .map_or(0.0, |base| terminal_error(problem, w, &base.end));
+        .map_or(0.0, |base| solved::terminal_error(problem, w, &base.end));
     // Where simulations are that far off, no change of them is told from it.
     if error > CREDIBLE * solution.objective.abs().max(1.0) {
         return Err(Confirmation::Differs);
@@ -268,22 +269,4 @@ fn look(
         }
     }
     Err(Confirmation::Confirmed)
-}
-
-/// How far the end of a simulation is from that of the program.
-fn terminal_error(problem: &Problem, w: &[f64], values: &[f64]) -> f64 {
-    let (end, n) = end(problem, values);
-    let differences = values.iter().zip(&w[end..][..n]);
-    differences.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
-}
-
-/// Where the states at the end stand in the program, and how many of those of a simulation there are.
-fn end(problem: &Problem, values: &[f64]) -> (usize, usize) {
-    let layout = &problem.layout;
-    // In numerical time the clock and what moves while it stands come behind the states of the model.
-    let n = match &problem.frozen {
-        Some(frozen) => frozen.n_states,
-        None => layout.n_states().min(values.len()),
-    };
-    (layout.x(layout.steps, layout.elements, layout.end), n)
 }

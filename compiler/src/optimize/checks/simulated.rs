@@ -24,7 +24,7 @@ pub(crate) fn simulate(
     limit: &Limit,
     trajectory: &mut Trajectory,
 ) {
-    let (layout, w) = (&problem.layout, &solution.w);
+    let w = &solution.w;
     let started = Instant::now();
     let run = solved::run(problem, w, limit, |settings| {
         settings.tolerance = (FINER * settings.tolerance).max(FINEST);
@@ -39,13 +39,8 @@ pub(crate) fn simulate(
     }
     let last = run.time.len() - 1;
     let x = run.states[0].at(last);
-    let end = layout.x(layout.steps, layout.elements, layout.end);
-    let n = match &problem.frozen {
-        Some(frozen) => frozen.n_states,
-        None => layout.n_states().min(x.len()),
-    };
-    let differences = x[..n].iter().zip(&w[end..end + n]);
-    let terminal = differences.fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
+    let (_, n) = solved::end(problem, x);
+    let terminal = solved::terminal_error(problem, w, x);
     let all = (0..run.time.len()).flat_map(|k| &run.states[0].at(k)[..n]);
     let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
     let objective = cost(problem, x, w) - solution.objective;

@@ -86,3 +86,21 @@ pub(crate) fn tables(problem: &Problem, w: &[f64]) -> Vec<Arc<Table>> {
     };
     controls.enumerate().map(table).collect()
 }
+
+/// How far the end of a simulation is from that of the program.
+pub(crate) fn terminal_error(problem: &Problem, w: &[f64], values: &[f64]) -> f64 {
+    let (end, n) = end(problem, values);
+    let differences = values.iter().zip(&w[end..][..n]);
+    differences.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
+}
+
+/// Where the states at the end stand in the program, and how many of those of a simulation there are.
+pub(crate) fn end(problem: &Problem, values: &[f64]) -> (usize, usize) {
+    let layout = &problem.layout;
+    // In numerical time the clock and what moves while it stands come behind the states of the model.
+    let n = match &problem.frozen {
+        Some(frozen) => frozen.n_states,
+        None => layout.n_states().min(values.len()),
+    };
+    (layout.x(layout.steps, layout.elements, layout.end), n)
+}

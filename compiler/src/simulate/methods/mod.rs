@@ -1,6 +1,7 @@
 //! The method of an experiment, with what is compiled of its system before it runs.
 
 mod adaptive;
+mod blurred;
 mod events;
 pub mod fesd;
 mod frozen;

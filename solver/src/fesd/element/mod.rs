@@ -25,7 +25,7 @@ use crate::fesd::element::invariants::Keeper;
 use crate::fesd::element::jacobian::Jacobian;
 use crate::fesd::element::projection::Projection;
 use crate::fesd::element::scheme::Scheme;
-use crate::fesd::element::stages::Stages;
+use crate::fesd::element::stages::{Stages, by_node, by_node_mut};
 use crate::fesd::element::terms::Terms;
 use crate::fesd::system::hidden::{Hidden, Unsolved};
 use crate::hybrid::Stats;
@@ -345,8 +345,8 @@ impl Element {
     fn advance(&mut self, scale: &[f64]) -> f64 {
         let Stages { n, per_node, h, .. } = self.stages;
         let mut largest = 0.0_f64;
-        let nodes = self.stages.unknowns.chunks_exact_mut(per_node.max(1));
-        for (node, changes) in nodes.zip(self.rhs.chunks_exact(per_node.max(1))) {
+        let nodes = by_node_mut(&mut self.stages.unknowns, per_node);
+        for (node, changes) in nodes.zip(by_node(&self.rhs, per_node)) {
             for (place, (y, change)) in node.iter_mut().zip(changes).enumerate() {
                 *y += change;
                 let (change, size) = match place < n {

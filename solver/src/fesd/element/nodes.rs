@@ -7,6 +7,7 @@
 //! Fischer-Burmeister equation a + b - √(a² + b² + 2σ) = 0 satisfy ab = σ, a, b > 0 (Kanzow 1996).
 
 use super::scheme::Scheme;
+use super::stages::{by_node, by_node_mut};
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::evaluator::Evaluator;
 use crate::fesd::uniform::SLACK;
@@ -119,7 +120,7 @@ impl Nodes {
         let n = self.n;
         let rates: Vec<f64> = self.at.eval(&system.full.equations).take(n).collect();
         let per_node = self.per_node();
-        for node in self.unknowns.chunks_exact_mut(per_node.max(1)) {
+        for node in by_node_mut(&mut self.unknowns, per_node) {
             node[..n].copy_from_slice(&rates);
             node[n..].copy_from_slice(z);
         }
@@ -186,7 +187,7 @@ impl Nodes {
     /// Puts what jumps to the middle of its range.
     fn centre(&mut self, system: &ComplementaritySystem) {
         let (n, per_node) = (self.n, self.per_node());
-        for node in self.unknowns.chunks_exact_mut(per_node.max(1)) {
+        for node in by_node_mut(&mut self.unknowns, per_node) {
             for (i, z) in node[n..].iter_mut().enumerate() {
                 if !system.is_continuous(i) {
                     *z = 0.5;
@@ -260,7 +261,7 @@ impl Nodes {
     /// Whether no member is negative.
     fn is_complementary(&self, system: &ComplementaritySystem) -> bool {
         let per_node = self.per_node();
-        self.unknowns.chunks_exact(per_node.max(1)).all(|node| {
+        by_node(&self.unknowns, per_node).all(|node| {
             let z = &node[self.n..];
             let mut pairs = system.pairs.iter();
             pairs.all(|pair| pair.left.value(z).min(pair.right.value(z)) >= SLACK)

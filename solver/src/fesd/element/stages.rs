@@ -1,5 +1,7 @@
 //! The stages of an element: V and w at its nodes, and X_m = x₀ + h Σ_j a_mj V_j, in lanes over the nodes.
 
+use std::slice::{ChunksExact, ChunksExactMut};
+
 use wide::f64x4;
 
 use super::scheme::{Scheme, WIDTH};
@@ -75,7 +77,7 @@ impl Stages {
 
     /// Takes constant rates as the first guess.
     pub fn guess(&mut self, rates: &[f64], w: &[f64]) {
-        for node in self.unknowns.chunks_exact_mut(self.per_node.max(1)) {
+        for node in by_node_mut(&mut self.unknowns, self.per_node) {
             node[..self.n].copy_from_slice(rates);
             node[self.n..].copy_from_slice(w);
         }
@@ -152,4 +154,14 @@ impl Stages {
             }
         }
     }
+}
+
+/// The unknowns of each node; no nodes where they have none.
+pub(crate) fn by_node(unknowns: &[f64], per_node: usize) -> ChunksExact<'_, f64> {
+    unknowns.chunks_exact(per_node.max(1))
+}
+
+/// The same, to be written.
+pub(crate) fn by_node_mut(unknowns: &mut [f64], per_node: usize) -> ChunksExactMut<'_, f64> {
+    unknowns.chunks_exact_mut(per_node.max(1))
 }

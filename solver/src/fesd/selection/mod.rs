@@ -205,12 +205,12 @@ impl<'s> Selection<'s> {
         let least = gaps.fold(0.0_f64, |size, (_, band)| size.max(band / BAND)) / bands.length;
         let place = &run.place;
         self.directional.set(place.t, &place.x, &place.z);
-        let found =
+        let mut found =
             (self.directional).choices(self.system, &place.zeros, &place.z, &bands.of, least);
         // Choices with the same rates are one solution.
         let sizes = sizes_of_rates(run, &found, bands.length);
         let mut classes: Vec<Vec<Choice>> = Vec::new();
-        for choice in found.choices.iter().cloned() {
+        for choice in std::mem::take(&mut found.choices) {
             match classes
                 .iter_mut()
                 .find(|class| directional::agree(&class[0], &choice, least, &sizes))
@@ -219,14 +219,14 @@ impl<'s> Selection<'s> {
                 None => classes.push(vec![choice]),
             }
         }
-        if let [class] = &classes[..]
-            && let Some(choice) = class.iter().find(|choice| choice.strict)
+        if let [class] = &mut classes[..]
+            && let Some(at) = class.iter().position(|choice| choice.strict)
         {
             match found.complete {
                 true => run.record.rungs.predicted += 1,
                 false => self.smoothed(run, &found),
             }
-            return self.take(modes, run, choice.clone(), bands);
+            return self.take(modes, run, class.swap_remove(at), bands);
         }
         // Where a derivative vanishes, an element of the set itself says what comes next.
         let mut accepted: Vec<Choice> = Vec::new();

@@ -3,7 +3,6 @@
 //! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
 //! global error.
 
-pub(super) mod blurred;
 mod complementarity;
 pub(super) mod impulses;
 mod kept;
@@ -23,6 +22,7 @@ pub use complementarity::complementarity;
 use complementarity::complementarity_open;
 use turns::{Surfaces, Turned, Turns};
 
+use super::blurred;
 use crate::lowering::hybrid::Pulses;
 use crate::lowering::{dcs, hybrid};
 use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};

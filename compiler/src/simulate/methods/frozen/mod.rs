@@ -12,8 +12,9 @@ use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library};
 use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome};
 use physical_time::{End, Law, drive};
 
+use super::blurred;
 use super::events::{finer, solver_settings};
-use super::fesd::{blurred, complementarity, options};
+use super::fesd::{complementarity, options};
 use crate::lowering::dcs::Formulation;
 use crate::lowering::{dcs, hybrid};
 use crate::report::{Failure, Method, MethodOption, Trajectory};

@@ -14,7 +14,7 @@ const BAND: f64 = 1e-12;
 const SHARE: f64 = 0.1;
 
 /// A warning about the first switch that counts as zero over much of where it moves.
-pub(in crate::simulate::methods) fn warning(
+pub(super) fn warning(
     system: &System,
     outcome: &Outcome,
     trajectory: &Trajectory,
