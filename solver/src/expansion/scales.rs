@@ -160,6 +160,7 @@ impl Scales {
     /// is truncated there has the same sign in every step and in a finer run too, which would not
     /// see it: it must not be larger than rounding itself. What follows from states that are held at zero is no better
     /// known than these.
+    #[inline]
     pub(crate) fn of_error(&self, i: usize, c: &[f64], h: f64, tolerance: f64) -> f64 {
         let rounding = f64::EPSILON * self.activity[i].max(self.held[i]) * h;
         let magnitude = series::magnitude(c, h, 0);
