@@ -30,9 +30,6 @@ const AT_START: f64 = 2.0;
 const LATER: f64 = 4.0;
 const LEFT: f64 = 16.0;
 
-/// The same of what equations solve for, which have more than one term in a row.
-const SOLVED: f64 = 64.0;
-
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
 /// by, so that bodies that graze two others at once are not taken for jammed between them.
 pub(crate) const TOUCH: f64 = 1.0 / 64.0;
@@ -61,7 +58,7 @@ impl Mode {
         if !self.system.switches[switch].is_plain() {
             // What algebraic states balance is known to its rounding, however large it is.
             let size = self.surfaces.weigh(switch, |j| state.scales.reach(j));
-            return (SOLVED * rounding).max(BAND * (size + by_time * horizon));
+            return (LATER * rounding).max(BAND * (size + by_time * horizon));
         }
         if !state.selection.begun {
             return AT_START * rounding;
