@@ -144,6 +144,16 @@ pub struct Method {
     pub options: Vec<(String, MethodOption)>,
 }
 
+impl Method {
+    /// The words of the lowering; none where there is no choice.
+    pub fn lowering(&self) -> Option<&str> {
+        self.options.iter().find_map(|(name, value)| match value {
+            MethodOption::Text(text) if name == "lowering" => Some(text.as_str()),
+            _ => None,
+        })
+    }
+}
+
 /// Value of an option of a [`Method`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum MethodOption {

@@ -189,9 +189,10 @@ impl Roads {
         sound.count()
     }
 
-    /// How many others vouch for the experiment as it is written.
+    /// How many others vouch for the experiment as it is written. A method with other options makes the mistakes of that
+    /// method and confirms nothing.
     pub fn n_confirming(&self) -> usize {
-        let others = 1..self.roads.len();
+        let others = (1..self.roads.len()).filter(|other| !self.is_as_written(*other));
         let confirms = |other: &usize| {
             let difference = self.difference(0, *other);
             let difference = difference.filter(|_| self.roads[*other].sound().is_some());
@@ -200,9 +201,20 @@ impl Roads {
         others.filter(confirms).count()
     }
 
-    /// Whether there is no other road that takes the experiment.
+    /// Whether no other method or lowering takes the experiment.
     pub fn is_alone(&self) -> bool {
-        self.roads[1..].iter().all(|road| road.run.is_err())
+        let mut others = 1..self.roads.len();
+        others.all(|other| self.roads[other].run.is_err() || self.is_as_written(other))
+    }
+
+    /// Whether a road is by the method and with the lowering of the experiment as it is written.
+    fn is_as_written(&self, other: usize) -> bool {
+        let run = |road: usize| self.roads[road].run.as_deref().ok();
+        let pair = run(0).zip(run(other));
+        pair.is_some_and(|(written, other)| {
+            let (written, other) = (&written.method, &other.method);
+            written.name == other.name && written.lowering() == other.lowering()
+        })
     }
 
     /// How many miss their own equations.

@@ -1,5 +1,5 @@
 use super::{Refusal, Road, Roads, json, text};
-use crate::report::{Status, sample};
+use crate::report::{Method, MethodOption, Status, sample};
 
 /// The sample trajectory as it is, another time, and with this added to the first entry of its last state.
 fn roads(error: f64, estimate: Option<f64>) -> Roads {
@@ -7,11 +7,18 @@ fn roads(error: f64, estimate: Option<f64>) -> Roads {
     let last = other.states[0].values.len() - 2;
     other.states[0].values[last] += error;
     other.error_estimate = estimate;
-    let names = ["event", "fesd", "fesd, lower step"];
+    let ways = [("event", ""), ("fesd", "stewart"), ("fesd", "step")];
     let runs = [sample::oscillator(), sample::oscillator(), other];
-    let roads = names.iter().zip(runs).map(|(name, run)| Road {
-        name: (*name).to_owned(),
-        run: Ok(Box::new(run)),
+    let roads = ways.iter().zip(runs).map(|((name, lowering), mut run)| {
+        let lowering = MethodOption::Text((*lowering).to_owned());
+        run.method = Method {
+            name: (*name).to_owned(),
+            options: vec![("lowering".to_owned(), lowering)],
+        };
+        Road {
+            name: format!("{name} {}", run.method.lowering().unwrap_or_default()),
+            run: Ok(Box::new(run)),
+        }
     });
     let mut roads: Vec<Road> = roads.collect();
     roads.push(Road {
@@ -87,6 +94,30 @@ fn one_road_alone_is_enough_where_no_other_takes_the_experiment() {
     roads.roads.drain(1..3);
     assert!(roads.agree());
     assert!(text(&roads).contains("E0935: there are no contacts"));
+}
+
+/// Another order makes the mistakes of the method.
+#[test]
+fn a_method_does_not_confirm_itself() {
+    let mut roads = roads(0.0, None);
+    let written = roads.roads[0].run.as_ref().expect("a run");
+    let mut method = written.method.clone();
+    let order = ("order".to_owned(), MethodOption::Number(12.0));
+    method.options.push(order);
+    if let Ok(run) = &mut roads.roads[1].run {
+        run.method = method;
+    }
+    assert_eq!(roads.n_confirming(), 1);
+    assert!(roads.agree());
+    // The other one takes the experiment, and fails.
+    if let Ok(run) = &mut roads.roads[2].run {
+        run.status = Status::NumericalFailure;
+    }
+    assert!(!roads.agree());
+    assert!(text(&roads).contains("nothing confirms it but its own method"));
+    roads.roads.remove(2);
+    assert!(roads.agree());
+    assert!(text(&roads).contains("one road alone"));
 }
 
 #[test]

@@ -91,11 +91,14 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
 
 /// What there is to say in a line.
 fn verdict(all: &Roads) -> String {
-    let n = all.n_sound();
+    let (n, written) = (all.n_sound(), &all.roads[0]);
     let found = match (all.disagreements().len(), n) {
         (0, 0) => "no road comes to the end".to_owned(),
-        (0, 1) if all.is_alone() => "one road alone, no other one takes it".to_owned(),
+        (0, n) if n > 0 && all.is_alone() => "one road alone, no other one takes it".to_owned(),
         (0, 1) => "one road alone, nothing confirms it".to_owned(),
+        (0, n) if n > 1 && written.sound().is_some() && all.n_confirming() == 0 => {
+            "nothing confirms it but its own method".to_owned()
+        }
         (0, n) => format!("{n} roads agree"),
         (1, n) => format!("{n} roads, 1 pair of them differs"),
         (pairs, n) => format!("{n} roads, {pairs} pairs of them differ"),
@@ -105,7 +108,6 @@ fn verdict(all: &Roads) -> String {
         1 => format!("{found}, 1 misses its own equations"),
         n => format!("{found}, {n} miss their own equations"),
     };
-    let written = &all.roads[0];
     match (written.doubt(), written.solved()) {
         (Some(doubt), _) => format!("as written it {doubt}; {found}"),
         (None, None) if n > 0 => format!("as written it does not come to the end; {found}"),

@@ -11,7 +11,7 @@ use crate::optimize::{self, Point, Sampled};
 use crate::project::clock::Clock;
 use crate::project::launch::sampled;
 use crate::report::roads::{self, Found, Optima, Refusal, Resumed};
-use crate::report::{MethodOption, Trajectory};
+use crate::report::Trajectory;
 use crate::syntax::Experiment;
 use crate::system::System;
 use crate::{Compiled, compile};
@@ -74,7 +74,7 @@ pub fn verify(
         told.push(failure.clone());
     }
     project::print(&told, &project.sources, streams)?;
-    let own = lowering(&written.run);
+    let own = written.run.method.lowering().unwrap_or_default().to_owned();
     let mut all = Optima {
         experiment: experiment.name.name.clone(),
         model: experiment.model.head.name.clone(),
@@ -283,14 +283,4 @@ fn is_idle(compiled: &Compiled<'_>) -> bool {
     let has_jumps = !laws.is_empty() || !contacts.is_empty();
     settings.freezes() && !has_jumps && !has_relay
         || settings.takes_impulses() && contacts.is_empty()
-}
-
-/// The words of the lowering that a result is of.
-fn lowering(run: &Trajectory) -> String {
-    let mut options = run.method.options.iter();
-    let found = options.find_map(|(name, value)| match value {
-        MethodOption::Text(text) if name == "lowering" => Some(text.clone()),
-        _ => None,
-    });
-    found.unwrap_or_default()
 }
