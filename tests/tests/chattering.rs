@@ -1,7 +1,7 @@
 //! Chattering that fades and never ends, and goes on as sliding where the experiment asks for it.
 
 use nsd_tests::{end, run};
-use nsdc::report::{Status, Trajectory};
+use nsdc::report::{Failure, Status, Trajectory};
 
 const SLIDE: &str = "tolerance 1e-3; method event { max_events = 200000; } on chattering slide;";
 
@@ -49,6 +49,26 @@ fn a_lag_follows_its_set_point() {
             .count();
         let height = e * k * (1.5 / n as f64).powi(2) / 2.0;
         close(averaged.heights[0], height, 0.6 * height);
+    }
+}
+
+/// No set of pairs comes behind the events, which are told long before there are too many.
+#[test]
+fn elements_end_before_events_without_end() {
+    for (e, lowering) in [(0.01, "stewart"), (0.02, "step")] {
+        let found = run(
+            &format!(
+                "model m {{ state x = 0.5; state u = 0; x' = u; u' = (-sign(x) - u)/{e:?}; }}
+                 simulate run of m {{ horizon 10; method fesd; lower {lowering}; }}"
+            ),
+            "run",
+        );
+        assert_eq!(found.status, Status::IterationLimit, "{lowering}");
+        let failure = found.failure.as_ref().expect("it has not come to the end");
+        assert!(matches!(failure, Failure::Chattering { .. }), "{failure}");
+        // x and u are at rest on the surface but for e k/n behind n events.
+        assert!(found.events.len() < 1 << 15);
+        close(end(&found, "x")[0], 0.0, 1e-9);
     }
 }
 

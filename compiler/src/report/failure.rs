@@ -142,7 +142,7 @@ pub enum Failure {
     #[diagnostic(
         code(E0733),
         help(
-            "a lag between a switch and its surface, or a point where surfaces meet, does this; let the switch act on the surface without the lag, so that the state slides, give it a hysteresis, let the run slide with `on chattering slide;`, shorten the horizon, or raise `max_events`"
+            "a lag between a switch and its surface, or a point where surfaces meet, does this; let the switch act on the surface without the lag, so that the state slides, give it a hysteresis, let a run of `method event` slide with `on chattering slide;`, shorten the horizon, or raise `max_events`"
         )
     )]
     Chattering {

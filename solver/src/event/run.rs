@@ -384,11 +384,18 @@ impl Simulator {
         let undisturbed = t1
             .min(self.pieces.until)
             .min(self.settings.next_kick(state.point.t));
-        if let Some(status) =
-            history
-                .chatter
-                .chatters(&mut self.mode, &self.settings, &state.point, undisturbed)
-        {
+        let (mode, point) = (&mut self.mode, &state.point);
+        let here = chattering::Here {
+            t: point.t,
+            x: &point.x,
+            sides: &point.sides,
+        };
+        let psi = |t: f64, x: &[f64]| {
+            mode.memory.set(t, x, &point.alpha);
+            (0..point.sides.len()).map(|i| mode.psi(i)).collect()
+        };
+        let most = self.settings.max_events;
+        if let Some(status) = (history.chatter).chatters(most, here, undisturbed, psi) {
             if !self.settings.averages {
                 return Err(status);
             }

@@ -12,7 +12,7 @@ use crate::event::Simulator;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::hybrid::point::Point;
-use crate::hybrid::{Note, Settings, Side, Status};
+use crate::hybrid::{Note, Side, Status};
 use crate::selector::select::Met;
 
 /// Events of a cycle, at most.
@@ -53,6 +53,14 @@ struct Last {
     switches: Vec<usize>,
     /// The largest |ψ| of each so far.
     heights: Vec<f64>,
+}
+
+/// Where a run is.
+#[derive(Clone, Copy)]
+pub(crate) struct Here<'h> {
+    pub t: f64,
+    pub x: &'h [f64],
+    pub sides: &'h [Side],
 }
 
 /// How chattering has gone on while the number of events doubled three times.
@@ -137,24 +145,24 @@ impl Chatter {
         self.ends(time).unwrap_or(Status::EventLimit)
     }
 
-    /// How a run ends behind an event of a cycle that goes on until the run has met as many events as it may, if
-    /// nothing but events comes before `goal`.
+    /// How a run ends behind an event of a cycle that goes on until the run has met `most` events, as many as it may, if
+    /// nothing but events comes before `goal`; `psi` has the values of all ψ that are not sliding.
     pub(crate) fn chatters(
         &self,
-        mode: &mut Mode,
-        settings: &Settings,
-        point: &Point,
+        most: usize,
+        here: Here,
         goal: f64,
+        psi: impl FnMut(f64, &[f64]) -> Vec<f64>,
     ) -> Option<Status> {
-        let (count, most) = (self.count, settings.max_events);
+        let count = self.count;
         if !count.is_power_of_two() || count < FEWEST.max(most / SHARE) {
             return None;
         }
         let trend = self.trend()?;
         let left = trend.doubling * (most as f64 / count as f64).log2();
-        let lasts = left + trend.doubling * BEYOND.log2() < goal - point.t;
-        let found = (lasts && !self.others_switch(mode, &trend, point, left))
-            .then(|| self.ends(goal - point.t));
+        let lasts = left + trend.doubling * BEYOND.log2() < goal - here.t;
+        let found = (lasts && !self.others_switch(&trend, here, left, psi))
+            .then(|| self.ends(goal - here.t));
         found.flatten()
     }
 
@@ -177,16 +185,22 @@ impl Chatter {
 
     /// Whether a switch outside the cycle changes sides within the time that is `left`, where states go on as they have
     /// on average.
-    fn others_switch(&self, mode: &mut Mode, trend: &Trend, point: &Point, left: f64) -> bool {
+    fn others_switch(
+        &self,
+        trend: &Trend,
+        here: Here,
+        left: f64,
+        mut psi: impl FnMut(f64, &[f64]) -> Vec<f64>,
+    ) -> bool {
         let acting = self.switches();
-        let others = |i: &usize| !acting.contains(i) && point.sides[*i] != Side::Slide;
-        let others: Vec<usize> = (0..point.sides.len()).filter(others).collect();
+        let others = |i: &usize| !acting.contains(i) && here.sides[*i] != Side::Slide;
+        let others: Vec<usize> = (0..here.sides.len()).filter(others).collect();
         let mut signs = |share: f64| -> Vec<bool> {
             let onward = share * left / (3.0 * trend.doubling);
-            let moved = point.x.iter().zip(trend.before);
+            let moved = here.x.iter().zip(trend.before);
             let x: Vec<f64> = moved.map(|(x, before)| x + (x - before) * onward).collect();
-            mode.memory.set(point.t + share * left, &x, &point.alpha);
-            others.iter().map(|&i| mode.psi(i) > 0.0).collect()
+            let values = psi(here.t + share * left, &x);
+            others.iter().map(|&i| values[i] > 0.0).collect()
         };
         let now = signs(0.0);
         (1..=AHEAD).any(|k| signs(k as f64 / AHEAD as f64) != now)

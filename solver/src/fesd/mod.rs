@@ -26,12 +26,14 @@ mod uniform;
 mod watch;
 
 use crate::event::Event;
+use crate::events::chattering::Here;
 use crate::fesd::element::scheme::Scheme;
 use crate::fesd::modes::Modes;
 use crate::fesd::run::{NEAR, Run};
 use crate::fesd::selection::{Preferences, Selection};
 pub use crate::fesd::system::full::{Functions, Kinds};
 pub use crate::fesd::system::library::Library;
+use crate::fesd::system::pointwise::Point;
 pub use crate::fesd::system::pointwise::{Leading, Rule, Rules, Surfaces, alpha_of, alphas_of};
 use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::tableau::{Family, Tableau, TableauError};
@@ -311,7 +313,7 @@ impl<'s> Simulator<'s> {
             return Err(Status::StepLimit);
         }
         if run.record.stats.events >= self.settings.max_events {
-            return Err(Status::EventLimit);
+            return Err(run.history.chatter.at_limit(run.place.left(run.t1)));
         }
         Ok(self.settings.limit.check()?)
     }
@@ -489,12 +491,12 @@ impl<'s> Simulator<'s> {
         length: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        run.stalled = if run.lengths.last <= 1e-13 * length {
-            run.stalled + 1
+        run.history.stalled = if run.lengths.last <= 1e-13 * length {
+            run.history.stalled + 1
         } else {
             0
         };
-        if run.stalled > MAX_STALLED {
+        if run.history.stalled > MAX_STALLED {
             return Err(Status::Accumulation);
         }
         let before = self.modes.sides(run.place.mode).into();
@@ -513,10 +515,10 @@ impl<'s> Simulator<'s> {
         let after = self.modes.sides(run.place.mode);
         if *before != *after || run.decisions.iter().any(|decision| decision.folds) {
             run.record.stats.events += 1;
-            run.events.record(run.place.t, &before);
+            run.history.events.record(run.place.t, &before);
             let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
             // Elements as short as rounding do not show what infinitely many would do.
-            if slides(after) > slides(&before) && run.events.limit(after).is_some() {
+            if slides(after) > slides(&before) && run.history.events.limit(after).is_some() {
                 return Err(Status::Accumulation);
             }
             observer.event(&Event {
@@ -529,7 +531,28 @@ impl<'s> Simulator<'s> {
                 to: after,
                 accumulates: false,
             });
+            run.history
+                .chatter
+                .record(run.place.t, &run.place.x, &before);
+            self.chatters(run)?;
         }
         Ok(())
+    }
+
+    /// Whether switching goes on without end, up to the next breakpoint.
+    fn chatters(&self, run: &Run) -> Result<(), Status> {
+        let (place, numbers) = (&run.place, &self.modes.numbers);
+        let here = Here {
+            t: place.t,
+            x: &place.x,
+            sides: self.modes.sides(place.mode),
+        };
+        let psi = |t: f64, x: &[f64]| self.system.psi_at(Point { t, x, numbers });
+        let most = self.settings.max_events;
+        let ends = run
+            .history
+            .chatter
+            .chatters(most, here, run.t1.min(run.until), psi);
+        ends.map_or(Ok(()), Err)
     }
 }

@@ -2,6 +2,7 @@
 
 use super::place::Place;
 use super::system::{ComplementaritySystem, measure};
+use crate::events::chattering::Chatter;
 use crate::events::zeno::Events;
 use crate::fesd::selection::slip::Slips;
 use crate::fesd::watch::Start;
@@ -62,6 +63,15 @@ pub(crate) struct Record {
     pub notes: Vec<Note>,
 }
 
+/// How one event came after the other.
+#[derive(Default)]
+pub(crate) struct History {
+    /// Events in a row that took no time.
+    pub stalled: usize,
+    pub events: Events,
+    pub chatter: Chatter,
+}
+
 /// A run on its way.
 pub(crate) struct Run {
     /// When it ends.
@@ -74,9 +84,7 @@ pub(crate) struct Run {
     pub record: Record,
     /// Largest magnitude of each state so far, see [`measure`].
     pub scale: Vec<f64>,
-    /// Events in a row that took no time.
-    pub stalled: usize,
-    pub events: Events,
+    pub history: History,
     pub slips: Slips,
     /// What has decided about nonlinear switches where the run is.
     pub decisions: Vec<Decision>,
@@ -112,8 +120,7 @@ impl Run {
                 ..Record::default()
             },
             scale,
-            stalled: 0,
-            events: Events::default(),
+            history: History::default(),
             slips: Slips::default(),
             decisions: Vec::new(),
             fold: None,

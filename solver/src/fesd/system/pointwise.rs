@@ -201,6 +201,11 @@ impl ComplementaritySystem {
         z
     }
 
+    /// ψ of all switches, with indicators behind them.
+    pub(crate) fn psi_at(&self, point: Point) -> Vec<f64> {
+        self.sides_at(point, &[]).0
+    }
+
     /// ψ, with indicators behind them, and α.
     fn sides_at(&self, point: Point, led: &[(usize, Side)]) -> (Vec<f64>, Vec<f64>) {
         let n = self.n_switches();
