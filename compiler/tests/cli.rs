@@ -345,7 +345,9 @@ fn run_writes_files_and_still_reports() {
         "no colours where nobody sees them"
     );
     let text = |name: &str| fs::read_to_string(folder.join(name)).expect("it was written");
-    assert_eq!(text("r.json").lines().count(), 2);
+    let runs = json(&text("r.json"));
+    assert_eq!(runs[1]["experiment"], "fast");
+    assert_eq!(runs.as_array().map(Vec::len), Some(2));
     assert_snapshot!(text("r-slide.csv"), @r"
     time,x,twice
     0.0,1.0,2.0
@@ -353,6 +355,30 @@ fn run_writes_files_and_still_reports() {
     2.0,0.0,0.0
     ");
     assert!(text("r-fast.svg").starts_with("<svg"));
+}
+
+/// A file is one document, whatever is in it; lines are for what reads them one by one.
+#[test]
+fn a_json_file_is_a_document() {
+    let folder = with_relay("documents");
+    let written = |args: &[&str], name: &str| {
+        let ran = nsdc(&folder, &[args, &["--json", name]].concat());
+        assert_eq!(ran.status, 0, "{}", ran.err);
+        fs::read_to_string(folder.join(name)).expect("it was written")
+    };
+    let one = json(&written(&["run", "relay.nsd", "slide"], "one.json"));
+    assert_eq!(one["experiment"], "slide");
+    let lines = written(&["run", "relay.nsd"], "all.jsonl");
+    let names = lines.lines().map(|line| json(line)["experiment"].clone());
+    assert!(names.eq(["slide", "fast"]));
+    // No diagnostics are a list, too.
+    let none = json(&written(&["check", "relay.nsd"], "none.json"));
+    assert_eq!(none, serde_json::json!([]));
+    let rows = json(&written(
+        &["sweep", "relay.nsd", "slide", "--over", "k=[2]"],
+        "rows.json",
+    ));
+    assert_eq!(rows[0]["parameters"]["k"], 2.0);
 }
 
 #[test]

@@ -160,9 +160,9 @@ fn what_cannot_be_mended_stays() {
 fn json_has_places_and_fixes() {
     let folder = folder("fix_json");
     fs::write(folder.join("a.nsd"), around("let é = x**k;", "")).unwrap();
-    let ran = nsdc(&folder, &["check", "a.nsd", "--json", "a.json"]);
+    let ran = nsdc(&folder, &["check", "a.nsd", "--json", "a.jsonl"]);
     assert_eq!((ran.status, ran.out.as_str()), (1, ""));
-    let lines = fs::read_to_string(folder.join("a.json")).unwrap();
+    let lines = fs::read_to_string(folder.join("a.jsonl")).unwrap();
     insta::assert_snapshot!(lines, @r#"{"checked":"a.nsd","code":"E0015","severity":"error","message":"`**` is written `^`","labels":[{"text":"write `^`","is_primary":true,"file":"a.nsd","start":52,"end":54,"line":4,"column":12,"end_line":4,"end_column":14}],"help":"write `^` instead of `**`","fix":{"title":"write `^`","applicability":"safe","edits":[{"file":"a.nsd","start":52,"end":54,"line":4,"column":12,"end_line":4,"end_column":14,"replacement":"^"}]}}"#);
 }
 

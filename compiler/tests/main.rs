@@ -15,6 +15,7 @@ mod optimize;
 mod order;
 mod reports;
 mod roads;
+mod schema;
 mod solve;
 mod sweep;
 mod terminal;

@@ -104,7 +104,7 @@ pub struct CheckArgs {
     /// Make all safe fixes in the files, tell them, and check again
     #[arg(long)]
     pub fix: bool,
-    /// Write diagnostics as JSON, one object per line, with their fixes; `-` is standard output
+    /// Write diagnostics with their fixes as a JSON array; to `-`, standard output, and .jsonl one object per line
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
 }
@@ -184,7 +184,7 @@ pub struct RunArgs {
     pub file: PathBuf,
     /// The experiment; all of the file without it
     pub experiment: Option<String>,
-    /// Write results as JSON, one object per line; `-` is standard output
+    /// Write results as JSON, those of several experiments as an array; to `-`, standard output, and .jsonl one object per line
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
     /// Write values over time as CSV; `-` is standard output
@@ -361,7 +361,7 @@ pub struct VerifyArgs {
     /// Differences up to this need no explanation, relative to the size of each state
     #[arg(long, value_name = "NUMBER", value_parser = tolerance, default_value = "1e-6")]
     pub tolerance: f64,
-    /// Write results as JSON, one object per line; `-` is standard output, instead of the tables
+    /// Write results as JSON, those of several experiments as an array; to `-`, standard output, and .jsonl one object per line, instead of the tables
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
     /// Override a parameter, initial value or input
@@ -462,7 +462,7 @@ pub struct SweepArgs {
     /// Write the rows as CSV; `-` is standard output, instead of the table
     #[arg(long, value_name = "PATH")]
     pub csv: Option<PathBuf>,
-    /// Write the rows as JSON, one object per line; `-` is standard output, instead of the table
+    /// Write the rows as a JSON array; to `-`, standard output, and .jsonl one object per line, instead of the table
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
     /// Write the rows as Apache Parquet, where nsdc was built with the feature `parquet`
@@ -515,7 +515,7 @@ pub struct SolveArgs {
     /// Write the solution file for AMPL; also `-AMPL`
     #[arg(long)]
     pub ampl: bool,
-    /// Write results as JSON, one object per line; `-` is standard output
+    /// Write results as JSON, those of a folder as an array; to `-`, standard output, and .jsonl one object per line
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
     /// Write the table of a folder as CSV; `-` is standard output
@@ -568,7 +568,7 @@ pub struct TestArgs {
     /// Only tests with this text in their names, `FILE: EXPERIMENT`
     #[arg(long, value_name = "TEXT")]
     pub filter: Option<String>,
-    /// Write results as JSON, one object per line; `-` is standard output, instead of the report
+    /// Write results as a JSON array; to `-`, standard output, and .jsonl one object per line, instead of the report
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
     /// Write results as JUnit XML; `-` is standard output, instead of the report

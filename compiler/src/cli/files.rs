@@ -232,25 +232,25 @@ pub struct Sink {
 }
 
 impl Sink {
-    /// A sink for a path, `-` for standard output.
-    pub fn new(path: &Path) -> Self {
-        Sink {
-            path: path.to_owned(),
-            bytes: Vec::new(),
+    /// A sink for JSON objects, each on a line: these where the path is `-` or ends in `.jsonl`, elsewhere one document,
+    /// the only object of what has one or an array of them.
+    pub fn objects(path: &Path, lines: &str, has_one: bool) -> Self {
+        let is_lines = path
+            .extension()
+            .is_some_and(|extension| extension == "jsonl");
+        if has_one || is_lines || is_standard(path) {
+            return Sink::with(path, lines);
         }
+        let objects: Vec<&str> = lines.lines().collect();
+        Sink::with(path, format!("[\n{}\n]\n", objects.join(",\n")))
     }
 
-    /// A sink with all it takes.
+    /// A sink for a path, `-` for standard output, with all it takes.
     pub fn with(path: &Path, bytes: impl Into<Vec<u8>>) -> Self {
         Sink {
             path: path.to_owned(),
             bytes: bytes.into(),
         }
-    }
-
-    /// Adds text.
-    pub fn push(&mut self, text: &str) {
-        self.bytes.extend_from_slice(text.as_bytes());
     }
 
     /// Writes everything; problems with the file are told on the error stream.

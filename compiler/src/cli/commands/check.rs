@@ -23,7 +23,7 @@ pub fn run(args: &CheckArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Usage);
     }
     let mut exit = Exit::Success;
-    let mut json = args.json.as_deref().map(Sink::new);
+    let mut lines = String::new();
     for path in &args.files {
         let checked = match one(path, args.fix) {
             Ok(checked) => checked,
@@ -38,8 +38,8 @@ pub fn run(args: &CheckArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         }
         let (diags, sources) = (&checked.diags, &checked.project.sources);
         project::print(diags, sources, streams)?;
-        if let Some(json) = &mut json {
-            json.push(&json::write(diags, sources, &files::display_name(path)));
+        if args.json.is_some() {
+            lines.push_str(&json::write(diags, sources, &files::display_name(path)));
         }
         if diags.has_errors() {
             exit = Exit::Wrong;
@@ -48,6 +48,8 @@ pub fn run(args: &CheckArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             writeln!(streams.out, "{name}: {}", checked.summary())?;
         }
     }
+    let json = args.json.as_deref();
+    let json = json.map(|path| Sink::objects(path, &lines, false));
     let written = json.map_or(Ok(true), |json| json.finish(streams))?;
     Ok(if written { exit } else { Exit::Wrong })
 }

@@ -184,7 +184,9 @@ struct Outputs {
     report: String,
     /// Whether the short report is printed: not where results take its place, or where silence is asked for.
     reports: bool,
-    json: Option<Sink>,
+    json: Option<PathBuf>,
+    /// One object of each run on a line.
+    objects: String,
     csv: Option<PathBuf>,
     events: Option<PathBuf>,
     plot: Option<PathBuf>,
@@ -198,7 +200,8 @@ impl Outputs {
         Outputs {
             report: String::new(),
             reports: args.told.log() > Log::Off && !args.targets().to_standard(),
-            json: args.json.as_deref().map(Sink::new),
+            json: args.json.clone(),
+            objects: String::new(),
             csv: args.csv.clone(),
             events: args.events.clone(),
             plot: args.plot.clone(),
@@ -214,9 +217,9 @@ impl Outputs {
             }
             self.report.push_str(&text::write(trajectory));
         }
-        if let Some(json) = &mut self.json {
-            json.push(&json::write(trajectory));
-            json.push("\n");
+        if self.json.is_some() {
+            self.objects.push_str(&json::write(trajectory));
+            self.objects.push('\n');
         }
         let files = [
             (&self.csv, self.csv.as_ref().map(|_| csv::write(trajectory))),
@@ -252,7 +255,9 @@ impl Outputs {
     fn finish(self, streams: &mut Streams<'_>) -> io::Result<bool> {
         streams.out.write_all(self.report.as_bytes())?;
         let mut all_written = true;
-        for sink in self.json.into_iter().chain(self.sinks) {
+        let json = self.json.as_deref();
+        let json = json.map(|path| Sink::objects(path, &self.objects, !self.several));
+        for sink in json.into_iter().chain(self.sinks) {
             all_written &= sink.finish(streams)?;
         }
         Ok(all_written)

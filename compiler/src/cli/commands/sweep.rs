@@ -172,7 +172,7 @@ fn write(args: &SweepArgs, table: &Table, streams: &mut Streams<'_>) -> io::Resu
     sinks.extend(
         args.json
             .as_ref()
-            .map(|path| Sink::with(path, table.json())),
+            .map(|path| Sink::objects(path, &table.json(), false)),
     );
     let plot = args.plot.as_ref();
     sinks.extend(plot.map(|path| Sink::with(path, table.figure())));

@@ -58,7 +58,7 @@ pub fn run(args: &SolveArgs, settings: &Settings, streams: &mut Streams<'_>) -> 
             .iter()
             .filter_map(|record| record.result.as_ref().ok());
         let lines: String = reports.map(|report| nl::json(report) + "\n").collect();
-        sinks.push(Sink::with(path, lines));
+        sinks.push(Sink::objects(path, &lines, false));
     }
     if let Some(path) = &args.csv {
         // Cells are names and numbers, which a table always holds.

@@ -7,7 +7,7 @@ mod json;
 mod junit;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
@@ -204,13 +204,10 @@ impl Tally {
         )?;
         let exits = self.cases.iter().map(|case| case.outcome.exit());
         let mut exit = exits.max().unwrap_or(Exit::Success);
-        let written = |path: &Option<PathBuf>, text: fn(&[Case]) -> String| {
-            let path: Option<&Path> = path.as_deref();
-            path.map(|path| Sink::with(path, text(&self.cases)))
-        };
+        let (json, junit) = (args.json.as_deref(), args.junit.as_deref());
         let sinks = [
-            written(&args.json, json::write),
-            written(&args.junit, junit::write),
+            json.map(|path| Sink::objects(path, &json::write(&self.cases), false)),
+            junit.map(|path| Sink::with(path, junit::write(&self.cases))),
         ];
         for sink in sinks.into_iter().flatten() {
             if !sink.finish(streams)? {

@@ -54,7 +54,7 @@ pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Wrong);
     };
     let mut exit = Exit::Success;
-    let mut sink = args.json.as_deref().map(Sink::new);
+    let mut lines = String::new();
     let reports = !args.json.as_deref().is_some_and(is_standard);
     for (number, experiment) in experiments.iter().enumerate() {
         let subject = Subject {
@@ -79,12 +79,12 @@ pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             // A long run shows where it is.
             streams.out.flush()?;
         }
-        if let Some(sink) = &mut sink {
-            sink.push(&verified.json);
-            sink.push("\n");
-        }
+        lines.push_str(&verified.json);
+        lines.push('\n');
         exit = exit.max(verified.exit);
     }
+    let json = args.json.as_deref();
+    let sink = json.map(|path| Sink::objects(path, &lines, experiments.len() == 1));
     match sink.map_or(Ok(true), |sink| sink.finish(streams))? {
         true => Ok(exit),
         false => Ok(exit.max(Exit::Wrong)),
