@@ -103,6 +103,18 @@ fn wrong_usage_exits_with_64() {
         &["run", "relay.nsd", "--time-limit", "1e300"],
         &["run", "relay.nsd", "--set", "k"],
         &["run", "relay.nsd", "--plot", "figure.png"],
+        &["run", "relay.nsd", "--csv", "values.json"],
+        &["run", "relay.nsd", "--json", "relay.nsd"],
+        &["run", "relay.nsd", "--events", "events.SVG"],
+        &[
+            "sweep",
+            "relay.nsd",
+            "slide",
+            "--over",
+            "k=1:2:2",
+            "--csv",
+            "rows.parquet",
+        ],
         &["run", "relay.nsd", "--plot", "-", "--json", "-"],
         &["emit", "relay.nsd", "--ir", "assembly"],
     ] {
@@ -201,6 +213,11 @@ fn an_optimization_starts_from_a_file_of_the_command_line() {
         (0, "", "")
     );
     let again = nsdc(&folder, &["run", "models/a.nsd", "--guess", "first.json"]);
+    assert_eq!(again.status, 0, "{}", again.err);
+    // Of several runs it is the last one.
+    let first = fs::read_to_string(folder.join("first.json")).expect("it was written");
+    fs::write(folder.join("runs.json"), format!("[{first}]")).expect("the folder is writable");
+    let again = nsdc(&folder, &["run", "models/a.nsd", "--guess", "runs.json"]);
     assert_eq!(again.status, 0, "{}", again.err);
     let missing = nsdc(&folder, &["run", "models/a.nsd", "--guess", "second.json"]);
     assert_eq!(missing.status, 1);

@@ -294,6 +294,18 @@ impl RunArgs {
     }
 }
 
+/// What files with these extensions hold.
+const FORMS: [(&str, &str); 8] = [
+    ("json", "JSON"),
+    ("jsonl", "JSON"),
+    ("csv", "CSV"),
+    ("svg", "a figure"),
+    ("png", "a figure"),
+    ("pdf", "a figure"),
+    ("parquet", "Parquet"),
+    ("nsd", "a model"),
+];
+
 /// Where results go.
 #[derive(Clone, Copy, Debug)]
 pub struct Targets<'a> {
@@ -325,11 +337,36 @@ impl<'a> Targets<'a> {
             };
             return Some(format!("only one of {all} can write to standard output"));
         }
-        let plot = self.plot.filter(|plot| !is_standard(plot))?;
-        let is_svg = plot
-            .extension()
-            .is_some_and(|extension| extension.eq_ignore_ascii_case("svg"));
-        (!is_svg).then(|| format!("plots are SVG: `{}` must end in `.svg`", plot.display()))
+        let of = |path: &Path| {
+            path.extension()
+                .map(|extension| extension.to_ascii_lowercase())
+        };
+        let plot = self.plot.filter(|plot| !is_standard(plot));
+        if let Some(plot) = plot.filter(|plot| of(plot).is_none_or(|extension| extension != "svg"))
+        {
+            let plot = plot.display();
+            return Some(format!("plots are SVG: `{plot}` must end in `.svg`"));
+        }
+        let tables = [
+            (self.json, "JSON"),
+            (self.csv, "CSV"),
+            (self.events, "CSV"),
+            (self.parquet, "Parquet"),
+        ];
+        // What is written is not what the name says.
+        let is_other = |path: &Path, form: &str| {
+            let extension = of(path)?;
+            let mut forms = FORMS.iter().filter(|(known, _)| extension == **known);
+            forms.next().filter(|(_, known)| *known != form)
+        };
+        tables.into_iter().find_map(|(path, form)| {
+            let path = path?;
+            let (_, other) = is_other(path, form)?;
+            let path = path.display();
+            Some(format!(
+                "`{path}` is the name of {other}, and {form} would be in it"
+            ))
+        })
     }
 }
 

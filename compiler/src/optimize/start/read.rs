@@ -11,7 +11,12 @@ impl Sampled {
         let objects = serde_json::Deserializer::from_str(text).into_iter::<Value>();
         let objects: Result<Vec<Value>, _> = objects.collect();
         let objects = objects.map_err(|error| format!("it is no JSON: {error}"))?;
-        let object = objects.last().ok_or("it is empty")?;
+        // Several are lines, or an array.
+        let object = objects.last().and_then(|last| match last {
+            Value::Array(objects) => objects.last(),
+            object => Some(object),
+        });
+        let object = object.ok_or("it is empty")?;
         let time = numbers(&object["time"]).ok_or("it has no list `time`")?;
         if time.len() < 2 || !time.is_sorted() {
             return Err("its `time` does not go on".to_owned());
