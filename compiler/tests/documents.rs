@@ -285,8 +285,18 @@ fn other_output_is_found() {
 /// Files and commands of the tutorial in their order, each command with the output below it.
 #[test]
 fn the_tutorial_does_what_it_shows() {
-    let text = read(&root().join("examples/TUTORIAL.md"));
-    let at = folder("tutorial");
+    does_what_it_shows("TUTORIAL.md", 15);
+}
+
+#[test]
+fn the_second_part_does_what_it_shows() {
+    does_what_it_shows("TUTORIAL_2.md", 13);
+}
+
+/// Files and commands of a document among the examples, of which there are some at least.
+fn does_what_it_shows(name: &str, least: usize) {
+    let text = read(&root().join("examples").join(name));
+    let at = folder(name);
     let mut commands = 0;
     for block in parts(&text).0 {
         let info: Vec<&str> = block.info.split(' ').collect();
@@ -296,11 +306,14 @@ fn the_tutorial_does_what_it_shows() {
                 let Ran { status, err, .. } = nsdc(&at, &["fmt", "--check", name]);
                 assert_eq!(status, 0, "{name} is laid out in another way: {err}");
             }
+            ["csv", name] => {
+                fs::write(at.join(name), &block.text).expect("the folder is writable");
+            }
             ["console"] => commands += run_as_shown(&at, &block.text),
             _ => panic!("a block `{}`", block.info),
         }
     }
-    assert!(commands >= 15, "{commands} commands");
+    assert!(commands >= least, "{commands} commands");
 }
 
 /// Runs the commands of a block; a status that is not 0 is shown by `echo $?`.
