@@ -13,6 +13,7 @@ mod limits;
 mod new;
 mod optimize;
 mod order;
+mod plot;
 mod reports;
 mod roads;
 mod schema;

@@ -54,6 +54,9 @@ pub enum Command {
     /// Map the sliding modes of a nonlinear switch over one or two states
     #[command(after_help = MODES_HELP)]
     Modes(ModesArgs),
+    /// Draw experiments, and what was measured, in one figure
+    #[command(after_help = PLOT_HELP)]
+    Plot(PlotArgs),
     /// Run an experiment at many values of its parameters, on all cores
     #[command(after_help = SWEEP_HELP)]
     Sweep(SweepArgs),
@@ -446,6 +449,51 @@ pub struct ModesArgs {
 }
 
 const MODES_HELP: &str = "Example: `nsdc modes hidden.nsd --over x=-1:4 --plot modes.svg`.";
+
+/// Arguments of `plot`.
+#[derive(Debug, Arguments)]
+pub struct PlotArgs {
+    /// The file; `-` is standard input
+    pub file: PathBuf,
+    /// The experiments; all of the file without one
+    pub experiments: Vec<String>,
+    /// Draw the columns of this CSV file as points, over the first one, which is time; may stand several times
+    #[arg(long, value_name = "PATH.csv")]
+    pub data: Vec<PathBuf>,
+    /// Draw these quantities alone, as in `--only x,v`
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub only: Vec<String>,
+    /// Override a parameter, initial value or input of all of them
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<String>,
+    /// Stop solving after so many seconds, all experiments together
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub time_limit: Option<Duration>,
+    /// Where the SVG goes
+    #[arg(
+        long,
+        value_name = "PATH.svg",
+        default_value = "-",
+        hide_default_value = true
+    )]
+    pub output: PathBuf,
+}
+
+impl PlotArgs {
+    /// Where the figure goes.
+    pub fn targets(&self) -> Targets<'_> {
+        Targets {
+            json: None,
+            csv: None,
+            events: None,
+            plot: Some(&self.output),
+            parquet: None,
+        }
+    }
+}
+
+const PLOT_HELP: &str = "\
+Example: `nsdc plot slider.nsd swings damped --data measured.csv --only x --output slider.svg`.";
 
 /// Arguments of `order`.
 #[derive(Debug, Arguments)]

@@ -85,6 +85,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Verify(args) => commands::verify::run(&args, streams),
         Command::Modes(args) => commands::modes::run(&args, streams),
         Command::Order(args) => commands::order::run(&args, streams),
+        Command::Plot(args) => commands::plot::run(&args, streams),
         Command::Solve(args) => commands::solve::run(&args, streams),
         Command::Sweep(args) => commands::sweep::run(&args, streams),
         Command::Fmt { files, check } => commands::fmt::run(&files, check, streams),

@@ -13,12 +13,31 @@ const N_POINTS: usize = 1200;
 /// The SVG text.
 pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     let system = &compiled.system;
-    let params: HashMap<Var, f64> = system
-        .params
+    let params = parameters(compiled);
+    // Switching curves are drawn over the states as the system has them.
+    let names = trajectory
+        .states
         .iter()
-        .filter_map(|param| Some((param.var.as_variable()?, param.value)))
-        .collect();
+        .flat_map(|series| series.entry_names());
+    let is_whole = names.eq(system.states.iter().map(|state| state.name.clone()));
+    let surfaces = match is_whole {
+        true => surfaces(compiled, &params),
+        false => Vec::new(),
+    };
+    plot::write(&curves(compiled, trajectory), &surfaces)
+}
 
+fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
+    let params = compiled.system.params.iter();
+    params
+        .filter_map(|param| Some((param.var.as_variable()?, param.value)))
+        .collect()
+}
+
+/// The trajectory at as many instants as its curves need to look smooth.
+pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
+    let system = &compiled.system;
+    let params = parameters(compiled);
     // The row of every variable: states, α, then data.
     let state_vars: Vec<Expr<'_>> = system.states.iter().map(|state| state.var).collect();
     let alphas = system.switches.iter().map(|switch| switch.alpha);
@@ -38,7 +57,7 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
         .collect();
     let n_states = system.states.len();
-    let fine = refine(trajectory, N_POINTS, &|t, row| {
+    refine(trajectory, N_POINTS, &|t, row| {
         let mut row = row.to_vec();
         let (x, alpha) = row.split_at_mut(n_states);
         system.see(t, x, alpha);
@@ -48,19 +67,7 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
             None => params.get(&var).copied().unwrap_or(f64::NAN),
         };
         exprs.iter().map(|expr| expr.eval(&number)).collect()
-    });
-
-    // Switching curves are drawn over the states as the system has them.
-    let names = trajectory
-        .states
-        .iter()
-        .flat_map(|series| series.entry_names());
-    let is_whole = names.eq(system.states.iter().map(|state| state.name.clone()));
-    let surfaces = match is_whole {
-        true => surfaces(compiled, &params),
-        false => Vec::new(),
-    };
-    plot::write(&fine, &surfaces)
+    })
 }
 
 /// The switching functions of two states alone.

@@ -8,6 +8,7 @@ pub(crate) mod fmt;
 pub(crate) mod modes;
 pub(crate) mod new;
 pub(crate) mod order;
+pub(crate) mod plot;
 pub(crate) mod run;
 pub(crate) mod solve;
 pub(crate) mod sweep;

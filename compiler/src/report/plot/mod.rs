@@ -10,6 +10,7 @@ mod contour;
 mod frame;
 mod loglog;
 mod marks;
+pub mod overlay;
 mod panel;
 mod phase;
 pub mod plane;

@@ -16,7 +16,7 @@ const MAX_CURVES: usize = LINES.len();
 const N_TICKS: usize = 4;
 
 /// Colours of more curves, from the first to the last.
-const MANY: [RGBColor; 4] = [
+pub const MANY: [RGBColor; 4] = [
     RGBColor(40, 60, 130),
     RGBColor(35, 130, 140),
     RGBColor(110, 170, 80),
@@ -210,7 +210,7 @@ pub fn pale(color: RGBColor, share: f64) -> RGBColor {
 }
 
 /// The points with a gap where an instant stands twice and the value jumps visibly.
-fn interrupted(points: impl Iterator<Item = Point>) -> Vec<Point> {
+pub fn interrupted(points: impl Iterator<Item = Point>) -> Vec<Point> {
     let mut line: Vec<Point> = Vec::new();
     for point in points {
         if let Some(last) = line.last()

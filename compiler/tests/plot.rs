@@ -1,0 +1,64 @@
+//! `nsdc plot`: several runs and what was measured in one figure.
+
+use std::fs;
+
+use crate::terminal::{folder, nsdc};
+
+const MODELS: &str = "
+model slider { param k = 4; state q[2] = [1, 0]; output energy = dot(q, q); q' = [q[2], -k*q[1] - sign(q[2])]; }
+model other { state q[2] = [0.5, 0]; state T = 1; q' = [-q[1], 0]; T' = 0; }
+simulate swings of slider { horizon 2; }
+simulate stiff of slider { with { k = 9; } horizon 2; }
+simulate falls of other { horizon 1; }
+simulate blows of up { horizon 2; }
+model up { state x = 1; x' = x^2; }
+";
+
+#[test]
+fn experiments_and_data_share_panels() {
+    let folder = folder("plot");
+    fs::write(folder.join("m.nsd"), MODELS).expect("the folder is writable");
+    let data = "t,q[1],unknown\n0,1.01,2\n0.5,,3\n1,-0.5,4\n";
+    fs::write(folder.join("d.csv"), data).expect("the folder is writable");
+    let plot = |args: &[&str]| nsdc(&folder, &[&["plot", "m.nsd"], args].concat());
+    let has = |svg: &str, text: &str| svg.contains(&format!(">\n{text}\n<"));
+
+    let drawn = plot(&["swings", "falls", "--data", "d.csv"]);
+    assert_eq!((drawn.status, drawn.err.as_str()), (0, ""));
+    for text in [
+        "swings", "falls", "d.csv", "q[1]", "q[2]", "energy", "T", "time",
+    ] {
+        assert!(has(&drawn.out, text), "{text}");
+    }
+    // What no run has is not drawn; an empty cell is no point.
+    assert!(!has(&drawn.out, "unknown"));
+    assert_eq!(drawn.out.matches("<circle").count(), 3);
+
+    let some = plot(&["swings", "stiff", "--only", "q", "--output", "f.svg"]);
+    assert_eq!((some.status, some.out.as_str()), (0, ""));
+    let svg = fs::read_to_string(folder.join("f.svg")).expect("it was written");
+    assert!(has(&svg, "q[1]") && has(&svg, "q[2]") && !has(&svg, "energy"));
+
+    // What a run has reached is drawn.
+    let failed = plot(&["blows"]);
+    assert_eq!(failed.status, 2, "{}", failed.err);
+    assert!(has(&failed.out, "blows") && failed.err.contains("E0706"));
+    for (args, status, told) in [
+        (&["swing"][..], 1, "`swings`"),
+        (&["swings", "--only", "Q"], 1, "no quantity `Q`"),
+        (&["swings", "--data", "none.csv"], 1, "none.csv"),
+        (&["swings", "--data", "m.nsd"], 1, "m.nsd"),
+        (&["swings", "--output", "f.png"], 64, ".svg"),
+    ] {
+        let ran = plot(args);
+        assert_eq!((ran.status, ran.out.as_str()), (status, ""), "{args:?}");
+        assert!(ran.err.contains(told), "{args:?}: {}", ran.err);
+    }
+    fs::write(folder.join("bad.csv"), "t,q[1]\n0,one\n").expect("the folder is writable");
+    let bad = plot(&["swings", "--data", "bad.csv"]);
+    assert!(
+        bad.err.contains("line 2") && bad.err.contains("`one`"),
+        "{}",
+        bad.err
+    );
+}
