@@ -24,9 +24,19 @@ fn prepared(text: &str, open: &[&str]) -> Result<Prepared, NotPrepared> {
 
 /// Runs of `model` to the horizon with each of these values, prepared once and compiled for each.
 fn both(model: &str, horizon: f64, names: &[&str], values: &[&[f64]], within: f64) {
-    let text = |with: &str| {
-        format!("{model}\nsimulate s of m {{ horizon {horizon:?}; tolerance 1e-10; {with} }}")
-    };
+    let settings = format!("horizon {horizon:?}; tolerance 1e-10;");
+    both_with((model, &settings), horizon, names, values, within);
+}
+
+/// The same with these settings.
+fn both_with(
+    (model, settings): (&str, &str),
+    horizon: f64,
+    names: &[&str],
+    values: &[&[f64]],
+    within: f64,
+) {
+    let text = |with: &str| format!("{model}\nsimulate s of m {{ {settings} {with} }}");
     let prepared = prepared(&text(""), names).expect("it is prepared");
     let found: Vec<&str> = prepared
         .parameters()
@@ -47,6 +57,9 @@ fn both(model: &str, horizon: f64, names: &[&str], values: &[&[f64]], within: f6
         let outcome = runs.run(&ordered, None, horizon, &mut Silent);
         let outcome = outcome.expect("the numbers are in range");
         assert_eq!(outcome.status, Status::Solved, "{model} {values:?}");
+        let fresh = prepared.runs().run(&ordered, None, horizon, &mut Silent);
+        let fresh = fresh.expect("the numbers are in range");
+        assert_eq!(outcome.x, fresh.x, "{model} {values:?}");
         let with = names.iter().zip(*values);
         let with: String = with
             .map(|(name, value)| format!("{name} = {value:?};"))
@@ -117,6 +130,38 @@ fn surfaces_and_laws_follow() {
     );
 }
 
+/// By finite elements: a switch, one of time that another contains, and a nonlinear one.
+#[test]
+fn finite_elements_take_other_numbers() {
+    let belt = "model m {
+        param mu = 0.6; param speed = 0.3;
+        state q = 0; state v = 0;
+        q' = v; v' = -q - mu*sign(v - speed);
+    }";
+    let led = "model m {
+        param k = 2; state x = 0;
+        x' = if x > (if time > 0.4 then 0.7 else 0.5) then -1 else k;
+    }";
+    let hidden = "model m {
+        param b = 1; state x = 0.9; state y = 0.05;
+        switch s = sign(y) sliding nonlinear;
+        x' = 2*s^2 - 1; y' = 2*s^2 - s - b*x;
+    }";
+    let adaptive = "tolerance 1e-10; method fesd;";
+    let steps = "method fesd { steps = 40; }";
+    for method in [adaptive, steps] {
+        let settings = |horizon: f64| format!("horizon {horizon:?}; {method}");
+        let within = if method == steps { 1e-5 } else { 1e-8 };
+        let values: [&[f64]; 3] = [&[0.6, 0.3], &[0.2, 0.5], &[0.9, 0.1]];
+        let names = ["mu", "speed"];
+        both_with((belt, &settings(4.0)), 4.0, &names, &values, within);
+        let values: [&[f64]; 3] = [&[2.0], &[3.0], &[1.7]];
+        both_with((led, &settings(0.9)), 0.9, &["k"], &values, within);
+        let values: [&[f64]; 3] = [&[1.0], &[1.1], &[0.9]];
+        both_with((hidden, &settings(1.2)), 1.2, &["b"], &values, within);
+    }
+}
+
 /// With k = 1 the two branches happen to meet: with another k the state slides, or jumps away.
 #[test]
 fn what_is_continuous_by_chance_is_not_taken_for_granted() {
@@ -160,10 +205,10 @@ fn what_cannot_stay_open_is_refused() {
     assert!(
         matches!(refused(&plain, &["z"]), NotPrepared::Structural(name, Structural::Zero) if name == "z")
     );
-    let elements = format!("{model} simulate s of m {{ horizon 1; method fesd; }}");
+    let steps = format!("{model} simulate s of m {{ horizon 1; method timestepping; }}");
     assert!(matches!(
-        refused(&elements, &["p"]),
-        NotPrepared::Method("fesd")
+        refused(&steps, &["p"]),
+        NotPrepared::Method("timestepping")
     ));
     let horizon = format!("{model} simulate s of m {{ horizon p; }}");
     let NotPrepared::NotCompiled(diags) = refused(&horizon, &["p"]) else {

@@ -1,4 +1,5 @@
-//! An experiment that is compiled once and runs many times from event to event, with other parameters and initial values.
+//! An experiment that is compiled once and runs many times, from event to event or by finite elements, with other
+//! parameters and initial values.
 //!
 //! What the parameters that stay open reach is compiled as functions of them: other parameters, initial values, rates,
 //! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out,
@@ -46,14 +47,15 @@
 //! assert_eq!((outcome.status, bounces.0), (Status::Solved, 2));
 //! ```
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::event::{Observer, Simulator};
+use nsd_solver::event::{Event, Observer, Segment, Simulator};
+use nsd_solver::fesd;
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{HybridSystem, Outcome};
 use nsd_solver::tape::{Scratch, Tape};
 
-use crate::Compiled;
 use crate::diagnostics::Diagnostics;
 use crate::diagnostics::messages::Messages;
 use crate::expr::{self, Expr, Exprs, Var};
@@ -62,22 +64,35 @@ use crate::lowering::hybrid::{Structural, variable};
 use crate::lowering::{dcs, hybrid};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
+use crate::simulate::fesd::{Compiled, first_elements};
 use crate::simulate::{solver_settings, takes};
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
 use crate::system::System;
-use crate::system::experiment::Method;
+use crate::system::experiment::{Method, Settings};
 
 /// An experiment that is ready for runs with other numbers. It is plain data: threads share it.
 #[derive(Clone, Debug)]
 pub struct Prepared {
-    system: Arc<HybridSystem>,
-    settings: solver::Settings,
+    ready: Ready,
     horizon: f64,
     parameters: Vec<Parameter>,
     states: Vec<String>,
     /// From the parameters to x(0).
     start: Arc<Tape>,
+}
+
+/// A system as plain data, and how it is run.
+#[derive(Clone, Debug)]
+enum Ready {
+    Events {
+        system: Arc<HybridSystem>,
+        settings: solver::Settings,
+    },
+    Elements {
+        system: Arc<Compiled>,
+        settings: fesd::Settings,
+    },
 }
 
 /// A parameter that stays open.
@@ -111,7 +126,7 @@ pub enum NotPrepared {
     /// This is no name of a parameter, or of an entry of one.
     #[error("`{0}` is no parameter")]
     NoParameter(String),
-    /// It is not run from event to event.
+    /// It is run neither from event to event nor by finite elements without contacts.
     #[error("`{0}` runs with numbers that are compiled in")]
     Method(&'static str),
     /// Another value of this parameter is another system.
@@ -187,10 +202,9 @@ impl Prepared {
     }
 
     /// An experiment that has been compiled with open parameters.
-    fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
+    fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let is_by_events = matches!(settings.method, Method::Auto | Method::Event(_));
-        if settings.kicks.is_some() || !is_by_events {
+        if settings.kicks.is_some() {
             return Err(NotPrepared::Method(settings.method.kind().word()));
         }
         let Opened {
@@ -198,12 +212,9 @@ impl Prepared {
             parameters,
             start,
         } = Opened::of(compiled)?;
-        let mut chosen = solver_settings(&settings.method, settings.tolerance, Limit::default());
-        chosen.averages = settings.averages;
         Ok(Prepared {
             start: Arc::new(start),
-            system: hybrid::lower_open(system, settings.horizon, &places),
-            settings: chosen,
+            ready: Ready::of(system, settings, &places)?,
             horizon: settings.horizon,
             parameters,
             states: system
@@ -229,18 +240,55 @@ impl Prepared {
         self.horizon
     }
 
-    /// The system that is run.
-    pub fn system(&self) -> &Arc<HybridSystem> {
-        &self.system
+    /// The system that is run from event to event; none where elements are.
+    pub fn system(&self) -> Option<&Arc<HybridSystem>> {
+        match &self.ready {
+            Ready::Events { system, .. } => Some(system),
+            Ready::Elements { .. } => None,
+        }
     }
 
     /// Runs one after another, which keep what they compile.
     pub fn runs(&self) -> Runs<'_> {
+        let work = match &self.ready {
+            Ready::Events { system, settings } => {
+                let simulator = Simulator::new(system.clone(), settings.clone());
+                Work::Events(Box::new(simulator))
+            }
+            Ready::Elements { system, settings } => Work::Elements {
+                system: Box::new(Compiled::clone(system)),
+                settings: settings.clone(),
+            },
+        };
         Runs {
-            simulator: Simulator::new(self.system.clone(), self.settings.clone()),
+            work,
             scratch: self.start.scratch(),
             x0: vec![0.0; self.states.len()],
             prepared: self,
+        }
+    }
+}
+
+impl Ready {
+    fn of(system: &System, settings: &Settings, open: &[usize]) -> Result<Self, NotPrepared> {
+        let horizon = settings.horizon;
+        match &settings.method {
+            Method::Auto | Method::Event(_) => {
+                let limit = Limit::default();
+                let chosen = solver_settings(&settings.method, settings.tolerance, limit);
+                Ok(Ready::Events {
+                    system: hybrid::lower_open(system, horizon, open),
+                    settings: solver::Settings {
+                        averages: settings.averages,
+                        ..chosen
+                    },
+                })
+            }
+            Method::Fesd(_) => Ok(Ready::Elements {
+                system: Arc::new(Compiled::prepared(system, settings, open)),
+                settings: first_elements(settings),
+            }),
+            other => Err(NotPrepared::Method(other.kind().word())),
         }
     }
 }
@@ -256,7 +304,7 @@ pub(crate) struct Opened {
 
 impl Opened {
     /// Those with which an experiment has been compiled, if one compilation serves all their values.
-    pub fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
+    pub fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         if settings.optimize.is_some() || !takes(system, settings, &open_places(compiled)) {
             return Err(NotPrepared::Method(settings.method.kind().word()));
@@ -265,7 +313,7 @@ impl Opened {
     }
 
     /// Those with which an experiment has been compiled, if no other value of theirs is another system.
-    pub fn inputs(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
+    pub fn inputs(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         let values = &settings.values;
         let places = open_places(compiled);
@@ -309,7 +357,7 @@ impl Opened {
 }
 
 /// The places of the parameters that stay open.
-fn open_places(compiled: &Compiled<'_>) -> Vec<usize> {
+fn open_places(compiled: &crate::Compiled<'_>) -> Vec<usize> {
     let (system, values) = (&compiled.system, &compiled.settings.values);
     let params = system.params.iter().enumerate();
     let open = params.filter(|(_, param)| values.is_open(param.var));
@@ -319,10 +367,34 @@ fn open_places(compiled: &Compiled<'_>) -> Vec<usize> {
 /// Runs of one [`Prepared`] on one thread.
 pub struct Runs<'p> {
     prepared: &'p Prepared,
-    simulator: Simulator,
+    work: Work,
     scratch: Scratch,
     x0: Vec<f64>,
 }
+
+/// What has been compiled in the course of runs.
+enum Work {
+    Events(Box<Simulator>),
+    Elements {
+        system: Box<Compiled>,
+        settings: fesd::Settings,
+    },
+}
+
+/// Sees elements as steps.
+struct Steps<'o, O>(&'o mut O);
+
+impl<O: Observer> Observer for Steps<'_, O> {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        self.0.segment(segment)
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.0.event(event);
+    }
+}
+
+impl<O: Observer> fesd::Observer for Steps<'_, O> {}
 
 impl Runs<'_> {
     /// A run from 0 to a horizon, no longer than that of the experiment, with these values of the parameters, in the order
@@ -344,8 +416,18 @@ impl Runs<'_> {
             Some(x0) => self.x0.copy_from_slice(x0),
             None => (self.prepared.start).eval(parameters, &mut self.x0, &mut self.scratch),
         }
-        self.simulator.set_parameters(parameters);
-        Ok(self.simulator.run(0.0, horizon, &self.x0, observer))
+        Ok(match &mut self.work {
+            Work::Events(simulator) => {
+                simulator.set_parameters(parameters);
+                simulator.run(0.0, horizon, &self.x0, observer)
+            }
+            Work::Elements { system, settings } => {
+                system.set_parameters(parameters);
+                let (settings, mut steps) = (settings.clone(), Steps(observer));
+                let ran = system.by_elements(settings, horizon, &self.x0, &mut steps);
+                ran.solution.outcome
+            }
+        })
     }
 
     fn check(&self, parameters: &[f64], x0: Option<&[f64]>, horizon: f64) -> Result<(), NotRun> {
@@ -411,7 +493,7 @@ pub(crate) fn path(name: &str, sources: &mut SourceMap) -> Option<Path> {
 }
 
 /// x(0) as a function of the open parameters.
-fn start(compiled: &Compiled<'_>, open: &[usize]) -> Result<Tape, NotPrepared> {
+fn start(compiled: &crate::Compiled<'_>, open: &[usize]) -> Result<Tape, NotPrepared> {
     let (system, values) = (&compiled.system, &compiled.settings.values);
     let fixed = hybrid::numbers(system, open);
     let initial = system.states.iter().map(|state| {

@@ -161,7 +161,8 @@ impl Project {
         })
     }
 
-    /// Compiles an experiment once, for many runs from event to event with other values of the parameters that are `open`.
+    /// Compiles an experiment once, for many runs from event to event or by finite elements with other values of the
+    /// parameters that are `open`.
     ///
     /// ```
     /// use nsdc::Project;

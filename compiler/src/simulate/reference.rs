@@ -5,7 +5,7 @@ use nsd_solver::fesd::jumps::CLOSED;
 use super::{Plan, Request, run};
 use crate::expr::Var;
 use crate::limit::Limit;
-use crate::lowering::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
+use crate::lowering::dcs::{Friction, Impact, SlipLaw};
 use crate::lowering::discretize::Layout;
 use crate::lowering::mpcc::Bounds;
 use crate::report::{Dense, EventKind, Failure, Piece};
@@ -116,6 +116,11 @@ impl<'e> ReferenceRun<'e> {
         found
     }
 
+    /// What was run.
+    pub fn system(&self) -> &System<'e> {
+        &self.system
+    }
+
     /// Whether it has got beyond its start.
     pub fn begins(&self) -> bool {
         !self.dense.pieces.is_empty()
@@ -170,23 +175,22 @@ impl<'e> ReferenceRun<'e> {
         cuts(start, end, &self.switches).len() - 1
     }
 
-    /// Gives the lengths, states, impulses and multipliers of step k the values of the run in an interval. An impact that
-    /// follows its start within a `window` is at its start.
-    pub fn fill(
-        &self,
-        (dcs, layout): (&Dcs<'e>, &Layout),
-        bounds: &[Bounds],
-        k: usize,
-        (mut start, end): (f64, f64),
-        window: f64,
-        w: &mut [f64],
-    ) {
+    /// Gives the lengths, states, impulses and multipliers of a step the values of the run in its interval. An impact
+    /// that follows its start within the window is at its start.
+    pub fn fill(&self, lowered: &mut impl Lowered<'e>, step: &Target, w: &mut [f64]) {
+        let Target {
+            layout,
+            bounds,
+            number: k,
+            interval: (mut start, end),
+            window,
+        } = *step;
         let mut set = |index: usize, value: f64| {
             if value.is_finite() && !bounds[index].is_fixed() {
                 w[index] = value.max(bounds[index].lower).min(bounds[index].upper);
             }
         };
-        let near = CLOSEST * (end - start);
+        let (n, near) = (self.system.states.len(), CLOSEST * (end - start));
         let behind = self.last_strike(start, window);
         let switches: Vec<f64> = (self.switches.iter().copied())
             .filter(|t| !(start..=behind).contains(t))
@@ -196,59 +200,53 @@ impl<'e> ReferenceRun<'e> {
             if let Some(t) = layout.t(k, j) {
                 set(t, start);
             }
-            let first = layout.impulses(k, j);
             for (m, c) in layout.points.iter().enumerate() {
                 let inside = start + c.clamp(INSIDE, 1.0 - INSIDE) * h;
                 let inside = inside.max(behind + INSIDE * h);
-                let Some((row, within)) = self.at(start + c * h, inside) else {
+                let Some(rows) = self.at(start + c * h, inside) else {
                     continue;
                 };
+                let row = &rows.0;
                 for (i, &value) in row[..layout.n_states()].iter().enumerate() {
                     set(layout.x(k, j, m) + i, value);
                 }
-                let z = self.multipliers(dcs, start + c * h, &row, &within);
+                let z = self.multipliers(lowered, start + c * h, &rows);
                 for (i, &z) in z.iter().enumerate() {
                     if let Some(index) = layout.z(k, j, m, i) {
                         set(index, z);
                     }
                 }
-                let Some(first) = first.filter(|_| m == 0) else {
+                let Some(first) = layout.impulses(k, j).filter(|_| m == 0) else {
                     continue;
                 };
-                let mut sides = first + dcs.impacts.len();
                 let until = if j == 1 { behind } else { start };
-                let strikes = |(t, _): &&(f64, String)| (start - near..=until + near).contains(t);
-                let struck: Vec<&String> =
-                    (self.strikes.iter().filter(strikes).map(|strike| &strike.1)).collect();
-                // Of contacts that are closed already, those push whose law holds as an equation.
-                let initial = || dcs.states.iter().map(|state| state.initial).collect();
-                let before = match j {
-                    1 => Some(initial()),
-                    _ => self.at(start, start - INSIDE * h).map(|(x, _)| x),
+                let meeting = Meeting {
+                    time: start,
+                    struck: self.struck(start - near, until + near),
+                    before: match j {
+                        1 => Some(lowered.initial()),
+                        _ => self
+                            .at(start, start - INSIDE * h)
+                            .map(|(x, _)| x[..n].to_vec()),
+                    },
+                    behind: &row[..n],
+                    z: &z,
                 };
-                let before: Option<Vec<f64>> = before.filter(|_| !struck.is_empty());
-                for (c, impact) in dcs.impacts.iter().enumerate() {
-                    let pushes = |before: &[f64]| {
-                        let [old, new] = [before, &row].map(|x| self.known(start, x));
-                        let e = impact.restitution.eval(&new);
-                        let law = impact.speed.eval(&new) + e * impact.speed.eval(&old);
-                        z[impact.gap] == 0.0 && law.abs() <= ROUNDING
-                    };
-                    let pushes = struck.contains(&&impact.name)
-                        || before.as_ref().is_some_and(|before| pushes(before));
-                    set(first + c, f64::from(u8::from(pushes)));
-                    for side in impact
-                        .friction
-                        .iter()
-                        .flat_map(|friction| sides_of(friction, &z))
-                    {
-                        set(sides, side);
-                        sides += 1;
-                    }
-                }
+                let values = meeting.impulses(lowered);
+                let places = first..;
+                places
+                    .zip(values)
+                    .for_each(|(index, value)| set(index, value));
             }
             start += h;
         }
+    }
+
+    /// The names of contacts that strike in an interval.
+    fn struck(&self, from: f64, to: f64) -> Vec<&str> {
+        let strikes = self.strikes.iter();
+        let strikes = strikes.filter(|(t, _)| (from..=to).contains(t));
+        strikes.map(|(_, name)| name.as_str()).collect()
     }
 
     /// The last impact that follows an instant within a window, or that instant.
@@ -272,17 +270,21 @@ impl<'e> ReferenceRun<'e> {
         move |var: Var| known.number(var)
     }
 
-    /// z for the states and α of a run.
-    fn multipliers(&self, dcs: &Dcs<'e>, time: f64, row: &[f64], within: &[f64]) -> Vec<f64> {
+    /// z for the states and α of a run: all rows at an instant, and those near by.
+    fn multipliers(
+        &self,
+        lowered: &mut impl Lowered<'e>,
+        time: f64,
+        (row, within): &(Vec<f64>, Vec<f64>),
+    ) -> Vec<f64> {
         let system = &self.system;
         let n = system.states.len();
         let mut alphas = within[n..n + system.switches.len()].to_vec();
-        directed(system, &mut alphas, &self.known(time, within));
-        let value = self.known(time, row);
-        let mut z = solve_in_mode(system, dcs, &alphas, &value).algebraics;
+        lowered.direct(&mut alphas, time, &within[..n]);
+        let mut z = lowered.in_mode(time, &row[..n], &alphas);
         // On the surface of a contact the sign of rounding says nothing, also where nothing presses.
         let largest = row[..n].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        for (impact, contact) in dcs.impacts.iter().zip(&system.contacts) {
+        for (impact, contact) in lowered.impacts().iter().zip(&system.contacts) {
             let force = 1.0 - alphas[contact.switch];
             if force > ROUNDING {
                 (z[impact.gap], z[impact.force]) = (0.0, force);
@@ -291,6 +293,76 @@ impl<'e> ReferenceRun<'e> {
             }
         }
         z
+    }
+}
+
+/// What a run asks of a lowering of its system at an instant and a state.
+pub(crate) trait Lowered<'e> {
+    /// The contacts whose impulses act where elements meet.
+    fn impacts(&self) -> &[Impact<'e>];
+
+    /// The state where the first element of a step begins.
+    fn initial(&self) -> Vec<f64>;
+
+    /// Gives α of what slips in a plane the direction of slip at a point.
+    fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]);
+
+    /// z in the mode of these α.
+    fn in_mode(&mut self, time: f64, x: &[f64], alphas: &[f64]) -> Vec<f64>;
+
+    /// The rate of the gap and the restitution of a contact.
+    fn law(&mut self, contact: usize, time: f64, x: &[f64]) -> [f64; 2];
+}
+
+/// The step of a program that a run gives values.
+#[derive(Clone, Copy)]
+pub(crate) struct Target<'t> {
+    pub layout: &'t Layout,
+    pub bounds: &'t [Bounds],
+    /// Its number, from 1.
+    pub number: usize,
+    pub interval: (f64, f64),
+    /// For so long behind its start there are no impacts.
+    pub window: f64,
+}
+
+/// Where two elements meet.
+struct Meeting<'m> {
+    time: f64,
+    /// The names of the contacts that strike.
+    struck: Vec<&'m str>,
+    /// The state before, where it is known, and the one behind.
+    before: Option<Vec<f64>>,
+    behind: &'m [f64],
+    /// z behind.
+    z: &'m [f64],
+}
+
+impl Meeting<'_> {
+    /// Impulses of all contacts, as far as they push, and the sides of friction behind them.
+    fn impulses<'e>(&self, lowered: &mut impl Lowered<'e>) -> Vec<f64> {
+        let pushes: Vec<f64> = (0..lowered.impacts().len())
+            .map(|c| f64::from(u8::from(self.pushes(c, lowered))))
+            .collect();
+        let friction = lowered.impacts().iter();
+        let friction = friction.filter_map(|impact| impact.friction.as_ref());
+        let sides = friction.flat_map(|friction| sides_of(friction, self.z));
+        pushes.into_iter().chain(sides).collect()
+    }
+
+    /// Of contacts that are closed already, those push whose law holds as an equation.
+    fn pushes<'e>(&self, contact: usize, lowered: &mut impl Lowered<'e>) -> bool {
+        let impact = &lowered.impacts()[contact];
+        if self.struck.contains(&impact.name.as_str()) {
+            return true;
+        }
+        let is_closed = self.z[impact.gap] == 0.0;
+        let Some(before) = self.before.as_ref().filter(|_| !self.struck.is_empty()) else {
+            return false;
+        };
+        let [old, _] = lowered.law(contact, self.time, before);
+        let [new, restitution] = lowered.law(contact, self.time, self.behind);
+        is_closed && (new + restitution * old).abs() <= ROUNDING
     }
 }
 

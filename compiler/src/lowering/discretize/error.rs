@@ -43,7 +43,7 @@ pub enum DiscretizeError {
 const ROUNDING: f64 = 1e-10;
 
 /// Refuses a start where the guesses of z, which are the values for x at the start, violate equations of what is continuous.
-pub fn check_start(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
+fn check_start(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
     let params = dcs.params.iter().map(|param| (param.var, param.value));
     let states = dcs.states.iter().map(|state| (state.var, state.initial));
     let algebraics = dcs.algebraics.iter().map(|z| (z.var, z.guess));

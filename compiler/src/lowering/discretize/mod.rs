@@ -52,11 +52,12 @@ use nsd_solver::integrate::tableau::Tableau;
 
 use cross::Pairs;
 use dynamics::Dynamics;
-pub use error::{DiscretizeError, check_given, check_start};
+pub use error::{DiscretizeError, check_given};
 use formals::Formals;
 pub use formals::inside;
 pub use impulses::WINDOW;
 pub use layout::Layout;
+pub(crate) use layout::ends::End;
 pub(crate) use layout::fixed_params;
 pub use options::{Detection, Grid, Options};
 

@@ -6,12 +6,12 @@
 
 use crate::expr::Var;
 use crate::limit::Limit;
-use crate::lowering::dcs::{directed, solve_in_mode};
+use crate::lowering::dcs::{Dcs, Impact, directed, solve_in_mode};
 use crate::lowering::discretize::WINDOW;
 use crate::optimize::checks::solved;
 use crate::optimize::{Problem, Sampled};
 use crate::report::{Dense, Status, Trajectory};
-use crate::simulate::{self, ReferenceRun, Request, cut};
+use crate::simulate::{self, Lowered, ReferenceRun, Request, Target, cut};
 use crate::system::experiment::{EventOptions, Method, Sampling};
 use crate::system::task::{Control, Shape};
 use crate::system::{Param, State, System};
@@ -160,19 +160,63 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
 /// Gives lengths, states and multipliers the values of a run to a horizon.
 ///
 /// The program has no impacts at gaps below τ (v⁺ + e v⁻), e <= 1, behind the end of an interval. Such a one is at the end.
-fn follow(problem: &Problem, run: &ReferenceRun, horizon: f64, w: &mut [f64]) {
+fn follow<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, horizon: f64, w: &mut [f64]) {
     let layout = &problem.layout;
     let window = 2.0 * WINDOW * horizon / (layout.steps * layout.elements) as f64;
     let bounds = problem.mpcc.bounds();
+    let mut lowered = WithControls {
+        dcs: &problem.dcs,
+        system: run.system(),
+    };
     for k in 1..=layout.steps {
         let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
         let interval = (instant(k - 1), instant(k));
-        run.fill((&problem.dcs, layout), &bounds, k, interval, window, w);
+        let step = Target {
+            layout,
+            bounds: &bounds,
+            number: k,
+            interval,
+            window,
+        };
+        run.fill(&mut lowered, &step, w);
+    }
+}
+
+/// The lowering of a problem, with the controls of a run.
+struct WithControls<'p, 'e> {
+    dcs: &'p Dcs<'e>,
+    system: &'p System<'e>,
+}
+
+impl<'e> Lowered<'e> for WithControls<'_, 'e> {
+    fn impacts(&self) -> &[Impact<'e>] {
+        &self.dcs.impacts
+    }
+
+    fn initial(&self) -> Vec<f64> {
+        let states = self.dcs.states.iter();
+        states.map(|state| state.initial).collect()
+    }
+
+    fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]) {
+        let known = self.system.valuation(time, x, &[]);
+        directed(self.system, alphas, &|var| known.number(var));
+    }
+
+    fn in_mode(&mut self, time: f64, x: &[f64], alphas: &[f64]) -> Vec<f64> {
+        let known = self.system.valuation(time, x, &[]);
+        solve_in_mode(self.system, self.dcs, alphas, &|var| known.number(var)).algebraics
+    }
+
+    fn law(&mut self, contact: usize, time: f64, x: &[f64]) -> [f64; 2] {
+        let known = self.system.valuation(time, x, &[]);
+        let impact = &self.dcs.impacts[contact];
+        [impact.speed, impact.restitution].map(|e| known.value(e))
     }
 }
 
 /// The same with nonlinear switches, and with the controls of the point itself; false where the run ends before.
-pub(crate) fn in_modes(problem: &Problem, run: &ReferenceRun, w: &mut [f64]) -> bool {
+pub(crate) fn in_modes<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, w: &mut [f64]) -> bool {
     if run.failure.is_some() {
         return false;
     }

@@ -24,7 +24,7 @@ use crate::system::experiment::{MethodKind, Settings};
 use crate::system::switches::roots::Vanishing;
 
 /// A system as if it had no switches.
-pub(super) struct Adaptive {
+pub(crate) struct Adaptive {
     field: Jumping,
 }
 
@@ -99,7 +99,7 @@ impl<'e> Run<'e> for Adaptive {
 
 /// f(t, x, step(ψ(t, x))) as one function of time and state.
 #[derive(Clone)]
-pub(super) struct Jumping {
+pub(crate) struct Jumping {
     /// (t, x, α) to f and to ψ.
     rates: Tape,
     switching: Tape,
@@ -119,7 +119,7 @@ pub(super) struct Jumping {
 }
 
 /// What functions of a system depend on, once parameters are numbers and data polynomials.
-pub(super) struct Inputs<'e> {
+pub(crate) struct Inputs<'e> {
     /// t, x, α, and the coefficients of data.
     pub vars: Vec<Var>,
     /// What takes the place of parameters and data.
@@ -128,7 +128,7 @@ pub(super) struct Inputs<'e> {
 }
 
 impl<'e> Inputs<'e> {
-    pub(super) fn new(system: &System<'e>) -> Self {
+    pub(crate) fn new(system: &System<'e>) -> Self {
         let mut numbers = hybrid::numbers(system, &[]);
         let Polynomials {
             coefficients,
@@ -149,12 +149,12 @@ impl<'e> Inputs<'e> {
 
 impl Jumping {
     /// Lets no step pass over the pulses.
-    pub(super) fn new(system: &System, pulses: Pulses) -> Self {
+    pub(crate) fn new(system: &System, pulses: Pulses) -> Self {
         Self::of(system, &Inputs::new(system), pulses)
     }
 
     /// The same with inputs that are known.
-    pub(super) fn of<'e>(system: &System<'e>, inputs: &Inputs<'e>, pulses: Pulses) -> Self {
+    pub(crate) fn of<'e>(system: &System<'e>, inputs: &Inputs<'e>, pulses: Pulses) -> Self {
         let numbers = &inputs.numbers;
         let rates: Vec<Expr> = system.states.iter().map(|state| state.rate).collect();
         let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
@@ -190,7 +190,7 @@ impl Jumping {
     }
 
     /// All inputs at a point; α where f has one.
-    pub(super) fn at(&mut self, t: f64, x: &[f64]) -> &[f64] {
+    pub(crate) fn at(&mut self, t: f64, x: &[f64]) -> &[f64] {
         if self.rates_switch {
             self.set(t, x);
         } else {
@@ -201,7 +201,7 @@ impl Jumping {
     }
 
     /// The coefficients of data that hold at present.
-    pub(super) fn coefficients(&self) -> &[f64] {
+    pub(crate) fn coefficients(&self) -> &[f64] {
         &self.inputs[1 + self.n + self.m..]
     }
 

@@ -14,7 +14,7 @@ const BAND: f64 = 1e-12;
 const SHARE: f64 = 0.1;
 
 /// A warning about the first switch that counts as zero over much of where it moves.
-pub(super) fn warning(
+pub(crate) fn warning(
     system: &System,
     outcome: &Outcome,
     trajectory: &Trajectory,

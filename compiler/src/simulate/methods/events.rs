@@ -19,7 +19,7 @@ use crate::system::experiment::{self, Branch, EventOptions, MethodKind, Settings
 const MORE_ORDERS: usize = 3;
 
 /// A system as data, and what runs keep of its functions.
-pub(super) struct Events {
+pub(crate) struct Events {
     hybrid: Arc<HybridSystem>,
     /// The parameters that stay open, by their numbers.
     open: Vec<usize>,
@@ -176,7 +176,7 @@ pub(crate) fn solver_settings(
 }
 
 /// A run that is more accurate, and of another order. Infinitely many events end with the same one.
-pub(super) fn finer(run: &solver::Settings, order: usize, tolerance: f64) -> solver::Settings {
+pub(crate) fn finer(run: &solver::Settings, order: usize, tolerance: f64) -> solver::Settings {
     solver::Settings {
         tolerance: tolerance * REFINEMENT,
         settled: Some(tolerance),

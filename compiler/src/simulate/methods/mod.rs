@@ -150,7 +150,7 @@ impl<'e> Plan<'e> {
 }
 
 /// The method of an experiment, with some parameters open, by their numbers, where it takes them.
-pub(super) fn of<'e>(
+pub(crate) fn of<'e>(
     system: &System<'e>,
     settings: &Settings<'e>,
     open: &[usize],
@@ -179,13 +179,16 @@ pub(super) fn of<'e>(
 /// Whether runs by the method of an experiment take other values of parameters, by their numbers, and of initial states.
 ///
 /// From event to event they do unless time stands still at impacts. Finite elements and steps do where there are no contacts
-/// besides, and where values decide nothing: neither which sides of several switches have a common region, nor when switches
-/// of time change, nor which of several sliding modes of nonlinear switches is taken.
+/// besides, and where values do not decide which sides of several switches have a common region. Steps have the instants
+/// at which switches of time change compiled in, and none selects among the sliding modes of nonlinear switches.
 pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
+    let is_smooth =
+        !settings.freezes() && system.contacts.is_empty() && system.impulsive.is_empty();
     let by_elements = match settings.method {
         Method::Auto | Method::Event(_) => return !settings.freezes(),
-        Method::Fesd(_) | Method::Timestepping(_) => {
-            !settings.freezes() && system.contacts.is_empty() && system.impulsive.is_empty()
+        Method::Fesd(_) => is_smooth,
+        Method::Timestepping(_) => {
+            is_smooth && system.first_nonlinear().is_none() && system.leading().is_empty()
         }
         _ => false,
     };
@@ -196,10 +199,7 @@ pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> boo
     let compared: Vec<Expr> = compared.chain(indicators(system)).collect();
     let compared = variables_of(&compared);
     let mut open = open.iter().map(|&place| variable(system.params[place].var));
-    by_elements
-        && system.first_nonlinear().is_none()
-        && system.leading().is_empty()
-        && open.all(|var| !compared.contains(&var))
+    by_elements && open.all(|var| !compared.contains(&var))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::system::System;
 use crate::system::experiment::{MethodKind, SmoothingOptions};
 
 /// The method with its options.
-pub(super) fn method(options: &SmoothingOptions) -> Method {
+pub(crate) fn method(options: &SmoothingOptions) -> Method {
     Method {
         name: MethodKind::Smoothing.word().into(),
         options: vec![
@@ -17,7 +17,7 @@ pub(super) fn method(options: &SmoothingOptions) -> Method {
 }
 
 /// That the estimate of the error is about another system than the model.
-pub(super) fn warning(system: &System, options: &SmoothingOptions, span: Span) -> Option<Warning> {
+pub(crate) fn warning(system: &System, options: &SmoothingOptions, span: Span) -> Option<Warning> {
     let epsilon = options.epsilon;
     system.is_smoothed().then(|| Warning {
         code: "W0707".into(),

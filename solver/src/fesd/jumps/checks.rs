@@ -22,7 +22,7 @@ impl Stepper {
         let basis = |tau: f64| lagrange(&step.points, &[tau]);
         let weights: Vec<Vec<f64>> = (1..LOOKS).map(|i| basis(i as f64 / LOOKS as f64)).collect();
         (0..step.elements.len()).all(|j| {
-            self.contacts.gaps.iter().all(|&gap| {
+            self.points.contacts.gaps.iter().all(|&gap| {
                 let values = (0..step.points.len()).map(|m| step.z(w, j, m, gap));
                 let values: Vec<f64> = values.collect();
                 let size = largest(&values).max(1.0);
@@ -54,12 +54,16 @@ impl Stepper {
             let x = step.states(w, j, 0);
             let size = largest(x).max(1.0);
             let lasts = from > 0.0 && self.struck(step, w, j, &open).is_empty();
-            let is_closed: Vec<bool> = (self.contacts.forces.iter())
+            let is_closed: Vec<bool> = (self.points.contacts.forces.iter())
                 .map(|&force| (1..=step.nodes).any(|m| step.z(w, j, m, force) > IMPULSE))
                 .collect();
-            let holds = self.laws(from, x).enumerate().all(|(c, [speed, ..])| {
-                !is_closed[c] || lasts && !open[c] || speed.abs() <= least * size
-            });
+            let holds = self
+                .points
+                .laws(from, x)
+                .enumerate()
+                .all(|(c, [speed, ..])| {
+                    !is_closed[c] || lasts && !open[c] || speed.abs() <= least * size
+                });
             if !holds {
                 return false;
             }
@@ -71,7 +75,7 @@ impl Stepper {
     /// Contacts that meet at the start.
     pub(crate) fn come_together(&mut self, x: &[f64]) -> Vec<bool> {
         let size = largest(x).max(1.0);
-        let laws = self.laws(0.0, x);
+        let laws = self.points.laws(0.0, x);
         laws.map(|[speed, ..]| speed < -OPENING * size).collect()
     }
 
@@ -104,7 +108,7 @@ impl Stepper {
         }
         let size = largest(step.states(w, j, 0));
         let is_open = |&gap: &usize| (1..=step.nodes).any(|m| step.z(w, j, m, gap) > CLOSED * size);
-        self.contacts.gaps.iter().map(is_open).collect()
+        self.points.contacts.gaps.iter().map(is_open).collect()
     }
 
     /// The first contact that strikes in a step with a coefficient that no contact has: when, which one, and what it has.
@@ -119,7 +123,7 @@ impl Stepper {
             let from = t;
             t += w[step.elements[j].length].max(0.0);
             let first = step.elements[j].impulses;
-            let mut laws = self.laws(from, step.before(w, j)).enumerate();
+            let mut laws = self.points.laws(from, step.before(w, j)).enumerate();
             laws.find_map(|(c, [_, restitution, friction])| {
                 let found = Coefficient::outside(restitution, friction);
                 let strikes = w[first + c] > IMPULSE;

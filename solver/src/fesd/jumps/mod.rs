@@ -10,16 +10,18 @@
 //! Nurkanović, Frey, Pozharskiy & Diehl 2024.
 
 mod checks;
+mod points;
 mod program;
 
+use crate::linalg::analyses::Analyses;
 use crate::linalg::largest;
 use crate::optimization::mpcc;
 use crate::optimization::mpcc::Options;
 use crate::optimization::problem::Mpcc;
 use crate::runtime::limit::Limit;
-use crate::tape::{Scratch, Tape};
 
 pub use checks::CLOSED;
+pub use points::{Contacts, Points};
 pub use program::{Element, Program, StepProgram, StepStart};
 
 /// Other ways that are tried, and iterations of each, where the predicted branch is none.
@@ -30,29 +32,16 @@ const FEASIBLE: f64 = 1e-9;
 /// Elements shorter than this, as a share of the horizon, have no mode of their own.
 const SHORTEST: f64 = 1e-11;
 
-/// The contacts of a system.
-#[derive(Clone, Debug)]
-pub struct Contacts {
-    /// The places of their gaps among z.
-    pub gaps: Vec<usize>,
-    /// The places of their forces.
-    pub forces: Vec<usize>,
-    /// The rate of the gap, the restitution and the friction of every contact, in t, x and parameters.
-    pub laws: Tape,
-    /// These.
-    pub parameters: Vec<f64>,
-}
-
 /// Solves steps, and knows which contacts are open.
 #[derive(Debug)]
 pub struct Stepper {
-    contacts: Contacts,
+    /// What is known at points.
+    pub points: Points,
     horizon: f64,
+    /// Symbolic factorizations of the programs of steps.
+    analyses: Analyses,
     /// The contacts that were open in the last element, or come together at the start.
     open: Vec<bool>,
-    inputs: Vec<f64>,
-    values: Vec<f64>,
-    scratch: Scratch,
     /// Iterations, relaxed programs, and the largest violation of what was taken.
     pub work: Work,
 }
@@ -82,15 +71,13 @@ pub struct Passed {
 }
 
 impl Stepper {
-    /// At t = 0 and a state, for a horizon.
-    pub fn new(contacts: Contacts, horizon: f64, x: &[f64]) -> Self {
+    /// At t = 0 and a state, for a horizon, with the symbolic factorizations of runs before.
+    pub fn new(points: Points, analyses: Analyses, horizon: f64, x: &[f64]) -> Self {
         let mut stepper = Stepper {
+            points,
             horizon,
+            analyses,
             open: Vec::new(),
-            inputs: Vec::with_capacity(1 + x.len() + contacts.parameters.len()),
-            values: vec![0.0; contacts.laws.n_outputs()],
-            scratch: contacts.laws.scratch(),
-            contacts,
             work: Work::default(),
         };
         stepper.open = stepper.come_together(x);
@@ -113,6 +100,7 @@ impl Stepper {
             max_restarts: MOST_WAYS,
             max_iterations: MOST_ITERATIONS,
             limit: limit.clone(),
+            analyses: self.analyses.clone(),
             ..Options::default()
         };
         let program: &mut dyn Mpcc = &mut step.program;
@@ -158,15 +146,10 @@ impl Stepper {
         (0..step.elements.len()).map(&mut pass).collect()
     }
 
-    /// The rate of the gap, the restitution and the friction of every contact at an instant and a state.
-    fn laws(&mut self, t: f64, x: &[f64]) -> impl Iterator<Item = [f64; 3]> + '_ {
-        self.inputs.clear();
-        self.inputs.push(t);
-        self.inputs.extend_from_slice(x);
-        self.inputs.extend_from_slice(&self.contacts.parameters);
-        let (inputs, scratch) = (&self.inputs, &mut self.scratch);
-        self.contacts.laws.eval(inputs, &mut self.values, scratch);
-        let laws = self.values.chunks_exact(3);
-        laws.map(|law| [law[0], law[1], law[2]])
+    /// α of all switches at a node of an element.
+    pub fn alphas<P>(&self, step: &StepProgram<P>, w: &[f64], j: usize, m: usize) -> Vec<f64> {
+        let z = &step.elements[j].algebraics[m];
+        let z = z.iter().map(|z| z.map_or(f64::NAN, |z| w[z]));
+        self.points.alphas(&z.collect::<Vec<_>>())
     }
 }

@@ -156,9 +156,59 @@ impl Point<'_> {
         without.for_each(|z| *z = 0.0);
         z
     }
+
+    /// z at (t, x) in the mode of these α, which need not be those of the point.
+    pub fn z_in_mode(self, system: &ComplementaritySystem, alpha: &[f64]) -> Vec<f64> {
+        let leading = system.surfaces.leading.iter();
+        let led = leading.map(|leading| (leading.switch, alpha[leading.switch]));
+        let (psi, _) = self.sides(system, &led.collect::<Vec<_>>());
+        self.z_by(system, &psi, alpha)
+    }
+
+    /// z by ψ, with indicators behind them, and α.
+    fn z_by(self, system: &ComplementaritySystem, psi: &[f64], alpha: &[f64]) -> Vec<f64> {
+        let rules = &system.surfaces.rules;
+        let mut z = rules.values(psi, alpha);
+        // The equation g_row = 0 of a product is 0 = z_i - product, so z_i = -g_row where z_i = 0 is put in. Outputs
+        // are (f, g) with n entries of f. Products come last, and in order: the factors of each are known by then.
+        let n = system.n_states();
+        for (i, rule) in rules.z.iter().enumerate() {
+            if let Rule::Product(row) = rule {
+                z[i] = -eval(&system.full.equations, &self.with(&z))[n + row];
+            }
+        }
+        z
+    }
+
+    /// ψ, with indicators behind them, and α; that of the switches in `led` is given.
+    pub fn sides(
+        self,
+        system: &ComplementaritySystem,
+        led: &[(usize, f64)],
+    ) -> (Vec<f64>, Vec<f64>) {
+        let n = system.n_switches();
+        let mut alpha = vec![0.5; n];
+        // Each pass finds the α of one more switch at least.
+        for _ in 0..n {
+            let psi = eval(&system.surfaces.psi, &self.with(&alpha));
+            let mut next: Vec<f64> = psi[..n].iter().map(|&psi| alpha_of(psi)).collect();
+            for &(switch, alpha) in led {
+                next[switch] = alpha;
+            }
+            for disc in &system.discs {
+                let [first, second] = disc.switches;
+                [next[first], next[second]] = alphas_of(disc.switches.map(|k| psi[k]));
+            }
+            if next == alpha {
+                return (psi, alpha);
+            }
+            alpha = next;
+        }
+        (eval(&system.surfaces.psi, &self.with(&alpha)), alpha)
+    }
 }
 
-fn eval(tape: &Tape, inputs: &[f64]) -> Vec<f64> {
+pub(crate) fn eval(tape: &Tape, inputs: &[f64]) -> Vec<f64> {
     let mut outputs = vec![0.0; tape.n_outputs()];
     tape.eval(inputs, &mut outputs, &mut tape.scratch());
     outputs
@@ -187,46 +237,14 @@ impl ComplementaritySystem {
     /// z at (t, x), by its rules from ψ and α: off all surfaces the solution of the linear programs, on a surface the
     /// middle, α = 1/2. Switches of time that are in `led` have the given side instead.
     pub(crate) fn z_at(&self, point: Point, led: &[(usize, Side)]) -> Vec<f64> {
-        let (psi, alpha) = self.sides_at(point, led);
-        let rules = &self.surfaces.rules;
-        let mut z = rules.values(&psi, &alpha);
-        // The equation g_row = 0 of a product is 0 = z_i - product, so z_i = -g_row where z_i = 0 is put in. Outputs
-        // are (f, g) with n entries of f. Products come last, and in order: the factors of each are known by then.
-        let n = self.n_states();
-        for (i, rule) in rules.z.iter().enumerate() {
-            if let Rule::Product(row) = rule {
-                z[i] = -eval(&self.full.equations, &point.with(&z))[n + row];
-            }
-        }
-        z
+        let led: Vec<(usize, f64)> = led.iter().map(|&(k, side)| (k, alpha_on(side))).collect();
+        let (psi, alpha) = point.sides(self, &led);
+        point.z_by(self, &psi, &alpha)
     }
 
     /// ψ of all switches, with indicators behind them.
     pub(crate) fn psi_at(&self, point: Point) -> Vec<f64> {
-        self.sides_at(point, &[]).0
-    }
-
-    /// ψ, with indicators behind them, and α.
-    fn sides_at(&self, point: Point, led: &[(usize, Side)]) -> (Vec<f64>, Vec<f64>) {
-        let n = self.n_switches();
-        let mut alpha = vec![0.5; n];
-        // Each pass finds the α of one more switch at least.
-        for _ in 0..n {
-            let psi = eval(&self.surfaces.psi, &point.with(&alpha));
-            let mut next: Vec<f64> = psi[..n].iter().map(|&psi| alpha_of(psi)).collect();
-            for &(switch, side) in led {
-                next[switch] = alpha_on(side);
-            }
-            for disc in &self.discs {
-                let [first, second] = disc.switches;
-                [next[first], next[second]] = alphas_of(disc.switches.map(|k| psi[k]));
-            }
-            if next == alpha {
-                return (psi, alpha);
-            }
-            alpha = next;
-        }
-        (eval(&self.surfaces.psi, &point.with(&alpha)), alpha)
+        point.sides(self, &[]).0
     }
 
     /// The switch of a gap that is negative at a point by more than rounding, where no solution is.

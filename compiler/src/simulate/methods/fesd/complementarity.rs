@@ -16,7 +16,7 @@ use crate::system::{self, Role, System};
 
 /// x' = f(t, x, z), 0 = g(t, x, z), 0 <= a ⟂ b >= 0 with the parameters of one experiment, and what functions of it are
 /// made of.
-pub(super) struct Lowering<'e> {
+pub(crate) struct Lowering<'e> {
     pub exprs: &'e Exprs,
     pub time: Var,
     pub states: Vec<Var>,
@@ -35,7 +35,7 @@ pub fn complementarity<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Complementarit
 }
 
 /// The same with some parameters, by their numbers, as inputs in this order.
-pub(super) fn complementarity_open<'e>(
+pub(crate) fn complementarity_open<'e>(
     system: &System<'e>,
     dcs: &Dcs<'e>,
     open: &[usize],
@@ -247,12 +247,12 @@ impl<'e> Lowering<'e> {
     }
 
     /// Whether another value of a variable is another value of a number of runs.
-    pub(super) fn is_open(&self, var: Var) -> bool {
+    pub(crate) fn is_open(&self, var: Var) -> bool {
         self.open.contains_key(&var)
     }
 
     /// ∂e/∂t + Σ ∂e/∂x_i f_i, for an expression in these variables.
-    pub(super) fn along(&self, e: Expr<'e>, vars: &[Var]) -> Expr<'e> {
+    pub(crate) fn along(&self, e: Expr<'e>, vars: &[Var]) -> Expr<'e> {
         let states = self.states.iter().zip(&self.rates);
         let states = states.filter(|(state, _)| vars.contains(state));
         let by_state = states.map(|(&state, &rate)| e.diff(state) * rate);

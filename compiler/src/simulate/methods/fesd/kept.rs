@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-9;
 
 impl<'e> Lowering<'e> {
     /// All (i, j) for which the rate of ψ_i is a multiple of ψ_j.
-    pub(super) fn followers(&self, surfaces: &[Expr<'e>]) -> Vec<(usize, usize)> {
+    pub(crate) fn followers(&self, surfaces: &[Expr<'e>]) -> Vec<(usize, usize)> {
         let is_input =
             |var: &Var| *var == self.time || self.states.contains(var) || self.is_open(*var);
         let plain = |psi: &Expr<'e>| variables_of(&[*psi]).iter().all(is_input);

@@ -3,28 +3,27 @@
 //! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
 //! global error.
 
+mod compiled;
 mod complementarity;
-pub(super) mod impulses;
+pub(crate) mod impulses;
 mod kept;
-pub(super) mod stepping;
+pub(crate) mod stepping;
 mod turns;
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
-use nsd_solver::event;
 use nsd_solver::event::{Event, Observer, Segment};
-use nsd_solver::fesd::{self, ComplementaritySystem, Grid, Library, Rungs, Simulator};
-use nsd_solver::hybrid::{HybridSystem, Outcome};
+use nsd_solver::fesd::{self, Grid, Rungs};
+use nsd_solver::hybrid::Outcome;
 use nsd_solver::integrate::tableau::Family;
 
+pub(crate) use compiled::{Compiled, Ran};
 pub use complementarity::complementarity;
-use complementarity::complementarity_open;
 use turns::{Surfaces, Turned, Turns};
 
 use super::blurred;
+use crate::limit::Limit;
 use crate::lowering::hybrid::Pulses;
-use crate::lowering::{dcs, hybrid};
 use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::{Estimate, Estimator};
@@ -82,48 +81,12 @@ impl fesd::Observer for Keeper<'_, '_, '_> {
     }
 }
 
-/// A complementarity system that is compiled once, and what runs have made of its functions.
-pub(super) struct Compiled {
-    pub complementarity: ComplementaritySystem,
-    pub library: Library,
-    /// The parameters that stay open, by their numbers.
-    open: Vec<usize>,
-    /// How it is stated.
-    pub lowering: &'static str,
-}
-
-impl Compiled {
-    /// A system as an experiment states it, with some parameters open, and the names of its algebraic variables.
-    pub fn new(system: &System, settings: &Settings, open: &[usize]) -> (Self, Vec<String>) {
-        let dcs = dcs::lower(system, &settings.lowerings);
-        let dcs = dcs.expect("compilation has checked that the system can be lowered");
-        let compiled = Compiled {
-            complementarity: complementarity_open(system, &dcs, open),
-            library: Library::default(),
-            open: open.to_vec(),
-            lowering: dcs.lowering.formulation.word(),
-        };
-        let names = dcs.algebraics.iter().map(|z| z.var.to_string());
-        (compiled, names.collect())
-    }
-
-    /// Takes the data of a system, and its values of the open parameters.
-    pub fn load(&mut self, system: &System) {
-        let params = self.open.iter().map(|&place| system.params[place].value);
-        self.complementarity.parameters = params.collect();
-        let data = hybrid::data_of(system);
-        self.complementarity.data[..data.len()].clone_from_slice(&data);
-    }
-}
-
 /// A complementarity system that finite elements run.
-pub(super) struct ByElements {
+pub(crate) struct ByElements {
     compiled: Compiled,
     /// The names of its algebraic variables.
     algebraics: Vec<String>,
     surfaces: Surfaces,
-    /// Where switches are nonlinear: the same system event by event.
-    events: Option<Arc<HybridSystem>>,
     pulses: Pulses,
     /// What the first run has left.
     left: Left,
@@ -145,16 +108,14 @@ struct Left {
 }
 
 impl ByElements {
-    /// Compiles a system, with some parameters open, by their numbers; none where switches are nonlinear.
+    /// Compiles a system, with some parameters open, by their numbers.
     pub fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
-        let (mut compiled, algebraics) = Compiled::new(system, settings, open);
         let pulses = Pulses::of(system, settings.horizon);
-        compiled.complementarity.stops = pulses.stops().to_vec();
+        let (compiled, algebraics) = Compiled::for_elements(system, settings, open, &pulses);
         ByElements {
             compiled,
             algebraics,
             surfaces: Surfaces::of(system, open),
-            events: system.first_nonlinear().map(|_| hybrid::lower(system)),
             pulses,
             left: Left::default(),
             allowed: None,
@@ -170,7 +131,7 @@ impl ByElements {
 }
 
 /// The options of the method.
-pub(super) fn options<'s>(settings: &'s Settings) -> &'s FesdOptions {
+pub(crate) fn options<'s>(settings: &'s Settings) -> &'s FesdOptions {
     match &settings.method {
         experiment::Method::Fesd(options) => options,
         _ => panic!("the method has finite elements"),
@@ -184,21 +145,8 @@ impl<'e> Run<'e> for ByElements {
         accuracy: Accuracy,
         observer: &mut dyn Observer,
     ) -> Ended {
-        let options = options(problem.settings);
-        let nodes = match accuracy.is_finer {
-            true => nodes_of_finer(options),
-            false => options.scheme.1,
-        };
-        let settings = fesd::Settings {
-            limit: problem.limit.clone(),
-            grid: grid(options, accuracy),
-            ..fesd::Settings::new(options.scheme.0, nodes)
-        };
+        let settings = elements(options(problem.settings), accuracy, problem.limit.clone());
         self.compiled.load(problem.system);
-        let library = std::mem::take(&mut self.compiled.library);
-        let complementarity = &self.compiled.complementarity;
-        let simulator = simulator(complementarity, self.events.as_ref(), settings);
-        let mut simulator = simulator.knowing(library);
         let is_kept = problem.multipliers && !accuracy.is_finer;
         let mut keeper = Keeper {
             observer,
@@ -206,22 +154,26 @@ impl<'e> Run<'e> for ByElements {
             turns: (problem.estimates && !accuracy.is_finer)
                 .then(|| Turns::new(problem.system, &mut self.surfaces)),
         };
-        let solution = simulator.run(0.0, problem.settings.horizon, &problem.x0, &mut keeper);
-        let library = simulator.library().clone();
+        let horizon = problem.settings.horizon;
+        let run = (self.compiled).by_elements(settings, horizon, &problem.x0, &mut keeper);
+        let Ran {
+            solution,
+            order,
+            allowed,
+        } = run;
         if accuracy.is_finer {
-            self.allowed = simulator.allowed_defect();
+            self.allowed = allowed;
         } else {
             self.left = Left {
-                order: simulator.order(),
+                order,
                 least_member: solution.least_member,
                 added_elements: solution.added_elements,
                 rungs: solution.rungs,
-                allowed: simulator.allowed_defect(),
+                allowed,
                 multipliers: keeper.kept,
                 turned: keeper.turns.map(Turns::done).unwrap_or_default(),
             };
         }
-        self.compiled.library = library;
         Ended::by(solution.outcome)
     }
 
@@ -257,8 +209,7 @@ impl<'e> Run<'e> for ByElements {
     }
 
     fn takes_numbers(&self) -> bool {
-        // Whoever selects among the modes of nonlinear switches has numbers compiled in.
-        self.events.is_none()
+        true
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
@@ -278,24 +229,6 @@ impl<'e> Run<'e> for ByElements {
     }
 }
 
-/// A simulator whose number of nodes has been checked. Where switches are nonlinear, complementarity does not say which
-/// of several sliding modes is taken: the selection of events does.
-pub(super) fn simulator<'s>(
-    complementarity: &'s ComplementaritySystem,
-    events: Option<&'s Arc<HybridSystem>>,
-    settings: fesd::Settings,
-) -> Simulator<'s> {
-    let simulator = Simulator::new(complementarity, settings);
-    let simulator = simulator.expect("the number of nodes has been checked");
-    match events {
-        Some(hybrid) => simulator.with_mode_selector(event::Simulator::new(
-            hybrid.clone(),
-            nsd_solver::hybrid::Settings::default(),
-        )),
-        None => simulator,
-    }
-}
-
 /// No values yet of any algebraic variable.
 fn empty(names: &[String]) -> Multipliers {
     let series = |name: &String| Series {
@@ -308,8 +241,27 @@ fn empty(names: &[String]) -> Multipliers {
     }
 }
 
+/// The elements of the first run of an experiment.
+pub(crate) fn first_elements(settings: &Settings) -> fesd::Settings {
+    let accuracy = Accuracy::of(settings);
+    elements(options(settings), accuracy, Limit::default())
+}
+
+/// The elements of a run.
+fn elements(options: &FesdOptions, accuracy: Accuracy, limit: Limit) -> fesd::Settings {
+    let nodes = match accuracy.is_finer {
+        true => nodes_of_finer(options),
+        false => options.scheme.1,
+    };
+    fesd::Settings {
+        limit,
+        grid: grid(options, accuracy),
+        ..fesd::Settings::new(options.scheme.0, nodes)
+    }
+}
+
 /// The grid of a run; that of a finer one shows its error.
-pub(super) fn grid(options: &FesdOptions, accuracy: Accuracy) -> Grid {
+pub(in crate::simulate) fn grid(options: &FesdOptions, accuracy: Accuracy) -> Grid {
     match (options.steps, accuracy.is_finer) {
         (Some(steps), finer) => Grid::Steps {
             steps: if finer { 2 * steps } else { steps },

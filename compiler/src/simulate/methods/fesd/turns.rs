@@ -42,7 +42,7 @@ struct Turn {
 }
 
 /// The switches whose sides have different fields, and what is asked of them.
-pub(super) struct Surfaces {
+pub(crate) struct Surfaces {
     watched: Vec<usize>,
     psi: Function,
     /// The parameters that stay open, by their numbers.
@@ -53,7 +53,7 @@ pub(super) struct Surfaces {
 }
 
 /// Looks at such switches in a run.
-pub(super) struct Turns<'s, 'e> {
+pub(crate) struct Turns<'s, 'e> {
     system: &'s System<'e>,
     surfaces: &'s mut Surfaces,
     /// By state.
@@ -250,7 +250,7 @@ impl<'s, 'e> Turns<'s, 'e> {
 
 /// The turns of a run, and the largest magnitudes of its states.
 #[derive(Default)]
-pub(super) struct Turned {
+pub(crate) struct Turned {
     found: Vec<Turn>,
     scale: Vec<f64>,
 }

@@ -8,7 +8,7 @@ use nsd_solver::event::{Event, Observer, Segment, Simulator};
 const SOON: f64 = 1e-6;
 
 /// The state behind the impact that a system comes to from a state where a gap is zero.
-pub(super) fn impact(
+pub(crate) fn impact(
     simulator: &mut Simulator,
     horizon: f64,
     t: f64,

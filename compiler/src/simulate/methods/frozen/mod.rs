@@ -36,7 +36,7 @@ enum Road {
 }
 
 /// A system in numerical time.
-pub(super) struct InNumericalTime<'e> {
+pub(crate) struct InNumericalTime<'e> {
     frozen: Frozen<'e>,
     road: Road,
     /// What runs by elements have made of its functions.

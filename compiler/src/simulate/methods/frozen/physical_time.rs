@@ -27,7 +27,7 @@ const LAWFUL: f64 = 1e-6;
 
 /// Why time does not go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum End {
+pub(crate) enum End {
     /// Infinitely many bounces follow up to this time.
     Limit(f64),
     /// An elastic contact stays closed.
@@ -41,10 +41,10 @@ pub(super) enum End {
 }
 
 /// States behind an impact at an instant by its law, none where there is no impact.
-pub(super) type Law<'l> = dyn FnMut(f64, &[f64]) -> Option<Vec<f64>> + 'l;
+pub(crate) type Law<'l> = dyn FnMut(f64, &[f64]) -> Option<Vec<f64>> + 'l;
 
 /// Passes on a run in numerical time as one in physical time.
-pub(super) struct PhysicalTime<'t, 'e> {
+pub(crate) struct PhysicalTime<'t, 'e> {
     frozen: &'t Frozen<'e>,
     /// Who is told; nobody, where a run only shows the clock.
     observer: Option<&'t mut dyn Observer>,
@@ -361,7 +361,7 @@ impl fesd::Observer for PhysicalTime<'_, '_> {}
 ///
 /// The outcome is that of the original, but for a status that is not `Solved`, whose switches are those of the frozen
 /// system.
-pub(super) fn drive(
+pub(crate) fn drive(
     frozen: &Frozen,
     horizon: f64,
     observer: &mut dyn Observer,

@@ -9,7 +9,7 @@ use nsd_solver::expansion::Polynomials;
 
 /// A contact that lasts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Lasting {
+pub(crate) struct Lasting {
     /// Its switch in the original.
     pub contact: usize,
     /// The switch of the gap's rate, whose α is ϑ.
@@ -19,7 +19,7 @@ pub(super) struct Lasting {
 }
 
 /// The series of a segment, one row each.
-pub(super) struct Stretched {
+pub(crate) struct Stretched {
     degree: usize,
     n_states: usize,
     rows: Vec<Vec<f64>>,

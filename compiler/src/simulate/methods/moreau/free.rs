@@ -12,7 +12,7 @@ use crate::system::System;
 
 /// f, ∂f/∂x and M.
 #[derive(Clone)]
-pub(super) struct Free {
+pub(crate) struct Free {
     field: Jumping,
     slopes: Vec<(usize, usize)>,
     jacobian: Tape,
@@ -23,7 +23,7 @@ pub(super) struct Free {
 }
 
 impl Free {
-    pub(super) fn new<'e>(system: &System<'e>, inputs: &Inputs<'e>, pulses: Pulses) -> Self {
+    pub(crate) fn new<'e>(system: &System<'e>, inputs: &Inputs<'e>, pulses: Pulses) -> Self {
         let rates: Vec<Expr<'e>> = system.states.iter().map(|state| state.rate).collect();
         let rates = inputs.numbers.apply(&rates);
         let states = &inputs.vars[1..=system.states.len()];

@@ -28,7 +28,7 @@ use crate::system::experiment::{MethodKind, Settings};
 const SMALL: f64 = 1e-9;
 
 /// Bodies and their contacts.
-pub(super) struct Contacts {
+pub(crate) struct Contacts {
     scene: Scene,
     free: Free,
     pulses: Pulses,

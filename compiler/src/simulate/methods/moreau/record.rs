@@ -10,7 +10,7 @@ use crate::report::{self, EventKind, ModeInterval, Side, Trajectory};
 use crate::system::System;
 
 /// Passes on what a run does, and keeps what contacts do.
-pub(super) struct Told<'w> {
+pub(crate) struct Told<'w> {
     pub observer: &'w mut dyn Observer,
     /// Changes of contacts, in order of time.
     pub changes: Vec<(f64, usize, Change)>,
@@ -33,7 +33,7 @@ impl Contacts for Told<'_> {
 }
 
 /// Adds events and modes; the run has ended at `end`.
-pub(super) fn write(
+pub(crate) fn write(
     system: &System,
     changes: &[(f64, usize, Change)],
     end: f64,

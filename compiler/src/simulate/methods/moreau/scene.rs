@@ -32,7 +32,7 @@ impl Places {
 }
 
 /// The bodies and contacts of a system.
-pub(super) fn scene<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Scene {
+pub(crate) fn scene<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Scene {
     let n = system.states.len();
     let mut is_velocity = vec![false; n];
     for &state in system.bodies.iter().flat_map(|body| &body.velocities) {

@@ -5,7 +5,7 @@ use crate::simulate::estimate::{Estimate, Touches};
 
 impl Reached {
     /// How far the end of a finer run, its jumps and its changes of sides are away, where it comes to the end.
-    pub(super) fn compare(&self, finer: &Self, ends: bool) -> Estimate {
+    pub(crate) fn compare(&self, finer: &Self, ends: bool) -> Estimate {
         // Whatever rests at zero differs by rounding alone.
         let size = match self.size > f64::EPSILON {
             true => self.size,

@@ -14,26 +14,27 @@ mod program;
 
 use miette::LabeledSpan;
 use nsd_solver::event::{Event, Observer, Segment};
-use nsd_solver::fesd::jumps::{CLOSED, StepStart, Stepper, Work};
+use nsd_solver::fesd::jumps::{Points, StepStart, Stepper, Work};
 use nsd_solver::hybrid::{Outcome, Side, Status};
 use nsd_solver::integrate::tableau::Tableau;
+use nsd_solver::linalg::analyses::Analyses;
 use nsd_solver::optimization::problem::Nlp;
 use rustc_hash::FxHashMap;
 
-use program::{StepProgram, contacts};
+use program::{StepProgram, points};
 
 use super::options;
-use crate::expr::{Expr, Var};
+use crate::expr::Expr;
 use crate::limit::Limit;
-use crate::lowering::dcs::{Dcs, solve_pointwise};
-use crate::lowering::discretize::{Detection, Grid, Layout, check_start};
+use crate::lowering::dcs::{Dcs, Impact};
+use crate::lowering::discretize::{Detection, Grid};
 use crate::lowering::mpcc::Bounds;
 use crate::lowering::{dcs, discretize};
 use crate::report::{Failure, Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::{Comparison, Estimate, Estimator};
 use crate::simulate::record::elements::{Rows, Shape};
-use crate::simulate::{ReferenceRun, outcome};
+use crate::simulate::{Lowered, ReferenceRun, Target, outcome};
 use crate::system::System;
 use crate::system::experiment::{Equilibration, FesdOptions, MethodKind, Settings};
 use crate::system::task::{Cost, Shape as ControlShape, Task};
@@ -50,8 +51,8 @@ const MOST_STEPS: usize = 400;
 /// A system with impulses, and the branch of its steps by events.
 pub(in crate::simulate) struct WithImpulses<'e> {
     dcs: Dcs<'e>,
-    /// x(0), with the states that the lowering has added.
-    start: Vec<f64>,
+    points: Points,
+    analyses: Analyses,
     /// A run from event to event.
     reference: Option<ReferenceRun<'e>>,
     /// What the last runs on a grid, and on a finer one, have come to.
@@ -84,7 +85,7 @@ struct Reached {
 /// A run over one grid.
 struct OnGrid<'s, 'e> {
     system: &'s System<'e>,
-    dcs: &'s mut Dcs<'e>,
+    dcs: &'s Dcs<'e>,
     options: discretize::Options,
     limit: &'s Limit,
     /// A run from event to event, where one begins.
@@ -94,6 +95,38 @@ struct OnGrid<'s, 'e> {
     shape: Shape,
     reached: Reached,
     stepper: Stepper,
+}
+
+/// The functions of steps that start at a point.
+struct FromStart<'s, 'e> {
+    impacts: &'s [Impact<'e>],
+    start: &'s StepStart,
+    points: &'s mut Points,
+}
+
+impl<'e> Lowered<'e> for FromStart<'_, 'e> {
+    fn impacts(&self) -> &[Impact<'e>] {
+        self.impacts
+    }
+
+    fn initial(&self) -> Vec<f64> {
+        self.start.x.clone()
+    }
+
+    fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]) {
+        self.points.direct(alphas, time, x);
+    }
+
+    fn in_mode(&mut self, time: f64, x: &[f64], alphas: &[f64]) -> Vec<f64> {
+        self.points.in_mode(time, x, alphas)
+    }
+
+    fn law(&mut self, contact: usize, time: f64, x: &[f64]) -> [f64; 2] {
+        let law = self.points.laws(time, x).nth(contact);
+        law.map_or([f64::NAN; 2], |[speed, restitution, _]| {
+            [speed, restitution]
+        })
+    }
 }
 
 /// A step that is solved, and the number of its elements.
@@ -110,7 +143,8 @@ impl<'e> WithImpulses<'e> {
         dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
         WithImpulses {
             lowering: format!("impact, {}", dcs.lowering.formulation),
-            start: dcs.states.iter().map(|state| state.initial).collect(),
+            points: points(system, &dcs),
+            analyses: Analyses::default(),
             dcs,
             reference: None,
             coarse: Reached::default(),
@@ -150,14 +184,14 @@ impl<'e> Run<'e> for WithImpulses<'e> {
             (options.elements, steps) = (options.elements + 1, 2 * steps);
         }
         let reference = self.reference.as_ref().filter(|run| run.begins());
-        self.start[..problem.x0.len()].copy_from_slice(&problem.x0);
-        let mut run = OnGrid::new(
-            problem,
-            (&mut self.dcs, &self.start),
-            reference,
-            &options,
-            steps,
+        let stepper = Stepper::new(
+            self.points.clone(),
+            self.analyses.clone(),
+            problem.settings.horizon,
+            &problem.x0,
         );
+        let mut run = OnGrid::new(problem, &self.dcs, stepper, &options, steps);
+        run.reference = reference;
         let failure = run.integrate(settings, observer);
         let reached = run.reached;
         let outcome = reached.outcome(system);
@@ -255,8 +289,8 @@ impl Reached {
 impl<'s, 'e> OnGrid<'s, 'e> {
     fn new(
         problem: &Problem<'s, 'e>,
-        (dcs, x): (&'s mut Dcs<'e>, &[f64]),
-        reference: Option<&'s ReferenceRun<'e>>,
+        dcs: &'s Dcs<'e>,
+        stepper: Stepper,
         options: &FesdOptions,
         steps: usize,
     ) -> Self {
@@ -280,15 +314,15 @@ impl<'s, 'e> OnGrid<'s, 'e> {
                 ..fesd
             },
             limit: problem.limit,
-            reference,
+            reference: None,
             programs: FxHashMap::default(),
             shape: Shape::new(&points, tableau.n_nodes()),
-            stepper: Stepper::new(contacts(dcs), horizon, x),
+            stepper,
             dcs,
             reached: Reached {
                 steps,
                 horizon,
-                x: x.to_vec(),
+                x: problem.x0.clone(),
                 ..Reached::default()
             },
         }
@@ -350,8 +384,7 @@ impl<'s, 'e> OnGrid<'s, 'e> {
         let parts = |run: &ReferenceRun| run.parts(start, start + length).min(MOST_PARTS);
         let parts = self.reference.map_or(1, parts);
         let least = parts.saturating_sub(elements);
-        let from = self.begin(start);
-        check_start(self.dcs, start).ok()?;
+        let from = self.stepper.points.start(start, &self.reached.x)?;
         for added in least..=least + MOST_ADDED {
             // Making the program of many contacts may take longer than solving it.
             if self.limit.is_over() {
@@ -376,13 +409,23 @@ impl<'s, 'e> OnGrid<'s, 'e> {
         let closed = self.reference.map(closed).unwrap_or_default();
         let mut w = made.step.start_from(from, &closed);
         if let Some(reference) = self.reference {
-            let interval = (start, start + length);
             let bounds = made.step.program.variable_bounds();
             let bounds = bounds.lower.iter().zip(bounds.upper).zip(&w);
             let bounds = bounds.map(|((&l, &u), &w)| Bounds::between(l, u, w));
             let bounds: Vec<Bounds> = bounds.collect();
-            let of = (&*self.dcs, &made.layout);
-            reference.fill(of, &bounds, 1, interval, 0.0, &mut w);
+            let step = Target {
+                layout: &made.layout,
+                bounds: &bounds,
+                number: 1,
+                interval: (start, start + length),
+                window: 0.0,
+            };
+            let mut lowered = FromStart {
+                impacts: &self.dcs.impacts,
+                start: from,
+                points: &mut self.stepper.points,
+            };
+            reference.fill(&mut lowered, &step, &mut w);
         }
         let w = (self.stepper).solve(&mut made.step, &w, start, self.limit)?;
         Some(Step { elements, w })
@@ -402,31 +445,6 @@ impl<'s, 'e> OnGrid<'s, 'e> {
             steps: 1,
         };
         StepProgram::new(self.system, self.dcs, grid, &options)
-    }
-
-    /// Gives the complementarity system the present state, and z the values there: where a step starts.
-    fn begin(&mut self, start: f64) -> StepStart {
-        for (state, &x) in self.dcs.states.iter_mut().zip(&self.reached.x) {
-            state.initial = x;
-        }
-        let known = self.values(&self.reached.x, start);
-        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-        let mut z = solve_pointwise(self.system, self.dcs, &value).algebraics;
-        let size = self.reached.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
-        for impact in &self.dcs.impacts {
-            let gap = &mut z[impact.gap];
-            if *gap <= CLOSED * size {
-                *gap = 0.0;
-            }
-        }
-        for (algebraic, &z) in self.dcs.algebraics.iter_mut().zip(&z) {
-            algebraic.guess = z;
-        }
-        StepStart {
-            time: start,
-            x: self.reached.x.clone(),
-            z,
-        }
     }
 
     /// A contact that strikes in a step with a coefficient that no contact has.
@@ -456,7 +474,7 @@ impl<'s, 'e> OnGrid<'s, 'e> {
         }
         for (j, element) in passed.into_iter().enumerate() {
             let (from, to) = (element.from, element.to);
-            let at = |m: usize| alphas(self.dcs, layout, w, (j + 1, m));
+            let at = |m: usize| self.stepper.alphas(step, w, j, m);
             let values: Vec<Vec<f64>> = (1..=layout.nodes).map(at).collect();
             let points = layout.points.iter();
             let instants: Vec<f64> = points.map(|c| from + (to - from) * c).collect();
@@ -502,26 +520,6 @@ impl<'s, 'e> OnGrid<'s, 'e> {
             .iter()
             .fold(reached.size, |m: f64, x| m.max(x.abs()));
     }
-
-    /// Parameters, states and time, as numbers.
-    fn values(&self, x: &[f64], time: f64) -> FxHashMap<Var, f64> {
-        let params = self.dcs.params.iter().map(|param| (param.var, param.value));
-        let states = self.dcs.states.iter().map(|state| state.var);
-        let known = params.chain(states.zip(x.iter().copied()));
-        let known = known.chain([(self.dcs.time, time)]);
-        known
-            .filter_map(|(var, value)| Some((var.as_variable()?, value)))
-            .collect()
-    }
-}
-
-/// α of the switches at a node of an element; of a contact, 1 - λ_n.
-fn alphas(dcs: &Dcs, layout: &Layout, w: &[f64], (j, m): (usize, usize)) -> Vec<f64> {
-    let places = dcs.algebraics.iter().enumerate();
-    let known = places.filter_map(|(i, z)| Some((z.var.as_variable()?, w[layout.z(1, j, m, i)?])));
-    let known: FxHashMap<Var, f64> = known.collect();
-    let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-    dcs.switches.at(&value)
 }
 
 /// A task with nothing to decide.

@@ -4,16 +4,17 @@
 //! until it is given its value.
 
 use nsd_solver::fesd::jumps;
-use nsd_solver::fesd::jumps::{Contacts, Element};
+use nsd_solver::fesd::jumps::{Contacts, Element, Points};
 
+use super::super::complementarity::complementarity_open;
 use crate::expr::{self, Expr, Var};
 use crate::lowering::dcs::{Dcs, Impact, Kept};
-use crate::lowering::discretize::{Grid, Layout, Options, WINDOW, discretize};
+use crate::lowering::discretize::{End, Grid, Layout, Options, WINDOW, discretize};
 use crate::lowering::mpcc::Program;
 use crate::system::System;
 
 /// A program with the way back from its variables.
-pub(super) struct StepProgram {
+pub(crate) struct StepProgram {
     pub step: jumps::StepProgram<Program>,
     pub layout: Layout,
 }
@@ -61,8 +62,15 @@ impl StepProgram {
     }
 }
 
+/// The functions of a system and its lowering at a point, with parameters as inputs.
+pub(crate) fn points<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Points {
+    let open: Vec<usize> = (0..system.params.len()).collect();
+    let lowered = complementarity_open(system, dcs, &open);
+    Points::new(contacts(dcs), lowered, End::new(dcs).equations)
+}
+
 /// Contacts and their laws. What these contain besides t, x and parameters has no value where elements meet.
-pub(super) fn contacts<'e>(dcs: &Dcs<'e>) -> Contacts {
+fn contacts<'e>(dcs: &Dcs<'e>) -> Contacts {
     let law = |impact: &Impact<'e>| {
         let friction = impact.friction.as_ref();
         let none = dcs.exprs.constant(0.0);

@@ -1,0 +1,140 @@
+//! The algebraic variables of contacts at one instant and state: where steps start, and in the modes of other runs.
+
+use super::{CLOSED, StepStart};
+use crate::fesd::system::ComplementaritySystem;
+use crate::fesd::system::pointwise::{Point, eval};
+use crate::linalg::largest;
+use crate::tape::{Scratch, Tape};
+
+/// Equations of what is continuous hold within this, relative to the largest value.
+const CONSISTENT: f64 = 1e-10;
+/// A point of a disc may be outside by so much.
+const OUTSIDE: f64 = 1e-6;
+
+/// The contacts of a system.
+#[derive(Clone, Debug)]
+pub struct Contacts {
+    /// The places of their gaps among z.
+    pub gaps: Vec<usize>,
+    /// The places of their forces.
+    pub forces: Vec<usize>,
+    /// The rate of the gap, the restitution and the friction of every contact, in t, x and parameters.
+    pub laws: Tape,
+    /// These.
+    pub parameters: Vec<f64>,
+}
+
+/// The functions of a system with contacts at a point.
+#[derive(Clone, Debug)]
+pub struct Points {
+    /// The contacts.
+    pub contacts: Contacts,
+    system: ComplementaritySystem,
+    /// Those of its equations that what is continuous satisfies.
+    continuous: Vec<usize>,
+    numbers: Vec<f64>,
+    inputs: Vec<f64>,
+    values: Vec<f64>,
+    scratch: Scratch,
+}
+
+impl Points {
+    /// Of a system without impulses, with the numbers of those of its equations that what is continuous satisfies.
+    pub fn new(contacts: Contacts, system: ComplementaritySystem, continuous: Vec<usize>) -> Self {
+        let n_inputs = 1 + system.n_states() + contacts.parameters.len();
+        Points {
+            inputs: Vec::with_capacity(n_inputs),
+            values: vec![0.0; contacts.laws.n_outputs()],
+            scratch: contacts.laws.scratch(),
+            numbers: vec![0.0; system.n_numbers()],
+            contacts,
+            system,
+            continuous,
+        }
+    }
+
+    /// A step from a point: z there, and zero for gaps that are closed. None where the equations of what is continuous
+    /// do not hold.
+    pub fn start(&mut self, t: f64, x: &[f64]) -> Option<StepStart> {
+        self.go_to(t);
+        let mut z = self.system.z_at(self.at(t, x), &[]);
+        let size = largest(x).max(1.0);
+        for &gap in &self.contacts.gaps {
+            if z[gap] <= CLOSED * size {
+                z[gap] = 0.0;
+            }
+        }
+        let inputs = self.at(t, x).with(&z);
+        let scale = inputs.iter().fold(1.0, |most: f64, v| most.max(v.abs()));
+        let values = eval(&self.system.full.equations, &inputs);
+        let rows = &values[self.system.n_states()..];
+        let mut continuous = self.continuous.iter();
+        let holds = continuous.all(|&row| rows[row].abs() <= CONSISTENT * scale);
+        holds.then(|| StepStart {
+            time: t,
+            x: x.to_vec(),
+            z,
+        })
+    }
+
+    /// z at a point in the mode of these α.
+    pub fn in_mode(&mut self, t: f64, x: &[f64], alpha: &[f64]) -> Vec<f64> {
+        self.go_to(t);
+        self.at(t, x).z_in_mode(&self.system, alpha)
+    }
+
+    /// Gives α of what slips in a plane the direction of slip at a point near by: where w comes to zero, its direction
+    /// is that before.
+    pub fn direct(&mut self, alpha: &mut [f64], t: f64, x: &[f64]) {
+        let slips = |[first, second]: [usize; 2]| {
+            let u = [first, second].map(|k| 2.0 * alpha[k] - 1.0);
+            u[0].hypot(u[1]) > 1.0 + OUTSIDE
+        };
+        let discs = self.system.discs.iter().map(|disc| disc.switches);
+        let slipping: Vec<usize> = discs.filter(|disc| slips(*disc)).flatten().collect();
+        if slipping.is_empty() {
+            return;
+        }
+        self.go_to(t);
+        let (_, there) = self.at(t, x).sides(&self.system, &[]);
+        for k in slipping {
+            alpha[k] = there[k];
+        }
+    }
+
+    /// α of all switches for values of z, whatever follows these.
+    pub fn alphas(&self, z: &[f64]) -> Vec<f64> {
+        let without = vec![f64::NAN; self.system.n_states()];
+        let point = Point {
+            t: f64::NAN,
+            x: &without,
+            numbers: &self.numbers,
+        };
+        eval(
+            &self.system.full.alphas,
+            &point.with(&z[..self.system.n_algebraics()]),
+        )
+    }
+
+    /// The rate of the gap, the restitution and the friction of every contact at a point.
+    pub fn laws(&mut self, t: f64, x: &[f64]) -> impl Iterator<Item = [f64; 3]> + '_ {
+        self.inputs.clear();
+        self.inputs.push(t);
+        self.inputs.extend_from_slice(x);
+        self.inputs.extend_from_slice(&self.contacts.parameters);
+        let (inputs, scratch) = (&self.inputs, &mut self.scratch);
+        self.contacts.laws.eval(inputs, &mut self.values, scratch);
+        let laws = self.values.chunks_exact(3);
+        laws.map(|law| [law[0], law[1], law[2]])
+    }
+
+    /// Takes the numbers that hold at an instant.
+    fn go_to(&mut self, t: f64) {
+        self.system.numbers(t, &mut self.numbers);
+    }
+
+    fn at<'p>(&'p self, t: f64, x: &'p [f64]) -> Point<'p> {
+        let numbers = &self.numbers;
+        Point { t, x, numbers }
+    }
+}
