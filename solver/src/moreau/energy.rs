@@ -9,11 +9,9 @@
 //!
 //! Contacts that time moves, or that slip on something driven, may do work; their islands are left alone.
 
-use super::rows::{Bodies, Linear};
-use super::scene::Free;
-use super::{Stepper, Velocities};
+use super::bodies::Motion;
+use super::rows::{Contact, Linear};
 use crate::contact::coulomb::islands::Islands;
-use crate::contact::coulomb::rows::Rows;
 
 /// A debt below this share of the kinetic energy is rounding.
 const ROUNDING: f64 = 1e-15;
@@ -29,7 +27,6 @@ pub(super) struct Energy {
     driven: Vec<bool>,
     /// Bodies that contacts join.
     joined: Islands,
-    change: Vec<f64>,
     debts: Vec<Debt>,
     /// By body: whether it has been left where the step began.
     left: Vec<bool>,
@@ -48,50 +45,30 @@ struct Debt {
 }
 
 impl Energy {
-    /// Notes what the free motion of a step changes.
-    pub fn observe(&mut self, velocities: &Velocities) {
-        self.change.clear();
-        let changes = velocities.free.iter().zip(&velocities.before);
-        self.change
-            .extend(changes.map(|(free, before)| free - before));
-    }
-
-    /// Opens the account of a step that was observed.
-    pub fn begin(&mut self, bodies: &Bodies, active: &Linear) {
-        let n = bodies.mass.n_bodies();
+    /// Opens the account of a step.
+    pub fn begin(&mut self, active: &Linear, motion: &Motion) {
+        let mass = &motion.bodies.mass;
+        let n = mass.n_bodies();
         self.lifted.clear();
         self.lifted.resize(n, 0.0);
         self.left.clear();
         self.left.resize(n, false);
         self.driven.clear();
         self.driven.resize(n, false);
-        self.joined.begin(&bodies.mass);
-        self.joined
-            .join(&active.rows, active.of_contacts(), &bodies.mass);
-        for contact in &active.contacts {
-            let body = bodies
-                .mass
-                .body_of(active.rows.columns(contact.rows.normal)[0] as usize);
-            self.driven[body] |= contact.is_driven || contact.slip != [0.0; 2];
-        }
+        self.joined.begin(mass);
+        self.join(active, motion, |contact| {
+            contact.is_driven || contact.slip != [0.0; 2]
+        });
     }
 
-    /// The most that the free motion of a step changes a rate by, had it the direction of this row:
-    /// (J D)^½ (Δvᵀ M Δv)^½ of its bodies, or |J| |Δv|, which is less where masses are far apart.
-    pub fn gain(&self, bodies: &Bodies, rows: &Rows, row: usize) -> f64 {
-        let (mut last, mut sum, mut square) = (usize::MAX, 0.0, 0.0);
-        for &column in rows.columns(row) {
-            let body = bodies.mass.body_of(column as usize);
-            if body != last {
-                let change = &self.change[bodies.mass.velocities_of(body)];
-                square += change.iter().map(|v| v * v).sum::<f64>();
-                sum += bodies.mass.product(body, &self.change, &self.change);
-                last = body;
-            }
+    /// Joins the bodies of contacts, of which some may do work.
+    fn join(&mut self, contacts: &Linear, motion: &Motion, may_work: impl Fn(&Contact) -> bool) {
+        let (rows, mass) = (&contacts.rows, &motion.bodies.mass);
+        self.joined.join(rows, contacts.of_contacts(), mass);
+        for contact in &contacts.contacts {
+            let body = mass.body_of(rows.columns(contact.rows.normal)[0] as usize);
+            self.driven[body] |= may_work(contact);
         }
-        (rows.diagonal(row) * sum)
-            .min(rows.square(row) * square)
-            .sqrt()
     }
 
     /// The first body of the island that a body is in.
@@ -99,61 +76,45 @@ impl Energy {
         self.joined.of_body(body)
     }
 
-    /// v̂ - v of the step.
-    pub fn change(&self) -> &[f64] {
-        &self.change
-    }
-
     /// Books that a body without velocity has not moved: it is h/2 (v̂ - v) away from where it would be without
     /// contacts.
-    pub fn stay(&mut self, body: usize, bodies: &Bodies) {
-        self.lifted[body] = 0.5 * bodies.mass.product(body, &self.change, &self.change);
+    pub fn stay(&mut self, body: usize, motion: &Motion) {
+        let change = &motion.change;
+        self.lifted[body] = 0.5 * motion.bodies.mass.product(body, change, change);
     }
 
-    /// Books a displacement s w of contacts, which are joined.
-    pub fn lift(&mut self, (s, h): (f64, f64), w: &[f64], moved: &Linear, bodies: &Bodies) {
-        self.joined
-            .join(&moved.rows, moved.of_contacts(), &bodies.mass);
-        for contact in &moved.contacts {
-            let body = bodies
-                .mass
-                .body_of(moved.rows.columns(contact.rows.normal)[0] as usize);
-            self.driven[body] |= contact.is_driven;
-        }
+    /// Books a displacement s h w of contacts.
+    pub fn lift(&mut self, s: f64, w: &[f64], moved: &Linear, motion: &Motion) {
+        self.join(moved, motion, |contact| contact.is_driven);
         for (body, lifted) in self.lifted.iter_mut().enumerate() {
-            *lifted -= s / h * bodies.mass.product(body, &self.change, w);
+            *lifted -= s * motion.bodies.mass.product(body, &motion.change, w);
         }
     }
-}
 
-impl<F: Free> Stepper<F> {
     /// Leaves islands where they are in x whose velocities cannot pay for their displacements. Whether there are any:
     /// others may have come where they were.
-    pub(super) fn leave(&mut self, x: &[f64], y: &mut [f64], velocities: &mut Velocities) -> bool {
-        self.balance(velocities);
-        let (energy, bodies) = (&mut self.energy, &self.bodies);
+    pub fn leave(&mut self, x: &[f64], y: &mut [f64], motion: &mut Motion) -> bool {
+        self.balance(motion);
         let mut any = false;
-        for (body, of_body) in self.scene.bodies.iter().enumerate() {
-            let debt = energy.debts[energy.joined.of_body(body)];
+        for body in 0..self.lifted.len() {
+            let debt = self.debts[self.joined.of_body(body)];
             let pays = debt.missing <= debt.kinetic + SMALL * debt.free;
-            if pays || debt.driven || debt.drifts || energy.left[body] {
+            if pays || debt.driven || debt.drifts || self.left[body] {
                 continue;
             }
             any = true;
-            energy.left[body] = true;
-            of_body.positions.iter().for_each(|&q| y[q] = x[q]);
-            velocities.after[bodies.mass.velocities_of(body)].fill(0.0);
-            let energy_of = |v: &[f64]| 0.5 * bodies.mass.product(body, v, v);
-            energy.lifted[body] = energy_of(&velocities.free) - energy_of(&velocities.before);
+            self.left[body] = true;
+            motion.halt(body, x, y);
+            let energy_of = |v: &[f64]| 0.5 * motion.bodies.mass.product(body, v, v);
+            self.lifted[body] = energy_of(&motion.free) - energy_of(&motion.before);
         }
         any
     }
 
     /// Takes from velocities what displacements cost more than impulses have taken.
-    pub(super) fn pay(&mut self, velocities: &mut Velocities) {
-        let (energy, bodies) = (&mut self.energy, &self.bodies);
-        for body in 0..bodies.mass.n_bodies() {
-            let debt = energy.debts[energy.joined.of_body(body)];
+    pub fn pay(&mut self, motion: &mut Motion) {
+        for body in 0..self.lifted.len() {
+            let debt = self.debts[self.joined.of_body(body)];
             let Debt {
                 missing, kinetic, ..
             } = debt;
@@ -161,28 +122,26 @@ impl<F: Free> Stepper<F> {
                 continue;
             }
             let factor = (1.0 - missing / kinetic).max(0.0).sqrt();
-            for v in bodies.mass.velocities_of(body) {
-                velocities.after[v] *= factor;
+            for v in motion.bodies.mass.velocities_of(body) {
+                motion.after[v] *= factor;
             }
         }
     }
 
     /// Adds up the accounts of all islands, by their first body.
-    fn balance(&mut self, velocities: &Velocities) {
-        let (energy, bodies) = (&mut self.energy, &self.bodies);
-        energy.debts.clear();
-        energy.debts.resize(bodies.mass.n_bodies(), Debt::default());
-        for (body, of_body) in self.scene.bodies.iter().enumerate() {
-            let island = energy.joined.of_body(body);
+    fn balance(&mut self, motion: &Motion) {
+        let bodies = &motion.bodies;
+        self.debts.clear();
+        self.debts.resize(self.lifted.len(), Debt::default());
+        for body in 0..self.lifted.len() {
             let energy_of = |v: &[f64]| 0.5 * bodies.mass.product(body, v, v);
-            let (free, after) = (energy_of(&velocities.free), energy_of(&velocities.after));
-            let debt = &mut energy.debts[island];
-            debt.missing += energy.lifted[body] + after - free;
+            let (free, after) = (energy_of(&motion.free), energy_of(&motion.after));
+            let debt = &mut self.debts[self.joined.of_body(body)];
+            debt.missing += self.lifted[body] + after - free;
             debt.kinetic += after;
             debt.free += free;
-            let drifts = of_body.positions.iter().any(|&q| bodies.drift[q] != 0.0);
-            debt.driven |= energy.driven[body];
-            debt.drifts |= drifts;
+            debt.driven |= self.driven[body];
+            debt.drifts |= bodies.drifts(body);
         }
     }
 }

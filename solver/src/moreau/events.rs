@@ -1,7 +1,9 @@
 //! What contacts do from step to step: they strike, close, open, stick and slip.
 
-use super::scene::Free;
-use super::{Stepper, Velocities, rows};
+use super::bodies::{Motion, Step};
+use super::detect::Detector;
+use super::rows::Contact;
+use super::strike::Impacts;
 use crate::contact::coulomb::law;
 use crate::contact::coulomb::law::Pair;
 use crate::event;
@@ -116,35 +118,35 @@ const SLIPS: f64 = 1e-9;
 /// A closed contact that gives no impulse opens where its rate is above this share of what a step changes.
 const STAYS: f64 = 1e-6;
 
-impl<F: Free> Stepper<F> {
-    /// Compares the contacts of a step that went on from x with those of the step before.
-    pub(super) fn tell(
+impl Contacts {
+    /// Compares the contacts of a step with those of the step before.
+    pub fn tell(
         &mut self,
-        (t, h): (f64, f64),
-        x: &[f64],
-        velocities: &Velocities,
+        step: Step,
+        motion: &Motion,
+        impacts: &Impacts,
+        detector: &mut Detector,
         observer: &mut impl Observer,
     ) {
-        let contacts = &mut self.contacts;
-        let rows = &self.active.rows;
-        std::mem::swap(&mut contacts.present, &mut contacts.before);
-        contacts.present.clear();
-        contacts.changes.clear();
-        for (c, contact) in self.active.contacts.iter().enumerate() {
-            let impulses = &self.impulses.impulses;
+        let rows = &impacts.active.rows;
+        std::mem::swap(&mut self.present, &mut self.before);
+        self.present.clear();
+        self.changes.clear();
+        for (c, contact) in impacts.active.contacts.iter().enumerate() {
+            let impulses = &impacts.ladder.impulses;
             let (normal, tangential) = (impulses.normal[c], impulses.tangential[c]);
             let at = contact.contact as usize;
             let rate = |v: &[f64]| rows.rate(contact.rows.normal, v) + contact.offset;
-            let approach = -rate(&velocities.before);
+            let approach = -rate(&motion.before);
             // What the free motion changes the rate by in a step.
-            let change = (rate(&velocities.free) + approach).abs();
-            let stays = || rate(&velocities.after) <= STAYS * (change + approach.abs());
-            if normal <= 0.0 && !(contacts.modes[at].is_closed() && stays()) {
+            let change = (rate(&motion.free) + approach).abs();
+            let stays = || rate(&motion.after) <= STAYS * (change + approach.abs());
+            if normal <= 0.0 && !(self.modes[at].is_closed() && stays()) {
                 continue;
             }
-            contacts.present.push(contact.contact);
-            contacts.impulses[at] = (normal, tangential);
-            let bounces = self.impulses.laws.normal_rate[c] < contact.offset;
+            self.present.push(contact.contact);
+            self.impulses[at] = (normal, tangential);
+            let bounces = impacts.ladder.laws.normal_rate[c] < contact.offset;
             let rubs = || law::length(tangential);
             let mode = match (bounces, contact.rows.is_rough()) {
                 (true, _) => Mode::Struck,
@@ -152,8 +154,8 @@ impl<F: Free> Stepper<F> {
                 (false, true) if rubs() < (1.0 - SLIPS) * contact.friction * normal => Mode::Stick,
                 (false, true) => Mode::Slip,
             };
-            let before = std::mem::replace(&mut contacts.modes[at], mode);
-            let mut tell = |change| contacts.changes.push((f64::NAN, contact.contact, change));
+            let before = std::mem::replace(&mut self.modes[at], mode);
+            let mut tell = |change| self.changes.push((f64::NAN, contact.contact, change));
             if before == Mode::Open && approach > change {
                 tell(Change::Strike);
             }
@@ -168,36 +170,33 @@ impl<F: Free> Stepper<F> {
                 _ => {}
             }
         }
-        contacts.present.sort_unstable();
-        for &contact in &contacts.before {
-            if contacts.present.binary_search(&contact).is_ok() {
+        self.present.sort_unstable();
+        for &contact in &self.before {
+            if self.present.binary_search(&contact).is_ok() {
                 continue;
             }
-            let before = std::mem::take(&mut contacts.modes[contact as usize]);
+            let before = std::mem::take(&mut self.modes[contact as usize]);
             if before.is_closed() {
-                contacts.changes.push((t, contact, Change::Open));
+                self.changes.push((step.t, contact, Change::Open));
             }
         }
-        if contacts.changes.is_empty() {
+        if self.changes.is_empty() {
             return;
         }
-        self.date((t, h), x);
-        let contacts = &mut self.contacts;
-        contacts
-            .changes
+        self.date(step, &impacts.active.contacts, detector);
+        self.changes
             .sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        contacts.count += contacts.changes.len();
-        for &(time, contact, change) in &contacts.changes {
+        self.count += self.changes.len();
+        for &(time, contact, change) in &self.changes {
             observer.change(time, contact as usize, change);
         }
     }
 
     /// Says when in the step contacts were struck: where a straight line between the gaps at its ends is zero.
-    fn date(&mut self, (t, h): (f64, f64), x: &[f64]) {
-        let mut changes = std::mem::take(&mut self.contacts.changes);
-        self.set_memory(t, x);
+    fn date(&mut self, Step { t, h, x }: Step, active: &[Contact], detector: &mut Detector) {
+        detector.go_to(t, x);
         let mut struck = (NONE, t);
-        for (time, contact, change) in &mut changes {
+        for (time, contact, change) in &mut self.changes {
             if !time.is_nan() {
                 continue;
             }
@@ -206,16 +205,12 @@ impl<F: Free> Stepper<F> {
                 *time = struck.1;
                 continue;
             }
-            let is_it = |c: &&rows::Contact| c.contact == *contact;
-            let end = self
-                .active
-                .contacts
-                .iter()
-                .find(is_it)
-                .map_or(0.0, |c| c.gap);
+            let mut active = active.iter();
+            let end = active.find(|other| other.contact == *contact);
+            let end = end.map_or(0.0, |contact| contact.gap);
             let is_new = matches!(change, Change::Strike | Change::Close);
             let start = match is_new {
-                true => self.gap_of(*contact),
+                true => detector.gap_of(*contact),
                 false => 0.0,
             };
             let share = match start > 0.0 && end < start {
@@ -227,21 +222,5 @@ impl<F: Free> Stepper<F> {
                 struck = (*contact, *time);
             }
         }
-        self.contacts.changes = changes;
-    }
-
-    /// The gap of a contact at what `memory` holds.
-    pub(super) fn gap_of(&mut self, contact: u32) -> f64 {
-        for (f, family) in self.scene.families.iter().enumerate() {
-            if let Ok(member) = family.contacts.binary_search(&contact) {
-                rows::gather(family, &[member as u32], &self.memory, &mut self.inputs);
-                let mut gap = [0.0];
-                family
-                    .gap
-                    .eval_many(&self.inputs, &mut gap, 1, &mut self.lanes[f][0]);
-                return gap[0];
-            }
-        }
-        0.0
     }
 }

@@ -3,10 +3,13 @@
 //! min ½ wᵀMw subject to gap(q + K w) ≥ 0, by successive linearization: w = D P, 0 ≤ P ⟂ gap + J w ≥ 0, until no gap
 //! is negative. A contact that a displacement closes joins in with the next one.
 
-use super::rows::Linear;
-use super::scene::Free;
-use super::{Stepper, TOUCH, Velocities};
-use crate::contact::coulomb::ladder::Options;
+use super::bodies::{Motion, Step};
+use super::detect::{Detector, is_up_to};
+use super::energy::Energy;
+use super::events::Contacts;
+use super::rows::{Contact, Linear, TOUCH};
+use crate::contact::coulomb::islands::Islands;
+use crate::contact::coulomb::ladder::{Ladder, Options};
 
 /// A gap is not negative where it is above minus this share of the size of positions.
 const DEPTH: f64 = 1e-12;
@@ -19,77 +22,101 @@ const MOST: usize = 40;
 const SOLVED: f64 = 1e-9;
 const ATTEMPTS: usize = 6;
 
-impl<F: Free> Stepper<F> {
-    /// Moves the positions of y so that no gap is negative.
-    pub(super) fn project(
+/// Contacts that take part in a projection, and how far it moves bodies.
+#[derive(Default)]
+pub(super) struct Projection {
+    near: Linear,
+    /// The largest depth of a contact that this step has met.
+    depth: f64,
+    pub ladder: Ladder,
+    islands: Islands,
+    /// w
+    lift: Vec<f64>,
+    /// Largest depth of a contact after a projection.
+    pub penetration: f64,
+}
+
+impl Projection {
+    /// Begins the projection of a step, of which these are the active contacts.
+    pub fn begin(&mut self, active: &[Contact]) {
+        let gaps = active.iter().map(|contact| contact.gap);
+        self.depth = -gaps.fold(0.0, f64::min);
+    }
+
+    /// Moves the positions of y so that no gap is negative. The contact at which this fails.
+    pub fn project(
         &mut self,
-        (t, h): (f64, f64),
-        velocities: &Velocities,
+        Step { t, h, .. }: Step,
         y: &mut [f64],
+        motion: &Motion,
+        contacts: &mut Contacts,
+        detector: &mut Detector,
+        energy: &mut Energy,
     ) -> Result<(), usize> {
-        let size = self.size(y);
-        self.lift.clear();
-        self.lift.resize(velocities.before.len(), 0.0);
-        let gaps = self.active.contacts.iter().map(|contact| contact.gap);
-        let mut depth = -gaps.fold(0.0, f64::min);
         for round in 0..=MOST {
-            self.look(t + h, h, y, self.moved);
-            let mut least = f64::INFINITY;
-            self.projected.clear();
-            for family in 0..self.scene.families.len() {
-                least = least.min(self.closer_than(family, REACH * depth + TOUCH * size));
-                let lanes = &mut self.lanes[family][1];
-                let of_family = &self.scene.families[family];
-                self.projected
-                    .add(of_family, &self.members, &self.memory, &self.bodies, lanes);
-            }
-            if least >= -DEPTH * size || self.projected.contacts.is_empty() || round == MOST {
-                self.counts.penetration = self.counts.penetration.max(-least);
-                let deep = || {
-                    self.projected
-                        .contacts
-                        .iter()
-                        .min_by(|a, b| a.gap.total_cmp(&b.gap))
-                };
-                return match deep().filter(|_| least < -100.0 * DEPTH * size) {
-                    Some(contact) => Err(contact.contact as usize),
-                    None => Ok(()),
-                };
-            }
-            depth = depth.max(-least);
-            let shifts = &mut self.shifts;
-            let options = Options {
-                attempts: ATTEMPTS,
-                tolerance: SOLVED,
-                rounding: 0.1 * DEPTH * size,
+            detector.look(t + h, h, y, motion.moved);
+            let reach = REACH * self.depth;
+            detector.find(&motion.bodies, &mut self.near, |_, gap, resolution| {
+                is_up_to(gap, reach + resolution.share(TOUCH))
+            });
+            let near = (self.near.contacts.iter()).filter(|contact| !contact.gap.is_nan());
+            let Some(deepest) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)) else {
+                return Ok(());
             };
-            let contacts = self.projected.contacts.iter_mut();
-            contacts.for_each(|contact| contact.rows.slips = 0);
-            let Linear { rows, contacts, .. } = &self.projected;
-            shifts.begin(rows, self.projected.of_contacts(), options);
-            for (c, contact) in contacts.iter().enumerate() {
-                shifts.laws.normal_rate[c] = contact.gap;
-                if round == 0 && contact.gap < 0.0 {
-                    let last = self.contacts.last_shift(contact.contact as usize);
-                    shifts.impulses.normal[c] = last * h * h;
-                }
+            let zero = deepest.resolution.share(DEPTH);
+            if deepest.gap >= -zero || round == MOST {
+                self.penetration = self.penetration.max(-deepest.gap);
+                let is_deep = deepest.gap < -100.0 * zero;
+                return match is_deep {
+                    true => Err(deepest.contact as usize),
+                    false => Ok(()),
+                };
             }
-            self.lift.fill(0.0);
-            let mass = &self.bodies.mass;
-            self.islands.begin(mass);
-            self.islands.join(rows, self.projected.of_contacts(), mass);
-            // Linearized gaps may contradict each other where the gaps do not; the next round sees.
-            let _ = shifts.solve(rows, &mut self.islands, mass, &mut self.lift);
-            if round == 0 {
-                for (c, contact) in self.projected.contacts.iter().enumerate() {
-                    let shift = shifts.impulses.normal[c] / (h * h);
-                    self.contacts.keep_shift(contact.contact as usize, shift);
-                }
-            }
-            self.bodies.displace(1.0, &self.lift, y);
-            self.energy
-                .lift((1.0, h), &self.lift, &self.projected, &self.bodies);
+            self.depth = self.depth.max(-deepest.gap);
+            self.shift(round == 0, 0.1 * zero, h, motion, contacts);
+            motion.bodies.displace(1.0, &self.lift, y);
+            energy.lift(1.0 / h, &self.lift, &self.near, motion);
         }
         Ok(())
+    }
+
+    /// w = D P, 0 ≤ P ⟂ gap + J w ≥ 0. The first one of a step begins with P / h² of the step before.
+    fn shift(
+        &mut self,
+        is_first: bool,
+        rounding: f64,
+        h: f64,
+        motion: &Motion,
+        contacts: &mut Contacts,
+    ) {
+        let options = Options {
+            attempts: ATTEMPTS,
+            tolerance: SOLVED,
+            rounding,
+        };
+        let near = self.near.contacts.iter_mut();
+        near.for_each(|contact| contact.rows.slips = 0);
+        let (ladder, near) = (&mut self.ladder, &self.near);
+        ladder.begin(&near.rows, near.of_contacts(), options);
+        for (c, contact) in near.contacts.iter().enumerate() {
+            ladder.laws.normal_rate[c] = contact.gap;
+            if is_first && contact.gap < 0.0 {
+                let last = contacts.last_shift(contact.contact as usize);
+                ladder.impulses.normal[c] = last * h * h;
+            }
+        }
+        self.lift.clear();
+        self.lift.resize(motion.before.len(), 0.0);
+        let mass = &motion.bodies.mass;
+        self.islands.begin(mass);
+        self.islands.join(&near.rows, near.of_contacts(), mass);
+        // Linearized gaps may contradict each other where the gaps do not; the next round sees.
+        let _ = ladder.solve(&near.rows, &mut self.islands, mass, &mut self.lift);
+        if is_first {
+            for (c, contact) in near.contacts.iter().enumerate() {
+                let shift = ladder.impulses.normal[c] / (h * h);
+                contacts.keep_shift(contact.contact as usize, shift);
+            }
+        }
     }
 }

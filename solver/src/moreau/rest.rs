@@ -5,46 +5,55 @@
 //! and not at q̂, from which it would come back to a place that is close by and not the same. Of an island it is all
 //! bodies or none: among bodies that stay, those that are at q̂ would push the others up for nothing.
 
-use super::scene::Free;
-use super::{SOLVED, Stepper, TOUCH, Velocities};
+use super::bodies::{Motion, Step};
+use super::detect::Detector;
+use super::energy::Energy;
+use super::rows::TOUCH;
+use super::strike::{Impacts, SOLVED};
 
-impl<F: Free> Stepper<F> {
+/// Which islands rest.
+#[derive(Default)]
+pub(super) struct Rest {
+    /// By the first body of an island: whether it moves.
+    moves: Vec<bool>,
+}
+
+impl Rest {
     /// Leaves islands at rest where they are in x: all speeds before and after the step are below what impulses are
     /// solved to, measured by what forces change them by, and what pushes is closed.
-    pub(super) fn rest(
+    pub fn leave(
         &mut self,
-        (t, h): (f64, f64),
-        x: &[f64],
+        Step { t, h, x }: Step,
         y: &mut [f64],
-        velocities: &mut Velocities,
+        motion: &mut Motion,
+        impacts: &Impacts,
+        detector: &mut Detector,
+        energy: &mut Energy,
     ) {
-        let (bodies, energy, moves) = (&self.bodies, &mut self.energy, &mut self.moves);
+        let (bodies, moves) = (&motion.bodies, &mut self.moves);
+        let mass = &bodies.mass;
         moves.clear();
-        moves.resize(bodies.mass.n_bodies(), false);
-        for (body, of_body) in self.scene.bodies.iter().enumerate() {
-            let square = |v: &[f64]| bodies.mass.product(body, v, v);
-            let most = SOLVED * SOLVED * square(energy.change());
-            let speed = square(&velocities.before).max(square(&velocities.after));
-            let drifts = of_body.positions.iter().any(|&q| bodies.drift[q] != 0.0);
-            moves[energy.island_of(body)] |= drifts || speed > most;
+        moves.resize(mass.n_bodies(), false);
+        for body in 0..mass.n_bodies() {
+            let square = |v: &[f64]| mass.product(body, v, v);
+            let most = SOLVED * SOLVED * square(&motion.change);
+            let speed = square(&motion.before).max(square(&motion.after));
+            moves[energy.island_of(body)] |= bodies.drifts(body) || speed > most;
         }
-        let touch = TOUCH * self.size(x);
-        self.set_memory(t + h, x);
-        for c in 0..self.active.contacts.len() {
-            let contact = self.active.contacts[c];
-            let column = self.active.rows.columns(contact.rows.normal)[0] as usize;
-            let island = self.energy.island_of(self.bodies.mass.body_of(column));
+        detector.go_to(t + h, x);
+        for (c, contact) in impacts.active.contacts.iter().enumerate() {
+            let column = impacts.active.rows.columns(contact.rows.normal)[0] as usize;
+            let island = energy.island_of(mass.body_of(column));
             // Contacts that push may still be open, by less than the free motion closes.
-            if !self.moves[island] && self.impulses.impulses.normal[c] > 0.0 {
-                self.moves[island] = self.gap_of(contact.contact) > touch;
+            if !moves[island] && impacts.ladder.impulses.normal[c] > 0.0 {
+                let touch = contact.resolution.share(TOUCH);
+                moves[island] = detector.gap_of(contact.contact) > touch;
             }
         }
-        let (bodies, energy, moves) = (&self.bodies, &mut self.energy, &self.moves);
-        for (body, of_body) in self.scene.bodies.iter().enumerate() {
-            if !moves[energy.island_of(body)] {
-                of_body.positions.iter().for_each(|&q| y[q] = x[q]);
-                velocities.after[bodies.mass.velocities_of(body)].fill(0.0);
-                energy.stay(body, bodies);
+        for body in 0..motion.bodies.mass.n_bodies() {
+            if !self.moves[energy.island_of(body)] {
+                motion.halt(body, x, y);
+                energy.stay(body, motion);
             }
         }
     }

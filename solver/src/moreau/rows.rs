@@ -2,114 +2,35 @@
 //!
 //! With q' = K v + c a gap has the rate J v + ∂gap/∂t + ∂gap/∂q c, J = ∂gap/∂q K.
 
-use super::scene::{Family, Free, HEAD, Scene};
+use super::bodies::Bodies;
+use super::scene::{Family, HEAD};
 use crate::contact::coulomb::law::Pair;
-use crate::contact::coulomb::rows::{ContactRows, Mass, Rows};
+use crate::contact::coulomb::rows::{ContactRows, Rows};
 use crate::tape::LaneScratch;
 
-/// A difference this small next to its terms is rounding.
-const ROUNDING: f64 = 4.0 * f64::EPSILON;
-/// No velocity, or no body.
-const NONE: usize = usize::MAX;
+/// A gap below this share of the size of positions is closed.
+pub(super) const TOUCH: f64 = 1e-10;
 
-/// Positions and velocities of all bodies, K, and M.
-pub(crate) struct Bodies {
-    /// States that are velocities, body by body.
-    pub velocities: Vec<usize>,
-    /// The velocity that each state is.
-    number: Vec<usize>,
-    /// (velocity, slope) of every state that is a position.
-    kinematics: Vec<Vec<(usize, usize)>>,
-    /// Slopes of K as numbers, and c, where the step is.
-    jacobian: Vec<f64>,
-    pub drift: Vec<f64>,
-    pub mass: Mass,
-    has_masses: bool,
+/// How well the gaps of a family are known.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Resolution {
+    /// The size of positions, of which gaps that are zero are a share.
+    pub size: f64,
 }
 
-impl Bodies {
-    pub fn new(scene: &Scene, free: &impl Free) -> Self {
-        let n = free.n_states();
-        let (mut velocities, mut number) = (Vec::new(), vec![NONE; n]);
-        for &state in scene.bodies.iter().flat_map(|body| &body.velocities) {
-            number[state] = velocities.len();
-            velocities.push(state);
-        }
-        let mut is_position = vec![false; n];
-        for &state in scene.bodies.iter().flat_map(|body| &body.positions) {
-            is_position[state] = true;
-        }
-        let mut kinematics = vec![Vec::new(); n];
-        for (slope, &(i, j)) in free.slopes().iter().enumerate() {
-            if is_position[i] && number[j] != NONE {
-                kinematics[i].push((number[j], slope));
-            }
-        }
-        Bodies {
-            velocities,
-            number,
-            kinematics,
-            jacobian: vec![0.0; free.slopes().len()],
-            drift: vec![0.0; n],
-            mass: Mass::new(scene.bodies.iter().map(|body| body.velocities.len())),
-            has_masses: false,
-        }
-    }
-
-    /// The velocity that a state is.
-    pub fn velocity_of(&self, state: usize) -> usize {
-        self.number[state]
-    }
-
-    /// Takes K and M of a step; `rates` are f at `x`. False where some M is not positive definite.
-    pub fn load(
-        &mut self,
-        free: &mut impl Free,
-        (t, x): (f64, &[f64]),
-        jacobian: &[f64],
-        rates: &[f64],
-    ) -> bool {
-        self.jacobian.copy_from_slice(jacobian);
-        for (state, (terms, drift)) in self.kinematics.iter().zip(&mut self.drift).enumerate() {
-            let along = (terms.iter()).map(|&(v, slope)| jacobian[slope] * x[self.velocities[v]]);
-            let (sum, size) = along.fold((0.0, rates[state].abs()), |(sum, size), term| {
-                (sum + term, size + term.abs())
-            });
-            // What rounding leaves of a difference is no drift.
-            *drift = match rates[state] - sum {
-                rest if rest.abs() <= ROUNDING * size => 0.0,
-                rest => rest,
-            };
-        }
-        if self.has_masses && free.masses_are_constant() {
-            return true;
-        }
-        self.has_masses = true;
-        self.mass.write(|masses| free.masses(t, x, masses))
-    }
-
-    /// (K_ij, j) of a position.
-    fn moves(&self, state: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let terms = self.kinematics[state].iter();
-        terms.map(|&(v, slope)| (v, self.jacobian[slope]))
-    }
-
-    /// x += s K w
-    pub fn displace(&self, s: f64, w: &[f64], x: &mut [f64]) {
-        for (state, terms) in self.kinematics.iter().enumerate() {
-            if !terms.is_empty() {
-                let change: f64 = self.moves(state).map(|(v, k)| k * w[v]).sum();
-                x[state] += s * change;
-            }
-        }
+impl Resolution {
+    /// A share of the size of positions.
+    pub fn share(self, share: f64) -> f64 {
+        share * self.size
     }
 }
 
 /// A contact where it was looked at.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Contact {
+pub(super) struct Contact {
     pub contact: u32,
     pub gap: f64,
+    pub resolution: Resolution,
     /// Rate of the gap where all velocities are zero.
     pub offset: f64,
     /// Whether the gap changes where all velocities are zero: with time itself, or by c.
@@ -121,9 +42,16 @@ pub(crate) struct Contact {
     pub slip: Pair,
 }
 
+impl Contact {
+    /// Whether it is not closed.
+    pub fn is_open(&self) -> bool {
+        self.gap > self.resolution.share(TOUCH)
+    }
+}
+
 /// Contacts with their rows.
 #[derive(Default)]
-pub(crate) struct Linear {
+pub(super) struct Linear {
     pub contacts: Vec<Contact>,
     pub rows: Rows,
     inputs: Vec<f64>,
@@ -155,6 +83,7 @@ impl Linear {
         memory: &[f64],
         bodies: &Bodies,
         lanes: &mut LaneScratch,
+        resolution: Resolution,
     ) {
         let (n, n_in, n_out) = (members.len(), family.n_inputs(), family.row.n_outputs());
         gather(family, members, memory, &mut self.inputs);
@@ -174,7 +103,7 @@ impl Linear {
             let mut offset = output(1);
             for (k, &input) in family.positions.iter().enumerate() {
                 let (state, slope) = (places[input] as usize - 1, output(first_slope + k));
-                offset += slope * bodies.drift[state];
+                offset += slope * bodies.drift(state);
                 self.entries
                     .extend(bodies.moves(state).map(|(j, k_ij)| (j, k_ij * slope)));
             }
@@ -185,6 +114,7 @@ impl Linear {
             let contact = Contact {
                 contact: family.contacts[member as usize],
                 gap: output(0),
+                resolution,
                 offset,
                 is_driven: offset != 0.0,
                 restitution: output(2),

@@ -1,10 +1,16 @@
 //! Impulses of the contacts of a step, and how far they move bodies.
 
-use super::scene::Free;
-use super::{Failed, SOLVED, Stepper, TOUCH, Velocities};
+use super::bodies::{Motion, Step};
+use super::detect::{Detector, is_up_to};
+use super::energy::Energy;
+use super::events::Contacts;
+use super::rows::{Contact, Linear, TOUCH};
+use crate::contact::coulomb::islands::Islands;
 use crate::contact::coulomb::ladder::{Ladder, Options};
 use crate::hybrid::{Coefficient, Status};
 
+/// Residual of the impulses of an island, relative to its speeds.
+pub(super) const SOLVED: f64 = 1e-11;
 /// A speed below this share of the largest is rounding.
 const ROUNDING: f64 = 1e-15;
 /// A contact stays where its rate before a step is below this share of what the free motion changes it by.
@@ -21,9 +27,70 @@ enum Impact {
     Plastic,
 }
 
-impl<F: Free> Stepper<F> {
+/// Active contacts and their impulses.
+#[derive(Default)]
+pub(super) struct Impacts {
+    pub active: Linear,
+    pub ladder: Ladder,
+    islands: Islands,
+    shift: Vec<f64>,
+    pub counts: Counts,
+}
+
+/// Counts of a run.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Counts {
+    /// Impulses of contacts, counted in every step.
+    pub impulses: usize,
+    /// Steps in which impacts were taken without rebound.
+    pub plastic: usize,
+    /// The largest residual.
+    pub residual: f64,
+}
+
+/// Why a step could not be made.
+pub(super) struct Failed {
+    pub status: Status,
+    pub contact: Option<usize>,
+}
+
+impl Failed {
+    pub fn unsolved(contact: Option<usize>) -> Self {
+        Failed {
+            status: Status::Unsolved,
+            contact,
+        }
+    }
+}
+
+impl Impacts {
+    /// Finds the contacts that the free motion to y has closed, or that have not opened, with their rows.
+    pub fn find(
+        &mut self,
+        Step { t, h, .. }: Step,
+        y: &[f64],
+        motion: &Motion,
+        contacts: &Contacts,
+        detector: &mut Detector,
+    ) {
+        detector.look(t + h, h, y, motion.moved);
+        detector.find(
+            &motion.bodies,
+            &mut self.active,
+            |contact, gap, resolution| {
+                is_up_to(gap, resolution.share(TOUCH)) || contacts.pushed(contact as usize)
+            },
+        );
+        let rows = &self.active.rows;
+        self.active.contacts.retain(|contact| {
+            let start =
+                contact.gap - h * (rows.rate(contact.rows.normal, &motion.free) + contact.offset);
+            !(contact.is_open() && start > h * motion.gain(rows, contact.rows.normal))
+        });
+    }
+
     /// An active contact with a coefficient that no contact has.
-    pub(super) fn outside(&self) -> Option<Failed> {
+    pub fn outside(&self) -> Option<Failed> {
         self.active.contacts.iter().find_map(|contact| {
             let found = Coefficient::outside(contact.restitution, contact.friction);
             let switch = contact.contact as usize;
@@ -38,38 +105,41 @@ impl<F: Free> Stepper<F> {
         })
     }
 
-    /// Lets the active contacts give impulses, those that the free motion to y has closed if all of them are too many.
-    pub(super) fn strike(&mut self, y: &[f64], velocities: &mut Velocities) -> Result<(), usize> {
-        let mut solved = self.strike_all(velocities);
-        let touch = TOUCH * self.size(y);
-        if solved.is_err() && self.active.contacts.iter().any(|c| c.gap > touch) {
-            self.active.contacts.retain(|contact| contact.gap <= touch);
-            solved = self.strike_all(velocities);
+    /// Lets the active contacts give impulses, those that the free motion has closed if all of them are too many.
+    pub fn strike(&mut self, last: &Contacts, motion: &mut Motion) -> Result<(), Failed> {
+        let mut solved = self.strike_all(last, motion);
+        let contacts = &mut self.active.contacts;
+        if solved.is_err() && contacts.iter().any(Contact::is_open) {
+            contacts.retain(|contact| !contact.is_open());
+            solved = self.strike_all(last, motion);
         }
         self.counts.plastic += usize::from(solved == Ok(Impact::Plastic));
         self.counts.impulses += self.active.contacts.len();
-        self.counts.residual = self.counts.residual.max(self.impulses.residual);
+        self.counts.residual = self.counts.residual.max(self.ladder.residual);
         match solved {
             Ok(_) => Ok(()),
-            Err(c) => Err(self.active.contacts[c].contact as usize),
+            Err(c) => Err(Failed::unsolved(Some(
+                self.active.contacts[c].contact as usize,
+            ))),
         }
     }
 
     /// Lets the active contacts give impulses.
-    fn strike_all(&mut self, velocities: &mut Velocities) -> Result<Impact, usize> {
-        let (active, mass) = (&self.active, &self.bodies.mass);
+    fn strike_all(&mut self, last: &Contacts, motion: &mut Motion) -> Result<Impact, usize> {
+        let mass = &motion.bodies.mass;
         self.islands.begin(mass);
-        self.islands.join(&active.rows, active.of_contacts(), mass);
+        self.islands
+            .join(&self.active.rows, self.active.of_contacts(), mass);
         let mut solved = Ok(Impact::AsStated);
         // Restitutions of contacts that depend on each other may contradict each other.
         for impact in [Impact::AsStated, Impact::Plastic] {
-            let bounced = self.set_impulses(velocities, impact == Impact::AsStated);
-            velocities.after.clone_from(&velocities.free);
-            let found = self.impulses.solve(
+            let bounced = self.set_impulses(impact, last, motion);
+            motion.after.clone_from(&motion.free);
+            let found = self.ladder.solve(
                 &self.active.rows,
                 &mut self.islands,
-                &self.bodies.mass,
-                &mut velocities.after,
+                &motion.bodies.mass,
+                &mut motion.after,
             );
             solved = found.map(|()| impact);
             if solved.is_ok() || !bounced {
@@ -80,54 +150,52 @@ impl<F: Free> Stepper<F> {
     }
 
     /// States the laws of the active contacts, and starts from the impulses of the step before. Whether any rebounds.
-    fn set_impulses(&mut self, velocities: &Velocities, rebounds: bool) -> bool {
-        let (active, impulses) = (&self.active, &mut self.impulses);
-        let speeds = velocities.free.iter();
+    fn set_impulses(&mut self, impact: Impact, last: &Contacts, motion: &Motion) -> bool {
+        let active = &self.active;
+        let speeds = motion.free.iter();
         let options = Options {
             attempts: ATTEMPTS,
             tolerance: SOLVED,
             rounding: ROUNDING * speeds.fold(0.0_f64, |most, v| most.max(v.abs())),
         };
-        impulses.begin(&active.rows, active.of_contacts(), options);
-        let Ladder { laws, impulses, .. } = impulses;
+        self.ladder
+            .begin(&active.rows, active.of_contacts(), options);
+        let Ladder { laws, impulses, .. } = &mut self.ladder;
         let mut any = false;
         for (c, contact) in active.contacts.iter().enumerate() {
-            let before = active.rows.rate(contact.rows.normal, &velocities.before) + contact.offset;
+            let normal = contact.rows.normal;
+            let before = active.rows.rate(normal, &motion.before) + contact.offset;
             let rebound = contact.restitution * before;
             laws.normal_rate[c] = contact.offset;
             // A rebound that cannot outlast a step is none, whatever presses: what moves the bodies may reach the
             // contact through others.
-            let change = self
-                .energy
-                .gain(&self.bodies, &active.rows, contact.rows.normal);
-            if rebounds && rebound.abs() > 0.5 * change {
+            let change = motion.gain(&active.rows, normal);
+            if impact == Impact::AsStated && rebound.abs() > 0.5 * change {
                 laws.normal_rate[c] += rebound;
                 any = true;
             }
             laws.friction[c] = contact.friction;
             laws.slip_rate[c] = contact.slip;
-            let known = self.contacts.last(contact.contact as usize);
-            (impulses.normal[c], impulses.tangential[c]) = known;
+            (impulses.normal[c], impulses.tangential[c]) = last.last(contact.contact as usize);
         }
         any
     }
 
     /// q̂ + h/2 M⁻¹(J_nΛ - J_tβ), of Λ those of rough contacts that stay.
-    pub(super) fn let_impulses_move(&mut self, h: f64, velocities: &Velocities, y: &mut [f64]) {
-        let (rows, impulses) = (&self.active.rows, &self.impulses.impulses);
+    pub fn displace(&mut self, h: f64, motion: &Motion, energy: &mut Energy, y: &mut [f64]) {
+        let (rows, impulses) = (&self.active.rows, &self.ladder.impulses);
         self.shift.clear();
-        self.shift.resize(velocities.before.len(), 0.0);
+        self.shift.resize(motion.before.len(), 0.0);
         for (c, contact) in self.active.contacts.iter().enumerate() {
             let rate = |v: &[f64]| rows.rate(contact.rows.normal, v) + contact.offset;
-            let before = rate(&velocities.before);
-            let change = (rate(&velocities.free) - before).abs();
+            let before = rate(&motion.before);
+            let change = (rate(&motion.free) - before).abs();
             if contact.rows.is_rough() && before.abs() <= STAYS * change {
                 rows.add_impulse(contact.rows.normal, impulses.normal[c], &mut self.shift);
             }
             rows.add_friction(&contact.rows, impulses.tangential[c], &mut self.shift);
         }
-        self.bodies.displace(0.5 * h, &self.shift, y);
-        self.energy
-            .lift((0.5 * h, h), &self.shift, &self.active, &self.bodies);
+        motion.bodies.displace(0.5 * h, &self.shift, y);
+        energy.lift(0.5, &self.shift, &self.active, motion);
     }
 }
