@@ -73,3 +73,27 @@ fn switches_inside_switching_functions_are_settled_in_order() {
     let x = end(&found, "x")[0];
     assert!((x - exact).abs() < 1e-5, "{x} {exact}");
 }
+
+/// Steps move a state by less than its last digits there, and all steps together do not.
+#[test]
+fn states_far_from_zero_move() {
+    for offset in [0.0, 1e6, 1e9, 1e12] {
+        let model = format!(
+            "param B = {offset:e}; state x = B; state y = 0; x' = 1; y' = if x > B + 1 then 1 else 0;"
+        );
+        let found = adaptive(&model, "horizon 2;");
+        assert_eq!(found.status, Status::Solved, "{offset:e}");
+        assert_eq!(end(&found, "x")[0], offset + 2.0);
+        let y = end(&found, "y")[0];
+        let known = 1e-8 + f64::EPSILON * offset;
+        assert!((y - 1.0).abs() <= known, "{offset:e}: {y}");
+    }
+}
+
+/// A state that starts at zero, on its surface, has the size that its rate gives it.
+#[test]
+fn a_start_on_a_sliding_surface_ends_at_the_limit_of_steps() {
+    let found = adaptive("state x = 0; x' = -sign(x);", "horizon 1;");
+    assert_eq!(found.status, Status::IterationLimit);
+    assert!(end(&found, "x")[0].abs() <= 1e-9);
+}

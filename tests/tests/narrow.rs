@@ -240,3 +240,18 @@ fn steps_that_hit_a_bump_once_are_told() {
         assert!(codes(100_000).is_empty());
     }
 }
+
+/// Where 1/(1 + exp(-u)) is no zero yet, terms of exp(-u) overflow at some order, and those before it are numbers.
+#[test]
+fn sigmoids_with_terms_that_overflow_are_met() {
+    for (width, within) in [(1e-2, 1e-8), (1e-3, 1e-9), (1e-4, 1e-10), (1e-5, 1e-10)] {
+        let text = format!(
+            "model m {{ state s = 0; state y = 0; s' = 1; y' = 1/(1 + exp(-(s - 7)/{width:e})); }}
+             simulate run of m {{ horizon 10; }}"
+        );
+        let found = run(&text, "run");
+        assert_eq!(found.status, Status::Solved, "{width:e}");
+        let y = end(&found, "y")[0];
+        assert!((y - 3.0).abs() <= within, "{width:e}: {y}");
+    }
+}

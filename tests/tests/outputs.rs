@@ -231,3 +231,39 @@ fn a_model_without_states_runs_by_every_method() {
         }
     }
 }
+
+/// An instant of the output at which a state jumps has both its values.
+#[test]
+fn a_jump_at_an_instant_of_the_output_is_on_both_sides_of_it() {
+    let text = "model m { state x = 0; x' = 1; jump reset when time >= 1 and x < 5 { x := 10; } }
+        simulate sampled of m { horizon 2; output x every 0.5; }
+        simulate at_end of m { horizon 1; output x every 0.5; }";
+    let found = solved(text, "sampled");
+    assert_eq!(found.time, [0.0, 0.5, 1.0, 1.0, 1.5, 2.0]);
+    assert_eq!(found.states[0].values, [0.0, 0.5, 1.0, 10.0, 10.5, 11.0]);
+    let found = solved(text, "at_end");
+    assert_eq!(found.time, [0.0, 0.5, 1.0, 1.0]);
+    assert_eq!(found.states[0].values, [0.0, 0.5, 1.0, 10.0]);
+}
+
+/// A bound that is infinite is never met, so that there is no switch for it.
+#[test]
+fn infinite_bounds_are_no_switches() {
+    let forms = [
+        "-sat(x, lo, 1)",
+        "-min(x, 1)",
+        "-max(min(x, 1), lo)",
+        "-clamp(x, lo, 1)",
+        "max(-x, -1) + min(0, -lo)",
+    ];
+    for form in forms {
+        let model = format!("model m {{ param lo = -inf; state x = 3; x' = {form}; }}");
+        for method in ["event", "fesd", "adaptive"] {
+            let text = format!("{model} simulate run of m {{ horizon 5; method {method}; }}");
+            let found = solved(&text, "run");
+            assert_eq!(found.switches.len(), 1, "{form}");
+            let x = end(&found, "x")[0];
+            assert!((x - f64::exp(-3.0)).abs() <= 1e-8, "{form} {method}: {x}");
+        }
+    }
+}

@@ -290,3 +290,16 @@ fn extrapolation_strikes_springs_and_stops_at_what_is_no_number() {
     let ended = adaptive("state x = 1; state w = 0; x' = sqrt(0.5 - time); w' = 1;");
     assert!(matches!(ended.failure, Some(Failure::NotFinite { .. })));
 }
+
+/// From rest h = a (t - 2)² with 2 a + k √a = c: where k² is large beside c, it relaxes faster than it grows.
+#[test]
+fn an_empty_tank_is_filled_again() {
+    for (inflow, outflow) in [(0.1, 0.3), (0.9, 0.76), (5.0, 1.0), (0.1, 2.0), (0.01, 3.0)] {
+        let model =
+            format!("state h = 0.02; h' = {inflow}*max(0, time - 2) - {outflow}*sqrt(max(h, 0));");
+        let root = 2.0 * inflow / (outflow + f64::hypot(outflow, f64::sqrt(8.0 * inflow)));
+        let text = format!("model m {{ {model} }} simulate run of m {{ horizon 4; }}");
+        let h = end(&solved(&text, "run"), "h")[0];
+        close(h, (2.0 * root).powi(2), 1e-8);
+    }
+}

@@ -12,6 +12,9 @@
 //! each of them, where derivatives of the solution have such series too. (With 2, 6, 10, .. it would be
 //! odd in each, but where f has one value before a quarter of a step and another behind, all rows agree
 //! on the same wrong result.)
+//!
+//! All y are differences from x at the start of the step, with what rounding has kept out of x: far from zero, a step
+//! moves x by less than its last digits.
 
 use super::dense::Middle;
 use super::{DEFECTS, Field};
@@ -31,13 +34,17 @@ pub struct Extrapolation {
     n: usize,
     length: f64,
     rows: usize,
-    /// x and f(x) at the start of the step.
+    /// x and f(x) at the start of the step, and what rounding has kept out of x.
     start: Vec<f64>,
     rates: Vec<f64>,
-    /// Behind the j-th row, T_{j,j-l} in place l.
+    low: Vec<f64>,
+    /// Behind the j-th row, T_{j,j-l} in place l, without x at the start.
     table: Vec<Vec<f64>>,
-    /// f at the end of the step.
+    /// x and f at the end of the step.
+    end: Vec<f64>,
     end_rates: Vec<f64>,
+    /// What an error of each x is relative to.
+    size: Vec<f64>,
     /// y_{i-1} and y_i.
     before: Vec<f64>,
     here: Vec<f64>,
@@ -53,8 +60,11 @@ impl Extrapolation {
             rows: 0,
             start: vec![0.0; n],
             rates: vec![0.0; n],
+            low: vec![0.0; n],
             table: vec![vec![0.0; n]; MOST_ROWS],
+            end: vec![0.0; n],
             end_rates: vec![0.0; n],
+            size: vec![0.0; n],
             before: vec![0.0; n],
             here: vec![0.0; n],
             middle: Middle::new(n),
@@ -69,20 +79,21 @@ impl Extrapolation {
     }
 
     /// Computes the next row, and gives its number, from 1 on.
-    pub fn add_row(&mut self, field: &mut impl Field, t: f64, x: &[f64]) -> usize {
+    pub fn add_row(&mut self, field: &mut impl Field, t: f64) -> usize {
         self.rows += 1;
         let (row, n) = (self.rows, self.n);
         let steps = substeps(row);
         let h = self.length / steps as f64;
         let rates = self.middle.rates_of(row);
         rates[..n].copy_from_slice(&self.rates);
-        self.before.copy_from_slice(x);
-        for ((here, x), rate) in self.here.iter_mut().zip(x).zip(&self.rates) {
-            *here = x + h * rate;
+        self.before.copy_from_slice(&self.low);
+        for ((here, low), rate) in self.here.iter_mut().zip(&self.low).zip(&self.rates) {
+            *here = low + h * rate;
         }
         for step in 1..=steps {
             let rates = &mut self.middle.rates_of(row)[step * n..(step + 1) * n];
-            field.rates(t + step as f64 * h, &self.here, rates);
+            add(&mut self.end, &self.start, &self.here);
+            field.rates(t + step as f64 * h, &self.end, rates);
             if step < steps {
                 for ((before, here), rate) in
                     self.before.iter_mut().zip(&mut self.here).zip(&*rates)
@@ -112,24 +123,41 @@ impl Extrapolation {
         row
     }
 
-    /// T_{j,j}.
+    /// x at the end of a step that has been closed.
     pub fn state(&self) -> &[f64] {
-        &self.table[0]
+        &self.end
     }
 
-    /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state.
-    pub fn error(&self, scale: &[f64], tolerance: f64) -> f64 {
+    /// Forgets what rounding has kept out of x.
+    pub fn restart(&mut self) {
+        self.low.fill(0.0);
+    }
+
+    /// Moves on to the end of the step, and keeps what rounding keeps out of it.
+    pub fn advance(&mut self) {
+        for (low, (moved, (end, start))) in
+            (self.low.iter_mut()).zip(self.table[0].iter().zip(self.end.iter().zip(&self.start)))
+        {
+            *low = moved - (end - start);
+        }
+    }
+
+    /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state: the largest |x| so
+    /// far, or how far the rates at the ends of the step take it in the time `reach`.
+    pub fn error(&mut self, scale: &[f64], reach: f64, tolerance: f64) -> f64 {
         if self.rows < 2 {
             return f64::INFINITY;
         }
-        let entries = self.table[0].iter().zip(&self.table[1]).zip(scale);
-        entries.fold(0.0, |most, ((x, other), scale)| {
-            let difference = (x - other).abs();
-            let error = match scale.max(x.abs()) {
-                0.0 => difference,
-                size => difference / (tolerance * size),
-            };
-            larger(most, error)
+        add(&mut self.end, &self.start, &self.table[0]);
+        let last = substeps(self.rows) * self.n;
+        let last = &self.middle.rates_of(self.rows)[last..];
+        for (i, size) in self.size.iter_mut().enumerate() {
+            let rate = self.rates[i].abs().max(last[i].abs());
+            *size = scale[i].max(self.end[i].abs()).max(reach * rate);
+        }
+        let entries = self.table[0].iter().zip(&self.table[1]).zip(&self.size);
+        entries.fold(0.0, |most, ((x, other), size)| {
+            larger(most, (x - other).abs() / (tolerance * size))
         })
     }
 
@@ -146,14 +174,17 @@ impl Extrapolation {
         n_switches: usize,
         series: &mut ElementSeries,
     ) {
-        field.rates(end, &self.table[0], &mut self.end_rates);
+        field.rates(end, &self.end, &mut self.end_rates);
         let ends = [
-            (&self.start[..], &self.rates[..]),
+            (&self.low[..], &self.rates[..]),
             (&self.table[0][..], &self.end_rates[..]),
         ];
         let (length, rows) = (self.length, self.rows);
         self.middle
             .interpolate(length, rows, ends, n_switches, series);
+        for (i, start) in self.start.iter().enumerate() {
+            series.row_mut(i)[0] += start;
+        }
     }
 
     /// f at the end of the step.
@@ -162,13 +193,7 @@ impl Extrapolation {
     }
 
     /// Largest |x' - f(t, x)| H of the polynomials, relative to the size of each state.
-    pub fn defect(
-        &mut self,
-        field: &mut impl Field,
-        t: f64,
-        scale: &[f64],
-        polynomials: &ElementSeries,
-    ) -> f64 {
+    pub fn defect(&mut self, field: &mut impl Field, t: f64, polynomials: &ElementSeries) -> f64 {
         let mut most = 0.0;
         for share in DEFECTS {
             let tau = share * self.length;
@@ -176,16 +201,19 @@ impl Extrapolation {
                 *x = series::value(polynomials.row(i), tau);
             }
             field.rates(t + tau, &self.before, &mut self.here);
-            let states = scale.iter().zip(&self.table[0]).zip(&self.here);
-            for (i, ((scale, end), rate)) in states.enumerate() {
+            for (i, (size, rate)) in self.size.iter().zip(&self.here).enumerate() {
                 let slope = series::slope(polynomials.row(i), tau);
-                let size = scale.max(end.abs());
-                let apart = (slope - rate).abs() * self.length;
-                let defect = if size > 0.0 { apart / size } else { apart };
-                most = larger(most, defect);
+                most = larger(most, (slope - rate).abs() * self.length / size);
             }
         }
         most
+    }
+}
+
+/// sum = a + b.
+fn add(sum: &mut [f64], a: &[f64], b: &[f64]) {
+    for (sum, (a, b)) in sum.iter_mut().zip(a.iter().zip(b)) {
+        *sum = a + b;
     }
 }
 

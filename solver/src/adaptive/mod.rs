@@ -139,12 +139,15 @@ impl<F: Field> Simulator<F> {
         self.field.sides(t0, x0, &mut sides);
         self.field.rates(t0, x0, &mut rates);
         let tolerance = (LOCAL * self.settings.tolerance).max(LEAST);
+        let step = first_step(x0, &rates, t1 - t0);
+        self.extrapolation.restart();
         Run {
             t: t0,
             until,
             x: x0.to_vec(),
             scale: x0.iter().map(|x| x.abs().max(LEAST_SCALE)).collect(),
-            control: Control::new(tolerance, first_step(x0, &rates, t1 - t0)),
+            control: Control::new(tolerance, step),
+            reach: step,
             rates,
             end_sides: sides.clone(),
             sides,
@@ -177,8 +180,8 @@ impl<F: Field> Simulator<F> {
         let table = &mut self.extrapolation;
         table.begin(length, &run.x, &run.rates);
         let verdict = loop {
-            let row = table.add_row(&mut self.field, run.t, &run.x);
-            let error = table.error(&run.scale, run.tolerance);
+            let row = table.add_row(&mut self.field, run.t);
+            let error = table.error(&run.scale, run.reach, run.tolerance);
             run.has_value = !error.is_nan();
             match run.control.judge(row, length, error) {
                 Verdict::GoOn => {}
@@ -191,7 +194,7 @@ impl<F: Field> Simulator<F> {
         }
         // Rows may agree on what is wrong where f depends on signs alone, and not on their steps.
         table.close(&mut self.field, end, run.sides.len(), &mut self.series);
-        let defect = table.defect(&mut self.field, run.t, &run.scale, &self.series);
+        let defect = table.defect(&mut self.field, run.t, &self.series);
         run.stats.rhs_evaluations += 1 + DEFECTS.len();
         run.has_value = !defect.is_nan();
         let is_accurate = run.has_value && defect <= (DEFECT * run.tolerance).max(LEAST_DEFECT);
@@ -205,6 +208,8 @@ impl<F: Field> Simulator<F> {
     fn accept(&mut self, run: &mut Run, end: f64, observer: &mut impl Observer) -> ControlFlow<()> {
         let start = std::mem::replace(&mut run.t, end);
         run.stats.steps += 1;
+        run.reach = run.reach.max(end - start);
+        self.extrapolation.advance();
         run.x.copy_from_slice(self.extrapolation.state());
         run.rates.copy_from_slice(self.extrapolation.end_rates());
         for (scale, x) in run.scale.iter_mut().zip(&run.x) {
@@ -253,6 +258,8 @@ struct Run {
     sides: Vec<Side>,
     end_sides: Vec<Side>,
     control: Control,
+    /// Length of the longest step so far, and of the first one that was tried.
+    reach: f64,
     tolerance: f64,
     /// Whether the last attempt has led to numbers.
     has_value: bool,

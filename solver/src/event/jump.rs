@@ -54,11 +54,11 @@ impl<'a> JumpLaws<'a> {
         near.retain(|&(_, switch)| {
             let closed = state.point.sides[switch] == Side::Slide;
             kept.extend(closed.then_some(switch));
-            state.bands.width[switch] = mode.band(switch, state, t1 - state.point.t);
+            mode.measure_bands(state, &[switch], t1 - state.point.t);
             // What is met has no gap, even where projection has moved the state since.
             let is_near = closed
                 || met.contains(&switch)
-                || mode.psi(switch) <= TOUCH * state.bands.width[switch];
+                || mode.psi(switch) <= state.bands.within(switch, TOUCH);
             mode.surfaces.stand_for(switch, usize::from(closed));
             is_near
         });

@@ -38,6 +38,8 @@ pub(crate) struct Memory {
     pub data: Vec<Arc<Piecewise>>,
     /// Length of a row: the orders of a series.
     pub stride: usize,
+    /// The order up to which the last expansion has no term that overflows.
+    pub known: usize,
     /// t, x, α, the coefficients of pieces, parameters, and then numbers of functions.
     pub values: Vec<f64>,
     /// One row after another, in the same order; then the rows of functions.
@@ -61,6 +63,7 @@ impl Memory {
             n_parameters: system.parameters.len(),
             data: system.data.clone(),
             stride,
+            known: order,
             values: vec![0.0; n_slots],
             rows: vec![0.0; n_slots * stride],
             weights: tape::weights(stride),

@@ -6,8 +6,8 @@ use super::terms::{PERTURBATION, Perturbed};
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
 
-/// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
-/// equation below this fraction of how large they are.
+/// |ψ| below this fraction of how far its states have moved is the surface; of an equation, and of a contact where a run
+/// starts, below this fraction of how large they are.
 pub(crate) const BAND: f64 = 1e-12;
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
@@ -18,6 +18,9 @@ pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 
 /// Magnitudes below this are zero: products of such numbers lose their digits to underflow.
 pub(crate) const SMALLEST: f64 = 1e-250;
+
+/// The share of the roundings within which ψ is not seen again that no band is narrower than.
+const UNTOLD: f64 = 0.125;
 
 /// Roundings of what would move a state in a step, below which it does not move.
 const HELD: f64 = 8.0;
@@ -207,6 +210,8 @@ pub(crate) struct Bands {
     pub armed: Vec<bool>,
     /// Whether the switch is on its surface, and its sides have meant the same motion so far.
     pub open: Vec<bool>,
+    /// Above this a gap where the run starts is none of rounding of the numbers that it starts from.
+    pub most_at_start: f64,
     /// |ψ'| where each switch with roots was last crossed downwards and upwards.
     pub crossed: Vec<[f64; 2]>,
     /// What shows the sizes of terms.
@@ -223,6 +228,7 @@ impl Bands {
             &mut self.still,
         ];
         zeros.into_iter().for_each(|v| refill(v, n, 0.0));
+        self.most_at_start = f64::INFINITY;
         refill(&mut self.armed, n, false);
         refill(&mut self.open, n, false);
         refill(&mut self.crossed, n, [f64::INFINITY; 2]);
@@ -269,6 +275,12 @@ impl Bands {
         let is_off = |i: usize| mode.sides[i] != Side::Slide;
         (0..mode.sides.len())
             .any(|i| self.armed[i] && is_off(i) && mode.system.switches[i].is_plain())
+    }
+
+    /// A share of the band of ψ, or what of it rounding does not tell from zero where that is more.
+    pub(crate) fn within(&self, switch: usize, share: f64) -> f64 {
+        let width = self.width[switch];
+        (share * width).max(width.min(UNTOLD * self.rounding[switch]))
     }
 
     /// Whether |ψ| where the point is is below its band, of two entries both.

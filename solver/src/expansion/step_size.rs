@@ -19,7 +19,7 @@ struct LastTerms {
 
 impl LastTerms {
     fn see(&mut self, c: &[f64], scale: f64) {
-        for (worst, c) in self.worst.iter_mut().zip(&c[self.order - 2..]) {
+        for (worst, c) in self.worst.iter_mut().zip(&c[self.order - 2..=self.order]) {
             if *c != 0.0 {
                 // Even where it overflows, it allows some step.
                 *worst = worst.max((c.abs() / scale).min(f64::MAX));
@@ -46,7 +46,7 @@ impl StepSize<'_> {
     /// That of every state and α, up to `longest`.
     pub(crate) fn of_states(&self, scales: &Scales, longest: f64) -> f64 {
         let (mode, tolerance) = (self.mode, self.tolerance);
-        self.grow(longest, |h, last| {
+        self.grow(mode.memory.known, longest, |h, last| {
             for i in 0..mode.n {
                 let c = mode.x_series(i);
                 last.see(c, scales.of_error(i, c, h, tolerance));
@@ -64,7 +64,7 @@ impl StepSize<'_> {
     /// That of every ψ that is monitored.
     pub(crate) fn of_psi(&self, bands: &Bands, longest: f64) -> f64 {
         let (mode, tolerance) = (self.mode, self.tolerance);
-        self.grow(longest, |h, last| {
+        self.grow(mode.order, longest, |h, last| {
             for &i in &mode.monitored.switches {
                 if !mode.planes.is_affine(i, &mode.surfaces) {
                     let rounding = 8.0 * f64::EPSILON * bands.terms[i];
@@ -81,15 +81,15 @@ impl StepSize<'_> {
         let (memory, surfaces) = (&self.mode.memory, &self.mode.surfaces);
         let series = of.map(|i| memory.series(surfaces.row(i)));
         let speed = series[0][0].hypot(series[1][0]).max(SMALLEST);
-        self.grow(longest, |_, last| {
+        self.grow(self.mode.order, longest, |_, last| {
             series.into_iter().for_each(|c| last.see(c, speed));
         })
     }
 
     /// Lengthens a step from nothing as far as the last terms that `see` shows for it allow: a longer
-    /// step has larger magnitudes, which their size is relative to. Every length on the way is allowed.
-    fn grow(&self, longest: f64, see: impl Fn(f64, &mut LastTerms)) -> f64 {
-        let order = self.mode.order;
+    /// step has larger magnitudes, which their size is relative to. Every length on the way is allowed. The series are of
+    /// this order.
+    fn grow(&self, order: usize, longest: f64, see: impl Fn(f64, &mut LastTerms)) -> f64 {
         let margin = self.tolerance.ln() / (order + 1) as f64;
         let mut h = 0.0;
         for _ in 0..MAX_GROWTHS {

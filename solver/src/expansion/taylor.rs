@@ -2,8 +2,12 @@
 
 use super::layout::Memory;
 use super::mode::Mode;
+use crate::integrate::singular::MODERATE;
 use crate::linalg::Singular;
 use crate::tape;
+
+/// Series that overflow at this order or before are not cut: their last terms say nothing of what is cut off.
+const LEAST_KNOWN: usize = 5;
 
 impl Mode {
     /// Expands x and α around (t, x).
@@ -20,8 +24,15 @@ impl Mode {
             self.raise_states(self.order);
             self.solve_order(self.order);
         }
+        self.memory.known = self.order;
+        let overflows = || (0..self.n).any(|i| !self.x_series(i)[self.order].is_finite());
         if self.slips_in_a_plane() {
             self.cut_overflow();
+        } else if overflows()
+            && let Some(known) = self.known_order()
+        {
+            self.cut_overflow();
+            self.memory.known = known;
         }
         Ok(())
     }
@@ -121,18 +132,35 @@ impl Mode {
     /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
     /// overflow. What is cut off too early shows in the defect of a step.
     pub(crate) fn cut_overflow(&mut self) {
-        let starts = (0..self.n)
-            .flat_map(|i| [self.memory.state(i), self.field.rows[i]])
-            .chain(self.sliding.iter().map(|&i| self.memory.alpha(i)));
-        let starts: Vec<usize> = starts.collect();
-        let rows = &mut self.memory.rows;
-        let is_finite = |k: &usize| starts.iter().all(|start| rows[start + k].is_finite());
         // Values that are no numbers end the run.
-        let Some(end) = (0..=self.order).find(|k| !is_finite(k)).filter(|k| *k > 0) else {
+        let Some(end) = self.first_overflow().filter(|k| *k > 0) else {
             return;
         };
-        for start in starts {
-            rows[start + end..=start + self.order].fill(0.0);
+        for start in self.starts() {
+            self.memory.rows[start + end..=start + self.order].fill(0.0);
         }
+    }
+
+    /// The first order of a term that is no number, of x, f and α.
+    fn first_overflow(&self) -> Option<usize> {
+        let starts = self.starts();
+        let rows = &self.memory.rows;
+        (0..=self.order).find(|k| !starts.iter().all(|start| rows[start + k].is_finite()))
+    }
+
+    /// The order up to which all series are numbers, where terms inside of functions have grown until they overflowed:
+    /// those of a step at a root are moderate, and its series end at once.
+    fn known_order(&self) -> Option<usize> {
+        let has_grown = |c: &f64| c.is_finite() && c.abs() > MODERATE;
+        let grows = !self.system.has_roots() && self.memory.rows.iter().any(has_grown);
+        let end = self.first_overflow().filter(|end| *end > LEAST_KNOWN);
+        end.filter(|_| grows).map(|end| end - 1)
+    }
+
+    /// Where the series of x, f and α start.
+    fn starts(&self) -> Vec<usize> {
+        let states = (0..self.n).flat_map(|i| [self.memory.state(i), self.field.rows[i]]);
+        let alphas = self.sliding.iter().map(|&i| self.memory.alpha(i));
+        states.chain(alphas).collect()
     }
 }

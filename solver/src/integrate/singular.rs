@@ -61,7 +61,7 @@ pub(crate) struct Longest {
 }
 
 /// Terms of series below this do not overflow by the next one.
-const MODERATE: f64 = 1e100;
+pub(crate) const MODERATE: f64 = 1e100;
 
 impl Mode {
     /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are

@@ -39,6 +39,11 @@ const SHRINKS: f64 = 0.9;
 /// Powers above this have a derivative, or nearly so: nothing leaves zero by them, or comes there, soon.
 const STEEP: f64 = 0.97;
 
+/// ψ above this many local tolerances is seen in spite of the errors of steps, and else steps are as long as this share
+/// of what its series shows as its radius of convergence.
+const VISIBLE: f64 = 1e3;
+const WITHIN: f64 = 0.5;
+
 /// A smooth rate below this share of the whole has no part in it.
 const SMALL: f64 = 0.01;
 
@@ -337,6 +342,23 @@ pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Opti
         });
     }
     None
+}
+
+/// How long a step h may be where a switch with roots is so close to its surface that ψ is no more than what errors of a
+/// step leave of it: no longer than its series holds, or errors keep ψ where it is.
+pub(crate) fn within_root(mode: &Mode, state: &State, tolerance: f64, h: f64) -> f64 {
+    let monitored = mode.monitored.switches.iter();
+    let rooted = monitored.filter(|&&i| mode.system.switches[i].rests());
+    rooted.fold(h, |h, &i| {
+        let c = &mode.psi_series(i)[..=mode.order];
+        let size = mode.surfaces.weigh(i, |j| state.scales.size(j));
+        if c[0] == 0.0 || c[0].abs() > VISIBLE * tolerance * size {
+            return h;
+        }
+        let last = (mode.order - 2..=mode.order).filter(|&k| c[k] != 0.0);
+        let radii = last.map(|k| (c[0] / c[k]).abs().powf(1.0 / k as f64));
+        h.min(WITHIN * radii.fold(f64::INFINITY, f64::min))
+    })
 }
 
 /// Whether a root with these values closer to zero and farther from it has a power p < 1.

@@ -191,6 +191,10 @@ impl Stepper {
         let h = self.near_rest(mode).keeps_directions(&mut state.bands, h);
         let bands = &mut state.bands;
         let h = Monitor { mode, bands }.watch(tolerance, &state.scales, h);
+        let h = match self.may_rest {
+            true => singular_rates::within_root(mode, state, tolerance, h),
+            false => h,
+        };
         self.near_rest(mode).leaves_rest(&state.bands, h)
     }
 

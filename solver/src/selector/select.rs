@@ -18,7 +18,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::scales::BAND;
 use crate::hybrid::breakpoints::Pieces;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
+use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status, SwitchKind};
 use crate::integrate::drift::Projection;
 use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
@@ -29,6 +29,12 @@ use crate::selector::selection::{Choice, Entry, Onset};
 const AT_START: f64 = 2.0;
 const LATER: f64 = 4.0;
 const LEFT: f64 = 16.0;
+
+/// A contact knows its states as well as their size where that is no more than so many times how far they have moved.
+const FAR: f64 = 16.0;
+
+/// A gap below this share of the motion of gaps does not show in a run.
+const SHARE_AT_START: f64 = 1e-6;
 
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
 /// by, so that bodies that graze two others at once are not taken for jammed between them.
@@ -55,16 +61,53 @@ impl Mode {
     /// The same of a ψ that was linearized there, and has this rounding.
     fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
         let by_time = self.surfaces.time_gradient(switch).abs();
-        if !self.system.switches[switch].is_plain() {
-            // What algebraic states balance is known to its rounding, however large it is.
-            let size = self.surfaces.weigh(switch, |j| state.scales.reach(j));
-            return (LATER * rounding).max(BAND * (size + by_time * horizon));
+        let given = |size: f64| BAND * (size + by_time * horizon);
+        match self.system.switches[switch].kind {
+            SwitchKind::Equation | SwitchKind::Member(_) => {
+                // What algebraic states balance is known to its rounding, however large it is.
+                let size = self.surfaces.weigh(switch, |j| state.scales.reach(j));
+                (LATER * rounding).max(given(size))
+            }
+            SwitchKind::Unilateral if !state.selection.begun => {
+                let size = self.surfaces.weigh(switch, |j| state.scales.size(j));
+                (AT_START * rounding).max(given(size).min(state.bands.most_at_start))
+            }
+            SwitchKind::Unilateral | SwitchKind::Slip { of: Some(_), .. } => {
+                let size = |j: usize| state.scales.reach(j).min(FAR * state.scales.motion(j));
+                let size = self.surfaces.weigh(switch, size);
+                (LATER * rounding).max(given(size))
+            }
+            _ if !state.selection.begun => AT_START * rounding,
+            _ => {
+                let motion = self.surfaces.weigh(switch, |j| state.scales.motion(j));
+                (LATER * rounding).max(BAND * (motion + by_time * state.point.t.abs()))
+            }
         }
-        if !state.selection.begun {
-            return AT_START * rounding;
+    }
+
+    /// The largest gap that counts as none where a run starts: a small share of how far the gaps of all contacts move in
+    /// the run, by their rates there and where these lead. Where nothing moves, any.
+    fn most_at_start(&mut self, point: &Point, contacts: &[usize], horizon: f64) -> f64 {
+        self.enter(&point.sides);
+        self.eval(point.t, &point.x, &point.alpha);
+        let first = self.field.f.clone();
+        let end: Vec<f64> = (point.x.iter().zip(&first))
+            .map(|(x, f)| x + horizon * f)
+            .collect();
+        self.eval(point.t + horizon, &end, &point.alpha);
+        let rates: Vec<f64> = (first.iter().zip(&self.field.f))
+            .map(|(first, last)| first.abs().max(last.abs()))
+            .collect();
+        self.move_to(point);
+        let mut most = 0.0_f64;
+        for &i in contacts {
+            self.surfaces.linearize(i, &self.memory.values);
+            most = most.max(horizon * self.surfaces.weigh(i, |j| rates[j]));
         }
-        let motion = self.surfaces.weigh(switch, |j| state.scales.motion(j));
-        (LATER * rounding).max(BAND * (motion + by_time * state.point.t.abs()))
+        match most > 0.0 {
+            true => SHARE_AT_START * most,
+            false => f64::INFINITY,
+        }
     }
 
     /// One rounding of every term of ψ of a switch where the point is, be it one that cancels within ψ. The switch
@@ -152,6 +195,9 @@ impl Selector<'_> {
             self.mode.move_to(&state.point);
         }
         self.mode.measure_bands(state, &all, horizon);
+        if !state.selection.begun {
+            self.tell_gaps(state, horizon);
+        }
         let below = |&&i: &&usize| {
             let is_kept = kept.contains(&i) || !self.system.is_unilateral(i);
             !is_kept && self.mode.psi(i) < -state.bands.width[i]
@@ -162,7 +208,7 @@ impl Selector<'_> {
         let near: Vec<bool> = (all.iter())
             .map(|&i| {
                 let share = if self.system.is_struck(i) { TOUCH } else { 1.0 };
-                kept.contains(&i) || self.mode.psi(i).abs() <= share * state.bands.width[i]
+                kept.contains(&i) || self.mode.psi(i).abs() <= state.bands.within(i, share)
             })
             .collect();
         let near: Vec<bool> = (all.iter())
@@ -184,6 +230,22 @@ impl Selector<'_> {
             };
         }
         Ok(on)
+    }
+
+    /// Narrows the bands of contacts where a run starts with gaps that may or may not be rounding of given numbers.
+    fn tell_gaps(&mut self, state: &mut State, horizon: f64) {
+        let contacts: Vec<usize> = (0..state.point.sides.len())
+            .filter(|&i| self.system.is_unilateral(i))
+            .collect();
+        let is_open = |&i: &usize| {
+            let gap = self.mode.psi(i).abs();
+            gap > AT_START / LEFT * state.bands.rounding[i] && gap <= state.bands.width[i]
+        };
+        if contacts.iter().any(is_open) {
+            let most = self.mode.most_at_start(&state.point, &contacts, horizon);
+            state.bands.most_at_start = most;
+            self.mode.measure_bands(state, &contacts, horizon);
+        }
     }
 
     /// The same where contacts that were closed before jumps stay where they are.

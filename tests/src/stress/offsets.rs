@@ -18,13 +18,93 @@ pub fn families(extent: Extent) -> Vec<Family> {
             })
         })
     });
-    vec![Family {
-        name: "far from zero",
-        about: "A state that starts at an offset and passes two thresholds whole numbers away, is sent back by a jump \
+    vec![
+        contacts(extent, &offsets),
+        Family {
+            name: "far from zero",
+            about: "A state that starts at an offset and passes two thresholds whole numbers away, is sent back by a jump \
                 there, or is the linear term of a program with two bounds; closed forms in whole numbers.",
+            hardness: "offset",
+            cases: cases.flatten().collect(),
+        },
+    ]
+}
+
+/// Bodies beside a floor or each other at an offset, whose gaps are whole numbers and close after whole times.
+fn contacts(extent: Extent, offsets: &[f64]) -> Family {
+    let all: [fn(f64, f64) -> Case; 5] = [bounce, slide, roll, chain, stack];
+    let scales = extent.sweep(&[1.0], &[1.0, 2.0, 3.0, 4.0, 5.0]);
+    let cases = offsets.iter().flat_map(|&offset| {
+        let scales = scales.clone();
+        scales
+            .into_iter()
+            .flat_map(move |scale| all.map(|case| case(offset, scale)))
+    });
+    Family {
+        name: "contacts far from zero",
+        about: "A ball with restitution one half, a puck that falls, slides and stops, a disc that falls and rolls, \
+                three balls that pass on their speed, and two that come to rest on each other, with gaps of 1 to 10 at \
+                an offset; closed forms in whole numbers.",
         hardness: "offset",
-        cases: cases.flatten().collect(),
-    }]
+        cases: cases.collect(),
+    }
+}
+
+/// A body at an offset: each place in the text is written `$`, and lengths are multiples of one that is written `#`.
+fn scene(offset: f64, scale: f64, text: &str, horizon: f64) -> Case {
+    let text = text.replace('$', &format!("{offset:?}"));
+    let case = Case::new(
+        format!("{offset:.1e}"),
+        text.replace('#', &format!("{scale:?}")),
+        horizon,
+    );
+    case.rounds(64.0 * f64::EPSILON * offset)
+        .promises(Promise::AccuracyOrReport)
+}
+
+/// It falls for one second, and its second flight ends after another.
+fn bounce(offset: f64, scale: f64) -> Case {
+    let text = "state q = $ + #; state v = 0; q' = v; \
+        mechanics q, v { mass = 1; force = -2*#; contact floor { gap = q - $; restitution = 0.5; } }";
+    scene(offset, scale, text, 1.5).ends("q", &[offset + 0.25 * scale], scale)
+}
+
+/// Its impact takes 1 of its speed of 4, and friction the rest in three seconds.
+fn slide(offset: f64, scale: f64) -> Case {
+    let text = "state q[2] = [$, $ + #]; state v[2] = [4*#, 0]; q' = v; \
+        mechanics q, v { mass = eye(2); force = [0, -2*#]; \
+          contact floor { gap = q[2] - $; slip = v[1]; restitution = 0; friction = 0.5; } }";
+    let end = [offset + 8.5 * scale, offset];
+    scene(offset, scale, text, 6.0).ends("q", &end, scale)
+}
+
+/// Its impact is enough to let it roll with two thirds of its speed.
+fn roll(offset: f64, scale: f64) -> Case {
+    let text = "state q[3] = [$, $ + 2*#, 0]; state v[3] = [3*#, 0, 0]; q' = v; \
+        mechanics q, v { mass = [1, 0, 0; 0, 1, 0; 0, 0, 0.5]; force = [0, -2*#, 0]; \
+          contact floor { gap = q[2] - # - $; slip = v[1] + v[3]; restitution = 0; friction = 0.5; } }";
+    let end = [2.0, 0.0, -2.0].map(|v| v * scale);
+    scene(offset, scale, text, 4.0).ends("v", &end, scale)
+}
+
+/// The first one meets the second after one second, which meets the third after another.
+fn chain(offset: f64, scale: f64) -> Case {
+    let text = "state q[3] = [$, $ + 2*#, $ + 4*#]; state v[3] = [#, 0, 0]; q' = v; \
+        mechanics q, v { mass = eye(3); force = zeros(3); \
+          contact first { gap = q[2] - q[1] - #; restitution = 1; } \
+          contact second { gap = q[3] - q[2] - #; restitution = 1; } }";
+    let end = [1.0, 3.0, 6.0].map(|q| offset + q * scale);
+    scene(offset, scale, text, 4.0).ends("q", &end, scale)
+}
+
+/// Both fall with 2, the lower one from 1 and the upper one from 3.
+fn stack(offset: f64, scale: f64) -> Case {
+    let text = "state q[2] = [$ + #, $ + 3*#]; state v[2] = 0; q' = v; \
+        mechanics q, v { mass = eye(2); force = [-2*#, -2*#]; \
+          contact floor { gap = q[1] - $; restitution = 0; } \
+          contact upper { gap = q[2] - q[1] - #; restitution = 0; } }";
+    let end = [offset, offset + scale];
+    scene(offset, scale, text, 3.0).ends("q", &end, scale)
 }
 
 /// x' = ±1 over 8 from an offset: y counts the time behind one threshold, and 3 times that behind another.

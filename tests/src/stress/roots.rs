@@ -17,7 +17,12 @@ fn rounded(p: f64) -> String {
 }
 
 pub fn families(extent: Extent) -> Vec<Family> {
-    vec![at_zero(extent), behind_zero(extent), spirals(extent)]
+    vec![
+        at_zero(extent),
+        behind_zero(extent),
+        spirals(extent),
+        refilled(extent),
+    ]
 }
 
 /// Numbers between 0 and 1, the same in every run.
@@ -97,6 +102,30 @@ fn spirals(extent: Extent) -> Family {
         about: "x' = -k sqrt(abs(x)) sign(x) + w, w' = -l sign(x), which comes to its origin by infinitely many crossings \
                 and stays there, and a state that is moved by the sign. Linear between crossings in the root of x.",
         hardness: "ratio of speeds",
+        cases: by_hardness(cases),
+    }
+}
+
+/// A tank that has run dry and is filled again by c (t - 2): h = a (t - 2)² with 2 a + k √a = c.
+fn refilled(extent: Extent) -> Family {
+    let mut numbers = Numbers(28);
+    let n = extent.of(6, 200);
+    let cases = (0..n).map(|k| {
+        let outflow = numbers.between(0.2, 3.0);
+        let inflow = numbers.between(0.5, 3.0) * [1.0, 0.1, 0.01][k % 3];
+        let start = numbers.between(0.01, 0.03);
+        let root = 2.0 * inflow / (outflow + outflow.hypot((8.0 * inflow).sqrt()));
+        let end = (root * 2.0).powi(2);
+        let model = format!(
+            "state h = {start:?}; h' = {inflow:?}*max(time - 2, 0) - {outflow:?}*sqrt(max(h, 0));"
+        );
+        let case = Case::new(format!("{:.2e}", inflow / outflow.powi(2)), model, 4.0);
+        case.ends("h", &[end], start.max(end)).within(20)
+    });
+    Family {
+        name: "tanks that are filled again",
+        about: "h' = c max(t - 2, 0) - k sqrt(max(h, 0)) from little: it runs dry before 2, and is a (t - 2)² from then on.",
+        hardness: "c/k²",
         cases: by_hardness(cases),
     }
 }

@@ -25,6 +25,9 @@ pub(super) type Change = (f64, Box<[Side]>, Box<[Side]>, Vec<Decision>);
 /// Events of which the state behind them is kept.
 const MOST_KEPT: usize = 4096;
 
+/// Instants this close, relative to them, are one: that of a jump has the rounding of the steps up to it.
+const SAME_INSTANT: f64 = 16.0 * f64::EPSILON;
+
 /// States that have jumped.
 #[derive(Clone, Debug)]
 pub(super) struct Jump {
@@ -111,6 +114,28 @@ impl<'s, 'e> Recorder<'s, 'e> {
             Sampling::Every(period) => Some(self.sampled as f64 * period),
             Sampling::At(instants) => instants.get(self.sampled).copied(),
         }
+    }
+
+    /// Where a jump is sampled, the instant of its two points, the first of which is recorded by then.
+    fn before_jump(&mut self, event: &Event) -> Option<f64> {
+        self.mark(event.from);
+        let last = self.record.times.last().copied();
+        if self.sampling == Sampling::Method {
+            if last.is_none() {
+                self.x.copy_from_slice(event.before);
+                self.push(event.time);
+            }
+            return Some(event.time);
+        }
+        let is_here = |t: &f64| (t - event.time).abs() <= SAME_INSTANT * event.time.abs();
+        if let Some(last) = last.filter(is_here) {
+            return Some(last);
+        }
+        let next = self.next_sample().filter(is_here)?;
+        self.x.copy_from_slice(event.before);
+        self.push(next);
+        self.sampled += 1;
+        Some(next)
     }
 
     fn push(&mut self, t: f64) {
@@ -393,13 +418,7 @@ impl Observer for Recorder<'_, '_> {
             self.record.accumulations.push(event.time);
         }
         if !event.jumps.is_empty() {
-            if self.sampling == Sampling::Method {
-                self.mark(event.from);
-                if self.record.times.is_empty() {
-                    self.x.copy_from_slice(event.before);
-                    self.push(event.time);
-                }
-            }
+            let sampled = self.before_jump(event);
             self.record.jumps.push(Jump {
                 time: event.time,
                 laws: event.jumps.to_vec(),
@@ -407,10 +426,10 @@ impl Observer for Recorder<'_, '_> {
                 before: event.before.to_vec(),
                 after: event.x.to_vec(),
             });
-            if self.sampling == Sampling::Method {
+            if let Some(t) = sampled {
                 self.mark(event.to);
                 self.x.copy_from_slice(event.x);
-                self.push(event.time);
+                self.push(t);
             }
         }
         if self.record.changes.len() < MOST_KEPT {

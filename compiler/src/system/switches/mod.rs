@@ -33,7 +33,7 @@ use crate::system::switches::affine::at;
 use crate::system::switches::entries::{Entries, Entry};
 use crate::system::switches::known::Known;
 use crate::system::switches::surface::Form;
-use crate::system::switches::terms::{at_alpha, compared};
+use crate::system::switches::terms::{at_alpha, beside_infinite, compared};
 
 /// A switch while it is collected.
 pub(crate) struct Collected<'e> {
@@ -133,6 +133,9 @@ impl<'e> Switches<'e> {
         let Some((psi, entry)) = compared(e) else {
             return e;
         };
+        if let Some(other) = beside_infinite(e, &self.params) {
+            return other;
+        }
         // A condition is decided there where the model states it; here is what controls make of it.
         if entry != Entry::Kink && self.entries.merged(psi).cancels() {
             return at_alpha(e, self.exprs.constant(0.5));

@@ -5,6 +5,7 @@
 
 use crate::expr::{BinaryFunction, Expr, Function, Node};
 use crate::system::switches::entries::Entry;
+use crate::system::switches::known::Known;
 
 /// The ψ of a nonsmooth term, and how its switch enters.
 pub(crate) fn compared(e: Expr) -> Option<(Expr, Entry)> {
@@ -30,4 +31,25 @@ pub(crate) fn at_alpha<'e>(e: Expr<'e>, alpha: Expr<'e>) -> Expr<'e> {
         Node::Binary(BinaryFunction::Min, a, b) => (1.0 - alpha) * a + alpha * b,
         _ => e,
     }
+}
+
+/// What a smaller or larger of two terms is where one of them is infinite, whatever states are: an infinite bound is
+/// never met.
+pub(crate) fn beside_infinite<'e>(e: Expr<'e>, params: &Known) -> Option<Expr<'e>> {
+    let Node::Binary(function @ (BinaryFunction::Max | BinaryFunction::Min), a, b) = e.node()
+    else {
+        return None;
+    };
+    if !params.numbers.values().any(|number| number.is_infinite()) {
+        return None;
+    }
+    let least = match function {
+        BinaryFunction::Max => f64::NEG_INFINITY,
+        _ => f64::INFINITY,
+    };
+    let is_always = |e: Expr<'e>, bound: f64| params.at_samples(e, |value| value == bound);
+    [(a, b), (b, a)].into_iter().find_map(|(bound, other)| {
+        let is_never = is_always(bound, least);
+        (is_never || is_always(bound, -least)).then_some(if is_never { other } else { bound })
+    })
 }
