@@ -284,7 +284,7 @@ impl Ready {
                     },
                 })
             }
-            Method::Fesd(_) => Ok(Ready::Elements {
+            Method::Fesd(_) if system.contacts.is_empty() => Ok(Ready::Elements {
                 system: Arc::new(Compiled::prepared(system, settings, open)),
                 settings: first_elements(settings),
             }),

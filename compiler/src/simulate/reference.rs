@@ -2,13 +2,13 @@
 
 use nsd_solver::fesd::jumps::CLOSED;
 
-use super::{Plan, Request, run};
+use super::Request;
 use crate::expr::Var;
 use crate::limit::Limit;
 use crate::lowering::dcs::{Friction, Impact, SlipLaw};
 use crate::lowering::discretize::Layout;
 use crate::lowering::mpcc::Bounds;
-use crate::report::{Dense, EventKind, Failure, Piece};
+use crate::report::{Dense, EventKind, Failure, Piece, Trajectory};
 use crate::system::System;
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
 
@@ -38,18 +38,8 @@ pub(crate) struct ReferenceRun<'e> {
 }
 
 impl<'e> ReferenceRun<'e> {
-    /// Over the horizon of the experiment, as long as the limit allows.
-    pub fn new(system: &System<'e>, settings: &Settings<'e>, limit: &Limit) -> Self {
-        ReferenceRun::by(None, system, settings, limit)
-    }
-
-    /// The same by runs that are compiled, if they are, without outputs.
-    pub fn by(
-        plan: Option<&mut Plan<'e>>,
-        system: &System<'e>,
-        settings: &Settings<'e>,
-        limit: &Limit,
-    ) -> Self {
+    /// What is run for an experiment: its system without outputs, from event to event.
+    pub fn asked(system: &System<'e>, settings: &Settings<'e>) -> (System<'e>, Settings<'e>) {
         let mut system = system.clone();
         system.outputs.clear();
         let mut settings = settings.clone();
@@ -58,16 +48,21 @@ impl<'e> ReferenceRun<'e> {
         settings.tolerance = TOLERANCE;
         settings.lowerings.clear();
         (settings.outputs, settings.optimize) = (None, None);
-        let request = Request {
+        (system, settings)
+    }
+
+    /// What is asked of the run, as long as the limit allows.
+    pub fn request(limit: &Limit) -> Request {
+        Request {
             dense: true,
             estimate: false,
             multipliers: false,
             limit: limit.clone(),
-        };
-        let run = match plan {
-            Some(plan) => plan.run(&system, &settings, &request, &mut |_| {}),
-            None => run(&system, &settings, &request),
-        };
+        }
+    }
+
+    /// A run of a system that has none but its states.
+    pub fn of(system: System<'e>, run: Trajectory) -> Self {
         let jumps = run
             .events
             .iter()

@@ -85,14 +85,14 @@ impl<'e> Problem<'e> {
     ) -> ReferenceRun<'e> {
         let mut kept = self.runs.events.borrow_mut();
         let events = self.events(&mut kept, (system, w), settings);
-        ReferenceRun::by(Some(events), system, settings, limit)
+        events.reference(system, settings, limit)
     }
 
     /// A run over the horizon of a system whose controls are parameters of its own.
     pub(crate) fn constant_run(&self, system: &System<'e>, limit: &Limit) -> ReferenceRun<'e> {
         let mut kept = self.runs.constant.borrow_mut();
         let plan = kept.get_or_insert_with(|| Plan::open(system, &self.settings, &self.open));
-        ReferenceRun::by(Some(plan), system, &self.settings, limit)
+        plan.reference(system, &self.settings, limit)
     }
 
     /// Makes runs with the parameters and about the horizon of a point ready.

@@ -20,8 +20,9 @@ use frozen::InNumericalTime;
 use moreau::Contacts;
 
 use super::driver::{self, Run};
-use super::{Progress, Request};
+use super::{Progress, ReferenceRun, Request};
 use crate::expr::{Expr, variables_of};
+use crate::limit::Limit;
 use crate::lowering::dcs::indicators;
 use crate::lowering::hybrid::variable;
 use crate::report::Trajectory;
@@ -147,6 +148,19 @@ impl<'e> Plan<'e> {
         let of = (system, settings);
         driver::drive(&mut *self.run, of, &self.reported, request, watch)
     }
+
+    /// A run from event to event whose modes are followed, by a system that was compiled for such runs.
+    pub(crate) fn reference(
+        &mut self,
+        system: &System<'e>,
+        settings: &Settings<'e>,
+        limit: &Limit,
+    ) -> ReferenceRun<'e> {
+        let (system, settings) = ReferenceRun::asked(system, settings);
+        let request = ReferenceRun::request(limit);
+        let run = self.run(&system, &settings, &request, &mut |_| {});
+        ReferenceRun::of(system, run)
+    }
 }
 
 /// The method of an experiment, with some parameters open, by their numbers, where it takes them.
@@ -168,7 +182,7 @@ pub(crate) fn of<'e>(
         }
         Method::Timestepping(_) => Box::new(Stepping::new(system, settings, open)),
         _ if settings.freezes() => Box::new(InNumericalTime::new(system, settings)),
-        Method::Fesd(_) if impulses => Box::new(WithImpulses::new(system, settings)),
+        Method::Fesd(_) if impulses => Box::new(WithImpulses::new(system, settings, open)),
         Method::Fesd(_) => Box::new(ByElements::new(system, settings, open)),
         Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
             Box::new(Events::new(system, settings, open))
@@ -178,17 +192,17 @@ pub(crate) fn of<'e>(
 
 /// Whether runs by the method of an experiment take other values of parameters, by their numbers, and of initial states.
 ///
-/// From event to event they do unless time stands still at impacts. Finite elements and steps do where there are no contacts
-/// besides, and where values do not decide which sides of several switches have a common region. Steps have the instants
-/// at which switches of time change compiled in, and none selects among the sliding modes of nonlinear switches.
+/// From event to event they do unless time stands still at impacts. Finite elements and steps do besides where values do
+/// not decide which sides of several switches have a common region, elements with contacts where there are no data. Steps
+/// have contacts and the instants at which switches of time change compiled in, and none selects among the sliding modes
+/// of nonlinear switches.
 pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
-    let is_smooth =
-        !settings.freezes() && system.contacts.is_empty() && system.impulsive.is_empty();
+    let without = system.contacts.is_empty() && system.impulsive.is_empty();
     let by_elements = match settings.method {
         Method::Auto | Method::Event(_) => return !settings.freezes(),
-        Method::Fesd(_) => is_smooth,
+        Method::Fesd(_) => without || settings.takes_impulses() && system.data.is_empty(),
         Method::Timestepping(_) => {
-            is_smooth && system.first_nonlinear().is_none() && system.leading().is_empty()
+            without && system.first_nonlinear().is_none() && system.leading().is_empty()
         }
         _ => false,
     };
@@ -199,7 +213,7 @@ pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> boo
     let compared: Vec<Expr> = compared.chain(indicators(system)).collect();
     let compared = variables_of(&compared);
     let mut open = open.iter().map(|&place| variable(system.params[place].var));
-    by_elements && open.all(|var| !compared.contains(&var))
+    by_elements && !settings.freezes() && open.all(|var| !compared.contains(&var))
 }
 
 #[cfg(test)]
@@ -249,6 +263,49 @@ mod tests {
                 }
             });
         }
+    }
+
+    /// A ball bounces by elements with impulses: from other heights, with another gravity and restitution, it is where one
+    /// is that is compiled with these numbers. A fall takes √(2 q/g), and a bounce has e of its speed.
+    #[test]
+    fn impulses_take_other_numbers() {
+        let text = "model m {
+                      param g = 9.81; param e = 0.5; state q = 1; state v = 0;
+                      q' = v;
+                      mechanics q, v {
+                        mass = 1; force = -g;
+                        contact floor { gap = q; restitution = e; }
+                      }
+                    }
+                    simulate o of m {
+                      horizon 0.7; lower impact; method fesd { steps = 6; elements = 3; }
+                    }";
+        with_last(text, |compiled| {
+            let (settings, open) = (&compiled.settings, [0, 1]);
+            let mut system = compiled.system.clone();
+            assert!(takes(&system, settings, &open));
+            let mut plan = Plan::of_method(&system, settings, &open);
+            run(&mut plan, &system, settings);
+            for (g, e, q) in [(9.0, 0.4, 1.0), (8.0, 0.6, 0.8)] {
+                (system.params[0].value, system.params[1].value) = (g, e);
+                system.states[0].initial = q;
+                let found = run(&mut plan, &system, settings);
+                let fresh = Plan::of_method(&system, settings, &open);
+                let fresh = run(&mut { fresh }, &system, settings);
+                let [found, fresh] = [found, fresh].map(|run| {
+                    run.states
+                        .iter()
+                        .map(|x| x.values.clone())
+                        .collect::<Vec<_>>()
+                });
+                assert_eq!(found, fresh);
+                let fall = f64::sqrt(2.0 * q / g);
+                let s = 0.7 - fall;
+                let exact = s * (e * g * fall - 0.5 * g * s);
+                let height = found[0].last().map(|q| (q - exact).abs());
+                assert!(height.is_some_and(|error| error <= 1e-9), "{height:?}");
+            }
+        });
     }
 
     /// Which sides of two switches have a common region is decided by values.

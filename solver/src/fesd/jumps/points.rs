@@ -53,6 +53,12 @@ impl Points {
         }
     }
 
+    /// Gives all parameters other values.
+    pub fn set_parameters(&mut self, values: &[f64]) {
+        self.contacts.parameters[..values.len()].copy_from_slice(values);
+        self.system.parameters.copy_from_slice(values);
+    }
+
     /// A step from a point: z there, and zero for gaps that are closed. None where the equations of what is continuous
     /// do not hold.
     pub fn start(&mut self, t: f64, x: &[f64]) -> Option<StepStart> {

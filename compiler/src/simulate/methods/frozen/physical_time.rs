@@ -56,13 +56,7 @@ pub(crate) struct PhysicalTime<'t, 'e> {
     next: Vec<Side>,
     /// The state of the original at the start of the step.
     x: Vec<f64>,
-    /// The state when the clock stopped.
-    stopped: Option<Vec<f64>>,
-    /// Laws that have acted since.
-    fired: Vec<usize>,
-    accumulates: bool,
-    /// The last bounces of every contact.
-    bounces: Vec<Vec<f64>>,
+    impacts: Impacts,
     /// The contacts that last.
     lasting: Vec<Lasting>,
     /// Places of the states of the frozen system.
@@ -71,6 +65,53 @@ pub(crate) struct PhysicalTime<'t, 'e> {
     end: Option<End>,
     /// The law of impacts, where the frozen system may do something else.
     law: Option<Box<Law<'t>>>,
+}
+
+/// What has happened since the clock stands still, and when contacts have bounced before.
+struct Impacts {
+    /// The state when the clock stopped.
+    before: Option<Vec<f64>>,
+    /// Laws that have acted since.
+    fired: Vec<usize>,
+    accumulates: bool,
+    /// The last bounces of every contact.
+    bounces: Vec<Vec<f64>>,
+}
+
+impl Impacts {
+    /// Notes the contacts that act while the clock stands still.
+    fn act(&mut self, frozen: &Frozen, sides: &[Side]) {
+        for contact in &frozen.contacts {
+            let comes = |rest: &Rest| sides[rest.speed] == Side::Minus;
+            let closed = sides[contact.switch] == Side::Minus;
+            let acts = closed && contact.rest.as_ref().is_none_or(comes);
+            if acts && !self.fired.contains(&contact.law) {
+                self.fired.push(contact.law);
+            }
+        }
+    }
+
+    /// Takes note of the bounces that have ended at an instant, and sees where they would accumulate.
+    fn count(&mut self, frozen: &Frozen, t: f64, horizon: f64) -> Option<End> {
+        let mut end = None;
+        for (contact, times) in frozen.contacts.iter().zip(&mut self.bounces) {
+            if contact.rest.is_some() || !self.fired.contains(&contact.law) {
+                continue;
+            }
+            times.push(t);
+            let found = accumulation(times);
+            let found =
+                found.filter(|(interval, limit)| *interval <= DENSE * horizon && *limit < horizon);
+            end = found.map(|(_, limit)| End::Limit(limit)).or(end);
+        }
+        end
+    }
+
+    /// Where bounces accumulate that have become too short to compute.
+    fn limit(&self) -> Option<End> {
+        let mut found = self.bounces.iter().filter_map(|times| accumulation(times));
+        found.next().map(|(_, limit)| End::Limit(limit))
+    }
 }
 
 /// The polynomials of the original's states and switches.
@@ -114,10 +155,12 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
             sides: Vec::new(),
             next: vec![Side::Plus; frozen.places.len()],
             x: vec![0.0; frozen.n_states],
-            stopped: None,
-            fired: Vec::new(),
-            accumulates: false,
-            bounces: vec![Vec::new(); frozen.contacts.len()],
+            impacts: Impacts {
+                before: None,
+                fired: Vec::new(),
+                accumulates: false,
+                bounces: vec![Vec::new(); frozen.contacts.len()],
+            },
             lasting: Vec::new(),
             state_of: (frozen.system.states.iter().enumerate())
                 .filter_map(|(i, state)| Some((state.var.as_variable()?, i)))
@@ -152,18 +195,6 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
         }
     }
 
-    /// Notes the contacts that act while the clock stands still.
-    fn act(&mut self, sides: &[Side]) {
-        for contact in &self.frozen.contacts {
-            let comes = |rest: &Rest| sides[rest.speed] == Side::Minus;
-            let closed = sides[contact.switch] == Side::Minus;
-            let acts = closed && contact.rest.as_ref().is_none_or(comes);
-            if acts && !self.fired.contains(&contact.law) {
-                self.fired.push(contact.law);
-            }
-        }
-    }
-
     /// Why time does not go on where a contact has struck, at a state of the frozen system: its friction is negative,
     /// or closes it whatever pushes, or another one is closed that it acts on, with friction.
     fn refused(&self, x: &[f64]) -> Option<End> {
@@ -175,7 +206,11 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
                 param.map_or(f64::NAN, |param| param.value)
             }
         };
-        let strikes = |contact: usize| self.fired.contains(&self.frozen.contacts[contact].law);
+        let strikes = |contact: usize| {
+            self.impacts
+                .fired
+                .contains(&self.frozen.contacts[contact].law)
+        };
         let is_closed = |contact: usize| {
             let switch = self.frozen.contacts[contact].switch;
             self.frozen.system.switches[switch].psi.eval(&value) <= CLOSED
@@ -185,7 +220,7 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
             return Some(End::Unlawful);
         }
         let contacts = self.frozen.contacts.iter();
-        let mut struck = contacts.filter(|contact| self.fired.contains(&contact.law));
+        let mut struck = contacts.filter(|contact| self.impacts.fired.contains(&contact.law));
         struck.find_map(|contact| {
             let friction = contact.friction.map(|friction| friction.eval(&value));
             if let Some(friction) = friction.filter(|friction| *friction < 0.0) {
@@ -199,8 +234,8 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
 
     /// Tells what has happened at the present instant, if anything.
     fn tell(&mut self) {
-        let accumulates = std::mem::take(&mut self.accumulates);
-        let before = self.stopped.take();
+        let accumulates = std::mem::take(&mut self.impacts.accumulates);
+        let before = self.impacts.before.take();
         if self.sides.is_empty() {
             self.sides.clone_from(&self.next);
             for memory in &self.frozen.relays {
@@ -208,29 +243,29 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
                 self.sides[memory.relay] = Side::of(start - 0.5);
             }
         }
-        let has_changed = self.sides != self.next || !self.fired.is_empty();
+        let has_changed = self.sides != self.next || !self.impacts.fired.is_empty();
         if let Some(observer) = self.observer.as_mut().filter(|_| has_changed) {
             observer.event(&Event {
                 time: self.t,
                 x: &self.x,
                 before: before.as_ref().unwrap_or(&self.x),
                 decisions: &[],
-                jumps: &self.fired,
+                jumps: &self.impacts.fired,
                 from: &self.sides,
                 to: &self.next,
                 accumulates,
             });
         }
-        self.fired.clear();
+        self.impacts.fired.clear();
         self.sides.clone_from(&self.next);
     }
 
     /// Whether states are behind an impact where its law wants them.
     fn is_lawful(&mut self) -> bool {
-        let (Some(law), Some(before)) = (&mut self.law, &self.stopped) else {
+        let (Some(law), Some(before)) = (&mut self.law, &self.impacts.before) else {
             return true;
         };
-        if self.fired.is_empty() {
+        if self.impacts.fired.is_empty() {
             return true;
         }
         let size = self
@@ -242,26 +277,6 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
         let exact = exact.as_ref().unwrap_or(before);
         let mut both = exact.iter().zip(&self.x);
         both.all(|(exact, x)| (exact - x).abs() <= LAWFUL * size)
-    }
-
-    /// Takes note of the bounces that have ended, and sees where they would accumulate.
-    fn count(&mut self) {
-        for (contact, times) in self.frozen.contacts.iter().zip(&mut self.bounces) {
-            if contact.rest.is_some() || !self.fired.contains(&contact.law) {
-                continue;
-            }
-            times.push(self.t);
-            let found = accumulation(times).filter(|(interval, limit)| {
-                *interval <= DENSE * self.clock.horizon && *limit < self.clock.horizon
-            });
-            self.end = found.map(|(_, limit)| End::Limit(limit)).or(self.end);
-        }
-    }
-
-    /// Where bounces accumulate that have become too short to compute.
-    fn limit(&self) -> Option<End> {
-        let mut found = self.bounces.iter().filter_map(|times| accumulation(times));
-        found.next().map(|(_, limit)| End::Limit(limit))
     }
 }
 
@@ -280,11 +295,11 @@ impl Observer for PhysicalTime<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let n = self.frozen.n_states;
         let Some(advance) = self.clock.advance(segment) else {
-            if self.stopped.is_none() {
+            if self.impacts.before.is_none() {
                 segment.state(0.0, &mut self.x);
-                self.stopped = Some(self.x.clone());
+                self.impacts.before = Some(self.x.clone());
             }
-            self.act(segment.sides);
+            self.impacts.act(self.frozen, segment.sides);
             self.end = self.refused(segment.end);
             if self.end.is_some() {
                 return ControlFlow::Break(());
@@ -295,8 +310,9 @@ impl Observer for PhysicalTime<'_, '_> {
         if self.t >= horizon {
             return ControlFlow::Continue(());
         }
-        self.fired.sort_unstable();
-        self.count();
+        self.impacts.fired.sort_unstable();
+        let limit = self.impacts.count(self.frozen, self.t, horizon);
+        self.end = limit.or(self.end);
         let mut elastic = (self.frozen.contacts.iter()).filter(|contact| contact.rest.is_none());
         if elastic.any(|contact| segment.sides[contact.switch] == Side::Slide) {
             self.end = self.end.or(Some(End::Closed));
@@ -350,7 +366,7 @@ impl Observer for PhysicalTime<'_, '_> {
     }
 
     fn event(&mut self, event: &Event) {
-        self.accumulates |= event.accumulates;
+        self.impacts.accumulates |= event.accumulates;
     }
 }
 
@@ -385,7 +401,7 @@ pub(crate) fn drive(
         outcome.status = Status::Stopped;
     }
     if outcome.status == Status::Accumulation {
-        physical.end = physical.limit().or(physical.end);
+        physical.end = physical.impacts.limit().or(physical.end);
     }
     let outcome = to_physical_time(&mut physical, outcome);
     (outcome, physical.end)

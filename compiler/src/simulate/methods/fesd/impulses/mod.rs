@@ -12,6 +12,8 @@
 mod compare;
 mod program;
 
+use std::sync::Arc;
+
 use miette::LabeledSpan;
 use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::fesd::jumps::{Points, StepStart, Stepper, Work};
@@ -31,9 +33,11 @@ use crate::lowering::discretize::{Detection, Grid};
 use crate::lowering::mpcc::Bounds;
 use crate::lowering::{dcs, discretize};
 use crate::report::{Failure, Method, MethodOption, Trajectory};
-use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
+use crate::simulate::driver::{self, Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::{Comparison, Estimate, Estimator};
+use crate::simulate::methods::events::Events;
 use crate::simulate::record::elements::{Rows, Shape};
+use crate::simulate::record::reported::Reported;
 use crate::simulate::{Lowered, ReferenceRun, Target, outcome};
 use crate::system::System;
 use crate::system::experiment::{Equilibration, FesdOptions, MethodKind, Settings};
@@ -53,13 +57,21 @@ pub(in crate::simulate) struct WithImpulses<'e> {
     dcs: Dcs<'e>,
     points: Points,
     analyses: Analyses,
-    /// A run from event to event.
+    /// The programs of steps.
+    programs: Programs,
+    /// The parameters that stay open, by their numbers.
+    open: Vec<usize>,
+    /// Runs from event to event, with what is told of them.
+    events: Option<(Events, Arc<Reported>)>,
     reference: Option<ReferenceRun<'e>>,
     /// What the last runs on a grid, and on a finer one, have come to.
     coarse: Reached,
     fine: Reached,
     lowering: String,
 }
+
+/// Programs by the number of their elements and the bits of the length of their steps.
+type Programs = FxHashMap<(usize, u64), StepProgram>;
 
 /// What a run over a grid has come to.
 #[derive(Clone, Debug, Default)]
@@ -90,8 +102,7 @@ struct OnGrid<'s, 'e> {
     limit: &'s Limit,
     /// A run from event to event, where one begins.
     reference: Option<&'s ReferenceRun<'e>>,
-    /// The programs of steps, by the number of their elements.
-    programs: FxHashMap<usize, StepProgram>,
+    programs: &'s mut Programs,
     shape: Shape,
     reached: Reached,
     stepper: Stepper,
@@ -136,8 +147,8 @@ struct Step {
 }
 
 impl<'e> WithImpulses<'e> {
-    /// Lowers a system.
-    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
+    /// Lowers a system, with some parameters open, by their numbers.
+    pub fn new(system: &System<'e>, settings: &Settings<'e>, open: &[usize]) -> Self {
         let dcs = dcs::lower(system, &settings.lowerings);
         let mut dcs = dcs.expect("compilation has checked that the system can be lowered");
         dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
@@ -145,11 +156,40 @@ impl<'e> WithImpulses<'e> {
             lowering: format!("impact, {}", dcs.lowering.formulation),
             points: points(system, &dcs),
             analyses: Analyses::default(),
+            programs: Programs::default(),
+            open: open.to_vec(),
+            events: None,
             dcs,
             reference: None,
             coarse: Reached::default(),
             fine: Reached::default(),
         }
+    }
+
+    /// Takes the values of all parameters of a system.
+    fn load(&mut self, system: &System) {
+        let values: Vec<f64> = system.params.iter().map(|param| param.value).collect();
+        for (param, &value) in self.dcs.params.iter_mut().zip(&values) {
+            param.value = value;
+        }
+        for made in self.programs.values_mut() {
+            made.step.program.set_parameters(&values);
+        }
+        self.points.set_parameters(&values);
+    }
+
+    /// A run from event to event.
+    fn follow(&mut self, problem: &Problem<'_, 'e>) -> ReferenceRun<'e> {
+        let (system, settings) = ReferenceRun::asked(problem.system, problem.settings);
+        let open = &self.open;
+        let (events, reported) = self.events.get_or_insert_with(|| {
+            let events = Events::new(&system, &settings, open);
+            (events, Arc::new(Reported::new(&system, open)))
+        });
+        let request = ReferenceRun::request(problem.limit);
+        let of = (&system, &settings);
+        let run = driver::drive(events, of, reported, &request, &mut |_| {});
+        ReferenceRun::of(system, run)
     }
 }
 
@@ -167,13 +207,11 @@ impl<'e> Run<'e> for WithImpulses<'e> {
         observer: &mut dyn Observer,
     ) -> Ended {
         let Problem {
-            system,
-            settings,
-            limit,
-            ..
+            system, settings, ..
         } = problem;
         if accuracy.attempt == 1 && !accuracy.is_finer {
-            self.reference = Some(ReferenceRun::new(system, settings, limit));
+            self.load(system);
+            self.reference = Some(self.follow(problem));
         }
         let (mut options, mut steps) = (
             *options(settings),
@@ -190,7 +228,8 @@ impl<'e> Run<'e> for WithImpulses<'e> {
             problem.settings.horizon,
             &problem.x0,
         );
-        let mut run = OnGrid::new(problem, &self.dcs, stepper, &options, steps);
+        let of = (&self.dcs, &mut self.programs);
+        let mut run = OnGrid::new(problem, of, stepper, &options, steps);
         run.reference = reference;
         let failure = run.integrate(settings, observer);
         let reached = run.reached;
@@ -229,6 +268,10 @@ impl<'e> Run<'e> for WithImpulses<'e> {
 
     fn compares(&self, ended: &Ended) -> bool {
         ended.is_solved()
+    }
+
+    fn takes_numbers(&self) -> bool {
+        self.dcs.data.is_empty()
     }
 
     fn estimate(
@@ -289,7 +332,7 @@ impl Reached {
 impl<'s, 'e> OnGrid<'s, 'e> {
     fn new(
         problem: &Problem<'s, 'e>,
-        dcs: &'s Dcs<'e>,
+        (dcs, programs): (&'s Dcs<'e>, &'s mut Programs),
         stepper: Stepper,
         options: &FesdOptions,
         steps: usize,
@@ -315,7 +358,7 @@ impl<'s, 'e> OnGrid<'s, 'e> {
             },
             limit: problem.limit,
             reference: None,
-            programs: FxHashMap::default(),
+            programs,
             shape: Shape::new(&points, tableau.n_nodes()),
             stepper,
             dcs,
@@ -400,11 +443,12 @@ impl<'s, 'e> OnGrid<'s, 'e> {
 
     fn solve(&mut self, from: &StepStart, length: f64, elements: usize) -> Option<Step> {
         let start = from.time;
-        if !self.programs.contains_key(&elements) {
+        let key = self.key(elements);
+        if !self.programs.contains_key(&key) {
             let made = self.program(start, elements)?;
-            self.programs.insert(elements, made);
+            self.programs.insert(key, made);
         }
-        let made = self.programs.get_mut(&elements)?;
+        let made = self.programs.get_mut(&key)?;
         let closed = |reference: &ReferenceRun| reference.closed(start, start + length, elements);
         let closed = self.reference.map(closed).unwrap_or_default();
         let mut w = made.step.start_from(from, &closed);
@@ -431,6 +475,15 @@ impl<'s, 'e> OnGrid<'s, 'e> {
         Some(Step { elements, w })
     }
 
+    /// The length of a step.
+    fn length(&self) -> f64 {
+        self.reached.horizon / self.reached.steps as f64
+    }
+
+    fn key(&self, elements: usize) -> (usize, u64) {
+        (elements, self.length().to_bits())
+    }
+
     /// The program of steps with so many elements, whatever they start from.
     fn program(&self, start: f64, elements: usize) -> Option<StepProgram> {
         let mut options = self.options;
@@ -441,7 +494,7 @@ impl<'s, 'e> OnGrid<'s, 'e> {
         });
         let grid = Grid {
             start,
-            horizon: self.reached.horizon / self.reached.steps as f64,
+            horizon: self.length(),
             steps: 1,
         };
         StepProgram::new(self.system, self.dcs, grid, &options)
@@ -449,7 +502,7 @@ impl<'s, 'e> OnGrid<'s, 'e> {
 
     /// A contact that strikes in a step with a coefficient that no contact has.
     fn outside(&mut self, Step { elements, w }: &Step, start: f64) -> Option<Failure> {
-        let step = &self.programs[elements].step;
+        let step = &self.programs[&self.key(*elements)].step;
         let (time, c, of) = self.stepper.outside(step, w, start)?;
         let impact = &self.dcs.impacts[c];
         let label =
@@ -464,7 +517,7 @@ impl<'s, 'e> OnGrid<'s, 'e> {
     /// Tells the elements of a step, and goes to its end.
     fn take(&mut self, step: &Step, interval: (f64, f64), observer: &mut dyn Observer) {
         let w = &step.w;
-        let StepProgram { step, layout } = &self.programs[&step.elements];
+        let StepProgram { step, layout } = &self.programs[&self.key(step.elements)];
         let (system, reached) = (self.system, &mut self.reached);
         let n = system.states.len();
         let mut passed = self.stepper.pass(step, w, interval);
