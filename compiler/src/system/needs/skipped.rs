@@ -176,7 +176,7 @@ struct Names<'n> {
 
 impl<'n> Names<'n> {
     fn new(model: &'n Model<'_>, vars: &[Var]) -> Self {
-        let quantities = model.states.iter();
+        let quantities = model.quantities.states.iter();
         let parts = quantities.flat_map(|state| {
             let part = state.name.split_once('.').map(|(part, _)| part);
             state.vars.iter().map(move |_| part)
