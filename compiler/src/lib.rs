@@ -163,7 +163,7 @@ pub fn check_names(
     for bind in overrides {
         model.scope.target(&bind.target, diags);
     }
-    let entries = model.states.iter().flat_map(|state| {
+    let entries = model.quantities.states.iter().flat_map(|state| {
         let entry = |k| state.shape.entry_name(&state.name, k);
         (0..state.vars.len()).map(entry)
     });

@@ -1,7 +1,7 @@
 //! Contacts in steps of time against closed forms, and what must hold of piles.
 
 use nsd_tests::{end, run, times};
-use nsdc::report::{EventKind, Status, Trajectory};
+use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 /// A ball of mass 2 above a floor.
 fn ball(e: f64, height: f64, horizon: f64, steps: usize) -> Trajectory {
@@ -496,4 +496,74 @@ fn bodies_far_apart_cost_no_gaps() {
     };
     // 66 contacts of one body, twice looked at in each of 100 steps, would be 13200.
     assert!(gaps(10.0) <= 3000.0, "{}", gaps(10.0));
+}
+
+/// A ball that comes down on a floor at this height, at a speed that a step shows however far away zero is.
+fn far(floor: f64, force: f64) -> Trajectory {
+    solved(&format!(
+        "model far {{
+           param floor = {floor:?};
+           state q = {floor:?} + 8;
+           state v = -4;
+           q' = v;
+           mechanics q, v {{ mass = 1; force = {force:?}; contact ground {{ gap = q - floor; restitution = 0.5; }} }}
+         }}
+         simulate this of far {{ horizon 8; method timestepping {{ steps = 16; }} }}"
+    ))
+}
+
+#[test]
+fn balls_bounce_far_from_zero_as_they_do_near_it() {
+    for force in [0.0, -0.5] {
+        let near = far(0.0, force);
+        assert!(end(&near, "v")[0] > 0.0 || force < 0.0);
+        for floor in [1e3, 1e6, 1e9, 1.7e12, 1e15, -1e15] {
+            let there = far(floor, force);
+            let rounding = 16.0 * f64::EPSILON * floor.abs();
+            let allowed = if force == 0.0 { 0.0 } else { rounding };
+            let error = (end(&there, "q")[0] - floor - end(&near, "q")[0]).abs();
+            assert!(error <= allowed, "{error} at {floor} with {force}");
+            let kinds = |run: &Trajectory| run.events.iter().map(|e| e.kind).collect::<Vec<_>>();
+            assert_eq!(kinds(&there), kinds(&near), "at {floor} with {force}");
+        }
+    }
+}
+
+/// What 1e15 and 1 balance is known to four roundings, 0.9; what 3 and 1 balance is, whatever is far away beside them.
+#[test]
+fn gaps_that_rounding_tells_apart_are_told_apart() {
+    let body = |height: &str, place: &str, floor: &str, weight: f64| {
+        format!(
+            "model body {{
+               state q[2] = [{place}, {height}];
+               state v[2] = [1, 0];
+               q' = v;
+               mechanics q, v {{
+                 mass = eye(2);
+                 force = [0, -{weight:?}];
+                 contact ground {{ gap = q[2] - {floor}; restitution = 0; friction = 0.5; }}
+               }}
+             }}
+             simulate this of body {{ horizon 1; method timestepping {{ steps = 8; }} }}"
+        )
+    };
+    for (height, place, floor) in [
+        ("1e15 + 1", "0", "1e15"),
+        ("1e15 + 1", "1e15", "1e15"),
+        ("4", "1e15", "3"),
+        ("-1e15 + 1", "0", "(-1e15)"),
+    ] {
+        let run = solved(&body(height, place, floor, 0.0));
+        assert_eq!(end(&run, "v"), [1.0, 0.0], "{height} above {floor}");
+        assert!(run.events.is_empty(), "{height} above {floor}");
+    }
+    let starts_below = run(&body("1e15 - 2", "0", "1e15", 0.0), "this").failure;
+    assert!(
+        matches!(starts_below, Some(Failure::Penetrates { .. })),
+        "{starts_below:?}"
+    );
+    // What rests far away is slowed by friction.
+    let rests = solved(&body("1e15", "1e15", "1e15", 1.0));
+    assert_eq!(end(&rests, "q")[1], 1e15);
+    assert!(end(&rests, "v")[0] < 0.6);
 }

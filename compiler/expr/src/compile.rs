@@ -6,7 +6,7 @@
 use nsd_solver::tape::{Tape, TapeBuilder, Value};
 use rustc_hash::FxHashMap;
 
-use super::arena::{Arena, Data, Id};
+use super::nodes::{Data, Id, Nodes};
 use super::{BinaryFunction, Expr, Function, Var};
 
 /// What cannot be computed by a tape.
@@ -26,14 +26,14 @@ pub fn compile(inputs: &[Var], outputs: &[Expr]) -> Result<Tape, CompileError> {
     let Some(first) = outputs.first() else {
         return Ok(builder.finish(&[]));
     };
-    let arena = first.exprs.arena.borrow();
-    let order = arena.below(outputs.iter().map(|output| output.id));
+    let nodes = first.exprs.nodes();
+    let order = nodes.below(outputs.iter().map(|output| output.id));
     let input_of = inputs
         .iter()
         .enumerate()
         .map(|(i, &var)| (var, builder.input(i)));
     let mut compiler = Compiler {
-        arena: &arena,
+        nodes: &nodes,
         inputs: input_of.collect(),
         denominators: FxHashMap::default(),
         values: FxHashMap::default(),
@@ -53,7 +53,7 @@ pub fn compile(inputs: &[Var], outputs: &[Expr]) -> Result<Tape, CompileError> {
 }
 
 struct Compiler<'a> {
-    arena: &'a Arena,
+    nodes: &'a Nodes,
     inputs: FxHashMap<Var, Value>,
     /// How often a node is divided by.
     denominators: FxHashMap<Id, u32>,
@@ -62,8 +62,8 @@ struct Compiler<'a> {
 
 impl Compiler<'_> {
     fn count_denominators(&mut self, id: Id) {
-        if let Data::Product { start, len } = self.arena.data(id) {
-            let factors = self.arena.factors(start, len).iter();
+        if let Data::Product { start, len } = self.nodes.data(id) {
+            let factors = self.nodes.factors(start, len).iter();
             for &(factor, _) in factors.filter(|(_, power)| *power < 0) {
                 *self.denominators.entry(factor).or_default() += 1;
             }
@@ -71,18 +71,18 @@ impl Compiler<'_> {
     }
 
     fn node(&self, builder: &mut TapeBuilder, id: Id) -> Result<Value, CompileError> {
-        Ok(match self.arena.data(id) {
+        Ok(match self.nodes.data(id) {
             Data::Constant(number) => builder.constant(number),
             Data::Variable(var) => match self.inputs.get(&var) {
                 Some(&input) => input,
-                None => return Err(CompileError::NotAnInput(self.arena.name(var).to_owned())),
+                None => return Err(CompileError::NotAnInput(self.nodes.name(var).to_owned())),
             },
             Data::Sum {
                 constant,
                 start,
                 len,
-            } => self.sum(builder, constant, self.arena.terms(start, len)),
-            Data::Product { start, len } => self.product(builder, self.arena.factors(start, len)),
+            } => self.sum(builder, constant, self.nodes.terms(start, len)),
+            Data::Product { start, len } => self.product(builder, self.nodes.factors(start, len)),
             Data::Unary(function, a) => self.unary(builder, function, a)?,
             Data::Binary(function, a, b) => self.binary(builder, function, a, b)?,
         })
@@ -156,7 +156,7 @@ impl Compiler<'_> {
         a: Id,
         b: Id,
     ) -> Result<Value, CompileError> {
-        let power = match self.arena.data(b) {
+        let power = match self.nodes.data(b) {
             Data::Constant(power) => Some(power),
             _ => None,
         };

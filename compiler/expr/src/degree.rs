@@ -3,10 +3,10 @@
 //! deg Σ c_i e_i = max deg e_i and deg Π f_i^p_i = Σ p_i deg f_i. Terms of the highest degree may cancel, so what is
 //! found is a bound. Every node is looked at once: the work grows with the number of nodes, whatever the degree.
 
-use super::arena::{Arena, Data, Id};
+use super::nodes::{Data, Id, Nodes};
 use super::{Expr, Var};
 
-impl Arena {
+impl Nodes {
     /// The degree of a node of which the children have the degrees `of`.
     fn degree(&self, id: Id, var: Var, of: impl Fn(Id) -> Option<u32>) -> Option<u32> {
         let is_free = |child: Id| of(child) == Some(0);
@@ -38,12 +38,12 @@ impl Arena {
 impl Expr<'_> {
     /// A bound on the degree in a variable, as the form shows it; none where it is no polynomial in the variable.
     pub fn degree(self, var: Var) -> Option<u32> {
-        let arena = self.exprs.arena.borrow();
-        let order = arena.below([self.id]);
+        let nodes = self.exprs.nodes();
+        let order = nodes.below([self.id]);
         let mut degrees: Vec<Option<u32>> = Vec::with_capacity(order.len());
         for &id in &order {
             let of = |child: Id| degrees[order.partition_point(|&other| other < child)];
-            let degree = arena.degree(id, var, of);
+            let degree = nodes.degree(id, var, of);
             degrees.push(degree);
         }
         degrees.last().copied().flatten()

@@ -6,8 +6,8 @@
 
 use rustc_hash::FxHashMap;
 
-use super::arena::Id;
-use super::{BinaryFunction, Expr, Node, Var};
+use super::nodes::Id;
+use super::{BinaryFunction, Expr, Exprs, Node, Var};
 
 /// The entries of a Jacobian that are not structurally zero.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,14 +81,10 @@ impl<'e> Graph<'e> {
         };
         let mut wanted = vars.to_vec();
         wanted.sort_unstable();
-        let order = first
-            .exprs
-            .arena
-            .borrow()
-            .below(functions.iter().map(|f| f.id));
+        let order = first.exprs.nodes().below(functions.iter().map(|f| f.id));
         for id in order {
             let node = first.with(id);
-            let partials = node.partials(&|child| graph.place.contains_key(&child.id));
+            let partials = partials(node, |child| graph.place.contains_key(&child.id));
             let is_wanted = |var| wanted.binary_search(&var).is_ok();
             if !partials.is_empty() || node.as_variable().is_some_and(is_wanted) {
                 graph.push(node, partials);
@@ -178,57 +174,58 @@ impl<'e> Expr<'e> {
         let derivative = jacobian(&[self], &[var]).entries.pop();
         derivative.map_or(self.exprs.constant(0.0), |(_, _, derivative)| derivative)
     }
+}
 
-    /// The wanted children with the derivatives by them.
-    fn partials(self, wanted: &impl Fn(Expr<'e>) -> bool) -> Vec<(Expr<'e>, Expr<'e>)> {
-        let mut partials = match self.node() {
-            Node::Constant(_) | Node::Variable(_) => Vec::new(),
-            Node::Sum { terms, .. } => terms
-                .into_iter()
-                .map(|(c, term)| (term, self.exprs.constant(c)))
-                .collect(),
-            Node::Product(factors) => (factors.iter().enumerate())
-                .filter(|(_, (factor, _))| wanted(*factor))
-                .map(|(i, &(factor, _))| (factor, self.product_partial(&factors, i)))
-                .collect(),
-            Node::Unary(function, a) => vec![(a, (function.definition().slope)(self, a))],
-            Node::Binary(function, a, b) => {
-                let (by_a, by_b) = self.binary_partials(function, a, b);
-                vec![(a, by_a), (b, by_b)]
-            }
-        };
-        partials.retain(|(child, _)| wanted(*child));
-        partials
-    }
-
-    /// `p f^(p-1)` times the other factors.
-    fn product_partial(self, factors: &[(Expr<'e>, i32)], which: usize) -> Expr<'e> {
-        let power = |(i, &(factor, p)): (usize, &(Expr<'e>, i32))| {
-            (factor.id, if i == which { p.saturating_sub(1) } else { p })
-        };
-        self.exprs.build(|arena| {
-            arena.product(
-                f64::from(factors[which].1),
-                factors.iter().enumerate().map(power),
-            )
-        })
-    }
-
-    fn binary_partials(
-        self,
-        function: BinaryFunction,
-        a: Expr<'e>,
-        b: Expr<'e>,
-    ) -> (Expr<'e>, Expr<'e>) {
-        match function {
-            BinaryFunction::Pow => (b * a.powf(b - 1.0), self * a.log()),
-            BinaryFunction::Atan2 => {
-                let square = a * a + b * b;
-                (b / square, -a / square)
-            }
-            BinaryFunction::Min => ((b - a).step(), (a - b).step()),
-            BinaryFunction::Max => ((a - b).step(), (b - a).step()),
+/// The wanted children with the derivatives by them.
+fn partials<'e>(value: Expr<'e>, wanted: impl Fn(Expr<'e>) -> bool) -> Vec<(Expr<'e>, Expr<'e>)> {
+    let mut partials = match value.node() {
+        Node::Constant(_) | Node::Variable(_) => Vec::new(),
+        Node::Sum { terms, .. } => terms
+            .into_iter()
+            .map(|(c, term)| (term, value.exprs.constant(c)))
+            .collect(),
+        Node::Product(factors) => (factors.iter().enumerate())
+            .filter(|(_, (factor, _))| wanted(*factor))
+            .map(|(i, &(factor, _))| (factor, product_partial(value.exprs, &factors, i)))
+            .collect(),
+        Node::Unary(function, a) => vec![(a, (function.definition().slope)(value, a))],
+        Node::Binary(function, a, b) => {
+            let (by_a, by_b) = binary_partials(value, function, a, b);
+            vec![(a, by_a), (b, by_b)]
         }
+    };
+    partials.retain(|(child, _)| wanted(*child));
+    partials
+}
+
+/// `p f^(p-1)` times the other factors.
+fn product_partial<'e>(exprs: &'e Exprs, factors: &[(Expr<'e>, i32)], which: usize) -> Expr<'e> {
+    let power = |(i, &(factor, p)): (usize, &(Expr<'e>, i32))| {
+        (factor.id, if i == which { p.saturating_sub(1) } else { p })
+    };
+    exprs.build(|arena| {
+        arena.product(
+            f64::from(factors[which].1),
+            factors.iter().enumerate().map(power),
+        )
+    })
+}
+
+/// The derivatives of `value`, which is `function(a, b)`, by a and b.
+fn binary_partials<'e>(
+    value: Expr<'e>,
+    function: BinaryFunction,
+    a: Expr<'e>,
+    b: Expr<'e>,
+) -> (Expr<'e>, Expr<'e>) {
+    match function {
+        BinaryFunction::Pow => (b * a.powf(b - 1.0), value * a.log()),
+        BinaryFunction::Atan2 => {
+            let square = a * a + b * b;
+            (b / square, -a / square)
+        }
+        BinaryFunction::Min => ((b - a).step(), (a - b).step()),
+        BinaryFunction::Max => ((a - b).step(), (b - a).step()),
     }
 }
 
@@ -237,7 +234,7 @@ mod tests {
     use insta::assert_snapshot;
 
     use super::*;
-    use crate::{Exprs, variables_of};
+    use crate::variables_of;
 
     fn show(jacobian: &SparseJacobian) -> String {
         let line = |(i, j, entry): &(usize, usize, Expr)| format!("{i} {j}: {entry}\n");

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::ops::{Add, Mul};
 
-use super::arena::{Data, Id};
+use super::nodes::{Data, Id};
 use super::{BinaryFunction, Expr, Function, Interval, Var};
 
 /// What an expression is evaluated in.
@@ -65,7 +65,7 @@ pub struct Evaluator<'e> {
 impl<'e> Evaluator<'e> {
     /// Lists what is below an expression.
     pub fn new(expr: Expr<'e>) -> Self {
-        let arena = expr.exprs.arena.borrow();
+        let arena = expr.exprs.nodes();
         let nodes = arena.below([expr.id]);
         let mut children = Vec::new();
         for &id in &nodes {
@@ -101,7 +101,7 @@ impl<'e> Evaluator<'e> {
     }
 
     fn run<N: Number>(&self, value: &impl Fn(Var) -> N, values: &mut Vec<N>) {
-        let arena = self.expr.exprs.arena.borrow();
+        let arena = self.expr.exprs.nodes();
         values.clear();
         let mut children = self.children.iter();
         for &id in &self.nodes {
@@ -131,7 +131,7 @@ impl<'e> Evaluator<'e> {
     /// its operands and adds one rounding of its result (Higham 2002, section 3.3). Numbers have been rounded, too.
     pub fn running_error(&self, value: &impl Fn(Var) -> f64) -> f64 {
         self.eval(value);
-        let arena = self.expr.exprs.arena.borrow();
+        let arena = self.expr.exprs.nodes();
         let values = self.values.borrow();
         let mut errors: Vec<f64> = Vec::with_capacity(values.len());
         let mut children = self.children.iter();

@@ -8,7 +8,7 @@
 use nsd_solver::runtime::random::mix;
 
 use super::Expr;
-use super::arena::{Arena, Data, Id};
+use super::nodes::{Data, Id, Nodes};
 use super::simplify::nearby_decimal;
 
 /// 2⁶¹ - 1.
@@ -71,7 +71,7 @@ fn mixed(seed: u64) -> u64 {
     mix(seed) % PRIME
 }
 
-impl Arena {
+impl Nodes {
     /// The residue of a node of which the children have the residues `of`.
     fn residue(&self, id: Id, seed: u64, of: impl Fn(Id) -> Option<u64>) -> Option<u64> {
         let indeterminate = |kind: u64, parts: [u64; 2]| {
@@ -118,13 +118,13 @@ impl<'e> Expr<'e> {
         if self.is_function() || self.as_variable().is_some() {
             return false;
         }
-        let arena = self.exprs.arena.borrow();
-        let order = arena.below([self.id]);
+        let nodes = self.exprs.nodes();
+        let order = nodes.below([self.id]);
         let vanishes_at = |seed: u64| {
             let mut residues: Vec<Option<u64>> = Vec::with_capacity(order.len());
             for &id in &order {
                 let of = |child: Id| residues[order.partition_point(|&other| other < child)];
-                residues.push(arena.residue(id, seed, of));
+                residues.push(nodes.residue(id, seed, of));
             }
             residues.last().copied().flatten() == Some(0)
         };

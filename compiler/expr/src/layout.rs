@@ -2,7 +2,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::arena::{Arena, Data, Id};
+use super::nodes::{Data, Id, Nodes};
 use super::{BinaryFunction, Expr, Node};
 
 /// An expression with fewer operations than this, shared ones counted again, is printed in one piece.
@@ -37,9 +37,9 @@ pub(super) struct Fraction {
 }
 
 /// The terms of a sum as they are printed; the number comes first if that saves a leading minus, else last.
-pub(super) fn in_order(arena: &Arena, constant: f64, terms: &[(Id, f64)]) -> Vec<Term> {
+pub(super) fn in_order(nodes: &Nodes, constant: f64, terms: &[(Id, f64)]) -> Vec<Term> {
     let mut terms = terms.to_vec();
-    terms.sort_by_key(|&(term, _)| term_key(arena, term));
+    terms.sort_by_key(|&(term, _)| term_key(nodes, term));
     let piece = |c: f64, term| Term {
         negative: c < 0.0,
         coefficient: c.abs(),
@@ -58,9 +58,9 @@ pub(super) fn in_order(arena: &Arena, constant: f64, terms: &[(Id, f64)]) -> Vec
 }
 
 /// A positive number times powers as a quotient.
-pub(super) fn fraction(arena: &Arena, coefficient: f64, factors: &[(Id, i32)]) -> Fraction {
+pub(super) fn fraction(nodes: &Nodes, coefficient: f64, factors: &[(Id, i32)]) -> Fraction {
     let mut factors = factors.to_vec();
-    factors.sort_by_key(|&(factor, _)| factor_key(arena, factor));
+    factors.sort_by_key(|&(factor, _)| factor_key(nodes, factor));
     let (above, below): (Vec<_>, Vec<_>) = factors.into_iter().partition(|&(_, power)| power > 0);
     let (numerator, denominator) = as_fraction(coefficient);
     let size = |(factor, power): (Id, i32)| (factor, power.unsigned_abs());
@@ -76,11 +76,11 @@ impl<'e> Expr<'e> {
     /// One level of structure, with terms and factors in the order of the printed text.
     pub fn printed_node(self) -> Node<'e> {
         let mut node = self.node();
-        let arena = self.exprs.arena.borrow();
+        let nodes = self.exprs.nodes();
         match &mut node {
-            Node::Sum { terms, .. } => terms.sort_by_key(|(_, term)| term_key(&arena, term.id)),
+            Node::Sum { terms, .. } => terms.sort_by_key(|(_, term)| term_key(&nodes, term.id)),
             Node::Product(factors) => {
-                factors.sort_by_key(|(factor, _)| factor_key(&arena, factor.id));
+                factors.sort_by_key(|(factor, _)| factor_key(&nodes, factor.id));
             }
             _ => {}
         }
@@ -89,17 +89,17 @@ impl<'e> Expr<'e> {
 }
 
 /// How tightly the printed form of a node holds together.
-pub(super) fn binding(arena: &Arena, id: Id) -> Binding {
-    match arena.data(id) {
+pub(super) fn binding(nodes: &Nodes, id: Id) -> Binding {
+    match nodes.data(id) {
         Data::Constant(value) if value < 0.0 => Binding::Sum,
         Data::Constant(_) | Data::Variable(_) | Data::Unary(..) => Binding::Atom,
         Data::Sum {
             constant: 0.0,
             start,
             len: 1,
-        } if arena.terms(start, 1)[0].1 > 0.0 => Binding::Product,
+        } if nodes.terms(start, 1)[0].1 > 0.0 => Binding::Product,
         Data::Sum { .. } => Binding::Sum,
-        Data::Product { start, len: 1 } if arena.factors(start, 1)[0].1 > 0 => Binding::Power,
+        Data::Product { start, len: 1 } if nodes.factors(start, 1)[0].1 > 0 => Binding::Power,
         Data::Product { .. } => Binding::Product,
         Data::Binary(BinaryFunction::Pow, ..) => Binding::Power,
         Data::Binary(..) => Binding::Atom,
@@ -107,11 +107,11 @@ pub(super) fn binding(arena: &Arena, id: Id) -> Binding {
 }
 
 /// The coefficient of the first printed term of a sum.
-pub(super) fn leading_coefficient(arena: &Arena, id: Id) -> f64 {
-    match arena.data(id) {
+pub(super) fn leading_coefficient(nodes: &Nodes, id: Id) -> f64 {
+    match nodes.data(id) {
         Data::Sum { start, len, .. } => {
-            let terms = arena.terms(start, len);
-            let first = terms.iter().min_by_key(|&&(term, _)| term_key(arena, term));
+            let terms = nodes.terms(start, len);
+            let first = terms.iter().min_by_key(|&&(term, _)| term_key(nodes, term));
             first.map_or(1.0, |&(_, coefficient)| coefficient)
         }
         _ => 1.0,
@@ -119,29 +119,29 @@ pub(super) fn leading_coefficient(arena: &Arena, id: Id) -> f64 {
 }
 
 /// First variable, then falling degree, then what was written first.
-fn term_key(arena: &Arena, term: Id) -> (u32, i32, Id) {
-    let rank = arena.rank(term);
+fn term_key(nodes: &Nodes, term: Id) -> (u32, i32, Id) {
+    let rank = nodes.rank(term);
     (rank.first_variable, rank.degree.saturating_neg(), term)
 }
 
 /// Parameters and states before functions and sums of the same variable.
-fn factor_key(arena: &Arena, factor: Id) -> (u32, u8, Id) {
-    let kind = match arena.data(factor) {
+fn factor_key(nodes: &Nodes, factor: Id) -> (u32, u8, Id) {
+    let kind = match nodes.data(factor) {
         Data::Constant(_) | Data::Variable(_) => 0,
         Data::Unary(..) | Data::Binary(..) => 1,
         Data::Sum { .. } | Data::Product { .. } => 2,
     };
-    (arena.rank(factor).first_variable, kind, factor)
+    (nodes.rank(factor).first_variable, kind, factor)
 }
 
 /// The parts that do not fit in one piece, later ones first.
-pub(super) fn parts_to_name(arena: &Arena, root: Id) -> Vec<Id> {
-    let order = arena.below([root]);
+pub(super) fn parts_to_name(nodes: &Nodes, root: Id) -> Vec<Id> {
+    let order = nodes.below([root]);
     let mut size: FxHashMap<Id, (u64, u32)> = FxHashMap::default();
     let mut uses: FxHashMap<Id, u32> = FxHashMap::default();
     let measure = |id: Id, named: &FxHashSet<Id>, size: &mut FxHashMap<Id, (u64, u32)>| {
         let (mut total, mut depth) = (1u64, 1u32);
-        arena.for_each_child(id, |child| {
+        nodes.for_each_child(id, |child| {
             let (child_size, child_depth) = if named.contains(&child) {
                 (1, 1)
             } else {
@@ -157,7 +157,7 @@ pub(super) fn parts_to_name(arena: &Arena, root: Id) -> Vec<Id> {
     let mut whole = (1, 1);
     for &id in &order {
         whole = measure(id, &named, &mut size);
-        arena.for_each_child(id, |child| *uses.entry(child).or_default() += 1);
+        nodes.for_each_child(id, |child| *uses.entry(child).or_default() += 1);
     }
     if whole.0 <= ONE_PIECE && whole.1 <= DEPTH {
         return Vec::new();

@@ -18,6 +18,7 @@ mod function;
 mod identity;
 mod interval;
 mod layout;
+mod nodes;
 mod operators;
 mod print;
 mod rewrite;
@@ -25,11 +26,12 @@ mod simplify;
 #[cfg(test)]
 mod tests;
 
-use std::cell::RefCell;
+use std::cell::{Ref, RefCell};
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
-use arena::{Arena, Data, Id};
+use arena::Arena;
+use nodes::{Data, Id, Nodes};
 
 pub use compile::{CompileError, compile};
 pub use derivative::{SparseJacobian, gradient, hessian, jacobian};
@@ -112,22 +114,23 @@ impl Exprs {
 
     /// The variable as an expression.
     pub fn expr(&self, var: Var) -> Expr<'_> {
-        self.build(|arena| arena.variable(var))
+        let id = self.nodes().variable(var);
+        Expr { exprs: self, id }
     }
 
     /// The name of a variable.
     pub fn name(&self, var: Var) -> String {
-        self.arena.borrow().name(var).to_owned()
+        self.nodes().name(var).to_owned()
     }
 
     /// Gives a variable another name.
     pub fn rename(&self, var: Var, name: &str) {
-        self.arena.borrow_mut().rename(var, name);
+        self.arena.borrow_mut().nodes.rename(var, name);
     }
 
     /// The number of variables so far.
     pub fn n_variables(&self) -> usize {
-        self.arena.borrow().n_variables()
+        self.nodes().n_variables()
     }
 
     /// Whether any expression so far applies this function.
@@ -137,7 +140,11 @@ impl Exprs {
 
     /// The number of nodes so far: what all expressions together cost.
     pub fn n_nodes(&self) -> usize {
-        self.arena.borrow().len()
+        self.nodes().len()
+    }
+
+    fn nodes(&self) -> Ref<'_, Nodes> {
+        Ref::map(self.arena.borrow(), |arena| &arena.nodes)
     }
 
     fn build(&self, make: impl FnOnce(&mut Arena) -> Id) -> Expr<'_> {
@@ -155,8 +162,8 @@ impl<'e> Expr<'e> {
     /// One level of structure.
     pub fn node(self) -> Node<'e> {
         let at = |id| self.with(id);
-        let arena = self.exprs.arena.borrow();
-        match arena.data(self.id) {
+        let nodes = self.exprs.nodes();
+        match nodes.data(self.id) {
             Data::Constant(value) => Node::Constant(value),
             Data::Variable(var) => Node::Variable(var),
             Data::Sum {
@@ -164,7 +171,7 @@ impl<'e> Expr<'e> {
                 start,
                 len,
             } => {
-                let terms = arena
+                let terms = nodes
                     .terms(start, len)
                     .iter()
                     .map(|&(term, c)| (c, at(term)));
@@ -174,7 +181,7 @@ impl<'e> Expr<'e> {
                 }
             }
             Data::Product { start, len } => {
-                let factors = arena.factors(start, len).iter();
+                let factors = nodes.factors(start, len).iter();
                 Node::Product(
                     factors
                         .map(|&(factor, power)| (at(factor), power))
@@ -212,11 +219,6 @@ impl<'e> Expr<'e> {
         self.as_constant() == Some(0.0)
     }
 
-    /// Whether the expression is the number 1.
-    pub fn is_one(self) -> bool {
-        self.as_constant() == Some(1.0)
-    }
-
     /// `(c, e)` with `self = c * e`, such that equal, opposite and proportional expressions have the same `e`.
     ///
     /// The leading term of `e` has the coefficient 1; in a product this holds for every factor that is a sum.
@@ -247,7 +249,7 @@ impl<'e> Expr<'e> {
             Node::Constant(value) => (value, one),
             Node::Sum { .. } => {
                 let mut arena = self.exprs.arena.borrow_mut();
-                let scale = layout::leading_coefficient(&arena, self.id);
+                let scale = layout::leading_coefficient(&arena.nodes, self.id);
                 match arena.divide_to_decimals(self.id, scale) {
                     Some(normal) => (scale, self.with(normal)),
                     None => (1.0, self),
@@ -258,7 +260,7 @@ impl<'e> Expr<'e> {
     }
 
     fn data(self) -> Data {
-        self.exprs.arena.borrow().data(self.id)
+        self.exprs.nodes().data(self.id)
     }
 
     fn with(self, id: Id) -> Self {

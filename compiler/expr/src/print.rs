@@ -8,23 +8,23 @@ use std::fmt::{self, Display, Formatter, Write};
 
 use rustc_hash::FxHashMap;
 
-use super::arena::{Arena, Data, Id};
 use super::layout::{Binding, Fraction, Term, binding, fraction, in_order, parts_to_name};
+use super::nodes::{Data, Id, Nodes};
 use super::{BinaryFunction, Expr};
 
 struct Printer<'a> {
-    arena: &'a Arena,
+    nodes: &'a Nodes,
     /// The number of the name of a part.
     names: FxHashMap<Id, usize>,
 }
 
 impl Display for Expr<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let arena = self.exprs.arena.borrow();
-        let parts = parts_to_name(&arena, self.id);
+        let nodes = self.exprs.nodes();
+        let parts = parts_to_name(&nodes, self.id);
         let names = parts.iter().enumerate().map(|(i, &part)| (part, i + 1));
         let printer = Printer {
-            arena: &arena,
+            nodes: &nodes,
             names: names.collect(),
         };
         printer.print(f, self.id, Binding::Sum)?;
@@ -46,22 +46,22 @@ impl Printer<'_> {
     }
 
     fn body(&self, f: &mut impl Write, id: Id, outer: Binding) -> fmt::Result {
-        let parentheses = binding(self.arena, id) < outer;
+        let parentheses = binding(self.nodes, id) < outer;
         if parentheses {
             f.write_char('(')?;
         }
-        match self.arena.data(id) {
+        match self.nodes.data(id) {
             Data::Constant(value) => write_number(f, value)?,
-            Data::Variable(var) => f.write_str(self.arena.name(var))?,
+            Data::Variable(var) => f.write_str(self.nodes.name(var))?,
             Data::Sum {
                 constant,
                 start,
                 len,
             } => {
-                self.sum(f, constant, self.arena.terms(start, len))?;
+                self.sum(f, constant, self.nodes.terms(start, len))?;
             }
             Data::Product { start, len } => {
-                self.product(f, 1.0, self.arena.factors(start, len))?;
+                self.product(f, 1.0, self.nodes.factors(start, len))?;
             }
             Data::Unary(function, a) => {
                 write!(f, "{}(", function.name())?;
@@ -88,7 +88,7 @@ impl Printer<'_> {
     }
 
     fn sum(&self, f: &mut impl Write, constant: f64, terms: &[(Id, f64)]) -> fmt::Result {
-        for (i, piece) in in_order(self.arena, constant, terms)
+        for (i, piece) in in_order(self.nodes, constant, terms)
             .into_iter()
             .enumerate()
         {
@@ -108,9 +108,9 @@ impl Printer<'_> {
 
     /// A positive number times an expression.
     fn term(&self, f: &mut impl Write, coefficient: f64, term: Id) -> fmt::Result {
-        match self.arena.data(term) {
+        match self.nodes.data(term) {
             Data::Product { start, len } if !self.names.contains_key(&term) => {
-                self.product(f, coefficient, self.arena.factors(start, len))
+                self.product(f, coefficient, self.nodes.factors(start, len))
             }
             _ if coefficient == 1.0 => self.print(f, term, Binding::Product),
             _ => self.product(f, coefficient, &[(term, 1)]),
@@ -123,7 +123,7 @@ impl Printer<'_> {
             above,
             denominator,
             below,
-        } = fraction(self.arena, coefficient, factors);
+        } = fraction(self.nodes, coefficient, factors);
         self.factors(f, numerator, &above)?;
         match below.len() + usize::from(denominator != 1.0) {
             0 => Ok(()),

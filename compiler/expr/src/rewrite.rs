@@ -2,57 +2,31 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::arena::{Arena, Data, Id};
+use super::arena::Arena;
+use super::nodes::{Data, Id};
 use super::{Expr, Node, Var};
 
 impl Arena {
-    /// The nodes below the roots, roots included, children before parents.
-    pub fn below(&self, roots: impl IntoIterator<Item = Id>) -> Vec<Id> {
-        let mut nodes = Vec::new();
-        self.visit_below(roots, |id| nodes.push(id));
-        nodes.sort_unstable();
-        nodes
-    }
-
-    /// Calls `visit` with every node below the roots, roots included, once.
-    fn visit_below(&self, roots: impl IntoIterator<Item = Id>, mut visit: impl FnMut(Id)) {
-        let walk = &mut *self.walk.borrow_mut();
-        walk.begin(self.len());
-        for root in roots {
-            if walk.is_new(root) {
-                walk.stack.push(root);
-            }
-        }
-        while let Some(id) = walk.stack.pop() {
-            visit(id);
-            self.for_each_child(id, |child| {
-                if walk.is_new(child) {
-                    walk.stack.push(child);
-                }
-            });
-        }
-    }
-
     /// The same node over other children.
     fn rebuild(&mut self, id: Id, child: impl Fn(Id) -> Id) -> Id {
         let mut changed = false;
-        self.for_each_child(id, |c| changed |= child(c) != c);
+        self.nodes.for_each_child(id, |c| changed |= child(c) != c);
         if !changed {
             return id;
         }
-        match self.data(id) {
+        match self.nodes.data(id) {
             Data::Constant(_) | Data::Variable(_) => id,
             Data::Sum {
                 constant,
                 start,
                 len,
             } => {
-                let terms = self.terms(start, len).iter();
+                let terms = self.nodes.terms(start, len).iter();
                 let terms: Vec<_> = terms.map(|&(term, c)| (child(term), c)).collect();
                 self.sum(constant, terms)
             }
             Data::Product { start, len } => {
-                let factors = self.factors(start, len).iter();
+                let factors = self.nodes.factors(start, len).iter();
                 let factors: Vec<_> = factors.map(|&(factor, p)| (child(factor), p)).collect();
                 self.product(1.0, factors)
             }
@@ -85,11 +59,7 @@ pub fn transform<'e>(
     let Some(&first) = roots.first() else {
         return Vec::new();
     };
-    let order = first
-        .exprs
-        .arena
-        .borrow()
-        .below(roots.iter().map(|root| root.id));
+    let order = first.exprs.nodes().below(roots.iter().map(|root| root.id));
     transform_in(&order, roots, f)
 }
 
@@ -130,17 +100,17 @@ pub fn variables_of(roots: &[Expr]) -> Vec<Var> {
     let Some(first) = roots.first() else {
         return Vec::new();
     };
-    let arena = first.exprs.arena.borrow();
+    let nodes = first.exprs.nodes();
     let mut vars = Vec::new();
     let ids = roots.iter().map(|root| root.id);
-    arena.visit_below(ids, |id| vars.extend(arena.as_variable(id)));
+    nodes.visit_below(ids, |id| vars.extend(nodes.as_variable(id)));
     vars.sort_unstable();
     vars
 }
 
 /// How many different nodes an expression consists of.
 pub fn n_nodes_of(root: Expr) -> usize {
-    root.exprs.arena.borrow().below([root.id]).len()
+    root.exprs.nodes().below([root.id]).len()
 }
 
 /// What lies below a growing set of expressions; each node is visited once.
@@ -152,13 +122,13 @@ pub struct Reach {
 impl Reach {
     /// The variables below an expression that were not below any earlier one.
     pub fn new_variables(&mut self, root: Expr) -> Vec<Var> {
-        let arena = root.exprs.arena.borrow();
+        let nodes = root.exprs.nodes();
         let mut found = Vec::new();
         let mut stack = vec![root.id];
         while let Some(id) = stack.pop() {
             if self.seen.insert(id) {
-                found.extend(arena.as_variable(id));
-                arena.for_each_child(id, |child| stack.push(child));
+                found.extend(nodes.as_variable(id));
+                nodes.for_each_child(id, |child| stack.push(child));
             }
         }
         found
@@ -203,9 +173,9 @@ impl<'e> Substitution<'e> {
             return roots.to_vec();
         };
         let order = {
-            let arena = first.exprs.arena.borrow();
-            let order = arena.below(roots.iter().map(|root| root.id));
-            let mut vars = order.iter().filter_map(|&id| arena.as_variable(id));
+            let nodes = first.exprs.nodes();
+            let order = nodes.below(roots.iter().map(|root| root.id));
+            let mut vars = order.iter().filter_map(|&id| nodes.as_variable(id));
             if !vars.any(|var| self.contains(&var)) {
                 return roots.to_vec();
             }
@@ -261,9 +231,9 @@ impl<'e> Expr<'e> {
 
     /// Whether the variable occurs.
     pub fn depends_on(self, var: Var) -> bool {
-        let arena = self.exprs.arena.borrow();
-        let (id, mut found) = (arena.variable(var), false);
-        arena.visit_below([self.id], |node| found |= node == id);
+        let nodes = self.exprs.nodes();
+        let (id, mut found) = (nodes.variable(var), false);
+        nodes.visit_below([self.id], |node| found |= node == id);
         found
     }
 }

@@ -196,6 +196,19 @@ impl Diagnostic for InSources<'_> {
     }
 }
 
+/// `1 row`, `2 rows`, `3 entries`.
+pub(crate) fn counted(count: usize, noun: &str) -> String {
+    match (count, noun) {
+        (1, _) => format!("1 {noun}"),
+        (_, "index") => format!("{count} indices"),
+        (_, "switch") => format!("{count} switches"),
+        _ => match noun.strip_suffix('y') {
+            Some(stem) => format!("{count} {stem}ies"),
+            None => format!("{count} {noun}s"),
+        },
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

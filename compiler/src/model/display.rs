@@ -13,25 +13,29 @@ impl<'e> fmt::Display for Model<'e> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "model {}", self.name)?;
         let quantities = [
-            ("param", &self.params),
-            ("state", &self.states),
-            ("algebraic", &self.algebraics),
-            ("control", &self.controls),
-            ("input", &self.inputs),
+            ("param", &self.quantities.params),
+            ("state", &self.quantities.states),
+            ("algebraic", &self.quantities.algebraics),
+            ("control", &self.quantities.controls),
+            ("input", &self.quantities.inputs),
         ];
         for (word, list) in quantities {
             for quantity in list {
                 write_quantity(f, word, quantity)?;
             }
         }
-        for signal in &self.signals {
-            let data = self.data.iter().find(|data| data.name == signal.name);
+        for signal in &self.definitions.signals {
+            let data = self
+                .definitions
+                .data
+                .iter()
+                .find(|data| data.name == signal.name);
             match data {
                 Some(data) => writeln!(f, "signal {} = {}", data.name, data.text)?,
                 None => write_named(f, "signal", std::slice::from_ref(signal))?,
             }
         }
-        write_named(f, "let", &self.lets)?;
+        write_named(f, "let", &self.definitions.lets)?;
         self.switches
             .iter()
             .try_for_each(|switch| write_switch(f, switch))?;
@@ -68,7 +72,7 @@ impl<'e> fmt::Display for Model<'e> {
                 writeln!(f, "  {} := {}", self.entry_name(reset.entry), reset.value)?;
             }
         }
-        write_named(f, "output", &self.outputs)
+        write_named(f, "output", &self.definitions.outputs)
     }
 }
 
@@ -210,12 +214,13 @@ impl fmt::Display for Tensor<'_> {
 /// Checks the invariants of a model that its types do not.
 pub(super) fn verify(model: &Model<'_>) -> Result<(), String> {
     let quantities = model
+        .quantities
         .params
         .iter()
-        .chain(&model.states)
-        .chain(&model.algebraics)
-        .chain(&model.controls)
-        .chain(&model.inputs);
+        .chain(&model.quantities.states)
+        .chain(&model.quantities.algebraics)
+        .chain(&model.quantities.controls)
+        .chain(&model.quantities.inputs);
     let mut seen = rustc_hash::FxHashSet::default();
     for quantity in quantities {
         if quantity.vars.len() != quantity.shape.len() {

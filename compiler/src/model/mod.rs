@@ -60,26 +60,10 @@ pub struct Model<'e> {
     pub exprs: &'e Exprs,
     /// Physical time.
     pub time: Expr<'e>,
-    /// Constants that an experiment may override, in order of declaration.
-    pub params: Vec<Quantity<'e>>,
-    /// Differential states.
-    pub states: Vec<Quantity<'e>>,
-    /// Algebraic states z, with guesses.
-    pub algebraics: Vec<Quantity<'e>>,
-    /// Decisions.
-    pub controls: Vec<Quantity<'e>>,
-    /// What the enclosing model or the experiment gives.
-    pub inputs: Vec<Quantity<'e>>,
-    /// Controls and inputs of parts that the model gives, where they have a domain.
-    pub connected: Vec<Quantity<'e>>,
-    /// Given functions of time.
-    pub signals: Vec<Named<'e>>,
-    /// The data of those that come from files; each column of a file once.
-    pub data: Vec<Data<'e>>,
-    /// Named expressions.
-    pub lets: Vec<Named<'e>>,
-    /// Recorded expressions.
-    pub outputs: Vec<Named<'e>>,
+    /// Params, states, controls and inputs.
+    pub quantities: Quantities<'e>,
+    /// What names stand for.
+    pub definitions: Definitions<'e>,
     /// Named switching terms.
     pub switches: Vec<NamedSwitch<'e>>,
     /// What the statements say.
@@ -90,12 +74,68 @@ pub struct Model<'e> {
     pub surfaces: Vec<Surface<'e>>,
     /// Calls of `floor` and `mod`, inner ones first.
     pub rounded: Vec<Rounded<'e>>,
-    /// Params in an order in which their defaults can be evaluated.
-    pub param_order: Vec<usize>,
     /// Names, for the expressions of an experiment.
     pub scope: Scope<'e>,
     /// The `model` item.
     pub span: Span,
+}
+
+/// The quantities of a model, those of its parts included.
+#[derive(Clone, Debug, Default)]
+pub struct Quantities<'e> {
+    /// Constants that an experiment may override, in order of declaration.
+    pub params: Vec<Quantity<'e>>,
+    /// Params in an order in which their defaults can be evaluated.
+    pub param_order: Vec<usize>,
+    /// Differential states.
+    pub states: Vec<Quantity<'e>>,
+    /// Algebraic states z, with guesses.
+    pub algebraics: Vec<Quantity<'e>>,
+    /// Decisions.
+    pub controls: Vec<Quantity<'e>>,
+    /// What the enclosing model or the experiment gives.
+    pub inputs: Vec<Quantity<'e>>,
+    /// Controls and inputs of parts that the model gives, where they have a domain.
+    pub connected: Vec<Quantity<'e>>,
+}
+
+impl<'e> Quantities<'e> {
+    /// What a target is, if it is one of these.
+    pub fn get(&self, target: TargetKind) -> Option<&Quantity<'e>> {
+        match target {
+            TargetKind::Param(k) => self.params.get(k),
+            TargetKind::State(k) => self.states.get(k),
+            TargetKind::Algebraic(k) => self.algebraics.get(k),
+            TargetKind::Control(k) => self.controls.get(k),
+            TargetKind::Input(k) => self.inputs.get(k),
+            _ => None,
+        }
+    }
+}
+
+/// Named expressions of a model, those of its parts included.
+#[derive(Clone, Debug, Default)]
+pub struct Definitions<'e> {
+    /// Given functions of time.
+    pub signals: Vec<Named<'e>>,
+    /// The data of those that come from files; each column of a file once.
+    pub data: Vec<Data<'e>>,
+    /// Named expressions.
+    pub lets: Vec<Named<'e>>,
+    /// Recorded expressions.
+    pub outputs: Vec<Named<'e>>,
+}
+
+impl<'e> Definitions<'e> {
+    /// What a target is, if it is one of these.
+    pub fn get(&self, target: TargetKind) -> Option<&Named<'e>> {
+        match target {
+            TargetKind::Signal(k) => self.signals.get(k),
+            TargetKind::Let(k) => self.lets.get(k),
+            TargetKind::Output(k) => self.outputs.get(k),
+            _ => None,
+        }
+    }
 }
 
 /// What the statements of a model say, those of its parts included.
@@ -444,14 +484,15 @@ pub struct Rounded<'e> {
 impl<'e> Model<'e> {
     /// All state entries, in the order that [`Rate::entry`] counts.
     pub fn state_vars(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
-        self.states
+        self.quantities
+            .states
             .iter()
             .flat_map(|state| state.vars.iter().copied())
     }
 
     /// All entries of algebraic states with their names, as `z[2]`, and declarations.
     pub fn algebraic_entries(&self) -> impl Iterator<Item = (Expr<'e>, String, Span)> + '_ {
-        let declared = self.algebraics.iter().flat_map(|z| {
+        let declared = self.quantities.algebraics.iter().flat_map(|z| {
             let entries = z.vars.iter().enumerate();
             entries.map(|(k, &var)| (var, z.shape.entry_name(&z.name, k), z.span))
         });
@@ -462,7 +503,7 @@ impl<'e> Model<'e> {
     /// The name of a state entry: `x[2]`.
     pub fn entry_name(&self, entry: usize) -> String {
         let mut first = 0;
-        for state in &self.states {
+        for state in &self.quantities.states {
             if entry < first + state.vars.len() {
                 return state.shape.entry_name(&state.name, entry - first);
             }

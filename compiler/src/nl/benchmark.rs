@@ -117,7 +117,7 @@ impl Record {
     /// Whether the point has a class of stationarity; the other solver shows none.
     pub fn is_stationary(&self) -> bool {
         let report = self.result.as_ref().ok();
-        report.is_some_and(|report| report.stationarity != Stationarity::None)
+        report.is_some_and(|report| report.certificate.stationarity != Stationarity::None)
     }
 
     /// Whether it is as good as the best known one; `None` where none is known.
@@ -189,7 +189,7 @@ impl Record {
             significant(report.objective, 9),
             report.quality.violation,
             report.quality.complementarity_min,
-            report.stationarity.as_str(),
+            report.certificate.stationarity.as_str(),
             report.stats.newton_iterations,
             duration(report.stats.solve_s),
         )
@@ -301,7 +301,7 @@ impl Table {
                     r.quality.violation.to_string(),
                     r.quality.complementarity_min.to_string(),
                     r.quality.complementarity_product.to_string(),
-                    r.stationarity.as_str().to_owned(),
+                    r.certificate.stationarity.as_str().to_owned(),
                     r.stats.newton_iterations.to_string(),
                     r.stats.solve_s.to_string(),
                 ]),

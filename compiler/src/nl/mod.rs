@@ -22,41 +22,57 @@ pub use text::{message, write as text};
 use crate::diagnostics::Diagnostics;
 use crate::limit::Over;
 use crate::project::clock::Instant;
-use crate::report::{Stationarity, Stats, Status};
+use crate::report::{Certificate, Stationarity, Stats, Status};
 use crate::source::SourceMap;
 
 /// Larger files are not read.
 pub const MAX_BYTES: usize = 256 << 20;
 
-/// What came of solving a problem.
-#[derive(Clone, Debug)]
+/// What came of solving a problem, in the order of the language reference.
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
     /// The name of the file without folder and extension.
+    #[serde(skip)]
     pub problem: String,
     /// How it ended.
     pub status: Status,
     /// Whether the point is feasible and complementary, stationary or not.
+    #[serde(skip)]
     pub is_feasible: bool,
     /// In the sense of the file.
     pub objective: f64,
     /// Sizes of the file.
+    #[serde(flatten)]
     pub sizes: nl::Sizes,
     /// Whether more is better.
+    #[serde(skip)]
     pub is_maximized: bool,
     /// What the point is worth.
+    #[serde(flatten)]
     pub quality: Quality,
     /// The name of the row or variable where the violation is largest.
+    #[serde(skip)]
     pub worst: Option<String>,
-    /// What is known of the point.
-    pub stationarity: Stationarity,
     /// What it took.
     pub stats: Stats,
+    /// What is known of the point.
+    pub certificate: Certificate,
+    /// The point.
+    #[serde(flatten)]
+    pub point: Point,
+    /// The solution file of AMPL.
+    #[serde(skip)]
+    pub solution_file: String,
+}
+
+/// A point of a problem.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Point {
     /// Names of the variables, where there is a file with one for each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
     /// The variables of the file.
     pub x: Vec<f64>,
-    /// The solution file of AMPL.
-    pub solution_file: String,
 }
 
 /// Names of rows and variables, as far as there are files with them.
@@ -129,7 +145,6 @@ pub fn solve(
         is_maximized: problem.sense == nl::Sense::Maximize,
         quality,
         worst,
-        stationarity: Stationarity::of(solution.class, solution.b_stationary),
         stats: Stats {
             compile_s: read_s,
             solve_s,
@@ -138,11 +153,17 @@ pub fn solve(
             complementarity_residual: quality.complementarity_min,
             ..Stats::default()
         },
-        names: match names.variables.len() == problem.sizes.variables {
-            true => names.variables.clone(),
-            false => Vec::new(),
+        certificate: Certificate {
+            stationarity: Stationarity::of(solution.class, solution.b_stationary),
+            max_violation: quality.violation.max(quality.complementarity_min),
         },
-        x: solution.w[..problem.sizes.variables].to_vec(),
+        point: Point {
+            names: match names.variables.len() == problem.sizes.variables {
+                true => names.variables.clone(),
+                false => Vec::new(),
+            },
+            x: solution.w[..problem.sizes.variables].to_vec(),
+        },
         solution_file: String::new(),
     };
     let message = message(&report);

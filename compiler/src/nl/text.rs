@@ -3,8 +3,9 @@
 use std::fmt::{self, Write};
 
 use super::Report;
+use crate::diagnostics::counted;
 use crate::report::Status;
-use crate::report::forms::text::{counted, duration, significant};
+use crate::report::forms::text::{duration, significant};
 
 /// The report, plain text with a line break at the end.
 pub fn write(report: &Report) -> String {
@@ -41,18 +42,15 @@ fn full(report: &Report, text: &mut String) -> fmt::Result {
         writeln!(
             text,
             "  stationarity          {}",
-            report.stationarity.as_str()
+            report.certificate.stationarity.as_str()
         )?;
     }
-    let conditions = match sizes.complementarities {
-        1 => "1 complementarity".to_owned(),
-        n => format!("{n} complementarities"),
-    };
     write!(
         text,
-        "\n  {}, {}, {conditions}",
+        "\n  {}, {}, {}",
         counted(sizes.variables, "variable"),
-        counted(sizes.rows, "constraint")
+        counted(sizes.rows, "constraint"),
+        counted(sizes.complementarities, "complementarity")
     )?;
     if sizes.kinks > 0 {
         write!(text, ", {} of abs, min and max as pairs", sizes.kinks)?;
@@ -80,7 +78,7 @@ pub fn message(report: &Report) -> String {
         verdict(report),
         significant(report.objective, 12),
         counted(report.stats.newton_iterations as usize, "iteration"),
-        report.stationarity.as_str(),
+        report.certificate.stationarity.as_str(),
     )
 }
 
@@ -91,10 +89,7 @@ fn verdict(report: &Report) -> String {
         Status::Solved => status.to_owned(),
         _ if report.is_feasible => format!("{status}, with a feasible point"),
         Status::LocallyInfeasible => {
-            let least = report
-                .quality
-                .violation
-                .max(report.quality.complementarity_min);
+            let least = report.certificate.max_violation;
             format!("{status}, with a violation of {least:.1e}")
         }
         _ => status.to_owned(),

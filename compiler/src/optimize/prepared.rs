@@ -294,7 +294,7 @@ impl<'e> MovingEnd<'e> {
             );
             input.is_some() && decided.is_none()
         };
-        let quantities = &compiled.model.controls;
+        let quantities = &compiled.model.quantities.controls;
         let task = compiled.system.task.iter();
         let controls = task.flat_map(|task| task.controls.iter().enumerate());
         let ends = controls.flat_map(|(control, decided)| {

@@ -214,9 +214,19 @@ fn without_warnings<'e>(
 
 /// Whether parameters that stay open move the bounds of anything that is watched in a run.
 fn moves_limits<'e>(model: &Model<'e>, values: &Values<'e>) -> bool {
-    let watched = (model.states.iter().chain(&model.algebraics))
-        .chain(model.controls.iter().chain(&model.inputs))
-        .chain(&model.connected);
+    let watched = (model
+        .quantities
+        .states
+        .iter()
+        .chain(&model.quantities.algebraics))
+    .chain(
+        model
+            .quantities
+            .controls
+            .iter()
+            .chain(&model.quantities.inputs),
+    )
+    .chain(&model.quantities.connected);
     let mut bounds = watched.flat_map(|quantity| {
         let domain = quantity.domain.iter();
         domain.flat_map(|domain| (0..quantity.vars.len()).map(move |k| bounds(domain, k)))

@@ -3,32 +3,40 @@
 use nsd_solver::optimization::mpcc::Spread;
 
 /// What is known about an optimum besides its certificate.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Optimum {
     /// What it consists of.
+    #[serde(flatten)]
     pub values: Values,
-    /// Seconds from the system to a compiled program.
-    pub built_s: f64,
-    /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.
-    pub factor_entries: usize,
-    /// How many symbolic factorizations were made: patterns of matrices that had not been met before.
-    pub analyses: usize,
     /// From how many points it was looked for.
     pub starts: usize,
     /// How the objectives of all starts spread, where some start led to a feasible point.
+    #[serde(flatten, serialize_with = "super::forms::json::spread")]
     pub spread: Option<Spread>,
     /// Seconds of the solver per start, the median.
+    #[serde(rename = "median_solve_s")]
     pub median_s: f64,
-    /// Seconds of certificates of all starts.
-    pub certificate_s: f64,
-    /// Seconds of the simulation with the controls that were found.
-    pub check_s: f64,
     /// In how many other branches the same trajectory has a description; near none of them is a better one.
     pub branches: usize,
     /// What simulations with other free quantities say about the certificate.
     pub confirmation: Confirmation,
+    /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.
+    pub factor_entries: usize,
     /// What a simulation with the controls that were found says, where it reached the end.
+    #[serde(flatten, serialize_with = "super::forms::json::check")]
     pub check: Option<Check>,
+    /// How many symbolic factorizations were made: patterns of matrices that had not been met before.
+    #[serde(skip)]
+    pub analyses: usize,
+    /// Seconds from the system to a compiled program.
+    #[serde(skip)]
+    pub built_s: f64,
+    /// Seconds of certificates of all starts.
+    #[serde(skip)]
+    pub certificate_s: f64,
+    /// Seconds of the simulation with the controls that were found.
+    #[serde(skip)]
+    pub check_s: f64,
 }
 
 /// What an optimum consists of.
@@ -70,7 +78,7 @@ pub struct Constraint {
 }
 
 /// A simulation against the program.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Check {
     /// The largest difference of a state at the end.
     pub terminal_error: f64,

@@ -12,7 +12,7 @@ pub(super) struct Step<'a> {
 }
 
 /// A difference this small next to its terms is rounding.
-const ROUNDING: f64 = 4.0 * f64::EPSILON;
+pub(super) const ROUNDING: f64 = 4.0 * f64::EPSILON;
 /// No velocity, or no body.
 const NONE: usize = usize::MAX;
 
@@ -65,6 +65,14 @@ impl Bodies {
     /// The velocity that a state is.
     pub fn velocity_of(&self, state: usize) -> usize {
         self.number[state]
+    }
+
+    /// What rates f move positions by in a step of length h: h q' and h² v'.
+    pub fn moves_in(&self, h: f64, rates: &[f64]) -> f64 {
+        let positions = self.of.iter().flat_map(|body| &body.positions);
+        let by_velocities = positions.fold(0.0_f64, |most, &q| most.max((h * rates[q]).abs()));
+        let velocities = self.velocities.iter();
+        velocities.fold(by_velocities, |most, &v| most.max((h * h * rates[v]).abs()))
     }
 
     /// Takes K and M of a step; `rates` are f at `x`. False where some M is not positive definite.

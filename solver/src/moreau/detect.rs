@@ -1,13 +1,18 @@
 //! Detection of contacts: which gaps are closed, or nearly, at given positions.
+//!
+//! Gaps that count as zero are shares of a length, which is the largest position |q|. Where places are far from zero,
+//! |q| says nothing of lengths: a gap that is closed is a small share of what steps move positions by, but no less than
+//! four roundings of the positions that it balances.
 
-use super::bodies::Bodies;
-use super::rows::{self, Linear, Resolution};
+use super::bodies::{Bodies, ROUNDING};
+use super::rows::{self, Linear, Resolution, TOUCH};
 use super::scene::Scene;
 use super::search::Search;
 use crate::tape::LaneScratch;
 
-/// A contact is closed by more than rounding at the start where its gap is below minus this share of the size of
-/// positions.
+/// No gap is closed above this share of what steps move positions by.
+const CLOSED: f64 = 1e-2;
+/// A contact is closed by more than rounding at the start where its gap is below minus this share of its length.
 const PENETRATES: f64 = 1e-9;
 
 /// Evaluates gaps of contacts.
@@ -22,7 +27,11 @@ pub(super) struct Detector {
     inputs: Vec<f64>,
     members: Vec<u32>,
     evaluated: usize,
-    resolution: Resolution,
+    /// The largest |q|, and the length of which gaps that count as zero are shares.
+    size: f64,
+    length: f64,
+    /// The most that a step of the run has moved a position by.
+    moved: f64,
 }
 
 impl Detector {
@@ -41,7 +50,9 @@ impl Detector {
             inputs: Vec::new(),
             members: Vec::new(),
             evaluated: 0,
-            resolution: Resolution { size: 0.0 },
+            size: 0.0,
+            length: 0.0,
+            moved: 0.0,
             scene,
         }
     }
@@ -50,6 +61,7 @@ impl Detector {
     pub fn begin(&mut self) {
         self.search.reset();
         self.evaluated = 0;
+        self.moved = 0.0;
     }
 
     /// Gaps that were evaluated, and enclosures of gaps.
@@ -72,10 +84,19 @@ impl Detector {
     pub fn look(&mut self, t: f64, h: f64, x: &[f64], moved: f64) {
         self.go_to(t, x);
         let positions = self.scene.bodies.iter().flat_map(|body| &body.positions);
-        let size = positions.fold(f64::MIN_POSITIVE, |size, &q| size.max(x[q].abs()));
-        self.resolution = Resolution { size };
+        self.size = positions.fold(f64::MIN_POSITIVE, |size, &q| size.max(x[q].abs()));
+        self.measure(moved);
         self.search
-            .update(&self.scene, &self.memory, h, moved, size);
+            .update(&self.scene, &self.memory, h, moved, self.size);
+    }
+
+    /// Sets the length of gaps where positions move by `moved` in a step; where nothing has moved yet, it is their size.
+    fn measure(&mut self, moved: f64) {
+        self.moved = self.moved.max(moved);
+        self.length = match self.moved > 0.0 {
+            true => self.size.min(CLOSED / TOUCH * self.moved),
+            false => self.size,
+        };
     }
 
     /// The rows of the contacts near x of which the number and the gap are wanted.
@@ -87,7 +108,7 @@ impl Detector {
     ) {
         found.clear();
         for f in 0..self.scene.families.len() {
-            self.select(f, &wanted);
+            let resolution = self.select(f, &wanted);
             let (family, lanes) = (&self.scene.families[f], &mut self.lanes[f][1]);
             found.add(
                 family,
@@ -95,29 +116,49 @@ impl Detector {
                 &self.memory,
                 bodies,
                 lanes,
-                self.resolution,
+                resolution,
             );
         }
     }
 
-    /// A contact near x that is closed by more than rounding.
-    pub fn penetrating(&mut self) -> Option<usize> {
+    /// A contact at (t, x) that is closed by more than rounding, where positions move by `moved` in a step.
+    pub fn penetrating(&mut self, t: f64, x: &[f64], moved: f64) -> Option<usize> {
+        self.look(t, 0.0, x, 0.0);
+        self.measure(moved);
         (0..self.scene.families.len()).find_map(|f| {
             self.select(f, |_, gap, resolution| {
-                is_up_to(gap, -resolution.share(PENETRATES))
+                gap.is_nan() || gap < -resolution.share(PENETRATES)
             });
             let member = *self.members.first()?;
             Some(self.scene.families[f].contacts[member as usize] as usize)
         })
     }
 
+    /// What gaps of a family are told apart.
+    fn resolution(&self, f: usize) -> Resolution {
+        let (length, mut size) = (self.length, 0.0_f64);
+        if length < self.size {
+            let family = &self.scene.families[f];
+            for &member in self.search.near(f) {
+                let places = family.inputs_of(member as usize);
+                let positions = family.positions.iter().map(|&input| places[input] as usize);
+                size = positions.fold(size, |size, place| size.max(self.memory[place].abs()));
+            }
+        }
+        Resolution {
+            length,
+            rounding: ROUNDING * size,
+        }
+    }
+
     /// Keeps the members of a family of which the number and the gap are wanted.
-    fn select(&mut self, f: usize, wanted: impl Fn(u32, f64, Resolution) -> bool) {
+    fn select(&mut self, f: usize, wanted: impl Fn(u32, f64, Resolution) -> bool) -> Resolution {
+        let resolution = self.resolution(f);
         let (family, near) = (&self.scene.families[f], self.search.near(f));
         self.members.clear();
         self.gaps.clear();
         if near.is_empty() {
-            return;
+            return resolution;
         }
         rows::gather(family, near, &self.memory, &mut self.inputs);
         self.gaps.resize(near.len(), 0.0);
@@ -125,10 +166,10 @@ impl Detector {
         (family.gap).eval_many(&self.inputs, &mut self.gaps, near.len(), lanes);
         self.evaluated += near.len();
         let close = near.iter().zip(&self.gaps);
-        let close = close.filter(|&(&member, &gap)| {
-            wanted(family.contacts[member as usize], gap, self.resolution)
-        });
+        let close = close
+            .filter(|&(&member, &gap)| wanted(family.contacts[member as usize], gap, resolution));
         self.members.extend(close.map(|(&member, _)| member));
+        resolution
     }
 
     /// The gap of a contact at (t, x).

@@ -132,8 +132,12 @@ impl<F: Free> Stepper<F> {
         let mut series = ElementSeries::default();
         let (mut stats, mut t, mut ends) = (Stats::default(), t0, 0);
         let mut until = self.begin(t0);
-        self.detector.look(t0, 0.0, &x, 0.0);
-        let mut stuck = self.detector.penetrating();
+        self.free.rates(t0, x0, &mut self.step.rates);
+        let moved = self
+            .motion
+            .bodies
+            .moves_in((t1 - t0) / steps as f64, &self.step.rates);
+        let mut stuck = self.detector.penetrating(t0, x0, moved);
         let status = loop {
             if let Some(contact) = stuck {
                 break Status::Penetrates { switch: contact };

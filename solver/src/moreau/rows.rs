@@ -8,20 +8,22 @@ use crate::contact::coulomb::law::Pair;
 use crate::contact::coulomb::rows::{ContactRows, Rows};
 use crate::tape::LaneScratch;
 
-/// A gap below this share of the size of positions is closed.
+/// A gap below this share of its length is closed.
 pub(super) const TOUCH: f64 = 1e-10;
 
-/// How well the gaps of a family are known.
-#[derive(Clone, Copy, Debug)]
+/// What gaps are told apart.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Resolution {
-    /// The size of positions, of which gaps that are zero are a share.
-    pub size: f64,
+    /// The length of which gaps that count as zero are shares.
+    pub length: f64,
+    /// Rounding of the positions that a gap balances.
+    pub rounding: f64,
 }
 
 impl Resolution {
-    /// A share of the size of positions.
+    /// A share of the length, but no less than rounding.
     pub fn share(self, share: f64) -> f64 {
-        share * self.size
+        (share * self.length).max(self.rounding)
     }
 }
 

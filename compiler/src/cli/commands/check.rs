@@ -6,8 +6,8 @@ use crate::cli::args::CheckArgs;
 use crate::cli::files::{FileError, Sink, Terminal, is_standard};
 use crate::cli::project::Project;
 use crate::cli::{Exit, Streams, files, io, project};
+use crate::diagnostics::counted;
 use crate::diagnostics::{self, AnyDiagnostic, Applicability, Diagnostics, Fix, json};
-use crate::report::forms::text::counted;
 use crate::syntax::Item;
 
 /// A fix may show the next mistake, and a statement tells one at a time; more than this is no repair.

@@ -2,6 +2,7 @@
 
 use super::cross::Pairs;
 use super::{Detection, Grid, Options, equilibrate};
+use crate::diagnostics::counted;
 use crate::lowering::dcs::Dcs;
 use crate::lowering::mpcc::{Definition, Mpcc};
 use crate::system::experiment::{Cross, Equilibration, Form};
@@ -34,13 +35,6 @@ pub(crate) fn remarks(dcs: &Dcs, grid: Grid, form: Form, options: &Options) -> V
         format!("{}{reason}", dcs.lowering.formulation),
         format!("{method}, {grid}"),
     ]
-}
-
-fn counted(n: usize, word: &str) -> String {
-    match n {
-        1 => format!("1 {word}"),
-        _ => format!("{n} {word}s"),
-    }
 }
 
 /// The rates f, the equations g, and the members a and b of pairs.

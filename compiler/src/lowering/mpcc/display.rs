@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::flat::{Row, Value};
 use super::{Bounds, Flat, Kind, Mpcc, Sizes, Span, Variables};
+use crate::diagnostics::counted;
 
 /// Definitions, blocks of variables, blocks of rows, sizes.
 impl fmt::Display for Mpcc<'_> {
@@ -88,10 +89,6 @@ fn ranges(ranges: &[Span]) -> String {
 
 impl fmt::Display for Sizes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let counted = |n: usize, word: &str| match n {
-            1 => format!("1 {word}"),
-            _ => format!("{n} {word}s"),
-        };
         write!(
             f,
             "{} ({} fixed), {}",
@@ -101,8 +98,7 @@ impl fmt::Display for Sizes {
         )?;
         match self.inequalities {
             0 => {}
-            1 => write!(f, ", 1 inequality")?,
-            n => write!(f, ", {n} inequalities")?,
+            n => write!(f, ", {}", counted(n, "inequality"))?,
         }
         write!(f, ", {}", counted(self.pairs, "pair"))?;
         match self.conditional {

@@ -536,8 +536,3 @@ impl Fixable for ModelError {
         }
     }
 }
-
-/// `1 row`, `2 rows`
-pub(crate) fn plural(count: usize, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
-}

@@ -1,6 +1,6 @@
 //! Values in brackets, stacked.
 
-use crate::model::errors::plural;
+use crate::diagnostics::counted;
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::Reported;
 use crate::model::{ModelError, Shape, Tensor};
@@ -37,8 +37,8 @@ pub(crate) fn matrix<'e>(
         let found = row.shape.size().1;
         if found != columns {
             return lowering.error(ModelError::Ragged {
-                expected: plural(columns, "column", "columns"),
-                found: plural(found, "column", "columns"),
+                expected: counted(columns, "column"),
+                found: counted(found, "column"),
                 span: *row_span,
             });
         }
@@ -85,8 +85,8 @@ fn beside<'e>(
         let found = block.shape.size().0;
         if found != height {
             return lowering.error(ModelError::BlockHeight {
-                expected: plural(height, "row", "rows"),
-                found: plural(found, "row", "rows"),
+                expected: counted(height, "row"),
+                found: counted(found, "row"),
                 span: *span,
             });
         }

@@ -1,9 +1,9 @@
 //! Calls: functions of the file are inlined, built-in ones become expressions.
 
 use super::builtins;
+use crate::diagnostics::counted;
 use crate::expr::Expr;
 use crate::model::errors::foreign;
-use crate::model::errors::plural;
 use crate::model::expressions::Lowering;
 use crate::model::expressions::environment::{Environment, Local};
 use crate::model::hir::reserved::{did_you_mean, function_names, is_function, is_kept};
@@ -150,7 +150,7 @@ pub(crate) fn wrong<T>(
 pub(crate) fn arguments(count: usize) -> String {
     match count {
         0 => "no arguments".to_owned(),
-        n => plural(n, "argument", "arguments"),
+        n => counted(n, "argument"),
     }
 }
 

@@ -38,10 +38,10 @@ pub(crate) fn connect<'e>(
         kinds: FxHashMap::default(),
     };
     connected.reorder_switches(model, &switch_order);
-    let inputs = std::mem::take(&mut model.inputs);
-    model.inputs = connected.split(inputs, TargetKind::Input, model);
-    let controls = std::mem::take(&mut model.controls);
-    model.controls = connected.split(controls, TargetKind::Control, model);
+    let inputs = std::mem::take(&mut model.quantities.inputs);
+    model.quantities.inputs = connected.split(inputs, TargetKind::Input, model);
+    let controls = std::mem::take(&mut model.quantities.controls);
+    model.quantities.controls = connected.split(controls, TargetKind::Control, model);
 
     connected.put_into(model);
     for hidden in &mut model.statements.hidden {
@@ -161,7 +161,12 @@ impl<'e> Connected<'e> {
 
     /// Puts the values into everything that a model says.
     fn put_into(&self, model: &mut Model<'e>) {
-        for named in model.lets.iter_mut().chain(&mut model.outputs) {
+        for named in model
+            .definitions
+            .lets
+            .iter_mut()
+            .chain(&mut model.definitions.outputs)
+        {
             self.replace(&mut named.value.data);
         }
         for switch in &mut model.switches {
@@ -242,18 +247,18 @@ impl<'e> Connected<'e> {
             } else {
                 let shape = quantity.shape;
                 if quantity.domain.is_some() {
-                    model.connected.push(Quantity {
+                    model.quantities.connected.push(Quantity {
                         is_discrete: false,
                         vars: data.clone(),
                         ..quantity.clone()
                     });
                 }
-                model.lets.push(Named {
+                model.definitions.lets.push(Named {
                     name: quantity.name,
                     value: Tensor { shape, data },
                     span: quantity.span,
                 });
-                TargetKind::Let(model.lets.len() - 1)
+                TargetKind::Let(model.definitions.lets.len() - 1)
             };
             self.kinds.insert(kind(index), now);
         }

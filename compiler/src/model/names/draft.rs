@@ -7,7 +7,10 @@ use crate::expr::{Expr, Var, variables_of};
 use crate::model::expressions::Lowering;
 use crate::model::hir::order::{chain, others, topological};
 use crate::model::names::scope::{Reported, Scope};
-use crate::model::{Model, ModelError, Named, Quantity, Shape, Statements, TargetKind, Tensor};
+use crate::model::{
+    Definitions, Model, ModelError, Named, Quantities, Quantity, Shape, Statements, TargetKind,
+    Tensor,
+};
 use crate::source::Span;
 use crate::syntax::{self, DeclKind, NamedKind};
 
@@ -24,22 +27,13 @@ impl<'e> Draft<'e> {
             name: item.name.name.clone(),
             exprs: scope.exprs,
             time: scope.time,
-            params: vec![],
-            states: vec![],
-            algebraics: vec![],
-            controls: vec![],
-            inputs: vec![],
-            connected: vec![],
-            signals: vec![],
-            data: vec![],
-            lets: vec![],
-            outputs: vec![],
+            quantities: Quantities::default(),
+            definitions: Definitions::default(),
             switches: vec![],
             statements: Statements::default(),
             partitions: vec![],
             surfaces: vec![],
             rounded: vec![],
-            param_order: vec![],
             scope: scope.clone(),
             span: item.span,
         };
@@ -79,11 +73,13 @@ impl<'e> Draft<'e> {
         span: Span,
     ) -> TargetKind {
         let (list, target): (_, fn(usize) -> TargetKind) = match kind {
-            DeclKind::Param => (&mut self.model.params, TargetKind::Param),
-            DeclKind::State | DeclKind::Discrete => (&mut self.model.states, TargetKind::State),
-            DeclKind::Control => (&mut self.model.controls, TargetKind::Control),
-            DeclKind::Input => (&mut self.model.inputs, TargetKind::Input),
-            DeclKind::Algebraic => (&mut self.model.algebraics, TargetKind::Algebraic),
+            DeclKind::Param => (&mut self.model.quantities.params, TargetKind::Param),
+            DeclKind::State | DeclKind::Discrete => {
+                (&mut self.model.quantities.states, TargetKind::State)
+            }
+            DeclKind::Control => (&mut self.model.quantities.controls, TargetKind::Control),
+            DeclKind::Input => (&mut self.model.quantities.inputs, TargetKind::Input),
+            DeclKind::Algebraic => (&mut self.model.quantities.algebraics, TargetKind::Algebraic),
         };
         let index = list.len();
         list.push(Quantity {
@@ -111,9 +107,9 @@ impl<'e> Draft<'e> {
         span: Span,
     ) -> TargetKind {
         let (list, target): (_, fn(usize) -> TargetKind) = match kind {
-            NamedKind::Let => (&mut self.model.lets, TargetKind::Let),
-            NamedKind::Output => (&mut self.model.outputs, TargetKind::Output),
-            NamedKind::Signal => (&mut self.model.signals, TargetKind::Signal),
+            NamedKind::Let => (&mut self.model.definitions.lets, TargetKind::Let),
+            NamedKind::Output => (&mut self.model.definitions.outputs, TargetKind::Output),
+            NamedKind::Signal => (&mut self.model.definitions.signals, TargetKind::Signal),
         };
         list.push(Named { name, value, span });
         target(list.len() - 1)
@@ -122,18 +118,18 @@ impl<'e> Draft<'e> {
     /// The quantity that a target is.
     pub fn quantity_of(&mut self, kind: TargetKind) -> Option<&mut Quantity<'e>> {
         match kind {
-            TargetKind::Param(index) => self.model.params.get_mut(index),
-            TargetKind::State(index) => self.model.states.get_mut(index),
-            TargetKind::Algebraic(index) => self.model.algebraics.get_mut(index),
-            TargetKind::Control(index) => self.model.controls.get_mut(index),
-            TargetKind::Input(index) => self.model.inputs.get_mut(index),
+            TargetKind::Param(index) => self.model.quantities.params.get_mut(index),
+            TargetKind::State(index) => self.model.quantities.states.get_mut(index),
+            TargetKind::Algebraic(index) => self.model.quantities.algebraics.get_mut(index),
+            TargetKind::Control(index) => self.model.quantities.controls.get_mut(index),
+            TargetKind::Input(index) => self.model.quantities.inputs.get_mut(index),
             _ => None,
         }
     }
 
     /// What some expressions depend on besides params, and time where that is allowed.
     pub fn depends(&self, entries: &[Expr<'e>], of_time: bool) -> Option<String> {
-        let data = self.model.data.iter().map(|data| data.var);
+        let data = self.model.definitions.data.iter().map(|data| data.var);
         let given = |var: Var| {
             let mut of_time = data.clone().chain([self.model.time]);
             of_time.any(|given| given.as_variable() == Some(var))
@@ -148,11 +144,12 @@ impl<'e> Draft<'e> {
     pub fn order_params(&mut self, diags: &mut Diagnostics) {
         let names: Vec<&str> = self
             .model
+            .quantities
             .params
             .iter()
             .map(|param| param.name.as_str())
             .collect();
-        let needs = self.model.params.iter().map(|param| {
+        let needs = self.model.quantities.params.iter().map(|param| {
             let entries = param
                 .value
                 .iter()
@@ -168,15 +165,17 @@ impl<'e> Draft<'e> {
         let needs: Vec<Vec<usize>> = needs.collect();
         let (sorted, cycles) = topological(&needs);
         for cycle in &cycles {
-            let param = &self.model.params[cycle[0]];
+            let param = &self.model.quantities.params[cycle[0]];
             let what = format!("the default of `{}`", param.name);
             diags.push(ModelError::Cycle {
                 what,
                 chain: chain(cycle, &names),
                 span: param.span,
-                others: others(cycle, &names, |node| self.model.params[node].span),
+                others: others(cycle, &names, |node| {
+                    self.model.quantities.params[node].span
+                }),
             });
         }
-        self.model.param_order = sorted;
+        self.model.quantities.param_order = sorted;
     }
 }

@@ -6,8 +6,9 @@ use std::rc::Rc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use crate::diagnostics::counted;
 use crate::expr::{Expr, Exprs};
-use crate::model::errors::{ModelError, plural};
+use crate::model::errors::ModelError;
 use crate::model::hir::reserved::{VALUES, function_names};
 use crate::model::{TargetKind, Tensor};
 use crate::source::Span;
@@ -86,7 +87,7 @@ impl Meaning<'_> {
 pub(crate) fn needs_indices(name: &str, count: usize, span: Span) -> ModelError {
     ModelError::NeedsIndices {
         name: name.to_owned(),
-        count: plural(count, "index", "indices"),
+        count: counted(count, "index"),
         span,
     }
 }

@@ -78,7 +78,7 @@ pub(crate) fn count(model: &Model<'_>, diags: &mut Diagnostics) {
         .map(|pair| pair.span);
     let span = match unknowns < rows {
         true => equations.chain(pairs).last(),
-        false => model.algebraics.last().map(|z| z.span),
+        false => model.quantities.algebraics.last().map(|z| z.span),
     };
     diags.push(DynamicsError::UnequalCount {
         unknowns,

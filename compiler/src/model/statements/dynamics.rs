@@ -39,14 +39,14 @@ pub(crate) enum Sink<'s, 'e> {
 
 impl<'e> Walk<'e> {
     pub fn new(model: &Model<'e>) -> Self {
-        let offsets = model.states.iter().scan(0, |next, state| {
+        let offsets = model.quantities.states.iter().scan(0, |next, state| {
             let first = *next;
             *next += state.vars.len();
             Some(first)
         });
         let offsets: Vec<usize> = offsets.collect();
         let mut found = Statements::default();
-        for (state, &first) in model.states.iter().zip(&offsets) {
+        for (state, &first) in model.quantities.states.iter().zip(&offsets) {
             let entries = if state.is_discrete {
                 state.vars.len()
             } else {
@@ -61,7 +61,12 @@ impl<'e> Walk<'e> {
         }
         Walk {
             offsets,
-            discrete: model.states.iter().map(|state| state.is_discrete).collect(),
+            discrete: model
+                .quantities
+                .states
+                .iter()
+                .map(|state| state.is_discrete)
+                .collect(),
             switches: model.switches.clone(),
             ranges: hidden::ranges(model),
             indices: vec![],

@@ -76,12 +76,12 @@ enum Proof {
 pub(crate) fn ranges(model: &Model<'_>) -> FxHashMap<Var, Range> {
     let mut ranges = FxHashMap::default();
     let groups = [
-        &model.params,
-        &model.states,
-        &model.algebraics,
-        &model.controls,
-        &model.inputs,
-        &model.connected,
+        &model.quantities.params,
+        &model.quantities.states,
+        &model.quantities.algebraics,
+        &model.quantities.controls,
+        &model.quantities.inputs,
+        &model.quantities.connected,
     ];
     for quantity in groups.into_iter().flatten() {
         for (entry, var) in quantity.vars.iter().enumerate() {

@@ -5,6 +5,7 @@
 
 use super::dynamics::Walk;
 use super::restitution;
+use crate::diagnostics::counted;
 use crate::expr::Expr;
 use crate::model::expressions::{Lowering, algebra};
 use crate::model::names::scope::{Meaning, Reported};
@@ -247,15 +248,6 @@ fn wrong<T>(
 ) -> Result<T, Reported> {
     let help = help.to_owned();
     lowering.error(DynamicsError::MechanicsForm { what, help, span })
-}
-
-/// `1 row`, `2 rows`
-fn counted(count: usize, word: &str) -> String {
-    match (count, word) {
-        (1, _) => format!("1 {word}"),
-        (_, "entry") => format!("{count} entries"),
-        _ => format!("{count} {word}s"),
-    }
 }
 
 /// How `along` is written for so many velocities and directions.

@@ -232,7 +232,7 @@ pub(crate) fn local(name: &str) -> String {
 
 fn state_name(model: &Model<'_>, entry: usize) -> String {
     let mut first = 0;
-    let state = model.states.iter().find(|state| {
+    let state = model.quantities.states.iter().find(|state| {
         first += state.vars.len();
         entry < first
     });
@@ -252,7 +252,7 @@ fn missing(
         .flat_map(|partition| partition.entries.iter().copied())
         .collect();
     let mut first = 0;
-    for state in &model.states {
+    for state in &model.quantities.states {
         let n = state.vars.len();
         let unset: Vec<usize> = (0..n)
             .filter(|position| {

@@ -50,14 +50,14 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let (path, column, fit) = (parts.path, parts.column, parts.fit);
         let table =
             table.map_err(|fault| TableError::of(fault, path, column, fit, parts.places))?;
-        let known =
-            (self.draft.model.data.iter()).find(|data| std::sync::Arc::ptr_eq(&data.table, &table));
+        let known = (self.draft.model.definitions.data.iter())
+            .find(|data| std::sync::Arc::ptr_eq(&data.table, &table));
         if let Some(data) = known {
             return Ok(Tensor::scalar(data.var));
         }
         let name = self.whole_name(&named.name.name);
         let var = self.draft.model.exprs.variable(&name);
-        self.draft.model.data.push(Data {
+        self.draft.model.definitions.data.push(Data {
             name,
             var,
             text: format!("table(\"{path}\", \"{column}\", {fit}): {table}"),

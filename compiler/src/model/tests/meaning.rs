@@ -254,7 +254,7 @@ fn model_text_with(
                     target
                         .entries
                         .iter()
-                        .all(|&entry| entry < model.states[index].vars.len())
+                        .all(|&entry| entry < model.quantities.states[index].vars.len())
                 );
             }
         }

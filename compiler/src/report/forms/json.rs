@@ -4,10 +4,12 @@
 
 use serde::ser::{Serialize, SerializeSeq, Serializer};
 
+use nsd_solver::optimization::mpcc::Spread;
+
 use crate::report::{
-    Averaged, Bands, Certificate, Confirmation, Ensemble, Event, EventKind, Kind, Method,
+    Averaged, Bands, Certificate, Check, Confirmation, Ensemble, Event, EventKind, Kind, Method,
     MethodOption, ModeInterval, Multipliers, Optimum, Series, Stationarity, Stats, Status,
-    Trajectory, Values, Warning,
+    Trajectory, Warning,
 };
 
 /// The object, without a line break.
@@ -43,7 +45,7 @@ struct Object<'a> {
     stats: &'a Stats,
     certificate: Certificate,
     #[serde(skip_serializing_if = "Option::is_none")]
-    optimum: Option<Found<'a>>,
+    optimum: Option<&'a Optimum>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ensemble: Option<&'a Ensemble>,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
@@ -51,46 +53,6 @@ struct Object<'a> {
     skipped: &'a [String],
     /// Warnings, and last what ended the run early.
     warnings: Vec<Warning>,
-}
-
-/// How an optimum was found; what is not known is `null`.
-#[derive(serde::Serialize)]
-struct Found<'a> {
-    #[serde(flatten)]
-    values: &'a Values,
-    starts: usize,
-    feasible: usize,
-    at_best: usize,
-    best: Option<f64>,
-    median: Option<f64>,
-    worst: Option<f64>,
-    median_solve_s: f64,
-    branches: usize,
-    confirmation: Confirmation,
-    factor_entries: usize,
-    terminal_error: Option<f64>,
-    objective_error: Option<f64>,
-}
-
-impl<'a> Found<'a> {
-    fn of(optimum: &'a Optimum) -> Self {
-        let (spread, check) = (optimum.spread.as_ref(), optimum.check.as_ref());
-        Found {
-            values: &optimum.values,
-            starts: optimum.starts,
-            feasible: spread.map_or(0, |spread| spread.n_feasible),
-            at_best: spread.map_or(0, |spread| spread.n_best),
-            best: spread.map(|spread| spread.best),
-            median: spread.map(|spread| spread.median),
-            worst: spread.map(|spread| spread.worst),
-            median_solve_s: optimum.median_s,
-            branches: optimum.branches,
-            confirmation: optimum.confirmation,
-            factor_entries: optimum.factor_entries,
-            terminal_error: check.map(|check| check.terminal_error),
-            objective_error: check.map(|check| check.objective_error),
-        }
-    }
 }
 
 impl<'a> From<&'a Trajectory> for Object<'a> {
@@ -120,7 +82,7 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
             error_estimate: trajectory.error_estimate,
             stats: &trajectory.stats,
             certificate: trajectory.certificate,
-            optimum: trajectory.optimum.as_ref().map(Found::of),
+            optimum: trajectory.optimum.as_ref(),
             ensemble: trajectory.ensemble.as_ref(),
             averaged: &trajectory.averaged,
             skipped: &trajectory.skipped,
@@ -137,6 +99,33 @@ pub(crate) fn as_map<S: Serializer, K: Serialize, V: Serialize>(
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     serializer.collect_map(entries.iter().map(|(name, value)| (name, value)))
+}
+
+/// How objectives spread; what is not known is `null`.
+pub(crate) fn spread<S: Serializer>(
+    spread: &Option<Spread>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    let unknown = Spread {
+        n_feasible: 0,
+        n_best: 0,
+        best: f64::NAN,
+        median: f64::NAN,
+        worst: f64::NAN,
+    };
+    spread.unwrap_or(unknown).serialize(serializer)
+}
+
+/// What a simulation says of an optimum; what is not known is `null`.
+pub(crate) fn check<S: Serializer>(
+    check: &Option<Check>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    let unknown = Check {
+        terminal_error: f64::NAN,
+        objective_error: f64::NAN,
+    };
+    check.unwrap_or(unknown).serialize(serializer)
 }
 
 /// `{ "x": [value, value, ...] }`

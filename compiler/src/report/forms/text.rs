@@ -2,6 +2,7 @@
 
 use std::fmt::{self, Display, Write};
 
+use crate::diagnostics::counted;
 use crate::report::{
     Bands, Constraint, Event, EventKind, MethodOption, Series, Stationarity, Stats, Status,
     Trajectory,
@@ -398,14 +399,6 @@ fn shortened(name: &str) -> String {
     match name.char_indices().nth(MAX_NAME) {
         Some((end, _)) => format!("{}..", &name[..end]),
         None => name.to_owned(),
-    }
-}
-
-/// `1 event`, `2 events`; nothing irregular is counted.
-pub fn counted(count: usize, noun: &str) -> String {
-    match count {
-        1 => format!("1 {noun}"),
-        _ => format!("{count} {noun}s"),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::report::forms::text::counted;
+use crate::diagnostics::counted;
 use crate::report::{Change, Map, Plane, Sample, words_of};
 
 /// One row per interval without a change.

@@ -243,15 +243,14 @@ impl<'e> Kept<'e> {
         };
         let model = reader.model;
         let all: Option<&[Expr<'e>]> = match target.kind {
-            TargetKind::State(k) => Some(&model.states[k].vars),
-            TargetKind::Algebraic(k) => Some(&model.algebraics[k].vars),
-            TargetKind::Control(k) => Some(&model.controls[k].vars),
-            TargetKind::Input(k) => Some(&model.inputs[k].vars),
-            TargetKind::Signal(k) => Some(&model.signals[k].value.data),
-            TargetKind::Let(k) => Some(&model.lets[k].value.data),
-            TargetKind::Output(k) => Some(&model.outputs[k].value.data),
             TargetKind::Switch(k) => Some(&model.switches[k].vars),
             TargetKind::Const | TargetKind::Param(_) | TargetKind::Sliding(_) => None,
+            kind => {
+                let quantity = model.quantities.get(kind).map(|quantity| &quantity.vars);
+                quantity
+                    .or_else(|| Some(&model.definitions.get(kind)?.value.data))
+                    .map(Vec::as_slice)
+            }
         };
         let name = with::path_text(model, path, &target);
         let Some(all) = all else {

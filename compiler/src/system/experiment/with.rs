@@ -80,7 +80,7 @@ fn stay_open(
             complete = false;
             continue;
         };
-        for var in entries(&model.params[k], &target) {
+        for var in entries(&model.quantities.params[k], &target) {
             match given.free.insert(var, path.span) {
                 Some(first) if !given.open.contains(&var) => {
                     diags.push(ExperimentError::Twice {
@@ -118,7 +118,7 @@ fn freed(model: &Model<'_>, experiment: &syntax::Experiment) -> FxHashMap<Var, S
             continue;
         };
         if let TargetKind::Param(k) = target.kind {
-            let vars = entries(&model.params[k], &target);
+            let vars = entries(&model.quantities.params[k], &target);
             freed.extend(vars.map(|var| (var, path.span)));
         }
     }
@@ -134,11 +134,6 @@ fn give<'e>(
 ) -> Option<()> {
     let target = model.scope.target(&bind.target, diags)?;
     let quantity: &Quantity<'e> = match target.kind {
-        TargetKind::Param(k) => &model.params[k],
-        TargetKind::State(k) => &model.states[k],
-        TargetKind::Algebraic(k) => &model.algebraics[k],
-        TargetKind::Control(k) => &model.controls[k],
-        TargetKind::Input(k) => &model.inputs[k],
         TargetKind::Sliding(k) => {
             given.sliding.insert(k, sliding(&bind.value, diags)?);
             return Some(());
@@ -150,17 +145,16 @@ fn give<'e>(
             error.into_iter().for_each(|error| diags.push(error));
             return is_whole.then_some(());
         }
-        TargetKind::Signal(_)
-        | TargetKind::Let(_)
-        | TargetKind::Output(_)
-        | TargetKind::Switch(_) => {
-            let name = path_text(model, &bind.target, &target);
-            diags.push(ExperimentError::NotGiven {
-                name,
-                kind: target.kind.word(),
-                span: bind.target.span,
-            });
-            return None;
+        kind => {
+            let quantity = model.quantities.get(kind);
+            if quantity.is_none() {
+                diags.push(ExperimentError::NotGiven {
+                    name: path_text(model, &bind.target, &target),
+                    kind: kind.word(),
+                    span: bind.target.span,
+                });
+            }
+            quantity?
         }
     };
     let name = path_text(model, &bind.target, &target);
@@ -214,26 +208,16 @@ fn sliding(value: &syntax::Expr, diags: &mut Diagnostics) -> Option<Sliding> {
 
 /// The name of what a path means: `q`, `x[2]`, `x[1..3]`.
 pub(crate) fn path_text(model: &Model<'_>, path: &Path, target: &Target) -> String {
-    let list = |quantities: &[Quantity<'_>], k: usize| {
-        quantities.get(k).map(|q| (q.name.clone(), q.shape))
-    };
-    let named = |named: &[crate::model::Named<'_>], k: usize| {
-        named.get(k).map(|n| (n.name.clone(), n.value.shape))
-    };
-    let whole = match target.kind {
-        TargetKind::Param(k) => list(&model.params, k),
-        TargetKind::State(k) => list(&model.states, k),
-        TargetKind::Algebraic(k) => list(&model.algebraics, k),
-        TargetKind::Control(k) => list(&model.controls, k),
-        TargetKind::Input(k) => list(&model.inputs, k),
-        TargetKind::Signal(k) => named(&model.signals, k),
-        TargetKind::Let(k) => named(&model.lets, k),
-        TargetKind::Output(k) => named(&model.outputs, k),
+    let quantity = model.quantities.get(target.kind);
+    let quantity = quantity.map(|quantity| (quantity.name.clone(), quantity.shape));
+    let named = model.definitions.get(target.kind);
+    let named = named.map(|named| (named.name.clone(), named.value.shape));
+    let whole = quantity.or(named).or_else(|| match target.kind {
         TargetKind::Switch(k) | TargetKind::Sliding(k) => {
             model.switches.get(k).map(|s| (s.name.clone(), s.shape))
         }
-        TargetKind::Const => None,
-    };
+        _ => None,
+    });
     let Some((name, shape)) = whole else {
         return path.head.name.clone();
     };

@@ -216,7 +216,7 @@ fn finished<'e>(switches: &Switches<'e>, k: usize) -> Switch<'e> {
 
 fn params<'e>(instance: &Instance<'_, 'e>) -> Vec<Param<'e>> {
     let values = instance.values();
-    let entries = instance.model.params.iter().flat_map(|param| {
+    let entries = instance.model.quantities.params.iter().flat_map(|param| {
         param
             .vars
             .iter()
@@ -270,7 +270,7 @@ fn states<'e>(instance: &Instance<'_, 'e>, rates: &[Expr<'e>]) -> Vec<State<'e>>
             set_at.entry(rate.entry).or_insert(rate.span);
         }
     }
-    let declared = instance.model.states.iter().flat_map(|state| {
+    let declared = instance.model.quantities.states.iter().flat_map(|state| {
         let names = (0..state.vars.len()).map(|k| state.shape.entry_name(&state.name, k));
         names.map(|name| (name, state.span))
     });

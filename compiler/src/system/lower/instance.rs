@@ -129,7 +129,7 @@ impl<'m, 'e> Instance<'m, 'e> {
         if self.settings.optimize.is_none() {
             return controls;
         }
-        for quantity in &self.model.controls {
+        for quantity in &self.model.quantities.controls {
             for (k, &var) in quantity.vars.iter().enumerate() {
                 let is_given = |var: Var| self.values().signals.get(var).is_some();
                 if var.as_variable().is_none_or(is_given) || !self.needs.holds_all(var) {
@@ -154,7 +154,7 @@ impl<'m, 'e> Instance<'m, 'e> {
 
 fn known(model: &Model<'_>, settings: &Settings<'_>) -> Known {
     let values = &settings.values;
-    let params = model.params.iter().flat_map(|param| &param.vars);
+    let params = model.quantities.params.iter().flat_map(|param| &param.vars);
     let params = params.filter_map(|var| var.as_variable());
     let freed = settings.optimize.iter().flat_map(|task| &task.params);
     let freed = freed.map(|freed| (freed.var, Interval::new(freed.lower, freed.upper)));

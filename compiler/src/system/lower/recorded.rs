@@ -52,7 +52,7 @@ fn groups(instance: &Instance<'_, '_>) -> Vec<StateGroup> {
         }
     };
     match &instance.settings.outputs {
-        None => (instance.model.states.iter())
+        None => (instance.model.quantities.states.iter())
             .map(|state| group(&state.name, state.shape.sizes(), &state.vars))
             .collect(),
         Some(listed) => (listed.iter())
@@ -77,7 +77,7 @@ fn outputs<'e>(translation: &mut Translation<'_, 'e>) -> (Vec<Output<'e>>, Vec<O
     let (mut outputs, mut controls) = (Vec::new(), Vec::new());
     match &instance.settings.outputs {
         None => {
-            for y in &model.outputs {
+            for y in &model.definitions.outputs {
                 outputs.push(output(
                     &y.name,
                     y.value.shape.sizes(),
@@ -85,10 +85,10 @@ fn outputs<'e>(translation: &mut Translation<'_, 'e>) -> (Vec<Output<'e>>, Vec<O
                     y.span,
                 ));
             }
-            for z in &model.algebraics {
+            for z in &model.quantities.algebraics {
                 outputs.push(output(&z.name, z.shape.sizes(), &z.vars, z.span));
             }
-            for u in &model.controls {
+            for u in &model.quantities.controls {
                 controls.push(output(&u.name, u.shape.sizes(), &u.vars, u.span));
             }
         }
@@ -111,11 +111,17 @@ fn outputs<'e>(translation: &mut Translation<'_, 'e>) -> (Vec<Output<'e>>, Vec<O
 fn limits<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Limit<'e>> {
     let instance = translation.instance;
     let model = instance.model;
-    let quantities = (model.states.iter().map(|s| ("state", s)))
-        .chain(model.algebraics.iter().map(|z| ("algebraic state", z)))
-        .chain(model.controls.iter().map(|c| ("control", c)))
-        .chain(model.inputs.iter().map(|i| ("input", i)))
-        .chain(model.connected.iter().map(|c| ("input", c)));
+    let quantities = (model.quantities.states.iter().map(|s| ("state", s)))
+        .chain(
+            model
+                .quantities
+                .algebraics
+                .iter()
+                .map(|z| ("algebraic state", z)),
+        )
+        .chain(model.quantities.controls.iter().map(|c| ("control", c)))
+        .chain(model.quantities.inputs.iter().map(|i| ("input", i)))
+        .chain(model.quantities.connected.iter().map(|c| ("input", c)));
     let mut limits = Vec::new();
     for (kind, quantity) in quantities {
         for (k, &entry) in quantity.vars.iter().enumerate() {

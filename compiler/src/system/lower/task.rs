@@ -53,7 +53,7 @@ pub(crate) fn lower<'e>(
         let var = var.as_variable();
         var.is_none_or(|var| !values.free.derives(var))
     };
-    let params: Vec<Expr<'e>> = (model.params.iter())
+    let params: Vec<Expr<'e>> = (model.quantities.params.iter())
         .flat_map(|param| param.vars.iter().copied().filter(is_number))
         .collect();
     let states: Vec<Expr<'e>> = instance.states().collect();
@@ -135,7 +135,7 @@ fn tied<'e>(
 }
 
 fn state_bounds(instance: &Instance<'_, '_>) -> Vec<Free> {
-    let entries = instance.model.states.iter().flat_map(|state| {
+    let entries = instance.model.quantities.states.iter().flat_map(|state| {
         let entries = state.vars.iter().enumerate();
         entries.map(move |(k, &var)| (state, k, var))
     });
@@ -190,7 +190,7 @@ pub(crate) fn coefficient_rows<'e>(
 fn algebraic_bounds<'e>(translation: &mut Translation<'_, 'e>) -> Vec<TaskRow<'e>> {
     let instance = translation.instance;
     let mut rows = Vec::new();
-    for z in &instance.model.algebraics {
+    for z in &instance.model.quantities.algebraics {
         for (k, &var) in z.vars.iter().enumerate() {
             if let Some(Allowed::Between(lower, upper)) =
                 instance.allowed(z, k, |e| instance.moves(e))

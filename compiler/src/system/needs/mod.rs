@@ -62,7 +62,11 @@ impl<'e> Needs<'e> {
             closure.reach(e);
         }
         if let Some(task) = &settings.optimize {
-            let bounded = model.states.iter().chain(&model.algebraics);
+            let bounded = model
+                .quantities
+                .states
+                .iter()
+                .chain(&model.quantities.algebraics);
             let bounded = bounded.filter(|state| state.domain.is_some());
             let bounded = bounded.flat_map(|state| state.vars.iter().copied());
             let integrals = task.integrals.iter().map(|integral| integral.value);
@@ -322,10 +326,14 @@ impl<'m, 'e> Closure<'m, 'e> {
         let switches = model.switches.iter();
         let switches = switches.flat_map(|switch| switch.vars.iter().zip(&switch.psi));
         let switches = switches.filter_map(|(var, &psi)| Some((var.as_variable()?, psi)));
-        let given = (model.controls.iter().chain(&model.inputs))
-            .flat_map(|quantity| &quantity.vars)
-            .filter_map(|var| var.as_variable())
-            .filter_map(|var| Some((var, settings.values.signals.get(var)?)));
+        let given = (model
+            .quantities
+            .controls
+            .iter()
+            .chain(&model.quantities.inputs))
+        .flat_map(|quantity| &quantity.vars)
+        .filter_map(|var| var.as_variable())
+        .filter_map(|var| Some((var, settings.values.signals.get(var)?)));
         Closure {
             model,
             entry: entry.collect(),
@@ -392,7 +400,12 @@ impl<'m, 'e> Closure<'m, 'e> {
     }
 
     fn finish(mut self, surfaces: Vec<Expr<'e>>) -> Needs<'e> {
-        let params = self.model.params.iter().flat_map(|param| &param.vars);
+        let params = self
+            .model
+            .quantities
+            .params
+            .iter()
+            .flat_map(|param| &param.vars);
         let given = params.chain([&self.model.time]);
         self.reached
             .extend(given.filter_map(|var| var.as_variable()));

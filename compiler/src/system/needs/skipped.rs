@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use crate::diagnostics::counted;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model::{Model, SwitchKind};
 use crate::system::Switch;
@@ -96,14 +97,14 @@ impl Tally {
                 };
                 lines.push(format!("{word} {}", states.join(", ")));
             }
-            _ => lines.push(counted(self.states.len(), "state", "states")),
+            _ => lines.push(counted(self.states.len(), "state")),
         }
         match self.switches.len() {
             0 => {}
             1..=MAX_NAMES => {
                 lines.extend(self.switches.iter().map(|name| format!("switch `{name}`")));
             }
-            count => lines.push(counted(count, "switch", "switches")),
+            count => lines.push(counted(count, "switch")),
         }
         lines
     }
@@ -126,8 +127,8 @@ fn parts(names: &Names<'_>, dead: BTreeMap<usize, Tally>) -> Vec<String> {
     }
     let line = |(members, states, switches): (Vec<String>, usize, usize)| {
         let counts = [
-            (states > 0).then(|| counted(states, "state", "states")),
-            (switches > 0).then(|| counted(switches, "switch", "switches")),
+            (states > 0).then(|| counted(states, "state")),
+            (switches > 0).then(|| counted(switches, "switch")),
         ];
         let counts: Vec<String> = counts.into_iter().flatten().collect();
         format!(
@@ -137,10 +138,6 @@ fn parts(names: &Names<'_>, dead: BTreeMap<usize, Tally>) -> Vec<String> {
         )
     };
     shown.into_iter().map(line).collect()
-}
-
-fn counted(count: usize, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
 }
 
 /// `x[2], x[3], x[4], y` as `x[2..4], y`.
@@ -179,7 +176,7 @@ struct Names<'n> {
 
 impl<'n> Names<'n> {
     fn new(model: &'n Model<'_>, vars: &[Var]) -> Self {
-        let quantities = model.states.iter();
+        let quantities = model.quantities.states.iter();
         let parts = quantities.flat_map(|state| {
             let part = state.name.split_once('.').map(|(part, _)| part);
             state.vars.iter().map(move |_| part)

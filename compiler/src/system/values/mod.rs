@@ -101,8 +101,8 @@ impl<'e> Values<'e> {
     pub fn open_ranges(&self, model: &Model<'e>) -> FxHashMap<Var, Interval> {
         let number =
             |e: Expr<'e>| e.eval(&|var| self.numbers.get(&var).copied().unwrap_or(f64::NAN));
-        let entries =
-            (model.params.iter()).flat_map(|param| (0..param.vars.len()).map(move |k| (param, k)));
+        let entries = (model.quantities.params.iter())
+            .flat_map(|param| (0..param.vars.len()).map(move |k| (param, k)));
         let open = entries.filter_map(|(param, k)| {
             let var = param.vars[k].as_variable()?;
             let value = self
@@ -134,7 +134,8 @@ impl<'e> Values<'e> {
             let follows = !self.is_open(var) && self.free.input_in(&[var]).is_some();
             follows || is_set && self.is_open(var) || self.free.input_in(bounds).is_some()
         };
-        let entries = (model.params.iter()).flat_map(|p| (0..p.vars.len()).map(move |k| (p, k)));
+        let entries =
+            (model.quantities.params.iter()).flat_map(|p| (0..p.vars.len()).map(move |k| (p, k)));
         let mut found = entries.filter_map(|(param, k)| {
             let bounds = bounds(param.domain.as_ref()?, k);
             let is_set = matches!(param.domain, Some(Domain::Set(_)));
@@ -172,6 +173,7 @@ impl<'e> Values<'e> {
     /// Expressions in parameters as numbers, free parameters at their guesses; else the name of what is no parameter.
     pub fn numbers_of(&self, model: &Model<'_>, exprs: &[Expr<'_>]) -> Result<Vec<f64>, String> {
         let params: FxHashSet<Var> = model
+            .quantities
             .params
             .iter()
             .flat_map(|p| &p.vars)
@@ -221,11 +223,17 @@ fn numbers<'e>(
     free: &mut FreeParams<'e>,
     diags: &mut Diagnostics,
 ) -> Option<FxHashMap<Var, f64>> {
-    let quantities = (model.params.iter().map(|p| ("param", p)))
-        .chain(model.states.iter().map(|s| ("state", s)))
-        .chain(model.algebraics.iter().map(|z| ("algebraic state", z)));
+    let quantities = (model.quantities.params.iter().map(|p| ("param", p)))
+        .chain(model.quantities.states.iter().map(|s| ("state", s)))
+        .chain(
+            model
+                .quantities
+                .algebraics
+                .iter()
+                .map(|z| ("algebraic state", z)),
+        );
     let (mut open, mut complete) = definitions(quantities, given, diags);
-    let params: FxHashSet<Var> = (model.params.iter().flat_map(|param| &param.vars))
+    let params: FxHashSet<Var> = (model.quantities.params.iter().flat_map(|param| &param.vars))
         .filter_map(|var| var.as_variable())
         .collect();
     let mut numbers: FxHashMap<Var, f64> = FxHashMap::default();
@@ -275,9 +283,13 @@ fn is_finite(
     diags: &mut Diagnostics,
 ) -> bool {
     let mut fine = true;
-    let states = model.states.iter().chain(&model.algebraics);
+    let states = model
+        .quantities
+        .states
+        .iter()
+        .chain(&model.quantities.algebraics);
     let states = states.map(|state| (state, true));
-    let params = model.params.iter().map(|param| (param, false));
+    let params = model.quantities.params.iter().map(|param| (param, false));
     for (quantity, is_state) in states.chain(params) {
         for (k, var) in quantity.vars.iter().enumerate() {
             let Some(var) = var.as_variable() else {
@@ -311,7 +323,7 @@ fn in_range<'e>(
 ) -> bool {
     let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
     let mut fine = true;
-    for param in &model.params {
+    for param in &model.quantities.params {
         for (k, &var) in param.vars.iter().enumerate() {
             let Some(allowed) = Allowed::of(param, k, &number) else {
                 continue;
@@ -336,13 +348,13 @@ fn in_sets<'e>(
 ) -> bool {
     let numbers = &values.numbers;
     let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
-    let params: FxHashSet<Var> = (model.params.iter().flat_map(|param| &param.vars))
+    let params: FxHashSet<Var> = (model.quantities.params.iter().flat_map(|param| &param.vars))
         .filter_map(|var| var.as_variable())
         .collect();
     let mut fine = true;
-    let quantities = (model.controls.iter().map(|c| ("control", c)))
-        .chain(model.inputs.iter().map(|i| ("input", i)))
-        .chain(model.connected.iter().map(|c| ("input", c)));
+    let quantities = (model.quantities.controls.iter().map(|c| ("control", c)))
+        .chain(model.quantities.inputs.iter().map(|i| ("input", i)))
+        .chain(model.quantities.connected.iter().map(|c| ("input", c)));
     for (kind, quantity) in quantities {
         for (k, var) in quantity.vars.iter().enumerate() {
             let Some(allowed @ Allowed::OneOf(_)) = Allowed::of(quantity, k, &number) else {
@@ -398,14 +410,15 @@ fn signals<'e>(
     given: &Given<'e>,
     diags: &mut Diagnostics,
 ) -> Option<Substitution<'e>> {
-    let controls = model.controls.iter().map(|c| ("control", c));
-    let inputs = model.inputs.iter().map(|i| ("input", i));
+    let controls = model.quantities.controls.iter().map(|c| ("control", c));
+    let inputs = model.quantities.inputs.iter().map(|i| ("input", i));
     let (mut open, complete) = match given.decides {
         false => definitions(controls.chain(inputs), given, diags),
         true => {
             let (mut open, complete) = definitions(inputs, given, diags);
             open.extend(
                 model
+                    .quantities
                     .controls
                     .iter()
                     .flat_map(|control| given_entries(control, given)),

@@ -26,28 +26,59 @@ pub(crate) enum Weights<'a> {
 /// The functions of one block with all that their evaluation needs.
 #[derive(Clone, Debug)]
 pub(crate) struct Compiled {
-    n_places: usize,
     rows: Range<usize>,
-    /// Indices of the variables that are the first inputs.
-    gather: Vec<u32>,
-    /// The indices of the parameters that are the last inputs but weights.
-    parameters: Vec<u32>,
-    /// Variables, numbers and parameters at all places, then weights.
-    inputs: Vec<f64>,
-    n_weights: usize,
+    inputs: Inputs,
     values: Function,
     slopes: Function,
     /// The slopes that do not change with the variables.
     constant: Function,
     curvature: Function,
-    /// The entry of the Jacobian or gradient that each of the slopes is added to: of those that change, and of the others.
-    slopes_to: Vec<u32>,
-    constant_to: Vec<u32>,
-    /// Row and column of each output of the curvature at each place, and its entry of the Hessian.
+    /// Row and column of each output of the curvature at each place.
     curvature_at: Vec<(u32, u32)>,
-    curvature_to: Vec<u32>,
     /// What is added twice: both triangles of arguments that are one variable; output and entry.
     twice: Vec<(u32, u32)>,
+}
+
+/// The inputs of all functions of a block.
+#[derive(Clone, Debug)]
+struct Inputs {
+    n_places: usize,
+    /// Indices of the variables that are the first inputs.
+    gather: Vec<u32>,
+    /// The indices of the parameters that are the last inputs but weights.
+    parameters: Vec<u32>,
+    /// Variables, numbers and parameters at all places, then weights.
+    values: Vec<f64>,
+    n_weights: usize,
+}
+
+impl Inputs {
+    /// All but the weights.
+    fn of_values(&self) -> &[f64] {
+        &self.values[..self.values.len() - self.n_weights]
+    }
+
+    /// Sets the variables.
+    fn gather(&mut self, w: &[f64]) {
+        for (input, &index) in self.values.iter_mut().zip(&self.gather) {
+            *input = w[index as usize];
+        }
+    }
+
+    /// Sets the parameters, which are the same at all places.
+    fn set_parameters(&mut self, values: &[f64]) {
+        let end = self.values.len() - self.n_weights;
+        let first = end - self.parameters.len() * self.n_places;
+        let places = self.values[first..end].chunks_mut(self.n_places.max(1));
+        for (places, &parameter) in places.zip(&self.parameters) {
+            places.fill(values[parameter as usize]);
+        }
+    }
+
+    fn weights_mut(&mut self) -> &mut [f64] {
+        let first = self.values.len() - self.n_weights;
+        &mut self.values[first..]
+    }
 }
 
 /// A tape with memory for its evaluation.
@@ -55,22 +86,35 @@ pub(crate) struct Compiled {
 struct Function {
     tape: Tape,
     scratch: LaneScratch,
+    n_places: usize,
     outputs: Vec<f64>,
+    /// The entry that each of the outputs is added to.
+    to: Vec<u32>,
 }
 
 impl Function {
     fn new(tape: Tape, n_places: usize) -> Self {
         Function {
             scratch: tape.lane_scratch(),
+            n_places,
             outputs: vec![0.0; tape.n_outputs() * n_places],
+            to: Vec::new(),
             tape,
         }
     }
 
-    fn eval(&mut self, inputs: &[f64], n_places: usize) -> &[f64] {
+    fn eval(&mut self, inputs: &[f64]) -> &[f64] {
         let (outputs, scratch) = (&mut self.outputs, &mut self.scratch);
-        self.tape.eval_many(inputs, outputs, n_places, scratch);
+        (self.tape).eval_many(inputs, outputs, self.n_places, scratch);
         &self.outputs
+    }
+
+    /// Adds the outputs to entries.
+    fn add(&mut self, inputs: &[f64], entries: &mut [f64]) {
+        self.eval(inputs);
+        for (value, &entry) in self.outputs.iter().zip(&self.to) {
+            entries[entry as usize] += value;
+        }
     }
 }
 
@@ -134,20 +178,19 @@ impl Compiled {
             "weights are in all entries"
         );
         Compiled {
-            n_places: n,
             rows,
-            gather: block.variables,
-            parameters: block.parameters,
-            inputs,
-            n_weights,
+            inputs: Inputs {
+                n_places: n,
+                gather: block.variables,
+                parameters: block.parameters,
+                values: inputs,
+                n_weights,
+            },
             values: Function::new(block.values, n),
             slopes: Function::new(slopes.derivative.tape.clone(), n),
             constant: Function::new(slopes.derivative.constant.clone(), n),
             curvature: Function::new(curvature.tape, n),
-            slopes_to: Vec::new(),
-            constant_to: Vec::new(),
             curvature_at,
-            curvature_to: Vec::new(),
             twice,
         }
     }
@@ -159,25 +202,18 @@ impl Compiled {
     /// Notes where slopes go.
     pub(crate) fn scatter_slopes(&mut self, slopes: &Slopes, place: impl Fn((u32, u32)) -> u32) {
         let to = slopes.entries.iter().map(|&entry| place(entry));
-        self.slopes_to = to.collect();
-        self.constant_to = self.slopes_to.split_off(self.slopes.outputs.len());
+        self.slopes.to = to.collect();
+        self.constant.to = self.slopes.to.split_off(self.slopes.outputs.len());
     }
 
-    /// Sets the parameters among the inputs, which are the same at all places.
+    /// Sets the parameters among the inputs.
     pub(crate) fn set_parameters(&mut self, values: &[f64]) {
-        let n_inputs = self.inputs.len() - self.n_weights;
-        let first = n_inputs - self.parameters.len() * self.n_places;
-        let places = self.inputs[first..n_inputs].chunks_mut(self.n_places.max(1));
-        for (places, &parameter) in places.zip(&self.parameters) {
-            places.fill(values[parameter as usize]);
-        }
+        self.inputs.set_parameters(values);
     }
 
     /// Adds the slopes that do not change with the variables.
     pub(crate) fn add_constant_slopes(&mut self, entries: &mut [f64]) {
-        let n_inputs = self.inputs.len() - self.n_weights;
-        let slopes = (self.constant).eval(&self.inputs[..n_inputs], self.n_places);
-        add(slopes, &self.constant_to, entries);
+        self.constant.add(self.inputs.of_values(), entries);
     }
 
     /// Notes where second derivatives go.
@@ -187,66 +223,48 @@ impl Compiled {
             let place = pattern.place(row as usize, column);
             place.expect("the pattern has all entries") as u32
         };
-        self.curvature_to = at.map(place).collect();
+        self.curvature.to = at.map(place).collect();
         for (output, entry) in &mut self.twice {
-            *entry = self.curvature_to[*output as usize];
+            *entry = self.curvature.to[*output as usize];
         }
     }
 
     /// The values at w.
     pub(crate) fn rows(&mut self, w: &[f64], rows: &mut [f64]) {
-        let n_inputs = self.gather(w);
-        let (rows, scratch) = (&mut rows[self.rows.clone()], &mut self.values.scratch);
-        let inputs = &self.inputs[..n_inputs];
-        (self.values.tape).eval_many(inputs, rows, self.n_places, scratch);
+        self.inputs.gather(w);
+        let (rows, values) = (&mut rows[self.rows.clone()], &mut self.values);
+        let inputs = self.inputs.of_values();
+        (values.tape).eval_many(inputs, rows, values.n_places, &mut values.scratch);
     }
 
     /// The sum of all values at w.
     pub(crate) fn sum(&mut self, w: &[f64]) -> f64 {
-        let n_inputs = self.gather(w);
-        let values = (self.values).eval(&self.inputs[..n_inputs], self.n_places);
-        values.iter().sum()
+        self.inputs.gather(w);
+        self.values.eval(self.inputs.of_values()).iter().sum()
     }
 
     /// Adds the slopes at w that change.
     pub(crate) fn add_slopes(&mut self, w: &[f64], entries: &mut [f64]) {
-        if self.slopes_to.is_empty() {
-            return;
+        if !self.slopes.to.is_empty() {
+            self.inputs.gather(w);
+            self.slopes.add(self.inputs.of_values(), entries);
         }
-        let n_inputs = self.gather(w);
-        let slopes = (self.slopes).eval(&self.inputs[..n_inputs], self.n_places);
-        add(slopes, &self.slopes_to, entries);
     }
 
     /// Adds the weighted second derivatives at w.
     pub(crate) fn add_curvature(&mut self, w: &[f64], weights: Weights, entries: &mut [f64]) {
-        if self.curvature_to.is_empty() {
+        if self.curvature.to.is_empty() {
             return;
         }
-        let n_inputs = self.gather(w);
-        let inputs = &mut self.inputs[n_inputs..];
+        self.inputs.gather(w);
+        let of_outputs = self.inputs.weights_mut();
         match weights {
-            Weights::Factor(factor) => inputs.fill(factor),
-            Weights::Rows(y) => inputs.copy_from_slice(&y[self.rows.clone()]),
+            Weights::Factor(factor) => of_outputs.fill(factor),
+            Weights::Rows(y) => of_outputs.copy_from_slice(&y[self.rows.clone()]),
         }
-        let curvature = self.curvature.eval(&self.inputs, self.n_places);
-        add(curvature, &self.curvature_to, entries);
+        self.curvature.add(&self.inputs.values, entries);
         for &(output, entry) in &self.twice {
-            entries[entry as usize] += curvature[output as usize];
+            entries[entry as usize] += self.curvature.outputs[output as usize];
         }
-    }
-
-    /// Sets the variables among the inputs; gives the number of inputs without weights.
-    fn gather(&mut self, w: &[f64]) -> usize {
-        for (input, &index) in self.inputs.iter_mut().zip(&self.gather) {
-            *input = w[index as usize];
-        }
-        self.inputs.len() - self.n_weights
-    }
-}
-
-fn add(values: &[f64], to: &[u32], entries: &mut [f64]) {
-    for (value, &entry) in values.iter().zip(to) {
-        entries[entry as usize] += value;
     }
 }

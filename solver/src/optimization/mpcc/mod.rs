@@ -30,6 +30,7 @@ use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
 use certificate::Certificate;
+use options::MAX_SWITCHES;
 use way::{DeadEnd, ways};
 use work::Work;
 
@@ -255,7 +256,7 @@ impl Work<'_> {
                 }
                 continue;
             };
-            if self.stats.switches >= self.options.max_switches || self.is_over() {
+            if self.stats.switches >= MAX_SWITCHES || self.is_over() {
                 return Candidate {
                     best,
                     certificate,

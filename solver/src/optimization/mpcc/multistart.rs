@@ -17,11 +17,13 @@ pub struct MultiStart {
 }
 
 /// How the objectives of the feasible solutions spread.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Spread {
     /// How many starts led to a feasible solution.
+    #[serde(rename = "feasible")]
     pub n_feasible: usize,
     /// How many of them are within 1e-6, relative to max(1, |best|), of the best one.
+    #[serde(rename = "at_best")]
     pub n_best: usize,
     /// The smallest objective.
     pub best: f64,

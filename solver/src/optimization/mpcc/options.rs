@@ -5,6 +5,9 @@ use super::relaxed::{Coupling, Form};
 use crate::linalg::analyses::Analyses;
 use crate::runtime::limit::Limit;
 
+/// How often a branch is left for a better one that the certificate finds.
+pub(super) const MAX_SWITCHES: usize = 20;
+
 /// How σ is driven to zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Homotopy {
@@ -36,8 +39,6 @@ pub struct Options {
     pub tolerance: f64,
     /// Tolerances of the certificate.
     pub certificate: Tolerances,
-    /// How often a branch is left for a better one that the certificate finds.
-    pub max_switches: usize,
     /// How many other ways are tried when one ends without a feasible point.
     pub max_restarts: usize,
     /// Other ways are tried for a smaller objective, too, as long as the iterations so far, times the numbers of
@@ -62,7 +63,6 @@ impl Default for Options {
             feasibility: 1e-6,
             tolerance: 1e-12,
             certificate: Tolerances::default(),
-            max_switches: 20,
             max_restarts: 5,
             effort: 100_000,
             patience: 100_000,

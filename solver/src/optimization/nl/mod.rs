@@ -61,17 +61,20 @@ pub enum Named {
 }
 
 /// How many of what a file has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Sizes {
     /// Variables.
     pub variables: usize,
     /// Rows.
+    #[serde(rename = "constraints")]
     pub rows: usize,
     /// Complementarity conditions; two where a variable has two bounds.
     pub complementarities: usize,
     /// Occurrences of `abs`, `min` and `max`, which are pairs of the program.
+    #[serde(skip)]
     pub kinks: usize,
     /// Binary variables, which are pairs of the program.
+    #[serde(skip)]
     pub binaries: usize,
 }
 

@@ -4,11 +4,13 @@ use super::{Named, Problem};
 use crate::optimization::problem::{Mpcc, Nlp, Side};
 
 /// By how much a point misses the conditions of a problem.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Quality {
     /// The largest violation of a row or of a bound.
+    #[serde(rename = "constraint_violation")]
     pub violation: f64,
     /// Where it is, unless there is none, or in a row that is none of the file.
+    #[serde(skip)]
     pub worst: Option<Named>,
     /// The largest |min(G, H)| of a pair.
     pub complementarity_min: f64,

@@ -9,11 +9,9 @@
 //! `k + 1` of `x`, which is the next input.
 
 use super::bulk::fill_all;
+use super::row::{Depends, Row, UNBOUNDED};
 use super::steps::{Kind, Step, advance_all, start_all};
 use crate::tape::{Slot, Tape, UNUSED};
-
-/// The degree in time of a row about which nothing is known.
-pub(crate) const UNBOUNDED: u32 = u32::MAX;
 
 /// The Taylor coefficients of all values of one tape up to a fixed order.
 #[derive(Clone, Debug)]
@@ -26,24 +24,6 @@ pub struct Jet {
     recurrences: Recurrences,
     data: Vec<f64>,
     weights: Vec<f64>,
-}
-
-/// Where the coefficients of an input are, and what is known of them.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Row {
-    pub start: usize,
-    /// Degree as a polynomial in time.
-    pub degree: u32,
-    /// What the coefficients depend on.
-    pub depends: Depends,
-}
-
-/// The most that a series depends on: time and numbers, states, or α that have still to be solved for.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub(crate) enum Depends {
-    Time,
-    State,
-    Alpha,
 }
 
 /// The recurrences of a tape on rows of memory that it may share with other tapes: its inputs are

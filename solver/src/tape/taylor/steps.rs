@@ -1,7 +1,7 @@
 //! One operation on rows of Taylor coefficients, and its recurrence order by order.
 
-use super::jet::{Row, UNBOUNDED};
 use super::recurrence::{convolve, convolve_weighted, square};
+use super::row::{Row, UNBOUNDED};
 use crate::runtime::limit::work;
 use crate::tape::elementary::Rate;
 use crate::tape::{Elementary, Op};

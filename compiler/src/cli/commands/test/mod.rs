@@ -18,7 +18,7 @@ use crate::cli::args::TestArgs;
 use crate::cli::files::{Sink, is_standard};
 use crate::cli::progress::Bar;
 use crate::cli::{Exit, Streams, files, io};
-use crate::report::forms::text::counted;
+use crate::diagnostics::counted;
 use crate::threads;
 
 /// Of a thread that tests files, in bytes: as much as the main thread has.

@@ -26,10 +26,10 @@ impl<'e> Draft<'_, 'e> {
             _ => &[At::Nodes, At::Elements],
         };
         let groups = [
-            ("param", &model.params, start),
-            ("control", &model.controls, ends),
-            ("state", &model.states, nodes),
-            ("algebraic state", &model.algebraics, nodes),
+            ("param", &model.quantities.params, start),
+            ("control", &model.quantities.controls, ends),
+            ("state", &model.quantities.states, nodes),
+            ("algebraic state", &model.quantities.algebraics, nodes),
         ];
         for (kind, quantities, instants) in groups {
             for quantity in quantities {

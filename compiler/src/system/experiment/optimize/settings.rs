@@ -221,8 +221,8 @@ impl<'m, 'e> Draft<'m, 'e> {
             return None;
         };
         let quantity: &Quantity<'e> = match target.kind {
-            TargetKind::State(k) if is_state => &model.states[k],
-            TargetKind::Param(k) if !is_state => &model.params[k],
+            TargetKind::State(k) if is_state => &model.quantities.states[k],
+            TargetKind::Param(k) if !is_state => &model.quantities.params[k],
             kind => {
                 reader.error(ExperimentError::NotFree {
                     name: with::path_text(model, path, &target),

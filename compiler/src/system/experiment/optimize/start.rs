@@ -21,10 +21,10 @@ impl<'e> Reader<'_, 'e> {
             return None;
         };
         let quantity: &Quantity<'e> = match target.kind {
-            TargetKind::State(k) => &model.states[k],
-            TargetKind::Algebraic(k) => &model.algebraics[k],
-            TargetKind::Control(k) => &model.controls[k],
-            TargetKind::Param(k) => &model.params[k],
+            TargetKind::State(k) => &model.quantities.states[k],
+            TargetKind::Algebraic(k) => &model.quantities.algebraics[k],
+            TargetKind::Control(k) => &model.quantities.controls[k],
+            TargetKind::Param(k) => &model.quantities.params[k],
             kind => {
                 self.error(ExperimentError::NotFree {
                     name: with::path_text(model, &bind.target, &target),

@@ -2,6 +2,7 @@
 
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::mpcc::lift::Lifted;
+use crate::optimization::mpcc::options::MAX_SWITCHES;
 use crate::optimization::mpcc::work::Work;
 
 /// How far the start of a descent is from the point, relative to its largest variable or 1, where that is larger.
@@ -13,7 +14,7 @@ impl Work<'_> {
     /// Follows directions of negative curvature to both sides, as long as that leads down.
     pub fn fall(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Polished {
         while let Some(direction) = &best.falling
-            && self.stats.switches < self.options.max_switches
+            && self.stats.switches < MAX_SWITCHES
             && let Some(lower) = self.lower(lifted, &best, direction)
         {
             self.stats.switches += 1;
