@@ -43,8 +43,6 @@ pub struct Extrapolation {
     /// x and f at the end of the step.
     end: Vec<f64>,
     end_rates: Vec<f64>,
-    /// What an error of each x is relative to.
-    size: Vec<f64>,
     /// y_{i-1} and y_i.
     before: Vec<f64>,
     here: Vec<f64>,
@@ -64,7 +62,6 @@ impl Extrapolation {
             table: vec![vec![0.0; n]; MOST_ROWS],
             end: vec![0.0; n],
             end_rates: vec![0.0; n],
-            size: vec![0.0; n],
             before: vec![0.0; n],
             here: vec![0.0; n],
             middle: Middle::new(n),
@@ -143,19 +140,19 @@ impl Extrapolation {
     }
 
     /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state: the largest |x| so
-    /// far, or how far the rates at the ends of the step take it in the time `reach`.
-    pub fn error(&mut self, scale: &[f64], reach: f64, tolerance: f64) -> f64 {
+    /// far, or how far the rates at the ends of the step take it in the time `reach`. These sizes are what is left.
+    pub fn error(&mut self, size: &mut [f64], scale: &[f64], reach: f64, tolerance: f64) -> f64 {
         if self.rows < 2 {
             return f64::INFINITY;
         }
         add(&mut self.end, &self.start, &self.table[0]);
         let last = substeps(self.rows) * self.n;
         let last = &self.middle.rates_of(self.rows)[last..];
-        for (i, size) in self.size.iter_mut().enumerate() {
+        for (i, size) in size.iter_mut().enumerate() {
             let rate = self.rates[i].abs().max(last[i].abs());
             *size = scale[i].max(self.end[i].abs()).max(reach * rate);
         }
-        let entries = self.table[0].iter().zip(&self.table[1]).zip(&self.size);
+        let entries = self.table[0].iter().zip(&self.table[1]).zip(size.iter());
         entries.fold(0.0, |most, ((x, other), size)| {
             larger(most, (x - other).abs() / (tolerance * size))
         })
@@ -193,7 +190,13 @@ impl Extrapolation {
     }
 
     /// Largest |x' - f(t, x)| H of the polynomials, relative to the size of each state.
-    pub fn defect(&mut self, field: &mut impl Field, t: f64, polynomials: &ElementSeries) -> f64 {
+    pub fn defect(
+        &mut self,
+        field: &mut impl Field,
+        t: f64,
+        size: &[f64],
+        polynomials: &ElementSeries,
+    ) -> f64 {
         let mut most = 0.0;
         for share in DEFECTS {
             let tau = share * self.length;
@@ -201,7 +204,7 @@ impl Extrapolation {
                 *x = series::value(polynomials.row(i), tau);
             }
             field.rates(t + tau, &self.before, &mut self.here);
-            for (i, (size, rate)) in self.size.iter().zip(&self.here).enumerate() {
+            for (i, (size, rate)) in size.iter().zip(&self.here).enumerate() {
                 let slope = series::slope(polynomials.row(i), tau);
                 most = larger(most, (slope - rate).abs() * self.length / size);
             }
