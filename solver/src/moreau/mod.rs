@@ -189,20 +189,25 @@ impl<F: Free> Stepper<F> {
                 break Status::Stopped;
             }
         };
-        stats.events = self.contacts.n_changes();
-        let (impacts, shifts) = (
-            &self.impacts.ladder.solvers,
-            &self.projection.ladder.solvers,
-        );
-        stats.newton_iterations = impacts.sweeps + shifts.sweeps;
-        stats.factorizations = impacts.factorizations + shifts.factorizations;
-        let counts = self.impacts.counts;
-        Solution {
-            outcome: Outcome {
-                complementarity: counts.residual,
+        self.solution(
+            Outcome {
                 stats,
                 ..Outcome::at(status, t, x, sides)
             },
+            stuck,
+        )
+    }
+
+    /// What a run leaves that has ended so.
+    fn solution(&self, mut outcome: Outcome, stuck: Option<usize>) -> Solution {
+        let (counts, impacts) = (self.impacts.counts, &self.impacts.ladder.solvers);
+        let shifts = &self.projection.ladder.solvers;
+        outcome.complementarity = counts.residual;
+        outcome.stats.events = self.contacts.n_changes();
+        outcome.stats.newton_iterations = impacts.sweeps + shifts.sweeps;
+        outcome.stats.factorizations = impacts.factorizations + shifts.factorizations;
+        Solution {
+            outcome,
             penetration: self.projection.penetration,
             stuck,
             impulses: counts.impulses,

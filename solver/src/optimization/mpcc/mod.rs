@@ -30,9 +30,8 @@ use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
 use certificate::Certificate;
-use options::MAX_SWITCHES;
 use way::{DeadEnd, ways};
-use work::Work;
+use work::{MAX_SWITCHES, Work};
 
 pub use crate::optimization::mpcc::certificate::class::Class;
 pub use crate::optimization::mpcc::certificate::unique::alternatives;

@@ -5,9 +5,6 @@ use super::relaxed::{Coupling, Form};
 use crate::linalg::analyses::Analyses;
 use crate::runtime::limit::Limit;
 
-/// How often a branch is left for a better one that the certificate finds.
-pub(super) const MAX_SWITCHES: usize = 20;
-
 /// How σ is driven to zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Homotopy {

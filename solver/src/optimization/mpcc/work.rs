@@ -13,6 +13,9 @@ use crate::optimization::mpcc::certificate::class::Class;
 use crate::optimization::problem::Nlp;
 use crate::runtime::clock::Instant;
 
+/// How often a branch is left for a better one that the certificate finds.
+pub(super) const MAX_SWITCHES: usize = 20;
+
 /// A run under way.
 pub struct Work<'o> {
     /// What is asked for.

@@ -2,8 +2,7 @@
 
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::mpcc::lift::Lifted;
-use crate::optimization::mpcc::options::MAX_SWITCHES;
-use crate::optimization::mpcc::work::Work;
+use crate::optimization::mpcc::work::{MAX_SWITCHES, Work};
 
 /// How far the start of a descent is from the point, relative to its largest variable or 1, where that is larger.
 const STEPS: [f64; 4] = [0.3, 0.03, 3e-3, 3e-4];
