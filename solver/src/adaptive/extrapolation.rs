@@ -158,7 +158,7 @@ impl Extrapolation {
         })
     }
 
-    /// Evaluations of f in the step so far.
+    /// Evaluations of f for the rows so far: Σ n_j.
     pub fn evaluations(&self) -> usize {
         (1..=self.rows).map(substeps).sum()
     }

@@ -246,7 +246,7 @@ fn a_relay_on_position_is_refused_with_its_surface() {
 }
 
 #[test]
-fn limits_end_in_a_status() {
+fn limits_and_rates_that_are_no_numbers_end_in_a_status() {
     let system = Planes::relays(&[3.0], &[-2.0]);
     let (outcome, _) = system.run(
         1.0,

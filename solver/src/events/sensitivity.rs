@@ -45,9 +45,7 @@ impl Window {
             let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
             let past = mode.surfaces.weigh(i, |j| scales.largest[j]);
             let rounding = ROUNDINGS * f64::EPSILON * bands.terms[i].max(sizes).max(past);
-            let around: [f64; 1 + DERIVATIVES] = series::around(c, tau);
-            let terms = around.into_iter().enumerate().skip(1);
-            series::soonest(rounding, terms).map_or(f64::INFINITY, |(_, length)| length)
+            uncertain(c, tau, rounding)
         });
         let window = windows.fold(0.0, f64::max);
         self.length = if window.is_finite() { window } else { 0.0 };
@@ -70,8 +68,15 @@ impl Window {
     }
 }
 
+/// The δ for which a derivative of Σ c_j τʲ at `tau` makes as much of a difference as rounding does.
+pub(crate) fn uncertain(c: &[f64], tau: f64, rounding: f64) -> f64 {
+    let around: [f64; 1 + DERIVATIVES] = series::around(c, tau);
+    let terms = around.into_iter().enumerate().skip(1);
+    series::soonest(rounding, terms).map_or(f64::INFINITY, |(_, length)| length)
+}
+
 /// Derivatives of ψ that are looked at.
 const DERIVATIVES: usize = 4;
 
 /// Roundings of a term that a value has seen.
-const ROUNDINGS: f64 = 8.0;
+pub(crate) const ROUNDINGS: f64 = 8.0;

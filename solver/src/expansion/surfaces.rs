@@ -292,7 +292,8 @@ impl Surfaces {
         terms.map(|&(j, g)| g * f[j]).sum::<f64>() + self.time_gradient(switch)
     }
 
-    /// How far rounding may take ψ of a switch from what it is.
+    /// How far rounding may take what stands for ψ of a switch from what exact arithmetic gives; 0 where ψ is affine, or no
+    /// bound is known.
     pub(crate) fn running_error(&mut self, switch: usize, values: &[f64]) -> f64 {
         let local = &self.surfaces[self.slot[switch]];
         local

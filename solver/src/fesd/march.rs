@@ -10,6 +10,7 @@ use super::run::{NEAR, Run};
 use super::system::hidden::Unsolved;
 use super::watch::{BAND, Start, Values, Verdict};
 use crate::event::Segment;
+use crate::events::sensitivity::ROUNDINGS;
 use crate::expansion::series;
 use crate::fesd::element::Element;
 use crate::fesd::element::scheme::Scheme;
@@ -416,6 +417,20 @@ impl March {
             }
         }
         worst
+    }
+
+    /// How long the event at the end of the last element is uncertain, at which a member has vanished; takes note of the
+    /// rates before.
+    pub fn uncertain(&mut self, modes: &Modes, run: &mut Run, member: usize) -> f64 {
+        let h = run.lengths.last;
+        let rounding = ROUNDINGS * f64::EPSILON * run.entry.sizes[member];
+        for (i, before) in run.history.before.iter_mut().enumerate() {
+            *before = series::slope(self.polynomials.series.row(i), h);
+        }
+        match self.values.uncertain(&modes.scheme, member, rounding) {
+            share if share.is_finite() => h * share,
+            _ => 0.0,
+        }
     }
 
     /// Reports the elements solved since the last report, and moves the run to their end, which is

@@ -165,13 +165,13 @@ impl<'s> Simulator<'s> {
         self
     }
 
-    /// Takes what other runs of the system have made of its functions.
+    /// Takes the functions of active sets that other runs of the system have compiled, in place of its own.
     pub fn knowing(mut self, library: Library) -> Self {
         self.modes.library = library;
         self
     }
 
-    /// What runs have made of its functions.
+    /// The functions of the active sets that runs have met, compiled.
     pub fn library(&self) -> &Library {
         &self.modes.library
     }
@@ -226,7 +226,7 @@ impl<'s> Simulator<'s> {
                 sides: sides.into_vec(),
                 alpha,
                 activity: record.work.iter().map(|work| work / elapsed).collect(),
-                moved: vec![0.0; x0.len()],
+                moved: run.history.moved.iter().map(|moved| moved.sqrt()).collect(),
                 drift: 0.0,
                 defect: record.defect,
                 complementarity: 0.0,
@@ -357,7 +357,7 @@ impl<'s> Simulator<'s> {
                 .report(&mut self.modes, run, count, end, observer)?;
             // What comes after a breakpoint is decided there.
             if piece.event.is_some() && !run.is_at_breakpoint() {
-                self.change(run, step, observer)?;
+                self.change(run, piece.event, step, observer)?;
             }
         }
         Ok(())
@@ -438,7 +438,7 @@ impl<'s> Simulator<'s> {
             };
             run.lengths.next = h;
             if event.is_some() && !run.is_at_breakpoint() {
-                self.change(run, h, observer)?;
+                self.change(run, event, h, observer)?;
             }
         }
         Ok(())
@@ -459,7 +459,7 @@ impl<'s> Simulator<'s> {
             Reached::Nothing => return Ok(false),
             Reached::EndAtOnce => return Ok(true),
             Reached::Inside => {}
-            Reached::Boundary => self.change(run, length.h, observer)?,
+            Reached::Boundary => self.change(run, None, length.h, observer)?,
         }
         run.lengths.last = 0.0;
         Ok(true)
@@ -483,11 +483,12 @@ impl<'s> Simulator<'s> {
         self.tell_change(run, before, observer)
     }
 
-    /// Chooses the next active set where the last element ended, and reports the change; steps are
-    /// about as long as `length`.
+    /// Chooses the next active set where the last element ended, with a member that has vanished, and reports the change;
+    /// steps are about as long as `length`.
     fn change(
         &mut self,
         run: &mut Run,
+        event: Option<usize>,
         length: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
@@ -500,7 +501,9 @@ impl<'s> Simulator<'s> {
             return Err(Status::Accumulation);
         }
         let before = self.modes.sides(run.place.mode).into();
+        let uncertain = event.map_or(0.0, |member| self.march.uncertain(&self.modes, run, member));
         self.selection.select(&mut self.modes, run, length)?;
+        run.note_uncertain(uncertain);
         run.lengths.last = 0.0;
         self.tell_change(run, before, observer)
     }

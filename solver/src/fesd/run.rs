@@ -70,6 +70,9 @@ pub(crate) struct History {
     pub stalled: usize,
     pub events: Events,
     pub chatter: Chatter,
+    /// f before the last event, and squares of what uncertain events may have moved the states by.
+    pub before: Vec<f64>,
+    pub moved: Vec<f64>,
 }
 
 /// A run on its way.
@@ -120,7 +123,11 @@ impl Run {
                 ..Record::default()
             },
             scale,
-            history: History::default(),
+            history: History {
+                before: vec![0.0; n],
+                moved: vec![0.0; n],
+                ..History::default()
+            },
             slips: Slips::default(),
             decisions: Vec::new(),
             fold: None,
@@ -130,6 +137,14 @@ impl Run {
     /// Whether data goes on with other pieces at the present time.
     pub fn is_at_breakpoint(&self) -> bool {
         self.until <= self.place.t + NEAR * self.place.t.abs()
+    }
+
+    /// Adds what the rates behind an event that is uncertain for a time have to do with those before.
+    pub fn note_uncertain(&mut self, length: f64) {
+        let History { before, moved, .. } = &mut self.history;
+        for (moved, (after, before)) in moved.iter_mut().zip(self.entry.rates.iter().zip(before)) {
+            *moved += (length * (after - *before)).powi(2);
+        }
     }
 
     /// Counts an element of this length, at whose end the run is.

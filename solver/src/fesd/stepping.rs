@@ -88,7 +88,7 @@ impl<'s> Stepper<'s> {
         self.tableau().order
     }
 
-    /// The same, which knows what another one has made of the functions of the system.
+    /// The same with the functions of active sets that another stepper of the system has compiled.
     pub fn knowing(mut self, library: Library) -> Self {
         self.uniform.modes.library = library;
         self

@@ -5,6 +5,7 @@ use wide::f64x4;
 use super::element::Element;
 use super::system::Reduced;
 use crate::events::roots::RootFinder;
+use crate::events::sensitivity;
 use crate::fesd::element::scheme::{Scheme, WIDTH};
 use crate::fesd::system::hidden::{Hidden, Unsolved};
 
@@ -202,6 +203,16 @@ impl Values {
     pub fn of(&self, scheme: &Scheme, member: usize) -> &[f64] {
         let n_points = scheme.points.at.len();
         &self.at_points[member * n_points..(member + 1) * n_points]
+    }
+
+    /// How long the root of a member at the end of an element is uncertain where values are rounded by so much, as a share
+    /// of the element.
+    pub fn uncertain(&mut self, scheme: &Scheme, member: usize, rounding: f64) -> f64 {
+        let n_points = scheme.points.at.len();
+        let values = &self.at_points[member * n_points..(member + 1) * n_points];
+        self.series.resize(n_points, 0.0);
+        scheme.points.all.series(values, &mut self.series);
+        sensitivity::uncertain(&self.series, 1.0, rounding)
     }
 
     /// How far the polynomial through the values of a member is from what it is there, relative to the largest of

@@ -277,7 +277,7 @@ impl HybridSystem {
         self.switches.iter().any(|switch| switch.has_root)
     }
 
-    /// Whether a switch is that of the second entry.
+    /// Whether a switch is that of the second entry of a slip velocity with two, for which the switch of the first stands.
     pub(crate) fn is_second(&self, switch: usize) -> bool {
         self.across(switch).is_some_and(|other| other < switch)
     }

@@ -232,16 +232,17 @@ impl Selector<'_> {
         Ok(on)
     }
 
-    /// Narrows the bands of contacts where a run starts with gaps that may or may not be rounding of given numbers.
+    /// Narrows the bands of all contacts where a run starts with a gap in doubt: within its band, and more than rounding
+    /// of ψ. The bands then are at most a small share of how far gaps move in the run, or the rounding of ψ.
     fn tell_gaps(&mut self, state: &mut State, horizon: f64) {
         let contacts: Vec<usize> = (0..state.point.sides.len())
             .filter(|&i| self.system.is_unilateral(i))
             .collect();
-        let is_open = |&i: &usize| {
+        let is_in_doubt = |&i: &usize| {
             let gap = self.mode.psi(i).abs();
             gap > AT_START / LEFT * state.bands.rounding[i] && gap <= state.bands.width[i]
         };
-        if contacts.iter().any(is_open) {
+        if contacts.iter().any(is_in_doubt) {
             let most = self.mode.most_at_start(&state.point, &contacts, horizon);
             state.bands.most_at_start = most;
             self.mode.measure_bands(state, &contacts, horizon);

@@ -30,9 +30,8 @@ pub(crate) fn warning(
     }
     let values = steepest::values(system, outcome);
     let value = |e: Expr| values.value(e);
-    let plain = (system.switches.iter()).filter(|switch| {
-        switch.role == Role::Step && !switch.unilateral && switch.slip_of.is_none()
-    });
+    let plain = (system.switches.iter())
+        .filter(|switch| switch.role == Role::Step && switch.slip_of.is_none());
     plain.into_iter().find_map(|switch| {
         let (mut size, mut moves) = (0.0, 0.0);
         for (state, (low, high)) in system.states.iter().zip(&ranges) {

@@ -111,7 +111,8 @@ impl Stepper {
         self.points.contacts.gaps.iter().map(is_open).collect()
     }
 
-    /// The first contact that strikes in a step with a coefficient that no contact has: when, which one, and what it has.
+    /// The first contact that strikes in a step with a restitution outside of [0, 1] or a friction below zero: the time, the
+    /// contact, and the coefficient with its value. A coefficient that is no number is not looked at.
     pub fn outside<P: Program>(
         &mut self,
         step: &StepProgram<P>,

@@ -182,7 +182,8 @@ impl<'p> Lifted<'p> {
         self.problem.others(&w[..n], zeros, y)
     }
 
-    /// The point that differs from this one, and the members that its branch holds at zero.
+    /// The point w with the values that `other` has in place of its own, and with slacks that follow from these; and the
+    /// members that the branch of `other` holds at zero.
     pub fn moved(&mut self, other: &Other, w: &[f64], zeros: &[Member]) -> (Vec<f64>, Vec<Member>) {
         let mut w = w[..self.n_original()].to_vec();
         for &(variable, value) in &other.w {

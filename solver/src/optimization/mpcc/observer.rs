@@ -15,7 +15,7 @@ pub enum Program {
     Relaxed {
         /// Its functions.
         form: Form,
-        /// σ as a function of μ.
+        /// The parameter σ of the relaxation as a function of the barrier parameter μ.
         coupling: Coupling,
     },
     /// A branch: one side of every pair is held at zero.
@@ -23,7 +23,7 @@ pub enum Program {
 }
 
 impl Program {
-    /// σ of a relaxation at μ.
+    /// The parameter σ of a relaxation at the barrier parameter μ; none for other programs.
     pub fn sigma(&self, mu: f64) -> Option<f64> {
         match self {
             Program::Relaxed { coupling, .. } => Some(coupling.sigma(mu)),

@@ -111,7 +111,8 @@ pub(crate) fn build(mut contents: Contents) -> Result<Problem, Error> {
 }
 
 impl Rows {
-    /// Those of a file, without bounds, and what kinks add.
+    /// The rows of a file, which have no bounds yet, and behind them the equations of its kinks, such as
+    /// a - (p - n) = 0 for |a| = p + n, with the pairs 0 <= p ⟂ n >= 0.
     fn of(contents: &mut Contents, lifted: Lifted) -> Self {
         let unbounded = (f64::NEG_INFINITY, f64::INFINITY);
         let own = contents.rows.iter_mut().map(|function| {

@@ -31,7 +31,7 @@ const RISE: f64 = 1.5;
 /// What v in 1/v may fall to, as a share of its middle.
 const FALL: f64 = 0.25;
 
-/// A ball, whether all functions on the way to it are tame, and how many factors it is a product of.
+/// A ball, whether all functions on the way to it are tame, and how many factors it is a product of, or its longest term.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tame {
     pub ball: Ball,
@@ -60,7 +60,7 @@ impl Tame {
         }
     }
 
-    /// A sum with another one.
+    /// A sum with another one. Its factors are those of the term that has more, as the degree of a polynomial is.
     fn joins(self, other: Tame, ball: Ball) -> Self {
         Tame {
             is_tame: self.is_tame && other.is_tame,

@@ -197,7 +197,7 @@ impl<'a> Form<'a> {
             && rows.all(|(&row, &slack)| kind(&bounds, row as usize) == expected(slack))
     }
 
-    /// Reads the bounds of v, moved outward by `relaxation` of their size, and the right-hand sides of equations.
+    /// Reads the bounds of v, moved outward by `relaxation` of their size, and the right-hand sides b.
     pub fn read_bounds(&mut self, relaxation: f64, lower: &mut [f64], upper: &mut [f64]) {
         let bounds = self.nlp.variable_bounds();
         for (i, &variable) in self.shape.variables.iter().enumerate() {
