@@ -72,6 +72,7 @@ fn help_names_the_commands() {
       verify       Run or solve experiments by every method and lowering that takes them, and compare
       order        Measure the error of every method over step size and time
       modes        Map the sliding modes of a nonlinear switch over one or two states
+      plot         Draw experiments, and what was measured, in one figure
       sweep        Run an experiment at many values of its parameters, on all cores
       solve        Solve AMPL .nl files with complementarity conditions
       fmt          Lay files out in the standard way
@@ -105,6 +106,11 @@ fn wrong_usage_exits_with_64() {
         &["run", "relay.nsd", "--plot", "figure.png"],
         &["run", "relay.nsd", "--csv", "values.json"],
         &["run", "relay.nsd", "--json", "relay.nsd"],
+        &["check", "relay.nsd", "--json", "relay.nsd"],
+        &["verify", "relay.nsd", "--json", "relay.nsd"],
+        &["test", "relay.nsd", "--json", "relay.nsd"],
+        &["test", "relay.nsd", "--junit", "relay.nsd"],
+        &["solve", "relay.nl", "--json", "relay.csv"],
         &["run", "relay.nsd", "--events", "events.SVG"],
         &[
             "sweep",

@@ -54,6 +54,18 @@ fn experiments_and_data_share_panels() {
         assert_eq!((ran.status, ran.out.as_str()), (status, ""), "{args:?}");
         assert!(ran.err.contains(told), "{args:?}: {}", ran.err);
     }
+    for (text, told) in [
+        ("t,Q\n0,1\n", "`q[1]`, `q[2]`, `energy`"),
+        ("t,q[1]\n,1\n", "line 2"),
+        ("t,q[1]\n0,inf\n", "line 2"),
+    ] {
+        fs::write(folder.join("bad.csv"), text).expect("the folder is writable");
+        let bad = plot(&["swings", "--data", "bad.csv"]);
+        assert_eq!((bad.status, bad.out.as_str()), (1, ""), "{text}");
+        assert!(bad.err.contains(told), "{}", bad.err);
+    }
+    let measured_alone = plot(&["swings", "--data", "d.csv", "--only", "unknown"]);
+    assert_eq!(measured_alone.status, 1, "{}", measured_alone.out);
     fs::write(folder.join("bad.csv"), "t,q[1]\n0,one\n").expect("the folder is writable");
     let bad = plot(&["swings", "--data", "bad.csv"]);
     assert!(

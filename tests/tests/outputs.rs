@@ -246,6 +246,15 @@ fn a_jump_at_an_instant_of_the_output_is_on_both_sides_of_it() {
     assert_eq!(found.states[0].values, [0.0, 0.5, 1.0, 10.0]);
 }
 
+/// What is infinite at some points, by an overflow, is no bound that is infinite.
+#[test]
+fn what_overflows_at_some_states_keeps_its_switch() {
+    let text = "model m { param lo = -inf; state x = 3; state y = 0; y' = 0; x' = -min(x, exp(1e4*y)); output z = max(lo, y); }
+        simulate run of m { horizon 1; }";
+    let found = solved(text, "run");
+    assert!((end(&found, "x")[0] - 2.0).abs() <= 1e-9);
+}
+
 /// A bound that is infinite is never met, so that there is no switch for it.
 #[test]
 fn infinite_bounds_are_no_switches() {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::{Args as Arguments, ColorChoice, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 
-use super::files::is_standard;
+use super::files::{Form, form_of, is_standard, misnamed};
 use crate::nl;
 
 /// Compiler for .nsd: nonsmooth dynamical systems as they stand in a paper
@@ -297,18 +297,6 @@ impl RunArgs {
     }
 }
 
-/// What files with these extensions hold.
-const FORMS: [(&str, &str); 8] = [
-    ("json", "JSON"),
-    ("jsonl", "JSON"),
-    ("csv", "CSV"),
-    ("svg", "a figure"),
-    ("png", "a figure"),
-    ("pdf", "a figure"),
-    ("parquet", "Parquet"),
-    ("nsd", "a model"),
-];
-
 /// Where results go.
 #[derive(Clone, Copy, Debug)]
 pub struct Targets<'a> {
@@ -340,36 +328,17 @@ impl<'a> Targets<'a> {
             };
             return Some(format!("only one of {all} can write to standard output"));
         }
-        let of = |path: &Path| {
-            path.extension()
-                .map(|extension| extension.to_ascii_lowercase())
-        };
         let plot = self.plot.filter(|plot| !is_standard(plot));
-        if let Some(plot) = plot.filter(|plot| of(plot).is_none_or(|extension| extension != "svg"))
-        {
+        if let Some(plot) = plot.filter(|plot| form_of(plot) != Some(Form::Svg)) {
             let plot = plot.display();
             return Some(format!("plots are SVG: `{plot}` must end in `.svg`"));
         }
-        let tables = [
-            (self.json, "JSON"),
-            (self.csv, "CSV"),
-            (self.events, "CSV"),
-            (self.parquet, "Parquet"),
-        ];
-        // What is written is not what the name says.
-        let is_other = |path: &Path, form: &str| {
-            let extension = of(path)?;
-            let mut forms = FORMS.iter().filter(|(known, _)| extension == **known);
-            forms.next().filter(|(_, known)| *known != form)
-        };
-        tables.into_iter().find_map(|(path, form)| {
-            let path = path?;
-            let (_, other) = is_other(path, form)?;
-            let path = path.display();
-            Some(format!(
-                "`{path}` is the name of {other}, and {form} would be in it"
-            ))
-        })
+        misnamed([
+            (self.json, Form::Json),
+            (self.csv, Form::Csv),
+            (self.events, Form::Csv),
+            (self.parquet, Form::Parquet),
+        ])
     }
 }
 

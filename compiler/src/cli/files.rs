@@ -225,6 +225,58 @@ pub fn find_all(paths: &[PathBuf], wanted: &str) -> Result<Vec<PathBuf>, FileErr
     Ok(found)
 }
 
+/// What a file holds, as its name says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    Json,
+    Csv,
+    Svg,
+    Figure,
+    Parquet,
+    Xml,
+    Model,
+}
+
+/// The form of a file by its extension.
+pub fn form_of(path: &Path) -> Option<Form> {
+    let extension = path.extension()?.to_ascii_lowercase();
+    match extension.to_str()? {
+        "json" | "jsonl" => Some(Form::Json),
+        "csv" => Some(Form::Csv),
+        "svg" => Some(Form::Svg),
+        "png" | "pdf" => Some(Form::Figure),
+        "parquet" => Some(Form::Parquet),
+        "xml" => Some(Form::Xml),
+        EXTENSION => Some(Form::Model),
+        _ => None,
+    }
+}
+
+impl Form {
+    fn word(self) -> &'static str {
+        match self {
+            Form::Json => "JSON",
+            Form::Csv => "CSV",
+            Form::Svg | Form::Figure => "a figure",
+            Form::Parquet => "Parquet",
+            Form::Xml => "XML",
+            Form::Model => "a model",
+        }
+    }
+}
+
+/// What is wrong with the first of some files that shall hold another form than its name says.
+pub fn misnamed<'p>(targets: impl IntoIterator<Item = (Option<&'p Path>, Form)>) -> Option<String> {
+    targets.into_iter().find_map(|(path, form)| {
+        let path = path?;
+        let named = form_of(path).filter(|named| *named != form)?;
+        let (path, named, form) = (path.display(), named.word(), form.word());
+        Some(format!(
+            "`{path}` is named as {named}, and what is written there is {form}"
+        ))
+    })
+}
+
 /// Where results go: standard output or a file that is written as a whole at the end.
 pub struct Sink {
     path: PathBuf,
@@ -237,12 +289,17 @@ impl Sink {
     pub fn objects(path: &Path, lines: &str, has_one: bool) -> Self {
         let is_lines = path
             .extension()
-            .is_some_and(|extension| extension == "jsonl");
-        if has_one || is_lines || is_standard(path) {
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("jsonl"));
+        let is_object = has_one && !lines.is_empty();
+        if is_object || is_lines || is_standard(path) {
             return Sink::with(path, lines);
         }
         let objects: Vec<&str> = lines.lines().collect();
-        Sink::with(path, format!("[\n{}\n]\n", objects.join(",\n")))
+        let text = match objects[..] {
+            [] => "[]\n".to_owned(),
+            _ => format!("[\n{}\n]\n", objects.join(",\n")),
+        };
+        Sink::with(path, text)
     }
 
     /// A sink for a path, `-` for standard output, with all it takes.

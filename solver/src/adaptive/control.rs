@@ -22,8 +22,6 @@ pub enum Verdict {
 pub struct Control {
     /// Length of the next step.
     pub step: f64,
-    /// Length of the longest step so far, and of the first one that is tried.
-    pub reach: f64,
     /// The row k in which convergence is expected.
     target: usize,
     /// Whether the last step was rejected.
@@ -59,7 +57,6 @@ impl Control {
         let target = (1.5 - 0.6 * tolerance.log10()) as usize;
         Control {
             step,
-            reach: step,
             target: target.clamp(LEAST_TARGET, MOST_ROWS - 1),
             rejected: false,
             steps: [0.0; MOST_ROWS + 1],

@@ -139,20 +139,18 @@ impl Extrapolation {
         }
     }
 
-    /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state: the largest |x| so
-    /// far, or how far the rates at the ends of the step take it in the time `reach`. These sizes are what is left.
-    pub fn error(&mut self, size: &mut [f64], scale: &[f64], reach: f64, tolerance: f64) -> f64 {
+    /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state.
+    pub fn error(&mut self, scale: &[f64], tolerance: f64) -> f64 {
         if self.rows < 2 {
             return f64::INFINITY;
         }
         add(&mut self.end, &self.start, &self.table[0]);
-        let last = substeps(self.rows) * self.n;
-        let last = &self.middle.rates_of(self.rows)[last..];
-        for (i, size) in size.iter_mut().enumerate() {
-            let rate = self.rates[i].abs().max(last[i].abs());
-            *size = scale[i].max(self.end[i].abs()).max(reach * rate);
-        }
-        let entries = self.table[0].iter().zip(&self.table[1]).zip(size.iter());
+        let differences = self.table[0].iter().zip(&self.table[1]);
+        let sizes = scale
+            .iter()
+            .zip(&self.end)
+            .map(|(scale, x)| scale.max(x.abs()));
+        let entries = differences.zip(sizes);
         entries.fold(0.0, |most, ((x, other), size)| {
             larger(most, (x - other).abs() / (tolerance * size))
         })
@@ -194,7 +192,7 @@ impl Extrapolation {
         &mut self,
         field: &mut impl Field,
         t: f64,
-        size: &[f64],
+        scale: &[f64],
         polynomials: &ElementSeries,
     ) -> f64 {
         let mut most = 0.0;
@@ -204,8 +202,10 @@ impl Extrapolation {
                 *x = series::value(polynomials.row(i), tau);
             }
             field.rates(t + tau, &self.before, &mut self.here);
-            for (i, (size, rate)) in size.iter().zip(&self.here).enumerate() {
+            let states = scale.iter().zip(&self.end).zip(&self.here);
+            for (i, ((scale, end), rate)) in states.enumerate() {
                 let slope = series::slope(polynomials.row(i), tau);
+                let size = scale.max(end.abs());
                 most = larger(most, (slope - rate).abs() * self.length / size);
             }
         }

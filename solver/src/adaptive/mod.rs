@@ -141,12 +141,14 @@ impl<F: Field> Simulator<F> {
         let tolerance = (LOCAL * self.settings.tolerance).max(LEAST);
         let step = first_step(x0, &rates, t1 - t0);
         self.extrapolation.restart();
+        // What starts at zero has the size that its rate gives it in the first step.
+        let sizes = x0.iter().zip(&rates);
+        let sizes = sizes.map(|(x, rate)| x.abs().max(step * rate.abs()).max(LEAST_SCALE));
         Run {
             t: t0,
             until,
             x: x0.to_vec(),
-            size: vec![0.0; x0.len()],
-            scale: x0.iter().map(|x| x.abs().max(LEAST_SCALE)).collect(),
+            scale: sizes.collect(),
             control: Control::new(tolerance, step),
             rates,
             end_sides: sides.clone(),
@@ -181,7 +183,7 @@ impl<F: Field> Simulator<F> {
         table.begin(length, &run.x, &run.rates);
         let verdict = loop {
             let row = table.add_row(&mut self.field, run.t);
-            let error = table.error(&mut run.size, &run.scale, run.control.reach, run.tolerance);
+            let error = table.error(&run.scale, run.tolerance);
             run.has_value = !error.is_nan();
             match run.control.judge(row, length, error) {
                 Verdict::GoOn => {}
@@ -194,7 +196,7 @@ impl<F: Field> Simulator<F> {
         }
         // Rows may agree on what is wrong where f depends on signs alone, and not on their steps.
         table.close(&mut self.field, end, run.sides.len(), &mut self.series);
-        let defect = table.defect(&mut self.field, run.t, &run.size, &self.series);
+        let defect = table.defect(&mut self.field, run.t, &run.scale, &self.series);
         run.stats.rhs_evaluations += 1 + DEFECTS.len();
         run.has_value = !defect.is_nan();
         let is_accurate = run.has_value && defect <= (DEFECT * run.tolerance).max(LEAST_DEFECT);
@@ -208,7 +210,6 @@ impl<F: Field> Simulator<F> {
     fn accept(&mut self, run: &mut Run, end: f64, observer: &mut impl Observer) -> ControlFlow<()> {
         let start = std::mem::replace(&mut run.t, end);
         run.stats.steps += 1;
-        run.control.reach = run.control.reach.max(end - start);
         self.extrapolation.advance();
         run.x.copy_from_slice(self.extrapolation.state());
         run.rates.copy_from_slice(self.extrapolation.end_rates());
@@ -253,9 +254,8 @@ struct Run {
     until: f64,
     x: Vec<f64>,
     rates: Vec<f64>,
-    /// Largest |x_i| so far, and what an error of x_i in the present step is relative to.
+    /// Largest |x_i| so far.
     scale: Vec<f64>,
-    size: Vec<f64>,
     sides: Vec<Side>,
     end_sides: Vec<Side>,
     control: Control,

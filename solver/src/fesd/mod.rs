@@ -33,8 +33,8 @@ use crate::fesd::run::{NEAR, Run};
 use crate::fesd::selection::{Preferences, Selection};
 pub use crate::fesd::system::full::{Functions, Kinds};
 pub use crate::fesd::system::library::Library;
-use crate::fesd::system::pointwise::Point;
 pub use crate::fesd::system::pointwise::{Leading, Rule, Rules, Surfaces, alpha_of, alphas_of};
+use crate::fesd::system::pointwise::{Point, alpha_on};
 use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
@@ -550,7 +550,10 @@ impl<'s> Simulator<'s> {
             x: &place.x,
             sides: self.modes.sides(place.mode),
         };
-        let psi = |t: f64, x: &[f64]| self.system.psi_at(Point { t, x, numbers });
+        let psi = |t: f64, x: &[f64]| {
+            let alpha: Vec<f64> = here.sides.iter().copied().map(alpha_on).collect();
+            self.system.psi_at(Point { t, x, numbers }, &alpha)
+        };
         let most = self.settings.max_events;
         let ends = run
             .history

@@ -3,11 +3,10 @@
 use std::path::Path;
 
 use crate::cli::args::CheckArgs;
-use crate::cli::files::{FileError, Sink, Terminal, is_standard};
+use crate::cli::files::{FileError, Form, Sink, Terminal, is_standard};
 use crate::cli::project::Project;
 use crate::cli::{Exit, Streams, files, io, project};
-use crate::diagnostics::counted;
-use crate::diagnostics::{self, AnyDiagnostic, Applicability, Diagnostics, Fix, json};
+use crate::diagnostics::{self, AnyDiagnostic, Applicability, Diagnostics, Fix, counted, json};
 use crate::syntax::Item;
 
 /// A fix may show the next mistake, and a statement tells one at a time; more than this is no repair.
@@ -15,6 +14,10 @@ const MOST_ROUNDS: usize = 100;
 
 /// Checks files and prints what is wrong with them.
 pub fn run(args: &CheckArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    if let Some(message) = files::misnamed([(args.json.as_deref(), Form::Json)]) {
+        writeln!(streams.err, "error: {message}")?;
+        return Ok(Exit::Usage);
+    }
     if args.fix && args.files.iter().any(|path| is_standard(path)) {
         writeln!(
             streams.err,

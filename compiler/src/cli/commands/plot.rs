@@ -60,7 +60,7 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         sources.push(source);
     }
     for path in &args.data {
-        match measured(path) {
+        match measured(path).and_then(|source| belonging(source, &sources)) {
             Ok(source) => sources.push(source),
             Err(message) => {
                 writeln!(streams.err, "error: {}: {message}", path.display())?;
@@ -71,7 +71,7 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     if let Some(name) = only(&mut sources, &args.only) {
         writeln!(
             streams.err,
-            "error: there is no quantity `{name}` in these runs and data"
+            "error: there is no quantity `{name}` in these runs"
         )?;
         return Ok(Exit::Wrong);
     }
@@ -86,7 +86,8 @@ fn only<'n>(sources: &mut [Source], names: &'n [String]) -> Option<&'n str> {
     if names.is_empty() {
         return None;
     }
-    let columns = || sources.iter().flat_map(|source| &source.columns);
+    let runs = || sources.iter().filter(|source| !source.is_measured);
+    let columns = || runs().flat_map(|source| &source.columns);
     let is_known = |name: &str| columns().any(|(known, _)| is_of(known, name));
     if let Some(unknown) = names.iter().find(|name| !is_known(name)) {
         return Some(unknown);
@@ -151,6 +152,29 @@ fn curves(
     Ok(Some((source, trajectory.status)))
 }
 
+/// What was measured of quantities that runs have; an error where that is nothing.
+fn belonging(source: Source, runs: &[Source]) -> Result<Source, String> {
+    let known = || {
+        runs.iter()
+            .flat_map(|run| &run.columns)
+            .map(|(name, _)| name)
+    };
+    let belongs = |(name, _): &(String, Vec<f64>)| known().any(|known| known == name);
+    if source.columns.iter().any(belongs) {
+        return Ok(source);
+    }
+    let mut names: Vec<String> = Vec::new();
+    for name in known().map(|name| format!("`{name}`")) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    Err(format!(
+        "no column has the name of a quantity of these runs: {}",
+        names.join(", ")
+    ))
+}
+
 /// Columns of a file of comma-separated values, of which the first is time; an empty cell was not measured.
 fn measured(path: &Path) -> Result<Source, String> {
     let bytes = files::read(path, MAX_BYTES).map_err(|error| error.to_string())?;
@@ -170,16 +194,15 @@ fn measured(path: &Path) -> Result<Source, String> {
     for record in reader.records() {
         let record = record.map_err(|error| error.to_string())?;
         for (k, cell) in record.iter().enumerate() {
-            let number = match cell {
-                "" => Ok(f64::NAN),
-                cell => cell.parse().map_err(|_| {
-                    let line = record.position().map_or(0, csv::Position::line);
-                    format!("line {line} has `{cell}`, which is no number")
-                }),
-            };
+            let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
+            let number = number.or((k > 0 && cell.is_empty()).then_some(f64::NAN));
+            let number = number.ok_or_else(|| {
+                let line = record.position().map_or(0, csv::Position::line);
+                format!("line {line} has `{cell}`, which is no finite number")
+            })?;
             match k.checked_sub(1) {
-                None => time.push(number?),
-                Some(column) => values[column].push(number?),
+                None => time.push(number),
+                Some(column) => values[column].push(number),
             }
         }
     }

@@ -13,7 +13,7 @@ use super::panel::{MANY, interrupted};
 pub struct Source {
     /// What the legend says.
     pub name: String,
-    /// Instants, ascending.
+    /// Instants; those of runs ascend.
     pub time: Vec<f64>,
     /// Scalar quantities by name.
     pub columns: Vec<(String, Vec<f64>)>,

@@ -3,7 +3,7 @@
 //! step(ψ) -> α,  sign(ψ) -> 2α - 1,  abs(y) -> (2α - 1) y with ψ = y,
 //! max(a, b) -> α a + (1 - α) b with ψ = a - b,  min(a, b) -> (1 - α) a + α b.
 
-use crate::expr::{BinaryFunction, Expr, Function, Node};
+use crate::expr::{BinaryFunction, Expr, Function, Node, Var, variables_of};
 use crate::system::switches::entries::Entry;
 use crate::system::switches::known::Known;
 
@@ -40,16 +40,21 @@ pub(crate) fn beside_infinite<'e>(e: Expr<'e>, params: &Known) -> Option<Expr<'e
     else {
         return None;
     };
-    if !params.numbers.values().any(|number| number.is_infinite()) {
-        return None;
-    }
+    let has_infinite = params.numbers.values().any(|number| number.is_infinite());
+    let value = |e: Expr<'e>| {
+        let of_fixed = |e: Expr<'e>| {
+            let is_fixed = |var: &Var| params.fixed(*var).is_some();
+            let all_fixed = has_infinite && variables_of(&[e]).iter().all(is_fixed);
+            all_fixed.then(|| e.eval(&|var| params.fixed(var).unwrap_or(f64::NAN)))
+        };
+        e.as_constant().or_else(|| of_fixed(e))
+    };
     let least = match function {
         BinaryFunction::Max => f64::NEG_INFINITY,
         _ => f64::INFINITY,
     };
-    let is_always = |e: Expr<'e>, bound: f64| params.at_samples(e, |value| value == bound);
     [(a, b), (b, a)].into_iter().find_map(|(bound, other)| {
-        let is_never = is_always(bound, least);
-        (is_never || is_always(bound, -least)).then_some(if is_never { other } else { bound })
+        let value = value(bound).filter(|value| value.is_infinite())?;
+        Some(if value == least { other } else { bound })
     })
 }

@@ -6,9 +6,9 @@ use crate::fesd::system::pointwise::{Point, eval};
 use crate::linalg::largest;
 use crate::tape::{Scratch, Tape};
 
-/// Equations of what is continuous hold within this, relative to the largest value.
+/// Equations of what is continuous hold within this, relative to the largest value (chosen by trial).
 const CONSISTENT: f64 = 1e-10;
-/// A point of a disc may be outside by so much.
+/// A point of a disc may be outside by so much (chosen by trial).
 const OUTSIDE: f64 = 1e-6;
 
 /// The contacts of a system.

@@ -214,7 +214,8 @@ pub(crate) fn eval(tape: &Tape, inputs: &[f64]) -> Vec<f64> {
     outputs
 }
 
-fn alpha_on(side: Side) -> f64 {
+/// α of a side, 1/2 on the surface.
+pub(crate) fn alpha_on(side: Side) -> f64 {
     0.5 + 0.5 * side.sign()
 }
 
@@ -242,9 +243,9 @@ impl ComplementaritySystem {
         point.z_by(self, &psi, &alpha)
     }
 
-    /// ψ of all switches, with indicators behind them.
-    pub(crate) fn psi_at(&self, point: Point) -> Vec<f64> {
-        point.sides(self, &[]).0
+    /// ψ of all switches for their α, with indicators behind them.
+    pub(crate) fn psi_at(&self, point: Point, alpha: &[f64]) -> Vec<f64> {
+        eval(&self.surfaces.psi, &point.with(alpha))
     }
 
     /// The switch of a gap that is negative at a point by more than rounding, where no solution is.

@@ -9,7 +9,7 @@ use std::time::Instant;
 use nsd_solver::optimization::mpcc::Observer;
 
 use crate::cli::args::{Log, SolveArgs};
-use crate::cli::files::{Sink, is_standard};
+use crate::cli::files::{Form, Sink, is_standard};
 use crate::cli::iterations::Iterations;
 use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::Diagnostics;
@@ -80,7 +80,11 @@ fn misuse(args: &SolveArgs, is_folder: bool) -> Option<String> {
     if targets.filter(|target| is_standard(target)).count() > 1 {
         return Some("only one of `--json`, `--csv`, `--plot` can write to standard output".into());
     }
-    None
+    files::misnamed([
+        (args.json.as_deref(), Form::Json),
+        (args.csv.as_deref(), Form::Csv),
+        (args.plot.as_deref(), Form::Svg),
+    ])
 }
 
 /// Options of the command line, and before them those of AMPL.

@@ -15,7 +15,7 @@ use std::thread;
 use self::case::{Case, Missed, Outcome};
 use self::file::{Options, Tested};
 use crate::cli::args::TestArgs;
-use crate::cli::files::{Sink, is_standard};
+use crate::cli::files::{Form, Sink, is_standard};
 use crate::cli::progress::Bar;
 use crate::cli::{Exit, Streams, files, io};
 use crate::diagnostics::counted;
@@ -32,9 +32,12 @@ pub fn run(args: &TestArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         .filter(|path| to_standard(path))
         .count();
     let misuse = match (n_to_standard, args.accept) {
-        (2, _) => Some("only one of `--json`, `--junit` can write to standard output"),
-        (1, true) => Some("`--accept` shows what it writes: let results go to a file"),
-        _ => None,
+        (2, _) => Some("only one of `--json`, `--junit` can write to standard output".to_owned()),
+        (1, true) => Some("`--accept` shows what it writes: let results go to a file".to_owned()),
+        _ => files::misnamed([
+            (args.json.as_deref(), Form::Json),
+            (args.junit.as_deref(), Form::Xml),
+        ]),
     };
     if let Some(misuse) = misuse {
         writeln!(streams.err, "error: {misuse}")?;

@@ -4,7 +4,7 @@ mod optimum;
 mod simulation;
 
 use crate::cli::args::VerifyArgs;
-use crate::cli::files::{Sink, is_standard};
+use crate::cli::files::{Form, Sink, is_standard};
 use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::Diagnostics;
 use crate::limit::Limit;
@@ -43,6 +43,10 @@ impl Subject<'_> {
 
 /// Runs experiments in every way that takes them, and compares what comes out.
 pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    if let Some(message) = files::misnamed([(args.json.as_deref(), Form::Json)]) {
+        writeln!(streams.err, "error: {message}")?;
+        return Ok(Exit::Usage);
+    }
     if !files::foresee(args.json.as_deref(), streams)? {
         return Ok(Exit::Wrong);
     }
