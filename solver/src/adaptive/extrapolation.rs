@@ -17,7 +17,7 @@
 //! moves x by less than its last digits.
 
 use super::dense::Middle;
-use super::{DEFECTS, Field};
+use super::{DEFECTS, Field, LEAST_SCALE};
 use crate::expansion::dense::ElementSeries;
 use crate::expansion::series;
 
@@ -40,8 +40,9 @@ pub struct Extrapolation {
     low: Vec<f64>,
     /// Behind the j-th row, T_{j,j-l} in place l, without x at the start.
     table: Vec<Vec<f64>>,
-    /// x and f at the end of the step.
+    /// x and f at the end of the step, and the sizes that errors of states are relative to.
     end: Vec<f64>,
+    sizes: Vec<f64>,
     end_rates: Vec<f64>,
     /// y_{i-1} and y_i.
     before: Vec<f64>,
@@ -61,6 +62,7 @@ impl Extrapolation {
             low: vec![0.0; n],
             table: vec![vec![0.0; n]; MOST_ROWS],
             end: vec![0.0; n],
+            sizes: vec![0.0; n],
             end_rates: vec![0.0; n],
             before: vec![0.0; n],
             here: vec![0.0; n],
@@ -139,18 +141,23 @@ impl Extrapolation {
         }
     }
 
-    /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state.
-    pub fn error(&mut self, scale: &[f64], tolerance: f64) -> f64 {
+    /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state: the largest |x| so
+    /// far, or how far its rate takes it in the time `reach` where it has been zero so far.
+    pub fn error(&mut self, scale: &[f64], reach: f64, tolerance: f64) -> f64 {
         if self.rows < 2 {
             return f64::INFINITY;
         }
         add(&mut self.end, &self.start, &self.table[0]);
-        let differences = self.table[0].iter().zip(&self.table[1]);
-        let sizes = scale
-            .iter()
-            .zip(&self.end)
-            .map(|(scale, x)| scale.max(x.abs()));
-        let entries = differences.zip(sizes);
+        let last = substeps(self.rows) * self.n;
+        let last = &self.middle.rates_of(self.rows)[last..];
+        for (i, size) in self.sizes.iter_mut().enumerate() {
+            let moves = match scale[i] <= LEAST_SCALE {
+                true => reach * self.rates[i].abs().max(last[i].abs()),
+                false => 0.0,
+            };
+            *size = scale[i].max(self.end[i].abs()).max(moves);
+        }
+        let entries = self.table[0].iter().zip(&self.table[1]).zip(&self.sizes);
         entries.fold(0.0, |most, ((x, other), size)| {
             larger(most, (x - other).abs() / (tolerance * size))
         })
@@ -188,13 +195,7 @@ impl Extrapolation {
     }
 
     /// Largest |x' - f(t, x)| H of the polynomials, relative to the size of each state.
-    pub fn defect(
-        &mut self,
-        field: &mut impl Field,
-        t: f64,
-        scale: &[f64],
-        polynomials: &ElementSeries,
-    ) -> f64 {
+    pub fn defect(&mut self, field: &mut impl Field, t: f64, polynomials: &ElementSeries) -> f64 {
         let mut most = 0.0;
         for share in DEFECTS {
             let tau = share * self.length;
@@ -202,10 +203,8 @@ impl Extrapolation {
                 *x = series::value(polynomials.row(i), tau);
             }
             field.rates(t + tau, &self.before, &mut self.here);
-            let states = scale.iter().zip(&self.end).zip(&self.here);
-            for (i, ((scale, end), rate)) in states.enumerate() {
+            for (i, (size, rate)) in self.sizes.iter().zip(&self.here).enumerate() {
                 let slope = series::slope(polynomials.row(i), tau);
-                let size = scale.max(end.abs());
                 most = larger(most, (slope - rate).abs() * self.length / size);
             }
         }

@@ -141,14 +141,12 @@ impl<F: Field> Simulator<F> {
         let tolerance = (LOCAL * self.settings.tolerance).max(LEAST);
         let step = first_step(x0, &rates, t1 - t0);
         self.extrapolation.restart();
-        // What starts at zero has the size that its rate gives it in the first step.
-        let sizes = x0.iter().zip(&rates);
-        let sizes = sizes.map(|(x, rate)| x.abs().max(step * rate.abs()).max(LEAST_SCALE));
         Run {
             t: t0,
             until,
             x: x0.to_vec(),
-            scale: sizes.collect(),
+            scale: x0.iter().map(|x| x.abs().max(LEAST_SCALE)).collect(),
+            reach: step,
             control: Control::new(tolerance, step),
             rates,
             end_sides: sides.clone(),
@@ -183,7 +181,7 @@ impl<F: Field> Simulator<F> {
         table.begin(length, &run.x, &run.rates);
         let verdict = loop {
             let row = table.add_row(&mut self.field, run.t);
-            let error = table.error(&run.scale, run.tolerance);
+            let error = table.error(&run.scale, run.reach, run.tolerance);
             run.has_value = !error.is_nan();
             match run.control.judge(row, length, error) {
                 Verdict::GoOn => {}
@@ -196,7 +194,7 @@ impl<F: Field> Simulator<F> {
         }
         // Rows may agree on what is wrong where f depends on signs alone, and not on their steps.
         table.close(&mut self.field, end, run.sides.len(), &mut self.series);
-        let defect = table.defect(&mut self.field, run.t, &run.scale, &self.series);
+        let defect = table.defect(&mut self.field, run.t, &self.series);
         run.stats.rhs_evaluations += 1 + DEFECTS.len();
         run.has_value = !defect.is_nan();
         let is_accurate = run.has_value && defect <= (DEFECT * run.tolerance).max(LEAST_DEFECT);
@@ -256,6 +254,8 @@ struct Run {
     rates: Vec<f64>,
     /// Largest |x_i| so far.
     scale: Vec<f64>,
+    /// Length of the first step that was tried.
+    reach: f64,
     sides: Vec<Side>,
     end_sides: Vec<Side>,
     control: Control,

@@ -3,7 +3,7 @@
 //! step(ψ) -> α,  sign(ψ) -> 2α - 1,  abs(y) -> (2α - 1) y with ψ = y,
 //! max(a, b) -> α a + (1 - α) b with ψ = a - b,  min(a, b) -> (1 - α) a + α b.
 
-use crate::expr::{BinaryFunction, Expr, Function, Node, Var, variables_of};
+use crate::expr::{BinaryFunction, Expr, Function, Node, variables_of};
 use crate::system::switches::entries::Entry;
 use crate::system::switches::known::Known;
 
@@ -40,21 +40,33 @@ pub(crate) fn beside_infinite<'e>(e: Expr<'e>, params: &Known) -> Option<Expr<'e
     else {
         return None;
     };
-    let has_infinite = params.numbers.values().any(|number| number.is_infinite());
-    let value = |e: Expr<'e>| {
-        let of_fixed = |e: Expr<'e>| {
-            let is_fixed = |var: &Var| params.fixed(*var).is_some();
-            let all_fixed = has_infinite && variables_of(&[e]).iter().all(is_fixed);
-            all_fixed.then(|| e.eval(&|var| params.fixed(var).unwrap_or(f64::NAN)))
-        };
-        e.as_constant().or_else(|| of_fixed(e))
-    };
     let least = match function {
         BinaryFunction::Max => f64::NEG_INFINITY,
         _ => f64::INFINITY,
     };
     [(a, b), (b, a)].into_iter().find_map(|(bound, other)| {
-        let value = value(bound).filter(|value| value.is_infinite())?;
+        let value = infinite(bound, params)?;
         Some(if value == least { other } else { bound })
     })
+}
+
+/// The infinite value of what consists of numbers and fixed parameters, or of a sum with such terms: all others are
+/// finite.
+fn infinite(e: Expr, params: &Known) -> Option<f64> {
+    let fixed = |e: Expr| {
+        let all_fixed = variables_of(&[e])
+            .iter()
+            .all(|var| params.fixed(*var).is_some());
+        all_fixed.then(|| e.eval(&|var| params.fixed(var).unwrap_or(f64::NAN)))
+    };
+    let value = match e.node() {
+        Node::Constant(value) => value,
+        _ if !params.numbers.values().any(|number| number.is_infinite()) => return None,
+        Node::Sum { constant, terms } => {
+            let known = terms.iter().filter_map(|&(c, term)| Some(c * fixed(term)?));
+            constant + known.sum::<f64>()
+        }
+        _ => fixed(e)?,
+    };
+    value.is_infinite().then_some(value)
 }
