@@ -303,3 +303,27 @@ fn an_empty_tank_is_filled_again() {
         close(h, (2.0 * root).powi(2), 1e-8);
     }
 }
+
+/// From rest, h leaves by a (t - 2)² on the side of its root, however rounding has left it there, and no step takes a
+/// slope k/(2√h) that is no longer there for the one at its end.
+#[test]
+fn a_tank_is_filled_again_from_what_rounding_has_left_in_it() {
+    for (inflow, outflow, start) in [
+        (0.253, 1.57, 0.03),
+        (0.235, 1.24, 0.02),
+        (0.71, 2.34, 0.02),
+        (0.009631504890506523, 2.045600547845775, 0.01157171899014097),
+    ] {
+        let text = format!(
+            "model m {{
+               state h = {start};
+               h' = {inflow}*max(time - 2, 0) - {outflow}*sqrt(max(h, 0));
+             }}
+             simulate run of m {{ horizon 4; }}"
+        );
+        let run = solved(&text, "run");
+        let root = (f64::sqrt(outflow * outflow + 8.0 * inflow) - outflow) / 4.0;
+        close(end(&run, "h")[0], (2.0 * root).powi(2), 1e-10);
+        assert!(run.warnings.iter().all(|warning| warning.code != "W0701"));
+    }
+}

@@ -19,8 +19,14 @@ pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 /// Magnitudes below this are zero: products of such numbers lose their digits to underflow.
 pub(crate) const SMALLEST: f64 = 1e-250;
 
-/// The share of the roundings within which ψ is not seen again that no band is narrower than.
-const UNTOLD: f64 = 0.125;
+/// Roundings of the terms of a switch where a run starts: those of evaluating ψ and of the numbers of the model.
+pub(crate) const AT_START: f64 = 2.0;
+
+/// Those within which a surface that has just been left is not seen again.
+pub(crate) const LEFT: f64 = 16.0;
+
+/// The share of these that no band is narrower than: what rounding does to ψ at the start of a run.
+pub(crate) const UNTOLD: f64 = AT_START / LEFT;
 
 /// Roundings of what would move a state in a step, below which it does not move.
 const HELD: f64 = 8.0;

@@ -4,6 +4,7 @@
 //! that ends on it, so that it is as accurate as a step's end.
 
 use super::radau::{Implicit, Radau, Shape, Start};
+use super::singular_rates::{outgrows, unseen_roots};
 use super::step::Step;
 use super::stepper::Stepper;
 use super::stiffness::worth;
@@ -45,6 +46,8 @@ pub(crate) struct Workspace {
     /// ∇ψ before a difference along the flow is taken.
     gradient: Vec<f64>,
     f: Vec<f64>,
+    /// Switches with roots of a ψ that is not seen where the step starts, and |ψ|.
+    unseen_roots: Vec<(usize, f64)>,
 }
 
 impl Stepper {
@@ -108,6 +111,7 @@ impl Stepper {
             mode,
             work: &mut self.workspace,
         };
+        unseen_roots(stiff.mode, state, tolerance, &mut stiff.work.unseen_roots);
         for _ in 0..MAX_REJECTED {
             // The longest step that the tolerance allows, and the first event within it.
             let Ok(h) = radau.step(&mut stiff, start, remaining) else {
@@ -127,6 +131,7 @@ impl Stepper {
             stiff.write_end(radau, start, cut.length, &mut state.trial);
             let mode = &mut *stiff.mode;
             mode.eval(start.t + cut.length, &state.trial.x, &state.trial.alpha);
+            seen &= !outgrows(mode, &stiff.work.unseen_roots);
             let unseen = cut.event.is_none() && state.bands.leave_behind(mode);
             if !seen || unseen || mode.turned_over() {
                 state.report.stats.rejected += 1;

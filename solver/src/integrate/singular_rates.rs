@@ -39,10 +39,18 @@ const SHRINKS: f64 = 0.9;
 /// Powers above this have a derivative, or nearly so: nothing leaves zero by them, or comes there, soon.
 const STEEP: f64 = 0.97;
 
-/// ψ above this many local tolerances is seen in spite of the errors of steps, and else steps are as long as this share
-/// of what its series shows as its radius of convergence.
+/// ψ above this many local tolerances is seen in spite of the errors of steps: one of them changes it by a thousandth at
+/// most, and a root of it by less. Else steps are as long as this share of what its series shows as its radius of
+/// convergence, so that the first term left out of a series of order n is 2⁻ⁿ of ψ.
 const VISIBLE: f64 = 1e3;
 const WITHIN: f64 = 0.5;
+
+/// How many times as large an implicit step may make a ψ that is not seen: with √ψ, the slope of the root at its end is
+/// half of that at its start, with which Newton's method contracts by 1/2.
+const OUTGROWN: f64 = 4.0;
+
+/// Moves of a point by roundings until ψ has the sign of its side.
+const MAX_MOVES: usize = 4;
 
 /// A smooth rate below this share of the whole has no part in it.
 const SMALL: f64 = 0.01;
@@ -94,6 +102,24 @@ impl Mode {
         let across = self.across_surface(switch, &state.scales);
         let moved = state.point.x.iter().zip(across);
         moved.map(|(x, d)| x - psi * d).collect()
+    }
+
+    /// Moves a point at which a switch leaves its rest to a side off the other one, where rounding has put it: the root is
+    /// odd in ψ to the mode of the side, and what attracts on its own side repels on the other.
+    pub(crate) fn leave_rest(&mut self, state: &mut State, switch: usize, side: Side) {
+        let mut share = 1.0;
+        for _ in 0..MAX_MOVES {
+            self.move_to(&state.point);
+            let psi = self.psi(switch);
+            if psi * side.sign() >= 0.0 {
+                break;
+            }
+            self.surfaces.linearize(switch, &self.memory.values);
+            let across = self.across_surface(switch, &state.scales);
+            let moved = state.point.x.iter_mut().zip(across);
+            moved.for_each(|(x, d)| *x -= share * psi * d);
+            share *= 2.0;
+        }
     }
 
     /// φ at a point.
@@ -359,6 +385,36 @@ pub(crate) fn within_root(mode: &Mode, state: &State, tolerance: f64, h: f64) ->
         let radii = last.map(|k| (c[0] / c[k]).abs().powf(1.0 / k as f64));
         h.min(WITHIN * radii.fold(f64::INFINITY, f64::min))
     })
+}
+
+/// Switches with roots that are off their surface by less than is seen where the point is, and |ψ|.
+pub(crate) fn unseen_roots(
+    mode: &mut Mode,
+    state: &State,
+    tolerance: f64,
+    unseen: &mut Vec<(usize, f64)>,
+) {
+    unseen.clear();
+    for i in 0..mode.sides.len() {
+        if !mode.system.switches[i].rests() || mode.sides[i] == Side::Slide {
+            continue;
+        }
+        mode.move_to(&state.point);
+        mode.surfaces.linearize(i, &mode.memory.values);
+        let size = mode.surfaces.weigh(i, |j| state.scales.size(j));
+        let psi = mode.psi(i).abs();
+        if psi <= VISIBLE * tolerance * size {
+            unseen.push((i, psi));
+        }
+    }
+}
+
+/// Whether one of them has grown so much where the mode was evaluated that the slope of its root is another one.
+/// Newton's method takes it to be the one at the start of a step, k p ψᵖ⁻¹, and where that is too steep its first
+/// correction is below the tolerance however far the solution is.
+pub(crate) fn outgrows(mode: &mut Mode, unseen: &[(usize, f64)]) -> bool {
+    let mut grown = unseen.iter();
+    grown.any(|&(i, psi)| mode.psi(i).abs() > OUTGROWN * psi)
 }
 
 /// Whether a root with these values closer to zero and farther from it has a power p < 1.

@@ -15,7 +15,7 @@ use super::judge::{Check, Judge, Verdict};
 use crate::contact::velocities;
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::BAND;
+use crate::expansion::scales::{AT_START, BAND, LEFT, UNTOLD};
 use crate::hybrid::breakpoints::Pieces;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status, SwitchKind};
@@ -24,16 +24,14 @@ use crate::integrate::singular_rates::{Rest, Settling};
 use crate::selector::algebraic::Initialization;
 use crate::selector::selection::{Choice, Entry, Onset};
 
-/// Roundings of the terms of a switch: where a run starts those of evaluating ψ and of the numbers of the model; later
-/// x has more, of the step to it or of a law; and those within which a surface that has just been left is not seen again.
-const AT_START: f64 = 2.0;
+/// Roundings of the terms of a switch later than where a run starts: x has more, of the step to it or of a law.
 const LATER: f64 = 4.0;
-const LEFT: f64 = 16.0;
 
-/// A contact knows its states as well as their size where that is no more than so many times how far they have moved.
+/// A contact knows its states as well as their size where that is no more than so many times how far they have moved:
+/// four bits less of the motion than of the states (chosen by trial).
 const FAR: f64 = 16.0;
 
-/// A gap below this share of the motion of gaps does not show in a run.
+/// A gap below this share of the motion of gaps does not show in a run (chosen by trial).
 const SHARE_AT_START: f64 = 1e-6;
 
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
@@ -240,7 +238,7 @@ impl Selector<'_> {
             .collect();
         let is_in_doubt = |&i: &usize| {
             let gap = self.mode.psi(i).abs();
-            gap > AT_START / LEFT * state.bands.rounding[i] && gap <= state.bands.width[i]
+            gap > UNTOLD * state.bands.rounding[i] && gap <= state.bands.width[i]
         };
         if contacts.iter().any(is_in_doubt) {
             let most = self.mode.most_at_start(&state.point, &contacts, horizon);
@@ -639,6 +637,8 @@ impl Selector<'_> {
         let (roots, others): (Vec<_>, Vec<_>) =
             pairs.partition(|(i, _)| self.mode.system.switches[*i].rests());
         let mut sides = state.point.sides.clone();
+        let at_rest = roots.iter().map(|(i, _)| *i);
+        let leaving: Vec<usize> = at_rest.filter(|&i| sides[i] == Side::Slide).collect();
         roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
         state.point.set_sides(sides);
         if !others.is_empty() {
@@ -653,6 +653,11 @@ impl Selector<'_> {
             }
             if state.point.sides == before {
                 break;
+            }
+        }
+        for &i in &leaving {
+            if state.point.sides[i] != Side::Slide {
+                self.mode.leave_rest(state, i, state.point.sides[i]);
             }
         }
         Ok(true)
