@@ -67,7 +67,7 @@ impl Bodies {
         self.number[state]
     }
 
-    /// What rates f move positions by in a step of length h: h q' and h² v'.
+    /// What rates f move positions by in a time h: h q' and h² v'.
     pub fn moves_in(&self, h: f64, rates: &[f64]) -> f64 {
         let positions = self.of.iter().flat_map(|body| &body.positions);
         let by_velocities = positions.fold(0.0_f64, |most, &q| most.max((h * rates[q]).abs()));

@@ -1,19 +1,11 @@
 //! Detection of contacts: which gaps are closed, or nearly, at given positions.
-//!
-//! Gaps that count as zero are shares of a length, which is the largest position |q|. Where places are far from zero,
-//! |q| says nothing of lengths: a gap that is closed is a small share of what steps move positions by, but no less than
-//! four roundings of the positions that it balances.
 
-use super::bodies::{Bodies, ROUNDING};
-use super::rows::{self, Linear, Resolution, TOUCH};
+use super::bodies::Bodies;
+use super::resolution::{Lengths, Resolution};
+use super::rows::{self, Linear};
 use super::scene::Scene;
 use super::search::Search;
 use crate::tape::LaneScratch;
-
-/// No gap is closed above this share of what steps move positions by.
-const CLOSED: f64 = 1e-2;
-/// A contact is closed by more than rounding at the start where its gap is below minus this share of its length.
-const PENETRATES: f64 = 1e-9;
 
 /// Evaluates gaps of contacts.
 pub(super) struct Detector {
@@ -27,11 +19,7 @@ pub(super) struct Detector {
     inputs: Vec<f64>,
     members: Vec<u32>,
     evaluated: usize,
-    /// The largest |q|, and the length of which gaps that count as zero are shares.
-    size: f64,
-    length: f64,
-    /// The most that a step of the run has moved a position by.
-    moved: f64,
+    lengths: Lengths,
 }
 
 impl Detector {
@@ -50,9 +38,7 @@ impl Detector {
             inputs: Vec::new(),
             members: Vec::new(),
             evaluated: 0,
-            size: 0.0,
-            length: 0.0,
-            moved: 0.0,
+            lengths: Lengths::default(),
             scene,
         }
     }
@@ -61,7 +47,7 @@ impl Detector {
     pub fn begin(&mut self) {
         self.search.reset();
         self.evaluated = 0;
-        self.moved = 0.0;
+        self.lengths = Lengths::default();
     }
 
     /// Gaps that were evaluated, and enclosures of gaps.
@@ -84,19 +70,10 @@ impl Detector {
     pub fn look(&mut self, t: f64, h: f64, x: &[f64], moved: f64) {
         self.go_to(t, x);
         let positions = self.scene.bodies.iter().flat_map(|body| &body.positions);
-        self.size = positions.fold(f64::MIN_POSITIVE, |size, &q| size.max(x[q].abs()));
-        self.measure(moved);
+        let size = positions.fold(f64::MIN_POSITIVE, |size, &q| size.max(x[q].abs()));
+        self.lengths.measure(size, moved);
         self.search
-            .update(&self.scene, &self.memory, h, moved, self.size);
-    }
-
-    /// Sets the length of gaps where positions move by `moved` in a step; where nothing has moved yet, it is their size.
-    fn measure(&mut self, moved: f64) {
-        self.moved = self.moved.max(moved);
-        self.length = match self.moved > 0.0 {
-            true => self.size.min(CLOSED / TOUCH * self.moved),
-            false => self.size,
-        };
+            .update(&self.scene, &self.memory, h, moved, size);
     }
 
     /// The rows of the contacts near x of which the number and the gap are wanted.
@@ -108,7 +85,7 @@ impl Detector {
     ) {
         found.clear();
         for f in 0..self.scene.families.len() {
-            let resolution = self.select(f, &wanted);
+            self.select(f, &wanted);
             let (family, lanes) = (&self.scene.families[f], &mut self.lanes[f][1]);
             found.add(
                 family,
@@ -116,49 +93,29 @@ impl Detector {
                 &self.memory,
                 bodies,
                 lanes,
-                resolution,
+                self.lengths,
             );
         }
     }
 
-    /// A contact at (t, x) that is closed by more than rounding, where positions move by `moved` in a step.
+    /// A contact at (t, x) that is closed by more than rounding, where positions move by `moved` in the run.
     pub fn penetrating(&mut self, t: f64, x: &[f64], moved: f64) -> Option<usize> {
         self.look(t, 0.0, x, 0.0);
-        self.measure(moved);
+        self.lengths.start(moved);
         (0..self.scene.families.len()).find_map(|f| {
-            self.select(f, |_, gap, resolution| {
-                gap.is_nan() || gap < -resolution.share(PENETRATES)
-            });
+            self.select(f, |_, gap, resolution| resolution.is_below(gap));
             let member = *self.members.first()?;
             Some(self.scene.families[f].contacts[member as usize] as usize)
         })
     }
 
-    /// What gaps of a family are told apart.
-    fn resolution(&self, f: usize) -> Resolution {
-        let (length, mut size) = (self.length, 0.0_f64);
-        if length < self.size {
-            let family = &self.scene.families[f];
-            for &member in self.search.near(f) {
-                let places = family.inputs_of(member as usize);
-                let positions = family.positions.iter().map(|&input| places[input] as usize);
-                size = positions.fold(size, |size, place| size.max(self.memory[place].abs()));
-            }
-        }
-        Resolution {
-            length,
-            rounding: ROUNDING * size,
-        }
-    }
-
     /// Keeps the members of a family of which the number and the gap are wanted.
-    fn select(&mut self, f: usize, wanted: impl Fn(u32, f64, Resolution) -> bool) -> Resolution {
-        let resolution = self.resolution(f);
+    fn select(&mut self, f: usize, wanted: impl Fn(u32, f64, Resolution) -> bool) {
         let (family, near) = (&self.scene.families[f], self.search.near(f));
         self.members.clear();
         self.gaps.clear();
         if near.is_empty() {
-            return resolution;
+            return;
         }
         rows::gather(family, near, &self.memory, &mut self.inputs);
         self.gaps.resize(near.len(), 0.0);
@@ -166,10 +123,11 @@ impl Detector {
         (family.gap).eval_many(&self.inputs, &mut self.gaps, near.len(), lanes);
         self.evaluated += near.len();
         let close = near.iter().zip(&self.gaps);
-        let close = close
-            .filter(|&(&member, &gap)| wanted(family.contacts[member as usize], gap, resolution));
+        let close = close.filter(|&(&member, &gap)| {
+            let resolution = self.lengths.of(family, member, &self.memory);
+            wanted(family.contacts[member as usize], gap, resolution)
+        });
         self.members.extend(close.map(|(&member, _)| member));
-        resolution
     }
 
     /// The gap of a contact at (t, x).

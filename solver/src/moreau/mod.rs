@@ -27,6 +27,7 @@ mod events;
 mod free;
 mod pairs;
 mod project;
+mod resolution;
 mod rest;
 mod rows;
 mod scene;
@@ -133,10 +134,7 @@ impl<F: Free> Stepper<F> {
         let (mut stats, mut t, mut ends) = (Stats::default(), t0, 0);
         let mut until = self.begin(t0);
         self.free.rates(t0, x0, &mut self.step.rates);
-        let moved = self
-            .motion
-            .bodies
-            .moves_in((t1 - t0) / steps as f64, &self.step.rates);
+        let moved = (self.motion.bodies).moves_in(t1 - t0, &self.step.rates);
         let mut stuck = self.detector.penetrating(t0, x0, moved);
         let status = loop {
             if let Some(contact) = stuck {

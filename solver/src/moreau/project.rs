@@ -7,7 +7,8 @@ use super::bodies::{Motion, Step};
 use super::detect::{Detector, is_up_to};
 use super::energy::Energy;
 use super::events::Contacts;
-use super::rows::{Contact, Linear, TOUCH};
+use super::resolution::TOUCH;
+use super::rows::{Contact, Linear};
 use crate::contact::coulomb::islands::Islands;
 use crate::contact::coulomb::ladder::{Ladder, Options};
 

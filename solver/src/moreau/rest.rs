@@ -8,7 +8,7 @@
 use super::bodies::{Motion, Step};
 use super::detect::Detector;
 use super::energy::Energy;
-use super::rows::TOUCH;
+use super::resolution::TOUCH;
 use super::strike::{Impacts, SOLVED};
 
 /// Which islands rest.

@@ -3,29 +3,11 @@
 //! With q' = K v + c a gap has the rate J v + ∂gap/∂t + ∂gap/∂q c, J = ∂gap/∂q K.
 
 use super::bodies::Bodies;
+use super::resolution::{Lengths, Resolution, TOUCH};
 use super::scene::{Family, HEAD};
 use crate::contact::coulomb::law::Pair;
 use crate::contact::coulomb::rows::{ContactRows, Rows};
 use crate::tape::LaneScratch;
-
-/// A gap below this share of its length is closed.
-pub(super) const TOUCH: f64 = 1e-10;
-
-/// What gaps are told apart.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Resolution {
-    /// The length of which gaps that count as zero are shares.
-    pub length: f64,
-    /// Rounding of the positions that a gap balances.
-    pub rounding: f64,
-}
-
-impl Resolution {
-    /// A share of the length, but no less than rounding.
-    pub fn share(self, share: f64) -> f64 {
-        (share * self.length).max(self.rounding)
-    }
-}
 
 /// A contact where it was looked at.
 #[derive(Clone, Copy, Debug)]
@@ -85,7 +67,7 @@ impl Linear {
         memory: &[f64],
         bodies: &Bodies,
         lanes: &mut LaneScratch,
-        resolution: Resolution,
+        lengths: Lengths,
     ) {
         let (n, n_in, n_out) = (members.len(), family.n_inputs(), family.row.n_outputs());
         gather(family, members, memory, &mut self.inputs);
@@ -116,7 +98,7 @@ impl Linear {
             let contact = Contact {
                 contact: family.contacts[member as usize],
                 gap: output(0),
-                resolution,
+                resolution: lengths.of(family, member, memory),
                 offset,
                 is_driven: offset != 0.0,
                 restitution: output(2),
