@@ -7,7 +7,7 @@ use std::f64::consts::{LN_2, PI, SQRT_2};
 
 use nalgebra::{DMatrix, DVector};
 use nsd_tests::affine::{Affine, Form, Kind, Surface, exact};
-use nsd_tests::with_experiment;
+use nsd_tests::{end, run, with_experiment};
 use nsdc::report::Trajectory;
 use nsdc::simulate::{self, Request};
 
@@ -459,5 +459,32 @@ fn an_estimate_covers_the_error_beside_a_root() {
             vec![x, factor / rate * (area(x) - area(-start))]
         };
         check(&text, "run", exact);
+    }
+}
+
+/// A ball that falls for √2 and leaves with half of its speed, far from zero and in frozen time: when it strikes is known
+/// to the rounding of its height, and so is its speed.
+#[test]
+fn elements_know_what_rounding_does_to_an_impact() {
+    for offset in [1e3, 1e6, 1e9, 1e12] {
+        let found = run(
+            &format!(
+                "model ball {{ param B = {offset:e}; state h = B + 1; state v = 0; h' = v;
+                   mechanics h, v {{ mass = 1; force = -1; contact floor {{ gap = h - B; restitution = 0.5; }} }} }}
+                 simulate falls of ball {{ horizon 2; method fesd; lower timefreezing; }}"
+            ),
+            "falls",
+        );
+        let exact = 1.5 * SQRT_2 - 2.0;
+        let error = (end(&found, "v")[0] - exact).abs() / SQRT_2;
+        let estimate = found.error_estimate.unwrap_or(0.0);
+        assert!(
+            error <= estimate + ROUNDING,
+            "{offset:e}: error {error:e}, estimate {estimate:e}"
+        );
+        assert!(
+            error <= 1e-8 || !found.warnings.is_empty(),
+            "{offset:e}: error {error:e} without a warning"
+        );
     }
 }

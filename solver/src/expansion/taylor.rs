@@ -6,7 +6,8 @@ use crate::integrate::singular::MODERATE;
 use crate::linalg::Singular;
 use crate::tape;
 
-/// Series that overflow at this order or before are not cut: their last terms say nothing of what is cut off (chosen by trial).
+/// Series that overflow at this order or before are not cut: their last terms say nothing of what is cut off (chosen by
+/// trial).
 const LEAST_KNOWN: usize = 5;
 
 impl Mode {

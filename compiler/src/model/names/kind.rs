@@ -18,21 +18,21 @@ pub struct Target {
 pub enum TargetKind {
     /// A structural constant.
     Const,
-    /// [`crate::model::Model::params`]
+    /// [`crate::model::Quantities::params`]
     Param(usize),
-    /// [`crate::model::Model::states`]
+    /// [`crate::model::Quantities::states`]
     State(usize),
-    /// [`crate::model::Model::algebraics`]
+    /// [`crate::model::Quantities::algebraics`]
     Algebraic(usize),
-    /// [`crate::model::Model::controls`]
+    /// [`crate::model::Quantities::controls`]
     Control(usize),
-    /// [`crate::model::Model::inputs`]
+    /// [`crate::model::Quantities::inputs`]
     Input(usize),
-    /// [`crate::model::Model::signals`]
+    /// [`crate::model::Definitions::signals`]
     Signal(usize),
-    /// [`crate::model::Model::lets`]
+    /// [`crate::model::Definitions::lets`]
     Let(usize),
-    /// [`crate::model::Model::outputs`]
+    /// [`crate::model::Definitions::outputs`]
     Output(usize),
     /// [`crate::model::Model::switches`]
     Switch(usize),
