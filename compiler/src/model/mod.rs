@@ -100,6 +100,11 @@ pub struct Quantities<'e> {
 }
 
 impl<'e> Quantities<'e> {
+    /// The variables of all parameters.
+    pub fn of_params(&self) -> impl Iterator<Item = &Expr<'e>> {
+        self.params.iter().flat_map(|param| &param.vars)
+    }
+
     /// What a target is, if it is one of these.
     pub fn get(&self, target: TargetKind) -> Option<&Quantity<'e>> {
         match target {

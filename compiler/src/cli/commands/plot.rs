@@ -34,15 +34,13 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let Some((project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
+    let names = match args.experiments.is_empty() {
+        true => vec![None],
+        false => (args.experiments.iter().map(|name| Some(name.as_str()))).collect(),
+    };
     let mut experiments = Vec::new();
-    let all = [None];
-    let named: Vec<_> = args
-        .experiments
-        .iter()
-        .map(|name| Some(name.as_str()))
-        .collect();
-    for name in if named.is_empty() { &all[..] } else { &named } {
-        let Some(mut found) = project::selected(&project, *name, streams)? else {
+    for name in names {
+        let Some(mut found) = project::selected(&project, name, streams)? else {
             return Ok(Exit::Wrong);
         };
         experiments.append(&mut found);

@@ -154,7 +154,7 @@ impl<'m, 'e> Instance<'m, 'e> {
 
 fn known(model: &Model<'_>, settings: &Settings<'_>) -> Known {
     let values = &settings.values;
-    let params = model.quantities.params.iter().flat_map(|param| &param.vars);
+    let params = model.quantities.of_params();
     let params = params.filter_map(|var| var.as_variable());
     let freed = settings.optimize.iter().flat_map(|task| &task.params);
     let freed = freed.map(|freed| (freed.var, Interval::new(freed.lower, freed.upper)));

@@ -117,7 +117,7 @@ impl<'m, 'e> Translation<'m, 'e> {
         let instance = self.instance;
         let (model, values) = (instance.model, instance.values());
         let number = |var: Var| Some((var, *values.numbers.get(&var)?));
-        let params = model.quantities.params.iter().flat_map(|param| &param.vars);
+        let params = model.quantities.of_params();
         let params = params.filter_map(|param| param.as_variable());
         let fixed = |var: Var| Some((var, model.exprs.constant(values.fixed(var)?)));
         let ranges = &instance.params.ranges;

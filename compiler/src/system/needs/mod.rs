@@ -400,12 +400,7 @@ impl<'m, 'e> Closure<'m, 'e> {
     }
 
     fn finish(mut self, surfaces: Vec<Expr<'e>>) -> Needs<'e> {
-        let params = self
-            .model
-            .quantities
-            .params
-            .iter()
-            .flat_map(|param| &param.vars);
+        let params = self.model.quantities.of_params();
         let given = params.chain([&self.model.time]);
         self.reached
             .extend(given.filter_map(|var| var.as_variable()));

@@ -233,7 +233,7 @@ fn numbers<'e>(
                 .map(|z| ("algebraic state", z)),
         );
     let (mut open, mut complete) = definitions(quantities, given, diags);
-    let params: FxHashSet<Var> = (model.quantities.params.iter().flat_map(|param| &param.vars))
+    let params: FxHashSet<Var> = (model.quantities.of_params())
         .filter_map(|var| var.as_variable())
         .collect();
     let mut numbers: FxHashMap<Var, f64> = FxHashMap::default();
@@ -348,7 +348,7 @@ fn in_sets<'e>(
 ) -> bool {
     let numbers = &values.numbers;
     let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
-    let params: FxHashSet<Var> = (model.quantities.params.iter().flat_map(|param| &param.vars))
+    let params: FxHashSet<Var> = (model.quantities.of_params())
         .filter_map(|var| var.as_variable())
         .collect();
     let mut fine = true;

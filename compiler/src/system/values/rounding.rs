@@ -66,7 +66,7 @@ impl<'e> Roundings<'e> {
     /// Takes the roundings of the model, so that errors stand at their calls.
     pub fn of(instance: &Instance<'_, 'e>, diags: &mut Diagnostics) -> Self {
         let (model, values) = (instance.model, instance.values());
-        let params = model.quantities.params.iter().flat_map(|param| &param.vars);
+        let params = model.quantities.of_params();
         let params = params.filter_map(|param| param.as_variable());
         let data = model.definitions.data.iter();
         let data = data.filter(|data| instance.needs.holds(data.var.as_variable()));

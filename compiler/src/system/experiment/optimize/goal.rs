@@ -63,12 +63,7 @@ impl<'m, 'e> Words<'m, 'e> {
 
     /// The name of a quantity in expressions that is neither a value of the whole run nor a parameter.
     fn changing(&self, exprs: &[Expr<'e>]) -> Option<String> {
-        let params = self
-            .model
-            .quantities
-            .params
-            .iter()
-            .flat_map(|param| &param.vars);
+        let params = self.model.quantities.of_params();
         let mut known = self.of_run();
         known.extend(params.copied());
         let is_known = |var: &Var| known.contains(&self.model.exprs.expr(*var));
