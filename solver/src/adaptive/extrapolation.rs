@@ -14,8 +14,12 @@
 //! on the same wrong result.)
 //!
 //! All y are differences from x at the start of the step, with what rounding has kept out of x: far from zero, a step
-//! moves x by less than its last digits.
+//! moves x by less than its last digits. T_{9,9} is a sum of T_{j,1} with factors up to 100, and so are the errors of
+//! rounding: the sums keep what rounding takes from them (Kahan 1965), and so does T (section II.9, round-off).
 
+mod compensated;
+
+use self::compensated::{Compensated, Leapfrog};
 use super::dense::Middle;
 use super::{DEFECTS, Field, LEAST_SCALE};
 use crate::expansion::dense::ElementSeries;
@@ -39,14 +43,13 @@ pub struct Extrapolation {
     rates: Vec<f64>,
     low: Vec<f64>,
     /// Behind the j-th row, T_{j,j-l} in place l, without x at the start.
-    table: Vec<Vec<f64>>,
+    table: Vec<Compensated>,
     /// x and f at the end of the step, and the sizes that errors of states are relative to.
     end: Vec<f64>,
     sizes: Vec<f64>,
     end_rates: Vec<f64>,
     /// y_{i-1} and y_i.
-    before: Vec<f64>,
-    here: Vec<f64>,
+    substeps: Leapfrog,
     middle: Middle,
 }
 
@@ -60,12 +63,11 @@ impl Extrapolation {
             start: vec![0.0; n],
             rates: vec![0.0; n],
             low: vec![0.0; n],
-            table: vec![vec![0.0; n]; MOST_ROWS],
+            table: vec![Compensated::new(n); MOST_ROWS],
             end: vec![0.0; n],
             sizes: vec![0.0; n],
             end_rates: vec![0.0; n],
-            before: vec![0.0; n],
-            here: vec![0.0; n],
+            substeps: Leapfrog::new(n),
             middle: Middle::new(n),
         }
     }
@@ -85,39 +87,27 @@ impl Extrapolation {
         let h = self.length / steps as f64;
         let rates = self.middle.rates_of(row);
         rates[..n].copy_from_slice(&self.rates);
-        self.before.copy_from_slice(&self.low);
-        for ((here, low), rate) in self.here.iter_mut().zip(&self.low).zip(&self.rates) {
-            *here = low + h * rate;
-        }
+        self.substeps.begin(&self.low, h, &self.rates);
         for step in 1..=steps {
             let rates = &mut self.middle.rates_of(row)[step * n..(step + 1) * n];
-            add(&mut self.end, &self.start, &self.here);
+            add(&mut self.end, &self.start, &self.substeps.here.high);
             field.rates(t + step as f64 * h, &self.end, rates);
             if step < steps {
-                for ((before, here), rate) in
-                    self.before.iter_mut().zip(&mut self.here).zip(&*rates)
-                {
-                    let next = *before + 2.0 * h * rate;
-                    (*before, *here) = (*here, next);
-                }
+                self.substeps.advance(2.0 * h, rates);
             } else {
-                let result = &mut self.table[row - 1];
-                for i in 0..n {
-                    result[i] = 0.5 * (self.here[i] + self.before[i] + h * rates[i]);
-                }
+                self.substeps.smooth(h, rates, &mut self.table[row - 1]);
             }
             // The middle is what has just been left behind.
             if step == steps / 2 {
-                self.middle.state_of(row).copy_from_slice(&self.before);
+                let middle = self.middle.state_of(row);
+                middle.copy_from_slice(&self.substeps.before.high);
             }
         }
         for l in (0..row - 1).rev() {
             let ratio = steps as f64 / substeps(l + 1) as f64;
             let factor = 1.0 / (ratio * ratio - 1.0);
             let (left, right) = self.table.split_at_mut(l + 1);
-            for (old, new) in left[l].iter_mut().zip(&right[0]) {
-                *old = new + (new - *old) * factor;
-            }
+            left[l].extrapolate(&right[0], factor);
         }
         row
     }
@@ -134,10 +124,9 @@ impl Extrapolation {
 
     /// Moves on to the end of the step, and keeps what rounding keeps out of it.
     pub fn advance(&mut self) {
-        for (low, (moved, (end, start))) in
-            (self.low.iter_mut()).zip(self.table[0].iter().zip(self.end.iter().zip(&self.start)))
-        {
-            *low = moved - (end - start);
+        let moved = &self.table[0];
+        for i in 0..self.n {
+            self.low[i] = (moved.high[i] - (self.end[i] - self.start[i])) + moved.low[i];
         }
     }
 
@@ -147,7 +136,7 @@ impl Extrapolation {
         if self.rows < 2 {
             return f64::INFINITY;
         }
-        add(&mut self.end, &self.start, &self.table[0]);
+        add(&mut self.end, &self.start, &self.table[0].high);
         let last = substeps(self.rows) * self.n;
         let last = &self.middle.rates_of(self.rows)[last..];
         for (i, size) in self.sizes.iter_mut().enumerate() {
@@ -157,7 +146,8 @@ impl Extrapolation {
             };
             *size = scale[i].max(self.end[i].abs()).max(moves);
         }
-        let entries = self.table[0].iter().zip(&self.table[1]).zip(&self.sizes);
+        let [last, other] = [0, 1].map(|l| self.table[l].high.iter());
+        let entries = last.zip(other).zip(&self.sizes);
         entries.fold(0.0, |most, ((x, other), size)| {
             larger(most, (x - other).abs() / (tolerance * size))
         })
@@ -179,7 +169,7 @@ impl Extrapolation {
         field.rates(end, &self.end, &mut self.end_rates);
         let ends = [
             (&self.low[..], &self.rates[..]),
-            (&self.table[0][..], &self.end_rates[..]),
+            (&self.table[0].high[..], &self.end_rates[..]),
         ];
         let (length, rows) = (self.length, self.rows);
         self.middle
@@ -199,11 +189,12 @@ impl Extrapolation {
         let mut most = 0.0;
         for share in DEFECTS {
             let tau = share * self.length;
-            for (i, x) in self.before.iter_mut().enumerate() {
+            for (i, x) in self.substeps.before.high.iter_mut().enumerate() {
                 *x = series::value(polynomials.row(i), tau);
             }
-            field.rates(t + tau, &self.before, &mut self.here);
-            for (i, (size, rate)) in self.sizes.iter().zip(&self.here).enumerate() {
+            let (x, rates) = (&self.substeps.before.high, &mut self.substeps.here.high);
+            field.rates(t + tau, x, rates);
+            for (i, (size, rate)) in self.sizes.iter().zip(&*rates).enumerate() {
                 let slope = series::slope(polynomials.row(i), tau);
                 most = larger(most, (slope - rate).abs() * self.length / size);
             }

@@ -247,3 +247,24 @@ fn order_five_asks_for_the_field_more_often_where_it_is_smooth_and_much_is_wante
         assert!(other > error, "{tolerance:e}: {other:e} {error:e}");
     }
 }
+
+/// T_{9,9} multiplies what rounding leaves in T_{j,1} by up to 100: plain sums end 1e-13 away.
+#[test]
+fn extrapolation_does_not_multiply_the_rounding_of_substeps() {
+    for tolerance in [1e-12, 6e-13, 3e-13] {
+        let field = Given {
+            n: 2,
+            psi: None::<NoSign>,
+            rates: |_, x: &[f64], f: &mut [f64]| (f[0], f[1]) = (x[1], -x[0]),
+        };
+        let mut simulator = Simulator::new(field, settings(tolerance));
+        let mut against = Against {
+            exact: |t: f64| vec![t.cos(), -t.sin()],
+            error: 0.0,
+            events: 0,
+        };
+        let outcome = simulator.run(0.0, 20.0, &[1.0, 0.0], &mut against);
+        let error = (outcome.x[0] - 20_f64.cos()).hypot(outcome.x[1] + 20_f64.sin());
+        assert!(error < 3e-14, "{tolerance:e}: {error:e}");
+    }
+}
