@@ -94,6 +94,24 @@ fn states_far_from_zero_move() {
     }
 }
 
+/// The rates there are as far off as the rounding of that state moves them, and the estimate says so.
+#[test]
+fn estimates_know_what_rounding_of_states_does_to_rates() {
+    for offset in [1e9, 1e12, 1e15] {
+        let model = format!(
+            "param B = {offset:e}; state x = B; state y = 0; x' = 1; y' = if x > B + 1 then 1 else 0;"
+        );
+        let found = adaptive(&model, "horizon 2;");
+        let error = (end(&found, "y")[0] - 1.0).abs();
+        let estimate = found.error_estimate.expect("a second run was made");
+        assert!(
+            error <= 4.0 * estimate,
+            "{offset:e}: {error:e} {estimate:e}"
+        );
+        assert!(codes(&found).contains(&"W0702"), "{offset:e}");
+    }
+}
+
 /// A state that starts at zero, on its surface, has the size that its rate gives it.
 #[test]
 fn a_start_on_a_sliding_surface_ends_at_the_limit_of_steps() {

@@ -21,7 +21,7 @@ mod compensated;
 
 use self::compensated::{Compensated, Leapfrog};
 use super::dense::Middle;
-use super::{DEFECTS, Field, LEAST_SCALE};
+use super::{DEFECTS, Field, LEAST_SCALE, Measure};
 use crate::expansion::dense::ElementSeries;
 use crate::expansion::series;
 
@@ -132,10 +132,15 @@ impl Extrapolation {
 
     /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state: the largest |x| so
     /// far, or how far its rate takes it in the time `reach` where it has been zero so far.
-    pub fn error(&mut self, scale: &[f64], reach: f64, tolerance: f64) -> f64 {
+    pub fn error(&mut self, measure: &Measure) -> f64 {
         if self.rows < 2 {
             return f64::INFINITY;
         }
+        let Measure {
+            scale,
+            reach,
+            tolerance,
+        } = measure;
         add(&mut self.end, &self.start, &self.table[0].high);
         let last = substeps(self.rows) * self.n;
         let last = &self.middle.rates_of(self.rows)[last..];

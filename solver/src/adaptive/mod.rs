@@ -13,6 +13,7 @@
 mod control;
 mod dense;
 mod extrapolation;
+mod rounding;
 #[cfg(test)]
 mod tests;
 
@@ -24,6 +25,7 @@ use crate::hybrid::{Outcome, Side, Stats, Status};
 use crate::runtime::limit::Limit;
 use control::{Control, Verdict};
 use extrapolation::Extrapolation;
+use rounding::Rounding;
 
 /// x' = f(t, x), where f looks at the signs of some functions of (t, x).
 pub trait Field {
@@ -145,13 +147,16 @@ impl<F: Field> Simulator<F> {
             t: t0,
             until,
             x: x0.to_vec(),
-            scale: x0.iter().map(|x| x.abs().max(LEAST_SCALE)).collect(),
-            reach: step,
+            measure: Measure {
+                scale: x0.iter().map(|x| x.abs().max(LEAST_SCALE)).collect(),
+                reach: step,
+                tolerance,
+            },
+            rounding: Rounding::new(x0.len()),
             control: Control::new(tolerance, step),
             rates,
             end_sides: sides.clone(),
             sides,
-            tolerance,
             has_value: true,
             stats: Stats::default(),
         }
@@ -181,7 +186,7 @@ impl<F: Field> Simulator<F> {
         table.begin(length, &run.x, &run.rates);
         let verdict = loop {
             let row = table.add_row(&mut self.field, run.t);
-            let error = table.error(&run.scale, run.reach, run.tolerance);
+            let error = table.error(&run.measure);
             run.has_value = !error.is_nan();
             match run.control.judge(row, length, error) {
                 Verdict::GoOn => {}
@@ -197,7 +202,8 @@ impl<F: Field> Simulator<F> {
         let defect = table.defect(&mut self.field, run.t, &self.series);
         run.stats.rhs_evaluations += 1 + DEFECTS.len();
         run.has_value = !defect.is_nan();
-        let is_accurate = run.has_value && defect <= (DEFECT * run.tolerance).max(LEAST_DEFECT);
+        let is_accurate =
+            run.has_value && defect <= (DEFECT * run.measure.tolerance).max(LEAST_DEFECT);
         if !is_accurate {
             run.control.shorten(length);
         }
@@ -211,12 +217,16 @@ impl<F: Field> Simulator<F> {
         self.extrapolation.advance();
         run.x.copy_from_slice(self.extrapolation.state());
         run.rates.copy_from_slice(self.extrapolation.end_rates());
-        for (scale, x) in run.scale.iter_mut().zip(&run.x) {
+        for (scale, x) in run.measure.scale.iter_mut().zip(&run.x) {
             *scale = scale.max(x.abs());
         }
+        let place = (end, &run.x[..]);
+        let (step, length) = (run.stats.steps, end - start);
+        (run.rounding).add(&mut self.field, step, place, &run.rates, length);
+        run.stats.rhs_evaluations += 1;
         observer.segment(&Segment {
             start,
-            length: end - start,
+            length,
             until: end,
             sides: &run.sides,
             end: &run.x,
@@ -245,6 +255,15 @@ impl<F: Field> Simulator<F> {
     }
 }
 
+/// What errors of a step are relative to.
+struct Measure {
+    /// Largest |x_i| so far.
+    scale: Vec<f64>,
+    /// Length of the first step that was tried.
+    reach: f64,
+    tolerance: f64,
+}
+
 /// Where a run is.
 struct Run {
     t: f64,
@@ -252,14 +271,11 @@ struct Run {
     until: f64,
     x: Vec<f64>,
     rates: Vec<f64>,
-    /// Largest |x_i| so far.
-    scale: Vec<f64>,
-    /// Length of the first step that was tried.
-    reach: f64,
+    measure: Measure,
+    rounding: Rounding,
     sides: Vec<Side>,
     end_sides: Vec<Side>,
     control: Control,
-    tolerance: f64,
     /// Whether the last attempt has led to numbers.
     has_value: bool,
     stats: Stats,
@@ -269,6 +285,7 @@ impl Run {
     fn outcome(self, status: Status) -> Outcome {
         Outcome {
             stats: self.stats,
+            moved: self.rounding.moved(),
             ..Outcome::at(status, self.t, self.x, self.sides)
         }
     }

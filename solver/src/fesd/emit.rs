@@ -42,21 +42,25 @@ impl Polynomials {
         let series = &mut self.series;
         series.shape(n, sides.len(), degree);
         for i in 0..n {
-            let c = series.row_mut(i);
-            c[0] = solved.x[i];
-            for (j, powers) in scheme.integrals.chunks_exact(s).enumerate() {
-                let rate = solved.unknowns[j * per_node + i];
-                for (c, power) in c[1..=s].iter_mut().zip(powers) {
+            let Some((start, c)) = series.row_mut(i).split_first_mut() else {
+                continue;
+            };
+            *start = solved.x[i];
+            let c = &mut c[..s];
+            let nodes = solved.unknowns.chunks_exact(per_node);
+            for (powers, node) in scheme.integrals.chunks_exact(s).zip(nodes) {
+                let rate = node[i];
+                for (c, power) in c.iter_mut().zip(powers) {
                     *c += rate * power;
                 }
             }
             if element.is_projected() {
                 // What the end was moved by, evenly over the element.
-                c[1] += solved.mean[i] - c[1..=s].iter().sum::<f64>();
+                c[0] += solved.mean[i] - c.iter().sum::<f64>();
             }
             // σ = τ/h
             let mut scale = 1.0;
-            for c in &mut c[1..=s] {
+            for c in c {
                 *c *= scale;
                 scale /= solved.h;
             }

@@ -21,18 +21,19 @@ impl<'s> Bands<'s> {
         let (n, full) = (place.x.len(), &system.full);
         let slopes = slopes(system, &place.point(&modes.numbers).with(&place.z));
         let n_rows = full.equations.n_outputs() - n;
-        let (mut sizes, mut balanced) = (vec![0.0_f64; n_rows], vec![0.0_f64; n_rows]);
+        // Sums of terms, and the largest one that is balanced.
+        let mut sizes = vec![[0.0_f64; 2]; n_rows];
         for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {
             let Some(row) = row.checked_sub(n) else {
                 continue;
             };
             match input {
-                0 => sizes[row] += slope.abs() * place.t.abs(),
-                _ if input <= n => sizes[row] += slope.abs() * run.scale[input - 1],
+                0 => sizes[row][0] += slope.abs() * place.t.abs(),
+                _ if input <= n => sizes[row][0] += slope.abs() * run.scale[input - 1],
                 // λ = g_i - μ is as rounded as μ, although x may be in no term of g_i.
                 _ if system.is_continuous(input - 1 - n) => {
                     let term = (slope * place.z[input - 1 - n]).abs();
-                    balanced[row] = balanced[row].max(term);
+                    sizes[row][1] = sizes[row][1].max(term);
                 }
                 _ => {}
             }
@@ -41,7 +42,8 @@ impl<'s> Bands<'s> {
         for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {
             if row >= n && input > n && *slope != 0.0 {
                 let size = &mut of_variable[input - 1 - n];
-                *size = size.max(sizes[row - n]).max(balanced[row - n]);
+                let [sum, balanced] = sizes[row - n];
+                *size = size.max(sum).max(balanced);
             }
         }
         let band = |pair: &Pair| {
