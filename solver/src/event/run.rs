@@ -10,21 +10,11 @@ use crate::expansion::scales::Bands;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
 use crate::integrate::step::Step;
+use crate::runtime::pace::Pace;
 use crate::selector::select::Met;
 
 /// Events in a row without progress in time that count as an accumulation.
 const MAX_STALLED: usize = 100;
-
-/// Steps in a row without an event after which it is asked whether a run can come to its end.
-const PACED: usize = 4096;
-
-/// Where such steps begin.
-#[derive(Clone, Copy, Default)]
-struct Pace {
-    time: f64,
-    steps: usize,
-    events: usize,
-}
 
 /// What a run remembers of the steps and events behind it.
 #[derive(Default)]
@@ -59,28 +49,6 @@ impl History {
             false => settings.limit.canceled(),
         };
         over.map(Status::Over)
-    }
-
-    /// Whether the limit of steps comes before the end at the pace of the last ones: where rates turn over within what a
-    /// tolerance tells apart, a run creeps from one side to the other.
-    fn falls_short(&mut self, state: &State, max_steps: usize, t1: f64) -> bool {
-        let Pace {
-            time,
-            steps,
-            events,
-        } = self.pace;
-        let taken = state.report.stats.steps - steps;
-        let is_uneventful = state.report.stats.events == events;
-        if is_uneventful && taken < PACED {
-            return false;
-        }
-        self.pace = Pace {
-            time: state.point.t,
-            steps: state.report.stats.steps,
-            events: state.report.stats.events,
-        };
-        let left = (t1 - state.point.t) / (state.point.t - time) * taken as f64;
-        is_uneventful && left > max_steps as f64
     }
 
     /// Where events accumulate, the mode changes at their limit.
@@ -187,7 +155,12 @@ impl Simulator {
                 status => status,
             });
         }
-        if history.falls_short(state, self.settings.max_steps, t1) {
+        let now = Pace {
+            time: state.point.t,
+            steps: state.report.stats.steps,
+            events: state.report.stats.events,
+        };
+        if history.pace.falls_short(now, self.settings.max_steps, t1) {
             return Err(Status::StepLimit);
         }
 

@@ -38,6 +38,7 @@ use crate::fesd::system::pointwise::{Point, alpha_on};
 use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
+use crate::runtime::pace::Pace;
 use crate::selector::ModeSelector;
 use adaptive::Control;
 pub use emit::{Multipliers, Observer};
@@ -381,6 +382,15 @@ impl<'s> Simulator<'s> {
         let mut stalled = 0;
         while run.place.t < t1 {
             self.limit(run)?;
+            let now = Pace {
+                time: run.place.t,
+                steps: run.record.stats.steps,
+                events: run.record.stats.events,
+            };
+            let most = self.settings.max_elements;
+            if run.history.pace.falls_short(now, most, t1) {
+                return Err(Status::StepLimit);
+            }
             let length = Length {
                 h,
                 end: t1,

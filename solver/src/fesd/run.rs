@@ -7,6 +7,7 @@ use crate::events::zeno::Events;
 use crate::fesd::selection::slip::Slips;
 use crate::fesd::watch::Start;
 use crate::hybrid::{Note, Stats, Status};
+use crate::runtime::pace::Pace;
 use crate::selector::Decision;
 
 /// Breakpoints and ends of steps this close, relative to time, are one instant.
@@ -70,6 +71,7 @@ pub(crate) struct History {
     pub stalled: usize,
     pub events: Events,
     pub chatter: Chatter,
+    pub pace: Pace,
     /// f before the last event, and squares of what uncertain events may have moved the states by.
     pub before: Vec<f64>,
     pub moved: Vec<f64>,

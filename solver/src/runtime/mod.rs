@@ -2,5 +2,6 @@
 
 pub mod clock;
 pub mod limit;
+pub(crate) mod pace;
 pub mod random;
 pub mod threads;
