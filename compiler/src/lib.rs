@@ -17,6 +17,8 @@ pub mod system;
 #[cfg(test)]
 mod testing;
 
+use std::collections::HashMap;
+
 pub use nsd_expr as expr;
 use nsd_solver::integrate::tableau::Family;
 pub use nsd_solver::runtime::{limit, threads};
@@ -27,9 +29,10 @@ pub use self::project::{Project, prepared, watch};
 pub use self::source::files;
 
 use self::diagnostics::Diagnostics;
-use self::expr::{Expr, Exprs};
+use self::expr::{Expr, Exprs, Var};
 use self::model::Model;
 use self::project::clock::Clock;
+use self::report::Series;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
@@ -56,6 +59,30 @@ impl<'e> Compiled<'e> {
             return frozen.expect("compilation has checked it").system;
         }
         self.system.clone()
+    }
+
+    /// The parameters p of the model with their values, those that are computed from others among them: of free ones, what
+    /// was found once the system is the solved one.
+    pub fn parameters(&self) -> Vec<Series> {
+        let values = &self.settings.values;
+        let solved = self.system.params.iter();
+        let solved = solved.filter_map(|param| Some((param.var.as_variable()?, param.value)));
+        let solved: HashMap<Var, f64> = solved.collect();
+        let number = |var: Var| {
+            let number = solved.get(&var).or_else(|| values.numbers.get(&var));
+            number.copied().unwrap_or(f64::NAN)
+        };
+        let params = self.model.quantities.params.iter();
+        let series = params.map(|param| {
+            let entries = param.vars.iter();
+            let entries = entries.map(|var| var.substitute(&values.signals).eval(&number));
+            Series {
+                name: param.name.clone(),
+                shape: param.shape.sizes(),
+                values: entries.collect(),
+            }
+        });
+        series.collect()
     }
 
     /// What its expectations are about; a free horizon is its guess.

@@ -348,6 +348,33 @@ fn run_prints_one_object_per_experiment() {
 }
 
 #[test]
+fn an_object_has_the_parameters_of_its_run() {
+    let folder = folder("parameters");
+    let text = "model wheel { param r = 1; param rr = r^2; state a = 0; a' = rr; }
+        model car {
+          param k = 3; param c[2] = [k, 2*k]; param p in [0, 9] = 1; param pp = 2*p;
+          state x = 0; control u in [-1, 1] = 0;
+          part front = wheel { r = k; }
+          x' = pp*u - c[1]*x;
+        }
+        simulate stands of car { horizon 1; with { c[2] = 7; p = 4; } }
+        optimize goes of car { horizon 1; intervals 2; free { p; } minimize final((x - 1)^2) + (p - 5)^2; }";
+    fs::write(folder.join("car.nsd"), text).expect("the folder is writable");
+    let args = ["run", "car.nsd", "--set", "k=0.5", "--json", "-"];
+    let ran = nsdc(&folder, &args);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+    let lines: Vec<_> = ran.out.lines().map(json).collect();
+    let all = serde_json::json!({
+        "k": 0.5, "c": [0.5, 7.0], "p": 4.0, "pp": 8.0, "front.r": 0.5, "front.rr": 0.25,
+    });
+    assert_eq!(lines[0]["parameters"], all);
+    let [free, found] = [&lines[1]["optimum"]["free"], &lines[1]["parameters"]];
+    let p = found["p"].as_f64().expect("a number");
+    assert_eq!(free["p"], found["p"]);
+    assert!((p - 5.0).abs() < 1.0 && found["pp"] == 2.0 * p, "{found}");
+}
+
+#[test]
 fn run_writes_files_and_still_reports() {
     let folder = with_relay("outputs");
     let args = [

@@ -55,6 +55,8 @@ pub struct Trajectory {
     pub failure: Option<Failure>,
     /// The method and the options it ran with.
     pub method: Method,
+    /// Parameters of the model with the values it ran with, each of them at one instant.
+    pub parameters: Vec<Series>,
     /// Instants at which values are reported.
     pub time: Vec<f64>,
     /// States, in order of declaration.
