@@ -30,7 +30,7 @@ pub use self::source::files;
 
 use self::diagnostics::Diagnostics;
 use self::expr::{Expr, Exprs, Var};
-use self::model::Model;
+use self::model::{Model, Units};
 use self::project::clock::Clock;
 use self::report::Series;
 use self::report::expect::{self, Subject};
@@ -175,14 +175,14 @@ fn resolved<'e>(
     Some(model)
 }
 
-/// The entries of all states, where the model of an experiment is sound and has what overrides name, whatever their values
+/// The entries of all states, and the units of all quantities, where the model of an experiment is sound and has what overrides name, whatever their values
 /// are.
 pub fn check_names(
     file: &File,
     experiment: &Experiment,
     overrides: &[Bind],
     diags: &mut Diagnostics,
-) -> Option<Vec<String>> {
+) -> Option<(Vec<String>, Units)> {
     let exprs = Exprs::new();
     let (home, definition) = model::find(file, &experiment.model, diags)?;
     let (name, with) = (&definition.name.name, given(experiment, overrides));
@@ -194,7 +194,7 @@ pub fn check_names(
         let entry = |k| state.shape.entry_name(&state.name, k);
         (0..state.vars.len()).map(entry)
     });
-    (!diags.has_errors()).then(|| entries.collect())
+    (!diags.has_errors()).then(|| (entries.collect(), Units::of(&model)))
 }
 
 /// Goes on unless something is refused.

@@ -74,3 +74,59 @@ fn experiments_and_data_share_panels() {
         bad.err
     );
 }
+
+/// Heights in metres that follow a rule without a unit.
+const FALL: &str = "
+model fall {
+  param g : m/s^2 = 9.81; param k = 1;
+  state q[2] : m = [1, 2]; state v : m/s = 0; state n = 0;
+  output share : 1 = n; output energy : J/kg = v^2/2 + g*q[1]; output twice = 2*n;
+  q' = [v, v]; v' = -g; n' = k;
+}
+simulate falls of fall { horizon 0.5; output q, v, n, share, energy, twice; }
+simulate moves of fall { horizon 0.5; output q; }
+";
+
+#[test]
+fn axes_have_the_units_of_the_model() {
+    let folder = folder("plot_units");
+    fs::write(folder.join("m.nsd"), FALL).expect("the folder is writable");
+    let has = |svg: &str, text: &str| svg.contains(&format!(">\n{text}\n<"));
+    let drawn = |args: &[&str], texts: &[&str]| {
+        let ran = nsdc(&folder, args);
+        assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+        for text in texts {
+            assert!(has(&ran.out, text), "{args:?}: {text}");
+        }
+    };
+    let run = ["run", "m.nsd", "falls", "--plot", "-"];
+    // A pure number has no unit.
+    let common = [
+        "time [s]",
+        "v [m/s]",
+        "n",
+        "share",
+        "energy [J/kg]",
+        "twice",
+    ];
+    drawn(&run, &[&common[..], &["q [m]", "q[1]", "q[2]"]].concat());
+    // The phase plane.
+    let run = ["run", "m.nsd", "moves", "--plot", "-"];
+    drawn(&run, &["time [s]", "q [m]", "q[1] [m]", "q[2] [m]"]);
+    let entries = ["q[1] [m]", "q[2] [m]"];
+    drawn(
+        &["plot", "m.nsd", "falls"],
+        &[&common[..], &entries].concat(),
+    );
+    let sweep = ["sweep", "m.nsd", "falls", "--plot", "-", "--over"];
+    let ends = [
+        "v at end [m/s]",
+        "q[2] at end [m]",
+        "n at end",
+        "twice at end",
+    ];
+    let over = |axis: &'static str| [&sweep[..], &[axis]].concat();
+    drawn(&over("g=1:2:3"), &[&ends[..], &["g [m/s^2]"]].concat());
+    drawn(&over("q[2]=1:2:3"), &[&ends[..], &["q[2] [m]"]].concat());
+    drawn(&over("k=1:2:3"), &[&ends[..], &["k"]].concat());
+}

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use crate::Compiled;
 use crate::expr::{Expr, Var, variables_of};
+use crate::model::Units;
 use crate::report::plot::{self, Surface};
 use crate::report::{Trajectory, refine};
 
@@ -24,7 +25,8 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         true => surfaces(compiled, &params),
         false => Vec::new(),
     };
-    plot::write(&curves(compiled, trajectory), &surfaces)
+    let units = Units::of(&compiled.model);
+    plot::write(&curves(compiled, trajectory), &units, &surfaces)
 }
 
 fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {

@@ -8,6 +8,7 @@ use crate::cli::{Exit, Streams, files, io, project};
 use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
+use crate::model::Units;
 use crate::project::clock::Clock;
 use crate::report::plot;
 use crate::study::modes;
@@ -69,15 +70,19 @@ pub fn run(args: &ModesArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         .iter()
         .map(|state| state.name.as_str())
         .collect();
+    let units = Units::of(&compiled.model);
     let (text, svg) = match lines.as_deref() {
         Some([(state, range)]) => {
             let map = modes::map(system, switch, *state, range.clone());
-            (modes::text(&map), plot::branches::write(&map))
+            (modes::text(&map), plot::branches::write(&map, &units))
         }
         Some([(x, along), (y, up)]) if x != y => {
             let ranges = [along.clone(), up.clone()];
             let plane = modes::plane(system, switch, [*x, *y], ranges);
-            (modes::plane_text(&plane), plot::plane::write(&plane))
+            (
+                modes::plane_text(&plane),
+                plot::plane::write(&plane, &units),
+            )
         }
         _ => {
             let help = format!(

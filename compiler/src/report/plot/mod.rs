@@ -25,6 +25,7 @@ use self::canvas::{Canvas, Stroke};
 use self::frame::{FOOT, Frame, MARGIN};
 use self::marks::{Bands, Legend};
 use self::panel::Panel;
+use crate::model::Units;
 use crate::report::Trajectory;
 
 /// Width of the panels of curves.
@@ -53,8 +54,8 @@ pub struct Surface<'a> {
 }
 
 /// The figure of a trajectory that has been refined as far as curves shall be smooth.
-pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
-    let panels = panel::arrange(trajectory);
+pub fn write(trajectory: &Trajectory, units: &Units, surfaces: &[Surface<'_>]) -> String {
+    let panels = panel::arrange(trajectory, units);
     let bands = Bands::new(trajectory);
     let legend = match &trajectory.ensemble {
         Some(ensemble) => Legend::of_ensemble(ensemble),
@@ -74,8 +75,8 @@ pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
     let bottom = top + n_panels * height + (n_panels - 1.0).max(0.0) * GAP;
     let curves_end = left + WIDTH + right + MARGIN;
 
-    let plane =
-        has_phase_plane.then(|| phase::Plane::new(trajectory, surfaces, PHASE, bottom - top));
+    let plane = has_phase_plane
+        .then(|| phase::Plane::new(trajectory, units, surfaces, (PHASE, bottom - top)));
     let width = curves_end + plane.as_ref().map_or(0.0, |plane| plane.width() + MARGIN);
     let needed = plane
         .as_ref()
@@ -103,7 +104,7 @@ pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
             y: Axis::new(0.0, 1.0).placed(bottom, top),
             x: time,
         };
-        whole.labels_below(canvas, &whole.x.ticks(TIME_TICKS), "time");
+        whole.labels_below(canvas, &whole.x.ticks(TIME_TICKS), &units.title("time"));
         if let Some(plane) = &plane {
             plane.draw(canvas, trajectory, curves_end, (top, bottom));
         }
@@ -179,6 +180,7 @@ fn places(trajectory: &Trajectory, time: &Axis) -> Vec<(f64, super::EventKind)> 
 #[cfg(test)]
 mod tests {
     use super::{Surface, write};
+    use crate::model::Units;
     use crate::report::sample;
 
     fn count(svg: &str, part: &str) -> usize {
@@ -191,7 +193,7 @@ mod tests {
             name: "c < \"1\"".into(),
             psi: Box::new(|x, y| x * x + y * y - 1.0),
         };
-        let svg = write(&sample::oscillator(), &[circle]);
+        let svg = write(&sample::oscillator(), &Units::default(), &[circle]);
         for text in [
             "time", "inside", "outside", "crossing", "start", "end", "x[2]",
         ] {
@@ -204,7 +206,7 @@ mod tests {
     #[test]
     fn many_modes_share_one_colour_in_the_legend() {
         let mut trajectory = sample::shapes();
-        let few = count(&write(&trajectory, &[]), "<text");
+        let few = count(&write(&trajectory, &Units::default(), &[]), "<text");
         let interval = |k: usize| crate::report::ModeInterval {
             from: k as f64 / 50.0,
             to: (k + 1) as f64 / 50.0,
@@ -215,7 +217,7 @@ mod tests {
             contacts: Vec::new(),
         };
         trajectory.modes = (0..50).map(interval).collect();
-        let svg = write(&trajectory, &[]);
+        let svg = write(&trajectory, &Units::default(), &[]);
         assert_eq!(count(&svg, "<text"), few + 6);
         assert!(svg.contains("45 other modes"));
     }
@@ -225,12 +227,12 @@ mod tests {
         let mut trajectory = sample::oscillator();
         trajectory.states[0].values[2] = f64::NAN;
         trajectory.outputs[0].values = vec![f64::INFINITY; 3];
-        let svg = write(&trajectory, &[]);
+        let svg = write(&trajectory, &Units::default(), &[]);
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
     }
 
     #[test]
     fn an_empty_run_is_an_empty_sheet() {
-        assert!(write(&Default::default(), &[]).starts_with("<svg"));
+        assert!(write(&Default::default(), &Units::default(), &[]).starts_with("<svg"));
     }
 }

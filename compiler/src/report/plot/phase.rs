@@ -6,6 +6,7 @@ use super::canvas::{Canvas, INK, Point, Stroke};
 use super::contour::zero_set;
 use super::frame::{Frame, left_space};
 use super::marks::{self, CURVE, LINES, Legend};
+use crate::model::Units;
 use crate::report::{Series, Trajectory};
 
 /// Dash patterns that tell switching curves apart.
@@ -28,7 +29,12 @@ pub struct Plane {
 
 impl Plane {
     /// The plane of the two states of `trajectory`, so wide and high.
-    pub fn new(trajectory: &Trajectory, surfaces: &[Surface<'_>], width: f64, height: f64) -> Self {
+    pub fn new(
+        trajectory: &Trajectory,
+        units: &Units,
+        surfaces: &[Surface<'_>],
+        (width, height): (f64, f64),
+    ) -> Self {
         let mut entries = trajectory.states.iter().flat_map(Series::columns);
         let (x_name, x) = entries.next().unwrap_or_default();
         let (y_name, y) = entries.next().unwrap_or_default();
@@ -45,7 +51,7 @@ impl Plane {
         let (names, curves): (Vec<_>, Vec<_>) = curves.take(DASHES.len()).unzip();
         let names: Vec<_> = names.into_iter().cloned().zip(DASHES).collect();
         Plane {
-            names: [x_name, y_name],
+            names: [x_name, y_name].map(|name| units.title(&name)),
             columns: [x, y],
             axes,
             curves,
