@@ -8,9 +8,6 @@ use crate::model::Units;
 use crate::report::plot::{self, Surface};
 use crate::report::{Trajectory, refine};
 
-/// Instants of a curve that looks smooth.
-const N_POINTS: usize = 1200;
-
 /// The SVG text.
 pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     let system = &compiled.system;
@@ -59,7 +56,7 @@ pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
         .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
         .collect();
     let n_states = system.states.len();
-    refine(trajectory, N_POINTS, &|t, row| {
+    refine(trajectory, &|t, row| {
         let mut row = row.to_vec();
         let (x, alpha) = row.split_at_mut(n_states);
         system.see(t, x, alpha);

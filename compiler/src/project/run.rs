@@ -131,6 +131,7 @@ impl Project {
         let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
             return Err(Messages::new(diags, asked.sources));
         };
+        compiled.settings.follow_curves();
         #[cfg(feature = "plots")]
         let dense = options.figure;
         #[cfg(not(feature = "plots"))]
