@@ -48,31 +48,27 @@ struct Curve {
 }
 
 /// One panel per state, output and control; scalars share panels when there are many.
-pub fn arrange(trajectory: &Trajectory, units: &Units) -> Vec<Panel> {
+pub fn arrange(trajectory: &Trajectory) -> Vec<Vec<&Series>> {
     let groups = [
         &trajectory.states,
         &trajectory.outputs,
         &trajectory.controls,
     ];
-    let many = trajectory.ensemble.as_ref();
-    let panel = |group: &[&Series]| Panel::new(group, units, many);
-    let n_panels: usize = groups.iter().map(|group| group.len()).sum();
-    let mut panels = Vec::new();
-    for group in groups {
-        if n_panels <= MAX_PANELS {
-            panels.extend(group.iter().map(|series| panel(&[series])));
-            continue;
-        }
-        let (scalars, others): (Vec<_>, Vec<_>) = group.iter().partition(|s| s.n_entries() == 1);
-        panels.extend(scalars.chunks(MAX_CURVES).map(panel));
-        panels.extend(others.into_iter().map(|series| panel(&[series])));
+    if trajectory.series().count() <= MAX_PANELS {
+        return trajectory.series().map(|series| vec![series]).collect();
     }
-    panels.retain(|panel| !panel.curves.is_empty());
+    let mut panels: Vec<Vec<&Series>> = Vec::new();
+    for group in groups {
+        let (scalars, others): (Vec<_>, Vec<_>) = group.iter().partition(|s| s.n_entries() == 1);
+        panels.extend(scalars.chunks(MAX_CURVES).map(<[_]>::to_vec));
+        panels.extend(others.into_iter().map(|series| vec![series]));
+    }
     panels
 }
 
 impl Panel {
-    fn new(group: &[&Series], units: &Units, many: Option<&Ensemble>) -> Self {
+    /// The entries of these, with quantiles of many runs.
+    pub fn new(group: &[&Series], units: &Units, many: Option<&Ensemble>) -> Self {
         let entries: Vec<_> = group.iter().flat_map(|series| series.columns()).collect();
         let n = entries.len();
         let curves: Vec<Curve> = entries
@@ -114,6 +110,11 @@ impl Panel {
             curves,
             axis,
         }
+    }
+
+    /// Whether it has no curve.
+    pub fn is_empty(&self) -> bool {
+        self.curves.is_empty()
     }
 
     /// Space left of the frame for labels and title.
