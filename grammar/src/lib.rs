@@ -13,6 +13,10 @@ pub struct NsdParser;
 ///
 /// The pairs of these rules only mark a place: they carry no content.
 pub fn spelling(rule: Rule) -> Option<&'static str> {
+    mark(rule).or_else(|| word(rule))
+}
+
+fn mark(rule: Rule) -> Option<&'static str> {
     Some(match rule {
         Rule::semicolon => ";",
         Rule::comma => ",",
@@ -28,6 +32,12 @@ pub fn spelling(rule: Rule) -> Option<&'static str> {
         Rule::at_most => "<=",
         Rule::at_least => ">=",
         Rule::prime => "'",
+        _ => return None,
+    })
+}
+
+fn word(rule: Rule) -> Option<&'static str> {
+    Some(match rule {
         Rule::kw_always => "always",
         Rule::kw_argmin => "argmin",
         Rule::kw_as => "as",
