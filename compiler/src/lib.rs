@@ -17,6 +17,8 @@ pub mod system;
 #[cfg(test)]
 mod testing;
 
+use std::collections::HashMap;
+
 pub use nsd_expr as expr;
 use nsd_solver::integrate::tableau::Family;
 pub use nsd_solver::runtime::{limit, threads};
@@ -27,9 +29,10 @@ pub use self::project::{Project, prepared, watch};
 pub use self::source::files;
 
 use self::diagnostics::Diagnostics;
-use self::expr::{Expr, Exprs};
-use self::model::Model;
+use self::expr::{Expr, Exprs, Var};
+use self::model::{Model, Units};
 use self::project::clock::Clock;
+use self::report::Series;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
@@ -56,6 +59,30 @@ impl<'e> Compiled<'e> {
             return frozen.expect("compilation has checked it").system;
         }
         self.system.clone()
+    }
+
+    /// The parameters p of the model with their values, those that are computed from others among them: of free ones, what
+    /// was found once the system is the solved one.
+    pub fn parameters(&self) -> Vec<Series> {
+        let values = &self.settings.values;
+        let solved = self.system.params.iter();
+        let solved = solved.filter_map(|param| Some((param.var.as_variable()?, param.value)));
+        let solved: HashMap<Var, f64> = solved.collect();
+        let number = |var: Var| {
+            let number = solved.get(&var).or_else(|| values.numbers.get(&var));
+            number.copied().unwrap_or(f64::NAN)
+        };
+        let params = self.model.quantities.params.iter();
+        let series = params.map(|param| {
+            let entries = param.vars.iter();
+            let entries = entries.map(|var| var.substitute(&values.signals).eval(&number));
+            Series {
+                name: param.name.clone(),
+                shape: param.shape.sizes(),
+                values: entries.collect(),
+            }
+        });
+        series.collect()
     }
 
     /// What its expectations are about; a free horizon is its guess.
@@ -148,14 +175,14 @@ fn resolved<'e>(
     Some(model)
 }
 
-/// The entries of all states, where the model of an experiment is sound and has what overrides name, whatever their values
+/// The entries of all states, and the units of all quantities, where the model of an experiment is sound and has what overrides name, whatever their values
 /// are.
 pub fn check_names(
     file: &File,
     experiment: &Experiment,
     overrides: &[Bind],
     diags: &mut Diagnostics,
-) -> Option<Vec<String>> {
+) -> Option<(Vec<String>, Units)> {
     let exprs = Exprs::new();
     let (home, definition) = model::find(file, &experiment.model, diags)?;
     let (name, with) = (&definition.name.name, given(experiment, overrides));
@@ -167,7 +194,7 @@ pub fn check_names(
         let entry = |k| state.shape.entry_name(&state.name, k);
         (0..state.vars.len()).map(entry)
     });
-    (!diags.has_errors()).then(|| entries.collect())
+    (!diags.has_errors()).then(|| (entries.collect(), Units::of(&model)))
 }
 
 /// Goes on unless something is refused.

@@ -1,7 +1,7 @@
 //! The `nsdc` command as a user meets it: what it prints where, and its exit status.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::terminal::{folder, nsdc, nsdc_with_input};
@@ -348,6 +348,33 @@ fn run_prints_one_object_per_experiment() {
 }
 
 #[test]
+fn an_object_has_the_parameters_of_its_run() {
+    let folder = folder("parameters");
+    let text = "model wheel { param r = 1; param rr = r^2; state a = 0; a' = rr; }
+        model car {
+          param k = 3; param c[2] = [k, 2*k]; param p in [0, 9] = 1; param pp = 2*p;
+          state x = 0; control u in [-1, 1] = 0;
+          part front = wheel { r = k; }
+          x' = pp*u - c[1]*x;
+        }
+        simulate stands of car { horizon 1; with { c[2] = 7; p = 4; } }
+        optimize goes of car { horizon 1; intervals 2; free { p; } minimize final((x - 1)^2) + (p - 5)^2; }";
+    fs::write(folder.join("car.nsd"), text).expect("the folder is writable");
+    let args = ["run", "car.nsd", "--set", "k=0.5", "--json", "-"];
+    let ran = nsdc(&folder, &args);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+    let lines: Vec<_> = ran.out.lines().map(json).collect();
+    let all = serde_json::json!({
+        "k": 0.5, "c": [0.5, 7.0], "p": 4.0, "pp": 8.0, "front.r": 0.5, "front.rr": 0.25,
+    });
+    assert_eq!(lines[0]["parameters"], all);
+    let [free, found] = [&lines[1]["optimum"]["free"], &lines[1]["parameters"]];
+    let p = found["p"].as_f64().expect("a number");
+    assert_eq!(free["p"], found["p"]);
+    assert!((p - 5.0).abs() < 1.0 && found["pp"] == 2.0 * p, "{found}");
+}
+
+#[test]
 fn run_writes_files_and_still_reports() {
     let folder = with_relay("outputs");
     let args = [
@@ -378,6 +405,110 @@ fn run_writes_files_and_still_reports() {
     2.0,0.0,0.0
     ");
     assert!(text("r-fast.svg").starts_with("<svg"));
+}
+
+/// A circle, with an output that bends twice as often, and a ball that bounces.
+const CURVES: &str = "
+model circle { state x[2] = [1, 0]; output c = x[1]^2; x' = [-x[2], x[1]]; }
+model ball { state h = 1; state v = 0; h' = v; v' = -9.81; jump floor when h <= 0 and v < 0 { v := -0.5*v; } }
+model pulled { state x = 0; control u in [-1, 1] = 0; state v = 0; x' = v; v' = u; }
+simulate events of circle { horizon 2*pi; }
+simulate elements of circle { horizon 2*pi; method fesd; }
+simulate adaptive of circle { horizon 2*pi; method adaptive; }
+simulate steps of circle { horizon 2*pi; method timestepping { steps = 40; } }
+simulate every of circle { horizon 2*pi; output every pi/2; }
+simulate bounces of ball { horizon 1; }
+simulate stands of ball { horizon 1; lower timefreezing; }
+optimize goes of pulled { horizon 2; intervals 4; final { x = 1; v = 0; } minimize integral(u^2); }
+";
+
+/// The table of an experiment: its instants and the columns behind them.
+fn rows(folder: &Path, experiment: &str) -> Vec<Vec<f64>> {
+    let ran = nsdc(folder, &["run", "m.nsd", experiment, "--csv", "-"]);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""), "{experiment}");
+    let line = |line: &str| -> Vec<f64> {
+        let numbers = line.split(',').map(str::parse);
+        numbers.map(|number| number.expect("a number")).collect()
+    };
+    ran.out.lines().skip(1).map(line).collect()
+}
+
+/// By how much straight lines between rows miss functions of time at most.
+fn missed(rows: &[Vec<f64>], exact: impl Fn(f64) -> Vec<f64>) -> f64 {
+    let mut largest: f64 = 0.0;
+    let steps = rows.windows(2).filter(|pair| pair[0][0] < pair[1][0]);
+    for pair in steps {
+        for share in [0.25, 0.5, 0.75] {
+            let mix = |k: usize| pair[0][k] + share * (pair[1][k] - pair[0][k]);
+            let values = exact(mix(0));
+            let errors = (1..).zip(&values).map(|(k, value)| (mix(k) - value).abs());
+            largest = errors.fold(largest, f64::max);
+        }
+    }
+    largest
+}
+
+/// Where nothing says when there are rows, straight lines between them are within 1/2000 of the range of the curves, which
+/// is 2 for the circle and 1 for its output; steps of time have an error of their own.
+#[test]
+fn rows_follow_the_curves() {
+    let folder = folder("curves");
+    fs::write(folder.join("m.nsd"), CURVES).expect("the folder is writable");
+    let circle = |t: f64| vec![t.cos(), t.sin(), t.cos().powi(2)];
+    for (experiment, own) in [
+        ("events", 0.0),
+        ("elements", 0.0),
+        ("adaptive", 0.0),
+        ("steps", 1e-3),
+    ] {
+        let rows = rows(&folder, experiment);
+        let worst = missed(&rows, circle);
+        assert!(worst <= 1.1e-3 + own, "{experiment}: {worst}");
+        assert!(
+            rows.len() > 60 && rows.len() < 400,
+            "{experiment}: {}",
+            rows.len()
+        );
+        assert!(
+            rows.windows(2).all(|pair| pair[0][0] < pair[1][0]),
+            "{experiment}"
+        );
+    }
+    assert_eq!(rows(&folder, "every").len(), 5);
+
+    // It strikes once the height of one metre is fallen, and then after twice half the speed: two rows each time.
+    let fall = (2.0_f64 / 9.81).sqrt();
+    let ball = |t: f64| match t < fall {
+        true => vec![1.0 - 0.5 * 9.81 * t * t, -9.81 * t],
+        false => {
+            let (s, v) = (t - fall, 0.5 * 9.81 * fall);
+            vec![v * s - 0.5 * 9.81 * s * s, v - 9.81 * s]
+        }
+    };
+    for experiment in ["bounces", "stands"] {
+        let rows = rows(&folder, experiment);
+        let until = rows.iter().position(|row| row[0] > 2.0 * fall - 1e-6);
+        let first = &rows[..until.expect("it strikes again")];
+        let worst = missed(first, ball);
+        assert!(worst <= 1e-3 * 9.81, "{experiment}: {worst}");
+        let twice = rows.windows(2).filter(|pair| pair[0][0] == pair[1][0]);
+        let twice: Vec<_> = twice.map(|pair| [pair[0][2], pair[1][2]]).collect();
+        assert!(twice.len() >= 2, "{experiment}: {twice:?}");
+        assert!(
+            twice.iter().all(|[v, w]| (w + 0.5 * v).abs() <= 1e-6),
+            "{twice:?}"
+        );
+    }
+
+    // Where u is constant, x is a parabola.
+    let rows = rows(&folder, "goes");
+    let instants = |k: usize| {
+        rows.iter()
+            .filter(move |row| row[0] == 0.5 * k as f64)
+            .count()
+    };
+    assert!((0..=4).all(|k| instants(k) == 1));
+    assert!(rows.len() > 20, "{}", rows.len());
 }
 
 /// A file is one document, whatever is in it; lines are for what reads them one by one.

@@ -74,3 +74,121 @@ fn experiments_and_data_share_panels() {
         bad.err
     );
 }
+
+/// Heights in metres that follow a rule without a unit.
+const FALL: &str = "
+model fall {
+  param g : m/s^2 = 9.81; param k = 1;
+  state q[2] : m = [1, 2]; state v : m/s = 0; state n = 0;
+  output share : 1 = n; output energy : J/kg = v^2/2 + g*q[1]; output twice = 2*n;
+  q' = [v, v]; v' = -g; n' = k;
+}
+simulate falls of fall { horizon 0.5; output q, v, n, share, energy, twice; }
+simulate moves of fall { horizon 0.5; output q; }
+";
+
+#[test]
+fn axes_have_the_units_of_the_model() {
+    let folder = folder("plot_units");
+    fs::write(folder.join("m.nsd"), FALL).expect("the folder is writable");
+    let has = |svg: &str, text: &str| svg.contains(&format!(">\n{text}\n<"));
+    let drawn = |args: &[&str], texts: &[&str]| {
+        let ran = nsdc(&folder, args);
+        assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+        for text in texts {
+            assert!(has(&ran.out, text), "{args:?}: {text}");
+        }
+    };
+    let run = ["run", "m.nsd", "falls", "--plot", "-"];
+    // A pure number has no unit.
+    let common = [
+        "time [s]",
+        "v [m/s]",
+        "n",
+        "share",
+        "energy [J/kg]",
+        "twice",
+    ];
+    drawn(&run, &[&common[..], &["q [m]", "q[1]", "q[2]"]].concat());
+    // The phase plane.
+    let run = ["run", "m.nsd", "moves", "--plot", "-"];
+    drawn(&run, &["time [s]", "q [m]", "q[1] [m]", "q[2] [m]"]);
+    let entries = ["q[1] [m]", "q[2] [m]"];
+    drawn(
+        &["plot", "m.nsd", "falls"],
+        &[&common[..], &entries].concat(),
+    );
+    let sweep = ["sweep", "m.nsd", "falls", "--plot", "-", "--over"];
+    let ends = [
+        "v at end [m/s]",
+        "q[2] at end [m]",
+        "n at end",
+        "twice at end",
+    ];
+    let over = |axis: &'static str| [&sweep[..], &[axis]].concat();
+    drawn(&over("g=1:2:3"), &[&ends[..], &["g [m/s^2]"]].concat());
+    drawn(&over("q[2]=1:2:3"), &[&ends[..], &["q[2] [m]"]].concat());
+    drawn(&over("k=1:2:3"), &[&ends[..], &["k"]].concat());
+}
+
+/// A wheel that is braked, with a figure of its own.
+const WHEEL: &str = "
+model wheel {
+  param torque = 2; state speed : 1/s = 3; state angle[2] = [0, 1]; state unused = 0;
+  let loss = torque*sign(speed); signal wind = 0.5*time;
+  speed' = -loss; angle' = [speed, 0]; unused' = 1;
+}
+simulate drawn of wheel {
+  horizon 2; output angle every 1;
+  plot { speed, 2*speed; loss; wind; torque; phase speed, angle[1]; phase angle[1], angle[2];
+         title \"A <brake>\"; width 20 cm; }
+}
+simulate titled of wheel { horizon 2; output speed; plot { title \"Stops\"; width 300 px; } }
+simulate narrow of wheel { horizon 2; plot { speed; phase speed, loss; width 10 mm; } }
+simulate plane of wheel { horizon 2; plot { phase speed, loss; } }
+";
+
+#[test]
+fn a_plot_says_what_a_figure_shows() {
+    let folder = folder("plot_clause");
+    fs::write(folder.join("m.nsd"), WHEEL).expect("the folder is writable");
+    let has = |svg: &str, text: &str| svg.contains(&format!(">\n{text}\n<"));
+    let drawn = |experiment: &str| {
+        let ran = nsdc(&folder, &["run", "m.nsd", experiment, "--plot", "-"]);
+        assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+        ran.out
+    };
+    let width = |svg: &str| {
+        let text = svg
+            .split("width=\"")
+            .nth(1)
+            .and_then(|rest| rest.split('"').next());
+        let width = text.and_then(|text| text.parse::<f64>().ok());
+        width.expect("a figure has a width")
+    };
+    let svg = drawn("drawn");
+    for text in [
+        "2*speed",
+        "loss",
+        "wind",
+        "torque",
+        "time [s]",
+        "speed [1/s]",
+        "angle[1]",
+    ] {
+        assert!(has(&svg, text), "{text}");
+    }
+    assert!(has(&svg, "A &lt;brake&gt;") && !has(&svg, "unused"));
+    assert!((width(&svg) - 20.0 * 96.0 / 2.54).abs() < 1e-9);
+    // What is drawn is in no table, and is kept for the figure.
+    let ran = nsdc(&folder, &["run", "m.nsd", "drawn", "--csv", "-"]);
+    assert_eq!(ran.out.lines().next(), Some("time,angle[1],angle[2]"));
+    assert_eq!(ran.out.lines().count(), 4);
+
+    let svg = drawn("titled");
+    assert!(has(&svg, "Stops") && has(&svg, "speed [1/s]") && width(&svg) == 300.0);
+    // What does not fit is scaled.
+    assert!((width(&drawn("narrow")) - 96.0 / 25.4 * 10.0).abs() < 1e-9);
+    let svg = drawn("plane");
+    assert!(has(&svg, "start") && has(&svg, "loss") && !has(&svg, "time [s]"));
+}

@@ -13,8 +13,13 @@ pub struct NsdParser;
 ///
 /// The pairs of these rules only mark a place: they carry no content.
 pub fn spelling(rule: Rule) -> Option<&'static str> {
+    mark(rule).or_else(|| word(rule))
+}
+
+fn mark(rule: Rule) -> Option<&'static str> {
     Some(match rule {
         Rule::semicolon => ";",
+        Rule::comma => ",",
         Rule::open_brace => "{",
         Rule::close_brace => "}",
         Rule::open_paren => "(",
@@ -27,6 +32,12 @@ pub fn spelling(rule: Rule) -> Option<&'static str> {
         Rule::at_most => "<=",
         Rule::at_least => ">=",
         Rule::prime => "'",
+        _ => return None,
+    })
+}
+
+fn word(rule: Rule) -> Option<&'static str> {
+    Some(match rule {
         Rule::kw_always => "always",
         Rule::kw_argmin => "argmin",
         Rule::kw_as => "as",
@@ -67,6 +78,8 @@ pub fn spelling(rule: Rule) -> Option<&'static str> {
         Rule::kw_part => "part",
         Rule::kw_perp => "perp",
         Rule::kw_perturb => "perturb",
+        Rule::kw_phase => "phase",
+        Rule::kw_plot => "plot",
         Rule::kw_project => "project",
         Rule::kw_region => "region",
         Rule::kw_seed => "seed",
@@ -79,12 +92,14 @@ pub fn spelling(rule: Rule) -> Option<&'static str> {
         Rule::kw_subject => "subject",
         Rule::kw_switch => "switch",
         Rule::kw_then => "then",
+        Rule::kw_title => "title",
         Rule::kw_to => "to",
         Rule::kw_use => "use",
         Rule::kw_variational => "variational",
         Rule::kw_warning => "warning",
         Rule::kw_when => "when",
         Rule::kw_where => "where",
+        Rule::kw_width => "width",
         Rule::kw_with => "with",
         Rule::kw_within => "within",
         _ => return None,

@@ -1,6 +1,7 @@
 //! `nsdc modes`: the sliding modes of nonlinear switches along a line, against closed forms.
 
 use nsd_tests::with_experiment;
+use nsdc::model::Units;
 use nsdc::report::{Change, Map, plot, words_of};
 use nsdc::study::modes::{map, plane, plane_text, text};
 
@@ -49,7 +50,7 @@ fn counts_and_stabilities_change_at_the_fold_and_at_the_sides() {
     }
     let table = text(&map);
     assert!(table.contains("fold at s = 0.25"), "{table}");
-    let svg = plot::branches::write(&map);
+    let svg = plot::branches::write(&map, &Units::default());
     assert!(svg.starts_with("<svg") && svg.contains("attracting"));
 }
 
@@ -133,7 +134,7 @@ fn folds_are_curves_over_two_states() {
         "{ends:?}"
     );
     assert!(plane_text(&plane).contains("1 attracting, 1 repelling"));
-    let svg = plot::plane::write(&plane);
+    let svg = plot::plane::write(&plane, &Units::default());
     assert!(svg.starts_with("<svg") && svg.contains("fold") && !svg.contains("NaN"));
 }
 

@@ -48,6 +48,8 @@ fn objective(found: &Trajectory) -> f64 {
 fn fresh(project: &Project, names: &[String], x0: &[f64]) -> Trajectory {
     let options = Options {
         values: names.iter().cloned().zip(x0.iter().copied()).collect(),
+        // As those of what is prepared.
+        ends_alone: true,
         ..Options::default()
     };
     let run = project.run("o", &options, &mut ()).expect("it compiles");

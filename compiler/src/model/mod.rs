@@ -42,8 +42,8 @@ pub use crate::model::statements::cones::Cone;
 pub use crate::model::statements::programs::{Multiplier, Program, ProgramRow};
 pub use crate::model::statements::restitution::Restitution;
 pub use resolve::{check_file, resolve};
-pub use units::UnitError;
 pub(crate) use units::check_experiment;
+pub use units::{UnitError, Units};
 
 use std::sync::Arc;
 
@@ -177,6 +177,8 @@ pub struct Quantity<'e> {
     pub name: String,
     /// Its shape.
     pub shape: Shape,
+    /// Its unit as it is declared.
+    pub unit: Option<String>,
     /// Its entries, row by row, as variables.
     pub vars: Vec<Expr<'e>>,
     /// Default or initial value over params.
@@ -203,6 +205,8 @@ pub enum Domain<'e> {
 pub struct Named<'e> {
     /// Declared name.
     pub name: String,
+    /// Its unit as it is declared.
+    pub unit: Option<String>,
     /// What it stands for.
     pub value: Tensor<'e>,
     /// The declaration.

@@ -4,27 +4,102 @@ use std::collections::HashMap;
 
 use crate::Compiled;
 use crate::expr::{Expr, Var, variables_of};
-use crate::report::plot::{self, Surface};
-use crate::report::{Trajectory, refine};
+use crate::model::Units;
+use crate::report::plot::{Figure, Phase, Surface};
+use crate::report::{Series, Trajectory, refine};
+use crate::system::experiment::Plot;
 
-/// Instants of a curve that looks smooth.
-const N_POINTS: usize = 1200;
-
-/// The SVG text.
+/// The SVG text: what the experiment asks for, or all that is reported.
 pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     let system = &compiled.system;
-    let params = parameters(compiled);
+    let (params, units) = (parameters(compiled), Units::of(&compiled.model));
+    let plot = compiled.settings.plot.as_ref();
+    let (title, width) = plot.map_or((None, None), |plot| (plot.title.as_deref(), plot.width));
+    if let Some(plot) = plot.filter(|plot| plot.drawn().next().is_some()) {
+        let fine = drawn(compiled, trajectory, plot);
+        return Figure {
+            title,
+            width,
+            ..arranged(compiled, plot, &fine, (&units, &params))
+        }
+        .write();
+    }
     // Switching curves are drawn over the states as the system has them.
-    let names = trajectory
-        .states
-        .iter()
-        .flat_map(|series| series.entry_names());
+    let names = trajectory.states.iter().flat_map(Series::entry_names);
     let is_whole = names.eq(system.states.iter().map(|state| state.name.clone()));
     let surfaces = match is_whole {
         true => surfaces(compiled, &params),
         false => Vec::new(),
     };
-    plot::write(&curves(compiled, trajectory), &surfaces)
+    let fine = curves(compiled, trajectory);
+    Figure {
+        title,
+        width,
+        ..Figure::of(&fine, &units, surfaces)
+    }
+    .write()
+}
+
+/// The run with what a plot draws as its outputs, and nothing else.
+fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) -> Trajectory {
+    let system = &compiled.system;
+    let series = plot.drawn().map(|drawn| Series {
+        name: drawn.name.clone(),
+        shape: drawn.shape.clone(),
+        values: Vec::new(),
+    });
+    let empty = Trajectory {
+        states: Vec::new(),
+        outputs: series.collect(),
+        controls: Vec::new(),
+        ..trajectory.clone()
+    };
+    let exprs = plot.drawn().flat_map(|drawn| &drawn.entries);
+    let exprs: Vec<Expr<'_>> = exprs.map(|&e| system.read(e)).collect();
+    refined(compiled, &empty, &exprs)
+}
+
+/// Panels and planes of a plot, with what it draws in order.
+fn arranged<'a, 'e>(
+    compiled: &'a Compiled<'e>,
+    plot: &Plot<'e>,
+    fine: &'a Trajectory,
+    (units, params): (&'a Units, &'a HashMap<Var, f64>),
+) -> Figure<'a> {
+    let mut series = fine.outputs.iter();
+    let panels = plot.panels.iter();
+    let panels = panels.map(|panel| series.by_ref().take(panel.len()).collect());
+    let panels = panels.collect();
+    let states = compiled.system.states.iter().map(|state| state.var);
+    let states: Vec<Expr<'_>> = states.collect();
+    let phases = plot.phases.iter().map(|axes| {
+        let over_states = axes
+            .iter()
+            .map(|axis| axis.entries[0])
+            .eq(states.iter().copied());
+        let mut next = || {
+            let series = series.next();
+            series.map_or_else(Default::default, |series| {
+                (series.name.clone(), series.values.clone())
+            })
+        };
+        Phase {
+            axes: [next(), next()],
+            surfaces: match over_states {
+                true => surfaces(compiled, params),
+                false => Vec::new(),
+            },
+        }
+    });
+    let phases = phases.collect();
+    Figure {
+        trajectory: fine,
+        units,
+        title: None,
+        width: None,
+        panels,
+        phases,
+    }
 }
 
 fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
@@ -37,6 +112,18 @@ fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
 /// The trajectory at as many instants as its curves need to look smooth.
 pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
     let system = &compiled.system;
+    let states = system.groups.iter().flat_map(|group| &group.entries);
+    let recorded = system.outputs.iter().chain(&system.controls);
+    let exprs: Vec<Expr<'_>> = states
+        .map(|&entry| system.states[entry].var)
+        .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
+        .collect();
+    refined(compiled, trajectory, &exprs)
+}
+
+/// The trajectory at these instants, with the values of what is reported, in time, states and α.
+fn refined(compiled: &Compiled<'_>, trajectory: &Trajectory, exprs: &[Expr<'_>]) -> Trajectory {
+    let system = &compiled.system;
     let params = parameters(compiled);
     // The row of every variable: states, α, then data.
     let state_vars: Vec<Expr<'_>> = system.states.iter().map(|state| state.var).collect();
@@ -48,16 +135,8 @@ pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
         .filter_map(|(row, var)| Some((var.as_variable()?, row)))
         .collect();
     let time = system.time.as_variable();
-
-    // What is reported, in time, states and α.
-    let states = system.groups.iter().flat_map(|group| &group.entries);
-    let recorded = system.outputs.iter().chain(&system.controls);
-    let exprs: Vec<Expr<'_>> = states
-        .map(|&entry| system.states[entry].var)
-        .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
-        .collect();
     let n_states = system.states.len();
-    refine(trajectory, N_POINTS, &|t, row| {
+    refine(trajectory, &|t, row| {
         let mut row = row.to_vec();
         let (x, alpha) = row.split_at_mut(n_states);
         system.see(t, x, alpha);

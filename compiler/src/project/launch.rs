@@ -25,7 +25,9 @@ pub fn launch(
     request: &Request,
     watch: &mut dyn Watch,
 ) -> Result<Trajectory, Diagnostics> {
-    within(project, compiled, request, watch, MAX_DEPTH)
+    let mut trajectory = within(project, compiled, request, watch, MAX_DEPTH)?;
+    trajectory.parameters = compiled.parameters();
+    Ok(trajectory)
 }
 
 fn within(

@@ -25,6 +25,9 @@ pub struct Options {
     pub limit: Limit,
     /// Whether multipliers are kept, where the method has them.
     pub multipliers: bool,
+    /// Whether rows are at the ends of steps and elements alone; else inside of them, too, where straight lines from row to
+    /// row would not follow the curves. What the experiment says about it counts first.
+    pub ends_alone: bool,
     /// Whether a figure is drawn.
     #[cfg(feature = "plots")]
     pub figure: bool,
@@ -131,6 +134,9 @@ impl Project {
         let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
             return Err(Messages::new(diags, asked.sources));
         };
+        if !options.ends_alone {
+            compiled.settings.follow_curves();
+        }
         #[cfg(feature = "plots")]
         let dense = options.figure;
         #[cfg(not(feature = "plots"))]

@@ -9,6 +9,7 @@
 //! - mode intervals follow each other without gap and hold one side per switch;
 //! - pieces follow each other in time and have one number of rows, switches among them.
 
+pub(crate) mod curve;
 mod dense;
 mod ensemble;
 mod event;
@@ -20,7 +21,6 @@ pub mod numbers;
 mod optimum;
 #[cfg(feature = "plots")]
 pub mod plot;
-mod refine;
 pub mod roads;
 #[cfg(test)]
 mod sample;
@@ -29,12 +29,12 @@ mod status;
 
 pub use crate::report::sliding::branches::{Boundary, Change, Map, Sample};
 pub use crate::report::sliding::plane::{Plane, PlaneCurve, words_of};
+pub use curve::refine;
 pub use dense::{Dense, Piece};
 pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
-pub use refine::refine;
 pub use status::{Certificate, Stationarity, Stats, Status};
 
 use crate::diagnostics::Diagnostics;
@@ -55,6 +55,8 @@ pub struct Trajectory {
     pub failure: Option<Failure>,
     /// The method and the options it ran with.
     pub method: Method,
+    /// Parameters of the model with the values it ran with, each of them at one instant.
+    pub parameters: Vec<Series>,
     /// Instants at which values are reported.
     pub time: Vec<f64>,
     /// States, in order of declaration.
@@ -187,7 +189,6 @@ impl Series {
     }
 
     /// The entries by their names, with their values at all instants.
-    #[cfg(feature = "plots")]
     pub(crate) fn columns(&self) -> impl Iterator<Item = (String, Vec<f64>)> {
         let n = self.n_entries();
         let column = move |k| self.values.iter().skip(k).step_by(n).copied().collect();
@@ -389,6 +390,15 @@ impl Trajectory {
         Some(self.states.iter().flat_map(between).collect())
     }
 
+    /// All that is reported over time: states, outputs, controls.
+    pub(crate) fn series(&self) -> impl Iterator<Item = &Series> {
+        (self.states.iter().chain(&self.outputs)).chain(&self.controls)
+    }
+
+    fn series_mut(&mut self) -> impl Iterator<Item = &mut Series> {
+        (self.states.iter_mut().chain(&mut self.outputs)).chain(&mut self.controls)
+    }
+
     /// Number of scalar states that are reported.
     pub fn n_states(&self) -> usize {
         self.states.iter().map(Series::n_entries).sum()
@@ -399,12 +409,7 @@ impl Trajectory {
         if self.time.windows(2).any(|pair| pair[1] < pair[0]) {
             return Err("time decreases".into());
         }
-        for series in self
-            .states
-            .iter()
-            .chain(&self.outputs)
-            .chain(&self.controls)
-        {
+        for series in self.series() {
             if series.values.len() != self.time.len() * series.n_entries() {
                 return Err(format!(
                     "`{}` does not have one value per instant",

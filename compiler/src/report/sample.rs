@@ -25,6 +25,11 @@ pub fn oscillator() -> Trajectory {
                 ("tolerance".into(), MethodOption::Number(1e-10)),
             ],
         },
+        parameters: vec![Series {
+            name: "omega".into(),
+            shape: vec![],
+            values: vec![6.25],
+        }],
         states: vec![Series {
             name: "x".into(),
             shape: vec![2],

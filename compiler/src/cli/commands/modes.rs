@@ -4,14 +4,17 @@ use std::ops::Range;
 
 use crate::cli::args::ModesArgs;
 use crate::cli::files::Sink;
+use crate::cli::project::Project;
 use crate::cli::{Exit, Streams, files, io, project};
-use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
+use crate::model::Units;
 use crate::project::clock::Clock;
 use crate::report::plot;
 use crate::study::modes;
+use crate::syntax::{Bind, Experiment};
 use crate::system::System;
+use crate::{Compiled, compile};
 
 /// Maps the sliding modes of a nonlinear switch.
 pub fn run(args: &ModesArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -29,21 +32,9 @@ pub fn run(args: &ModesArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         writeln!(streams.err, "error: {what}\n  help: {help}")?;
         Ok(Exit::Wrong)
     };
-    let (mut diags, mut clock) = (Diagnostics::new(), Clock::default());
     let exprs = Exprs::new();
-    // Without a name, the first experiment that reads a switch nonlinearly.
-    let compiled = experiments.iter().find_map(|experiment| {
-        let mut found = Diagnostics::new();
-        let file = &project.file;
-        let compiled = compile(&exprs, file, experiment, &overrides, &mut clock, &mut found);
-        let failed = found.has_errors();
-        if args.experiment.is_some() {
-            diags = found;
-        }
-        let compiled = compiled.filter(|_| !failed)?;
-        let mut switches = compiled.system.switches.iter();
-        (switches.any(|switch| switch.is_nonlinear)).then_some(compiled)
-    });
+    let asked = (&project, &overrides[..]);
+    let (compiled, diags) = nonlinear(&exprs, asked, &experiments, args.experiment.is_some());
     project::print(&diags, &project.sources, streams)?;
     let Some(compiled) = compiled else {
         return wrong(
@@ -69,15 +60,19 @@ pub fn run(args: &ModesArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         .iter()
         .map(|state| state.name.as_str())
         .collect();
+    let units = Units::of(&compiled.model);
     let (text, svg) = match lines.as_deref() {
         Some([(state, range)]) => {
             let map = modes::map(system, switch, *state, range.clone());
-            (modes::text(&map), plot::branches::write(&map))
+            (modes::text(&map), plot::branches::write(&map, &units))
         }
         Some([(x, along), (y, up)]) if x != y => {
             let ranges = [along.clone(), up.clone()];
             let plane = modes::plane(system, switch, [*x, *y], ranges);
-            (modes::plane_text(&plane), plot::plane::write(&plane))
+            (
+                modes::plane_text(&plane),
+                plot::plane::write(&plane, &units),
+            )
         }
         _ => {
             let help = format!(
@@ -94,6 +89,29 @@ pub fn run(args: &ModesArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         written = Sink::with(path, svg).finish(streams)?;
     }
     Ok(if written { Exit::Success } else { Exit::Wrong })
+}
+
+/// The first of some experiments that reads a switch nonlinearly; where it is named, with what there is to say about it.
+fn nonlinear<'e>(
+    exprs: &'e Exprs,
+    (project, overrides): (&Project, &[Bind]),
+    experiments: &[Experiment],
+    is_named: bool,
+) -> (Option<Compiled<'e>>, Diagnostics) {
+    let (mut diags, mut clock) = (Diagnostics::new(), Clock::default());
+    let compiled = experiments.iter().find_map(|experiment| {
+        let mut found = Diagnostics::new();
+        let file = &project.file;
+        let compiled = compile(exprs, file, experiment, overrides, &mut clock, &mut found);
+        let failed = found.has_errors();
+        if is_named {
+            diags = found;
+        }
+        let compiled = compiled.filter(|_| !failed)?;
+        let mut switches = compiled.system.switches.iter();
+        (switches.any(|switch| switch.is_nonlinear)).then_some(compiled)
+    });
+    (compiled, diags)
 }
 
 /// `x=-1:4`

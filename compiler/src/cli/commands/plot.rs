@@ -12,6 +12,7 @@ use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::limit::Limit;
+use crate::model::Units;
 use crate::project::clock::Clock;
 use crate::project::{ensemble, figure, launch};
 use crate::report::plot::overlay::{self, Source};
@@ -47,15 +48,17 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     }
     let limit = Limit::from(args.time_limit);
     let (mut exit, mut sources) = (Exit::Success, Vec::new());
+    let mut units = Units::default();
     for experiment in &experiments {
         let asked = (&project, &overrides[..]);
-        let Some((source, status)) = curves(asked, experiment, &limit, streams)? else {
+        let Some((source, own, status)) = curves(asked, experiment, &limit, streams)? else {
             return Ok(Exit::Wrong);
         };
         if status != Status::Solved {
             exit = Exit::Failed;
         }
         sources.push(source);
+        units.add(own);
     }
     for path in &args.data {
         match measured(path).and_then(|source| belonging(source, &sources)) {
@@ -73,7 +76,7 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         )?;
         return Ok(Exit::Wrong);
     }
-    match Sink::with(&args.output, overlay::write(&sources)).finish(streams)? {
+    match Sink::with(&args.output, overlay::write(&sources, &units)).finish(streams)? {
         true => Ok(exit),
         false => Ok(Exit::Wrong),
     }
@@ -103,13 +106,13 @@ fn is_of(name: &str, asked: &str) -> bool {
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
 }
 
-/// The curves of an experiment, and how its run ended; nothing where it does not compile, which has been printed.
+/// The curves of an experiment, the units of its model, and how its run ended; nothing where it does not compile, which has been printed.
 fn curves(
     (project, overrides): (&Project, &[Bind]),
     experiment: &Experiment,
     limit: &Limit,
     streams: &mut Streams<'_>,
-) -> io::Result<Option<(Source, Status)>> {
+) -> io::Result<Option<(Source, Units, Status)>> {
     let (exprs, mut diags, mut clock) = (Exprs::new(), Diagnostics::new(), Clock::default());
     let file = &project.file;
     let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
@@ -147,7 +150,11 @@ fn curves(
         columns: all.iter().flatten().flat_map(Series::columns).collect(),
         is_measured: false,
     };
-    Ok(Some((source, trajectory.status)))
+    Ok(Some((
+        source,
+        Units::of(&compiled.model),
+        trajectory.status,
+    )))
 }
 
 /// What was measured of quantities that runs have; an error where that is nothing.

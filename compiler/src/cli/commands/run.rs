@@ -131,6 +131,10 @@ fn one(
     let Some((mut compiled, warnings)) = compiled else {
         return Ok(None);
     };
+    // A report has no rows.
+    if args.csv.is_some() || args.json.is_some() {
+        compiled.settings.follow_curves();
+    }
     let request = Request {
         dense: args.plot.is_some(),
         estimate: true,

@@ -83,7 +83,7 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     };
     let mut diags = Diagnostics::new();
     let first = swept.at(&grid.point(0));
-    let Some(states) = check_names(&project.file, experiment, &first, &mut diags) else {
+    let Some((states, units)) = check_names(&project.file, experiment, &first, &mut diags) else {
         project::print(&diags, &project.sources, streams)?;
         return Ok(Exit::Wrong);
     };
@@ -107,6 +107,7 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         columns: &columns,
         rows: &rows,
         has_expectations: swept.expects(),
+        units: &units,
     };
     let is_solved = |row: &Option<Row>| {
         let status = row.as_ref().and_then(|row| row.status);

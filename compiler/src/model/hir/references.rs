@@ -217,6 +217,9 @@ impl<'r, 'f> Resolver<'r, 'f> {
                     ..
                 } => self.expr(instants),
                 SettingKind::Perturb { every, .. } => self.expr(every),
+                SettingKind::Plot(items) => {
+                    self.exprs(items.iter().flat_map(|item| item.kind.exprs()));
+                }
                 SettingKind::Expect(Expect::Mode { at, .. }) => self.expr(at),
                 SettingKind::Expect(Expect::Relation(relation)) => {
                     if let ExpectWhen::At(at) = &relation.when {

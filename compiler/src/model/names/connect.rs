@@ -255,6 +255,7 @@ impl<'e> Connected<'e> {
                 }
                 model.definitions.lets.push(Named {
                     name: quantity.name,
+                    unit: quantity.unit,
                     value: Tensor { shape, data },
                     span: quantity.span,
                 });

@@ -84,6 +84,7 @@ impl<'e> Draft<'e> {
         let index = list.len();
         list.push(Quantity {
             name,
+            unit: None,
             shape: value.shape,
             vars: value.data.clone(),
             value: None,
@@ -99,19 +100,18 @@ impl<'e> Draft<'e> {
     }
 
     /// Adds a let, output or signal.
-    pub fn named(
-        &mut self,
-        kind: NamedKind,
-        name: String,
-        value: Tensor<'e>,
-        span: Span,
-    ) -> TargetKind {
-        let (list, target): (_, fn(usize) -> TargetKind) = match kind {
+    pub fn named(&mut self, item: &syntax::Named, name: String, value: Tensor<'e>) -> TargetKind {
+        let (list, target): (_, fn(usize) -> TargetKind) = match item.kind {
             NamedKind::Let => (&mut self.model.definitions.lets, TargetKind::Let),
             NamedKind::Output => (&mut self.model.definitions.outputs, TargetKind::Output),
             NamedKind::Signal => (&mut self.model.definitions.signals, TargetKind::Signal),
         };
-        list.push(Named { name, value, span });
+        list.push(Named {
+            name,
+            unit: item.unit.as_ref().map(ToString::to_string),
+            value,
+            span: item.span,
+        });
         target(list.len() - 1)
     }
 

@@ -114,6 +114,9 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         let name = self.whole_name(&decl.name.name);
         let value = self.draft.variables(&name, shape);
         let target = self.draft.quantity(decl.kind, name, &value, decl.span);
+        if let Some(quantity) = self.draft.quantity_of(target) {
+            quantity.unit = decl.unit.as_ref().map(ToString::to_string);
+        }
         Ok(Meaning::Value(value.into(), target))
     }
 
@@ -176,7 +179,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             return Err(Reported);
         }
         let (name, tensor) = (self.whole_name(&name), value.tensor.clone());
-        let target = self.draft.named(named.kind, name, tensor, named.span);
+        let target = self.draft.named(named, name, tensor);
         Ok(Meaning::Value(value, target))
     }
 }

@@ -30,7 +30,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             Reported
         })?;
         let name = self.whole_name(&named.name.name);
-        let target = (self.draft).named(named.kind, name, value.clone(), named.span);
+        let target = self.draft.named(named, name, value.clone());
         Ok(Meaning::Value(value.into(), target))
     }
 

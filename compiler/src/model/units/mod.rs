@@ -9,6 +9,7 @@
 //! without a unit takes that of what it is given. Everything is looked at once per loop: a vector has
 //! one unit for all entries, and what is stacked from different units has an unknown one.
 
+mod declared;
 mod dimension;
 mod error;
 mod functions;
@@ -24,6 +25,7 @@ use std::rc::Rc;
 
 use rustc_hash::FxHashSet;
 
+pub use declared::Units;
 pub use error::UnitError;
 
 use self::infer::Inference;

@@ -253,6 +253,11 @@ impl<'f> Checker<'f, '_> {
                 SettingKind::Perturb { every, .. } => {
                     self.dims.expect("the period", time, every, None);
                 }
+                SettingKind::Plot(items) => {
+                    for expr in items.iter().flat_map(|item| item.kind.exprs()) {
+                        self.dims.expr(expr);
+                    }
+                }
                 SettingKind::Expect(expect) => self.expectation(expect, time),
                 _ => {}
             }

@@ -6,14 +6,7 @@ use crate::report::{Series, Trajectory};
 
 /// Header `time,x[1],x[2],...` and one line per instant: states, outputs, controls.
 pub fn write(trajectory: &Trajectory) -> String {
-    let columns: Vec<&Series> = [
-        &trajectory.states,
-        &trajectory.outputs,
-        &trajectory.controls,
-    ]
-    .into_iter()
-    .flatten()
-    .collect();
+    let columns: Vec<&Series> = trajectory.series().collect();
     let mut text = csv::Writer::from_writer(Vec::new());
 
     let names = columns.iter().flat_map(|series| series.entry_names());

@@ -26,6 +26,8 @@ struct Object<'a> {
     kind: Kind,
     status: Status,
     method: &'a Method,
+    #[serde(serialize_with = "as_map")]
+    parameters: Vec<(&'a str, Shaped<'a>)>,
     time: &'a [f64],
     #[serde(serialize_with = "by_name")]
     states: &'a [Series],
@@ -58,10 +60,7 @@ struct Object<'a> {
 impl<'a> From<&'a Trajectory> for Object<'a> {
     fn from(trajectory: &'a Trajectory) -> Self {
         let last = trajectory.time.len().checked_sub(1);
-        let at_end = last.into_iter().flat_map(|last| {
-            let states = trajectory.states.iter();
-            states.map(move |series| (series.name.as_str(), Shaped::new(series, last)))
-        });
+        let at_end = last.map(|last| at(&trajectory.states, last));
         let failure = trajectory.failure.iter();
         let failure = failure.map(|failure| Warning::of(failure));
         Object {
@@ -70,12 +69,13 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
             kind: trajectory.kind,
             status: trajectory.status,
             method: &trajectory.method,
+            parameters: at(&trajectory.parameters, 0),
             time: &trajectory.time,
             states: &trajectory.states,
             outputs: &trajectory.outputs,
             controls: &trajectory.controls,
             multipliers: trajectory.multipliers.as_ref(),
-            r#final: at_end.collect(),
+            r#final: at_end.unwrap_or_default(),
             objective: trajectory.objective,
             events: &trajectory.events,
             modes: &trajectory.modes,
@@ -91,6 +91,13 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
                 .collect(),
         }
     }
+}
+
+/// The values of series at an instant, by their names.
+fn at(series: &[Series], instant: usize) -> Vec<(&str, Shaped<'_>)> {
+    let values = series.iter();
+    let values = values.map(|series| (series.name.as_str(), Shaped::new(series, instant)));
+    values.collect()
 }
 
 /// `{ "name": value, .. }`, in order.
@@ -215,7 +222,7 @@ mod tests {
 
     #[test]
     fn every_field_of_the_reference_stands_on_one_line() {
-        insta::assert_snapshot!(write(&sample::oscillator()), @r#"{"experiment":"crossing","model":"oscillator","kind":"simulate","status":"solved","method":{"name":"event","order":16,"tolerance":1e-10},"time":[0.0,1.0,1.5],"states":{"x":[[0.36787944117144233,0.0],[1.0,0.0],[-1.6487212707,0.25]]},"outputs":{"c":[-0.8646647167633873,0.0,1.7807818284]},"controls":{},"final":{"x":[-1.6487212707,0.25]},"objective":null,"events":[{"time":1.0,"kind":"crossing","surface":"c","from":"inside","to":"outside"}],"modes":[{"from":0.0,"to":1.0,"mode":"inside"},{"from":1.0,"to":1.5,"mode":"outside"}],"error_estimate":1e-11,"stats":{"compile_s":0.002,"solve_s":0.001,"steps":12,"rhs_evaluations":204,"newton_iterations":0,"factorizations":0,"homotopy_steps":0,"complementarity_residual":0.0,"kkt_residual":0.0},"certificate":{"stationarity":"none","max_violation":0.0},"skipped":[],"warnings":[{"code":"W0501","message":"a bound was left"}]}"#);
+        insta::assert_snapshot!(write(&sample::oscillator()), @r#"{"experiment":"crossing","model":"oscillator","kind":"simulate","status":"solved","method":{"name":"event","order":16,"tolerance":1e-10},"parameters":{"omega":6.25},"time":[0.0,1.0,1.5],"states":{"x":[[0.36787944117144233,0.0],[1.0,0.0],[-1.6487212707,0.25]]},"outputs":{"c":[-0.8646647167633873,0.0,1.7807818284]},"controls":{},"final":{"x":[-1.6487212707,0.25]},"objective":null,"events":[{"time":1.0,"kind":"crossing","surface":"c","from":"inside","to":"outside"}],"modes":[{"from":0.0,"to":1.0,"mode":"inside"},{"from":1.0,"to":1.5,"mode":"outside"}],"error_estimate":1e-11,"stats":{"compile_s":0.002,"solve_s":0.001,"steps":12,"rhs_evaluations":204,"newton_iterations":0,"factorizations":0,"homotopy_steps":0,"complementarity_residual":0.0,"kkt_residual":0.0},"certificate":{"stationarity":"none","max_violation":0.0},"skipped":[],"warnings":[{"code":"W0501","message":"a bound was left"}]}"#);
     }
 
     #[test]

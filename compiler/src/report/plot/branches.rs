@@ -5,6 +5,7 @@ use plotters::style::RGBColor;
 use super::axis::Axis;
 use super::canvas::{Align, Canvas, INK, Point, Stroke};
 use super::frame::{FOOT, Frame, MARGIN, left_space, right_space};
+use crate::model::Units;
 use crate::report::{Change, Map, Sample};
 
 const WIDTH: f64 = 380.0;
@@ -19,7 +20,7 @@ const DASHES: (f64, f64) = (5.0, 3.0);
 const GRID: Stroke = Stroke(0.5, RGBColor(205, 205, 205));
 
 /// The SVG text.
-pub fn write(map: &Map) -> String {
+pub fn write(map: &Map, units: &Units) -> String {
     let ends = [map.samples.first(), map.samples.last()];
     let [lo, hi] = ends.map(|sample| sample.map_or(0.0, |sample| sample.at));
     let (x, y) = (Axis::new(lo, hi), Axis::around(map.sides));
@@ -46,7 +47,7 @@ pub fn write(map: &Map) -> String {
                 canvas.disc(place, 3.2, INK);
             }
         }
-        frame.draw(canvas, [&map.state, &map.switch], N_TICKS);
+        frame.draw(canvas, [&units.title(&map.state), &map.switch], N_TICKS);
         for (k, (name, stroke)) in legend.into_iter().enumerate() {
             match k {
                 0 => canvas.line(&frame.sample(k), stroke),

@@ -43,6 +43,15 @@ pub struct Canvas<'a> {
 impl Canvas<'_> {
     /// The SVG text of what `draw` puts on a sheet.
     pub fn svg(width: f64, height: f64, draw: impl FnOnce(&Canvas<'_>)) -> String {
+        Self::svg_of_width(None, (width, height), draw)
+    }
+
+    /// The same for a sheet that is scaled to a width, where one is asked for.
+    pub fn svg_of_width(
+        asked: Option<f64>,
+        (width, height): Point,
+        draw: impl FnOnce(&Canvas<'_>),
+    ) -> String {
         let units = |length: f64| (length * UNITS).round() as u32;
         let mut text = String::new();
         {
@@ -56,6 +65,8 @@ impl Canvas<'_> {
             let _ = canvas.area.present();
         }
         let fine = format!(r#"width="{}" height="{}""#, units(width), units(height));
+        let scale = asked.map_or(1.0, |asked| asked / width);
+        let [width, height] = [width, height].map(|length| scale * length);
         text.replacen(&fine, &format!(r#"width="{width}" height="{height}""#), 1)
     }
 

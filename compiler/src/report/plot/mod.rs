@@ -21,11 +21,12 @@ use self::axis::Axis;
 pub use self::loglog::{Curve, LogLog};
 pub use self::sweep::Sweep;
 
-use self::canvas::{Canvas, Stroke};
+use self::canvas::{Align, Canvas, INK, Stroke};
 use self::frame::{FOOT, Frame, MARGIN};
 use self::marks::{Bands, Legend};
 use self::panel::Panel;
-use crate::report::Trajectory;
+use crate::model::Units;
+use crate::report::{Series, Trajectory};
 
 /// Width of the panels of curves.
 const WIDTH: f64 = 400.0;
@@ -44,6 +45,12 @@ const MAX_EVENT_MARKS: usize = 50;
 /// Side of the phase plane.
 const PHASE: f64 = 270.0;
 
+/// Height of a line with the title of a figure, and its letters.
+const TITLE: f64 = 20.0;
+const TITLE_SIZE: f64 = 12.0;
+/// Panels and phase planes are at least this share of what they are by themselves.
+const SMALLEST: f64 = 0.2;
+
 /// A switching function of two states.
 pub struct Surface<'a> {
     /// Its name.
@@ -52,46 +59,185 @@ pub struct Surface<'a> {
     pub psi: Box<dyn Fn(f64, f64) -> f64 + 'a>,
 }
 
-/// The figure of a trajectory that has been refined as far as curves shall be smooth.
-pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
-    let panels = panel::arrange(trajectory);
-    let bands = Bands::new(trajectory);
-    let legend = match &trajectory.ensemble {
-        Some(ensemble) => Legend::of_ensemble(ensemble),
-        None => Legend::new(trajectory, &bands),
-    };
-    let has_phase_plane = trajectory.n_states() == 2 && trajectory.time.len() > 1;
+/// Two scalars, one over the other, with the curves on which their system switches.
+pub struct Phase<'a> {
+    /// What goes from left to right, and from the bottom to the top, with their values at all instants.
+    pub axes: [(String, Vec<f64>); 2],
+    /// Switching functions of these two.
+    pub surfaces: Vec<Surface<'a>>,
+}
 
-    let left = MARGIN + panels.iter().map(Panel::left_space).fold(0.0, f64::max);
-    let right = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
-    let n_panels = panels.len() as f64;
-    let height = match has_phase_plane {
-        true => HEIGHT.max((PHASE - GAP * (n_panels - 1.0)) / n_panels.max(1.0)),
-        false => HEIGHT,
-    };
-    let legend_width = WIDTH + right;
-    let top = MARGIN + legend.height(legend_width) + STRIP + 3.0;
-    let bottom = top + n_panels * height + (n_panels - 1.0).max(0.0) * GAP;
-    let curves_end = left + WIDTH + right + MARGIN;
+/// What is drawn of a run: curves over time, panel by panel, and phase planes on their right.
+pub struct Figure<'a> {
+    /// The run at as many instants as its curves need to be smooth, its modes and its events.
+    pub trajectory: &'a Trajectory,
+    /// Units of what is drawn.
+    pub units: &'a Units,
+    /// What stands above.
+    pub title: Option<&'a str>,
+    /// The width of the sheet in pixels; none for that of its panels and planes.
+    pub width: Option<f64>,
+    /// Panels, each with what it shows.
+    pub panels: Vec<Vec<&'a Series>>,
+    /// Phase planes.
+    pub phases: Vec<Phase<'a>>,
+}
 
-    let plane =
-        has_phase_plane.then(|| phase::Plane::new(trajectory, surfaces, PHASE, bottom - top));
-    let width = curves_end + plane.as_ref().map_or(0.0, |plane| plane.width() + MARGIN);
-    let needed = plane
-        .as_ref()
-        .map_or(0.0, |plane| MARGIN + plane.legend_height() + 3.0);
-    let down = (needed - top).max(0.0);
-    let (top, bottom) = (top + down, bottom + down);
+/// Where panels and phase planes are on a sheet.
+struct Layout {
+    /// The frames of panels, from left to right, and how high one is.
+    panels: [f64; 2],
+    height: f64,
+    /// The upper end of the first and the lower end of the last of them, which are those of planes too.
+    vertical: (f64, f64),
+    /// Where each plane begins with its labels.
+    planes: Vec<f64>,
+    /// The width of the sheet.
+    width: f64,
+}
 
-    Canvas::svg(width, bottom + FOOT + MARGIN, |canvas| {
-        legend.draw(canvas, (left, MARGIN), legend_width);
-        let time = time_axis(trajectory).placed(left, left + WIDTH);
+impl<'a> Figure<'a> {
+    /// A panel for each state, output and control, and the phase plane of a run with two states.
+    pub fn of(
+        trajectory: &'a Trajectory,
+        units: &'a Units,
+        surfaces: Vec<Surface<'a>>,
+    ) -> Figure<'a> {
+        let entries = trajectory.states.iter().flat_map(Series::columns);
+        let axes: Result<[_; 2], _> = entries.collect::<Vec<_>>().try_into();
+        let axes = axes.ok().filter(|_| trajectory.time.len() > 1);
+        Figure {
+            trajectory,
+            units,
+            title: None,
+            width: None,
+            panels: panel::arrange(trajectory),
+            phases: match axes {
+                Some(axes) => vec![Phase { axes, surfaces }],
+                None => Vec::new(),
+            },
+        }
+    }
+
+    /// The SVG text.
+    pub fn write(&self) -> String {
+        let Figure {
+            trajectory, units, ..
+        } = self;
+        let many = trajectory.ensemble.as_ref();
+        let panels = self.panels.iter();
+        let panels = panels.map(|group| Panel::new(group, units, many));
+        let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();
+        let bands = Bands::new(trajectory);
+        let legend = match many {
+            _ if panels.is_empty() => Legend::default(),
+            Some(ensemble) => Legend::of_ensemble(ensemble),
+            None => Legend::new(trajectory, &bands),
+        };
+        let share = self.share(&panels);
+        let size = (PHASE * share, self.height(panels.len(), share));
+        let planes = self.phases.iter();
+        let planes = planes.map(|phase| phase::Plane::new(phase, units, size));
+        let planes: Vec<phase::Plane> = planes.collect();
+        let layout = self.layout((&panels, &planes), &legend, share);
+        let (top, bottom) = layout.vertical;
+        let sheet = (layout.width, bottom + FOOT + MARGIN);
+        Canvas::svg_of_width(self.width, sheet, |canvas| {
+            if let Some(title) = self.title {
+                let place = (0.5 * layout.width, 0.5 * (MARGIN + TITLE));
+                canvas.sized_text(place, title, Align::Centre, INK, TITLE_SIZE);
+            }
+            if !panels.is_empty() {
+                self.draw_panels(canvas, &panels, (&legend, &bands), &layout);
+            }
+            for (plane, left) in planes.iter().zip(&layout.planes) {
+                plane.draw(canvas, trajectory, *left, (top, bottom));
+            }
+        })
+    }
+
+    /// The width of panels and planes as a share of what it is by itself.
+    fn share(&self, panels: &[Panel]) -> f64 {
+        let Some(width) = self.width else {
+            return 1.0;
+        };
+        let size = (PHASE, self.height(panels.len(), 1.0));
+        let planes = self.phases.iter();
+        let planes = planes.map(|phase| phase::Plane::new(phase, self.units, size));
+        let planes: Vec<phase::Plane> = planes.collect();
+        let natural = self.layout((panels, &planes), &Legend::default(), 1.0);
+        let frames = WIDTH * f64::from(u8::from(!panels.is_empty())) + PHASE * planes.len() as f64;
+        (1.0 + (width - natural.width) / frames.max(1.0)).max(SMALLEST)
+    }
+
+    /// How high all panels are together, as high as a plane beside them at least.
+    fn height(&self, n_panels: usize, share: f64) -> f64 {
+        let gaps = GAP * (n_panels.max(1) - 1) as f64;
+        let plane = match self.phases.is_empty() {
+            true => 0.0,
+            false => PHASE * share,
+        };
+        (n_panels as f64 * HEIGHT + gaps).max(plane)
+    }
+
+    fn title_height(&self) -> f64 {
+        if self.title.is_some() { TITLE } else { 0.0 }
+    }
+
+    fn layout(
+        &self,
+        (panels, planes): (&[Panel], &[phase::Plane]),
+        legend: &Legend,
+        share: f64,
+    ) -> Layout {
+        let left = MARGIN + panels.iter().map(Panel::left_space).fold(0.0, f64::max);
+        let right = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
+        let wide = WIDTH * share;
+        let mut end = match panels.is_empty() {
+            true => MARGIN,
+            false => left + wide + right + MARGIN,
+        };
+        let mut starts = Vec::new();
+        for plane in planes {
+            starts.push(end);
+            end += plane.width() + MARGIN;
+        }
+        let above = planes.iter().map(|plane| plane.legend_height() + 3.0);
+        let over_panels = legend.height(wide + right) + STRIP + 3.0;
+        let over_panels = if panels.is_empty() { 0.0 } else { over_panels };
+        let top = MARGIN + self.title_height() + above.fold(over_panels, f64::max);
+        let all = self.height(panels.len(), share);
+        let gaps = GAP * (panels.len().max(1) - 1) as f64;
+        Layout {
+            panels: [left, left + wide],
+            height: (all - gaps) / panels.len().max(1) as f64,
+            vertical: (top, top + all),
+            planes: starts,
+            width: end,
+        }
+    }
+
+    /// Panels over one axis of time, with modes, events and the legend of these.
+    fn draw_panels(
+        &self,
+        canvas: &Canvas<'_>,
+        panels: &[Panel],
+        (legend, bands): (&Legend, &Bands),
+        layout: &Layout,
+    ) {
+        let trajectory = self.trajectory;
+        let [left, right] = layout.panels;
+        let (top, bottom) = layout.vertical;
+        let beside = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
+        let width = right - left + beside;
+        legend.draw(canvas, (left, MARGIN + self.title_height()), width);
+        let time = time_axis(trajectory).placed(left, right);
         for (k, panel) in panels.iter().enumerate() {
-            let y = top + k as f64 * (height + GAP);
-            let frame = panel.frame(&time, (y, y + height));
+            let y = top + k as f64 * (layout.height + GAP);
+            let frame = panel.frame(&time, (y, y + layout.height));
             // Modes and events are those of one of many runs.
             if trajectory.ensemble.is_none() {
-                draw_bands(canvas, trajectory, &bands, &frame);
+                draw_bands(canvas, trajectory, bands, &frame);
                 draw_event_lines(canvas, trajectory, &frame);
             }
             panel.draw(canvas, trajectory, &frame);
@@ -103,11 +249,9 @@ pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
             y: Axis::new(0.0, 1.0).placed(bottom, top),
             x: time,
         };
-        whole.labels_below(canvas, &whole.x.ticks(TIME_TICKS), "time");
-        if let Some(plane) = &plane {
-            plane.draw(canvas, trajectory, curves_end, (top, bottom));
-        }
-    })
+        let title = self.units.title("time");
+        whole.labels_below(canvas, &whole.x.ticks(TIME_TICKS), &title);
+    }
 }
 
 /// From the first to the last instant, without margins.
@@ -178,8 +322,13 @@ fn places(trajectory: &Trajectory, time: &Axis) -> Vec<(f64, super::EventKind)> 
 
 #[cfg(test)]
 mod tests {
-    use super::{Surface, write};
-    use crate::report::sample;
+    use super::{Figure, Surface};
+    use crate::model::Units;
+    use crate::report::{Trajectory, sample};
+
+    fn write(trajectory: &Trajectory, surfaces: Vec<Surface<'_>>) -> String {
+        Figure::of(trajectory, &Units::default(), surfaces).write()
+    }
 
     fn count(svg: &str, part: &str) -> usize {
         svg.matches(part).count()
@@ -191,7 +340,7 @@ mod tests {
             name: "c < \"1\"".into(),
             psi: Box::new(|x, y| x * x + y * y - 1.0),
         };
-        let svg = write(&sample::oscillator(), &[circle]);
+        let svg = write(&sample::oscillator(), vec![circle]);
         for text in [
             "time", "inside", "outside", "crossing", "start", "end", "x[2]",
         ] {
@@ -204,7 +353,7 @@ mod tests {
     #[test]
     fn many_modes_share_one_colour_in_the_legend() {
         let mut trajectory = sample::shapes();
-        let few = count(&write(&trajectory, &[]), "<text");
+        let few = count(&write(&trajectory, Vec::new()), "<text");
         let interval = |k: usize| crate::report::ModeInterval {
             from: k as f64 / 50.0,
             to: (k + 1) as f64 / 50.0,
@@ -215,7 +364,7 @@ mod tests {
             contacts: Vec::new(),
         };
         trajectory.modes = (0..50).map(interval).collect();
-        let svg = write(&trajectory, &[]);
+        let svg = write(&trajectory, Vec::new());
         assert_eq!(count(&svg, "<text"), few + 6);
         assert!(svg.contains("45 other modes"));
     }
@@ -225,12 +374,12 @@ mod tests {
         let mut trajectory = sample::oscillator();
         trajectory.states[0].values[2] = f64::NAN;
         trajectory.outputs[0].values = vec![f64::INFINITY; 3];
-        let svg = write(&trajectory, &[]);
+        let svg = write(&trajectory, Vec::new());
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
     }
 
     #[test]
     fn an_empty_run_is_an_empty_sheet() {
-        assert!(write(&Default::default(), &[]).starts_with("<svg"));
+        assert!(write(&Default::default(), Vec::new()).starts_with("<svg"));
     }
 }

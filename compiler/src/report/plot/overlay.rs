@@ -8,6 +8,7 @@ use super::canvas::{Canvas, Stroke, shade};
 use super::frame::{FOOT, Frame, MARGIN, left_space, right_space};
 use super::marks::LINES;
 use super::panel::{MANY, interrupted};
+use crate::model::Units;
 
 /// A run, or what was measured.
 pub struct Source {
@@ -31,7 +32,7 @@ const LINE: f64 = 1.3;
 const DOT: f64 = 2.0;
 
 /// The SVG text, with a panel for every quantity that some run has, in order.
-pub fn write(sources: &[Source]) -> String {
+pub fn write(sources: &[Source], units: &Units) -> String {
     let mut names: Vec<&str> = Vec::new();
     for source in sources.iter().filter(|source| !source.is_measured) {
         for (name, _) in &source.columns {
@@ -72,10 +73,10 @@ pub fn write(sources: &[Source]) -> String {
             }
             frame.border(canvas);
             frame.ticks_below(canvas, &frame.x.ticks(TIME_TICKS));
-            frame.beside(canvas, &frame.y.ticks(N_TICKS), name, MARGIN);
+            frame.beside(canvas, &frame.y.ticks(N_TICKS), &units.title(name), MARGIN);
         }
         if let Some(last) = frames.last() {
-            last.labels_below(canvas, &last.x.ticks(TIME_TICKS), "time");
+            last.labels_below(canvas, &last.x.ticks(TIME_TICKS), &units.title("time"));
         }
         if let Some(first) = frames.first() {
             for (row, (source, color)) in sources.iter().zip(colours(sources.len())).enumerate() {
@@ -121,6 +122,7 @@ impl Source {
 #[cfg(test)]
 mod tests {
     use super::{Source, write};
+    use crate::model::Units;
 
     #[test]
     fn quantities_of_runs_have_panels_with_what_was_measured_of_them() {
@@ -132,11 +134,12 @@ mod tests {
                 .collect(),
             is_measured,
         };
-        let svg = write(&[
+        let sources = [
             source("first", &["x", "v"], false),
             source("second", &["x", "w"], false),
             source("data.csv", &["x", "unknown"], true),
-        ]);
+        ];
+        let svg = write(&sources, &Units::default());
         for text in ["x", "v", "w", "first", "second", "data.csv", "time"] {
             assert_eq!(svg.matches(&format!(">\n{text}\n<")).count(), 1, "{text}");
         }

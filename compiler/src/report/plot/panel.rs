@@ -6,6 +6,7 @@ use super::axis::Axis;
 use super::canvas::{Align, Canvas, Point, Stroke, TEXT_SIZE, mixed, shade, widest};
 use super::frame::{Frame, MARGIN, left_space};
 use super::marks::LINES;
+use crate::model::Units;
 use crate::report::{Ensemble, Series, Trajectory};
 
 /// Panels before scalar quantities share one.
@@ -47,34 +48,27 @@ struct Curve {
 }
 
 /// One panel per state, output and control; scalars share panels when there are many.
-pub fn arrange(trajectory: &Trajectory) -> Vec<Panel> {
+pub fn arrange(trajectory: &Trajectory) -> Vec<Vec<&Series>> {
     let groups = [
         &trajectory.states,
         &trajectory.outputs,
         &trajectory.controls,
     ];
-    let many = trajectory.ensemble.as_ref();
-    let n_panels: usize = groups.iter().map(|group| group.len()).sum();
-    let mut panels = Vec::new();
-    for group in groups {
-        if n_panels <= MAX_PANELS {
-            panels.extend(group.iter().map(|series| Panel::new(&[series], many)));
-            continue;
-        }
-        let (scalars, others): (Vec<_>, Vec<_>) = group.iter().partition(|s| s.n_entries() == 1);
-        panels.extend(
-            scalars
-                .chunks(MAX_CURVES)
-                .map(|group| Panel::new(group, many)),
-        );
-        panels.extend(others.into_iter().map(|series| Panel::new(&[series], many)));
+    if trajectory.series().count() <= MAX_PANELS {
+        return trajectory.series().map(|series| vec![series]).collect();
     }
-    panels.retain(|panel| !panel.curves.is_empty());
+    let mut panels: Vec<Vec<&Series>> = Vec::new();
+    for group in groups {
+        let (scalars, others): (Vec<_>, Vec<_>) = group.iter().partition(|s| s.n_entries() == 1);
+        panels.extend(scalars.chunks(MAX_CURVES).map(<[_]>::to_vec));
+        panels.extend(others.into_iter().map(|series| vec![series]));
+    }
     panels
 }
 
 impl Panel {
-    fn new(group: &[&Series], many: Option<&Ensemble>) -> Self {
+    /// The entries of these, with quantiles of many runs.
+    pub fn new(group: &[&Series], units: &Units, many: Option<&Ensemble>) -> Self {
         let entries: Vec<_> = group.iter().flat_map(|series| series.columns()).collect();
         let n = entries.len();
         let curves: Vec<Curve> = entries
@@ -83,7 +77,11 @@ impl Panel {
             .map(|(k, (name, values))| Curve {
                 quantiles: (many.and_then(|many| many.of(&name)))
                     .map_or_else(Vec::new, |bands| bands.values.clone()),
-                name,
+                // One quantity has its unit beside the axis.
+                name: match group {
+                    [_] => name,
+                    _ => units.title(&name),
+                },
                 values,
                 color: if n <= MAX_CURVES {
                     LINES[k]
@@ -94,7 +92,7 @@ impl Panel {
             })
             .collect();
         let title = match group {
-            [series] => series.name.clone(),
+            [series] => units.title(&series.name),
             _ => String::new(),
         };
         let drawn = |curve: &Curve| {
@@ -112,6 +110,11 @@ impl Panel {
             curves,
             axis,
         }
+    }
+
+    /// Whether it has no curve.
+    pub fn is_empty(&self) -> bool {
+        self.curves.is_empty()
     }
 
     /// Space left of the frame for labels and title.

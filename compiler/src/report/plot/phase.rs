@@ -1,12 +1,13 @@
 //! The phase plane of two states, with the curves on which they switch.
 
-use super::Surface;
+use super::Phase;
 use super::axis::Axis;
 use super::canvas::{Canvas, INK, Point, Stroke};
 use super::contour::zero_set;
 use super::frame::{Frame, left_space};
 use super::marks::{self, CURVE, LINES, Legend};
-use crate::report::{Series, Trajectory};
+use crate::model::Units;
+use crate::report::Trajectory;
 
 /// Dash patterns that tell switching curves apart.
 const DASHES: [(f64, f64); 4] = [(1e9, 0.0), (5.0, 3.0), (1.5, 2.0), (9.0, 3.0)];
@@ -27,26 +28,25 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The plane of the two states of `trajectory`, so wide and high.
-    pub fn new(trajectory: &Trajectory, surfaces: &[Surface<'_>], width: f64, height: f64) -> Self {
-        let mut entries = trajectory.states.iter().flat_map(Series::columns);
-        let (x_name, x) = entries.next().unwrap_or_default();
-        let (y_name, y) = entries.next().unwrap_or_default();
+    /// The plane of two scalars, so wide and high.
+    pub fn new(phase: &Phase<'_>, units: &Units, (width, height): (f64, f64)) -> Self {
+        let [(x_name, x), (y_name, y)] = &phase.axes;
         let around = |values: &[f64]| Axis::around(values.iter().copied());
-        let mut axes = [around(&x), around(&y)];
-        if trajectory.states.len() == 1 {
+        let mut axes = [around(x), around(y)];
+        let whole = |name: &str| name.rsplit_once('[').map(|(whole, _)| whole.to_owned());
+        if whole(x_name).is_some() && whole(x_name) == whole(y_name) {
             one_scale(&mut axes, (width, height));
         }
         let [x_range, y_range] = [&axes[0], &axes[1]].map(|axis| (axis.lo, axis.hi));
-        let curves = surfaces.iter().filter_map(|surface| {
+        let curves = phase.surfaces.iter().filter_map(|surface| {
             let lines = zero_set(&surface.psi, x_range, y_range);
             (!lines.is_empty()).then_some((&surface.name, lines))
         });
         let (names, curves): (Vec<_>, Vec<_>) = curves.take(DASHES.len()).unzip();
         let names: Vec<_> = names.into_iter().cloned().zip(DASHES).collect();
         Plane {
-            names: [x_name, y_name],
-            columns: [x, y],
+            names: [x_name, y_name].map(|name| units.title(name)),
+            columns: [x.clone(), y.clone()],
             axes,
             curves,
             legend: Legend::of_phase_plane(&names),

@@ -5,6 +5,7 @@ use plotters::style::RGBColor;
 use super::axis::Axis;
 use super::canvas::{Canvas, INK, Point, Stroke};
 use super::frame::{FOOT, Frame, MARGIN, left_space, right_space, swatch};
+use crate::model::Units;
 use crate::report::{Change, Plane, words_of};
 
 const WIDTH: f64 = 340.0;
@@ -29,7 +30,7 @@ const BOUND: Stroke = Stroke(1.0, RGBColor(90, 90, 90));
 const DASHES: (f64, f64) = (4.0, 2.5);
 
 /// The SVG text.
-pub fn write(plane: &Plane) -> String {
+pub fn write(plane: &Plane, units: &Units) -> String {
     let ends = |k: usize| {
         let (first, last) = (plane.at[k].first(), plane.at[k].last());
         Axis::new(first.copied().unwrap_or(0.0), last.copied().unwrap_or(1.0))
@@ -68,8 +69,8 @@ pub fn write(plane: &Plane) -> String {
                 Change::Bound | Change::Other => canvas.dashed(&points, DASHES, BOUND),
             }
         }
-        let [first, second] = &plane.states;
-        frame.draw(canvas, [first, second], N_TICKS);
+        let [x, y] = plane.states.each_ref().map(|state| units.title(state));
+        frame.draw(canvas, [&x, &y], N_TICKS);
         for (k, name) in entries.enumerate() {
             let sample = frame.sample(k);
             match k.checked_sub(legend.len()) {

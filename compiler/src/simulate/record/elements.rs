@@ -164,7 +164,7 @@ impl<'s, 'e> Elements<'s, 'e> {
         };
         let (n, m) = (self.system.states.len(), self.system.switches.len());
         let points = match settings.sampling {
-            Sampling::Method => self.points,
+            Sampling::Method | Sampling::Curve => self.points,
             // A run without a first element has its start alone.
             _ if dense.pieces.is_empty() => self.points,
             _ => sampled(&dense, &settings.sampling, horizon, (n, m), self.points),
@@ -224,7 +224,7 @@ fn sampled(
     known: Points,
 ) -> Points {
     let instants: Vec<f64> = match sampling {
-        Sampling::Method => Vec::new(),
+        Sampling::Method | Sampling::Curve => Vec::new(),
         Sampling::Every(period) => {
             let count = (horizon / period).floor() as usize;
             let inner = (0..=count).map(|i| i as f64 * period);

@@ -12,7 +12,7 @@ use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::hybrid::{Outcome, Side, Status};
 use nsd_solver::selector::Decision;
 
-use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
+use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory, curve};
 use crate::simulate::outcome::limits::Limits;
 use crate::simulate::record::modes::ModeNames;
 use crate::simulate::record::reported::Reported;
@@ -57,6 +57,44 @@ pub(super) struct Record {
     accumulations: Vec<f64>,
 }
 
+impl Record {
+    fn push(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
+        self.times.push(t);
+        self.states.extend_from_slice(x);
+        self.alphas.extend_from_slice(alpha);
+    }
+
+    /// Adds rows inside of steps, from their polynomials, and says which of all rows these are.
+    fn divide(&mut self, system: &System, pieces: &[Piece]) -> Vec<bool> {
+        let (n, m) = (system.states.len(), system.switches.len());
+        let times = std::mem::take(&mut self.times);
+        let states = std::mem::take(&mut self.states);
+        let alphas = std::mem::take(&mut self.alphas);
+        let span = times.last().copied().unwrap_or(0.0);
+        let parts = pieces.iter().flat_map(|piece| {
+            let instants = curve::instants(piece.from, piece.to, span);
+            instants.map(move |t| (t, piece))
+        });
+        let is_inside = |(t, piece): &(f64, &Piece)| piece.from < *t && *t < piece.to;
+        let mut parts = parts.filter(is_inside).peekable();
+        let mut inside = Vec::new();
+        for (k, &t) in times.iter().enumerate() {
+            while let Some((at, piece)) = parts.next_if(|(at, _)| *at < t) {
+                let mut row = piece.at(at);
+                let (x, alpha) = row[..n + m].split_at_mut(n);
+                system.see(at, x, alpha);
+                self.push(at, x, alpha);
+                inside.push(true);
+            }
+            // An instant has one row.
+            parts.next_if(|(at, _)| *at == t);
+            self.push(t, &states[k * n..][..n], &alphas[k * m..][..m]);
+            inside.push(false);
+        }
+        inside
+    }
+}
+
 /// Observes a run and keeps what the experiment asks for.
 pub(super) struct Recorder<'s, 'e> {
     system: &'s System<'e>,
@@ -65,7 +103,9 @@ pub(super) struct Recorder<'s, 'e> {
     sampled: usize,
     /// What is kept.
     pub record: Record,
-    pieces: Option<Vec<Piece>>,
+    /// Whether the polynomials of all steps are kept; else those of steps that have rows inside.
+    dense: bool,
+    pieces: Vec<Piece>,
     pub reported: Arc<Reported>,
     limits: Limits<'s, 'e>,
     x: Vec<f64>,
@@ -90,7 +130,8 @@ impl<'s, 'e> Recorder<'s, 'e> {
                 horizon: settings.horizon,
                 ..Record::default()
             },
-            pieces: dense.then(Vec::new),
+            dense,
+            pieces: Vec::new(),
             limits: Limits::new(system, tolerance, &reported),
             reported,
             x: vec![0.0; n],
@@ -110,7 +151,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
     /// The next instant to sample, which may lie beyond the horizon.
     fn next_sample(&self) -> Option<f64> {
         match &self.sampling {
-            Sampling::Method => None,
+            Sampling::Method | Sampling::Curve => None,
             Sampling::Every(period) => Some(self.sampled as f64 * period),
             Sampling::At(instants) => instants.get(self.sampled).copied(),
         }
@@ -120,7 +161,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
     fn before_jump(&mut self, event: &Event) -> Option<f64> {
         self.mark(event.from);
         let last = self.record.times.last().copied();
-        if self.sampling == Sampling::Method {
+        if self.sampling.is_own() {
             if last.is_none() {
                 self.x.copy_from_slice(event.before);
                 self.push(event.time);
@@ -142,9 +183,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
         // Of the limit of a series of events, rounding may be before the last one of them.
         let t = self.record.times.last().map_or(t, |last| t.max(*last));
         self.system.see(t, &self.x, &mut self.alpha);
-        self.record.times.push(t);
-        self.record.states.extend_from_slice(&self.x);
-        self.record.alphas.extend_from_slice(&self.alpha);
+        self.record.push(t, &self.x, &self.alpha);
     }
 
     /// Names the recorded run.
@@ -164,11 +203,17 @@ impl<'s, 'e> Recorder<'s, 'e> {
             self.alpha.copy_from_slice(&outcome.alpha);
             self.push(outcome.time);
         }
-        if let Some(known) = self.pieces.as_mut().filter(|_| jumps_last)
-            && let Some(last) = known.last().map(|piece| piece.to)
+        if self.dense
+            && jumps_last
+            && let Some(last) = self.pieces.last().map(|piece| piece.to)
         {
-            known.push(pieces::of_instant(last, outcome, &self.system.data));
+            let piece = pieces::of_instant(last, outcome, &self.system.data);
+            self.pieces.push(piece);
         }
+        let inside = match self.sampling {
+            Sampling::Curve => self.record.divide(system, &self.pieces),
+            _ => Vec::new(),
+        };
         for group in &system.groups {
             let rows = self.record.states.chunks(system.states.len().max(1));
             trajectory.states.push(Series {
@@ -187,8 +232,13 @@ impl<'s, 'e> Recorder<'s, 'e> {
         [trajectory.outputs, trajectory.controls] = self.reported.series(system, points);
         trajectory.warnings.extend(self.limits.warnings());
         self.name_modes(names, outcome, trajectory);
-        trajectory.dense.pieces = self.pieces.unwrap_or_default();
         trajectory.time = self.record.times;
+        if !inside.is_empty() {
+            curve::thin(trajectory, &inside);
+        }
+        if self.dense {
+            trajectory.dense.pieces = self.pieces;
+        }
     }
 
     fn name_modes(&self, names: &ModeNames, outcome: &Outcome, trajectory: &mut Trajectory) {
@@ -364,7 +414,7 @@ pub(crate) fn recorded(
     let reported = Arc::new(Reported::new(system, open));
     let recorder = Recorder {
         record,
-        pieces: Some(pieces),
+        pieces,
         x,
         alpha,
         ..Recorder::new(system, settings, settings.tolerance, true, reported)
@@ -383,15 +433,16 @@ impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let end = segment.until;
         self.limits.segment(segment);
-        if let Some(known) = &mut self.pieces {
+        let is_divided =
+            || self.sampling == Sampling::Curve && curve::is_divided(segment.length, end);
+        if self.dense || is_divided() {
             let mut piece = pieces::of_segment(segment, end, &self.system.data);
             // Pieces of a run are without gaps.
-            piece.from = known
-                .last()
-                .map_or(piece.from, |last| piece.from.max(last.to));
-            known.push(piece);
+            let last = self.pieces.last();
+            piece.from = last.map_or(piece.from, |last| piece.from.max(last.to));
+            self.pieces.push(piece);
         }
-        if self.sampling == Sampling::Method {
+        if self.sampling.is_own() {
             if self.record.times.is_empty() {
                 segment.state(0.0, &mut self.x);
                 segment.alpha(0.0, &mut self.alpha);

@@ -139,6 +139,7 @@ mod tests {
     use parquet::file::reader::{FileReader, SerializedFileReader};
     use parquet::record::Field;
 
+    use crate::model::Units;
     use crate::report::Status;
     use crate::study::sweep::{Axis, Grid, Row, Table};
 
@@ -163,6 +164,7 @@ mod tests {
             columns: &columns,
             rows: &rows,
             has_expectations: false,
+            units: &Units::default(),
         };
         let path = std::env::temp_dir().join(format!("nsdc_{}.parquet", std::process::id()));
         let bytes = table.parquet().expect("it is encoded");

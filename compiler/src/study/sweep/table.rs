@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::{Grid, Row};
+use crate::model::Units;
 use crate::report::Status;
 #[cfg(feature = "plots")]
 use crate::report::plot::Sweep;
@@ -23,6 +24,8 @@ pub struct Table<'s> {
     pub rows: &'s [Option<Row>],
     /// Whether the experiment has expectations.
     pub has_expectations: bool,
+    /// Of what is gone through, and of end values.
+    pub units: &'s Units,
 }
 
 impl Table<'_> {
@@ -108,14 +111,17 @@ impl Table<'_> {
             let rows = self.rows.iter().map(|row| row.as_ref().and_then(value));
             rows.map(|value| value.unwrap_or(f64::NAN)).collect()
         };
-        let names: Vec<String> = self.at_end().collect();
+        let columns = self.columns.iter().zip(self.at_end());
+        let names = columns.map(|(name, text)| self.units.beside(&text, name));
+        let names: Vec<String> = names.collect();
+        let axes = drawn.iter().map(|axis| self.units.title(&axis.name));
+        let axes: Vec<String> = axes.collect();
         let ends = names.iter().enumerate();
         let ends = ends.map(|(k, name)| (name.as_str(), of(&|row| row.end.get(k).copied())));
         let objective = (self.has_objective()).then(|| ("objective", of(&|row| row.objective)));
         let figure = Sweep {
-            axes: drawn
-                .iter()
-                .map(|axis| (axis.name.as_str(), &axis.values[..]))
+            axes: (axes.iter().zip(drawn))
+                .map(|(name, axis)| (name.as_str(), &axis.values[..]))
                 .collect(),
             panels: objective
                 .into_iter()

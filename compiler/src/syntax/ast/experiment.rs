@@ -113,6 +113,8 @@ pub enum SettingKind {
         /// Seed.
         seed: Option<Expr>,
     },
+    /// `plot { x, v; phase q, v; title "Fall"; width 8 cm; }`
+    Plot(Vec<PlotItem>),
     /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`
     Value {
         /// Which setting.
@@ -167,6 +169,72 @@ pub enum OutputWhen {
     Every(Expr),
     /// `at [..]`
     At(Expr),
+}
+
+/// A member of a `plot`, with the span of its statement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlotItem {
+    /// Which member.
+    pub kind: PlotKind,
+    /// The statement.
+    pub span: Span,
+}
+
+/// The members of a `plot`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlotKind {
+    /// `x, v;`: curves over time in one panel
+    Panel(Vec<Expr>),
+    /// `phase q, v;`: one over the other, from left to right first
+    Phase(Box<[Expr; 2]>),
+    /// `title "Fall";`
+    Title(String),
+    /// `width 8 cm;`
+    Width(f64, Length),
+    /// A statement the parser could not read.
+    Bad,
+}
+
+impl PlotKind {
+    /// What it draws.
+    pub fn exprs(&self) -> &[Expr] {
+        match self {
+            PlotKind::Panel(exprs) => exprs,
+            PlotKind::Phase(axes) => &axes[..],
+            PlotKind::Title(_) | PlotKind::Width(..) | PlotKind::Bad => &[],
+        }
+    }
+}
+
+/// A unit of lengths on paper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// `cm`
+    Centimetres,
+    /// `mm`
+    Millimetres,
+    /// `px`, 96 to an inch
+    Pixels,
+}
+
+impl Length {
+    /// The word of the language.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Length::Centimetres => "cm",
+            Length::Millimetres => "mm",
+            Length::Pixels => "px",
+        }
+    }
+
+    /// How many pixels it is.
+    pub fn pixels(self) -> f64 {
+        match self {
+            Length::Centimetres => 96.0 / 2.54,
+            Length::Millimetres => 9.6 / 2.54,
+            Length::Pixels => 1.0,
+        }
+    }
 }
 
 /// What an `expect` of an experiment asserts.

@@ -86,6 +86,13 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
             seed: behind(reading, &mut parts, Rule::seed),
         },
         Rule::on_chattering => SettingKind::OnChattering,
+        Rule::plot => {
+            let bad = |span| PlotItem {
+                kind: PlotKind::Bad,
+                span,
+            };
+            SettingKind::Plot(members(reading, parts, Place::Plot, plot_item, bad))
+        }
         Rule::value => SettingKind::Value {
             name: reading.ident(parts.one(Rule::value_name)),
             value: expr(reading, parts.one(Rule::expr)),
@@ -109,10 +116,7 @@ fn guess(reading: &mut Reading, parts: Parts) -> SettingKind {
 fn guess_source(reading: &mut Reading, pair: Pair<Rule>) -> GuessSource {
     let mut parts = parts(pair);
     match parts.maybe(Rule::string) {
-        Some(file) => GuessSource::File(
-            file.as_str().trim_matches('"').to_owned(),
-            reading.span(&file),
-        ),
+        Some(file) => GuessSource::File(unquoted(&file).to_owned(), reading.span(&file)),
         None => GuessSource::Experiment(path(reading, parts.one(Rule::path))),
     }
 }
@@ -163,6 +167,35 @@ fn free_path(reading: &mut Reading, pair: Pair<Rule>) -> (Path, Option<Domain>) 
         path,
         parts.maybe(Rule::domain).map(|pair| domain(reading, pair)),
     )
+}
+
+fn plot_item(reading: &mut Reading, pair: Pair<Rule>) -> PlotItem {
+    let (rule, span) = (pair.as_rule(), reading.span(&pair));
+    let mut parts = parts(pair);
+    let kind = match rule {
+        Rule::plot_title => PlotKind::Title(unquoted(&parts.one(Rule::string)).to_owned()),
+        Rule::plot_width => {
+            let sign = parts.maybe(Rule::negative).map_or(1.0, |_| -1.0);
+            let number = parts.one(Rule::number).as_str().parse();
+            let unit = match parts.one(Rule::length).as_str() {
+                "cm" => Length::Centimetres,
+                "mm" => Length::Millimetres,
+                _ => Length::Pixels,
+            };
+            PlotKind::Width(sign * number.unwrap_or(f64::NAN), unit)
+        }
+        Rule::plot_phase => {
+            let axes = [(); 2].map(|()| expr(reading, parts.one(Rule::expr)));
+            PlotKind::Phase(Box::new(axes))
+        }
+        _ => PlotKind::Panel(parts.map(|pair| expr(reading, pair)).collect()),
+    };
+    PlotItem { kind, span }
+}
+
+/// What stands between the quotes of a string.
+fn unquoted<'t>(string: &Pair<'t, Rule>) -> &'t str {
+    string.as_str().trim_matches('"')
 }
 
 /// The expression behind a word: `by`, `seed`, `every`, `at`, `within`.

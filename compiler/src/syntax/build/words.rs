@@ -27,6 +27,8 @@ pub enum Place {
     Guess,
     /// Parameters of `free`.
     Free,
+    /// What a `plot` draws.
+    Plot,
 }
 
 /// Words that cannot be names.
@@ -90,7 +92,14 @@ const EXPERIMENT: Starts = &[
     ("final", Rule::final_rows),
     ("guess", Rule::guess),
     ("starts", Rule::starts),
+    ("plot", Rule::plot),
     ("expect", Rule::expect),
+];
+
+const PLOT: Starts = &[
+    ("phase", Rule::plot_phase),
+    ("title", Rule::plot_title),
+    ("width", Rule::plot_width),
 ];
 
 /// Words that start members where `place` is.
@@ -102,6 +111,7 @@ pub fn starts(place: Place) -> Starts {
         Place::Rows | Place::Initial => &[("for", Rule::row_for)],
         Place::Mechanics => &[("contact", Rule::contact)],
         Place::Guess => &[("from", Rule::guess_from)],
+        Place::Plot => PLOT,
         Place::Binds | Place::Resets | Place::Options | Place::Free => &[],
     }
 }
@@ -117,6 +127,7 @@ pub fn member(place: Place) -> &'static str {
         Place::Resets => "reset",
         Place::Options | Place::Mechanics => "option",
         Place::Free => "freed parameter",
+        Place::Plot => "member of a plot",
     }
 }
 
@@ -245,6 +256,7 @@ pub fn describe(rule: Rule) -> &'static str {
         Rule::within => "`within`",
         Rule::by => "`by`",
         Rule::seed => "`seed`",
+        Rule::length => "`cm`|`mm`|`px`",
         Rule::number => "a number",
         Rule::string => "a string",
         Rule::expect_op => "`~`|`<=`|`>=`|`<`|`>`|`=`",

@@ -195,6 +195,11 @@ fn is_member(rule: Rule) -> bool {
             | perturb
             | starts
             | on_chattering
+            | plot
+            | plot_panel
+            | plot_phase
+            | plot_title
+            | plot_width
             | value
     )
 }

@@ -88,9 +88,26 @@ impl Printer {
                 self.line(format!("starts {count}{};", random(by, seed)))
             }
             SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
+            SettingKind::Plot(items) => self.block("plot", "", |printer| {
+                for item in items {
+                    printer.plot_item(&item.kind);
+                }
+            }),
             SettingKind::Value { name, value } => self.line(format!("{name} {value};")),
             SettingKind::Expect(expect) => self.line(format!("expect {};", expectation(expect))),
             SettingKind::Bad => self.bad(),
+        }
+    }
+
+    fn plot_item(&mut self, item: &PlotKind) {
+        match item {
+            PlotKind::Panel(exprs) => self.line(format!("{};", list(exprs))),
+            PlotKind::Phase(axes) => self.line(format!("phase {};", list(&axes[..]))),
+            PlotKind::Title(title) => self.line(format!("title \"{title}\";")),
+            PlotKind::Width(number, unit) => {
+                self.line(format!("width {number} {};", unit.as_str()));
+            }
+            PlotKind::Bad => self.bad(),
         }
     }
 }

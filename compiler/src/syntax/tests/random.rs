@@ -98,7 +98,7 @@ fn statement() -> impl Strategy<Value = String> {
 
 /// Settings of an experiment.
 fn setting() -> impl Strategy<Value = String> {
-    (expression(), 0..13).prop_map(|(e, kind)| match kind {
+    (expression(), 0..14).prop_map(|(e, kind)| match kind {
         0 => format!("with {{ a.b = {e}; }}"),
         1 => format!("horizon {e};"),
         2 => format!("horizon free in [1, {e}] = {e};"),
@@ -111,6 +111,7 @@ fn setting() -> impl Strategy<Value = String> {
         9 => format!("guess {{ from s; u = {e}; }}"),
         10 => format!("method m {{ a = {e}; }}"),
         11 => "on chattering slide;".to_owned(),
+        12 => format!("plot {{ {e}, x; phase {e}, v; title \"t\"; width 8 cm; }}"),
         _ => format!("minimize {e};"),
     })
 }

@@ -441,6 +441,18 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A figure without width.
+    #[error("the width of a figure must be positive, not {found}")]
+    #[diagnostic(
+        code(E0529),
+        help("write `width 8 cm;`, or leave it out: panels have a width of their own")
+    )]
+    PlotWidth {
+        found: String,
+        #[label("must be a positive length")]
+        span: Span,
+    },
+
     /// A way through chattering, of a method that does not meet it.
     #[error("`on chattering` is of `method event`")]
     #[diagnostic(

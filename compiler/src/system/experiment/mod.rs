@@ -11,6 +11,7 @@ mod law;
 mod method;
 mod optimize;
 mod perturb;
+mod plot;
 pub(crate) mod reader;
 mod settings;
 mod statements;
@@ -35,6 +36,7 @@ pub use optimize::{
     relaxation_word, steering_word,
 };
 pub use perturb::Perturbation;
+pub use plot::{Drawn, Plot};
 use reader::Reader;
 pub use settings::{Kept, Sampling, Settings};
 use statements::Statements;
@@ -83,6 +85,7 @@ pub fn evaluate<'e>(
         lowerings: statements.lowerings,
         outputs: statements.outputs,
         sampling: statements.sampling,
+        plot: statements.plot,
         optimize,
         kicks: statements.kicks,
         averages: statements.averages.is_some(),

@@ -5,6 +5,7 @@ use rustc_hash::FxHashMap;
 use super::method::{Lowering, Method};
 use super::optimize::Optimize;
 use super::perturb::Perturbation;
+use super::plot::Plot;
 use crate::expr::Expr;
 use crate::model::TargetKind;
 use crate::source::Span;
@@ -30,6 +31,8 @@ pub struct Settings<'e> {
     pub outputs: Option<Vec<Kept<'e>>>,
     /// When outputs are recorded.
     pub sampling: Sampling,
+    /// What a figure shows; `None` for everything that is recorded.
+    pub plot: Option<Plot<'e>>,
     /// What is optimized; `None` for a simulation.
     pub optimize: Option<Optimize<'e>>,
     /// Whether chattering that fades and never ends goes on as sliding.
@@ -67,6 +70,13 @@ impl Settings<'_> {
         }
     }
 
+    /// Lets rows follow the curves where the experiment does not say when there are any.
+    pub fn follow_curves(&mut self) {
+        if self.sampling == Sampling::Method {
+            self.sampling = Sampling::Curve;
+        }
+    }
+
     /// Whether contacts are a matter of the method, which takes them in steps of time.
     pub fn steps_through_contacts(&self) -> bool {
         self.optimize.is_none() && matches!(self.method, Method::Timestepping(_))
@@ -93,8 +103,17 @@ pub struct Kept<'e> {
 pub enum Sampling {
     /// At the method's own points.
     Method,
+    /// At these, and between them where straight lines from row to row would not follow the curves.
+    Curve,
     /// At multiples of the period, and at the end.
     Every(f64),
     /// At these instants, ascending.
     At(Vec<f64>),
+}
+
+impl Sampling {
+    /// Whether the points of the method are recorded.
+    pub fn is_own(&self) -> bool {
+        matches!(self, Sampling::Method | Sampling::Curve)
+    }
 }

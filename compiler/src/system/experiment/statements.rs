@@ -5,6 +5,7 @@ use super::error::ExperimentError;
 use super::method::{self, Lowering, Method};
 use super::optimize::Draft;
 use super::perturb::Perturbation;
+use super::plot::Plot;
 use super::reader::Reader;
 use super::settings::{Kept, Sampling};
 use super::with;
@@ -32,6 +33,7 @@ pub(crate) struct Statements<'m, 'e> {
     pub lowerings: Vec<Lowering>,
     pub outputs: Option<Vec<Kept<'e>>>,
     pub sampling: Sampling,
+    pub plot: Option<Plot<'e>>,
     pub kicks: Option<Perturbation>,
     pub runs: Option<(usize, Span)>,
     pub averages: Option<Span>,
@@ -53,6 +55,7 @@ impl<'m, 'e> Statements<'m, 'e> {
             lowerings: Vec::new(),
             outputs: None,
             sampling: Sampling::Method,
+            plot: None,
             kicks: None,
             runs: None,
             averages: None,
@@ -97,6 +100,10 @@ impl<'m, 'e> Statements<'m, 'e> {
                 let end = self.horizon.and_then(|(end, _)| end);
                 let sampling = Sampling::read(reader, when, end);
                 self.sampling = sampling.unwrap_or(Sampling::Method);
+            }
+            SettingKind::Plot(items) => {
+                reader.once("`plot`", span);
+                self.plot = Some(Plot::read(reader, items));
             }
             kind => self.of_one_kind(reader, kind, span),
         }

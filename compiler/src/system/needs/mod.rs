@@ -1,6 +1,6 @@
 //! What an experiment needs of its model.
 //!
-//! With an `output` list, an experiment keeps what the listed quantities and its expectations reach:
+//! With an `output` list, an experiment keeps what the listed quantities, its `plot` and its expectations reach:
 //! a state needs its rates and the guards around them, a named switch its ψ, a control what it is
 //! given as. An optimization also keeps what its cost and constraints reach, bounds of states among them. Everything
 //! else is skipped before any switch is collected. Without a list, all is kept.
@@ -58,6 +58,8 @@ impl<'e> Needs<'e> {
         }
         let mut closure = Closure::new(model, settings);
         let listed = listed.flat_map(|kept| &kept.entries);
+        let drawn = settings.plot.iter().flat_map(|plot| plot.drawn());
+        let listed = listed.chain(drawn.flat_map(|drawn| &drawn.entries));
         for &e in listed.chain(&named.exprs).chain(&named.surfaces) {
             closure.reach(e);
         }

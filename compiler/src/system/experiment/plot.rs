@@ -1,0 +1,101 @@
+//! What `plot` draws, in the variables of the model.
+
+use super::error::ExperimentError;
+use super::reader::Reader;
+use crate::expr::Expr;
+use crate::model::ModelError;
+use crate::syntax::{self, PlotItem, PlotKind};
+
+/// A figure as an experiment asks for it.
+#[derive(Clone, Debug, Default)]
+pub struct Plot<'e> {
+    /// What stands above it.
+    pub title: Option<String>,
+    /// Its width in pixels, 96 to an inch; none for that of its panels.
+    pub width: Option<f64>,
+    /// Curves over time, panel by panel.
+    pub panels: Vec<Vec<Drawn<'e>>>,
+    /// Phase portraits of two scalars each.
+    pub phases: Vec<[Drawn<'e>; 2]>,
+}
+
+/// An expression of the model that is drawn.
+#[derive(Clone, Debug)]
+pub struct Drawn<'e> {
+    /// Its text.
+    pub name: String,
+    /// Empty for a scalar.
+    pub shape: Vec<usize>,
+    /// Its entries.
+    pub entries: Vec<Expr<'e>>,
+}
+
+impl<'e> Plot<'e> {
+    /// What the members of a `plot` say; what is wrong with them is reported.
+    pub(crate) fn read(reader: &mut Reader<'_, 'e>, items: &[PlotItem]) -> Self {
+        let mut plot = Plot::default();
+        for item in items {
+            match &item.kind {
+                PlotKind::Panel(exprs) => {
+                    let drawn = exprs.iter().filter_map(|expr| Drawn::read(reader, expr));
+                    plot.panels.push(drawn.collect());
+                }
+                PlotKind::Phase(axes) => {
+                    let [x, y] = axes.each_ref().map(|axis| Drawn::scalar(reader, axis));
+                    plot.phases.extend(x.zip(y).map(|(x, y)| [x, y]));
+                }
+                PlotKind::Title(title) => {
+                    reader.once("`title`", item.span);
+                    plot.title = Some(title.clone());
+                }
+                PlotKind::Width(number, unit) => {
+                    reader.once("`width`", item.span);
+                    plot.width = Some(number * unit.pixels());
+                    if !(*number > 0.0 && number.is_finite()) {
+                        reader.error(ExperimentError::PlotWidth {
+                            found: format!("{number} {}", unit.as_str()),
+                            span: item.span,
+                        });
+                    }
+                }
+                PlotKind::Bad => {}
+            }
+        }
+        plot
+    }
+
+    /// All that it draws.
+    pub fn drawn(&self) -> impl Iterator<Item = &Drawn<'e>> {
+        let over_time = self.panels.iter().flatten();
+        over_time.chain(self.phases.iter().flatten())
+    }
+}
+
+impl<'e> Drawn<'e> {
+    fn read(reader: &mut Reader<'_, 'e>, expr: &syntax::Expr) -> Option<Self> {
+        let value = reader.model.scope.expr(expr, None, reader.diags);
+        reader.failed |= value.is_none();
+        let value = value?;
+        Some(Drawn {
+            name: expr.to_string(),
+            shape: value.shape.sizes(),
+            entries: value.data,
+        })
+    }
+
+    /// One number at each instant.
+    fn scalar(reader: &mut Reader<'_, 'e>, expr: &syntax::Expr) -> Option<Self> {
+        let drawn = Drawn::read(reader, expr)?;
+        if drawn.shape.is_empty() {
+            return Some(drawn);
+        }
+        reader.failed = true;
+        reader.diags.push(ModelError::ScalarExpected {
+            what: "an axis of a phase portrait".to_owned(),
+            found: format!("{} numbers", drawn.entries.len()),
+            span: expr.span,
+            help: Some("name an entry, as in `phase q[1], q[2];`".to_owned()),
+        });
+        None
+    }
+}
