@@ -21,6 +21,7 @@ mod estimates;
 mod events;
 mod families;
 mod faults;
+mod features;
 mod feet;
 mod fesd;
 mod forms;
