@@ -5,6 +5,7 @@ mod adaptive;
 mod algebraic;
 mod algebraic_optimal;
 mod allocation;
+mod belts;
 mod boxes;
 mod cancel;
 mod causes;

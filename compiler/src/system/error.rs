@@ -133,7 +133,7 @@ pub enum SystemError {
     #[diagnostic(
         code(E0410),
         help(
-            "a slip velocity is smooth: let the speed of a belt be a state of its own that jumps, `state w = 1; w' = 0; jump faster when time > 1 and w < 2 {{ w := 2; }}`, or that follows, `w' = (speed - w)/0.01;`"
+            "a belt may step with time, data and relays, and turns with nothing: let a speed that depends on states be one that jumps, `state w = 1; w' = 0; jump faster when q[1] > 1 and w < 2 {{ w := 2; }}`, or that follows, `w' = (speed - w)/0.01;`"
         )
     )]
     SlipSwitches {
