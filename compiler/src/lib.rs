@@ -281,7 +281,7 @@ fn refused_impulses(system: &System, settings: &Settings) -> Option<ExperimentEr
     switching_law(system).map(|contact| {
         refused(
             "for a contact whose law switches ",
-            "give it a restitution, a friction and a mass without `step`, `sign` or `abs`",
+            "give it a gap, a slip, a restitution, a friction and a mass without switches, or let `method event` run it",
             contact.span,
         )
     })

@@ -133,13 +133,43 @@ pub enum SystemError {
     #[diagnostic(
         code(E0410),
         help(
-            "a slip velocity is smooth: let the speed of a belt be a state of its own that jumps, `state w = 1; w' = 0; jump faster when time > 1 and w < 2 {{ w := 2; }}`, or that follows, `w' = (speed - w)/0.01;`"
+            "a belt may step with time, data and relays, and turns with nothing: let a speed that depends on states be one that jumps, `state w = 1; w' = 0; jump faster when q[1] > 1 and w < 2 {{ w := 2; }}`, or that follows, `w' = (speed - w)/0.01;`"
         )
     )]
     SlipSwitches {
         name: String,
         switches: String,
         #[label("linear in velocities, but not smooth")]
+        span: Span,
+    },
+
+    /// A gap with a corner that points into the free space, or a step.
+    #[error("the gap of `{name}` has a corner or steps where `{switch}` changes its sign")]
+    #[diagnostic(
+        code(E0410),
+        help(
+            "a gap is the smallest of smooth functions, or smooth in itself: of a body that rounds a corner `p` at a distance, write `norm(max(q - p, 0)) - r` with a radius `r`, and a sharp corner with a small one"
+        )
+    )]
+    CornerInGap {
+        name: String,
+        switch: String,
+        #[label("neither `min` nor smooth")]
+        span: Span,
+    },
+
+    /// One slip velocity for several surfaces.
+    #[error("`{name}` has one slip velocity, and its gap is the smallest of {features}")]
+    #[diagnostic(
+        code(E0410),
+        help(
+            "each surface has a slip velocity of its own: write a contact for each; of a point in the plane, `slip` may be left out"
+        )
+    )]
+    SlipOfFeatures {
+        name: String,
+        features: usize,
+        #[label("along which of them?")]
         span: Span,
     },
 

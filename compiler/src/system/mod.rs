@@ -297,6 +297,18 @@ impl System<'_> {
         self.switches[switch].unilateral && !struck && !touched
     }
 
+    /// The names of the contacts that a name means: of one, or of all features of its gap.
+    pub fn contacts_of<'s>(&'s self, name: &str) -> Vec<&'s str> {
+        let named =
+            |own: &str, owner: &Option<String>| own == name || owner.as_deref() == Some(name);
+        let contacts = self.contacts.iter().map(|c| (&c.name, &c.feature_of));
+        let impulsive = self.impulsive.iter().map(|c| (&c.name, &c.feature_of));
+        let found = contacts
+            .chain(impulsive)
+            .filter(|(own, owner)| named(own, owner));
+        found.map(|(own, _)| own.as_str()).collect()
+    }
+
     /// The first jump or contact, by which states jump.
     pub fn first_jump(&self) -> Option<(&str, Span)> {
         let laws = self.laws.iter().map(|law| (law.name.as_str(), law.span));

@@ -19,7 +19,7 @@ pub(crate) struct Surfaces {
     slips: Vec<bool>,
     /// What stands for a switch at present: its ψ, or the derivative that has its α in its rate.
     slot: Vec<usize>,
-    /// Switches in whose ψ the α of a switch occurs, and the switches that have any.
+    /// The functions in which the α of a switch occurs, and the switches that have any.
     around: Vec<Vec<usize>>,
     inner: Vec<usize>,
     /// Switches of higher relative degree.
@@ -43,12 +43,6 @@ impl Surfaces {
     /// All ψ, without functions yet.
     pub(crate) fn new(system: &HybridSystem) -> Self {
         let m = system.n_switches();
-        let mut around = vec![Vec::new(); m];
-        for i in 0..m {
-            for &inner in &system.switches[i].inside {
-                around[inner].push(i);
-            }
-        }
         let local = |inside: &[usize]| Local {
             inside: inside.to_vec(),
             known: Vec::new(),
@@ -62,8 +56,16 @@ impl Surfaces {
             of_switch.push((m + derivatives.len(), count));
             derivatives.extend((1..=count).map(|order| (i, order)));
         }
-        let own = (0..m).map(|i| local(&system.switches[i].inside));
-        let surfaces: Vec<Local> = own.chain(derivatives.iter().map(|_| local(&[]))).collect();
+        let switches = (0..m).chain(derivatives.iter().map(|&(i, _)| i));
+        let surfaces: Vec<Local> = switches
+            .map(|i| local(&system.switches[i].inside))
+            .collect();
+        let mut around = vec![Vec::new(); m];
+        for (at, surface) in surfaces.iter().enumerate() {
+            for &inner in &surface.inside {
+                around[inner].push(at);
+            }
+        }
         Surfaces {
             surfaces,
             derivatives,
@@ -103,24 +105,18 @@ impl Surfaces {
         }
     }
 
-    fn enter_one(
-        &mut self,
-        library: &mut Library,
-        memory: &mut Memory,
-        switch: usize,
-        sides: &[Side],
-    ) {
-        let local = &mut self.surfaces[switch];
+    fn enter_one(&mut self, library: &mut Library, memory: &mut Memory, at: usize, sides: &[Side]) {
+        let local = &mut self.surfaces[at];
         let sides: Box<[Side]> = local.inside.iter().map(|&inner| sides[inner]).collect();
         if let Some(&known) = local.index.get(&sides) {
             local.now = known;
             return;
         }
-        let surface = match switch.checked_sub(self.slot.len()) {
-            None => library.surface(switch, &sides),
+        let surface = match at.checked_sub(self.slot.len()) {
+            None => library.surface(at, &sides),
             Some(at) => {
                 let (switch, order) = self.derivatives[at];
-                library.derivative(switch, order)
+                library.derivative(switch, order, &sides)
             }
         };
         let compiled = Compiled::new(surface, memory);

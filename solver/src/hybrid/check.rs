@@ -81,12 +81,12 @@ impl HybridSystem {
     }
 
     fn check_surfaces(&self) -> Result<(), Fault> {
-        let (own, derivatives) = self.surfaces.split_at(self.n_switches());
-        for (switch, psi) in self.switches.iter().zip(own) {
-            self.check_instance(psi, &switch.inside, 1)?;
+        for (i, switch) in self.switches.iter().enumerate() {
+            for at in [i].into_iter().chain(switch.derivatives.clone()) {
+                self.check_instance(&self.surfaces[at], &switch.inside, 1)?;
+            }
         }
-        let mut derivatives = derivatives.iter();
-        derivatives.try_for_each(|derivative| self.check_instance(derivative, &[], 1))
+        Ok(())
     }
 
     /// An instance of a form with this number of functions, and no other α than those of `switches`.

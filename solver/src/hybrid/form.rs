@@ -311,27 +311,25 @@ impl Library {
     /// ψ of a switch, given the sides of the switches inside it. ψ is continuous where another switch slides, so either
     /// branch of it will do: α of one that slides is 1, unless it is continuous.
     pub(crate) fn surface(&mut self, switch: usize, sides: &[Side]) -> Surface {
+        self.function((switch, switch), sides)
+    }
+
+    /// The derivative of ψ of an order of at least 1, on the same sides.
+    pub(crate) fn derivative(&mut self, switch: usize, order: usize, sides: &[Side]) -> Surface {
+        let at = self.system.switches[switch].derivatives.start + order - 1;
+        self.function((switch, at), sides)
+    }
+
+    /// ψ of a switch or a derivative, by its place among the surfaces.
+    fn function(&mut self, (switch, at): (usize, usize), sides: &[Side]) -> Surface {
         let inside = &self.system.switches[switch].inside;
         let sides = inside.iter().zip(sides).map(|(&inner, side)| match side {
             Side::Slide if !self.system.is_continuous(inner) => Side::Plus,
             side => *side,
         });
         let sides: Vec<Side> = sides.collect();
-        self.function(switch, &sides)
-    }
-
-    /// The derivative of ψ of an order of at least 1.
-    pub(crate) fn derivative(&mut self, switch: usize, order: usize) -> Surface {
-        let at = self.system.switches[switch].derivatives.start + order - 1;
-        self.function(at, &[])
-    }
-
-    /// ψ or a derivative, by its place among the surfaces; `sides` are those of the switches inside it.
-    fn function(&mut self, at: usize, sides: &[Side]) -> Surface {
         let instance = &self.system.surfaces[at];
-        let inside = self.system.switches.get(at);
-        let inside = inside.map_or(&[][..], |switch| &switch.inside);
-        let key = instance.key(inside, sides);
+        let key = instance.key(inside, &sides);
         let form = &self.system.forms[instance.form];
         if let Some(affine) = form.affine(&key.1, &instance.inputs) {
             return Surface::Affine(affine);

@@ -9,6 +9,7 @@
 use super::algebraic::Initialization;
 use super::select::{Met, Selector};
 use crate::event::state::State;
+use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
@@ -100,7 +101,7 @@ impl Selector<'_> {
 
     /// What the jump of ψ of a switch from `last` to `psi` does to it.
     pub(crate) fn jump(
-        &self,
+        &mut self,
         state: &mut State,
         i: usize,
         last: f64,
@@ -117,6 +118,8 @@ impl Selector<'_> {
             if psi * state.point.sides[i].sign() < -band {
                 self.flip(state, &[i]);
             }
+        } else if let Some(other) = self.system.across(i) {
+            self.jump_in_plane(state, [i, other], open);
         } else if (psi - last).abs() > band {
             state.bands.armed[i] = false;
             if psi.abs() <= band {
@@ -126,6 +129,25 @@ impl Selector<'_> {
                 state.point.change_sides(&[i], &[Side::of(psi)]);
             }
         }
+    }
+
+    /// What a slip velocity with two entries does where it has jumped: it slips, or has come to zero.
+    fn jump_in_plane(&mut self, state: &mut State, pair: [usize; 2], open: &mut Vec<usize>) {
+        let Mode {
+            surfaces, memory, ..
+        } = &mut *self.mode;
+        let [w, other] = pair.map(|i| surfaces.value(i, &memory.values));
+        let band = pair.map(|i| state.bands.width[i]);
+        if w.hypot(other) <= band[0].max(band[1]) {
+            let slips = |i: &&usize| state.point.sides[**i] != Side::Slide;
+            open.extend(pair.iter().filter(slips));
+            return;
+        }
+        open.retain(|i| !pair.contains(i));
+        for i in pair {
+            state.bands.armed[i] = false;
+        }
+        state.point.change_sides(&pair, &[Side::Plus; 2]);
     }
 
     /// Sends relays to their other side.

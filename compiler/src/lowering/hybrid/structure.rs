@@ -20,7 +20,8 @@ pub(crate) struct Structure<'e> {
     pub timed: Vec<bool>,
     /// Switches whose α the rate φ_i may contain, or that of its last derivative.
     pub couplings: Vec<Vec<usize>>,
-    /// The derivatives of ψ_i along the solution, up to the one whose rate contains an α.
+    /// The derivatives of ψ_i along the solution, up to the one whose rate contains an α; those inside of a gap, which
+    /// are on a side, are none.
     pub chains: Vec<Vec<Expr<'e>>>,
     /// Switches whose ψ contains data, and those whose rate φ does, or that of a derivative.
     pub with_data: [Vec<bool>; 2],
@@ -72,15 +73,21 @@ impl<'e> Structure<'e> {
                 && !switch.continuity.is_continuous()
                 && !timed[i]
                 && switch.relay.is_none();
+            let passed = if switch.unilateral {
+                &inside[i][..]
+            } else {
+                &[]
+            };
+            let is_free = |found: &[usize]| found.iter().all(|k| passed.contains(k));
             // Again and again until a rate contains an α.
-            while slides && found.is_empty() && chain.len() < MAX_DERIVATIVES {
+            while slides && is_free(&found) && chain.len() < MAX_DERIVATIVES {
                 e = derivative(system, inputs, e, rates);
-                let inside = occurring(&e);
-                found = coupled(&inside, in_rates);
-                is_among |= is_driven(&inside);
+                let inputs_of = occurring(&e);
+                found = coupled(&inputs_of, in_rates);
+                is_among |= is_driven(&inputs_of);
                 chain.push(e);
             }
-            if found.is_empty() {
+            if is_free(&found) {
                 chain.clear();
             }
             couplings.push(found);

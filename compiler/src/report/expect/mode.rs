@@ -139,15 +139,27 @@ fn are_on(
                 span: surface.span,
             }
         };
-        if let Some(contact) = impulsive(subject, surface) {
-            let is_on = contact_is_on(subject, contact, wanted, interval);
-            all &= is_on.ok_or_else(|| wrong("closed"))?;
-            continue;
-        }
-        for switch in switches_of(subject, surface)? {
-            let is_on = switch_is_on(subject, switch, wanted, interval);
-            all &= is_on.map_err(|words| wrong(words[0]))?;
-        }
+        let names = subject.system.contacts_of(&plain(subject, surface));
+        let impulsive = impulsive(subject, &names);
+        let is_on: Vec<bool> = match impulsive.is_empty() {
+            false => {
+                let contacts = impulsive.into_iter();
+                let is_on = contacts.map(|k| contact_is_on(subject, k, wanted, interval));
+                let is_on: Option<Vec<bool>> = is_on.collect();
+                is_on.ok_or_else(|| wrong("closed"))?
+            }
+            true => {
+                let switches = switches_of(subject, surface)?.into_iter();
+                let is_on = switches.map(|k| switch_is_on(subject, k, wanted, interval));
+                let is_on: Result<Vec<bool>, _> = is_on.collect();
+                is_on.map_err(|words| wrong(words[0]))?
+            }
+        };
+        // A contact is closed where one of its features is.
+        all &= match names.len() > 1 && wanted != Side::Open {
+            true => is_on.contains(&true),
+            false => !is_on.contains(&false),
+        };
     }
     Ok(all)
 }
@@ -192,11 +204,11 @@ fn switch_is_on(
     Ok(is_closed && side == wanted)
 }
 
-/// The contact of steps of time that a name means.
-fn impulsive(subject: &Subject<'_, '_>, surface: &syntax::Expr) -> Option<usize> {
-    let text = plain(subject, surface);
-    let mut contacts = subject.system.impulsive.iter();
-    contacts.position(|contact| contact.name == text)
+/// The contacts of steps of time with these names.
+fn impulsive(subject: &Subject<'_, '_>, names: &[&str]) -> Vec<usize> {
+    let contacts = subject.system.impulsive.iter().enumerate();
+    let named = contacts.filter(|(_, contact)| names.contains(&contact.name.as_str()));
+    named.map(|(k, _)| k).collect()
 }
 
 /// Arguments that are regions with indicators, in order of declaration.
@@ -248,9 +260,13 @@ pub fn switches_of(
         help: surfaces(subject),
     };
     let text = plain(subject, surface);
-    let mut contacts = subject.system.switches.iter();
-    if let Some(k) = contacts.position(|k| k.unilateral && k.name == text) {
-        return Ok(vec![(k, false)]);
+    let features = subject.system.contacts_of(&text);
+    let is_meant = |name: &str| name == text || features.contains(&name);
+    let switches = subject.system.switches.iter().enumerate();
+    let contacts = switches.filter(|(_, switch)| switch.unilateral && is_meant(&switch.name));
+    let contacts: Vec<(usize, bool)> = contacts.map(|(k, _)| (k, false)).collect();
+    if !contacts.is_empty() {
+        return Ok(contacts);
     }
     let mut diags = Diagnostics::new();
     let value = Words::new(subject, &Run::Unknown)

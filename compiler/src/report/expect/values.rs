@@ -133,10 +133,8 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         let text = mode::plain(self.subject, surface);
         let system = self.subject.system;
         let laws = system.laws.iter().map(|law| law.name.as_str());
-        let contacts = system.contacts.iter().map(|contact| contact.name.as_str());
-        let impulsive = system.impulsive.iter().map(|contact| contact.name.as_str());
-        let mut names: Vec<&str> = laws.chain(contacts).chain(impulsive).collect();
-        names.retain(|name| *name == text);
+        let mut names: Vec<&str> = laws.filter(|name| *name == text).collect();
+        names.extend(system.contacts_of(&text));
         if names.is_empty() {
             let switches = mode::switches_of(self.subject, surface)?.into_iter();
             names.extend(switches.map(|(k, _)| self.subject.system.switches[k].name.as_str()));

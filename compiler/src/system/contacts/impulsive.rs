@@ -7,7 +7,7 @@ use rustc_hash::FxHashSet;
 
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
-use crate::model;
+use crate::system::contacts::features::{self, Feature};
 use crate::system::contacts::kinematics::Kinematics;
 use crate::system::contacts::{coefficients, no_contact};
 use crate::system::lower::translation::Translation;
@@ -25,30 +25,22 @@ pub(crate) fn impulsive<'e>(
     let positions = statements.bodies.iter().flat_map(|body| &body.positions);
     let positions = positions.filter_map(|&entry| instance.vars[entry].as_variable());
     let positions: FxHashSet<Var> = positions.collect();
-    let mut contacts = Vec::with_capacity(statements.contacts.len());
-    for contact in &statements.contacts {
-        match impulsive_contact(contact, &kinematics, &positions, translation, rates) {
-            Ok(contact) => contacts.extend(contact),
-            Err(error) => diags.push(*error),
-        }
-    }
-    contacts
+    features::map(translation, diags, |feature, translation| {
+        impulsive_contact(feature, &kinematics, &positions, translation, rates)
+    })
 }
 
 fn impulsive_contact<'e>(
-    contact: &model::Contact<'e>,
+    feature: &Feature<'_, 'e>,
     kinematics: &Kinematics<'_, '_, 'e>,
     positions: &FxHashSet<Var>,
     translation: &mut Translation<'_, 'e>,
     rates: &[Expr<'e>],
-) -> Result<Option<Impulsive<'e>>, Box<SystemError>> {
-    let instance = kinematics.instance;
-    if !contact.exprs().all(|e| instance.needs.holds_all(e)) {
-        return Ok(None);
-    }
-    let gap = translation.in_alphas(contact.gap, contact.gap_span);
+) -> Result<Impulsive<'e>, Box<SystemError>> {
+    let (instance, contact) = (kinematics.instance, feature.contact);
+    let gap = translation.in_alphas(feature.gap, contact.gap_span);
     if !translation.switches.entries.alphas_of(gap).is_empty() {
-        let what = "its gap, or the rate of it, has a switching term";
+        let what = "its gap has a switching term, which `method timestepping` does not take";
         return Err(no_contact(contact, what, contact.gap_span));
     }
     let vars = variables_of(&[gap]);
@@ -75,20 +67,20 @@ fn impulsive_contact<'e>(
             ))
         }
     };
-    let numbers = [restitution.coefficient]
-        .into_iter()
-        .chain(friction.iter().map(|f: &(Expr, Vec<Expr>)| f.0));
-    for e in numbers {
-        if !translation.switches.entries.alphas_of(e).is_empty() {
-            let what = "its restitution or friction has a switching term";
-            return Err(no_contact(contact, what, contact.span));
-        }
+    let switching = |e: Expr<'e>| !translation.switches.entries.alphas_of(e).is_empty();
+    let slips = friction
+        .iter()
+        .flat_map(|f: &(Expr, Vec<Expr>)| [&[f.0], &f.1[..]].concat());
+    if slips.chain([restitution.coefficient]).any(switching) {
+        let what = "its restitution, friction or slip has a switching term, which `method timestepping` does not take";
+        return Err(no_contact(contact, what, contact.span));
     }
-    Ok(Some(Impulsive {
-        name: contact.name.clone(),
+    Ok(Impulsive {
+        name: feature.name.clone(),
+        feature_of: feature.owner(),
         gap,
         restitution,
         friction,
         span: contact.span,
-    }))
+    })
 }

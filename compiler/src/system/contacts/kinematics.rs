@@ -56,27 +56,27 @@ impl<'s, 'm, 'e> Kinematics<'s, 'm, 'e> {
             return Ok(vec![(slip, self.directions(slip, translation))]);
         }
         let is_velocity = |var: &Var| self.velocities.contains_key(var);
-        let is_linear = |direction: &Direction<'e>| {
-            let vars = variables_of(&[direction.row]);
-            !vars.iter().any(is_velocity)
-        };
         let mut tangents = Vec::new();
         for &slip in given {
             let slip = translation.in_alphas(slip, *span);
             let tangent = self.directions(slip, translation);
-            let alphas = translation.switches.entries.alphas_of(slip);
-            if !tangent.is_empty() && tangent.iter().all(is_linear) && !alphas.is_empty() {
-                let (name, span) = (name(), *span);
-                return Err(Box::new(slip_that_switches(
-                    &translation.switches,
-                    name,
-                    &alphas,
-                    span,
-                )));
-            }
-            if tangent.is_empty() || !tangent.iter().all(is_linear) {
+            let switches = &translation.switches;
+            let rows: Vec<Expr<'e>> = tangent.iter().map(|direction| direction.row).collect();
+            if rows.is_empty() || variables_of(&rows).iter().any(is_velocity) {
                 let what = "its slip is not linear in velocities of a `mechanics` block";
                 return Err(no_contact(contact, what, *span));
+            }
+            // A surface may change its speed where something else does, and its direction never.
+            let leads = |alpha: &Var| {
+                let switch = switches.entries.of_alpha(*alpha);
+                switch.is_some_and(|k| switches.is_leading(k))
+            };
+            let in_rows = variables_of(&rows);
+            let mut alphas = switches.entries.alphas_of(slip);
+            alphas.retain(|alpha| !leads(alpha) || in_rows.contains(alpha));
+            if !alphas.is_empty() {
+                let (name, span) = (name(), *span);
+                return Err(Box::new(slip_that_switches(switches, name, &alphas, span)));
             }
             tangents.push((slip, tangent));
         }

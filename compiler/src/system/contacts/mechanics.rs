@@ -22,8 +22,10 @@ pub struct Body<'e> {
 /// A contact between bodies: gap ≥ 0 ⟂ λ_n ≥ 0, and at an impact what its law of restitution says.
 #[derive(Clone, Debug)]
 pub struct Contact<'e> {
-    /// Name in the model.
+    /// Name in the model, with the number of a feature.
     pub name: String,
+    /// The contact of the model whose gap has this feature and others.
+    pub feature_of: Option<String>,
     /// What is never negative.
     pub gap: Expr<'e>,
     /// Its rate J_nᵀv + ∂gap/∂t.
@@ -43,8 +45,10 @@ pub struct Contact<'e> {
 /// A contact without a switch, and without a force in the rates.
 #[derive(Clone, Debug)]
 pub struct Impulsive<'e> {
-    /// Name in the model.
+    /// Name in the model, with the number of a feature.
     pub name: String,
+    /// The contact of the model whose gap has this feature and others.
+    pub feature_of: Option<String>,
     /// What is never negative.
     pub gap: Expr<'e>,
     /// What it gives back of an impact.

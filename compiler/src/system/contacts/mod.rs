@@ -11,7 +11,9 @@
 //! motion without contacts is that for α_n = 1, and ∂v'/∂α shows the directions of impulses.
 
 pub(crate) mod coefficients;
+pub(crate) mod corners;
 pub(crate) mod directions;
+pub(crate) mod features;
 pub(crate) mod impulsive;
 pub(crate) mod jumps;
 pub(crate) mod kinematics;
@@ -21,12 +23,16 @@ pub(crate) mod start;
 use super::lower::translation::Translation;
 use super::{Contact, Direction, Friction, Slip, SystemError};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, variables_of};
+use crate::expr::{Expr, Var, variables_of};
 use crate::model;
 use crate::source::Span;
+use crate::system::contacts::features::Feature;
 use crate::system::contacts::kinematics::{Kinematics, Tangent};
 use crate::system::switches::Switches;
 use crate::system::switches::surface::Form;
+
+/// What is wrong with a gap like a distance between points.
+const NEVER_NEGATIVE: &str = "its gap is never negative: no side of its zeros is inside the body";
 
 /// Adds the forces of all contacts to the rates. Switches of the contacts are numbers in the collected list.
 pub(crate) fn contacts<'e>(
@@ -38,28 +44,20 @@ pub(crate) fn contacts<'e>(
     let kinematics = Kinematics::of(instance);
     // Rates of positions have no forces in them.
     let free = rates.to_vec();
-    let mut contacts = Vec::new();
-    for contact in &instance.model.statements.contacts {
-        match finish_contact(contact, &kinematics, translation, &free, rates) {
-            Ok(contact) => contacts.extend(contact),
-            Err(error) => diags.push(*error),
-        }
-    }
-    contacts
+    features::map(translation, diags, |feature, translation| {
+        finish_contact(feature, &kinematics, translation, &free, rates)
+    })
 }
 
 fn finish_contact<'e>(
-    contact: &model::Contact<'e>,
+    feature: &Feature<'_, 'e>,
     kinematics: &Kinematics<'_, '_, 'e>,
     translation: &mut Translation<'_, 'e>,
     free: &[Expr<'e>],
     rates: &mut [Expr<'e>],
-) -> Result<Option<Contact<'e>>, Box<SystemError>> {
-    let instance = kinematics.instance;
-    if !contact.exprs().all(|e| instance.needs.holds_all(e)) {
-        return Ok(None);
-    }
-    let (gap, speed, normal) = gap(contact, kinematics, translation, free)?;
+) -> Result<Contact<'e>, Box<SystemError>> {
+    let (instance, contact) = (kinematics.instance, feature.contact);
+    let (gap, speed, normal) = gap(feature, kinematics, translation, free)?;
     let restitution = coefficients::restitution(translation, contact)?;
     let friction = match contact.friction {
         None => None,
@@ -73,12 +71,10 @@ fn finish_contact<'e>(
     };
     let switch = translation
         .switches
-        .unilateral(gap, &contact.name, contact.span);
+        .unilateral(gap, &feature.name, contact.span);
     let switch = switch.map_err(|form| {
         let what = match form {
-            Form::Definite(sign) if sign > 0.0 => {
-                "its gap is never negative: no side of its zeros is inside the body"
-            }
+            Form::Definite(sign) if sign > 0.0 => NEVER_NEGATIVE,
             Form::Definite(_) => "its gap is never positive: the contact could not be open",
             Form::OddPower(_) => "its gap is a power, with a slope of zero where it is zero",
             _ => "its gap is compared elsewhere too, or is that of another contact",
@@ -95,9 +91,10 @@ fn finish_contact<'e>(
         *rate = *rate + direction.push * force;
     }
     let friction =
-        friction.map(|friction| rub(contact, friction, force, &mut translation.switches, rates));
-    Ok(Some(Contact {
-        name: contact.name.clone(),
+        friction.map(|friction| rub(feature, friction, force, &mut translation.switches, rates));
+    Ok(Contact {
+        name: feature.name.clone(),
+        feature_of: feature.owner(),
         gap,
         speed,
         normal,
@@ -105,22 +102,25 @@ fn finish_contact<'e>(
         friction,
         switch,
         span: contact.span,
-    }))
+    })
 }
 
 /// The gap with its rate in free motion and what a force along J_n does.
 fn gap<'e>(
-    contact: &model::Contact<'e>,
+    feature: &Feature<'_, 'e>,
     kinematics: &Kinematics<'_, '_, 'e>,
     translation: &mut Translation<'_, 'e>,
     free: &[Expr<'e>],
 ) -> Result<(Expr<'e>, Expr<'e>, Vec<Direction<'e>>), Box<SystemError>> {
-    let gap = translation.in_alphas(contact.gap, contact.gap_span);
+    let contact = feature.contact;
+    let gap = translation.in_alphas(feature.gap, contact.gap_span);
+    let gap = corners::in_signs(gap, translation);
     let speed = kinematics.instance.rate_of(gap, free);
-    let is_smooth = |e: Expr<'e>| translation.switches.entries.alphas_of(e).is_empty();
-    if !is_smooth(gap) || !is_smooth(speed) {
-        let what = "its gap, or the rate of it, has a switching term";
-        return Err(no_contact(contact, what, contact.gap_span));
+    if let Some(alpha) = corners::corner((gap, speed), translation) {
+        return Err(corner_in_gap(contact, alpha, &translation.switches));
+    }
+    if !corners::has_inside(gap, translation) {
+        return Err(no_contact(contact, NEVER_NEGATIVE, contact.gap_span));
     }
     let vars = variables_of(&[gap]);
     if vars
@@ -140,7 +140,7 @@ fn gap<'e>(
 
 /// Adds friction -μ λ_n (2α_t - 1) along every entry of the slip velocity.
 fn rub<'e>(
-    contact: &model::Contact<'e>,
+    feature: &Feature<'_, 'e>,
     (coefficient, tangents): (Expr<'e>, Vec<Tangent<'e>>),
     force: Expr<'e>,
     switches: &mut Switches<'e>,
@@ -148,7 +148,7 @@ fn rub<'e>(
 ) -> Friction<'e> {
     let mut slips = Vec::new();
     for (velocity, tangent) in tangents {
-        let switch = switches.keep(velocity, &contact.name, contact.span);
+        let switch = switches.keep(velocity, &feature.name, feature.contact.span);
         let alpha = velocity.exprs().expr(switches.list[switch].alpha);
         let sign = 2.0 * alpha - 1.0;
         for direction in &tangent {
@@ -187,6 +187,20 @@ pub(crate) fn finished_contacts<'e>(
         Some(contact)
     };
     contacts.into_iter().filter_map(finish).collect()
+}
+
+/// The corner of a gap that is none of a smallest of several.
+fn corner_in_gap(
+    contact: &model::Contact<'_>,
+    alpha: Var,
+    switches: &Switches<'_>,
+) -> Box<SystemError> {
+    let switch = switches.entries.of_alpha(alpha);
+    Box::new(SystemError::CornerInGap {
+        name: contact.name.clone(),
+        switch: switch.map_or_else(String::new, |k| switches.name_of(k)),
+        span: contact.gap_span,
+    })
 }
 
 /// Why a contact is none.

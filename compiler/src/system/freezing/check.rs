@@ -1,5 +1,7 @@
 //! What cannot be frozen.
 
+use rustc_hash::FxHashMap;
+
 use super::contact::{Contact, Slip, refused};
 use super::{Meeting, alpha, fixed, slope};
 use crate::expr::{Expr, Var, variables_of};
@@ -45,6 +47,14 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
             let what = "algebraic states that no equation gives explicitly".to_owned();
             return Err(refused(system, what, span));
         }
+        if switch.unilateral
+            && variables_of(&[switch.psi])
+                .iter()
+                .any(|var| alphas.contains(var))
+        {
+            let what = format!("the gap of `{}`, which holds a switch", switch.name);
+            return Err(refused(system, what, span));
+        }
         if switch.relay.is_some() {
             let watched = variables_of(&[at(switch.psi, alpha(system, k), 0.0)]);
             let jumps = |var: &Var| alphas.contains(var) || jumping.contains(var);
@@ -64,6 +74,26 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
                 switch.name
             );
             return Err(refused(system, what, span));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses an inelastic contact whose speed switches something else too, as the slip along a wall at a right angle to it.
+pub(super) fn distinct<'e>(
+    system: &System<'e>,
+    contacts: &[Contact<'e>],
+) -> Result<(), SystemError> {
+    let form = |e: Expr<'e>| e.split_scale().1;
+    let lasting = system.switches.iter().filter(|switch| !switch.unilateral);
+    let mut known: FxHashMap<Expr<'e>, &str> = lasting
+        .map(|switch| (form(switch.psi), switch.name.as_str()))
+        .collect();
+    for contact in contacts.iter().filter(|contact| contact.is_inelastic()) {
+        let name = &system.switches[contact.switch].name;
+        if let Some(other) = known.insert(form(contact.speed), name) {
+            let what = format!("contact `{name}`, the speed of which `{other}` also has");
+            return Err(refused(system, what, contact.span));
         }
     }
     Ok(())

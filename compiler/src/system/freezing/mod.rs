@@ -91,6 +91,7 @@ pub struct Rest<'e> {
 pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemError> {
     check::check(system)?;
     let contacts = contact::contacts(system)?;
+    check::distinct(system, &contacts)?;
     let meeting = check::together(system, &contacts)?;
     // Integrals of a cost stay behind all other states.
     let integrals = system.task.as_ref().map_or(0, |task| task.integrals);

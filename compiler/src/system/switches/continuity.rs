@@ -47,9 +47,7 @@ impl<'s, 'e> Entered<'s, 'e> {
         switched: &'s Switched<'s, 'e>,
     ) -> Self {
         let (alphas, switches) = (switched.alphas, switched.switches);
-        let all: Vec<Expr<'e>> = (switched.rates.iter().copied())
-            .chain(switches.iter().map(|switch| switch.psi))
-            .collect();
+        let all = outside_of_gaps(switched);
         let kinks = (0..alphas.len()).filter(|&k| collected.entries.is_kink(kept[k]));
         let (kinks, kink_alphas): (Vec<usize>, Vec<Var>) = kinks.map(|k| (k, alphas[k])).unzip();
         let slopes = jacobian(&all, &kink_alphas).entries.into_iter();
@@ -141,6 +139,31 @@ impl<'s, 'e> Entered<'s, 'e> {
             }
         }
     }
+}
+
+/// Rates, and the ψ of all switches. A gap that holds an α, and with it its normal and its slip velocity, was found to
+/// be continuous where it is not negative: nothing is asked of them, and of rates when its contact is open.
+fn outside_of_gaps<'e>(switched: &Switched<'_, 'e>) -> Vec<Expr<'e>> {
+    let (alphas, switches) = (switched.alphas, switched.switches);
+    let holds_alpha =
+        |k: usize| switches[k].unilateral && !positions(switches[k].psi, alphas).is_empty();
+    let bent: Vec<usize> = (0..switches.len()).filter(|&k| holds_alpha(k)).collect();
+    let is_of_gap =
+        |k: usize| bent.contains(&k) || switches[k].slip_of.is_some_and(|of| bent.contains(&of));
+    let exprs = switches.first().map(|switch| switch.psi.exprs());
+    let open = exprs
+        .iter()
+        .flat_map(|exprs| bent.iter().map(|&k| (alphas[k], exprs.constant(1.0))));
+    let open: Substitution<'e> = open.collect();
+    let rates = switched.rates.iter().map(|rate| rate.substitute(&open));
+    let psi = switches
+        .iter()
+        .enumerate()
+        .map(|(k, switch)| match is_of_gap(k) {
+            true => switch.psi.exprs().constant(0.0),
+            false => switch.psi,
+        });
+    rates.chain(psi).collect()
 }
 
 /// What is known about a switch α ∈ step(ψ) in the functions `f`.

@@ -1,0 +1,135 @@
+//! Belts whose speeds step at known times: the slip jumps, and velocities do not.
+
+use nsd_tests::{DataFiles, end, run, solved, times, with_data};
+use nsdc::report::{EventKind, Status};
+use nsdc::simulate::{self, Request};
+
+/// Friction on the block: 0.3*10.
+const PULL: f64 = 3.0;
+
+/// A block on a belt with this speed.
+fn block(belt: &str, experiment: &str) -> String {
+    format!(
+        "model block {{
+           state q[2] = [0, 0];
+           state v[2] = [0, 0];
+           q' = v;
+           {belt}
+           mechanics q, v {{
+             mass = 2;
+             force = [0, -20];
+             contact road {{ gap = q[2]; restitution = 0; slip = v[1] - belt; friction = 0.3; }}
+           }}
+         }}
+         simulate this of block {{ horizon 4; {experiment} }}"
+    )
+}
+
+#[track_caller]
+fn close(found: &[f64], expected: &[f64], tolerance: f64) {
+    assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
+    for (a, b) in found.iter().zip(expected) {
+        assert!((a - b).abs() <= tolerance, "{found:?} {expected:?}");
+    }
+}
+
+/// The belt has speed 2 from t = 1 to 3 and stands still before and after: the block takes 2/3 to follow either way.
+#[test]
+fn a_block_follows_a_belt_that_starts_and_stops() {
+    let belt = "let belt = if time < 1 or time > 3 then 0 else 2;";
+    let follows = 2.0 / PULL;
+    let methods = [
+        ("", 1e-12),
+        ("lower timefreezing;", 1e-10),
+        ("lower timefreezing; method fesd { steps = 40; }", 1e-10),
+    ];
+    for (method, tolerance) in methods {
+        let trajectory = solved(&block(belt, method), "this");
+        close(&end(&trajectory, "q"), &[4.0, 0.0], tolerance);
+        close(&end(&trajectory, "v"), &[0.0, 0.0], tolerance);
+        let slips = times(&trajectory, EventKind::Slip);
+        close(&slips, &[1.0, 3.0], tolerance);
+        let sticks = times(&trajectory, EventKind::Stick);
+        close(&sticks, &[1.0 + follows, 3.0 + follows], tolerance);
+        assert!(times(&trajectory, EventKind::Jump).is_empty(), "{method}");
+    }
+}
+
+/// While it slips, the belt turns around: the block is at 1.5 then, and friction pulls it back.
+#[test]
+fn friction_turns_with_a_belt_that_turns_around() {
+    let belt = "let belt = if time < 0.5 then 2 else -2;";
+    let trajectory = solved(&block(belt, ""), "this");
+    let sticks = 0.5 + 3.5 / PULL;
+    close(&times(&trajectory, EventKind::Stick), &[sticks], 1e-12);
+    let left = sticks - 0.5;
+    let way = 0.375 + 1.5 * left - 0.5 * PULL * left * left - 2.0 * (4.0 - sticks);
+    close(&end(&trajectory, "q"), &[way, 0.0], 1e-11);
+}
+
+/// A step of the belt to the speed that the block has by then: it sticks at once.
+#[test]
+fn a_belt_that_steps_to_the_speed_of_the_block_takes_it_along() {
+    let belt = "let belt = if time < 0.5 then 2 else 1.5;";
+    let trajectory = solved(&block(belt, ""), "this");
+    close(&times(&trajectory, EventKind::Stick), &[0.5], 1e-10);
+    close(&end(&trajectory, "q"), &[0.375 + 1.5 * 3.5, 0.0], 1e-10);
+}
+
+#[test]
+fn speeds_of_belts_come_from_data_too() {
+    let belt = "signal belt = table(\"belt.csv\", \"w\", fit = hold);";
+    for (method, tolerance) in [("", 1e-12), ("method timestepping { steps = 4000; }", 2e-3)] {
+        let data = "t,w\n0,0\n1,2\n3,0\n5,0\n".to_owned();
+        let mut files = DataFiles(vec![("belt.csv", data)]);
+        let text = block(belt, method);
+        let trajectory = with_data(&text, &mut files, "this", |compiled| {
+            simulate::run(&compiled.system, &compiled.settings, &Request::default())
+        });
+        assert_eq!(trajectory.status, Status::Solved);
+        close(&end(&trajectory, "q"), &[4.0, 0.0], tolerance);
+        let slips = times(&trajectory, EventKind::Slip);
+        close(&slips, &[1.0, 3.0], tolerance);
+    }
+}
+
+/// In space the slip jumps to (2, 1.5), and friction is along it until both entries are zero.
+#[test]
+fn a_slip_with_two_entries_jumps_to_one_direction() {
+    let plane = |start: &str, belt: &str| {
+        format!(
+            "model block {{
+               state q[3] = [0, 0, 0];
+               state v[3] = {start};
+               q' = v;
+               let belt = {belt};
+               mechanics q, v {{
+                 mass = 1;
+                 force = [0, 0, -10];
+                 contact road {{ gap = q[3]; restitution = 0; slip = [v[1] - 4*belt, v[2] - 3*belt]; friction = 0.3; }}
+               }}
+             }}
+             simulate this of block {{ horizon 3; }}"
+        )
+    };
+    // |w| = 2.5 is gone after 2.5/3, on a way of 2.5 less than the belt's half.
+    let trajectory = run(&plane("[0, 0, 0]", "if time < 1 then 0 else 0.5"), "this");
+    assert_eq!(trajectory.status, Status::Solved);
+    let follows = 2.5 / PULL;
+    close(&times(&trajectory, EventKind::Slip), &[1.0], 1e-12);
+    close(
+        &times(&trajectory, EventKind::Stick),
+        &[1.0 + follows],
+        1e-10,
+    );
+    let way = 2.5 * (2.0 - 0.5 * follows);
+    close(&end(&trajectory, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-10);
+
+    // A block that slips with the belt standing still is taken along at the instant at which the belt has its speed.
+    let step = "if time < 0.5 then 0 else 0.2";
+    let trajectory = run(&plane("[2, 1.5, 0]", step), "this");
+    assert_eq!(trajectory.status, Status::Solved);
+    close(&times(&trajectory, EventKind::Stick), &[0.5], 1e-9);
+    let way = 2.5 * 0.5 - 0.5 * PULL * 0.25 + 2.5;
+    close(&end(&trajectory, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-9);
+}
