@@ -11,8 +11,8 @@ use super::{Series, Trajectory};
 const PARTS: f64 = 1200.0;
 /// δ as a share of the range, which no figure shows.
 const DEVIATION: f64 = 5e-4;
-/// The least δ relative to the size of the values: rounding makes no rows.
-const ROUNDING: f64 = 1e-9;
+/// The least δ relative to the size of the values, some hundred times their last digit: rounding makes no rows.
+const ROUNDING: f64 = 1e-13;
 
 /// The number of parts of a step, in a run that takes `span` in all.
 fn parts(length: f64, span: f64) -> f64 {
