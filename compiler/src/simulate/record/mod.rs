@@ -103,7 +103,8 @@ pub(super) struct Recorder<'s, 'e> {
     sampled: usize,
     /// What is kept.
     pub record: Record,
-    /// Whether the polynomials of all steps are kept; else those of steps that have rows inside.
+    /// Whether the polynomials of all steps are kept; else, along curves, those of steps that are longer than a part of the
+    /// horizon.
     dense: bool,
     pieces: Vec<Piece>,
     pub reported: Arc<Reported>,
@@ -433,9 +434,9 @@ impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let end = segment.until;
         self.limits.segment(segment);
-        let is_divided =
-            || self.sampling == Sampling::Curve && curve::is_divided(segment.length, end);
-        if self.dense || is_divided() {
+        let has_rows_inside = self.sampling == Sampling::Curve
+            && curve::is_divided(segment.length, self.record.horizon);
+        if self.dense || has_rows_inside {
             let mut piece = pieces::of_segment(segment, end, &self.system.data);
             // Pieces of a run are without gaps.
             let last = self.pieces.last();
