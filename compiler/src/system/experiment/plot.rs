@@ -6,6 +6,9 @@ use crate::expr::Expr;
 use crate::model::ModelError;
 use crate::syntax::{self, PlotItem, PlotKind};
 
+/// How wide a figure is in pixels at least and at most.
+const WIDTHS: std::ops::RangeInclusive<f64> = 1.0..=1e5;
+
 /// A figure as an experiment asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Plot<'e> {
@@ -50,12 +53,10 @@ impl<'e> Plot<'e> {
                 }
                 PlotKind::Width(number, unit) => {
                     reader.once("`width`", item.span);
-                    plot.width = Some(number * unit.pixels());
-                    if !(*number > 0.0 && number.is_finite()) {
-                        reader.error(ExperimentError::PlotWidth {
-                            found: format!("{number} {}", unit.as_str()),
-                            span: item.span,
-                        });
+                    let width = number * unit.pixels();
+                    plot.width = Some(width);
+                    if !WIDTHS.contains(&width) {
+                        reader.error(ExperimentError::PlotWidth { span: item.span });
                     }
                 }
                 PlotKind::Bad => {}
