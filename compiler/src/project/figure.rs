@@ -85,6 +85,7 @@ fn arranged<'a, 'e>(
         };
         Phase {
             axes: [next(), next()],
+            is_of_one: axes[0].whole.is_some() && axes[0].whole == axes[1].whole,
             surfaces: match over_states {
                 true => surfaces(compiled, params),
                 false => Vec::new(),

@@ -63,6 +63,8 @@ pub struct Surface<'a> {
 pub struct Phase<'a> {
     /// What goes from left to right, and from the bottom to the top, with their values at all instants.
     pub axes: [(String, Vec<f64>); 2],
+    /// Whether these are entries of one quantity, which have one scale.
+    pub is_of_one: bool,
     /// Switching functions of these two.
     pub surfaces: Vec<Surface<'a>>,
 }
@@ -113,7 +115,11 @@ impl<'a> Figure<'a> {
             width: None,
             panels: panel::arrange(trajectory),
             phases: match axes {
-                Some(axes) => vec![Phase { axes, surfaces }],
+                Some(axes) => vec![Phase {
+                    axes,
+                    is_of_one: trajectory.states.len() == 1,
+                    surfaces,
+                }],
                 None => Vec::new(),
             },
         }

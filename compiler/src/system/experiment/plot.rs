@@ -4,7 +4,7 @@ use super::error::ExperimentError;
 use super::reader::Reader;
 use crate::expr::Expr;
 use crate::model::ModelError;
-use crate::syntax::{self, PlotItem, PlotKind};
+use crate::syntax::{self, ExprKind, PlotItem, PlotKind};
 
 /// How wide a figure is in pixels at least and at most.
 const WIDTHS: std::ops::RangeInclusive<f64> = 1.0..=1e5;
@@ -27,6 +27,8 @@ pub struct Plot<'e> {
 pub struct Drawn<'e> {
     /// Its text.
     pub name: String,
+    /// The text of what it is an entry of: `b.x` where it is `b.x[2]`.
+    pub whole: Option<String>,
     /// Empty for a scalar.
     pub shape: Vec<usize>,
     /// Its entries.
@@ -79,6 +81,10 @@ impl<'e> Drawn<'e> {
         let value = value?;
         Some(Drawn {
             name: expr.to_string(),
+            whole: match &expr.kind {
+                ExprKind::Index(whole, _) => Some(whole.to_string()),
+                _ => None,
+            },
             shape: value.shape.sizes(),
             entries: value.data,
         })
