@@ -85,6 +85,10 @@ model fall {
 }
 simulate falls of fall { horizon 0.5; output q, v, n, share, energy, twice; }
 simulate moves of fall { horizon 0.5; output q; }
+model other { state q[2] : m = [1, 2]; state v : km/h = 0; state energy = 1; state n : 1 = 0; q' = [1, 0]; v' = 1; energy' = 1; n' = 1; }
+simulate moved of other { horizon 0.5; }
+model bare { state q[2] = [1, 2]; q' = [1, 0]; }
+simulate plain of bare { horizon 0.5; }
 ";
 
 #[test]
@@ -118,6 +122,11 @@ fn axes_have_the_units_of_the_model() {
         &["plot", "m.nsd", "falls"],
         &[&common[..], &entries].concat(),
     );
+    // What has several units in the models of a figure, or one in some of them alone, is without.
+    let several = ["time [s]", "q[1] [m]", "q[2] [m]", "v", "energy", "n", "share"];
+    drawn(&["plot", "m.nsd", "falls", "moved"], &several);
+    let none = ["time", "q[1]", "q[2]", "v [m/s]", "energy [J/kg]"];
+    drawn(&["plot", "m.nsd", "falls", "plain"], &none);
     let sweep = ["sweep", "m.nsd", "falls", "--plot", "-", "--over"];
     let ends = [
         "v at end [m/s]",
