@@ -72,11 +72,13 @@ pub(crate) fn thin(trajectory: &mut Trajectory, inside: &[bool]) {
         .collect();
     let mut kept: Vec<bool> = inside.iter().map(|is_inside| !is_inside).collect();
     let ends: Vec<usize> = (0..kept.len()).filter(|&k| kept[k]).collect();
-    let mut open: Vec<[usize; 2]> = ends.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+    let pairs = ends.windows(2).map(|pair| [pair[0], pair[1]]);
+    let has_rows = |&[first, last]: &[usize; 2]| last - first > 1;
+    let mut open: Vec<[usize; 2]> = pairs.filter(has_rows).collect();
     while let Some([first, last]) = open.pop() {
         if let Some(k) = furthest(&trajectory.time, &columns, [first, last]) {
             kept[k] = true;
-            open.extend([[first, k], [k, last]]);
+            open.extend([[first, k], [k, last]].into_iter().filter(has_rows));
         }
     }
     for series in trajectory.series_mut() {

@@ -64,13 +64,17 @@ impl Record {
         self.alphas.extend_from_slice(alpha);
     }
 
-    /// Adds rows inside of steps, from their polynomials, and says which of all rows these are.
+    /// Adds rows inside of steps, from their polynomials, and says which of all rows these are; nothing where there are none.
     fn divide(&mut self, system: &System, pieces: &[Piece]) -> Vec<bool> {
         let (n, m) = (system.states.len(), system.switches.len());
+        let span = self.times.last().copied().unwrap_or(0.0);
+        let mut lengths = pieces.iter().map(|piece| piece.to - piece.from);
+        if !lengths.any(|length| curve::is_divided(length, span)) {
+            return Vec::new();
+        }
         let times = std::mem::take(&mut self.times);
         let states = std::mem::take(&mut self.states);
         let alphas = std::mem::take(&mut self.alphas);
-        let span = times.last().copied().unwrap_or(0.0);
         let parts = pieces.iter().flat_map(|piece| {
             let instants = curve::instants(piece.from, piece.to, span);
             instants.map(move |t| (t, piece))
