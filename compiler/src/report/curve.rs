@@ -27,7 +27,8 @@ pub fn is_divided(length: f64, span: f64) -> bool {
 /// The ends of the parts of a step: its own, and those inside of it.
 pub fn instants(from: f64, to: f64, span: f64) -> impl DoubleEndedIterator<Item = f64> {
     let n = parts(to - from, span);
-    (0..=n as usize).map(move |k| from + (to - from) * (k as f64 / n))
+    let before = (0..n as usize).map(move |k| from + (to - from) * (k as f64 / n));
+    before.chain([to])
 }
 
 /// The trajectory at the ends of all parts, both ends of every piece among them.
@@ -131,7 +132,7 @@ fn furthest(time: &[f64], columns: &[Column], [first, last]: [usize; 2]) -> Opti
 
 #[cfg(test)]
 mod tests {
-    use super::{PARTS, refine, thin};
+    use super::{PARTS, instants, refine, thin};
     use crate::report::{Dense, Piece, sample};
 
     #[test]
@@ -160,6 +161,18 @@ mod tests {
             [1.5, 2.0, 5.0]
         );
         assert_eq!(fine.outputs[0].values[half / 2], 1.25);
+    }
+
+    /// Of 0.2 and 0.9, the first plus the difference is not the second.
+    #[test]
+    fn the_ends_of_a_step_are_exact() {
+        for (from, to) in [(0.1, 0.7), (0.2, 0.9)] {
+            let mut all = instants(from, to, to - from);
+            assert_eq!((all.next(), all.next_back()), (Some(from), Some(to)));
+            let most = (PARTS as usize - 1, true);
+            let rising = instants(from, to, to - from).is_sorted_by(|a, b| a < b);
+            assert_eq!((all.count(), rising), most);
+        }
     }
 
     /// A parabola over [0, 1] in parts of 1/100, then a straight line: of m equal parts of the parabola, the middle of each
