@@ -137,7 +137,9 @@ impl<'a> Figure<'a> {
         let bands = Bands::new(trajectory);
         let legend = match many {
             _ if panels.is_empty() => Legend::default(),
-            Some(ensemble) => Legend::of_ensemble(ensemble),
+            Some(ensemble) => {
+                Legend::of_ensemble(ensemble, panels.iter().any(Panel::has_quantiles))
+            }
             None => Legend::new(trajectory, &bands),
         };
         let share = self.share(&panels);
