@@ -332,7 +332,7 @@ fn places(trajectory: &Trajectory, time: &Axis) -> Vec<(f64, super::EventKind)> 
 mod tests {
     use super::{Figure, Surface};
     use crate::model::Units;
-    use crate::report::{Trajectory, sample};
+    use crate::report::{Series, Trajectory, sample};
 
     fn write(trajectory: &Trajectory, surfaces: Vec<Surface<'_>>) -> String {
         Figure::of(trajectory, &Units::default(), surfaces).write()
@@ -356,6 +356,30 @@ mod tests {
         }
         assert!(svg.contains("c &lt; &quot;1&quot; = 0"));
         assert!(!svg.contains("NaN"));
+    }
+
+    /// Two states of a part are no entries of one, though their names have one index.
+    #[test]
+    fn states_of_a_part_have_scales_of_their_own() {
+        let mut trajectory = sample::oscillator();
+        let [x] = &trajectory.states[..] else {
+            panic!("one vector")
+        };
+        let columns: Vec<_> = x.columns().map(|(_, values)| values).collect();
+        let mut named = |names: [&str; 2]| {
+            let states = names.iter().zip(&columns).map(|(name, values)| Series {
+                name: (*name).to_owned(),
+                shape: Vec::new(),
+                values: values.clone(),
+            });
+            trajectory.states = states.collect();
+            write(&trajectory, Vec::new())
+        };
+        let of_part = named(["b[1].x", "b[1].v"]);
+        assert_eq!(
+            of_part.replace("b[1].", "b(1)."),
+            named(["b(1).x", "b(1).v"])
+        );
     }
 
     #[test]
