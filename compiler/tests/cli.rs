@@ -412,7 +412,9 @@ const CURVES: &str = "
 model circle { state x[2] = [1, 0]; output c = x[1]^2; x' = [-x[2], x[1]]; }
 model ball { state h = 1; state v = 0; h' = v; v' = -9.81; jump floor when h <= 0 and v < 0 { v := -0.5*v; } }
 model pulled { state x = 0; control u in [-1, 1] = 0; state v = 0; x' = v; v' = u; }
+model sound { state d[2] = [1e-4, 0]; output p = 101325 + d[1]; d' = [-d[2], d[1]]; }
 simulate events of circle { horizon 2*pi; }
+simulate swings of sound { horizon 60; output p; }
 simulate elements of circle { horizon 2*pi; method fesd; }
 simulate adaptive of circle { horizon 2*pi; method adaptive; }
 simulate steps of circle { horizon 2*pi; method timestepping { steps = 40; } }
@@ -475,6 +477,12 @@ fn rows_follow_the_curves() {
         );
     }
     assert_eq!(rows(&folder, "every").len(), 5);
+
+    // The range is 2e-4, however large the values are, and a part of the run is 3.2e-8 from its chord.
+    let swings = rows(&folder, "swings");
+    let worst = missed(&swings, |t| vec![101_325.0 + 1e-4 * t.cos()]);
+    assert!(worst <= 1.35e-7, "{worst}");
+    assert!(swings.len() < 1200, "{}", swings.len());
 
     // It strikes once the height of one metre is fallen, and then after twice half the speed: two rows each time.
     let fall = (2.0_f64 / 9.81).sqrt();

@@ -85,6 +85,10 @@ model fall {
 }
 simulate falls of fall { horizon 0.5; output q, v, n, share, energy, twice; }
 simulate moves of fall { horizon 0.5; output q; }
+model other { state q[2] : m = [1, 2]; state v : m = 0; state energy = 1; state n : 1 = 0; q' = [1, 0]; v' = 1; energy' = 1; n' = 1; }
+simulate moved of other { horizon 0.5; }
+model bare { state q[2] = [1, 2]; q' = [1, 0]; }
+simulate plain of bare { horizon 0.5; }
 ";
 
 #[test]
@@ -118,6 +122,13 @@ fn axes_have_the_units_of_the_model() {
         &["plot", "m.nsd", "falls"],
         &[&common[..], &entries].concat(),
     );
+    // What has several units in the models of a figure, or one in some of them alone, is without.
+    let several = [
+        "time [s]", "q[1] [m]", "q[2] [m]", "v", "energy", "n", "share",
+    ];
+    drawn(&["plot", "m.nsd", "falls", "moved"], &several);
+    let none = ["time", "q[1]", "q[2]", "v [m/s]", "energy [J/kg]"];
+    drawn(&["plot", "m.nsd", "falls", "plain"], &none);
     let sweep = ["sweep", "m.nsd", "falls", "--plot", "-", "--over"];
     let ends = [
         "v at end [m/s]",
@@ -146,6 +157,13 @@ simulate drawn of wheel {
 simulate titled of wheel { horizon 2; output speed; plot { title \"Stops\"; width 300 px; } }
 simulate narrow of wheel { horizon 2; plot { speed; phase speed, loss; width 10 mm; } }
 simulate plane of wheel { horizon 2; plot { phase speed, loss; } }
+model rubs { state x = 1; state v = 0; x' = v; v' = -x - 0.1*sign(v + 0.5); }
+simulate usual of rubs { horizon 6; plot { phase x, v; } }
+simulate turned of rubs { horizon 6; plot { phase v, x; } }
+simulate other of rubs { horizon 6; plot { phase v, 2*x; } }
+model shaken { state v = 1; v' = -v; }
+simulate some of shaken { horizon 1; perturb every 0.1 by gauss(0.1); runs 3; output v; plot { v; } }
+simulate none of shaken { horizon 1; perturb every 0.1 by gauss(0.1); runs 3; output v; plot { v^2; } }
 ";
 
 #[test]
@@ -191,4 +209,24 @@ fn a_plot_says_what_a_figure_shows() {
     assert!((width(&drawn("narrow")) - 96.0 / 25.4 * 10.0).abs() < 1e-9);
     let svg = drawn("plane");
     assert!(has(&svg, "start") && has(&svg, "loss") && !has(&svg, "time [s]"));
+
+    // The curve v = -1/2 lies, or stands where the axes are the other way round.
+    let curve = |svg: &str| {
+        let of_curve = |line: &&str| line.starts_with("<polyline") && line.contains("#6E6E6E");
+        let line = svg.lines().find(of_curve)?.to_owned();
+        let points = line.split("points=\"").nth(1)?.split('"').next()?;
+        let ends = points.split_whitespace().map(|point| point.split_once(','));
+        let ends = ends.map(|point| Some((point?.0.parse().ok()?, point?.1.parse().ok()?)));
+        ends.collect::<Option<Vec<(f64, f64)>>>()
+    };
+    let lies = |points: &[(f64, f64)]| points.iter().all(|p| (p.1 - points[0].1).abs() <= 2.0);
+    let stands = |points: &[(f64, f64)]| points.iter().all(|p| (p.0 - points[0].0).abs() <= 2.0);
+    let [usual, turned] = ["usual", "turned"].map(|name| curve(&drawn(name)).expect("a curve"));
+    assert!(lies(&usual) && !stands(&usual) && stands(&turned) && !lies(&turned));
+    assert_eq!(curve(&drawn("other")), None);
+
+    // Quantiles are those of what the runs report.
+    let median = "median of 3 runs";
+    assert!(has(&drawn("some"), median) && has(&drawn("none"), "run with seed 1"));
+    assert!(!has(&drawn("none"), median));
 }

@@ -27,9 +27,9 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     // Switching curves are drawn over the states as the system has them.
     let names = trajectory.states.iter().flat_map(Series::entry_names);
     let is_whole = names.eq(system.states.iter().map(|state| state.name.clone()));
-    let surfaces = match is_whole {
-        true => surfaces(compiled, &params),
-        false => Vec::new(),
+    let surfaces = match &system.states[..] {
+        [x, y] if is_whole => surfaces(compiled, &params, [x.var, y.var]),
+        _ => Vec::new(),
     };
     let fine = curves(compiled, trajectory);
     Figure {
@@ -70,13 +70,7 @@ fn arranged<'a, 'e>(
     let panels = plot.panels.iter();
     let panels = panels.map(|panel| series.by_ref().take(panel.len()).collect());
     let panels = panels.collect();
-    let states = compiled.system.states.iter().map(|state| state.var);
-    let states: Vec<Expr<'_>> = states.collect();
     let phases = plot.phases.iter().map(|axes| {
-        let over_states = axes
-            .iter()
-            .map(|axis| axis.entries[0])
-            .eq(states.iter().copied());
         let mut next = || {
             let series = series.next();
             series.map_or_else(Default::default, |series| {
@@ -85,10 +79,12 @@ fn arranged<'a, 'e>(
         };
         Phase {
             axes: [next(), next()],
-            surfaces: match over_states {
-                true => surfaces(compiled, params),
-                false => Vec::new(),
-            },
+            is_of_one: axes[0].whole.is_some() && axes[0].whole == axes[1].whole,
+            surfaces: surfaces(
+                compiled,
+                params,
+                axes.each_ref().map(|axis| axis.entries[0]),
+            ),
         }
     });
     let phases = phases.collect();
@@ -149,13 +145,18 @@ fn refined(compiled: &Compiled<'_>, trajectory: &Trajectory, exprs: &[Expr<'_>])
     })
 }
 
-/// The switching functions of two states alone.
-fn surfaces<'c>(compiled: &'c Compiled<'_>, params: &'c HashMap<Var, f64>) -> Vec<Surface<'c>> {
+/// The switching functions of two axes alone, where these are the two states of the system.
+fn surfaces<'c>(
+    compiled: &'c Compiled<'_>,
+    params: &'c HashMap<Var, f64>,
+    [x, y]: [Expr<'_>; 2],
+) -> Vec<Surface<'c>> {
     let system = &compiled.system;
-    let [x, y] = &system.states[..] else {
+    let states: Vec<Expr<'_>> = system.states.iter().map(|state| state.var).collect();
+    if states != [x, y] && states != [y, x] {
         return Vec::new();
-    };
-    let (Some(x), Some(y)) = (x.var.as_variable(), y.var.as_variable()) else {
+    }
+    let (Some(x), Some(y)) = (x.as_variable(), y.as_variable()) else {
         return Vec::new();
     };
     let is_known = |var: &Var| *var == x || *var == y || params.contains_key(var);

@@ -11,8 +11,8 @@ use super::{Series, Trajectory};
 const PARTS: f64 = 1200.0;
 /// δ as a share of the range, which no figure shows.
 const DEVIATION: f64 = 5e-4;
-/// The least δ relative to the size of the values: rounding makes no rows.
-const ROUNDING: f64 = 1e-9;
+/// The least δ relative to the size of the values, some hundred times their last digit: rounding makes no rows.
+const ROUNDING: f64 = 1e-13;
 
 /// The number of parts of a step, in a run that takes `span` in all.
 fn parts(length: f64, span: f64) -> f64 {
@@ -27,7 +27,8 @@ pub fn is_divided(length: f64, span: f64) -> bool {
 /// The ends of the parts of a step: its own, and those inside of it.
 pub fn instants(from: f64, to: f64, span: f64) -> impl DoubleEndedIterator<Item = f64> {
     let n = parts(to - from, span);
-    (0..=n as usize).map(move |k| from + (to - from) * (k as f64 / n))
+    let before = (0..n as usize).map(move |k| from + (to - from) * (k as f64 / n));
+    before.chain([to])
 }
 
 /// The trajectory at the ends of all parts, both ends of every piece among them.
@@ -72,11 +73,13 @@ pub(crate) fn thin(trajectory: &mut Trajectory, inside: &[bool]) {
         .collect();
     let mut kept: Vec<bool> = inside.iter().map(|is_inside| !is_inside).collect();
     let ends: Vec<usize> = (0..kept.len()).filter(|&k| kept[k]).collect();
-    let mut open: Vec<[usize; 2]> = ends.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+    let pairs = ends.windows(2).map(|pair| [pair[0], pair[1]]);
+    let has_rows = |&[first, last]: &[usize; 2]| last - first > 1;
+    let mut open: Vec<[usize; 2]> = pairs.filter(has_rows).collect();
     while let Some([first, last]) = open.pop() {
         if let Some(k) = furthest(&trajectory.time, &columns, [first, last]) {
             kept[k] = true;
-            open.extend([[first, k], [k, last]]);
+            open.extend([[first, k], [k, last]].into_iter().filter(has_rows));
         }
     }
     for series in trajectory.series_mut() {
@@ -129,7 +132,7 @@ fn furthest(time: &[f64], columns: &[Column], [first, last]: [usize; 2]) -> Opti
 
 #[cfg(test)]
 mod tests {
-    use super::{PARTS, refine, thin};
+    use super::{PARTS, instants, refine, thin};
     use crate::report::{Dense, Piece, sample};
 
     #[test]
@@ -158,6 +161,18 @@ mod tests {
             [1.5, 2.0, 5.0]
         );
         assert_eq!(fine.outputs[0].values[half / 2], 1.25);
+    }
+
+    /// Of 0.2 and 0.9, the first plus the difference is not the second.
+    #[test]
+    fn the_ends_of_a_step_are_exact() {
+        for (from, to) in [(0.1, 0.7), (0.2, 0.9)] {
+            let mut all = instants(from, to, to - from);
+            assert_eq!((all.next(), all.next_back()), (Some(from), Some(to)));
+            let most = (PARTS as usize - 1, true);
+            let rising = instants(from, to, to - from).is_sorted_by(|a, b| a < b);
+            assert_eq!((all.count(), rising), most);
+        }
     }
 
     /// A parabola over [0, 1] in parts of 1/100, then a straight line: of m equal parts of the parabola, the middle of each

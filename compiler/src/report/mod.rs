@@ -55,7 +55,8 @@ pub struct Trajectory {
     pub failure: Option<Failure>,
     /// The method and the options it ran with.
     pub method: Method,
-    /// Parameters of the model with the values it ran with, each of them at one instant.
+    /// Parameters of the model with the values it ran with, each of them at one instant; none in solutions of prepared
+    /// problems, which take them as arguments.
     pub parameters: Vec<Series>,
     /// Instants at which values are reported.
     pub time: Vec<f64>,

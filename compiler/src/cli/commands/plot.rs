@@ -48,17 +48,15 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     }
     let limit = Limit::from(args.time_limit);
     let (mut exit, mut sources) = (Exit::Success, Vec::new());
-    let mut units = Units::default();
     for experiment in &experiments {
         let asked = (&project, &overrides[..]);
-        let Some((source, own, status)) = curves(asked, experiment, &limit, streams)? else {
+        let Some((source, status)) = curves(asked, experiment, &limit, streams)? else {
             return Ok(Exit::Wrong);
         };
         if status != Status::Solved {
             exit = Exit::Failed;
         }
         sources.push(source);
-        units.add(own);
     }
     for path in &args.data {
         match measured(path).and_then(|source| belonging(source, &sources)) {
@@ -76,7 +74,7 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         )?;
         return Ok(Exit::Wrong);
     }
-    match Sink::with(&args.output, overlay::write(&sources, &units)).finish(streams)? {
+    match Sink::with(&args.output, overlay::write(&sources)).finish(streams)? {
         true => Ok(exit),
         false => Ok(Exit::Wrong),
     }
@@ -106,13 +104,13 @@ fn is_of(name: &str, asked: &str) -> bool {
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
 }
 
-/// The curves of an experiment, the units of its model, and how its run ended; nothing where it does not compile, which has been printed.
+/// The curves of an experiment and how its run ended; nothing where it does not compile, which has been printed.
 fn curves(
     (project, overrides): (&Project, &[Bind]),
     experiment: &Experiment,
     limit: &Limit,
     streams: &mut Streams<'_>,
-) -> io::Result<Option<(Source, Units, Status)>> {
+) -> io::Result<Option<(Source, Status)>> {
     let (exprs, mut diags, mut clock) = (Exprs::new(), Diagnostics::new(), Clock::default());
     let file = &project.file;
     let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
@@ -148,13 +146,10 @@ fn curves(
         name: fine.experiment,
         time: fine.time,
         columns: all.iter().flatten().flat_map(Series::columns).collect(),
+        units: Units::of(&compiled.model),
         is_measured: false,
     };
-    Ok(Some((
-        source,
-        Units::of(&compiled.model),
-        trajectory.status,
-    )))
+    Ok(Some((source, trajectory.status)))
 }
 
 /// What was measured of quantities that runs have; an error where that is nothing.
@@ -219,6 +214,7 @@ fn measured(path: &Path) -> Result<Source, String> {
             .into_owned(),
         time,
         columns: names.into_iter().zip(values).collect(),
+        units: Units::default(),
         is_measured: true,
     })
 }

@@ -31,13 +31,6 @@ impl Units {
         Units(units)
     }
 
-    /// Adds those of another model, for names that have none here.
-    pub fn add(&mut self, other: Units) {
-        for (name, unit) in other.0 {
-            self.0.entry(name).or_insert(unit);
-        }
-    }
-
     /// The unit of a quantity, or of the one that `x[2]` is an entry of.
     pub fn unit(&self, name: &str) -> Option<&str> {
         let whole = || self.0.get(name.strip_suffix(']')?.rsplit_once('[')?.0);

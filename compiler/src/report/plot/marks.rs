@@ -172,23 +172,21 @@ impl Legend {
         Legend { entries }
     }
 
-    /// The legend of many runs.
-    pub fn of_ensemble(ensemble: &Ensemble) -> Self {
+    /// The legend of many runs, with their quantiles where some are drawn.
+    pub fn of_ensemble(ensemble: &Ensemble, has_quantiles: bool) -> Self {
         let [lowest, low, _, high, highest] =
             (ensemble.levels).map(|level| format!("{}", 100.0 * level));
         let [outer, inner] = SHADES.map(|share| Entry::Band(pale(LINES[0], share)));
+        let median = format!("median of {} runs", ensemble.runs);
+        let quantiles = [
+            (Entry::Line(1.6), median),
+            (inner, format!("{low} to {high} %")),
+            (outer, format!("{lowest} to {highest} %")),
+        ];
         let one = format!("run with seed {}", ensemble.first_seed);
-        Legend {
-            entries: vec![
-                (
-                    Entry::Line(1.6),
-                    format!("median of {} runs", ensemble.runs),
-                ),
-                (inner, format!("{low} to {high} %")),
-                (outer, format!("{lowest} to {highest} %")),
-                (Entry::Line(SINGLE), one),
-            ],
-        }
+        let quantiles = quantiles.into_iter().filter(|_| has_quantiles);
+        let entries = quantiles.chain([(Entry::Line(SINGLE), one)]).collect();
+        Legend { entries }
     }
 
     /// The legend of a phase plane.

@@ -63,6 +63,8 @@ pub struct Surface<'a> {
 pub struct Phase<'a> {
     /// What goes from left to right, and from the bottom to the top, with their values at all instants.
     pub axes: [(String, Vec<f64>); 2],
+    /// Whether these are entries of one quantity, which have one scale.
+    pub is_of_one: bool,
     /// Switching functions of these two.
     pub surfaces: Vec<Surface<'a>>,
 }
@@ -113,7 +115,11 @@ impl<'a> Figure<'a> {
             width: None,
             panels: panel::arrange(trajectory),
             phases: match axes {
-                Some(axes) => vec![Phase { axes, surfaces }],
+                Some(axes) => vec![Phase {
+                    axes,
+                    is_of_one: trajectory.states.len() == 1,
+                    surfaces,
+                }],
                 None => Vec::new(),
             },
         }
@@ -131,7 +137,9 @@ impl<'a> Figure<'a> {
         let bands = Bands::new(trajectory);
         let legend = match many {
             _ if panels.is_empty() => Legend::default(),
-            Some(ensemble) => Legend::of_ensemble(ensemble),
+            Some(ensemble) => {
+                Legend::of_ensemble(ensemble, panels.iter().any(Panel::has_quantiles))
+            }
             None => Legend::new(trajectory, &bands),
         };
         let share = self.share(&panels);
@@ -324,7 +332,7 @@ fn places(trajectory: &Trajectory, time: &Axis) -> Vec<(f64, super::EventKind)> 
 mod tests {
     use super::{Figure, Surface};
     use crate::model::Units;
-    use crate::report::{Trajectory, sample};
+    use crate::report::{Series, Trajectory, sample};
 
     fn write(trajectory: &Trajectory, surfaces: Vec<Surface<'_>>) -> String {
         Figure::of(trajectory, &Units::default(), surfaces).write()
@@ -348,6 +356,30 @@ mod tests {
         }
         assert!(svg.contains("c &lt; &quot;1&quot; = 0"));
         assert!(!svg.contains("NaN"));
+    }
+
+    /// Two states of a part are no entries of one, though their names have one index.
+    #[test]
+    fn states_of_a_part_have_scales_of_their_own() {
+        let mut trajectory = sample::oscillator();
+        let [x] = &trajectory.states[..] else {
+            panic!("one vector")
+        };
+        let columns: Vec<_> = x.columns().map(|(_, values)| values).collect();
+        let mut named = |names: [&str; 2]| {
+            let states = names.iter().zip(&columns).map(|(name, values)| Series {
+                name: (*name).to_owned(),
+                shape: Vec::new(),
+                values: values.clone(),
+            });
+            trajectory.states = states.collect();
+            write(&trajectory, Vec::new())
+        };
+        let of_part = named(["b[1].x", "b[1].v"]);
+        assert_eq!(
+            of_part.replace("b[1].", "b(1)."),
+            named(["b(1).x", "b(1).v"])
+        );
     }
 
     #[test]

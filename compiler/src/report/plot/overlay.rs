@@ -18,6 +18,8 @@ pub struct Source {
     pub time: Vec<f64>,
     /// Scalar quantities by name.
     pub columns: Vec<(String, Vec<f64>)>,
+    /// Their units; those of what was measured are not known.
+    pub units: Units,
     /// Whether it is points, without a line through them.
     pub is_measured: bool,
 }
@@ -32,7 +34,7 @@ const LINE: f64 = 1.3;
 const DOT: f64 = 2.0;
 
 /// The SVG text, with a panel for every quantity that some run has, in order.
-pub fn write(sources: &[Source], units: &Units) -> String {
+pub fn write(sources: &[Source]) -> String {
     let mut names: Vec<&str> = Vec::new();
     for source in sources.iter().filter(|source| !source.is_measured) {
         for (name, _) in &source.columns {
@@ -73,10 +75,12 @@ pub fn write(sources: &[Source], units: &Units) -> String {
             }
             frame.border(canvas);
             frame.ticks_below(canvas, &frame.x.ticks(TIME_TICKS));
-            frame.beside(canvas, &frame.y.ticks(N_TICKS), &units.title(name), MARGIN);
+            let title = title(sources, name, |source| !source.column(name).is_empty());
+            frame.beside(canvas, &frame.y.ticks(N_TICKS), &title, MARGIN);
         }
         if let Some(last) = frames.last() {
-            last.labels_below(canvas, &last.x.ticks(TIME_TICKS), &units.title("time"));
+            let title = title(sources, "time", |_| true);
+            last.labels_below(canvas, &last.x.ticks(TIME_TICKS), &title);
         }
         if let Some(first) = frames.first() {
             for (row, (source, color)) in sources.iter().zip(colours(sources.len())).enumerate() {
@@ -89,6 +93,15 @@ pub fn write(sources: &[Source], units: &Units) -> String {
             }
         }
     })
+}
+
+/// The name of a quantity, with its unit where it is one in all runs that have it.
+fn title(sources: &[Source], name: &str, has: impl Fn(&Source) -> bool) -> String {
+    let runs = (sources.iter()).filter(|source| !source.is_measured && has(source));
+    let mut titles = runs.map(|source| source.units.title(name));
+    let first = titles.next();
+    let common = first.filter(|first| titles.all(|title| title == *first));
+    common.unwrap_or_else(|| name.to_owned())
 }
 
 /// Colours that are told apart, or a scale of them.
@@ -132,6 +145,7 @@ mod tests {
             columns: (columns.iter())
                 .map(|name| ((*name).to_owned(), vec![0.5, f64::NAN, 1.5]))
                 .collect(),
+            units: Units::default(),
             is_measured,
         };
         let sources = [
@@ -139,7 +153,7 @@ mod tests {
             source("second", &["x", "w"], false),
             source("data.csv", &["x", "unknown"], true),
         ];
-        let svg = write(&sources, &Units::default());
+        let svg = write(&sources);
         for text in ["x", "v", "w", "first", "second", "data.csv", "time"] {
             assert_eq!(svg.matches(&format!(">\n{text}\n<")).count(), 1, "{text}");
         }

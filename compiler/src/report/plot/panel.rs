@@ -117,6 +117,11 @@ impl Panel {
         self.curves.is_empty()
     }
 
+    /// Whether quantiles of some curve are known.
+    pub fn has_quantiles(&self) -> bool {
+        self.curves.iter().any(|curve| !curve.quantiles.is_empty())
+    }
+
     /// Space left of the frame for labels and title.
     pub fn left_space(&self) -> f64 {
         left_space(&self.axis.ticks(N_TICKS))

@@ -33,8 +33,7 @@ impl Plane {
         let [(x_name, x), (y_name, y)] = &phase.axes;
         let around = |values: &[f64]| Axis::around(values.iter().copied());
         let mut axes = [around(x), around(y)];
-        let whole = |name: &str| name.rsplit_once('[').map(|(whole, _)| whole.to_owned());
-        if whole(x_name).is_some() && whole(x_name) == whole(y_name) {
+        if phase.is_of_one {
             one_scale(&mut axes, (width, height));
         }
         let [x_range, y_range] = [&axes[0], &axes[1]].map(|axis| (axis.lo, axis.hi));

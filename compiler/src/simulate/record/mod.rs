@@ -64,13 +64,17 @@ impl Record {
         self.alphas.extend_from_slice(alpha);
     }
 
-    /// Adds rows inside of steps, from their polynomials, and says which of all rows these are.
+    /// Adds rows inside of steps, from their polynomials, and says which of all rows these are; nothing where there are none.
     fn divide(&mut self, system: &System, pieces: &[Piece]) -> Vec<bool> {
         let (n, m) = (system.states.len(), system.switches.len());
+        let span = self.times.last().copied().unwrap_or(0.0);
+        let mut lengths = pieces.iter().map(|piece| piece.to - piece.from);
+        if !lengths.any(|length| curve::is_divided(length, span)) {
+            return Vec::new();
+        }
         let times = std::mem::take(&mut self.times);
         let states = std::mem::take(&mut self.states);
         let alphas = std::mem::take(&mut self.alphas);
-        let span = times.last().copied().unwrap_or(0.0);
         let parts = pieces.iter().flat_map(|piece| {
             let instants = curve::instants(piece.from, piece.to, span);
             instants.map(move |t| (t, piece))
@@ -103,7 +107,8 @@ pub(super) struct Recorder<'s, 'e> {
     sampled: usize,
     /// What is kept.
     pub record: Record,
-    /// Whether the polynomials of all steps are kept; else those of steps that have rows inside.
+    /// Whether the polynomials of all steps are kept; else, along curves, those of steps that are longer than a part of the
+    /// horizon.
     dense: bool,
     pieces: Vec<Piece>,
     pub reported: Arc<Reported>,
@@ -433,9 +438,9 @@ impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let end = segment.until;
         self.limits.segment(segment);
-        let is_divided =
-            || self.sampling == Sampling::Curve && curve::is_divided(segment.length, end);
-        if self.dense || is_divided() {
+        let has_rows_inside = self.sampling == Sampling::Curve
+            && curve::is_divided(segment.length, self.record.horizon);
+        if self.dense || has_rows_inside {
             let mut piece = pieces::of_segment(segment, end, &self.system.data);
             // Pieces of a run are without gaps.
             let last = self.pieces.last();

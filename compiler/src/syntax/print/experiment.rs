@@ -102,13 +102,22 @@ impl Printer {
     fn plot_item(&mut self, item: &PlotKind) {
         match item {
             PlotKind::Panel(exprs) => self.line(format!("{};", list(exprs))),
-            PlotKind::Phase(axes) => self.line(format!("phase {};", list(&axes[..]))),
+            PlotKind::Phase(axes) => self.line(phase(axes)),
             PlotKind::Title(title) => self.line(format!("title \"{title}\";")),
             PlotKind::Width(number, unit) => {
                 self.line(format!("width {number} {};", unit.as_str()));
             }
             PlotKind::Bad => self.bad(),
         }
+    }
+}
+
+/// A first axis that begins with a sign stands in parentheses, as `phase - x` is a difference.
+fn phase([x, y]: &[Expr; 2]) -> String {
+    let x = x.to_string();
+    match x.starts_with('-') {
+        true => format!("phase ({x}), {y};"),
+        false => format!("phase {x}, {y};"),
     }
 }
 

@@ -212,7 +212,7 @@ fn reads_every_setting_of_an_experiment() {
           lower step, timefreezing;
           output q, E every 0.01; output at [0, 1]; output b[2].q; output every 1;
           perturb every 0.16 by sphere(1e-4) seed 1; perturb every 1; on chattering slide;
-          plot { x[1], 2*x[2]; phase q[1], phase; phase, v; title, w; title "A fall"; width 8 cm; }
+          plot { x[1], 2*x[2]; phase q[1], phase; phase, v; phase - v, v; phase (-v), v; title, w; title "A fall"; width 8 cm; }
           plot { width -3 px; phase; }
           expect x at end ~ [1, 0] within 1e-9; expect x at 0.5 <= 0;
           expect energy at end <= energy at 0; expect clearance always >= -1e-8;
@@ -260,6 +260,8 @@ fn reads_every_setting_of_an_experiment() {
         x[1], 2*x[2];
         phase q[1], phase;
         phase, v;
+        phase - v, v;
+        phase (-v), v;
         title, w;
         title "A fall";
         width 8 cm;

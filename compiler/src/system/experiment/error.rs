@@ -441,15 +441,14 @@ pub enum ExperimentError {
         span: Span,
     },
 
-    /// A figure without width.
-    #[error("the width of a figure must be positive, not {found}")]
+    /// A figure without width, or one that is wider than any sheet.
+    #[error("the width of a figure must be from 1 px to 100000 px, with 96 px to an inch")]
     #[diagnostic(
         code(E0529),
         help("write `width 8 cm;`, or leave it out: panels have a width of their own")
     )]
     PlotWidth {
-        found: String,
-        #[label("must be a positive length")]
+        #[label("must be from 1 px to 100000 px")]
         span: Span,
     },
 

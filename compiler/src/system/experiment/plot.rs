@@ -4,7 +4,10 @@ use super::error::ExperimentError;
 use super::reader::Reader;
 use crate::expr::Expr;
 use crate::model::ModelError;
-use crate::syntax::{self, PlotItem, PlotKind};
+use crate::syntax::{self, ExprKind, PlotItem, PlotKind};
+
+/// How wide a figure is in pixels at least and at most.
+const WIDTHS: std::ops::RangeInclusive<f64> = 1.0..=1e5;
 
 /// A figure as an experiment asks for it.
 #[derive(Clone, Debug, Default)]
@@ -24,6 +27,8 @@ pub struct Plot<'e> {
 pub struct Drawn<'e> {
     /// Its text.
     pub name: String,
+    /// The text of what it is an entry of: `b.x` where it is `b.x[2]`.
+    pub whole: Option<String>,
     /// Empty for a scalar.
     pub shape: Vec<usize>,
     /// Its entries.
@@ -50,12 +55,10 @@ impl<'e> Plot<'e> {
                 }
                 PlotKind::Width(number, unit) => {
                     reader.once("`width`", item.span);
-                    plot.width = Some(number * unit.pixels());
-                    if !(*number > 0.0 && number.is_finite()) {
-                        reader.error(ExperimentError::PlotWidth {
-                            found: format!("{number} {}", unit.as_str()),
-                            span: item.span,
-                        });
+                    let width = number * unit.pixels();
+                    plot.width = Some(width);
+                    if !WIDTHS.contains(&width) {
+                        reader.error(ExperimentError::PlotWidth { span: item.span });
                     }
                 }
                 PlotKind::Bad => {}
@@ -78,6 +81,10 @@ impl<'e> Drawn<'e> {
         let value = value?;
         Some(Drawn {
             name: expr.to_string(),
+            whole: match &expr.kind {
+                ExprKind::Index(whole, _) => Some(whole.to_string()),
+                _ => None,
+            },
             shape: value.shape.sizes(),
             entries: value.data,
         })
