@@ -226,3 +226,36 @@ fn friction_of_a_feature_is_along_its_own_plane() {
         close(&end(&trajectory, "q"), &right, tolerance);
     }
 }
+
+#[test]
+fn features_have_numbers_that_no_parameter_changes() {
+    // The floor has a bend where a is not zero, w is no surface, and the wall at 1 is the fourth in any case.
+    let box_of = |a: f64| {
+        format!(
+            "model bent {{
+               param a = {a};
+               param w = 1;
+               state q[2] = [0.5, 0.5];
+               state v[2] = [1, 0];
+               q' = v;
+               mechanics q, v {{
+                 mass = 1;
+                 force = [0, 0];
+                 contact wall {{ gap = min(q[2] - a*abs(q[1]), w, 1 - q[1]); restitution = 1; }}
+               }}
+             }}
+             simulate this of bent {{ horizon 1; expect mode at 0.2 is open(wall[4]); expect events(jump, wall[4]) ~ [0.5] within 1e-12; }}"
+        )
+    };
+    for a in [0.0, 0.1] {
+        let trajectory = solved(&box_of(a), "this");
+        let surfaces = trajectory.events.iter().map(|event| event.surface.as_str());
+        assert_eq!(surfaces.collect::<Vec<_>>(), ["wall[4]"], "{a}");
+        close(&times(&trajectory, EventKind::Jump), &[0.5], 1e-12);
+    }
+    // Of one that is left too.
+    let text = box_of(0.0).replace("q[2] - a*abs(q[1])", "2 - a*abs(q[1])");
+    let trajectory = solved(&text, "this");
+    let surfaces = trajectory.events.iter().map(|event| event.surface.as_str());
+    assert_eq!(surfaces.collect::<Vec<_>>(), ["wall[4]"]);
+}
