@@ -156,7 +156,8 @@ fn rub<'e>(
         let sign = 2.0 * alpha - 1.0;
         for direction in &tangent {
             let rate = &mut rates[direction.state];
-            *rate = *rate - coefficient * direction.push * force * sign;
+            let push = switches.entries.merged(coefficient * direction.push);
+            *rate = *rate - push * force * sign;
         }
         slips.push(Slip {
             velocity,
