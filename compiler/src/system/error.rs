@@ -171,7 +171,7 @@ pub enum SystemError {
     BendInside {
         name: String,
         switch: String,
-        #[label("bends inside of the body alone")]
+        #[label("bends inside of the body, as far as was seen")]
         span: Span,
     },
 
