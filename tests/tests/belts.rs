@@ -133,3 +133,90 @@ fn a_slip_with_two_entries_jumps_to_one_direction() {
     let way = 2.5 * 0.5 - 0.5 * PULL * 0.25 + 2.5;
     close(&end(&trajectory, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-9);
 }
+
+/// A relay turns the belt around wherever the block comes to 1 or goes back to 0.5. With friction 1 it takes the block a
+/// time 2 to follow, from speed 1 to -1, and half of that at the start.
+#[test]
+fn a_relay_turns_a_belt_around() {
+    let plane = "
+        state q[2] = [0, 0]; state v[2] = [0, 0];
+        let force = [0, -10]; let height = q[2]; let w = [v[1] - belt];";
+    let space = "
+        state q[3] = [0, 0, 0]; state v[3] = [0, 0, 0];
+        let force = [0, 0, -10]; let height = q[3]; let w = [v[1] - belt, v[2]];";
+    for (space, zeros) in [(plane, vec![0.0; 2]), (space, vec![0.0; 3])] {
+        let text = format!(
+            "model block {{
+               {space}
+               q' = v;
+               switch back = hysteresis(q[1], on = 1, off = 0.5);
+               let belt = 1 - 2*back;
+               mechanics q, v {{
+                 mass = 1;
+                 force = force;
+                 contact road {{ gap = height; restitution = 0; slip = w; friction = 0.1; }}
+               }}
+             }}
+             simulate this of block {{ horizon 10; }}"
+        );
+        let trajectory = solved(&text, "this");
+        let sticks = times(&trajectory, EventKind::Stick);
+        close(&sticks, &[1.0, 3.5, 6.0, 8.5], 1e-9);
+        let slips = times(&trajectory, EventKind::Slip);
+        close(&slips, &[1.5, 4.0, 6.5, 9.0], 1e-9);
+        close(&end(&trajectory, "q"), &zeros, 1e-8);
+        close(&end(&trajectory, "v"), &zeros, 1e-8);
+    }
+}
+
+/// A belt that steps while the block falls is, to the impact, a belt that always had that speed: an impulse 10 of the
+/// road gives 0.5 along the belt, and friction as much again until the end.
+#[test]
+fn a_belt_may_step_while_the_block_is_in_flight() {
+    let block = |belt: &str| {
+        format!(
+            "model block {{
+               state q[3] = [0, 0, 5];
+               state v[3] = [0, 0, 0];
+               q' = v;
+               let belt = {belt};
+               mechanics q, v {{
+                 mass = 1;
+                 force = [0, 0, -10];
+                 contact road {{ gap = q[3]; restitution = 0; slip = [v[1] - 4*belt, v[2] - 3*belt]; friction = 0.05; }}
+               }}
+             }}
+             simulate this of block {{ horizon 2; }}"
+        )
+    };
+    for belt in ["if time < 0.5 then 0 else 1", "1"] {
+        let trajectory = solved(&block(belt), "this");
+        close(&times(&trajectory, EventKind::Jump), &[1.0], 1e-10);
+        close(&end(&trajectory, "q"), &[0.8 * 0.75, 0.6 * 0.75, 0.0], 1e-9);
+        close(&end(&trajectory, "v"), &[0.8, 0.6, 0.0], 1e-9);
+    }
+}
+
+/// The block falls onto the belt at the instant at which this starts: from event to event, the impact knows nothing of
+/// it, and in time-freezing it gives the block the speed 0.05*10.
+#[test]
+fn a_belt_that_starts_at_an_impact_starts_behind_it_or_before() {
+    for (method, impulse) in [("", 0.0), ("lower timefreezing;", 0.5)] {
+        let text = format!(
+            "model block {{
+               state q[2] = [0, 5];
+               state v[2] = [0, 0];
+               q' = v;
+               let belt = if time < 1 then 0 else 2;
+               mechanics q, v {{
+                 mass = 1;
+                 force = [0, -10];
+                 contact road {{ gap = q[2]; restitution = 0; slip = v[1] - belt; friction = 0.05; }}
+               }}
+             }}
+             simulate this of block {{ horizon 2; {method} }}"
+        );
+        let trajectory = solved(&text, "this");
+        close(&end(&trajectory, "v"), &[impulse + 0.5, 0.0], 1e-9);
+    }
+}

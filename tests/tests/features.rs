@@ -226,3 +226,91 @@ fn friction_of_a_feature_is_along_its_own_plane() {
         close(&end(&trajectory, "q"), &right, tolerance);
     }
 }
+
+#[test]
+fn features_have_numbers_that_no_parameter_changes() {
+    // The floor has a bend where a is not zero, w is no surface, and the wall at 1 is the fourth in any case.
+    let box_of = |a: f64| {
+        format!(
+            "model bent {{
+               param a = {a};
+               param w = 1;
+               state q[2] = [0.5, 0.5];
+               state v[2] = [1, 0];
+               q' = v;
+               mechanics q, v {{
+                 mass = 1;
+                 force = [0, 0];
+                 contact wall {{ gap = min(q[2] - a*abs(q[1]), w, 1 - q[1]); restitution = 1; }}
+               }}
+             }}
+             simulate this of bent {{ horizon 1; expect mode at 0.2 is open(wall[4]); expect events(jump, wall[4]) ~ [0.5] within 1e-12; }}"
+        )
+    };
+    for a in [0.0, 0.1] {
+        let trajectory = solved(&box_of(a), "this");
+        let surfaces = trajectory.events.iter().map(|event| event.surface.as_str());
+        assert_eq!(surfaces.collect::<Vec<_>>(), ["wall[4]"], "{a}");
+        close(&times(&trajectory, EventKind::Jump), &[0.5], 1e-12);
+    }
+    // Of one that is left too.
+    let text = box_of(0.0).replace("q[2] - a*abs(q[1])", "2 - a*abs(q[1])");
+    let trajectory = solved(&text, "this");
+    let surfaces = trajectory.events.iter().map(|event| event.surface.as_str());
+    assert_eq!(surfaces.collect::<Vec<_>>(), ["wall[4]"]);
+}
+
+/// A disc on a long beam, or on a plane, that is pulled with 3: friction of 1 lets it go faster than 1, and friction of 5
+/// slows it down to that.
+#[test]
+fn friction_on_a_bent_surface_may_jump() {
+    for gap in [
+        "norm([q[1] - clamp(q[1], -100, 100), q[2]]) - 0.3",
+        "q[2] - 0.3",
+    ] {
+        let text = format!(
+            "model disc {{
+               state q[2] = [0, 0.3];
+               state v[2] = [0.2, 0];
+               q' = v;
+               mechanics q, v {{
+                 mass = 1;
+                 force = [3, -10];
+                 contact beam {{ gap = {gap}; restitution = 0; friction = if v[1] > 1 then 0.5 else 0.1; }}
+               }}
+             }}
+             simulate this of disc {{ horizon 2; }}"
+        );
+        let trajectory = solved(&text, "this");
+        close(&times(&trajectory, EventKind::EnterSliding), &[0.4], 1e-10);
+        close(&end(&trajectory, "q"), &[0.24 + 1.6, 0.3], 1e-10);
+        close(&end(&trajectory, "v"), &[1.0, 0.0], 1e-10);
+    }
+}
+
+/// Friction ends at the edge, where the gap bends: the same surface does both, and is crossed.
+#[test]
+fn friction_may_jump_where_a_gap_bends() {
+    let text = "
+        model step {
+          state q[2] = [-0.2, 0.3];
+          state v[2] = [0.5, 0];
+          q' = v;
+          mechanics q, v {
+            mass = 1;
+            force = [0, -9.81];
+            contact ground { gap = norm(max(q, 0)) - 0.3; restitution = 0; friction = if q[1] > 0 then 0 else 0.05; }
+          }
+        }
+        simulate this of step { horizon 1.3; tolerance 1e-11; }";
+    let trajectory = solved(text, "this");
+    let u = (0.25 - 2.0 * 0.05 * G * 0.2_f64).sqrt();
+    let edge = (0.5 - u) / (0.05 * G);
+    let crossed = trajectory.events.iter().map(|event| event.time);
+    assert!(
+        crossed.clone().any(|time| (time - edge).abs() < 1e-9),
+        "{edge}"
+    );
+    let leaves = edge + over_the_edge(0.3, u).1;
+    close(&times(&trajectory, EventKind::ContactOpen), &[leaves], 1e-8);
+}

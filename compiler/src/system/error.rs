@@ -118,7 +118,7 @@ pub enum SystemError {
     #[diagnostic(
         code(E0410),
         help(
-            "a gap is a smooth function of positions that no other contact has; a slip velocity is linear in velocities; 0 <= restitution <= 1, friction >= 0"
+            "a gap is a function of positions, smooth or the smallest of smooth ones, and no other contact has it; a slip velocity is linear in velocities; 0 <= restitution <= 1, friction >= 0"
         )
     )]
     NoContact {
@@ -155,6 +155,38 @@ pub enum SystemError {
         name: String,
         switch: String,
         #[label("neither `min` nor smooth")]
+        span: Span,
+    },
+
+    /// A gap whose switch changes its side inside of the body, as far as was seen.
+    #[error(
+        "no point outside of the body was found where `{switch}`, in the gap of `{name}`, changes its sign"
+    )]
+    #[diagnostic(
+        code(E0410),
+        help(
+            "whether the gap has a corner there is not known: leave out what changes nothing outside, and write `q[1] - 1` in place of `max(q[1], 0) - 1`"
+        )
+    )]
+    BendInside {
+        name: String,
+        switch: String,
+        #[label("bends inside of the body, as far as was seen")]
+        span: Span,
+    },
+
+    /// A gap that is the smallest of too many.
+    #[error("the gap of `{name}` is the smallest of more than {limit} functions")]
+    #[diagnostic(
+        code(E0410),
+        help(
+            "a sum of n absolute values has 2^n features: write the distance from a smooth body, as `r - norm(q)`, or contacts for the features that may be struck"
+        )
+    )]
+    ManyFeatures {
+        name: String,
+        limit: usize,
+        #[label("the limit is reached here")]
         span: Span,
     },
 

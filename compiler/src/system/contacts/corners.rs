@@ -56,33 +56,45 @@ pub(crate) fn has_inside<'e>(gap: Expr<'e>, translation: &Translation<'_, 'e>) -
     })
 }
 
-/// The first α across the surface of which a gap, or its rate, is not continuous; none where all are.
+/// An α across the surface of which a gap, or its rate, is not continuous.
+pub(crate) struct Corner {
+    pub alpha: Var,
+    /// Whether it was looked at in a point with a positive gap.
+    pub is_seen: bool,
+}
+
+/// The first corner of a gap; none where it and its rate are continuous across the surfaces of all α.
 pub(crate) fn corner<'e>(
     (gap, speed): (Expr<'e>, Expr<'e>),
     translation: &Translation<'_, 'e>,
-) -> Option<Var> {
+) -> Option<Corner> {
     let switches = &translation.switches;
     let alphas = switches.entries.alphas_of(gap).into_iter();
     let mut alphas = alphas.chain(switches.entries.alphas_of(speed));
-    alphas.find(|&alpha| {
+    alphas.find_map(|alpha| {
         let switch = switches.entries.of_alpha(alpha);
         let switch = switch.map(|k| &switches.list[k]);
         let switch = switch.filter(|switch| switch.relay.is_none());
-        switch.is_none_or(|switch| !is_smooth([gap, speed], (alpha, switch.psi), translation))
+        let is_smooth = switch.map_or(Some(false), |switch| {
+            is_smooth([gap, speed], (alpha, switch.psi), translation)
+        });
+        let is_seen = is_smooth.is_some();
+        (is_smooth != Some(true)).then_some(Corner { alpha, is_seen })
     })
 }
 
-/// Whether functions, the first of which is a gap, are continuous on ψ = 0 where the gap is not negative.
+/// Whether functions, the first of which is a gap, are continuous on ψ = 0 where the gap is positive; `None` without
+/// such points.
 fn is_smooth<'e>(
     functions: [Expr<'e>; 2],
     (alpha, psi): (Var, Expr<'e>),
     translation: &Translation<'_, 'e>,
-) -> bool {
+) -> Option<bool> {
     let [gap, speed] = functions;
     let sampler = translation.sampler().only(&[gap, speed, psi]);
     let others = translation.switches.entries.alphas_of(gap + speed);
     let others: Vec<Var> = others.into_iter().filter(|&other| other != alpha).collect();
-    let mut is_seen = false;
+    let mut found = None;
     for start in sampler.points(N_POINTS) {
         let Some(point) = sampler.to_surface(psi, &start) else {
             continue;
@@ -107,9 +119,9 @@ fn is_smooth<'e>(
             value.abs() <= others.fold(sampler.rounding(jump, &point), f64::max)
         });
         if is_rounding.contains(&false) {
-            return false;
+            return Some(false);
         }
-        is_seen = true;
+        found = Some(true);
     }
-    is_seen
+    found
 }

@@ -5,12 +5,16 @@
 
 use rustc_hash::FxHashSet;
 
+use super::{NO_POSITIONS, no_contact};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{BinaryFunction, Expr, Function, Node, Substitution, transform};
 use crate::model;
 use crate::system::SystemError;
 use crate::system::lower::translation::Translation;
 use crate::system::switches::known::Known;
+
+/// A gap has at most this many features.
+const MAX_FEATURES: usize = 512;
 
 /// One of the functions whose smallest value a gap is.
 pub(crate) struct Feature<'c, 'e> {
@@ -19,12 +23,12 @@ pub(crate) struct Feature<'c, 'e> {
     /// Its name, or `C[2]` where a gap has several features.
     pub name: String,
     pub gap: Expr<'e>,
-    /// Whether the gap has others.
+    /// Whether the gap is written as the smallest of several, some of which may be open whatever positions are.
     pub is_one_of_several: bool,
 }
 
 impl Feature<'_, '_> {
-    /// The contact that has this feature, where it has others.
+    /// The contact that has this feature, where it is written with others.
     pub fn owner(&self) -> Option<String> {
         let owner = || self.contact.name.clone();
         self.is_one_of_several.then(owner)
@@ -55,36 +59,47 @@ pub(crate) fn map<'e, T>(
     found
 }
 
-/// The features of the gap of a contact, in the order in which they are written. Of those that are positive multiples of
-/// each other the first is there, and none that is a positive number.
+/// The features of the gap of a contact, with their numbers in the order in which they are written. Of those that are
+/// positive multiples of each other the first is there, and none that is a positive number: values of parameters decide
+/// which features there are, and never their names.
 fn of<'c, 'e>(
     contact: &'c model::Contact<'e>,
     translation: &Translation<'_, 'e>,
 ) -> Result<Vec<Feature<'c, 'e>>, Box<SystemError>> {
     let params = &translation.instance.params;
     let written = contact.gap.substitute(&translation.given);
-    let mut gaps = split(written, params);
-    if gaps.len() > 1 {
-        let mut seen = FxHashSet::default();
-        gaps.retain(|&gap| {
-            let (scale, form) = params.in_numbers(gap).split_scale();
-            let is_open = form.as_constant().is_some_and(|value| scale * value > 0.0);
-            !is_open && seen.insert((scale > 0.0, form))
-        });
+    let mut gaps = Vec::new();
+    split(written, params, &mut gaps);
+    if gaps.len() > MAX_FEATURES {
+        return Err(Box::new(SystemError::ManyFeatures {
+            name: contact.name.clone(),
+            limit: MAX_FEATURES,
+            span: contact.gap_span,
+        }));
     }
     let is_one_of_several = gaps.len() > 1;
+    let mut gaps: Vec<(usize, Expr<'e>)> = (1..).zip(gaps).collect();
+    let mut seen = FxHashSet::default();
+    gaps.retain(|&(_, gap)| {
+        let (scale, form) = params.in_numbers(gap).split_scale();
+        let is_open = form.as_constant().is_some_and(|value| scale * value > 0.0);
+        !is_open && seen.insert((scale > 0.0, form))
+    });
+    if gaps.is_empty() {
+        return Err(no_contact(contact, NO_POSITIONS, contact.gap_span));
+    }
     let (slip, span) = &contact.slip;
-    if is_one_of_several && contact.friction.is_some() && !slip.is_empty() {
+    if gaps.len() > 1 && contact.friction.is_some() && !slip.is_empty() {
         return Err(Box::new(SystemError::SlipOfFeatures {
             name: contact.name.clone(),
             features: gaps.len(),
             span: *span,
         }));
     }
-    let features = gaps.into_iter().enumerate().map(|(k, gap)| Feature {
+    let features = gaps.into_iter().map(|(number, gap)| Feature {
         contact,
         name: match is_one_of_several {
-            true => format!("{}[{}]", contact.name, k + 1),
+            true => format!("{}[{number}]", contact.name),
             false => contact.name.clone(),
         },
         gap,
@@ -93,12 +108,16 @@ fn of<'c, 'e>(
     Ok(features.collect())
 }
 
-/// The functions whose smallest value a gap is.
-fn split<'e>(gap: Expr<'e>, params: &Known) -> Vec<Expr<'e>> {
+/// Finds the functions whose smallest value a gap is. No more are looked for once there are more than a gap may have: of
+/// a sum of n absolute values there are 2ⁿ.
+fn split<'e>(gap: Expr<'e>, params: &Known, found: &mut Vec<Expr<'e>>) {
     let z = gap.exprs().variable("z");
     let Some(var) = z.as_variable() else {
-        return vec![gap];
+        return;
     };
+    if found.len() > MAX_FEATURES {
+        return;
+    }
     // Terms come after those in them.
     for (kink, is_least, branches) in kinks(gap).into_iter().rev() {
         let in_z = transform(&[gap], &mut |e, image| if e == kink { z } else { image })[0];
@@ -109,11 +128,13 @@ fn split<'e>(gap: Expr<'e>, params: &Known) -> Vec<Expr<'e>> {
         };
         if slope.is_some_and(is_split) {
             let at = |branch| in_z.substitute(&Substitution::one(var, branch));
-            let features = branches.into_iter();
-            return features.flat_map(|a| split(at(a), params)).collect();
+            for branch in branches {
+                split(at(branch), params, found);
+            }
+            return;
         }
     }
-    vec![gap]
+    found.push(gap);
 }
 
 /// A kink: the term, whether it is the least of its branches, and these.
@@ -143,7 +164,8 @@ mod tests {
     fn features(of: impl for<'e> Fn(Expr<'e>, Expr<'e>) -> Expr<'e>) -> String {
         let exprs = Exprs::new();
         let (x, y) = (exprs.variable("x"), exprs.variable("y"));
-        let features = split(of(x, y), &Known::default());
+        let mut features = Vec::new();
+        split(of(x, y), &Known::default(), &mut features);
         let features: Vec<String> = features.iter().map(Expr::to_string).collect();
         features.join(", ")
     }

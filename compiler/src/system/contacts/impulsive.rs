@@ -9,7 +9,7 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::contacts::features::{self, Feature};
 use crate::system::contacts::kinematics::Kinematics;
-use crate::system::contacts::{coefficients, no_contact};
+use crate::system::contacts::{NO_POSITIONS, coefficients, no_contact};
 use crate::system::lower::translation::Translation;
 use crate::system::{Impulsive, SystemError};
 
@@ -40,7 +40,7 @@ fn impulsive_contact<'e>(
     let (instance, contact) = (kinematics.instance, feature.contact);
     let gap = translation.in_alphas(feature.gap, contact.gap_span);
     if !translation.switches.entries.alphas_of(gap).is_empty() {
-        let what = "its gap has a switching term, which `method timestepping` does not take";
+        let what = "its gap has a switching term, which `method event` takes, and `method timestepping` does not";
         return Err(no_contact(contact, what, contact.gap_span));
     }
     let vars = variables_of(&[gap]);
@@ -50,8 +50,7 @@ fn impulsive_contact<'e>(
         return Err(no_contact(contact, what, contact.gap_span));
     }
     if !vars.iter().any(|var| positions.contains(var)) {
-        let what = "its gap does not depend on positions of a `mechanics` block";
-        return Err(no_contact(contact, what, contact.gap_span));
+        return Err(no_contact(contact, NO_POSITIONS, contact.gap_span));
     }
     let restitution = coefficients::restitution(translation, contact)?;
     let friction = match contact.friction {
@@ -68,11 +67,15 @@ fn impulsive_contact<'e>(
         }
     };
     let switching = |e: Expr<'e>| !translation.switches.entries.alphas_of(e).is_empty();
-    let slips = friction
-        .iter()
-        .flat_map(|f: &(Expr, Vec<Expr>)| [&[f.0], &f.1[..]].concat());
-    if slips.chain([restitution.coefficient]).any(switching) {
-        let what = "its restitution, friction or slip has a switching term, which `method timestepping` does not take";
+    let slips = friction.iter().flat_map(|f: &(Expr, Vec<Expr>)| &f.1);
+    if slips.copied().any(switching) {
+        let what = "its slip has a switching term, which `method event` takes, and `method timestepping` does not";
+        return Err(no_contact(contact, what, contact.slip.1));
+    }
+    let coefficients = friction.iter().map(|f| f.0);
+    let mut coefficients = coefficients.chain([restitution.coefficient]);
+    if coefficients.any(switching) {
+        let what = "its restitution or friction has a switching term, which `method event` takes, and `method timestepping` does not";
         return Err(no_contact(contact, what, contact.span));
     }
     Ok(Impulsive {

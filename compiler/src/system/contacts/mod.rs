@@ -23,9 +23,10 @@ pub(crate) mod start;
 use super::lower::translation::Translation;
 use super::{Contact, Direction, Friction, Slip, SystemError};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::{Expr, variables_of};
 use crate::model;
 use crate::source::Span;
+use crate::system::contacts::corners::Corner;
 use crate::system::contacts::features::Feature;
 use crate::system::contacts::kinematics::{Kinematics, Tangent};
 use crate::system::switches::Switches;
@@ -33,6 +34,9 @@ use crate::system::switches::surface::Form;
 
 /// What is wrong with a gap like a distance between points.
 const NEVER_NEGATIVE: &str = "its gap is never negative: no side of its zeros is inside the body";
+
+/// What is wrong with a gap that no motion changes.
+const NO_POSITIONS: &str = "its gap does not depend on positions of a `mechanics` block";
 
 /// Adds the forces of all contacts to the rates. Switches of the contacts are numbers in the collected list.
 pub(crate) fn contacts<'e>(
@@ -116,8 +120,8 @@ fn gap<'e>(
     let gap = translation.in_alphas(feature.gap, contact.gap_span);
     let gap = corners::in_signs(gap, translation);
     let speed = kinematics.instance.rate_of(gap, free);
-    if let Some(alpha) = corners::corner((gap, speed), translation) {
-        return Err(corner_in_gap(contact, alpha, &translation.switches));
+    if let Some(corner) = corners::corner((gap, speed), translation) {
+        return Err(corner_in_gap(contact, corner, &translation.switches));
     }
     if !corners::has_inside(gap, translation) {
         return Err(no_contact(contact, NEVER_NEGATIVE, contact.gap_span));
@@ -132,8 +136,7 @@ fn gap<'e>(
     }
     let normal = kinematics.directions(speed, translation);
     if normal.is_empty() {
-        let what = "its gap does not depend on positions of a `mechanics` block";
-        return Err(no_contact(contact, what, contact.gap_span));
+        return Err(no_contact(contact, NO_POSITIONS, contact.gap_span));
     }
     Ok((gap, speed, normal))
 }
@@ -153,7 +156,8 @@ fn rub<'e>(
         let sign = 2.0 * alpha - 1.0;
         for direction in &tangent {
             let rate = &mut rates[direction.state];
-            *rate = *rate - coefficient * direction.push * force * sign;
+            let push = switches.entries.merged(coefficient * direction.push);
+            *rate = *rate - push * force * sign;
         }
         slips.push(Slip {
             velocity,
@@ -189,17 +193,18 @@ pub(crate) fn finished_contacts<'e>(
     contacts.into_iter().filter_map(finish).collect()
 }
 
-/// The corner of a gap that is none of a smallest of several.
+/// The corner, or what may be one, of a gap that is none of a smallest of several.
 fn corner_in_gap(
     contact: &model::Contact<'_>,
-    alpha: Var,
+    corner: Corner,
     switches: &Switches<'_>,
 ) -> Box<SystemError> {
-    let switch = switches.entries.of_alpha(alpha);
-    Box::new(SystemError::CornerInGap {
-        name: contact.name.clone(),
-        switch: switch.map_or_else(String::new, |k| switches.name_of(k)),
-        span: contact.gap_span,
+    let switch = switches.entries.of_alpha(corner.alpha);
+    let switch = switch.map_or_else(String::new, |k| switches.name_of(k));
+    let (name, span) = (contact.name.clone(), contact.gap_span);
+    Box::new(match corner.is_seen {
+        true => SystemError::CornerInGap { name, switch, span },
+        false => SystemError::BendInside { name, switch, span },
     })
 }
 

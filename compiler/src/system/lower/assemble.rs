@@ -53,8 +53,10 @@ impl<'e> Parts<'e> {
             let surfaces = alphas.iter().copied().zip(switches.iter().map(psi));
             surfaces.collect::<Vec<_>>()
         };
+        let coefficients = motion.coefficients();
         let switched = Switched {
             rates: &rates,
+            coefficients: &coefficients,
             switches: &switches,
             alphas: &alphas,
             sampler: &translation.sampler_of(on(|switch| switch.psi)),

@@ -66,6 +66,14 @@ impl<'e> Motion<'e> {
         self.rates.iter().copied().chain(others).collect()
     }
 
+    /// Frictions of contacts and masses of bodies.
+    pub fn coefficients(&self) -> Vec<Expr<'e>> {
+        let frictions = self.contacts.iter().flat_map(|contact| &contact.friction);
+        let frictions = frictions.map(|friction| friction.coefficient);
+        let masses = self.bodies.iter().flat_map(|body| &body.mass);
+        frictions.chain(masses.copied()).collect()
+    }
+
     /// What α act on besides the rates.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         (self.laws.iter().flat_map(Lowered::reads))

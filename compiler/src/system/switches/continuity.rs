@@ -47,7 +47,8 @@ impl<'s, 'e> Entered<'s, 'e> {
         switched: &'s Switched<'s, 'e>,
     ) -> Self {
         let (alphas, switches) = (switched.alphas, switched.switches);
-        let all = outside_of_gaps(switched);
+        let asked = asked(switched);
+        let all: Vec<Expr<'e>> = asked.iter().map(|asked| asked.f).collect();
         let kinks = (0..alphas.len()).filter(|&k| collected.entries.is_kink(kept[k]));
         let (kinks, kink_alphas): (Vec<usize>, Vec<Var>) = kinks.map(|k| (k, alphas[k])).unzip();
         let slopes = jacobian(&all, &kink_alphas).entries.into_iter();
@@ -57,10 +58,10 @@ impl<'s, 'e> Entered<'s, 'e> {
             .map(|(f, k, _)| (f, k))
             .collect();
         let mut functions: Vec<Vec<Expr<'e>>> = vec![Vec::new(); alphas.len()];
-        for (number, &f) in all.iter().enumerate() {
-            for k in positions(f, alphas) {
+        for (number, asked) in asked.iter().enumerate() {
+            for &k in &asked.of {
                 if !continuous.contains(&(number, k)) {
-                    functions[k].push(f);
+                    functions[k].push(asked.f);
                 }
             }
         }
@@ -141,29 +142,49 @@ impl<'s, 'e> Entered<'s, 'e> {
     }
 }
 
+/// A function, and of which switches it is asked whether it is continuous across ψ = 0.
+struct Asked<'e> {
+    f: Expr<'e>,
+    of: Vec<usize>,
+}
+
 /// Rates, and the ψ of all switches. A gap that holds an α, and with it its normal and its slip velocity, was found to
-/// be continuous where it is not negative: nothing is asked of them, and of rates when its contact is open.
-fn outside_of_gaps<'e>(switched: &Switched<'_, 'e>) -> Vec<Expr<'e>> {
+/// be continuous where it is not negative: nothing is asked of them. Of the α in it, rates are asked with its contact
+/// open, and friction and masses by themselves.
+fn asked<'e>(switched: &Switched<'_, 'e>) -> Vec<Asked<'e>> {
     let (alphas, switches) = (switched.alphas, switched.switches);
-    let holds_alpha =
-        |k: usize| switches[k].unilateral && !positions(switches[k].psi, alphas).is_empty();
-    let bent: Vec<usize> = (0..switches.len()).filter(|&k| holds_alpha(k)).collect();
-    let is_of_gap =
-        |k: usize| bent.contains(&k) || switches[k].slip_of.is_some_and(|of| bent.contains(&of));
-    let exprs = switches.first().map(|switch| switch.psi.exprs());
-    let open = exprs
-        .iter()
-        .flat_map(|exprs| bent.iter().map(|&k| (alphas[k], exprs.constant(1.0))));
-    let open: Substitution<'e> = open.collect();
-    let rates = switched.rates.iter().map(|rate| rate.substitute(&open));
-    let psi = switches
-        .iter()
-        .enumerate()
-        .map(|(k, switch)| match is_of_gap(k) {
-            true => switch.psi.exprs().constant(0.0),
-            false => switch.psi,
-        });
-    rates.chain(psi).collect()
+    let mut gaps_with: Vec<Vec<usize>> = vec![Vec::new(); switches.len()];
+    let mut is_bent = vec![false; switches.len()];
+    for c in (0..switches.len()).filter(|&c| switches[c].unilateral) {
+        for k in positions(switches[c].psi, alphas) {
+            gaps_with[k].push(c);
+            is_bent[c] = true;
+        }
+    }
+    let is_of_gap = |k: usize| is_bent[k] || switches[k].slip_of.is_some_and(|of| is_bent[of]);
+    let in_gaps = |k: &usize| !gaps_with[*k].is_empty();
+    let rates = switched.rates.iter().map(|&f| {
+        let of = positions(f, alphas).into_iter();
+        let of = of.filter(|k| !in_gaps(k)).collect();
+        Asked { f, of }
+    });
+    let psi = (0..switches.len()).filter(|&k| !is_of_gap(k)).map(|k| {
+        let f = switches[k].psi;
+        let of = positions(f, alphas);
+        Asked { f, of }
+    });
+    let inside = (0..switches.len()).filter(in_gaps).flat_map(|k| {
+        let one = switches[k].psi.exprs().constant(1.0);
+        let open: Substitution<'e> = gaps_with[k].iter().map(|&c| (alphas[c], one)).collect();
+        let rates = switched
+            .rates
+            .iter()
+            .map(move |rate| rate.substitute(&open));
+        let functions = rates.chain(switched.coefficients.iter().copied());
+        let functions = functions.filter(move |&f| positions(f, alphas).contains(&k));
+        functions.map(move |f| Asked { f, of: vec![k] })
+    });
+    rates.chain(psi).chain(inside).collect()
 }
 
 /// What is known about a switch α ∈ step(ψ) in the functions `f`.

@@ -7,6 +7,8 @@ use crate::system::regions::sample::Sampler;
 /// f and ψ in α, and points to look at them.
 pub(crate) struct Switched<'s, 'e> {
     pub rates: &'s [Expr<'e>],
+    /// Frictions of contacts and masses of bodies.
+    pub coefficients: &'s [Expr<'e>],
     pub switches: &'s [Switch<'e>],
     /// α of the switches.
     pub alphas: &'s [Var],
