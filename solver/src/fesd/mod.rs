@@ -319,6 +319,20 @@ impl<'s> Simulator<'s> {
         Ok(self.settings.limit.check()?)
     }
 
+    /// Whether the limit of elements lets a run come to t₁.
+    fn gets_on(&self, run: &mut Run, t1: f64) -> Result<(), Status> {
+        let now = Pace {
+            time: run.place.t,
+            steps: run.record.stats.steps,
+            events: run.record.stats.events,
+        };
+        let most = self.settings.max_elements;
+        match run.history.pace.falls_short(now, most, t1) {
+            true => Err(Status::StepLimit),
+            false => Ok(()),
+        }
+    }
+
     /// Takes the numbers that hold from an instant on, up to the next breakpoint.
     fn load(&mut self, run: &mut Run, from: f64) {
         run.until = self.modes.load(from);
@@ -382,15 +396,7 @@ impl<'s> Simulator<'s> {
         let mut stalled = 0;
         while run.place.t < t1 {
             self.limit(run)?;
-            let now = Pace {
-                time: run.place.t,
-                steps: run.record.stats.steps,
-                events: run.record.stats.events,
-            };
-            let most = self.settings.max_elements;
-            if run.history.pace.falls_short(now, most, t1) {
-                return Err(Status::StepLimit);
-            }
+            self.gets_on(run, t1)?;
             let length = Length {
                 h,
                 end: t1,
