@@ -359,10 +359,21 @@ fn explain(
         };
     }
     let begins = before.is_some_and(|before| before.start == start);
+    let kinds = before
+        .zip(found)
+        .map(|(before, found)| [before.kind, found.kind]);
+    let is_behind_number =
+        failure.after_operand() && kinds == Some([TokenKind::Number, TokenKind::Word]);
+    let behind_number = || {
+        let text =
+            "a product has a `*`, as in `3*x`; a unit behind a number is a known one, as in `3 m`";
+        is_behind_number.then(|| Help::from(text))
+    };
+    let help = help(place, failure, found_text, begins).or_else(behind_number);
     let before = before.map_or("", |before| before.text);
     let expected = expected(failure, before);
     SyntaxError::Expected {
-        help: help(place, failure, found_text, begins),
+        help,
         found: found.map_or("the end of the statement".to_owned(), |found| shown(&found)),
         expected,
         span,
