@@ -11,4 +11,5 @@ pub(crate) mod step;
 pub(crate) mod stepper;
 pub(crate) mod stiffness;
 pub mod tableau;
+pub(crate) mod two_sum;
 pub(crate) mod watch;

@@ -1,5 +1,7 @@
 //! Sums that keep what rounding takes from them.
 
+use crate::integrate::two_sum::two_sum;
+
 /// Vectors in two parts, `low` being what rounding has kept out of `high`.
 #[derive(Clone, Debug)]
 pub struct Compensated {
@@ -16,10 +18,9 @@ impl Compensated {
         }
     }
 
-    /// Entry i is a + b, the larger one first.
+    /// Entry i is a + b.
     fn set(&mut self, i: usize, a: f64, b: f64) {
-        self.high[i] = a + b;
-        self.low[i] = b - (self.high[i] - a);
+        (self.high[i], self.low[i]) = two_sum(a, b);
     }
 
     /// T_{j,k+1} from T_{j-1,k}, which stands here, and T_{j,k}.
@@ -51,11 +52,7 @@ impl Leapfrog {
         self.before.high.copy_from_slice(start);
         self.before.low.fill(0.0);
         for (i, (start, rate)) in start.iter().zip(rates).enumerate() {
-            let step = h * rate;
-            match step.abs() > start.abs() {
-                true => self.here.set(i, step, *start),
-                false => self.here.set(i, *start, step),
-            }
+            self.here.set(i, *start, h * rate);
         }
     }
 

@@ -1,5 +1,7 @@
 //! The unknowns of a solved element, and its end with compensated sums.
 
+use crate::integrate::two_sum::two_sum;
+
 /// An element that is solved.
 #[derive(Default)]
 pub(crate) struct Solved {
@@ -21,20 +23,13 @@ pub(crate) struct Solved {
 impl Solved {
     /// t₀ + h, and what rounding takes from it.
     pub fn stop(&self) -> (f64, f64) {
-        sum(self.t, self.h + self.t_low)
+        two_sum(self.t, self.h + self.t_low)
     }
 
     /// x₀ + h Σ b_j V_j, added up with what rounding takes.
     pub fn end(&self, x: &mut [f64], low: &mut [f64]) {
         for i in 0..x.len() {
-            (x[i], low[i]) = sum(self.x[i], self.h * self.mean[i] + self.low[i]);
+            (x[i], low[i]) = two_sum(self.x[i], self.h * self.mean[i] + self.low[i]);
         }
     }
-}
-
-/// a + b rounded, and what rounding took from it (Dekker 1971).
-fn sum(a: f64, b: f64) -> (f64, f64) {
-    let sum = a + b;
-    let taken = sum - a;
-    (sum, (a - (sum - taken)) + (b - taken))
 }

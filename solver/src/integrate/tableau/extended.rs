@@ -3,6 +3,8 @@
 use std::iter::Sum;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use crate::integrate::two_sum::two_sum;
+
 /// `high` + `low`, where `high` is the sum rounded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extended {
@@ -41,16 +43,6 @@ impl From<usize> for Extended {
     }
 }
 
-/// a + b without error.
-fn two_sum(a: f64, b: f64) -> Extended {
-    let high = a + b;
-    let part = high - a;
-    Extended {
-        high,
-        low: (a - (high - part)) + (b - part),
-    }
-}
-
 /// a + b without error, where |a| ≥ |b| or a = 0.
 fn ordered_sum(a: f64, b: f64) -> Extended {
     let high = a + b;
@@ -64,10 +56,10 @@ impl Add for Extended {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        let highs = two_sum(self.high, other.high);
-        let lows = two_sum(self.low, other.low);
-        let sum = ordered_sum(highs.high, highs.low + lows.high);
-        ordered_sum(sum.high, sum.low + lows.low)
+        let (high, taken) = two_sum(self.high, other.high);
+        let (low, least) = two_sum(self.low, other.low);
+        let sum = ordered_sum(high, taken + low);
+        ordered_sum(sum.high, sum.low + least)
     }
 }
 
