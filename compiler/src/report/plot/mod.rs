@@ -171,11 +171,11 @@ impl<'a> Figure<'a> {
         };
         let size = (PHASE, self.height(panels.len(), 1.0));
         let planes = self.phases.iter();
-        let planes = planes.map(|phase| phase::Plane::new(phase, self.units, size));
-        let planes: Vec<phase::Plane> = planes.collect();
-        let natural = self.layout((panels, &planes), &Legend::default(), 1.0);
-        let frames = WIDTH * f64::from(u8::from(!panels.is_empty())) + PHASE * planes.len() as f64;
-        (1.0 + (width - natural.width) / frames.max(1.0)).max(SMALLEST)
+        let planes = planes.map(|phase| phase::width_in(phase, size) + MARGIN);
+        let natural = end_of_panels(panels, WIDTH) + planes.sum::<f64>();
+        let in_panels = if panels.is_empty() { 0.0 } else { WIDTH };
+        let frames = in_panels + PHASE * self.phases.len() as f64;
+        (1.0 + (width - natural) / frames.max(1.0)).max(SMALLEST)
     }
 
     /// How high all panels are together, as high as a plane beside them at least.
@@ -198,13 +198,9 @@ impl<'a> Figure<'a> {
         legend: &Legend,
         share: f64,
     ) -> Layout {
-        let left = MARGIN + panels.iter().map(Panel::left_space).fold(0.0, f64::max);
-        let right = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
+        let [left, right] = beside(panels);
         let wide = WIDTH * share;
-        let mut end = match panels.is_empty() {
-            true => MARGIN,
-            false => left + wide + right + MARGIN,
-        };
+        let mut end = end_of_panels(panels, wide);
         let mut starts = Vec::new();
         for plane in planes {
             starts.push(end);
@@ -259,6 +255,22 @@ impl<'a> Figure<'a> {
         };
         let title = self.units.title("time");
         whole.labels_below(canvas, &whole.x.ticks(TIME_TICKS), &title);
+    }
+}
+
+/// What panels need left and right of their frames.
+fn beside(panels: &[Panel]) -> [f64; 2] {
+    let left = panels.iter().map(Panel::left_space).fold(0.0, f64::max);
+    let right = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
+    [MARGIN + left, right]
+}
+
+/// Where panels end whose frames are so wide, and planes begin.
+fn end_of_panels(panels: &[Panel], wide: f64) -> f64 {
+    let [left, right] = beside(panels);
+    match panels.is_empty() {
+        true => MARGIN,
+        false => left + wide + right + MARGIN,
     }
 }
 

@@ -31,11 +31,7 @@ impl Plane {
     /// The plane of two scalars, so wide and high.
     pub fn new(phase: &Phase<'_>, units: &Units, (width, height): (f64, f64)) -> Self {
         let [(x_name, x), (y_name, y)] = &phase.axes;
-        let around = |values: &[f64]| Axis::around(values.iter().copied());
-        let mut axes = [around(x), around(y)];
-        if phase.is_of_one {
-            one_scale(&mut axes, (width, height));
-        }
+        let axes = axes(phase, (width, height));
         let [x_range, y_range] = [&axes[0], &axes[1]].map(|axis| (axis.lo, axis.hi));
         let curves = phase.surfaces.iter().filter_map(|surface| {
             let lines = zero_set(&surface.psi, x_range, y_range);
@@ -55,7 +51,7 @@ impl Plane {
 
     /// Width with labels and title.
     pub fn width(&self) -> f64 {
-        self.left_space() + self.size.0
+        width(&self.axes, self.size.0)
     }
 
     /// Height of the legend above the frame.
@@ -127,6 +123,24 @@ impl Plane {
         let legend = (start, top - 3.0 - self.legend_height());
         self.legend.draw(canvas, legend, self.size.0);
     }
+}
+
+/// Width of a plane with labels and title where its frame is so wide and high.
+pub fn width_in(phase: &Phase<'_>, size: (f64, f64)) -> f64 {
+    width(&axes(phase, size), size.0)
+}
+
+fn width(axes: &[Axis; 2], frame: f64) -> f64 {
+    left_space(&axes[1].ticks(N_TICKS)) + frame
+}
+
+fn axes(phase: &Phase<'_>, size: (f64, f64)) -> [Axis; 2] {
+    let around = |values: &[f64]| Axis::around(values.iter().copied());
+    let mut axes = phase.axes.each_ref().map(|(_, values)| around(values));
+    if phase.is_of_one {
+        one_scale(&mut axes, size);
+    }
+    axes
 }
 
 /// Widens one range so that a circle is drawn as one, unless that would flatten the curve.
