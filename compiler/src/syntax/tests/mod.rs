@@ -81,7 +81,7 @@ fn names_of_indices_inside_are_not_read_from_outside() {
 }
 
 #[test]
-fn reads_every_statement_of_a_model() {
+fn reads_every_item_and_declaration() {
     assert_snapshot!(canonical(
         r#"
         use std.friction.{coulomb, stribeck as curve}; use ./actuators; use ../../lib/plant-2 as plant;
@@ -96,19 +96,6 @@ fn reads_every_statement_of_a_model() {
           let c = dot(x, x) - 1; output E : J = m*g*x[1];
           switch s = sign(c); switch h = sign(c) sliding nonlinear; switch l = step(c) sliding linear;
           part b = disc { m = 2; q = [0, 1]; }; part d[i in 1..n] = lib.disc; part e = disc { }
-          region free where c < 0 and not (x[1] > 0 or x[2] > 0) { x' = -x; }
-          region other indicator c { x' = x; } region rest else { let y = 1; x[2]' += y; };
-          hidden on s { x' += 1 - s^2; }
-          project x onto { 1 - dot(x, x) >= 0; for i in 1..n { x[i] >= 0; } }
-          project x onto { -1 <= x[1] <= 1; } metric E;
-          jump floor when x[1] <= 0 and x[2] < 0 { x[2] := -e*x[2]; }
-          mechanics q, v { mass = eye(2); force = [0, -g]; contact c { gap = q[2]; } along = [1; 0]; }
-          contact pair { gap = norm(a.q - b.q); restitution = 0; }
-          for i in 1..n, j in i+1..n { b[i].x' = b[j].x; }
-          y in argmin (y - x)^2; y[2] in argmin y*y subject to { y >= 0; }
-          y in variational [0, inf] solves y - 1; y in variational { norm(y) <= r; } solves y;
-          0 = z^2 - 1; 0 <= a perp b >= 0;
-          b[1].x' = 1; state' = 1; region' += 1;
         }
         "#
     ), @r#"
@@ -144,6 +131,32 @@ fn reads_every_statement_of_a_model() {
       }
       part d[i in 1..n] = lib.disc;
       part e = disc;
+    }
+    "#);
+}
+
+#[test]
+fn reads_every_relation_of_a_model() {
+    assert_snapshot!(canonical(
+        r#"
+        model everything {
+          region free where c < 0 and not (x[1] > 0 or x[2] > 0) { x' = -x; }
+          region other indicator c { x' = x; } region rest else { let y = 1; x[2]' += y; };
+          hidden on s { x' += 1 - s^2; }
+          project x onto { 1 - dot(x, x) >= 0; for i in 1..n { x[i] >= 0; } }
+          project x onto { -1 <= x[1] <= 1; } metric E;
+          jump floor when x[1] <= 0 and x[2] < 0 { x[2] := -e*x[2]; }
+          mechanics q, v { mass = eye(2); force = [0, -g]; contact c { gap = q[2]; } along = [1; 0]; }
+          contact pair { gap = norm(a.q - b.q); restitution = 0; }
+          for i in 1..n, j in i+1..n { b[i].x' = b[j].x; }
+          y in argmin (y - x)^2; y[2] in argmin y*y subject to { y >= 0; }
+          y in variational [0, inf] solves y - 1; y in variational { norm(y) <= r; } solves y;
+          0 = z^2 - 1; 0 <= a perp b >= 0;
+          b[1].x' = 1; state' = 1; region' += 1;
+        }
+        "#
+    ), @r#"
+    model everything {
       region free where c < 0 and not (x[1] > 0 or x[2] > 0) {
         x' = -x;
       }
@@ -202,7 +215,7 @@ fn reads_every_statement_of_a_model() {
 }
 
 #[test]
-fn reads_every_setting_of_an_experiment() {
+fn reads_every_setting_of_a_simulation() {
     assert_snapshot!(canonical(
         r#"
         simulate run of lib.model {
@@ -220,17 +233,6 @@ fn reads_every_setting_of_an_experiment() {
           expect events(contact_close, floor)[1] ~ sqrt(2) within 1e-3;
           expect mode at 2.0 is inside and sliding(s); expect status is locally_infeasible;
           expect warning W0102; expect lowering golden; expect mode at 2 < 1; expect order > 6.5;
-        }
-        optimize it of m {
-          horizon free in [0.1, 10] = 4; horizon free; horizon free = 2;
-          intervals 6; elements 3; scheme radau_iia(3); controls constant;
-          minimize integral(dot(u, u)) + final(norm(x)^2);
-          subject to { -2 <= v <= 2; u = 0; } at elements; subject to { x > 0; }
-          initial { x[1] free in [0, 1]; y free; z = 1; }
-          free { k; m in [1, 2]; }
-          final { q = [-pi/6, -pi/4]; }
-          guess { from crossing; from "file.json"; u = 0; from = 1; }
-          starts 40 by gauss(0.5) seed 1; starts 3;
         }
         "#
     ), @r#"
@@ -284,6 +286,26 @@ fn reads_every_setting_of_an_experiment() {
       expect mode at 2 < 1;
       expect order > 6.5;
     }
+    "#);
+}
+
+#[test]
+fn reads_every_setting_of_an_optimization() {
+    assert_snapshot!(canonical(
+        r#"
+        optimize it of m {
+          horizon free in [0.1, 10] = 4; horizon free; horizon free = 2;
+          intervals 6; elements 3; scheme radau_iia(3); controls constant;
+          minimize integral(dot(u, u)) + final(norm(x)^2);
+          subject to { -2 <= v <= 2; u = 0; } at elements; subject to { x > 0; }
+          initial { x[1] free in [0, 1]; y free; z = 1; }
+          free { k; m in [1, 2]; }
+          final { q = [-pi/6, -pi/4]; }
+          guess { from crossing; from "file.json"; u = 0; from = 1; }
+          starts 40 by gauss(0.5) seed 1; starts 3;
+        }
+        "#
+    ), @r#"
     optimize it of m {
       horizon free in [0.1, 10] = 4;
       horizon free;
