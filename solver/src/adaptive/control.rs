@@ -72,10 +72,9 @@ impl Control {
         let exponent = 1.0 / (2 * row - 1) as f64;
         let change = CHANGE.powf(exponent);
         let factor = (error / AIM).powf(exponent) / SAFETY;
-        let factor = if factor.is_nan() {
-            f64::INFINITY
-        } else {
-            factor
+        let factor = match factor.is_nan() {
+            true => f64::INFINITY,
+            false => factor,
         };
         self.steps[row] = length / factor.clamp(change, FALL / change);
         self.work[row] = evaluations(row) / self.steps[row];

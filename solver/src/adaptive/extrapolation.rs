@@ -136,25 +136,20 @@ impl Extrapolation {
         if self.rows < 2 {
             return f64::INFINITY;
         }
-        let Measure {
-            scale,
-            reach,
-            tolerance,
-        } = measure;
         add(&mut self.end, &self.start, &self.table[0].high);
         let last = substeps(self.rows) * self.n;
         let last = &self.middle.rates_of(self.rows)[last..];
         for (i, size) in self.sizes.iter_mut().enumerate() {
-            let moves = match scale[i] <= LEAST_SCALE {
-                true => reach * self.rates[i].abs().max(last[i].abs()),
+            let moves = match measure.scale[i] <= LEAST_SCALE {
+                true => measure.reach * self.rates[i].abs().max(last[i].abs()),
                 false => 0.0,
             };
-            *size = scale[i].max(self.end[i].abs()).max(moves);
+            *size = measure.scale[i].max(self.end[i].abs()).max(moves);
         }
         let [last, other] = [0, 1].map(|l| self.table[l].high.iter());
         let entries = last.zip(other).zip(&self.sizes);
         entries.fold(0.0, |most, ((x, other), size)| {
-            larger(most, (x - other).abs() / (tolerance * size))
+            larger(most, (x - other).abs() / (measure.tolerance * size))
         })
     }
 

@@ -36,9 +36,8 @@ impl Rounding {
             *displaced = x + sign * f64::EPSILON * x.abs();
         }
         field.rates(t, &self.x, &mut self.rates);
-        for (square, (displaced, rate)) in
-            (self.squares.iter_mut()).zip(self.rates.iter().zip(rates))
-        {
+        let rates = self.rates.iter().zip(rates);
+        for (square, (displaced, rate)) in self.squares.iter_mut().zip(rates) {
             let moved = length * (displaced - rate);
             if moved.is_finite() {
                 *square += moved * moved;

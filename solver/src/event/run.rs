@@ -155,12 +155,8 @@ impl Simulator {
                 status => status,
             });
         }
-        let now = Pace {
-            time: state.point.t,
-            steps: state.report.stats.steps,
-            events: state.report.stats.events,
-        };
-        if history.pace.falls_short(now, self.settings.max_steps, t1) {
+        let (time, stats) = (state.point.t, &state.report.stats);
+        if (history.pace).falls_short(time, stats, self.settings.max_steps, t1) {
             return Err(Status::StepLimit);
         }
 

@@ -38,7 +38,6 @@ use crate::fesd::system::pointwise::{Point, alpha_on};
 use crate::hybrid::{Outcome, Side, Status};
 use crate::integrate::tableau::{Family, Tableau, TableauError};
 use crate::runtime::limit::Limit;
-use crate::runtime::pace::Pace;
 use crate::selector::ModeSelector;
 use adaptive::Control;
 pub use emit::{Multipliers, Observer};
@@ -321,16 +320,10 @@ impl<'s> Simulator<'s> {
 
     /// Whether the limit of elements lets a run come to t₁.
     fn gets_on(&self, run: &mut Run, t1: f64) -> Result<(), Status> {
-        let now = Pace {
-            time: run.place.t,
-            steps: run.record.stats.steps,
-            events: run.record.stats.events,
-        };
+        let (time, stats) = (run.place.t, &run.record.stats);
         let most = self.settings.max_elements;
-        match run.history.pace.falls_short(now, most, t1) {
-            true => Err(Status::StepLimit),
-            false => Ok(()),
-        }
+        let falls_short = run.history.pace.falls_short(time, stats, most, t1);
+        (!falls_short).then_some(()).ok_or(Status::StepLimit)
     }
 
     /// Takes the numbers that hold from an instant on, up to the next breakpoint.

@@ -51,7 +51,7 @@ impl Plane {
 
     /// Width with labels and title.
     pub fn width(&self) -> f64 {
-        width(&self.axes, self.size.0)
+        self.left_space() + self.size.0
     }
 
     /// Height of the legend above the frame.
@@ -127,11 +127,7 @@ impl Plane {
 
 /// Width of a plane with labels and title where its frame is so wide and high.
 pub fn width_in(phase: &Phase<'_>, size: (f64, f64)) -> f64 {
-    width(&axes(phase, size), size.0)
-}
-
-fn width(axes: &[Axis; 2], frame: f64) -> f64 {
-    left_space(&axes[1].ticks(N_TICKS)) + frame
+    left_space(&axes(phase, size)[1].ticks(N_TICKS)) + size.0
 }
 
 fn axes(phase: &Phase<'_>, size: (f64, f64)) -> [Axis; 2] {

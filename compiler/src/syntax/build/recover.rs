@@ -359,11 +359,9 @@ fn explain(
         };
     }
     let begins = before.is_some_and(|before| before.start == start);
-    let kinds = before
-        .zip(found)
-        .map(|(before, found)| [before.kind, found.kind]);
-    let is_behind_number =
-        failure.after_operand() && kinds == Some([TokenKind::Number, TokenKind::Word]);
+    let is_behind_number = failure.after_operand()
+        && before.is_some_and(|before| before.kind == TokenKind::Number)
+        && found.is_some_and(|found| found.kind == TokenKind::Word);
     let behind_number = || {
         let text =
             "a product has a `*`, as in `3*x`; a unit behind a number is a known one, as in `3 m`";

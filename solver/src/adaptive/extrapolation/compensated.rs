@@ -72,8 +72,7 @@ impl Leapfrog {
             let (a, b) = (here.high[i], before.high[i]);
             let step = h * rate + (here.low[i] + before.low[i]);
             result.set(i, 0.5 * a, 0.5 * b);
-            let lost = result.low[i];
-            result.set(i, result.high[i], 0.5 * step + lost);
+            result.set(i, result.high[i], result.low[i] + 0.5 * step);
         }
     }
 }

@@ -232,7 +232,6 @@ impl Directional {
         let is_affine = system.full.is_affine;
         let mut found: Vec<Solved> = Vec::new();
         let mut tried = zeros.to_vec();
-        let mut is_linearized = false;
         for mask in 0..1_usize << open.len() {
             for (bit, &pair) in open.iter().enumerate() {
                 tried[pair] = if mask >> bit & 1 == 1 {
@@ -241,18 +240,17 @@ impl Directional {
                     Zero::Right
                 };
             }
-            if contradicts(system, &tried, open) {
+            if !is_affine && contradicts(system, &tried, open) {
                 continue;
             }
             let guesses = guesses(&system.full);
             let starts = guesses.map(|guess| start(system, z, open, guess));
             for mut u in from_directions(system, &tried, open, starts.collect()) {
-                let solved = match is_affine && is_linearized {
+                let solved = match is_affine && mask > 0 {
                     // Only the rows of the pairs differ from those of the first choice.
                     true => self.choose(system, &tried, &mut u).map(|_| u),
                     false => self.solve(system, &tried, u),
                 };
-                is_linearized = true;
                 let Some(u) = solved else { continue };
                 let known = |(zeros, other): &Solved| *zeros == tried && is_near(other, &u);
                 if !found.iter().any(known) {
