@@ -303,3 +303,17 @@ pub fn end(trajectory: &Trajectory, name: &str) -> Vec<f64> {
     let found = found.unwrap_or_else(|| panic!("no `{name}` in the trajectory"));
     found.at(trajectory.time.len() - 1).to_vec()
 }
+
+/// Asserts that values are as near to exact ones as this; what is no number is near to none.
+///
+/// # Panics
+///
+/// When one of them is not, or there are not as many.
+#[track_caller]
+pub fn assert_near(found: &[f64], exact: &[f64], within: f64) {
+    let is_near = |(found, exact): (&f64, &f64)| (found - exact).abs() <= within;
+    assert!(
+        found.len() == exact.len() && found.iter().zip(exact).all(is_near),
+        "{found:?} is not {exact:?} within {within:e}"
+    );
+}

@@ -1,6 +1,6 @@
 //! Algebraic states and complementarity against closed forms.
 
-use nsd_tests::{end, run, solved, times};
+use nsd_tests::{assert_near, end, run, solved, times};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 /// Runs a model to a horizon.
@@ -21,13 +21,6 @@ fn ends(model: &str, horizon: f64, settings: &str) -> Trajectory {
         "model m {{ {model} }} simulate this of m {{ horizon {horizon:?}; tolerance 1e-12; {settings} }}"
     );
     run(&text, "this")
-}
-
-#[track_caller]
-fn assert_near(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
-    let far = |(a, b): (&f64, &f64)| (a - b).abs() > within;
-    assert!(!found.iter().zip(exact).any(far), "{found:?} and {exact:?}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Belts whose speeds step at known times: the slip jumps, and velocities do not.
 
-use nsd_tests::{DataFiles, end, run, solved, times, with_data};
+use nsd_tests::{DataFiles, assert_near, end, solved, times, with_data};
 use nsdc::report::{EventKind, Status};
 use nsdc::simulate::{self, Request};
 
@@ -25,14 +25,6 @@ fn block(belt: &str, experiment: &str) -> String {
     )
 }
 
-#[track_caller]
-fn close(found: &[f64], expected: &[f64], tolerance: f64) {
-    assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
-    for (a, b) in found.iter().zip(expected) {
-        assert!((a - b).abs() <= tolerance, "{found:?} {expected:?}");
-    }
-}
-
 /// The belt has speed 2 from t = 1 to 3 and stands still before and after: the block takes 2/3 to follow either way.
 #[test]
 fn a_block_follows_a_belt_that_starts_and_stops() {
@@ -45,12 +37,12 @@ fn a_block_follows_a_belt_that_starts_and_stops() {
     ];
     for (method, tolerance) in methods {
         let trajectory = solved(&block(belt, method), "this");
-        close(&end(&trajectory, "q"), &[4.0, 0.0], tolerance);
-        close(&end(&trajectory, "v"), &[0.0, 0.0], tolerance);
+        assert_near(&end(&trajectory, "q"), &[4.0, 0.0], tolerance);
+        assert_near(&end(&trajectory, "v"), &[0.0, 0.0], tolerance);
         let slips = times(&trajectory, EventKind::Slip);
-        close(&slips, &[1.0, 3.0], tolerance);
+        assert_near(&slips, &[1.0, 3.0], tolerance);
         let sticks = times(&trajectory, EventKind::Stick);
-        close(&sticks, &[1.0 + follows, 3.0 + follows], tolerance);
+        assert_near(&sticks, &[1.0 + follows, 3.0 + follows], tolerance);
         assert!(times(&trajectory, EventKind::Jump).is_empty(), "{method}");
     }
 }
@@ -61,10 +53,10 @@ fn friction_turns_with_a_belt_that_turns_around() {
     let belt = "let belt = if time < 0.5 then 2 else -2;";
     let trajectory = solved(&block(belt, ""), "this");
     let sticks = 0.5 + 3.5 / PULL;
-    close(&times(&trajectory, EventKind::Stick), &[sticks], 1e-12);
+    assert_near(&times(&trajectory, EventKind::Stick), &[sticks], 1e-12);
     let left = sticks - 0.5;
     let way = 0.375 + 1.5 * left - 0.5 * PULL * left * left - 2.0 * (4.0 - sticks);
-    close(&end(&trajectory, "q"), &[way, 0.0], 1e-11);
+    assert_near(&end(&trajectory, "q"), &[way, 0.0], 1e-11);
 }
 
 /// A step of the belt to the speed that the block has by then: it sticks at once.
@@ -72,8 +64,8 @@ fn friction_turns_with_a_belt_that_turns_around() {
 fn a_belt_that_steps_to_the_speed_of_the_block_takes_it_along() {
     let belt = "let belt = if time < 0.5 then 2 else 1.5;";
     let trajectory = solved(&block(belt, ""), "this");
-    close(&times(&trajectory, EventKind::Stick), &[0.5], 1e-10);
-    close(&end(&trajectory, "q"), &[0.375 + 1.5 * 3.5, 0.0], 1e-10);
+    assert_near(&times(&trajectory, EventKind::Stick), &[0.5], 1e-10);
+    assert_near(&end(&trajectory, "q"), &[0.375 + 1.5 * 3.5, 0.0], 1e-10);
 }
 
 #[test]
@@ -87,51 +79,63 @@ fn speeds_of_belts_come_from_data_too() {
             simulate::run(&compiled.system, &compiled.settings, &Request::default())
         });
         assert_eq!(trajectory.status, Status::Solved);
-        close(&end(&trajectory, "q"), &[4.0, 0.0], tolerance);
+        assert_near(&end(&trajectory, "q"), &[4.0, 0.0], tolerance);
         let slips = times(&trajectory, EventKind::Slip);
-        close(&slips, &[1.0, 3.0], tolerance);
+        assert_near(&slips, &[1.0, 3.0], tolerance);
     }
+}
+
+/// A block in space at a height, over a road of which the belt has the speed (4, 3) times a number.
+fn in_space(height: &str, velocity: &str, belt: &str, friction: &str, horizon: u8) -> String {
+    format!(
+        "model block {{
+           state q[3] = [0, 0, {height}];
+           state v[3] = {velocity};
+           q' = v;
+           let belt = {belt};
+           mechanics q, v {{
+             mass = 1;
+             force = [0, 0, -10];
+             contact road {{ gap = q[3]; restitution = 0; slip = [v[1] - 4*belt, v[2] - 3*belt]; {friction}; }}
+           }}
+         }}
+         simulate this of block {{ horizon {horizon}; }}"
+    )
 }
 
 /// In space the slip jumps to (2, 1.5), and friction is along it until both entries are zero.
 #[test]
 fn a_slip_with_two_entries_jumps_to_one_direction() {
-    let plane = |start: &str, belt: &str| {
-        format!(
-            "model block {{
-               state q[3] = [0, 0, 0];
-               state v[3] = {start};
-               q' = v;
-               let belt = {belt};
-               mechanics q, v {{
-                 mass = 1;
-                 force = [0, 0, -10];
-                 contact road {{ gap = q[3]; restitution = 0; slip = [v[1] - 4*belt, v[2] - 3*belt]; friction = 0.3; }}
-               }}
-             }}
-             simulate this of block {{ horizon 3; }}"
-        )
-    };
     // |w| = 2.5 is gone after 2.5/3, on a way of 2.5 less than the belt's half.
-    let trajectory = run(&plane("[0, 0, 0]", "if time < 1 then 0 else 0.5"), "this");
-    assert_eq!(trajectory.status, Status::Solved);
+    let trajectory = solved(
+        &in_space(
+            "0",
+            "[0, 0, 0]",
+            "if time < 1 then 0 else 0.5",
+            "friction = 0.3",
+            3,
+        ),
+        "this",
+    );
     let follows = 2.5 / PULL;
-    close(&times(&trajectory, EventKind::Slip), &[1.0], 1e-12);
-    close(
+    assert_near(&times(&trajectory, EventKind::Slip), &[1.0], 1e-12);
+    assert_near(
         &times(&trajectory, EventKind::Stick),
         &[1.0 + follows],
         1e-10,
     );
     let way = 2.5 * (2.0 - 0.5 * follows);
-    close(&end(&trajectory, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-10);
+    assert_near(&end(&trajectory, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-10);
 
     // A block that slips with the belt standing still is taken along at the instant at which the belt has its speed.
     let step = "if time < 0.5 then 0 else 0.2";
-    let trajectory = run(&plane("[2, 1.5, 0]", step), "this");
-    assert_eq!(trajectory.status, Status::Solved);
-    close(&times(&trajectory, EventKind::Stick), &[0.5], 1e-9);
+    let trajectory = solved(
+        &in_space("0", "[2, 1.5, 0]", step, "friction = 0.3", 3),
+        "this",
+    );
+    assert_near(&times(&trajectory, EventKind::Stick), &[0.5], 1e-9);
     let way = 2.5 * 0.5 - 0.5 * PULL * 0.25 + 2.5;
-    close(&end(&trajectory, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-9);
+    assert_near(&end(&trajectory, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-9);
 }
 
 /// A relay turns the belt around wherever the block comes to 1 or goes back to 0.5. With friction 1 it takes the block a
@@ -161,11 +165,11 @@ fn a_relay_turns_a_belt_around() {
         );
         let trajectory = solved(&text, "this");
         let sticks = times(&trajectory, EventKind::Stick);
-        close(&sticks, &[1.0, 3.5, 6.0, 8.5], 1e-9);
+        assert_near(&sticks, &[1.0, 3.5, 6.0, 8.5], 1e-9);
         let slips = times(&trajectory, EventKind::Slip);
-        close(&slips, &[1.5, 4.0, 6.5, 9.0], 1e-9);
-        close(&end(&trajectory, "q"), &zeros, 1e-8);
-        close(&end(&trajectory, "v"), &zeros, 1e-8);
+        assert_near(&slips, &[1.5, 4.0, 6.5, 9.0], 1e-9);
+        assert_near(&end(&trajectory, "q"), &zeros, 1e-8);
+        assert_near(&end(&trajectory, "v"), &zeros, 1e-8);
     }
 }
 
@@ -173,27 +177,14 @@ fn a_relay_turns_a_belt_around() {
 /// road gives 0.5 along the belt, and friction as much again until the end.
 #[test]
 fn a_belt_may_step_while_the_block_is_in_flight() {
-    let block = |belt: &str| {
-        format!(
-            "model block {{
-               state q[3] = [0, 0, 5];
-               state v[3] = [0, 0, 0];
-               q' = v;
-               let belt = {belt};
-               mechanics q, v {{
-                 mass = 1;
-                 force = [0, 0, -10];
-                 contact road {{ gap = q[3]; restitution = 0; slip = [v[1] - 4*belt, v[2] - 3*belt]; friction = 0.05; }}
-               }}
-             }}
-             simulate this of block {{ horizon 2; }}"
-        )
-    };
     for belt in ["if time < 0.5 then 0 else 1", "1"] {
-        let trajectory = solved(&block(belt), "this");
-        close(&times(&trajectory, EventKind::Jump), &[1.0], 1e-10);
-        close(&end(&trajectory, "q"), &[0.8 * 0.75, 0.6 * 0.75, 0.0], 1e-9);
-        close(&end(&trajectory, "v"), &[0.8, 0.6, 0.0], 1e-9);
+        let trajectory = solved(
+            &in_space("5", "[0, 0, 0]", belt, "friction = 0.05", 2),
+            "this",
+        );
+        assert_near(&times(&trajectory, EventKind::Jump), &[1.0], 1e-10);
+        assert_near(&end(&trajectory, "q"), &[0.8 * 0.75, 0.6 * 0.75, 0.0], 1e-9);
+        assert_near(&end(&trajectory, "v"), &[0.8, 0.6, 0.0], 1e-9);
     }
 }
 
@@ -217,6 +208,6 @@ fn a_belt_that_starts_at_an_impact_starts_behind_it_or_before() {
              simulate this of block {{ horizon 2; {method} }}"
         );
         let trajectory = solved(&text, "this");
-        close(&end(&trajectory, "v"), &[impulse + 0.5, 0.0], 1e-9);
+        assert_near(&end(&trajectory, "v"), &[impulse + 0.5, 0.0], 1e-9);
     }
 }

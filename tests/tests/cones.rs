@@ -1,6 +1,6 @@
 //! Programs over second-order cones against closed forms.
 
-use nsd_tests::{end, optimum, run, times};
+use nsd_tests::{assert_near, end, optimum, run, times};
 use nsdc::report::{EventKind, Status, Trajectory};
 
 /// By events, and by finite elements of an order that leaves rounding.
@@ -15,13 +15,6 @@ fn runs(model: &str, horizon: f64, method: &str) -> Trajectory {
     let found = run(&text, "this");
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
     found
-}
-
-#[track_caller]
-fn assert_near(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
-    let far = |(a, b): (&f64, &f64)| (a - b).abs() > within;
-    assert!(!found.iter().zip(exact).any(far), "{found:?} and {exact:?}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! come to the same closed form, and say so where a road ends. Printed forms of all of them.
 
 use nsd_tests::random::Random;
-use nsd_tests::{end, run, times, with_experiment};
+use nsd_tests::{assert_near, end, run, times, with_experiment};
 use nsdc::lowering::dcs;
 use nsdc::lowering::dcs::{Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
@@ -35,14 +35,6 @@ fn by(model: &str, horizon: f64, road: &str) -> Trajectory {
         &format!("{model} simulate this of m {{ horizon {horizon:?}; {road} }}"),
         "this",
     )
-}
-
-#[track_caller]
-fn close(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len(), "{found:?} for {exact:?}");
-    for (found, exact) in found.iter().zip(exact) {
-        assert!((found - exact).abs() <= within, "{found} for {exact}");
-    }
 }
 
 fn ball(g: f64, e: f64, h: f64) -> String {
@@ -83,15 +75,15 @@ fn a_ball_bounces() {
             horizon,
             [1e-12, 1e-8, 1e-8],
             |found, within| {
-                close(&times(found, EventKind::Jump), &instants, within);
-                close(&[end(found, "q")[0], end(found, "v")[0]], &state, within);
+                assert_near(&times(found, EventKind::Jump), &instants, within);
+                assert_near(&[end(found, "q")[0], end(found, "v")[0]], &state, within);
             },
         );
     }
     let (instants, state) = bounces(10.0, 0.9, 1.0, 2.0);
-    close(&instants, &[0.447_214, 1.252_198, 1.976_684], 1e-6);
+    assert_near(&instants, &[0.447_214, 1.252_198, 1.976_684], 1e-6);
     // The last published digits are those of a method with an error of its own.
-    close(&state, &[0.073_297, 3.027_030], 5e-6);
+    assert_near(&state, &[0.073_297, 3.027_030], 5e-6);
 }
 
 /// Numbers in [0, 1) that look random and are always the same.
@@ -116,9 +108,9 @@ fn balls_follow_the_closed_form() {
             horizon,
             [1e-11, 1e-8, 1e-8],
             |found, within| {
-                close(&times(found, EventKind::Jump), &instants, within);
+                assert_near(&times(found, EventKind::Jump), &instants, within);
                 let found = [end(found, "q")[0], end(found, "v")[0]];
-                close(&found, &state, within * speed);
+                assert_near(&found, &state, within * speed);
             },
         );
     }
@@ -145,10 +137,10 @@ fn thrown(g: f64, mu: f64, [h, u]: [f64; 2], push: [f64; 2], horizon: f64) {
     let drag = mu * a - push[0];
     let (rest, landed) = (fall + slip / drag, u * fall + 0.5 * push[0] * fall * fall);
     roads(&model, horizon, [1e-9, 1e-7, 1e-7], |found, within| {
-        close(&times(found, EventKind::ContactClose), &[fall], within);
+        assert_near(&times(found, EventKind::ContactClose), &[fall], within);
         let (x, v) = match rest < horizon {
             true => {
-                close(&times(found, EventKind::Stick), &[rest], within);
+                assert_near(&times(found, EventKind::Stick), &[rest], within);
                 (landed + 0.5 * slip * slip / drag, 0.0)
             }
             false => {
@@ -156,8 +148,8 @@ fn thrown(g: f64, mu: f64, [h, u]: [f64; 2], push: [f64; 2], horizon: f64) {
                 (landed + slip * s - 0.5 * drag * s * s, slip - drag * s)
             }
         };
-        close(&end(found, "q"), &[x, 0.0], within);
-        close(&end(found, "v"), &[v, 0.0], within);
+        assert_near(&end(found, "q"), &[x, 0.0], within);
+        assert_near(&end(found, "v"), &[v, 0.0], within);
     });
 }
 
@@ -204,9 +196,9 @@ fn a_wheel_rolls_where_it_strikes() {
           contact floor { gap = q[2]; restitution = 0; friction = 0.2; slip = v[1] - r*w; }
         }";
     let check = |found: &Trajectory, within: f64| {
-        close(&times(found, EventKind::Jump), &[0.2], within);
-        close(&end(found, "v"), &[5.0 / 7.0, 0.0], within);
-        close(&end(found, "w"), &[500.0 / 21.0], within);
+        assert_near(&times(found, EventKind::Jump), &[0.2], within);
+        assert_near(&end(found, "v"), &[5.0 / 7.0, 0.0], within);
+        assert_near(&end(found, "w"), &[500.0 / 21.0], within);
     };
     roads(model, 1.0, [1e-12, 1e-8, 1e-8], check);
     let found = by(model, 1.0, "method timestepping { steps = 100; }");
@@ -219,10 +211,10 @@ fn two_walls_keep_what_falls_on_them() {
     let reach = |q: f64, v: f64, a: f64| ((v * v + 2.0 * a * q).sqrt() - v) / a;
     let instants = [reach(0.5, 1.0, 9.81), reach(0.8, 1.5, 1.0)];
     roads(CORNER, 1.5, [1e-12, 1e-8, 1e-8], |found, within| {
-        close(&times(found, EventKind::Jump), &instants, within);
-        close(&times(found, EventKind::ContactClose), &instants, within);
-        close(&end(found, "q"), &[0.0, 0.0], within);
-        close(&end(found, "v"), &[0.0, 0.0], within);
+        assert_near(&times(found, EventKind::Jump), &instants, within);
+        assert_near(&times(found, EventKind::ContactClose), &instants, within);
+        assert_near(&end(found, "q"), &[0.0, 0.0], within);
+        assert_near(&end(found, "v"), &[0.0, 0.0], within);
     });
 }
 
@@ -259,9 +251,9 @@ fn walls_keep_what_falls_on_them() {
         for (road, within) in roads.take(4 - n) {
             let found = by(&model, horizon, road);
             assert_eq!(found.status, Status::Solved, "{road} {model}");
-            close(&times(&found, EventKind::ContactClose), &instants, within);
-            close(&end(&found, "q"), &vec![0.0; n], within);
-            close(&end(&found, "v"), &vec![0.0; n], within);
+            assert_near(&times(&found, EventKind::ContactClose), &instants, within);
+            assert_near(&end(&found, "q"), &vec![0.0; n], within);
+            assert_near(&end(&found, "v"), &vec![0.0; n], within);
         }
     }
 }
@@ -295,7 +287,7 @@ fn a_ball_in_four_walls() {
         4.1,
         [1e-12, 1e-8, 1e-8],
         |found, within| {
-            close(&end(found, "q"), &exact, within);
+            assert_near(&end(found, "q"), &exact, within);
         },
     );
     roads(
@@ -303,12 +295,12 @@ fn a_ball_in_four_walls() {
         1.7,
         [1e-12, 1e-8, 1e-8],
         |found, within| {
-            close(
+            assert_near(
                 &times(found, EventKind::Jump),
                 &[0.5, 0.5, 1.5, 1.5],
                 within,
             );
-            close(&end(found, "q"), &[0.2, 0.2], within);
+            assert_near(&end(found, "q"), &[0.2, 0.2], within);
         },
     );
 }
@@ -332,8 +324,8 @@ fn a_cradle_of_three_balls() {
         1.0,
         [1e-12, 1e-8, 1e-8],
         |found, within| {
-            close(&times(found, EventKind::Jump), &[0.01, 0.02], within);
-            close(&end(found, "v"), &[0.0, 0.0, 1.0], within);
+            assert_near(&times(found, EventKind::Jump), &[0.01, 0.02], within);
+            assert_near(&end(found, "v"), &[0.0, 0.0, 1.0], within);
         },
     );
     // Of balls that touch only the first contact strikes, and the second one pushes.
@@ -342,16 +334,16 @@ fn a_cradle_of_three_balls() {
         1.0,
         [1e-12, 1e-8, 1e-8],
         |found, within| {
-            close(&times(found, EventKind::Jump), &[0.0], within);
-            close(&end(found, "v"), &[1.0 / 3.0; 3], within);
+            assert_near(&times(found, EventKind::Jump), &[0.0], within);
+            assert_near(&end(found, "v"), &[1.0 / 3.0; 3], within);
         },
     );
     // One bounce after the other is not the law of both: by impulses it is, and in frozen time it is not.
     let model = cradle(0.0, 1.0);
     let found = by(&model, 1.0, IMPULSES);
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    close(&end(&found, "v"), &[-1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0], 1e-8);
-    close(&times(&found, EventKind::Jump), &[0.0], 1e-12);
+    assert_near(&end(&found, "v"), &[-1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0], 1e-8);
+    assert_near(&times(&found, EventKind::Jump), &[0.0], 1e-12);
     for road in FROZEN {
         let failure = by(&model, 1.0, road).failure;
         let stops = matches!(failure, Some(Failure::Standstill { time, .. }) if time == 0.0);
@@ -396,16 +388,16 @@ fn a_rod_falls() {
         let struck = times(&exact, EventKind::Jump);
         assert_eq!(struck.len(), 1);
         roads(&model, slips, [1e-12, 1e-7, 1e-6], |found, within| {
-            close(&times(found, EventKind::Jump), &struck, within);
+            assert_near(&times(found, EventKind::Jump), &struck, within);
             for name in ["q", "v"] {
-                close(&end(found, name), &end(&exact, name), within);
+                assert_near(&end(found, name), &end(&exact, name), within);
             }
         });
         let exact = by(&model, whole, EVENTS);
         let flat = times(&exact, EventKind::Jump)[1];
         let found = by(&model, whole, IMPULSES);
-        close(&times(&found, EventKind::Jump), &[struck[0], flat], 1e-6);
-        close(&end(&found, "q"), &end(&exact, "q"), 1e-6);
+        assert_near(&times(&found, EventKind::Jump), &[struck[0], flat], 1e-6);
+        assert_near(&end(&found, "q"), &end(&exact, "q"), 1e-6);
         for road in FROZEN {
             let failure = by(&model, whole, road).failure;
             let stops = matches!(failure, Some(Failure::Standstill { time, .. }) if (time - flat).abs() <= 1e-6);

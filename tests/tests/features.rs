@@ -1,6 +1,6 @@
 //! Gaps with kinks: the smallest of several, and distances from corners.
 
-use nsd_tests::{end, solved, times};
+use nsd_tests::{assert_near, end, solved, times};
 use nsdc::report::EventKind;
 
 const G: f64 = 9.81;
@@ -53,14 +53,6 @@ fn triangle(start: f64, speed: f64, time: f64) -> f64 {
     turns.min(2.0 - turns)
 }
 
-#[track_caller]
-fn close(found: &[f64], expected: &[f64], tolerance: f64) {
-    assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
-    for (a, b) in found.iter().zip(expected) {
-        assert!((a - b).abs() <= tolerance, "{found:?} {expected:?}");
-    }
-}
-
 #[test]
 fn one_gap_is_a_box_by_every_method() {
     let right = [triangle(0.3, 0.7, 5.0), triangle(0.4, -0.31, 5.0)];
@@ -75,8 +67,8 @@ fn one_gap_is_a_box_by_every_method() {
     for (method, tolerance) in methods {
         let text = format!("{BOX} simulate this of box {{ horizon 5; {method} }}");
         let trajectory = solved(&text, "this");
-        close(&end(&trajectory, "q"), &right, tolerance);
-        close(
+        assert_near(&end(&trajectory, "q"), &right, tolerance);
+        assert_near(
             &times(&trajectory, EventKind::Jump),
             &struck,
             2.0 * tolerance,
@@ -103,12 +95,12 @@ fn a_ball_comes_to_rest_in_a_groove() {
     for (method, tolerance) in methods {
         let text = format!("{GROOVE} simulate this of groove {{ horizon 2; {method} }}");
         let trajectory = solved(&text, "this");
-        close(&end(&trajectory, "q"), &[0.0, 0.0], tolerance);
-        close(&end(&trajectory, "v"), &[0.0, 0.0], tolerance);
+        assert_near(&end(&trajectory, "q"), &[0.0, 0.0], tolerance);
+        assert_near(&end(&trajectory, "v"), &[0.0, 0.0], tolerance);
         let jumps = times(&trajectory, EventKind::Jump);
-        close(&jumps, &[first, second], tolerance.max(1e-10));
+        assert_near(&jumps, &[first, second], tolerance.max(1e-10));
         let sides = times(&trajectory, EventKind::ContactClose);
-        close(&sides, &[first, second], tolerance.max(1e-10));
+        assert_near(&sides, &[first, second], tolerance.max(1e-10));
     }
 }
 
@@ -116,7 +108,7 @@ fn a_ball_comes_to_rest_in_a_groove() {
 fn a_ball_in_the_corner_of_a_groove_stays_or_bounces_off_both_planes() {
     let rest = format!("{GROOVE} simulate this of groove {{ with {{ q = [0, 0]; }} horizon 1; }}");
     let trajectory = solved(&rest, "this");
-    close(&end(&trajectory, "q"), &[0.0, 0.0], 1e-14);
+    assert_near(&end(&trajectory, "q"), &[0.0, 0.0], 1e-14);
     assert!(trajectory.events.is_empty());
 
     // Thrown into the corner with speed 2 it goes back with e times that, and again after 2 e 2/g, e times as long, ..
@@ -126,9 +118,9 @@ fn a_ball_in_the_corner_of_a_groove_stays_or_bounces_off_both_planes() {
     let trajectory = solved(&text, "this");
     let bounces = [0.0, 2.0 / G, 3.0 / G];
     let both: Vec<f64> = bounces.iter().flat_map(|&time| [time, time]).collect();
-    close(&times(&trajectory, EventKind::Jump), &both, 1e-10);
+    assert_near(&times(&trajectory, EventKind::Jump), &both, 1e-10);
     let (time, speed) = (0.35 - 3.0 / G, 0.25);
-    close(
+    assert_near(
         &end(&trajectory, "q"),
         &[0.0, speed * time - 0.5 * G * time * time],
         1e-10,
@@ -159,21 +151,21 @@ fn a_disc_slides_over_an_edge_and_leaves_it() {
     let (r, u) = (0.3, 0.5);
     let (angle, on_edge) = over_the_edge(r, u);
     let leaves = 0.4 + on_edge;
-    close(&times(&trajectory, EventKind::ContactOpen), &[leaves], 1e-9);
+    assert_near(&times(&trajectory, EventKind::ContactOpen), &[leaves], 1e-9);
     // A parabola from there, to the ground below.
     let speed = (G * r * angle.cos()).sqrt();
     let (x, y) = (r * angle.sin(), r * angle.cos());
     let (vx, vy) = (speed * angle.cos(), -speed * angle.sin());
     let height = y + 1.0 - r;
     let falls = (vy + (vy * vy + 2.0 * G * height).sqrt()) / G;
-    close(
+    assert_near(
         &times(&trajectory, EventKind::Jump),
         &[leaves + falls],
         1e-9,
     );
     let right = [x + vx * (1.3 - leaves), r - 1.0];
-    close(&end(&trajectory, "q"), &right, 1e-9);
-    close(&end(&trajectory, "v"), &[vx, 0.0], 1e-9);
+    assert_near(&end(&trajectory, "q"), &right, 1e-9);
+    assert_near(&end(&trajectory, "v"), &[vx, 0.0], 1e-9);
 }
 
 #[test]
@@ -195,11 +187,11 @@ fn a_disc_strikes_the_end_of_a_beam() {
     let trajectory = solved(text, "this");
     // The normal there is (0.6, 0.8).
     let time = (2.0 * (1.0 - 0.24) / G).sqrt();
-    close(&times(&trajectory, EventKind::Jump), &[time], 1e-10);
+    assert_near(&times(&trajectory, EventKind::Jump), &[time], 1e-10);
     let (speed, left) = (G * time, 0.6 - time);
     let (vx, vy) = (2.0 * 0.8 * 0.6 * speed, (2.0 * 0.64 - 1.0) * speed);
     let right = [1.18 + vx * left, 0.24 + vy * left - 0.5 * G * left * left];
-    close(&end(&trajectory, "q"), &right, 1e-9);
+    assert_near(&end(&trajectory, "q"), &right, 1e-9);
 }
 
 #[test]
@@ -223,7 +215,7 @@ fn friction_of_a_feature_is_along_its_own_plane() {
     let right = [0.8 - 0.8 * way, 0.6 - 0.6 * way];
     for (experiment, tolerance) in [("this", 1e-12), ("steps", 1e-3), ("elements", 1e-9)] {
         let trajectory = solved(text, experiment);
-        close(&end(&trajectory, "q"), &right, tolerance);
+        assert_near(&end(&trajectory, "q"), &right, tolerance);
     }
 }
 
@@ -251,7 +243,7 @@ fn features_have_numbers_that_no_parameter_changes() {
         let trajectory = solved(&box_of(a), "this");
         let surfaces = trajectory.events.iter().map(|event| event.surface.as_str());
         assert_eq!(surfaces.collect::<Vec<_>>(), ["wall[4]"], "{a}");
-        close(&times(&trajectory, EventKind::Jump), &[0.5], 1e-12);
+        assert_near(&times(&trajectory, EventKind::Jump), &[0.5], 1e-12);
     }
     // Of one that is left too.
     let text = box_of(0.0).replace("q[2] - a*abs(q[1])", "2 - a*abs(q[1])");
@@ -282,9 +274,9 @@ fn friction_on_a_bent_surface_may_jump() {
              simulate this of disc {{ horizon 2; }}"
         );
         let trajectory = solved(&text, "this");
-        close(&times(&trajectory, EventKind::EnterSliding), &[0.4], 1e-10);
-        close(&end(&trajectory, "q"), &[0.24 + 1.6, 0.3], 1e-10);
-        close(&end(&trajectory, "v"), &[1.0, 0.0], 1e-10);
+        assert_near(&times(&trajectory, EventKind::EnterSliding), &[0.4], 1e-10);
+        assert_near(&end(&trajectory, "q"), &[0.24 + 1.6, 0.3], 1e-10);
+        assert_near(&end(&trajectory, "v"), &[1.0, 0.0], 1e-10);
     }
 }
 
@@ -312,5 +304,5 @@ fn friction_may_jump_where_a_gap_bends() {
         "{edge}"
     );
     let leaves = edge + over_the_edge(0.3, u).1;
-    close(&times(&trajectory, EventKind::ContactOpen), &[leaves], 1e-8);
+    assert_near(&times(&trajectory, EventKind::ContactOpen), &[leaves], 1e-8);
 }

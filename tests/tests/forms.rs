@@ -5,7 +5,7 @@
 //! max(a, b) ever does rests on the higher one of a and b, as the voltage behind a diode does that is charged up to
 //! that before it and discharged by a current.
 
-use nsd_tests::{end, run, times};
+use nsd_tests::{assert_near, end, run, times};
 use nsdc::diagnostics::Diagnostics;
 use nsdc::report::{EventKind, Status, Trajectory};
 use nsdc::source::SourceMap;
@@ -24,13 +24,6 @@ fn runs(model: &str, horizon: f64, settings: &str) -> Trajectory {
     );
     assert_eq!(found.status, Status::Solved, "{:?}: {model}", found.failure);
     found
-}
-
-#[track_caller]
-fn assert_near(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
-    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= within;
-    assert!(found.iter().zip(exact).all(near), "{found:?} and {exact:?}");
 }
 
 /// What is wrong with a text.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::{end, run, solved, times};
+use nsd_tests::{assert_near, end, run, solved, times};
 use nsdc::report::{EventKind, Failure, Trajectory};
 
 /// A body on the floor z = 0 under a force, with `options` of its contact.
@@ -23,13 +23,6 @@ fn body(q: [f64; 3], v: [f64; 3], force: &str, options: &str, run: &str) -> Traj
     solved(&text, "this")
 }
 
-fn close(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len());
-    for (found, exact) in found.iter().zip(exact) {
-        assert!((found - exact).abs() <= within, "{found}, not {exact}");
-    }
-}
-
 #[test]
 fn a_ball_falls_slides_straight_and_stays() {
     let found = body(
@@ -43,13 +36,13 @@ fn a_ball_falls_slides_straight_and_stays() {
     let (fall, speed) = (0.2_f64.sqrt(), 5.0_f64.sqrt());
     let slides = speed - 0.2 * 20.0_f64.sqrt();
     let way = speed * fall + slides * slides / 4.0;
-    close(
+    assert_near(
         &end(&found, "q"),
         &[way * 2.0 / speed, way / speed, 0.0],
         1e-12,
     );
-    close(&end(&found, "v"), &[0.0; 3], 1e-12);
-    close(
+    assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
+    assert_near(
         &times(&found, EventKind::Stick),
         &[fall + slides / 2.0],
         1e-12,
@@ -73,9 +66,9 @@ fn a_pull_from_the_side_turns_what_slides_until_it_stops() {
             );
             let square = k * k - 1.0;
             let stop = [0.25 / square, 2.0 * k / (4.0 * k * k - 1.0), 0.0];
-            close(&end(&found, "q"), &stop, 1e-9);
-            close(&end(&found, "v"), &[0.0; 3], 1e-12);
-            close(&times(&found, EventKind::Stick), &[k / square], 1e-9);
+            assert_near(&end(&found, "q"), &stop, 1e-9);
+            assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
+            assert_near(&times(&found, EventKind::Stick), &[k / square], 1e-9);
         }
     }
 }
@@ -94,8 +87,8 @@ fn what_is_pulled_back_turns_round_at_rest() {
         );
         // It stops at 1/4, 1/8 away.
         let place = 0.125 - 0.75 * 0.75;
-        close(&end(&found, "q"), &[c * place, s * place, 0.0], 1e-9);
-        close(&end(&found, "v"), &[-1.5 * c, -1.5 * s, 0.0], 1e-9);
+        assert_near(&end(&found, "q"), &[c * place, s * place, 0.0], 1e-9);
+        assert_near(&end(&found, "v"), &[-1.5 * c, -1.5 * s, 0.0], 1e-9);
     }
 }
 
@@ -105,11 +98,11 @@ fn a_force_inside_the_cone_holds_and_one_outside_moves() {
         let options = format!("restitution = 0; friction = {friction:?}; slip = v[1..2];");
         body([0.0; 3], [0.0; 3], "[3, 4, -10]", &options, "horizon 2;")
     };
-    close(&end(&rest(0.500001), "q"), &[0.0; 3], 0.0);
+    assert_near(&end(&rest(0.500001), "q"), &[0.0; 3], 0.0);
     // 5 - 10 μ along the force.
     let moved = rest(0.3);
-    close(&end(&moved, "q"), &[2.4, 3.2, 0.0], 1e-11);
-    close(&end(&moved, "v"), &[2.4, 3.2, 0.0], 1e-11);
+    assert_near(&end(&moved, "q"), &[2.4, 3.2, 0.0], 1e-11);
+    assert_near(&end(&moved, "v"), &[2.4, 3.2, 0.0], 1e-11);
 }
 
 #[test]
@@ -122,9 +115,9 @@ fn a_force_that_grows_sets_off_what_sticks() {
         "horizon 3;",
     );
     // 5 t reaches μ g = 5 at t = 1; from there on 5 (t - 1) accelerates.
-    close(&times(&found, EventKind::Slip), &[1.0], 1e-12);
+    assert_near(&times(&found, EventKind::Slip), &[1.0], 1e-12);
     let way = 5.0 / 6.0 * 8.0;
-    close(&end(&found, "q"), &[0.6 * way, -0.8 * way, 0.0], 1e-10);
+    assert_near(&end(&found, "q"), &[0.6 * way, -0.8 * way, 0.0], 1e-10);
 }
 
 /// A force of constant size that turns with ω drags a body in a circle: with w = W e^{i(ωt - δ)},
@@ -144,7 +137,7 @@ fn a_force_that_turns_drags_in_a_circle() {
     let at = |t: f64| [(omega * t - delta).sin(), -(omega * t - delta).cos()];
     let [start, last] = [at(0.0), at(10.0)];
     let q = [0, 1].map(|i| speed / omega * (last[i] - start[i]));
-    close(&end(&found, "q"), &[q[0], q[1], 0.0], 1e-9);
+    assert_near(&end(&found, "q"), &[q[0], q[1], 0.0], 1e-9);
     let events = [EventKind::Stick, EventKind::Slip].map(|kind| times(&found, kind));
     assert!(events[0].is_empty(), "{events:?}");
 }
@@ -170,9 +163,9 @@ fn a_ball_that_bounces_loses_speed_along_one_line() {
     let slides = speed / 2.5;
     assert!(slides > 0.3);
     way += speed * 0.3 - 1.25 * 0.09;
-    close(&end(&found, "q"), &[-0.6 * way, 0.8 * way, 0.0], 1e-9);
+    assert_near(&end(&found, "q"), &[-0.6 * way, 0.8 * way, 0.0], 1e-9);
     let left = speed - 2.5 * 0.3;
-    close(&end(&found, "v"), &[-0.6 * left, 0.8 * left, 0.0], 1e-9);
+    assert_near(&end(&found, "v"), &[-0.6 * left, 0.8 * left, 0.0], 1e-9);
 }
 
 /// A billiard ball with spin (Coriolis 1835): its slip velocity keeps its direction, so that it runs along a parabola
@@ -204,7 +197,7 @@ fn a_billiard_ball_runs_along_a_parabola_until_it_rolls() {
     let speed = w[0].hypot(w[1]);
     // w' = -μ g (1 + 5/2) w/|w|
     let rolls = speed / (3.5 * 10.0 * mu);
-    close(&times(&found, EventKind::Stick), &[rolls], 1e-12);
+    assert_near(&times(&found, EventKind::Stick), &[rolls], 1e-12);
     let along = |i: usize| {
         let brake = 10.0 * mu * w[i] / speed;
         let left = v[i] - brake * rolls;
@@ -214,8 +207,8 @@ fn a_billiard_ball_runs_along_a_parabola_until_it_rolls() {
         )
     };
     let [(x, vx), (y, vy)] = [0, 1].map(along);
-    close(&end(&found, "q")[..3], &[x, y, 0.0], 1e-11);
-    close(
+    assert_near(&end(&found, "q")[..3], &[x, y, 0.0], 1e-11);
+    assert_near(
         &end(&found, "v"),
         &[vx, vy, 0.0, -vy / 0.3, vx / 0.3, 3.0],
         1e-11,
@@ -243,9 +236,9 @@ fn two_cones_hold_what_slides_in_a_groove() {
        simulate this of groove { tolerance 1e-12; horizon 2; }";
     let found = solved(text, "this");
     let brake = 0.2 * 10.0 * 2.0_f64.sqrt();
-    close(&times(&found, EventKind::Stick), &[2.0 / brake; 2], 1e-12);
-    close(&end(&found, "q"), &[2.0 / brake, 0.0, 0.0], 1e-11);
-    close(&end(&found, "v"), &[0.0; 3], 1e-12);
+    assert_near(&times(&found, EventKind::Stick), &[2.0 / brake; 2], 1e-12);
+    assert_near(&end(&found, "q"), &[2.0 / brake, 0.0, 0.0], 1e-11);
+    assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
 }
 
 /// In the same groove under forces along it, c up from the start: rest is the only motion below 2√2, and what slides
@@ -271,8 +264,8 @@ fn a_groove_holds_what_rests_in_it() {
     };
     for force in ["time, 0.1*sin(time)", "0, time", "0.5, 0", "1, 0.5"] {
         let found = solved(&groove(0.0, force, 2.7), "this");
-        close(&end(&found, "q"), &[0.0; 3], 1e-13);
-        close(&end(&found, "v"), &[0.0; 3], 1e-13);
+        assert_near(&end(&found, "q"), &[0.0; 3], 1e-13);
+        assert_near(&end(&found, "v"), &[0.0; 3], 1e-13);
         assert!(times(&found, EventKind::Slip).is_empty());
     }
     // Both planes together push with 10 √2, whatever acts across.
@@ -280,9 +273,9 @@ fn a_groove_holds_what_rests_in_it() {
     for (force, pull) in [("0.5, 0", 0.5), ("1, 0.5", 1.0), ("-2, 0.3*time", -2.0)] {
         let found = solved(&groove(2.0, force, 2.5), "this");
         let stops = 2.0 / (hold - pull);
-        close(&times(&found, EventKind::Stick), &[stops; 2], 1e-11);
-        close(&end(&found, "q"), &[stops, 0.0, 0.0], 1e-11);
-        close(&end(&found, "v"), &[0.0; 3], 1e-12);
+        assert_near(&times(&found, EventKind::Stick), &[stops; 2], 1e-11);
+        assert_near(&end(&found, "q"), &[stops, 0.0, 0.0], 1e-11);
+        assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
     }
     let found = run(&groove(0.0, "time, 0", 5.0), "this");
     let Some(Failure::Undetermined { time, contacts, .. }) = found.failure else {
@@ -318,13 +311,13 @@ fn an_impact_obeys_the_cone_where_masses_differ() {
             0.3 * change[0] + 4.0 * change[1],
         ];
         if sticks {
-            close(&v[..2], &[0.0; 2], 1e-12);
+            assert_near(&v[..2], &[0.0; 2], 1e-12);
             continue;
         }
         let size = impulse[0].hypot(impulse[1]);
         assert!((size - 3.0 * friction).abs() <= 1e-12, "{size}");
         let speed = v[0].hypot(v[1]);
-        close(&impulse, &[0, 1].map(|i| -size * v[i] / speed), 1e-11);
+        assert_near(&impulse, &[0, 1].map(|i| -size * v[i] / speed), 1e-11);
     }
 }
 
@@ -337,7 +330,7 @@ fn a_body_at_rest_in_all_directions_stays_for_a_turn_of_the_force() {
         "restitution = 0; friction = 0.3; slip = v[1..2];",
         &format!("horizon {:?};", 2.0 * PI),
     );
-    close(&end(&found, "q"), &[0.0; 3], 1e-13);
+    assert_near(&end(&found, "q"), &[0.0; 3], 1e-13);
     assert!(times(&found, EventKind::Slip).is_empty());
 }
 
@@ -362,15 +355,15 @@ fn a_block_on_another_one_that_has_no_friction_itself() {
     // The impulse √20 and the force 10 of the upper one, for the reduced mass 2/3.
     let (fall, brake) = (0.2_f64.sqrt(), 1.5);
     let speed = 37.0_f64.sqrt() - brake * 0.1 * 20.0_f64.sqrt();
-    close(
+    assert_near(
         &times(&found, EventKind::Stick),
         &[fall + speed / brake],
         1e-11,
     );
     let together = [(2.0 + 7.0) / 3.0, (8.0 + 3.0) / 3.0, 0.0];
-    close(&end(&found, "u"), &together, 1e-11);
-    close(&end(&found, "v"), &together, 1e-11);
-    close(
+    assert_near(&end(&found, "u"), &together, 1e-11);
+    assert_near(&end(&found, "v"), &together, 1e-11);
+    assert_near(
         &[end(&found, "a")[2], end(&found, "b")[2]],
         &[0.0, 1.0],
         1e-12,
@@ -386,10 +379,10 @@ fn what_a_mass_joins_to_the_floor_stops() {
             let speed = x.hypot(y);
             let brake = 3.0 / (1.0 + 0.3 * c * x / speed);
             let found = joined(c, [x, y], 0.0, 1e-12);
-            close(&times(&found, EventKind::Stick), &[speed / brake], 1e-11);
-            close(&end(&found, "v"), &[0.0; 3], 1e-12);
+            assert_near(&times(&found, EventKind::Stick), &[speed / brake], 1e-11);
+            assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
             let way = speed / brake / 2.0;
-            close(&end(&found, "q"), &[x * way, y * way, 0.0], 1e-11);
+            assert_near(&end(&found, "q"), &[x * way, y * way, 0.0], 1e-11);
         }
     }
 }
@@ -431,8 +424,8 @@ fn stops_on_a_belt(c: f64, pull: f64) {
         .sum();
     for (tolerance, within) in [(1e-6, 1e-7), (1e-8, 1e-9), (1e-10, 1e-11), (1e-12, 1e-11)] {
         let found = joined(c, [2.0, 1.0], pull, tolerance);
-        close(&times(&found, EventKind::Stick), &[stops], within);
-        close(&end(&found, "v"), &[2.0 * pull, 0.0, 0.0], 1e-12);
+        assert_near(&times(&found, EventKind::Stick), &[stops], within);
+        assert_near(&end(&found, "v"), &[2.0 * pull, 0.0, 0.0], 1e-12);
     }
 }
 

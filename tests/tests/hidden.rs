@@ -2,15 +2,8 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::{end, run, solved, times};
+use nsd_tests::{assert_near, end, run, solved, times};
 use nsdc::report::{EventKind, Failure, Status};
-
-fn close(found: &[f64], expected: &[f64], within: f64) {
-    assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
-    for (a, b) in found.iter().zip(expected) {
-        assert!((a - b).abs() <= within, "{found:?} {expected:?}");
-    }
-}
 
 /// ∫ f from a to b, by Simpson's rule.
 fn integral(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
@@ -45,12 +38,12 @@ fn a_branch_is_followed_to_its_fold() {
     let slides = integral(|s| (1.0 - 4.0 * s) / (1.0 - 2.0 * s * s), first, 0.25);
     let folds = enters + slides;
     assert!((folds - 2.7591491063842).abs() < 1e-12, "{folds}");
-    close(&found.switch_times(), &[enters, folds], 1e-11);
-    close(&times(&found, EventKind::Fold), &[folds], 1e-11);
+    assert_near(&found.switch_times(), &[enters, folds], 1e-11);
+    assert_near(&times(&found, EventKind::Fold), &[folds], 1e-11);
     // Then upwards with (1, 1 - x) from x = -1/8.
     let left = 3.0 - folds;
-    close(&end(&found, "x"), &[left - 0.125], 1e-11);
-    close(
+    assert_near(&end(&found, "x"), &[left - 0.125], 1e-11);
+    assert_near(
         &end(&found, "y"),
         &[1.125 * left - 0.5 * left * left],
         1e-11,
@@ -84,8 +77,8 @@ fn the_linear_reading_drops_what_is_hidden() {
     // x' = 1 throughout, and sliding for 1 < x < 3 only.
     let found = solved(MODES, "filippov");
     let enters = 0.1 + 0.11_f64.sqrt();
-    close(&found.switch_times(), &[enters, 2.1], 1e-11);
-    close(&end(&found, "x"), &[3.4], 1e-11);
+    assert_near(&found.switch_times(), &[enters, 2.1], 1e-11);
+    assert_near(&end(&found, "x"), &[3.4], 1e-11);
 }
 
 #[test]
@@ -143,15 +136,15 @@ fn static_friction_is_larger_than_kinetic() {
     let leaves = 0.3 - strongest();
     let x_sticks = leaves + (folds - sticks);
     assert!((folds - 5.270996991752).abs() < 1e-11, "{folds}");
-    close(&times(&found, EventKind::Fold), &[folds], 0.0);
+    assert_near(&times(&found, EventKind::Fold), &[folds], 0.0);
     // From there it slips for ever: the slip speed comes down to 0.0174, and the cycle that the paper tells of is
     // none for its printed damping.
     let slowest = (1..4000).map(|k| slip(0.3, leaves, 0.01 * f64::from(k))[1] + 1.0);
     let slowest = slowest.fold(f64::INFINITY, f64::min);
     assert!((slowest - 0.0173892).abs() < 1e-5, "{slowest}");
     let [w, speed] = slip(0.3, leaves, 40.0 - folds);
-    close(&end(&found, "x"), &[w - 1.0], 1e-10);
-    close(&end(&found, "u"), &[speed + 1.0], 1e-10);
+    assert_near(&end(&found, "x"), &[w - 1.0], 1e-10);
+    assert_near(&end(&found, "u"), &[speed + 1.0], 1e-10);
     // Where it sticks, by the energy of neither: the slip before that is from (2.4, 1).
     assert!((x_sticks - 2.24).abs() < 0.05, "{x_sticks}");
 }
@@ -171,9 +164,9 @@ fn folds_are_found_whatever_the_numbers() {
             folds + 0.5
         );
         let found = solved(&text, "run");
-        close(&times(&found, EventKind::Fold), &[folds], 1e-11 * folds);
+        assert_near(&times(&found, EventKind::Fold), &[folds], 1e-11 * folds);
         let v = 0.5 * (b * (folds + 0.25) - c - 1.0);
-        close(&end(&found, "v"), &[v], 1e-10 * v);
+        assert_near(&end(&found, "v"), &[v], 1e-10 * v);
     }
 }
 
@@ -220,8 +213,8 @@ fn each_side_enters_its_own_mode() {
     for (y, side) in [(0.3, 1.0), (-0.3, -1.0)] {
         let found = solved(&model(y), "run");
         // y' = ∓3 outside.
-        close(&found.switch_times(), &[0.1], 1e-12);
-        close(&end(&found, "x"), &[side * (0.1 + 0.5 * 1.9)], 1e-11);
+        assert_near(&found.switch_times(), &[0.1], 1e-12);
+        assert_near(&end(&found, "x"), &[side * (0.1 + 0.5 * 1.9)], 1e-11);
         let branch = found
             .events
             .iter()
@@ -230,14 +223,14 @@ fn each_side_enters_its_own_mode() {
             panic!("{:?}", found.events)
         };
         let values: Vec<f64> = branch.sliding.iter().map(|mode| mode.value).collect();
-        close(&values, &[-0.5, 0.0, 0.5], 1e-12);
+        assert_near(&values, &[-0.5, 0.0, 0.5], 1e-12);
         let slopes: Vec<f64> = branch.sliding.iter().map(|mode| mode.stability).collect();
-        close(&slopes, &[-2.0, 1.0, -2.0], 1e-10);
+        assert_near(&slopes, &[-2.0, 1.0, -2.0], 1e-10);
         let taken: Vec<f64> = (branch.sliding.iter())
             .filter(|mode| mode.taken)
             .map(|mode| mode.value)
             .collect();
-        close(&taken, &[0.5 * side], 1e-12);
+        assert_near(&taken, &[0.5 * side], 1e-12);
     }
 }
 
@@ -251,14 +244,14 @@ fn readings_of_the_sign_differ_on_the_surface_alone() {
              simulate run of m {{ horizon 4; tolerance 1e-11; }}"
         );
         let found = solved(&text, "run");
-        close(&found.switch_times(), &[2.0], 1e-12);
+        assert_near(&found.switch_times(), &[2.0], 1e-12);
         end(&found, "x")[0] - 2.0
     };
-    close(&[by("s")], &[2.0 * 0.5], 1e-11);
-    close(&[by("s^3")], &[2.0 * 0.5_f64.cbrt()], 1e-11);
-    close(&[by("sin(pi*s/2)")], &[2.0 / 3.0], 1e-11);
+    assert_near(&[by("s")], &[2.0 * 0.5], 1e-11);
+    assert_near(&[by("s^3")], &[2.0 * 0.5_f64.cbrt()], 1e-11);
+    assert_near(&[by("sin(pi*s/2)")], &[2.0 / 3.0], 1e-11);
     // s + 1 - s² = ½ at s = (1 - √3)/2.
-    close(&[by("s + 1 - s^2")], &[1.0 - 3.0_f64.sqrt()], 1e-11);
+    assert_near(&[by("s + 1 - s^2")], &[1.0 - 3.0_f64.sqrt()], 1e-11);
 }
 
 #[test]
@@ -319,11 +312,11 @@ fn a_fold_of_switches_that_interact() {
         0.05 + until(first, 1.0) + until(t, r(1.0)) - until(first, r(1.0))
     };
     let second = zero(&y, 0.1, 1.0);
-    close(&found.switch_times()[..2], &[first, second], 1e-11);
+    assert_near(&found.switch_times()[..2], &[first, second], 1e-11);
     let enters = zero(&|s| x(s) - 0.9 - second, -0.9, 0.0);
     let turns = zero(&by_s, 0.0, 0.5);
     let folds = second + integral(|s| by_s(s) / (2.0 * s * s - 1.0), enters, turns);
-    close(&times(&found, EventKind::Fold), &[folds], 1e-10);
+    assert_near(&times(&found, EventKind::Fold), &[folds], 1e-10);
     let fold = found
         .events
         .iter()
@@ -331,9 +324,9 @@ fn a_fold_of_switches_that_interact() {
     assert!(fold.is_some_and(|fold| fold.surface == "s"), "{fold:?}");
     // From there upwards with s = 1, while r goes on.
     let left = 4.0 - folds;
-    close(&end(&found, "x"), &[x(turns) + left], 1e-10);
+    assert_near(&end(&found, "x"), &[x(turns) + left], 1e-10);
     let rises = (1.0 - x(turns) + 0.1 * r(1.0)) * left - 0.5 * left * left;
-    close(&end(&found, "y"), &[rises], 1e-10);
+    assert_near(&end(&found, "y"), &[rises], 1e-10);
 }
 
 #[test]
@@ -344,11 +337,11 @@ fn one_of_two_that_interact_leaves_at_its_bound() {
            w' = 1; x' = w - a^3; y' = 0.5*a - b^3; z' = b; }
          simulate run of m { horizon 1; tolerance 1e-11; }";
     let found = solved(text, "run");
-    close(&found.switch_times(), &[0.5], 1e-10);
-    close(&end(&found, "x"), &[0.125], 1e-11);
+    assert_near(&found.switch_times(), &[0.5], 1e-10);
+    assert_near(&end(&found, "x"), &[0.125], 1e-11);
     // ∫ ∛(∛w/2) dw from 1/2 to 1, and then half of ∛½.
     let slides = 0.5_f64.cbrt() * 0.9 * (1.0 - 0.5_f64.powf(10.0 / 9.0));
-    close(&end(&found, "z"), &[slides + 0.5 * 0.5_f64.cbrt()], 1e-10);
+    assert_near(&end(&found, "z"), &[slides + 0.5 * 0.5_f64.cbrt()], 1e-10);
 }
 
 #[test]
@@ -364,8 +357,8 @@ fn sliding_ends_at_a_bound_too() {
     let lower = text.replace("y = 0.4", "y = 0.2");
     let found = solved(&lower, "run");
     let enters = 0.8 - (0.64_f64 - 0.4).sqrt();
-    close(&found.switch_times(), &[enters, 0.8], 1e-10);
-    close(&end(&found, "y"), &[0.5 * 0.7 * 0.7], 1e-10);
+    assert_near(&found.switch_times(), &[enters, 0.8], 1e-10);
+    assert_near(&end(&found, "y"), &[0.5 * 0.7 * 0.7], 1e-10);
 }
 
 #[test]
@@ -415,9 +408,9 @@ fn a_second_switch_arrives_while_the_first_one_slides() {
     let a = 0.3_f64.cbrt();
     let b = (0.2 + 0.5 * a).cbrt();
     let second = 1.0 + 0.7 / (0.8 - 0.5 * a);
-    close(&found.switch_times(), &[1.0, second], 1e-11);
+    assert_near(&found.switch_times(), &[1.0, second], 1e-11);
     let z = 1.0 + a * (second - 1.0) + a * b * (4.0 - second);
-    close(&end(&found, "z"), &[z], 1e-11);
+    assert_near(&end(&found, "z"), &[z], 1e-11);
 }
 
 #[test]
@@ -429,9 +422,9 @@ fn two_switches_arrive_together() {
          simulate run of m { horizon 3; tolerance 1e-11; }";
     let found = solved(text, "run");
     let times = found.switch_times();
-    close(&times[..1], &[1.25], 1e-12);
+    assert_near(&times[..1], &[1.25], 1e-12);
     let z = 2.0 * 1.25 + 2.0 * 0.2_f64.sqrt() * 1.75;
-    close(&end(&found, "z"), &[z], 1e-10);
+    assert_near(&end(&found, "z"), &[z], 1e-10);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Friction in two directions by finite elements with jumps between them (`lower impact`), against closed forms.
 
 use nsd_tests::bodies::Body;
-use nsd_tests::{end, solved, times, with_experiment};
+use nsd_tests::{assert_near, end, solved, times, with_experiment};
 use nsdc::lowering::dcs;
 use nsdc::report::{EventKind, Trajectory};
 
@@ -23,14 +23,6 @@ const TURNS: [f64; 3] = [0.0, 0.9, -2.3];
 /// Three Gauss-Radau points, four elements in each of eight steps.
 const GRID: &str = "scheme = radau_iia(3); steps = 8; elements = 4;";
 
-#[track_caller]
-fn close(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len());
-    for (value, exact) in found.iter().zip(exact) {
-        assert!((value - exact).abs() <= within, "{found:?} is not {exact}");
-    }
-}
-
 /// It falls √0.2; the impact takes μ √20 of the tangential speed, and friction the rest at the rate μ g, along one line.
 #[test]
 fn a_ball_strikes_slides_and_stops() {
@@ -49,14 +41,14 @@ fn a_ball_strikes_slides_and_stops() {
             turned,
         };
         let found = run(&ball, 2.0, GRID);
-        close(
+        assert_near(
             &end(&found, "q"),
             &[path * 2.0 / speed, path / speed, 0.0],
             1e-12,
         );
-        close(&end(&found, "v"), &[0.0; 3], 1e-12);
-        close(&times(&found, EventKind::Jump), &[fall], 1e-12);
-        close(
+        assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
+        assert_near(&times(&found, EventKind::Jump), &[fall], 1e-12);
+        assert_near(
             &times(&found, EventKind::Stick),
             &[fall + after / (mu * g)],
             1e-12,
@@ -82,10 +74,10 @@ fn bends(k: f64, method: &str, [of_place, of_time]: [f64; 2]) {
             turned,
         };
         let found = run(&block, 1.5, method);
-        close(&end(&found, "q"), &[x, y, 0.0], of_place);
-        close(&end(&found, "v"), &[0.0; 3], 1e-12);
+        assert_near(&end(&found, "q"), &[x, y, 0.0], of_place);
+        assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
         let stops = c * k / (f * (k * k - 1.0));
-        close(&times(&found, EventKind::Stick), &[stops], of_time);
+        assert_near(&times(&found, EventKind::Stick), &[stops], of_time);
     }
 }
 
@@ -121,8 +113,8 @@ fn tilted(friction: f64, turned: f64) -> Body {
 fn a_block_sticks_below_the_angle_of_friction() {
     for turned in TURNS {
         let found = run(&tilted(0.4, turned), 1.5, GRID);
-        close(&end(&found, "q"), &[0.0; 3], 1e-12);
-        close(&end(&found, "v"), &[0.0; 3], 1e-12);
+        assert_near(&end(&found, "q"), &[0.0; 3], 1e-12);
+        assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
         assert_eq!(found.modes.len(), 1);
         assert_eq!(found.modes[0].mode, "stick(floor)");
     }
@@ -137,12 +129,12 @@ fn a_block_slides_down_from_rest_above_it() {
     for turned in TURNS {
         let found = run(&tilted(mu, turned), t, GRID);
         let [x, y] = [3.0, 1.0].map(|share| rate * share);
-        close(
+        assert_near(
             &end(&found, "q"),
             &[x * t * t / 2.0, y * t * t / 2.0, 0.0],
             1e-12,
         );
-        close(&end(&found, "v"), &[x * t, y * t, 0.0], 1e-12);
+        assert_near(&end(&found, "v"), &[x * t, y * t, 0.0], 1e-12);
     }
 }
 
@@ -168,8 +160,8 @@ fn a_block_that_is_pulled_back_turns_round_at_rest() {
             };
             let grid = format!("scheme = radau_iia(3); steps = {steps}; elements = {elements};");
             let found = run(&block, t, &grid);
-            close(&end(&found, "q"), &along(place), 1e-12);
-            close(&end(&found, "v"), &along(-back * (t - rest)), 1e-12);
+            assert_near(&end(&found, "q"), &along(place), 1e-12);
+            assert_near(&end(&found, "v"), &along(-back * (t - rest)), 1e-12);
             assert!(found.error_estimate.is_some_and(|error| error <= 1e-12));
             assert_eq!(found.modes.len(), 1, "it slips all the time");
         }
@@ -203,8 +195,8 @@ fn a_block_that_all_but_stops_turns_round() {
         let own = (turned == TURNS[1]).then_some(chosen);
         for (grid, within) in [(GRID, 1e-3)].into_iter().chain(own) {
             let found = run(&block, t, grid);
-            close(&end(&found, "q"), &[x, y, 0.0], within);
-            close(&end(&found, "v"), &[v, w, 0.0], within);
+            assert_near(&end(&found, "q"), &[x, y, 0.0], within);
+            assert_near(&end(&found, "v"), &[v, w, 0.0], within);
         }
     }
 }
@@ -265,14 +257,14 @@ fn a_billiard_ball_runs_along_a_parabola() {
              simulate o of billiard {{ horizon {t}; lower impact; method fesd {{ {method} }} }}"
         );
         let found = solved(&text, "o");
-        close(&times(&found, EventKind::Stick), &[rolls], 1e-12);
+        assert_near(&times(&found, EventKind::Stick), &[rolls], 1e-12);
         let behind = [0, 1].map(|k| v[k] - slip[k] / 3.5);
         // It slips with the deceleration 2/7 slip/rolls.
         let place = [0, 1].map(|k| behind[k] * t + slip[k] / 7.0 * rolls);
-        close(&end(&found, "v"), &[behind[0], behind[1], 0.0], 1e-12);
-        close(&end(&found, "q"), &[place[0], place[1], 0.0], 1e-12);
+        assert_near(&end(&found, "v"), &[behind[0], behind[1], 0.0], 1e-12);
+        assert_near(&end(&found, "q"), &[place[0], place[1], 0.0], 1e-12);
         let rolling = [-behind[1] / r, behind[0] / r, spin[2]];
-        close(&end(&found, "w"), &rolling, 1e-11);
+        assert_near(&end(&found, "w"), &rolling, 1e-11);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Regions, a projection, an equation and a complementarity in one model: a closed form, by every method.
 
-use nsd_tests::{end, optimum, run, times};
+use nsd_tests::{assert_near, end, optimum, run, times};
 use nsdc::report::{EventKind, Status, Trajectory};
 
 /// A height over a floor falls with 1 + q in the first region and rises with 1 - q - a/10 in the second one, where q is
@@ -44,13 +44,6 @@ fn exact() -> (f64, [f64; 2]) {
     let x = 1.0 + 2.0 * (HORIZON - 1.0);
     let risen = 0.5 * (x - 1.0 - integral(x) + integral(1.0)) - 0.05 * (x - 2.0_f64).powi(2) / 2.0;
     (low, [x, risen])
-}
-
-#[track_caller]
-fn assert_near(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
-    let far = |(a, b): (&f64, &f64)| (a - b).abs() > within;
-    assert!(!found.iter().zip(exact).any(far), "{found:?} and {exact:?}");
 }
 
 fn solved(found: Trajectory) -> Trajectory {

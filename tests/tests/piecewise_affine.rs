@@ -179,7 +179,11 @@ fn is_accurate(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> 
     for (k, &t) in trajectory.time.iter().enumerate() {
         let exact = solution.state(t);
         for (i, x) in states.at(k).iter().enumerate() {
-            error[i] = error[i].max((x - exact[i]).abs());
+            let missed = match (x - exact[i]).abs() {
+                missed if missed.is_nan() => f64::INFINITY,
+                missed => missed,
+            };
+            error[i] = error[i].max(missed);
             scale[i] = scale[i].max(exact[i].abs());
         }
     }

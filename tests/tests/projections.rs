@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
-use nsd_tests::{end, fitted_order, optimum, run, times};
+use nsd_tests::{assert_near, end, fitted_order, optimum, run, times};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 /// By events, and by finite elements of an order that leaves rounding.
@@ -23,13 +23,6 @@ fn runs(model: &str, name: &str, horizon: f64, method: &str) -> Trajectory {
         trajectory.failure
     );
     trajectory
-}
-
-#[track_caller]
-fn assert_near(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
-    let far = |(a, b): (&f64, &f64)| (a - b).abs() > within;
-    assert!(!found.iter().zip(exact).any(far), "{found:?} and {exact:?}");
 }
 
 /// Turns clockwise with radius 2 down to x₂ = -1, along it to (0, -1), where nothing pushes any more, and on with

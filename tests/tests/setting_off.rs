@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nsd_tests::random::Random;
-use nsd_tests::{end, solved, times};
+use nsd_tests::{assert_near, end, solved, times};
 use nsdc::report::{EventKind, Trajectory};
 
 /// A block of mass one on the floor z = 0, at rest in the origin or with a speed, pressed down by 10.
@@ -23,13 +23,6 @@ fn block(v: [f64; 2], force: &str, friction: f64, horizon: f64) -> Trajectory {
          simulate this of block {{ tolerance 1e-12; horizon {horizon:?}; }}"
     );
     solved(&text, "this")
-}
-
-fn close(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len());
-    for (found, exact) in found.iter().zip(exact) {
-        assert!((found - exact).abs() <= within, "{found}, not {exact}");
-    }
 }
 
 /// What slides with speed u against friction: u' = rate(t, p, u) with |u| in its denominators, by the classical method
@@ -134,9 +127,9 @@ fn a_puck_slides_off_a_turntable_that_speeds_up() {
             );
             let found = solved(&text, "this");
             let within = f64::max(tolerance, 1e-10);
-            close(&times(&found, EventKind::Slip), &[leaves], within);
-            close(&end(&found, "q")[..2], &q, within);
-            close(&end(&found, "v")[..2], &v, within);
+            assert_near(&times(&found, EventKind::Slip), &[leaves], within);
+            assert_near(&end(&found, "q")[..2], &q, within);
+            assert_near(&end(&found, "v")[..2], &v, within);
             assert!(found.stats.steps < 100, "{}", found.stats.steps);
         }
     }
@@ -166,11 +159,11 @@ fn a_block_that_sets_off_again_goes_as_on_a_line() {
     let ends = root(speed, 5.0, 7.0);
     let late = ends - again;
     let back = c * (again.cos() * late - ends.sin() + again.sin()) + late * late;
-    close(&times(&found, EventKind::Stick), &[stops, ends], 1e-9);
-    close(&times(&found, EventKind::Slip), &[again], 1e-9);
+    assert_near(&times(&found, EventKind::Stick), &[stops, ends], 1e-9);
+    assert_near(&times(&found, EventKind::Slip), &[again], 1e-9);
     let way = there + back;
-    close(&end(&found, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-9);
-    close(&end(&found, "v"), &[0.0; 3], 1e-12);
+    assert_near(&end(&found, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-9);
+    assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
     assert!(found.stats.steps < 200, "{}", found.stats.steps);
 }
 
@@ -181,7 +174,7 @@ fn a_push_that_turns_sets_off_what_had_come_to_rest() {
     let found = block([0.0; 2], "2.9 - 2.5*cos(time), 2.5*sin(time)", 0.375, 8.0);
     let first = ((s * s + push * push - brake * brake) / (2.0 * s * push)).acos();
     let again = first + 2.0 * PI;
-    close(&times(&found, EventKind::Slip), &[first, again], 1e-9);
+    assert_near(&times(&found, EventKind::Slip), &[first, again], 1e-9);
     let b = |t: f64| [s - push * t.cos(), push * t.sin()];
     let rate = |t: f64, y: [f64; 4]| {
         let speed = y[2].hypot(y[3]);
@@ -194,10 +187,10 @@ fn a_push_that_turns_sets_off_what_had_come_to_rest() {
         [p[0] + third * u1, p[1] + third * u2, u1, u2]
     };
     let (stops, rest) = slides(first + after, 7.0, from(first, [0.0; 2]), rate);
-    close(&times(&found, EventKind::Stick), &[stops], 1e-9);
+    assert_near(&times(&found, EventKind::Stick), &[stops], 1e-9);
     let (_, last) = slides(again + after, 8.0, from(again, [rest[0], rest[1]]), rate);
-    close(&end(&found, "q")[..2], &last[..2], 1e-9);
-    close(&end(&found, "v")[..2], &last[2..], 1e-9);
+    assert_near(&end(&found, "q")[..2], &last[..2], 1e-9);
+    assert_near(&end(&found, "v")[..2], &last[2..], 1e-9);
     assert!(found.stats.steps < 300, "{}", found.stats.steps);
 }
 
@@ -223,10 +216,10 @@ fn what_sets_off_slowly_does_so_in_few_steps() {
     for (force, b, low, high) in cases {
         let found = block([0.0; 2], force, 0.2, 4.0);
         let leaves = root(|t| b(t)[0].hypot(b(t)[1]) - 2.0, low, high);
-        close(&times(&found, EventKind::Slip), &[leaves], 1e-10);
+        assert_near(&times(&found, EventKind::Slip), &[leaves], 1e-10);
         let y = slides_off(leaves, 4.0, b);
-        close(&end(&found, "q")[..2], &y[..2], 1e-9);
-        close(&end(&found, "v")[..2], &y[2..], 1e-9);
+        assert_near(&end(&found, "q")[..2], &y[..2], 1e-9);
+        assert_near(&end(&found, "v")[..2], &y[2..], 1e-9);
         assert!(found.stats.steps < 300, "{}", found.stats.steps);
     }
 }
@@ -259,9 +252,9 @@ fn a_body_whose_mass_joins_all_directions_comes_to_rest() {
             (matrix[0][0] * rhs[1] - matrix[1][0] * rhs[0]) / determinant,
         ]
     });
-    close(&times(&found, EventKind::Stick), &[stops], 1e-9);
-    close(&end(&found, "q"), &[y[0], y[1], 0.0], 1e-9);
-    close(&end(&found, "v"), &[0.0; 3], 1e-12);
+    assert_near(&times(&found, EventKind::Stick), &[stops], 1e-9);
+    assert_near(&end(&found, "q"), &[y[0], y[1], 0.0], 1e-9);
+    assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
 }
 
 /// Two blocks at once, pulled by forces of one size: each goes as one alone does.
@@ -282,10 +275,10 @@ fn two_blocks_set_off_together() {
     let found = solved(text, "this");
     let b = |t: f64| [t, 0.5 * t * t];
     let leaves = root(|t| b(t)[0].hypot(b(t)[1]) - 2.0, 1.0, 2.0);
-    close(&times(&found, EventKind::Slip), &[leaves; 2], 1e-10);
+    assert_near(&times(&found, EventKind::Slip), &[leaves; 2], 1e-10);
     let y = slides_off(leaves, 4.0, b);
-    close(&end(&found, "q"), &[y[0], y[1], 0.0, y[0], y[1], 0.0], 1e-9);
-    close(&end(&found, "v"), &[y[2], y[3], 0.0, y[2], y[3], 0.0], 1e-9);
+    assert_near(&end(&found, "q"), &[y[0], y[1], 0.0, y[0], y[1], 0.0], 1e-9);
+    assert_near(&end(&found, "v"), &[y[2], y[3], 0.0, y[2], y[3], 0.0], 1e-9);
 }
 
 /// Two to four of them, whose normal forces know each other's velocities, by forces that grow in other ways: each goes
@@ -320,9 +313,9 @@ fn any_blocks_set_off_together() {
             m = 3 * n
         );
         let found = solved(&text, "this");
-        close(&times(&found, EventKind::Slip), &vec![leaves; n], 1e-9);
+        assert_near(&times(&found, EventKind::Slip), &vec![leaves; n], 1e-9);
         let y = slides_off(leaves, horizon, b);
-        close(&end(&found, "v"), &[y[2], y[3], 0.0].repeat(n), 1e-7);
+        assert_near(&end(&found, "v"), &[y[2], y[3], 0.0].repeat(n), 1e-7);
     }
 }
 
@@ -394,11 +387,11 @@ fn one_stays(
         );
         let found = solved(&text, "this");
         let within = f64::max(1e-9, tolerance);
-        close(&times(&found, EventKind::Slip), &setting_off, within);
-        close(&times(&found, EventKind::Stick), &resting, within);
+        assert_near(&times(&found, EventKind::Slip), &setting_off, within);
+        assert_near(&times(&found, EventKind::Stick), &resting, within);
         let q = [0.0, 0.0, 0.0, 1.0 + y[0], y[1], 0.0];
-        close(&end(&found, "q"), &q, within);
-        close(&end(&found, "v"), &[0.0, 0.0, 0.0, y[2], y[3], 0.0], within);
+        assert_near(&end(&found, "q"), &q, within);
+        assert_near(&end(&found, "v"), &[0.0, 0.0, 0.0, y[2], y[3], 0.0], within);
         assert!(found.stats.steps < 2000, "{}", found.stats.steps);
     }
 }

@@ -1,6 +1,6 @@
 //! Time-freezing against closed forms and against runs with jumps: printed forms, both methods, and what it refuses.
 
-use nsd_tests::{end, run, times, with_experiment};
+use nsd_tests::{assert_near, end, run, times, with_experiment};
 use nsdc::lowering::dcs::{Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
@@ -62,13 +62,6 @@ fn each_way(model: &str, settings: &str, mut check: impl FnMut(&Trajectory)) {
     }
 }
 
-fn close(found: &[f64], expected: &[f64], within: f64) {
-    assert_eq!(found.len(), expected.len(), "{found:?} for {expected:?}");
-    for (found, expected) in found.iter().zip(expected) {
-        assert!((found - expected).abs() <= within, "{found} for {expected}");
-    }
-}
-
 #[test]
 fn a_relay_switches_at_the_times_of_its_closed_form() {
     // y tends to 50 while heating and to 0 while cooling.
@@ -82,9 +75,9 @@ fn a_relay_switches_at_the_times_of_its_closed_form() {
         .collect();
     let last = 50.0 - 32.0 * (-0.2 * (4.0 - expected[7])).exp();
     each_way(HEATING, "horizon 4;", |trajectory| {
-        close(&times(trajectory, EventKind::Relay), &expected, 1e-9);
-        close(&trajectory.switch_times(), &expected, 1e-9);
-        close(&end(trajectory, "y"), &[last], 1e-9);
+        assert_near(&times(trajectory, EventKind::Relay), &expected, 1e-9);
+        assert_near(&trajectory.switch_times(), &expected, 1e-9);
+        assert_near(&end(trajectory, "y"), &[last], 1e-9);
         assert_eq!(trajectory.time.last(), Some(&4.0));
         assert_eq!(trajectory.modes[0].mode, "on(heater)");
         assert_eq!(trajectory.modes[1].mode, "off(heater)");
@@ -105,8 +98,8 @@ fn a_relay_switches_so_by_events_too() {
         3.319_239_0,
         3.846_041_5,
     ];
-    close(&times(&trajectory, EventKind::Relay), &published, 1e-7);
-    close(&end(&trajectory, "y"), &[18.970_318_67], 1e-7);
+    assert_near(&times(&trajectory, EventKind::Relay), &published, 1e-7);
+    assert_near(&end(&trajectory, "y"), &[18.970_318_67], 1e-7);
 }
 
 #[test]
@@ -119,7 +112,7 @@ fn values_are_reported_in_physical_time() {
             false => 20.0 * (-0.2 * (t - switches)).exp(),
         };
         let expected: Vec<f64> = trajectory.time.iter().map(|&t| y(t)).collect();
-        close(&trajectory.states[0].values, &expected, 1e-7);
+        assert_near(&trajectory.states[0].values, &expected, 1e-7);
     });
 }
 
@@ -150,9 +143,9 @@ fn a_ball_bounces_as_its_law_says() {
     }
     let s = 3.0 - bounce;
     each_way(BALL, "horizon 3;", |trajectory| {
-        close(&end(trajectory, "q"), &[speed * s - 0.5 * g * s * s], 1e-8);
-        close(&end(trajectory, "v"), &[speed - g * s], 1e-8);
-        close(&times(trajectory, EventKind::Jump), &bounces, 1e-8);
+        assert_near(&end(trajectory, "q"), &[speed * s - 0.5 * g * s * s], 1e-8);
+        assert_near(&end(trajectory, "v"), &[speed - g * s], 1e-8);
+        assert_near(&times(trajectory, EventKind::Jump), &bounces, 1e-8);
     });
 }
 
@@ -208,14 +201,14 @@ fn a_thrown_ball_slips_and_sticks() {
     let stop = fall + slip / (mu * g);
     let x = 4.0 * fall + slip * slip / (2.0 * mu * g);
     each_way(SLIDER, "horizon 3;", |trajectory| {
-        close(&end(trajectory, "q"), &[x, 0.0], 1e-9);
-        close(&end(trajectory, "v"), &[0.0, 0.0], 1e-9);
-        close(&times(trajectory, EventKind::Jump), &[fall], 1e-9);
-        close(&times(trajectory, EventKind::ContactClose), &[fall], 1e-9);
-        close(&times(trajectory, EventKind::Stick), &[stop], 1e-9);
+        assert_near(&end(trajectory, "q"), &[x, 0.0], 1e-9);
+        assert_near(&end(trajectory, "v"), &[0.0, 0.0], 1e-9);
+        assert_near(&times(trajectory, EventKind::Jump), &[fall], 1e-9);
+        assert_near(&times(trajectory, EventKind::ContactClose), &[fall], 1e-9);
+        assert_near(&times(trajectory, EventKind::Stick), &[stop], 1e-9);
         let half = trajectory.dense.at(1.0).expect("there is a solution then");
         let s = 1.0 - fall;
-        close(
+        assert_near(
             &half[..4],
             &[
                 4.0 * fall + slip * s - 0.5 * mu * g * s * s,
@@ -379,7 +372,7 @@ fn jumps_and_frozen_time_agree() {
         each_way(model, &format!("horizon {horizon:?};"), |frozen| {
             for (a, b) in jumps.states.iter().zip(&frozen.states) {
                 let (a, b) = (a.at(jumps.time.len() - 1), b.at(frozen.time.len() - 1));
-                close(b, a, 1e-7);
+                assert_near(b, a, 1e-7);
             }
             let kinds = |t: &Trajectory| {
                 t.events
@@ -389,7 +382,7 @@ fn jumps_and_frozen_time_agree() {
             };
             assert_eq!(kinds(frozen), kinds(&jumps), "{name}");
             let instants = |t: &Trajectory| t.events.iter().map(|e| e.time).collect::<Vec<_>>();
-            close(&instants(frozen), &instants(&jumps), 1e-7);
+            assert_near(&instants(frozen), &instants(&jumps), 1e-7);
         });
     }
 }

@@ -1,7 +1,7 @@
 //! Friction in two directions in frozen time, against closed forms.
 
 use nsd_tests::bodies::Body;
-use nsd_tests::{end, optimum, run, times, with_experiment};
+use nsd_tests::{assert_near, end, optimum, run, times, with_experiment};
 use nsdc::lowering::dcs::{Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
@@ -31,10 +31,7 @@ fn by(model: &str, horizon: f64, road: &str) -> Trajectory {
 
 #[track_caller]
 fn close(found: &[f64], exact: &[f64]) {
-    assert_eq!(found.len(), exact.len(), "{found:?} for {exact:?}");
-    for (found, exact) in found.iter().zip(exact) {
-        assert!((found - exact).abs() <= WITHIN, "{found} for {exact}");
-    }
+    assert_near(found, exact, WITHIN);
 }
 
 const BALL: Body = Body {
