@@ -77,8 +77,10 @@ impl Mode {
     pub(crate) fn raise_states(&mut self, k: usize) {
         let Memory { rows, stride, .. } = &mut self.memory;
         let over = 1.0 / (k + 1) as f64;
-        for (i, &rate) in self.field.rows.iter().enumerate() {
-            rows[(1 + i) * *stride + k + 1] = rows[rate + k] * over;
+        let mut next = *stride + k + 1;
+        for rate in &self.field.rows {
+            rows[next] = rows[rate + k] * over;
+            next += *stride;
         }
     }
 

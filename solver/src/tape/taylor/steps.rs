@@ -36,6 +36,9 @@ pub(crate) fn advance_all(
             Kind::Add => data[w] = data[a] + data[b],
             Kind::Sub => data[w] = data[a] - data[b],
             Kind::AddScaled => data[w] = data[a] + step.c * data[b],
+            // A factor or a divisor that is constant in time.
+            Kind::Mul if step.short == 0 => data[w] = data[step.b] * data[a],
+            Kind::Div if step.short == 0 => data[w] = data[a] / data[step.b],
             _ => advance(step, data, weights, k, stride),
         }
     }
