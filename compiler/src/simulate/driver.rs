@@ -337,7 +337,7 @@ fn assemble<'e>(
             ..Stats::default()
         },
         certificate: Certificate {
-            max_violation: outcome.drift.max(outcome.defect),
+            max_violation: outcome.violation,
             ..Certificate::default()
         },
         skipped: system.skipped.clone(),

@@ -90,7 +90,7 @@ impl Coefficients {
                 continue;
             }
             watched.expand(mode);
-            let order = mode.order;
+            let order = mode.memory.order;
             for c in watched.rows(&mode.memory, order) {
                 let last = |h: f64| (order - 1..=order).map(move |k| c[k].abs() * h.powi(k as i32));
                 for _ in 0..MAX_SHORTER {
@@ -130,7 +130,7 @@ impl Coefficients {
                     *register = mode.memory.values[slot];
                 }
                 tape.run(registers);
-                let rows = watched.rows(&mode.memory, mode.order);
+                let rows = watched.rows(&mode.memory, mode.memory.order);
                 let mut pairs = rows.zip(tape.results(registers));
                 if !pairs.all(|(c, value)| (series::value(c, tau) - value).abs() <= allowed) {
                     return false;
@@ -156,7 +156,7 @@ impl Coefficients {
             if mode.sides[watched.switch] != Side::Slide {
                 continue;
             }
-            let rows = watched.rows(&mode.memory, mode.order).zip(KINDS);
+            let rows = watched.rows(&mode.memory, mode.memory.order).zip(KINDS);
             let ranges = rows.flat_map(|(c, kind)| {
                 let above = (kind == Coefficient::Restitution).then_some((c, kind, -1.0, 1.0));
                 [Some((c, kind, 1.0, 0.0)), above].into_iter().flatten()
@@ -185,12 +185,8 @@ impl Coefficients {
 impl Watched {
     /// Expands along the states of the present mode.
     fn expand(&mut self, mode: &mut Mode) {
-        let Mode {
-            memory,
-            sides,
-            order,
-            ..
-        } = mode;
+        let Mode { memory, sides, .. } = mode;
+        let order = memory.order;
         if self.series.is_none() {
             let inputs = &self.impact.inputs;
             self.slots = inputs.iter().map(|&input| memory.slot(input)).collect();
@@ -218,7 +214,7 @@ impl Watched {
         } = memory;
         let series = self.series.iter();
         for steps in series.flat_map(|series| [&series.timed, &series.moving]) {
-            tape::fill_all(steps, rows, weights, *order + 1, *stride);
+            tape::fill_all(steps, rows, weights, order + 1, *stride);
         }
     }
 
@@ -241,7 +237,7 @@ impl Watched {
             let middle = 0.5 * (from + to);
             self.enclose(mode, t, middle, to - middle, &mut work.registers);
             tape.run(&mut work.registers);
-            let rows = self.rows(&mode.memory, mode.order).zip(KINDS);
+            let rows = self.rows(&mode.memory, mode.memory.order).zip(KINDS);
             let mut keep_range = true;
             for (ball, (c, kind)) in tape.results(&work.registers).zip(rows) {
                 let is_series = (series::value(c, middle) - ball.middle).abs() <= allowed;

@@ -146,7 +146,12 @@ impl NearRest<'_> {
     pub(crate) fn comes_to_rest(&mut self, state: &mut State) -> Option<Step> {
         let (mode, mut all) = (&mut *self.mode, 0..state.point.sides.len());
         let slowing = |i: &usize| {
-            if state.bands.armed[*i] || mode.slips_with(*i).is_none() {
+            if state.bands.armed[*i]
+                || mode
+                    .planes
+                    .slips_with(*i, &mode.system, &mode.sides)
+                    .is_none()
+            {
                 return false;
             }
             let bands = &mut state.bands;
@@ -176,7 +181,11 @@ impl NearRest<'_> {
     pub(crate) fn keeps_directions(&mut self, bands: &mut Bands, h: f64) -> f64 {
         let mut shorter = h;
         for i in 0..bands.width.len() {
-            let Some(other) = self.mode.slips_with(i) else {
+            let Some(other) = self
+                .mode
+                .planes
+                .slips_with(i, &self.mode.system, &self.mode.sides)
+            else {
                 continue;
             };
             if self.mode.psi(i).hypot(self.mode.psi(other)) <= self.lost(bands, i) {

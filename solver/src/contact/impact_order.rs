@@ -9,6 +9,7 @@ use super::impact::{Impacts, impact_of};
 use crate::event::state::State;
 use crate::expansion::scales::BAND;
 use crate::hybrid::{Note, Side, Status};
+use crate::selector::closing::Closing;
 
 /// Roundings of their terms by which equal gaps differ.
 const ROUNDINGS: f64 = 64.0;
@@ -78,7 +79,7 @@ impl Impacts<'_> {
         mode.surfaces.stand_for(switch, 0);
         let gap = mode.psi(switch).abs() * BAND / state.bands.width[switch];
         let is_near = gap <= self.settings.tolerance;
-        (is_near && mode.closing_speed(&state.scales, switch).is_some()).then_some(gap)
+        (is_near && (Closing { mode }).speed(&state.scales, switch).is_some()).then_some(gap)
     }
 
     /// Whether velocities are others where one of these contacts is struck before the rest.
@@ -126,7 +127,7 @@ impl Impacts<'_> {
             let mode = &mut *self.mode;
             mode.move_to(&state.point);
             let mut next = members.to_vec();
-            next.retain(|&i| mode.closing_speed(&state.scales, i).is_some());
+            next.retain(|&i| (Closing { mode }).speed(&state.scales, i).is_some());
             if next.is_empty() {
                 break;
             }

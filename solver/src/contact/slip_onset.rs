@@ -19,6 +19,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
+use crate::expansion::taylor::Expansion;
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
 use crate::integrate::step::Step;
@@ -107,6 +108,10 @@ impl SlipOnset<'_> {
             .is_some_and(|()| expansion.leaving.iter().all(starts))
     }
 
+    fn expansion(&mut self) -> Expansion<'_> {
+        Expansion { mode: self.mode }
+    }
+
     /// The powers of time that they set off with, from what would hold them.
     fn powers(
         &mut self,
@@ -116,9 +121,8 @@ impl SlipOnset<'_> {
         longest: f64,
     ) -> Option<()> {
         let mut held = alpha.to_vec();
-        self.mode
-            .expand(state.point.t, &state.point.x, &mut held)
-            .ok()?;
+        let (t, x) = (state.point.t, &state.point.x);
+        self.expansion().around(t, x, &mut held).ok()?;
         let places = 0..self.mode.sliding.len();
         let is_shared =
             |at: usize| self.mode.equations.tie(at).is_some() || self.mode.equations.is_held(at);
@@ -156,11 +160,11 @@ impl SlipOnset<'_> {
             }
         }
         self.direct(point, alpha)?;
-        self.mode.start_series(point.t, &point.x, alpha);
-        for k in 1..=self.mode.order {
-            self.mode.advance_field(k);
-            self.mode.raise_states(k);
-            self.mode.equate(k);
+        self.expansion().start_series(point.t, &point.x, alpha);
+        for k in 1..=self.mode.memory.order {
+            self.expansion().advance_field(k);
+            self.expansion().raise_states(k);
+            self.expansion().equate(k);
             for one in &self.leaving {
                 let known = one.known(k);
                 for (&i, known) in one.switches.iter().zip(known) {
@@ -181,10 +185,10 @@ impl SlipOnset<'_> {
                     one.rho.push(step);
                 }
             }
-            self.mode.take_alpha(k);
+            self.expansion().take_alpha(k);
         }
-        if self.mode.slips_in_a_plane() {
-            self.mode.cut_overflow();
+        if self.mode.planes.slip(&self.mode.system, &self.mode.sides) {
+            self.expansion().cut_overflow();
         }
         Some(())
     }
@@ -200,7 +204,7 @@ impl SlipOnset<'_> {
             self.mode.linearize_surfaces();
             self.mode.factor().ok()?;
             for at in 0..self.mode.sliding.len() {
-                self.mode.equations.rhs[at] = -self.mode.phi(self.mode.equations.switches[at]);
+                self.mode.equations.rhs[at] = -self.mode.phi(self.mode.equations.switches()[at]);
             }
             let mut ends = Vec::new();
             for one in &mut self.leaving {
@@ -222,7 +226,7 @@ impl SlipOnset<'_> {
             for (&i, step) in self
                 .mode
                 .equations
-                .switches
+                .switches()
                 .iter()
                 .zip(&self.mode.equations.rhs)
             {
@@ -245,11 +249,11 @@ impl SlipOnset<'_> {
     /// Solves A α_k - (k + 1) (ρ u₀ + ρ₀ u_k) = rhs with u₀ᵀ u_k given, where u_k belongs to the same order of w as ρ
     /// does for m = 1 alone. Leaves α_k in the right-hand sides, and returns ρ.
     fn solve_leaving(&mut self, k: usize, ends: &[f64]) -> Option<Vec<f64>> {
-        let n = self.mode.equations.switches.len();
+        let n = self.mode.equations.switches().len();
         let size = n + self.leaving.len();
         let mut matrix = vec![0.0; size * size];
-        for (row, &i) in self.mode.equations.switches.iter().enumerate() {
-            for (column, &j) in self.mode.equations.switches.iter().enumerate() {
+        for (row, &i) in self.mode.equations.switches().iter().enumerate() {
+            for (column, &j) in self.mode.equations.switches().iter().enumerate() {
                 matrix[row * size + column] = self.mode.coupling(i, j);
             }
         }
@@ -281,7 +285,7 @@ impl SlipOnset<'_> {
 
 /// Where a sliding switch is among the equations.
 fn place_of(mode: &Mode, switch: usize) -> Option<usize> {
-    let mut switches = mode.equations.switches.iter();
+    let mut switches = mode.equations.switches().iter();
     switches.position(|&i| i == switch)
 }
 
@@ -372,7 +376,7 @@ impl Stepper {
         goal: f64,
         t1: f64,
     ) -> Option<Step> {
-        let (order, tolerance) = (mode.order, self.local_tolerance);
+        let (order, tolerance) = (mode.memory.order, self.local_tolerance);
         let remaining = state.point.remaining(goal);
         mode.monitored.unobserved.clear();
         let longest = t1 - state.point.t;

@@ -158,7 +158,7 @@ impl Enumeration<'_> {
             }
             let mode = &mut self.mode;
             mode.vary(&alpha);
-            let states = mode.states_in_focus().iter();
+            let states = mode.focus.states.iter();
             choices.found.push(Choice {
                 sides: sides.to_vec(),
                 alpha: group.iter().map(|&i| alpha[i]).collect(),

@@ -299,7 +299,7 @@ impl Enumeration<'_> {
             alpha[i] = value;
         }
         mode.vary(&alpha);
-        let states = mode.states_in_focus().iter();
+        let states = mode.focus.states.iter();
         Some(Choice {
             sides: sides.to_vec(),
             alpha: group.iter().map(|&i| alpha[i]).collect(),

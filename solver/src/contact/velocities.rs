@@ -9,6 +9,7 @@
 
 use super::rows::Rows;
 use crate::event::state::State;
+use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
 use crate::hybrid::Side;
 use crate::linalg::redundancy::eliminate;
@@ -57,7 +58,7 @@ fn redirect_slips(mode: &mut Mode, state: &mut State) {
         if !slips || *side == Side::Slide || mode.system.across(i).is_some() {
             continue;
         }
-        let band = mode.band(i, state, 0.0);
+        let band = BandWidths { mode }.of(i, state, 0.0);
         if mode.psi(i) * side.sign() < -band {
             *side = Side::of(-side.sign());
         }

@@ -17,6 +17,7 @@
 use std::sync::Arc;
 
 use crate::event::state::{Jumps, State};
+use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{Effect, Guard, HybridSystem, Law, Side, Status};
 use crate::selector::closing::{Bent, Closing};
@@ -54,7 +55,7 @@ impl<'a> JumpLaws<'a> {
         near.retain(|&(_, switch)| {
             let closed = state.point.sides[switch] == Side::Slide;
             kept.extend(closed.then_some(switch));
-            mode.measure_bands(state, &[switch], t1 - state.point.t);
+            BandWidths { mode }.measure(state, &[switch], t1 - state.point.t);
             // What is met has no gap, even where projection has moved the state since.
             let is_near = closed
                 || met.contains(&switch)
@@ -73,7 +74,7 @@ impl<'a> JumpLaws<'a> {
         mode.move_to(&state.point);
         for &(l, switch) in &state.jumps.near {
             let closed = state.point.sides[switch] == Side::Slide;
-            if let Some(speed) = mode.closing_speed(&state.scales, switch) {
+            if let Some(speed) = (Closing { mode }).speed(&state.scales, switch) {
                 struck.push(l);
                 speeds.push((switch, speed));
             }

@@ -111,11 +111,6 @@ impl Simulator {
         self.mode.library.len()
     }
 
-    /// Projects the state onto the surfaces that its mode slides on; the largest drift.
-    pub(crate) fn project(&mut self, state: &mut State) -> f64 {
-        self.projection.project(&mut self.mode, state)
-    }
-
     /// The settings in force.
     pub fn settings(&self) -> &Settings {
         &self.settings
@@ -123,7 +118,7 @@ impl Simulator {
 
     /// Order of the Taylor series.
     pub fn order(&self) -> usize {
-        self.mode.order
+        self.mode.memory.order
     }
 
     /// Order of the implicit method that takes over where a mode is stiff.

@@ -23,8 +23,7 @@ struct History {
     chatter: chattering::Chatter,
     /// The mode before an accumulation of events, and where it ends.
     limit: Option<(Box<[Side]>, f64)>,
-    drift: f64,
-    defect: f64,
+    violation: f64,
     pace: Pace,
     /// Events in a row without progress in time.
     stalled: usize,
@@ -202,7 +201,7 @@ impl Simulator {
         goal: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        history.defect = f64::max(history.defect, step.defect);
+        history.violation = f64::max(history.violation, step.defect);
         if !step.implicit {
             state.window.close(&self.mode);
         }
@@ -214,8 +213,8 @@ impl Simulator {
             state.point.advance(step.length);
         }
         if !step.departs {
-            let drift = self.project(state);
-            history.drift = f64::max(history.drift, drift);
+            let drift = self.projection.project(&mut self.mode, state);
+            history.violation = f64::max(history.violation, drift);
         }
         state.scales.record(&state.point.x, step.length);
         state.report.stats.steps += 1;
@@ -324,7 +323,7 @@ impl Simulator {
         if from != state.point.sides {
             history.events.record(state.point.t, &from);
             history.chatter.record(state.point.t, &state.point.x, &from);
-            self.average(&mut history.chatter, state, t1)?;
+            history.chatter.average(self, state, t1)?;
         }
         let jumped = !state.jumps.fired.is_empty();
         let end = match jumped {
@@ -402,8 +401,7 @@ fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Out
             .iter()
             .map(|squares| squares.sqrt())
             .collect(),
-        drift: history.drift,
-        defect: history.defect,
+        violation: history.violation,
         complementarity: state.report.complementarity,
         notes: std::mem::take(&mut state.report.notes),
         approaches: std::mem::take(&mut state.approaches.known),

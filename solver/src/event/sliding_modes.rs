@@ -19,7 +19,7 @@ impl Simulator {
         switch: usize,
         held: &[usize],
     ) -> Option<Vec<SlidingMode>> {
-        self.pieces.until = self.mode.load(t);
+        self.pieces.until = self.mode.memory.load(&self.system, t);
         let mut alphas = vec![1.0; self.system.n_switches()];
         let mut sides = vec![Side::Plus; alphas.len()];
         sides[switch] = Side::Slide;

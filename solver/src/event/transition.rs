@@ -25,7 +25,7 @@ impl Simulator {
 
     /// Takes the pieces of data at the start, and the sides on which relays begin.
     pub(super) fn load(&mut self, state: &mut State) {
-        self.pieces.until = self.mode.load(state.point.t);
+        self.pieces.until = self.mode.memory.load(&self.system, state.point.t);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
         let sides = (0..state.point.sides.len()).map(relay);
         state.point.set_sides(sides.collect());

@@ -207,21 +207,19 @@ impl Chatter {
     }
 }
 
-impl Simulator {
+impl Chatter {
     /// Behind the last cycle: takes the state to where ψ of all its switches, and the derivatives of ψ that contain no
     /// α, are zero, and lets it slide there.
     pub(crate) fn average(
         &mut self,
-        chatter: &mut Chatter,
+        simulator: &mut Simulator,
         state: &mut State,
         t1: f64,
     ) -> Result<(), Status> {
-        let Some(last) = chatter.last.take_if(|last| last.until <= chatter.count) else {
+        let Some(last) = self.last.take_if(|last| last.until <= self.count) else {
             return Ok(());
         };
-        let ends = chatter
-            .ends(t1 - state.point.t)
-            .unwrap_or(Status::EventLimit);
+        let ends = self.ends(t1 - state.point.t).unwrap_or(Status::EventLimit);
         let (time, x, mut sides) = (
             state.point.t,
             state.point.x.clone(),
@@ -229,13 +227,13 @@ impl Simulator {
         );
         last.switches.iter().for_each(|&i| sides[i] = Side::Slide);
         state.point.set_sides(sides);
-        self.mode.enter(&state.point.sides);
-        let solved = self.mode.solve_alpha(time, &x, &mut state.point.alpha);
-        let mut slides = solved.is_ok() && is_affine(&mut self.mode, &state.point);
+        simulator.mode.enter(&state.point.sides);
+        let solved = simulator.mode.solve_alpha(time, &x, &mut state.point.alpha);
+        let mut slides = solved.is_ok() && is_affine(&mut simulator.mode, &state.point);
         if slides {
-            self.project(state);
-            let on = self.selector().place(state, t1 - time, &[])?;
-            self.pass(state, Met::Surfaces(on), t1)?;
+            simulator.projection.project(&mut simulator.mode, state);
+            let on = simulator.selector().place(state, t1 - time, &[])?;
+            simulator.pass(state, Met::Surfaces(on), t1)?;
             slides = last
                 .switches
                 .iter()
@@ -250,7 +248,7 @@ impl Simulator {
             switches: last.switches,
             heights: last.heights,
         });
-        *chatter = Chatter::default();
+        *self = Chatter::default();
         Ok(())
     }
 }

@@ -13,6 +13,7 @@ use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::{Bands, Scales};
 use crate::expansion::series;
+use crate::expansion::taylor::Expansion;
 use crate::hybrid::Side;
 use crate::hybrid::point::Point;
 
@@ -162,14 +163,15 @@ impl Approaches {
             sides[switch] = other;
             alpha[switch] = if other == Side::Plus { 1.0 } else { 0.0 };
             mode.enter(&sides);
-            let exists = mode.expand(approach.time, &approach.x, &mut alpha).is_ok();
+            let expanded = Expansion { mode }.around(approach.time, &approach.x, &mut alpha);
+            let exists = expanded.is_ok();
             mode.surfaces.linearize(switch, &mode.memory.values);
             approach
                 .gradient
                 .extend_from_slice(mode.surfaces.gradient(switch));
             approach.latches = mode.system.relay(switch).is_some();
             approach.strikes = strikes;
-            let order = mode.order + 1;
+            let order = mode.memory.order + 1;
             mode.surfaces.expand(switch, &mut mode.memory, order);
             let c = mode.psi_series(switch);
             if !approach.crosses {

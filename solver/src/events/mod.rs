@@ -1,6 +1,7 @@
 //! Location of events along a step: roots, grazing, accumulation.
 
 pub(crate) mod approach;
+pub(crate) mod bands;
 pub(crate) mod chattering;
 pub(crate) mod grazing;
 pub(crate) mod minima;

@@ -51,8 +51,10 @@ impl Window {
         self.length = if window.is_finite() { window } else { 0.0 };
         if self.length > 0.0 {
             for i in 0..mode.n {
-                self.before[i] =
-                    series::value(&mode.memory.series(mode.field.rows[i])[..mode.order], tau);
+                self.before[i] = series::value(
+                    &mode.memory.series(mode.field.rows[i])[..mode.memory.order],
+                    tau,
+                );
             }
         }
     }

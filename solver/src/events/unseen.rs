@@ -102,10 +102,10 @@ impl Unseen {
     pub(crate) fn suspect(&mut self, mode: &Mode, length: f64) {
         self.suspects.clear();
         // Friction along w/|w| has a divisor that falls to zero at rest, and its own steps towards that.
-        if mode.slips_in_a_plane() {
+        if mode.planes.slip(&mode.system, &mode.sides) {
             return;
         }
-        let (memory, n) = (&mode.memory, mode.order);
+        let (memory, n) = (&mode.memory, mode.memory.order);
         for (block, step) in &mode.field.listed().hiding {
             let suspect = Suspect::Rates(*block);
             if self.suspects.last() != Some(&suspect)

@@ -24,7 +24,7 @@ impl<'a> Dense<'a> {
     /// Degree of the polynomials.
     pub(crate) fn order(self) -> usize {
         match self {
-            Dense::Taylor(mode) => mode.order,
+            Dense::Taylor(mode) => mode.memory.order,
             Dense::Collocation(_, radau, _) => radau.degree(),
         }
     }
@@ -41,7 +41,7 @@ impl<'a> Dense<'a> {
     pub(crate) fn alpha(self, switch: usize) -> &'a [f64] {
         match self {
             Dense::Taylor(mode) => mode.alpha_series(switch),
-            Dense::Collocation(mode, radau, _) => radau.series(mode.unknown(switch)),
+            Dense::Collocation(mode, radau, _) => radau.series(place_of(mode, switch)),
         }
     }
 
@@ -144,4 +144,9 @@ impl Polynomials for ElementSeries {
     fn alpha(&self, switch: usize) -> &[f64] {
         self.row(self.n + switch)
     }
+}
+
+/// The place of a sliding α in y = (x, α_K).
+pub(crate) fn place_of(mode: &Mode, switch: usize) -> usize {
+    mode.n + mode.sliding.partition_point(|&i| i < switch)
 }

@@ -36,6 +36,8 @@ pub(crate) struct Memory {
     n_parameters: usize,
     /// Functions of time that are made of pieces.
     pub data: Vec<Arc<Piecewise>>,
+    /// The order of an expansion of the states.
+    pub order: usize,
     /// Length of a row: the orders of a series.
     pub stride: usize,
     /// The order up to which the last expansion has no term that overflows.
@@ -62,6 +64,7 @@ impl Memory {
             n_coefficients,
             n_parameters: system.parameters.len(),
             data: system.data.clone(),
+            order,
             stride,
             known: order,
             values: vec![0.0; n_slots],

@@ -19,7 +19,7 @@ use super::sliding::Sliding;
 use super::surfaces::Surfaces;
 use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Role, Side, Status};
+use crate::hybrid::{HybridSystem, Side};
 use crate::linalg::Singular;
 
 pub(crate) struct Mode {
@@ -28,33 +28,26 @@ pub(crate) struct Mode {
     /// K: the sliding switches.
     pub sliding: Vec<usize>,
     pub n: usize,
-    pub order: usize,
     pub(crate) memory: Memory,
     /// What has been made of forms.
     pub(crate) library: Library,
     pub(crate) field: Field,
     pub(crate) surfaces: Surfaces,
     pub(crate) equations: Sliding,
-    /// States that no projection moves in the present mode.
-    pub(crate) still: Vec<bool>,
     /// Switching functions that come in twos.
     pub(crate) planes: Planes,
-    /// Whether the components of `equations` are those of the present mode.
-    arranged: bool,
     pub monitored: Monitored,
-    focus: Focus,
+    pub focus: Focus,
 }
 
 /// A few switches whose α are varied while all else stays as it is.
 #[derive(Default)]
-struct Focus {
+pub(crate) struct Focus {
     switches: Vec<usize>,
-    states: Vec<usize>,
+    /// States that their ψ depend on, in order.
+    pub states: Vec<usize>,
     blocks: Vec<usize>,
 }
-
-/// α of a sliding mode that is so far outside of [0, 1] is none.
-const ASTRAY: f64 = 0.5;
 
 /// Newton iterations for α before the equations count as unsolvable.
 const MAX_NEWTON: usize = 30;
@@ -68,15 +61,12 @@ impl Mode {
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
             n,
-            order,
             memory: Memory::new(system, order),
             library: Library::new(system.clone()),
             field: Field::new(system),
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
-            still: vec![false; n],
             planes: Planes::new(system),
-            arranged: false,
             monitored: Monitored::new(system),
             focus: Focus::default(),
         }
@@ -110,7 +100,7 @@ impl Mode {
         self.sliding.clear();
         let slides = |&i: &usize| sides[i] == Side::Slide && !self.system.switches[i].rests();
         self.sliding.extend((0..sides.len()).filter(slides));
-        self.arranged = false;
+        self.equations.arranged = false;
     }
 
     /// Moves to a point where the α of some switches are to be varied.
@@ -144,11 +134,6 @@ impl Mode {
         }
     }
 
-    /// States that the ψ in focus depend on, in order.
-    pub(crate) fn states_in_focus(&self) -> &[usize] {
-        &self.focus.states
-    }
-
     /// Takes the switching functions of these sides, and no rates.
     pub(crate) fn enter_surfaces(&mut self, sides: &[Side]) {
         let functions = &mut self.library;
@@ -158,12 +143,6 @@ impl Mode {
     /// Functions taken up so far.
     pub(crate) fn n_functions(&self) -> usize {
         self.field.n_functions + self.surfaces.n_functions
-    }
-
-    /// Takes the coefficients of the pieces that hold from `t` on, and gives the instant at which
-    /// they change.
-    pub(crate) fn load(&mut self, t: f64) -> f64 {
-        self.memory.load(&self.system, t)
     }
 
     /// Moves to a point of a run without evaluating anything.
@@ -215,21 +194,12 @@ impl Mode {
         by_alpha.sum::<f64>() + self.surfaces.now(switch).mixed(alpha, &self.field.f)
     }
 
-    /// Finds what interacts while sliding, once per mode.
-    fn arrange(&mut self) {
-        if !self.arranged {
-            self.equations
-                .arrange(&self.sliding, &self.field, &self.surfaces);
-            self.hold_still();
-            self.arranged = true;
-        }
-    }
-
     /// Finds what interacts where a mode begins.
     pub(crate) fn start_equations(&mut self, point: &Point) {
         self.move_to(point);
         self.linearize_surfaces();
-        self.arrange();
+        self.equations
+            .arrange(&self.sliding, &self.field, &self.surfaces);
     }
 
     /// Factors A where the point is.
@@ -257,20 +227,21 @@ impl Mode {
             return Ok(());
         }
         self.linearize_surfaces();
-        self.arrange();
+        self.equations
+            .arrange(&self.sliding, &self.field, &self.surfaces);
         let mut last = f64::INFINITY;
         for _ in 0..MAX_NEWTON {
             self.factor()?;
             for at in 0..self.sliding.len() {
                 self.equations.rhs[at] = match self.equations.tie(at) {
                     _ if self.equations.is_held(at) => 0.0,
-                    None => self.phi(self.equations.switches[at]),
+                    None => self.phi(self.equations.switches()[at]),
                     Some(tie) => tie.residual(alpha),
                 };
             }
             self.equations.solve();
             let mut change = 0.0_f64;
-            for (&i, delta) in self.equations.switches.iter().zip(&self.equations.rhs) {
+            for (&i, delta) in self.equations.switches().iter().zip(&self.equations.rhs) {
                 alpha[i] -= delta;
                 change = change.max(delta.abs() / (1.0 + alpha[i].abs()));
             }
@@ -336,49 +307,5 @@ impl Mode {
     pub(crate) fn monitored_psi(&mut self, switch: usize) -> f64 {
         let (surfaces, values) = (&mut self.surfaces, &self.memory.values);
         self.planes.psi(switch, surfaces, values)
-    }
-
-    /// The other switch of a slip velocity with two entries that slips, of which this is the first one.
-    pub(crate) fn slips_with(&self, switch: usize) -> Option<usize> {
-        let is_off =
-            || self.sides[switch] != Side::Slide && !self.system.is_idle(switch, &self.sides);
-        self.system.second(switch).filter(|_| is_off())
-    }
-
-    /// Whether some contact slips with two entries.
-    pub(crate) fn slips_in_a_plane(&self) -> bool {
-        self.planes.any() && (0..self.sides.len()).any(|i| self.slips_with(i).is_some())
-    }
-
-    /// Why no step goes on from here.
-    pub(crate) fn stuck(&self) -> Status {
-        // An α that was not found makes rates infinite, and is not made so by them.
-        let is_lost = |&i: &usize| {
-            let alpha = self.memory.values[1 + self.n + i];
-            self.system.switches[i].is_nonlinear && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
-        };
-        let lost: Vec<usize> = self.sliding.iter().copied().filter(is_lost).collect();
-        if !lost.is_empty() {
-            return Status::SingularSliding { switches: lost };
-        }
-        let kept = self.sliding.iter().copied();
-        let kept: Vec<usize> = kept
-            .filter(|&i| self.system.role(i) != Role::Step)
-            .collect();
-        let states = self.field.f.iter().enumerate();
-        // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
-        let mut others = states.filter(|(i, _)| !self.system.is_algebraic(*i));
-        if self.sliding.is_empty()
-            || others.any(|(_, f)| !f.is_finite())
-            || kept.is_empty() && self.field.f.iter().any(|f| !f.is_finite())
-        {
-            return Status::NotFinite;
-        }
-        match kept.is_empty() {
-            true => Status::SingularSliding {
-                switches: self.sliding.clone(),
-            },
-            false => Status::HighIndex { switches: kept },
-        }
     }
 }

@@ -155,7 +155,8 @@ impl Monitor<'_> {
     pub(crate) fn expand(&mut self, switch: usize) {
         let mode = &mut *self.mode;
         for i in std::iter::once(switch).chain(mode.system.second(switch)) {
-            mode.surfaces.expand(i, &mut mode.memory, mode.order + 1);
+            let n = mode.memory.order + 1;
+            mode.surfaces.expand(i, &mut mode.memory, n);
             self.bands.measure(mode, i);
         }
         mode.planes.expand(switch, &mode.surfaces, &mode.memory);

@@ -5,7 +5,7 @@
 
 use super::layout::Memory;
 use super::surfaces::Surfaces;
-use crate::hybrid::HybridSystem;
+use crate::hybrid::{HybridSystem, Side};
 
 /// What is monitored of two switching functions, by the first of their switches.
 #[derive(Clone, Default)]
@@ -51,6 +51,22 @@ impl Planes {
     /// Whether the system has any.
     pub fn any(&self) -> bool {
         self.of.iter().any(Option::is_some)
+    }
+
+    /// The other switch of a pair that slips on these sides, of which this is the first one.
+    pub fn slips_with(
+        &self,
+        switch: usize,
+        system: &HybridSystem,
+        sides: &[Side],
+    ) -> Option<usize> {
+        let other = self.of[switch].as_ref()?.other;
+        (sides[switch] != Side::Slide || system.is_idle(switch, sides)).then_some(other)
+    }
+
+    /// Whether some pair slips on these sides.
+    pub fn slip(&self, system: &HybridSystem, sides: &[Side]) -> bool {
+        (0..self.of.len()).any(|i| self.slips_with(i, system, sides).is_some())
     }
 
     /// ψ, or w·d.

@@ -118,7 +118,10 @@ impl Scales {
     /// for as long as it is next to rest.
     fn forget_directions(&mut self, mode: &mut Mode) {
         for i in 0..mode.sides.len() {
-            let slips = mode.slips_with(i).is_some();
+            let slips = mode
+                .planes
+                .slips_with(i, &mode.system, &mode.sides)
+                .is_some();
             for &state in mode.planes.forgotten(i, slips) {
                 self.activity[state] = 0.0;
             }
@@ -243,8 +246,7 @@ impl Bands {
     /// Measures the size of the terms of ψ of a switch where the point is.
     pub(crate) fn measure(&mut self, mode: &mut Mode, switch: usize) {
         let (surfaces, values) = (&mut mode.surfaces, &mode.memory.values);
-        let perturbed = [&self.perturbed.first[..], &self.perturbed.second];
-        let terms = surfaces.terms(switch, values, perturbed, self.perturbed.share);
+        let terms = self.perturbed.terms_of_psi(surfaces, switch, values);
         // No change of its inputs shows what cancels within a ψ that is zero.
         self.terms[switch] = match self.armed[switch] && mode.system.switches[switch].is_plain() {
             true => terms.max(surfaces.running_error(switch, values) / f64::EPSILON),
@@ -257,7 +259,7 @@ impl Bands {
     pub(crate) fn roundings_of_direction(&self, mode: &mut Mode) -> f64 {
         let mut most = 0.0_f64;
         for i in 0..mode.sides.len() {
-            if let Some(other) = mode.slips_with(i) {
+            if let Some(other) = mode.planes.slips_with(i, &mode.system, &mode.sides) {
                 let terms = self.terms[i].max(self.terms[other]);
                 most = most.max(terms / mode.psi(i).hypot(mode.psi(other)));
             }
@@ -268,7 +270,7 @@ impl Bands {
     /// The same, once the terms of all such w have been measured.
     fn measure_directions(&mut self, mode: &mut Mode) -> f64 {
         for i in 0..mode.sides.len() {
-            if let Some(other) = mode.slips_with(i) {
+            if let Some(other) = mode.planes.slips_with(i, &mode.system, &mode.sides) {
                 self.measure(mode, i);
                 self.measure(mode, other);
             }

@@ -5,32 +5,40 @@
 //! state, and no α of one occurs in a rate of the other.
 
 use super::field::Field;
-use super::mode::Mode;
 use super::surfaces::Surfaces;
 use crate::linalg::redundancy::eliminate;
 use crate::linalg::{BlockLu, DenseLu, Singular};
 
+/// The sliding switches, cut into components that share no state and no α.
 #[derive(Default)]
-pub(crate) struct Sliding {
-    /// The sliding switches, component by component.
-    pub switches: Vec<usize>,
+struct Components {
+    /// Component by component, in order of their first switch.
+    switches: Vec<usize>,
     /// Where every component starts, and the end of the last one.
     starts: Vec<usize>,
     /// The place of a switch among `switches`.
     place: Vec<usize>,
+    /// By state: the first place that has it in its gradient.
+    owner: Vec<usize>,
+    parent: Vec<usize>,
+}
+
+/// The equations of a mode.
+#[derive(Default)]
+pub(crate) struct Sliding {
+    components: Components,
+    /// Whether the components are those of the present mode.
+    pub arranged: bool,
     lu: BlockLu,
     /// Signs of the determinants at the expansion point.
     orientation: Vec<f64>,
-    /// Right-hand side and solution, in order of `switches`.
+    /// Right-hand side and solution, component by component.
     pub rhs: Vec<f64>,
     /// Σ_l |∂φ_j/∂α_l|, by place: of the last matrix, and at the expansion point.
     row_sums: Vec<f64>,
     gains: Vec<f64>,
-    /// By state: the first place that has it in its gradient, or what a row of the Gram matrix is
-    /// made of.
-    owner: Vec<usize>,
+    /// By state: what a row of the Gram matrix is made of.
     scaled: Vec<f64>,
-    parent: Vec<usize>,
     /// By place: what takes the place of the equation of a switch whose surface another one has.
     ties: Vec<Option<Tie>>,
     /// By place: slip velocities that other surfaces keep at zero. α changes as little as it may.
@@ -65,37 +73,9 @@ impl Tie {
     }
 }
 
-impl Mode {
-    /// What ties α of a switch to that of another one before it in a list, where both surfaces are
-    /// kept by one equation.
-    pub(crate) fn tie(&self, switch: usize, among: &[usize]) -> Option<Tie> {
-        let before = among.iter().take_while(|&&other| other != switch);
-        let other = before
-            .copied()
-            .find(|&other| self.surfaces.is_same(switch, other))?;
-        let product = self.coupling(other, switch) * self.coupling(other, other);
-        let sign = if product < 0.0 { -1.0 } else { 1.0 };
-        Some(Tie {
-            switch,
-            other,
-            sign,
-        })
-    }
-}
-
-impl Sliding {
-    pub(crate) fn new(n_states: usize, n_switches: usize) -> Self {
-        Sliding {
-            place: vec![0; n_switches],
-            owner: vec![usize::MAX; n_states],
-            scaled: vec![0.0; n_states],
-            starts: vec![0],
-            ..Sliding::default()
-        }
-    }
-
-    /// Finds the components of the sliding switches.
-    pub(crate) fn arrange(&mut self, sliding: &[usize], field: &Field, surfaces: &Surfaces) {
+impl Components {
+    /// Finds them.
+    fn find(&mut self, sliding: &[usize], field: &Field, surfaces: &Surfaces) {
         self.parent.clear();
         self.parent.extend(0..sliding.len());
         for (at, &i) in sliding.iter().enumerate() {
@@ -131,10 +111,44 @@ impl Sliding {
         if !members.is_empty() {
             self.starts.push(members.len());
         }
-        self.lu.shape(&self.starts);
+    }
+}
+
+impl Sliding {
+    pub(crate) fn new(n_states: usize, n_switches: usize) -> Self {
+        Sliding {
+            components: Components {
+                place: vec![0; n_switches],
+                owner: vec![usize::MAX; n_states],
+                starts: vec![0],
+                ..Components::default()
+            },
+            scaled: vec![0.0; n_states],
+            ..Sliding::default()
+        }
+    }
+
+    /// The sliding switches, component by component.
+    pub(crate) fn switches(&self) -> &[usize] {
+        &self.components.switches
+    }
+
+    /// Finds the components of the sliding switches, once per mode.
+    pub(crate) fn arrange(&mut self, sliding: &[usize], field: &Field, surfaces: &Surfaces) {
+        if self.arranged {
+            return;
+        }
+        self.components.find(sliding, field, surfaces);
+        let Components {
+            switches,
+            starts,
+            place,
+            ..
+        } = &self.components;
+        self.lu.shape(starts);
         self.ties.clear();
-        for &switch in &self.switches {
-            let before = &self.switches[..self.place[switch]];
+        for &switch in switches {
+            let before = &switches[..place[switch]];
             let same = |&&other: &&usize| surfaces.is_same(switch, other);
             self.ties.push(before.iter().find(same).map(|&other| Tie {
                 switch,
@@ -150,13 +164,14 @@ impl Sliding {
         self.row_sums.clear();
         self.row_sums.resize(sliding.len(), 0.0);
         self.orientation.clear();
-        self.orientation.resize(self.starts.len() - 1, 1.0);
+        self.orientation.resize(starts.len() - 1, 1.0);
+        self.arranged = true;
     }
 
     /// Switches that do not interact with those of other components.
     pub(crate) fn components(&self) -> impl Iterator<Item = &[usize]> {
-        let ranges = self.starts.windows(2);
-        ranges.map(|range| &self.switches[range[0]..range[1]])
+        let ranges = self.components.starts.windows(2);
+        ranges.map(|range| &self.components.switches[range[0]..range[1]])
     }
 
     /// Factors A where gradients and slopes were last evaluated.
@@ -174,20 +189,24 @@ impl Sliding {
             let product = coefficient(tie.switch) * coefficient(tie.other);
             tie.sign = if product < 0.0 { -1.0 } else { 1.0 };
         }
-        for component in 0..self.starts.len() - 1 {
-            let (start, end) = (self.starts[component], self.starts[component + 1]);
+        for component in 0..self.components.starts.len() - 1 {
+            let (start, end) = (
+                self.components.starts[component],
+                self.components.starts[component + 1],
+            );
             let matrix = self.lu.matrix(component);
             for row in start..end {
                 if let Some(tie) = self.ties[row] {
                     for col in start..end {
-                        let entry = tie.derivative(self.switches[col]);
+                        let entry = tie.derivative(self.components.switches[col]);
                         matrix[(row - start) * (end - start) + col - start] = entry;
                     }
                     continue;
                 }
-                for &(state, g) in surfaces.gradient(self.switches[row]) {
+                for &(state, g) in surfaces.gradient(self.components.switches[row]) {
                     for (j, slope) in field.slopes(state) {
-                        matrix[(row - start) * (end - start) + self.place[j] - start] += g * slope;
+                        let column = self.components.place[j] - start;
+                        matrix[(row - start) * (end - start) + column] += g * slope;
                     }
                 }
             }
@@ -197,10 +216,10 @@ impl Sliding {
                     .take(end - start);
                 self.row_sums[row] = match self.ties[row] {
                     None => row_of.map(|v| v.abs()).sum(),
-                    Some(tie) => self.row_sums[self.place[tie.other]],
+                    Some(tie) => self.row_sums[self.components.place[tie.other]],
                 };
             }
-            let is_slip = |row: usize| surfaces.is_slip(self.switches[start + row]);
+            let is_slip = |row: usize| surfaces.is_slip(self.components.switches[start + row]);
             if !self.weighed && (0..end - start).any(is_slip) {
                 self.held[start..end].copy_from_slice(&held(matrix, end - start, is_slip));
             }
@@ -263,21 +282,24 @@ impl Sliding {
         size: impl Fn(usize) -> f64,
         is_left_out: impl Fn(usize) -> bool,
     ) -> Result<(), Singular> {
-        for component in 0..self.starts.len() - 1 {
-            let (start, end) = (self.starts[component], self.starts[component + 1]);
+        for component in 0..self.components.starts.len() - 1 {
+            let (start, end) = (
+                self.components.starts[component],
+                self.components.starts[component + 1],
+            );
             let matrix = self.lu.matrix(component);
             for row in start..end {
                 let follows = self.ties[row].is_some() || self.held[row];
-                if follows || is_left_out(self.switches[row]) {
+                if follows || is_left_out(self.components.switches[row]) {
                     matrix[(row - start) * (end - start) + row - start] = 1.0;
                     continue;
                 }
-                let gradient = surfaces.gradient(self.switches[row]);
+                let gradient = surfaces.gradient(self.components.switches[row]);
                 for &(state, g) in gradient {
                     self.scaled[state] = g * size(state).powi(2);
                 }
                 for col in start..end {
-                    let other = surfaces.gradient(self.switches[col]).iter();
+                    let other = surfaces.gradient(self.components.switches[col]).iter();
                     matrix[(row - start) * (end - start) + col - start] =
                         other.map(|&(state, g)| g * self.scaled[state]).sum();
                 }
@@ -291,7 +313,7 @@ impl Sliding {
 
     /// Σ_l |∂φ/∂α_l| of a sliding switch at the expansion point.
     pub(crate) fn gain(&self, switch: usize) -> f64 {
-        self.gains[self.place[switch]]
+        self.gains[self.components.place[switch]]
     }
 }
 

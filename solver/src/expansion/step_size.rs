@@ -64,7 +64,7 @@ impl StepSize<'_> {
     /// That of every ψ that is monitored.
     pub(crate) fn of_psi(&self, bands: &Bands, longest: f64) -> f64 {
         let (mode, tolerance) = (self.mode, self.tolerance);
-        self.grow(mode.order, longest, |h, last| {
+        self.grow(mode.memory.order, longest, |h, last| {
             for &i in &mode.monitored.switches {
                 if !mode.planes.is_affine(i, &mode.surfaces) {
                     let rounding = 8.0 * f64::EPSILON * bands.terms[i];
@@ -81,7 +81,7 @@ impl StepSize<'_> {
         let (memory, surfaces) = (&self.mode.memory, &self.mode.surfaces);
         let series = of.map(|i| memory.series(surfaces.row(i)));
         let speed = series[0][0].hypot(series[1][0]).max(SMALLEST);
-        self.grow(self.mode.order, longest, |_, last| {
+        self.grow(self.mode.memory.order, longest, |_, last| {
             series.into_iter().for_each(|c| last.see(c, speed));
         })
     }

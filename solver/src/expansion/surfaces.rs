@@ -335,27 +335,6 @@ impl Surfaces {
         matches!(self.now(switch).form, Form::Affine(_))
     }
 
-    /// Size of the terms of ψ, which may cancel, from two perturbations of all inputs by a small
-    /// `share` of themselves: one alone may change two terms by the same amount.
-    pub(crate) fn terms(
-        &mut self,
-        switch: usize,
-        values: &[f64],
-        perturbed: [&[f64]; 2],
-        share: f64,
-    ) -> f64 {
-        let local = &self.surfaces[self.slot[switch]];
-        if let Form::Affine(affine) = &local.known[local.now].form {
-            let terms = affine.terms.iter();
-            let sizes = terms.map(|&(state, c)| (c * values[1 + state]).abs());
-            return sizes.sum::<f64>() + (affine.time * values[0]).abs();
-        }
-        let psi = self.value(switch, values);
-        let differences = perturbed.map(|values| (self.value(switch, values) - psi).abs());
-        let size = differences[0].max(differences[1]) / share;
-        if size.is_finite() { size } else { 0.0 }
-    }
-
     /// True when ψ cannot vanish within a step h in which no state moves by more than its `reach`.
     pub(crate) fn stays_away(
         &mut self,

@@ -1,6 +1,8 @@
 //! Sizes of terms that may cancel, as changes of all inputs show them.
 
 use super::mode::Mode;
+use super::psi::Form;
+use super::surfaces::Surfaces;
 
 /// The golden and the silver ratio: their multiples disturb no two terms alike.
 const GOLDEN: f64 = 0.618_033_988_749_895;
@@ -47,11 +49,31 @@ impl Perturbed {
         perturb(&mut self.first, GOLDEN, share, mode);
     }
 
+    /// Size of the terms of ψ, which may cancel, as both changes show it: one alone may change two terms by the same
+    /// amount.
+    pub(super) fn terms_of_psi(
+        &self,
+        surfaces: &mut Surfaces,
+        switch: usize,
+        values: &[f64],
+    ) -> f64 {
+        if let Form::Affine(affine) = &surfaces.now(switch).form {
+            let terms = affine.terms.iter();
+            let sizes = terms.map(|&(state, c)| (c * values[1 + state]).abs());
+            return sizes.sum::<f64>() + (affine.time * values[0]).abs();
+        }
+        let psi = surfaces.value(switch, values);
+        let change = |inputs: &Vec<f64>| (surfaces.value(switch, inputs) - psi).abs();
+        let [first, second] = [&self.first, &self.second].map(change);
+        let size = first.max(second) / self.share;
+        if size.is_finite() { size } else { 0.0 }
+    }
+
     /// Evaluates f where what each w is made of differs by a share of itself, in the way that turns w/|w| most.
     pub(super) fn turn(&mut self, mode: &mut Mode) {
         self.first.clone_from(&self.second);
         for i in 0..mode.sides.len() {
-            let Some(other) = mode.slips_with(i) else {
+            let Some(other) = mode.planes.slips_with(i, &mode.system, &mode.sides) else {
                 continue;
             };
             let [d, e] = super::planes::direction([i, other].map(|k| mode.psi(k)));

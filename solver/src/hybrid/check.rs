@@ -17,44 +17,56 @@ impl HybridSystem {
     ///
     /// What refers to something that is not there, or is out of order.
     pub fn check(&self) -> Result<(), Fault> {
-        self.check_blocks()?;
-        self.check_switches()?;
-        self.check_surfaces()?;
-        self.laws.iter().try_for_each(|law| self.check_law(law))?;
-        let is_listed = is_listed(&self.algebraics, self.n_states());
+        Check { system: self }.all()
+    }
+}
+
+/// A system that is looked at.
+struct Check<'s> {
+    system: &'s HybridSystem,
+}
+
+impl Check<'_> {
+    fn all(&self) -> Result<(), Fault> {
+        self.blocks()?;
+        self.switches()?;
+        self.surfaces()?;
+        let mut laws = self.system.laws.iter();
+        laws.try_for_each(|law| self.law(law))?;
+        let is_listed = is_listed(&self.system.algebraics, self.system.n_states());
         must(is_listed, "algebraic states are states, in order")?;
-        let are_sound = self.data.iter().all(|data| data.is_sound());
+        let are_sound = self.system.data.iter().all(|data| data.is_sound());
         must(
             are_sound,
             "pieces of data follow each other, with as many coefficients each",
         )?;
-        let is_sorted = self.stops.is_sorted_by(|a, b| a <= b);
+        let is_sorted = self.system.stops.is_sorted_by(|a, b| a <= b);
         must(is_sorted, "stops are in order")
     }
 
-    fn check_blocks(&self) -> Result<(), Fault> {
+    fn blocks(&self) -> Result<(), Fault> {
         let mut states: Vec<usize> = Vec::new();
-        let blocks = self.blocks.iter();
+        let blocks = self.system.blocks.iter();
         blocks.for_each(|block| states.extend(&block.states));
         states.sort_unstable();
         let is_each = states.iter().enumerate().all(|(i, &state)| i == state);
         must(is_each, "every state has one rate")?;
         must(
-            self.rates.len() == self.blocks.len(),
+            self.system.rates.len() == self.system.blocks.len(),
             "every block has its rates",
         )?;
-        for (block, rates) in self.blocks.iter().zip(&self.rates) {
-            let is_listed = is_listed(&block.switches, self.n_switches());
+        for (block, rates) in self.system.blocks.iter().zip(&self.system.rates) {
+            let is_listed = is_listed(&block.switches, self.system.n_switches());
             must(is_listed, "blocks have switches, in order")?;
-            self.check_instance(rates, &block.switches, block.states.len())?;
+            self.instance(rates, &block.switches, block.states.len())?;
         }
         Ok(())
     }
 
-    fn check_switches(&self) -> Result<(), Fault> {
-        let n = self.n_switches();
+    fn switches(&self) -> Result<(), Fault> {
+        let n = self.system.n_switches();
         let mut end = n;
-        for (i, switch) in self.switches.iter().enumerate() {
+        for (i, switch) in self.system.switches.iter().enumerate() {
             let lists = [&switch.couplings, &switch.inside, &switch.idle_above];
             let are_listed = lists.into_iter().all(|list| is_listed(list, n));
             must(are_listed, "switches refer to switches, in order")?;
@@ -67,36 +79,41 @@ impl HybridSystem {
             end = derivatives.end;
             let is_paired = match switch.kind {
                 SwitchKind::Slip { of, across } => {
-                    of.is_none_or(|of| of < n && self.is_unilateral(of))
-                        && across.is_none_or(|j| j < n && j != i && self.across(j) == Some(i))
+                    of.is_none_or(|of| of < n && self.system.is_unilateral(of))
+                        && across
+                            .is_none_or(|j| j < n && j != i && self.system.across(j) == Some(i))
                 }
                 SwitchKind::Member(j) => {
-                    j < n && j != i && self.switches[j].kind == SwitchKind::Member(i)
+                    j < n && j != i && self.system.switches[j].kind == SwitchKind::Member(i)
                 }
                 _ => true,
             };
             must(is_paired, "switches that belong together name each other")?;
         }
-        must(self.surfaces.len() == end, "every switch has its functions")
+        must(
+            self.system.surfaces.len() == end,
+            "every switch has its functions",
+        )
     }
 
-    fn check_surfaces(&self) -> Result<(), Fault> {
-        for (i, switch) in self.switches.iter().enumerate() {
+    fn surfaces(&self) -> Result<(), Fault> {
+        for (i, switch) in self.system.switches.iter().enumerate() {
             for at in [i].into_iter().chain(switch.derivatives.clone()) {
-                self.check_instance(&self.surfaces[at], &switch.inside, 1)?;
+                self.instance(&self.system.surfaces[at], &switch.inside, 1)?;
             }
         }
         Ok(())
     }
 
     /// An instance of a form with this number of functions, and no other α than those of `switches`.
-    fn check_instance(
+    fn instance(
         &self,
         instance: &Instance,
         switches: &[usize],
         n_functions: usize,
     ) -> Result<(), Fault> {
         let form = self
+            .system
             .forms
             .get(instance.form)
             .ok_or("instances are of a form")?;
@@ -111,7 +128,7 @@ impl HybridSystem {
             "a form has all of its inputs",
         )?;
         for (&input, &argument) in instance.inputs.iter().zip(&form.arguments) {
-            self.check_input(input)?;
+            self.input(input)?;
             let is_alpha = |switch| {
                 let is_argument = matches!(
                     argument,
@@ -132,8 +149,8 @@ impl HybridSystem {
         Ok(())
     }
 
-    fn check_law(&self, law: &Law) -> Result<(), Fault> {
-        let n = self.n_switches();
+    fn law(&self, law: &Law) -> Result<(), Fault> {
+        let n = self.system.n_switches();
         let strikes = match &law.guard {
             Guard::Sides { switches, holds } => {
                 let is_of = holds.n_inputs() == switches.len() && holds.n_outputs() == 1;
@@ -144,7 +161,7 @@ impl HybridSystem {
                 None
             }
             Guard::Strikes(switch) => {
-                let is_met = *switch < n && self.is_unilateral(*switch);
+                let is_met = *switch < n && self.system.is_unilateral(*switch);
                 must(is_met, "what is struck is a unilateral surface")?;
                 Some(*switch)
             }
@@ -152,13 +169,15 @@ impl HybridSystem {
         let (inputs, tape) = match &law.effect {
             Effect::Reset(reset) => {
                 let is_whole = reset.values.n_outputs() == reset.states.len();
-                let are_states = reset.states.iter().all(|i| *i < self.n_states());
+                let are_states = reset.states.iter().all(|i| *i < self.system.n_states());
                 must(is_whole && are_states, "a reset sets states")?;
                 (&reset.inputs, &reset.values)
             }
             Effect::Impact(impact) => {
                 let slips = &impact.slips;
-                let are_slips = slips.iter().all(|i| *i < n && self.slip_of(*i) == strikes);
+                let are_slips = slips
+                    .iter()
+                    .all(|i| *i < n && self.system.slip_of(*i) == strikes);
                 must(
                     strikes.is_some() && are_slips,
                     "an impact is that of a contact",
@@ -175,15 +194,15 @@ impl HybridSystem {
             tape.n_inputs() == inputs.len(),
             "a law has all of its inputs",
         )?;
-        inputs.iter().try_for_each(|&input| self.check_input(input))
+        inputs.iter().try_for_each(|&input| self.input(input))
     }
 
-    fn check_input(&self, input: Input) -> Result<(), Fault> {
+    fn input(&self, input: Input) -> Result<(), Fault> {
         let is_there = match input {
-            Input::State(i) => i < self.n_states(),
-            Input::Alpha(i) => i < self.n_switches(),
-            Input::Coefficient(i) => i < self.n_coefficients(),
-            Input::Parameter(i) => i < self.parameters.len(),
+            Input::State(i) => i < self.system.n_states(),
+            Input::Alpha(i) => i < self.system.n_switches(),
+            Input::Coefficient(i) => i < self.system.n_coefficients(),
+            Input::Parameter(i) => i < self.system.parameters.len(),
             Input::Time | Input::Number(_) => true,
         };
         must(is_there, "inputs are there")

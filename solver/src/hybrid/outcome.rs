@@ -22,10 +22,9 @@ pub struct Outcome {
     pub activity: Vec<f64>,
     /// What rounding may have moved each state by, through the times of events.
     pub moved: Vec<f64>,
-    /// Largest |ψ| seen on a sliding surface, relative to the size of its terms.
-    pub drift: f64,
-    /// Largest ‖x' - f‖ h at the end of a step, relative to the tolerance's scale.
-    pub defect: f64,
+    /// By how much the run misses its equations at most: |ψ| on a sliding surface, relative to the size of its terms, and
+    /// ‖x' - f‖ h at the end of a step, relative to the tolerance's scale.
+    pub violation: f64,
     /// Largest residual of the complementarity problems of contacts, relative to the size of their rates.
     pub complementarity: f64,
     /// What it went on from although it could not be sure.
@@ -49,8 +48,7 @@ impl Outcome {
             sides,
             activity: vec![0.0; n],
             moved: vec![0.0; n],
-            drift: 0.0,
-            defect: 0.0,
+            violation: 0.0,
             complementarity: 0.0,
             notes: Vec::new(),
             approaches: Vec::new(),

@@ -3,7 +3,7 @@
 use crate::contact::stabilization::{Constraint, Stabilization};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::Scales;
+use crate::expansion::scales::{Scales, refill};
 use crate::hybrid::Role;
 use crate::hybrid::point::Point;
 use crate::linalg::Singular;
@@ -24,6 +24,8 @@ pub(crate) struct Projection {
     placed: Vec<bool>,
     /// The least mobility of states in the norm of their sizes.
     least: Vec<f64>,
+    /// The states that are not moved: those that determine algebraic ones and nothing else that slides.
+    still: Vec<bool>,
 }
 
 impl Projection {
@@ -41,6 +43,7 @@ impl Projection {
             .filter(|&&i| !mode.system.switches[i].is_contact());
         let deepest = others.map(|&i| mode.surfaces.n_derivatives(i)).max();
         let deepest = deepest.unwrap_or(0);
+        self.hold_still(mode);
         self.contacts.find(mode);
         let mut placed = std::mem::take(&mut self.placed);
         for round in 0..ROUNDS {
@@ -95,7 +98,7 @@ impl Projection {
         mode.linearize_surfaces();
         let mut worst = 0.0_f64;
         for at in 0..mode.sliding.len() {
-            let i = mode.equations.switches[at];
+            let i = mode.equations.switches()[at];
             if self.contacts.takes(mode, i, Constraint::of(order)) {
                 mode.equations.rhs[at] = 0.0;
                 continue;
@@ -128,20 +131,44 @@ impl Projection {
         (worst, factored)
     }
 
+    /// Finds the states that are not moved in the present mode.
+    fn hold_still(&mut self, mode: &Mode) {
+        refill(&mut self.still, mode.n, false);
+        for component in mode.equations.components() {
+            if component.iter().any(|&i| mode.system.role(i) == Role::Step) {
+                continue;
+            }
+            for &i in component {
+                for &(j, _) in mode.surfaces.gradient(i) {
+                    self.still[j] = !mode.system.is_algebraic(j);
+                }
+            }
+        }
+    }
+
+    /// How far state j may be moved, in relation to others.
+    fn mobility(&self, mode: &Mode, scales: &Scales, j: usize) -> f64 {
+        match scales.size(j) {
+            _ if self.still[j] => 0.0,
+            0.0 if mode.system.is_algebraic(j) => 1.0,
+            size => size,
+        }
+    }
+
     /// The least mobility of states that have any.
     fn find_least(&mut self, mode: &Mode, scales: &Scales, order: Option<usize>, worst: f64) {
-        let (contacts, least) = (&self.contacts, &mut self.least);
-        least.clear();
-        least.resize(mode.n, 0.0);
+        let mut least = std::mem::take(&mut self.least);
+        refill(&mut least, mode.n, 0.0);
         let left = mode.sliding.iter().filter(|_| worst > ASTRAY);
-        for &i in left.filter(|&&i| !contacts.takes(mode, i, Constraint::of(order))) {
+        for &i in left.filter(|&&i| !self.contacts.takes(mode, i, Constraint::of(order))) {
             let terms = mode.surfaces.gradient(i).iter();
-            let sizes = terms.map(|&(j, _)| mode.mobility(scales, j));
+            let sizes = terms.map(|&(j, _)| self.mobility(mode, scales, j));
             let share = SMALLEST * sizes.fold(0.0_f64, f64::max);
             for &(j, _) in mode.surfaces.gradient(i) {
                 least[j] = share.max(least[j]);
             }
         }
+        self.least = least;
     }
 
     /// Moves x by what the right sides of the equations ask for, but for states that stay.
@@ -153,7 +180,7 @@ impl Projection {
         order: Option<usize>,
         stays: impl Fn(usize) -> bool,
     ) -> Result<(), Singular> {
-        let mobility = |mode: &Mode, scales: &Scales, j: usize| match mode.mobility(scales, j) {
+        let moves = |mode: &Mode, j: usize| match self.mobility(mode, scales, j) {
             _ if stays(j) => 0.0,
             // What has never moved does not begin to.
             0.0 => 0.0,
@@ -162,14 +189,14 @@ impl Projection {
         let mut equations = std::mem::take(&mut mode.equations);
         let factored = equations.factor_gram(
             &mode.surfaces,
-            |j| mobility(mode, scales, j),
+            |j| moves(mode, j),
             |i| self.contacts.takes(mode, i, Constraint::of(order)),
         );
         if factored.is_ok() {
             equations.solve();
-            for (&i, multiplier) in equations.switches.iter().zip(&equations.rhs) {
+            for (&i, multiplier) in equations.switches().iter().zip(&equations.rhs) {
                 for &(j, g) in mode.surfaces.gradient(i) {
-                    point.x[j] -= g * multiplier * mobility(mode, scales, j).powi(2);
+                    point.x[j] -= g * multiplier * moves(mode, j).powi(2);
                 }
             }
         }
@@ -198,32 +225,5 @@ fn step_onto_each(mode: &mut Mode, point: &mut Point, scales: &Scales, order: us
             }
         }
         mode.surfaces.stand_for(i, highest);
-    }
-}
-
-impl Mode {
-    /// Finds the states that are not moved where drift is projected away: those that determine algebraic ones and
-    /// nothing else that slides.
-    pub(crate) fn hold_still(&mut self) {
-        self.still.fill(false);
-        for component in self.equations.components() {
-            if component.iter().any(|&i| self.system.role(i) == Role::Step) {
-                continue;
-            }
-            for &i in component {
-                for &(j, _) in self.surfaces.gradient(i) {
-                    self.still[j] = !self.system.is_algebraic(j);
-                }
-            }
-        }
-    }
-
-    /// How far state j may be moved in a projection, in relation to others.
-    fn mobility(&self, scales: &Scales, j: usize) -> f64 {
-        match scales.size(j) {
-            _ if self.still[j] => 0.0,
-            0.0 if self.system.is_algebraic(j) => 1.0,
-            size => size,
-        }
     }
 }

@@ -5,7 +5,7 @@
 
 use super::radau::{Implicit, Radau, Shape, Start};
 use super::singular_rates::{outgrows, unseen_roots};
-use super::step::Step;
+use super::step::{Step, stuck};
 use super::stepper::Stepper;
 use super::stiffness::worth;
 use super::watch::{Watch, first_event, is_at_end, met, simultaneous, verify_start};
@@ -13,12 +13,13 @@ use crate::event::state::{State, Trial};
 use crate::events::grazing::Grazing;
 use crate::events::roots::{Root, RootFinder};
 use crate::events::unseen::Unseen;
-use crate::expansion::dense::Dense;
+use crate::expansion::dense::{Dense, place_of};
 use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::{Bands, ROUNDINGS};
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
+use crate::expansion::taylor::Expansion;
 use crate::hybrid::{Side, Stats, Status};
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
@@ -61,7 +62,7 @@ impl Stepper {
         let look = self.stiffness.wants_series();
         let mut alpha = std::mem::take(&mut state.point.alpha);
         let solved = if look {
-            mode.expand(state.point.t, &state.point.x, &mut alpha)
+            Expansion { mode }.around(state.point.t, &state.point.x, &mut alpha)
         } else {
             mode.start(state.point.t, &state.point.x, &mut alpha)
         };
@@ -70,7 +71,7 @@ impl Stepper {
         (state.scales).measure_held(mode, &state.point, &state.bands, remaining);
         state.point.alpha = alpha;
         if solved.is_err() {
-            return Err(mode.stuck());
+            return Err(stuck(mode));
         }
         if look {
             let tolerance = self.local_tolerance;
@@ -83,7 +84,11 @@ impl Stepper {
             work: &mut self.workspace,
         };
         stiff.write_start(state, &mut start);
-        let mut radau = self.stiffness.take(mode.shape());
+        let shape = Shape {
+            states: mode.n,
+            algebraic: mode.sliding.len(),
+        };
+        let mut radau = self.stiffness.take(shape);
         let step = self.attempts(mode, &mut radau, &start, state, t1);
         count(&mut state.report.stats, &mut radau);
         self.stiffness.give_back(radau);
@@ -181,20 +186,6 @@ fn accept(state: &mut State, radau: &Radau, length: f64) {
     }
     state.scales.last_step = length;
     state.report.stats.implicit_steps += 1;
-}
-
-impl Mode {
-    fn shape(&self) -> Shape {
-        Shape {
-            states: self.n,
-            algebraic: self.sliding.len(),
-        }
-    }
-
-    /// The place of a sliding α in y = (x, α_K).
-    pub(crate) fn unknown(&self, switch: usize) -> usize {
-        self.n + self.sliding.partition_point(|&i| i < switch)
-    }
 }
 
 /// Where an event cuts a step.
@@ -335,12 +326,12 @@ impl Stiff<'_> {
                 (self.mode.psi(i), self.mode.phi(i))
             }
             Watch::Bound(i, limit) => {
-                let row = self.mode.unknown(i);
+                let row = place_of(self.mode, i);
                 let slope = series::slope(radau.series(row), tau);
                 (radau.end(start, row) - limit, slope)
             }
             Watch::Disc(i) => {
-                let row = |i: usize| self.mode.unknown(i);
+                let row = |i: usize| place_of(self.mode, i);
                 let entries = std::iter::once(i)
                     .chain(self.mode.system.second(i))
                     .map(row);
@@ -562,7 +553,7 @@ impl Implicit for Stiff<'_> {
         let (by_f, by_phi) = matrix.split_at_mut(n * width);
         for (state, row) in by_f.chunks_mut(width).enumerate() {
             for (switch, slope) in mode.field.slopes(state) {
-                row[mode.unknown(switch)] += slope;
+                row[place_of(mode, switch)] += slope;
             }
         }
         for (row, &i) in by_phi.chunks_mut(width).zip(&mode.sliding) {

@@ -9,7 +9,7 @@
 //! so short that f changes in it by less than the tolerance of x over h: the error is a fraction of that, since f - f₀
 //! grows like a power of time.
 
-use super::step::Step;
+use super::step::{Step, stuck};
 use super::stepper::Stepper;
 use super::watch::{first_event, simultaneous};
 use crate::event::state::State;
@@ -18,6 +18,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::Bands;
 use crate::expansion::scales::SMALLEST;
+use crate::expansion::taylor::MODERATE;
 use crate::hybrid::point::Point;
 use crate::hybrid::{Side, Status};
 
@@ -60,55 +61,23 @@ pub(crate) struct Longest {
     is_shortest: bool,
 }
 
-/// Terms of series below this do not overflow by the next one.
-pub(crate) const MODERATE: f64 = 1e100;
+/// Straight steps in a mode.
+pub(crate) struct StraightSteps<'m> {
+    pub mode: &'m mut Mode,
+}
 
-impl Mode {
-    /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are
-    /// switches with roots, close to which terms grow, too. Close to a pole those below it are not moderate.
-    pub(crate) fn ends_at_root(&self) -> bool {
-        let has_roots = self.system.has_roots();
-        let ends = |series: &[f64]| {
-            let grows = |c: &&f64| has_roots && c.is_finite();
-            let moderate = |c: &&f64| c.abs() < MODERATE || grows(c);
-            let first = series.iter().take_while(moderate).count();
-            series.get(first).is_some_and(|c| !c.is_finite())
-        };
-        (0..self.n).any(|i| ends(self.x_series(i)))
-    }
-
-    /// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say
-    /// nothing.
-    pub(crate) fn is_on_root(&self, bands: &Bands) -> bool {
-        let mut switches = self.system.switches.iter().zip(&bands.armed);
-        switches.any(|(switch, armed)| switch.has_root && *armed)
-    }
-
-    /// Leaves the terms of all series below order `end`, and below the first one of a state that is no number; false where
-    /// that leaves less than all.
-    pub(crate) fn cut_short(&mut self, end: usize) -> bool {
-        let orders = 1..=self.order;
-        let mut broken = orders.filter(|&k| (0..self.n).any(|i| !self.x_series(i)[k].is_finite()));
-        let end = end.min(broken.next().unwrap_or(usize::MAX));
-        if end > self.order {
-            return true;
-        }
-        let of_states = (0..self.n).map(|i| (self.memory.state(i), end));
-        let of_rates = self.field.rows.iter().map(|&row| (row, end - 1));
-        let of_alphas = self.sliding.iter().map(|&i| (self.memory.alpha(i), end));
-        let starts: Vec<_> = of_states.chain(of_rates).chain(of_alphas).collect();
-        for (start, end) in starts {
-            self.memory.rows[start + end.max(1)..=start + self.order].fill(0.0);
-        }
-        false
-    }
-
+impl StraightSteps<'_> {
     /// The longest straight step up to `longest` that is accurate; none where f is not finite.
-    pub(crate) fn line(&mut self, state: &State, tolerance: f64, longest: f64) -> Option<Longest> {
+    pub(crate) fn longest(
+        &mut self,
+        state: &State,
+        tolerance: f64,
+        longest: f64,
+    ) -> Option<Longest> {
         let mut alpha = state.point.alpha.clone();
         let (t, x) = (state.point.t, &state.point.x);
-        self.solve_alpha(t, x, &mut alpha).ok()?;
-        let start = self.field.f.clone();
+        self.mode.solve_alpha(t, x, &mut alpha).ok()?;
+        let start = self.mode.field.f.clone();
         if !start.iter().all(|f| f.is_finite()) {
             return None;
         }
@@ -123,9 +92,10 @@ impl Mode {
             _ => longest,
         };
         let soon = ahead(EARLY * longest, &start);
-        self.solve_alpha(t + EARLY * longest, &soon, &mut alpha)
+        self.mode
+            .solve_alpha(t + EARLY * longest, &soon, &mut alpha)
             .ok()?;
-        let early = self.field.f.clone();
+        let early = self.mode.field.f.clone();
         // What starts at zero is as large as its rate makes it.
         let sizes = |f: &[f64]| -> Vec<f64> {
             let size = |(i, early): (usize, &f64)| match state.scales.largest[i].max(x[i].abs()) {
@@ -136,20 +106,22 @@ impl Mode {
         };
         for _ in 0..MAX_TRIES {
             let middle = ahead(0.5 * h, &start);
-            self.solve_alpha(t + 0.5 * h, &middle, &mut alpha).ok()?;
-            let rates = self.field.f.clone();
+            self.mode
+                .solve_alpha(t + 0.5 * h, &middle, &mut alpha)
+                .ok()?;
+            let rates = self.mode.field.f.clone();
             let of_middle = alpha.clone();
             let end = ahead(h, &rates);
-            self.solve_alpha(t + h, &end, &mut alpha).ok()?;
-            let sizes = sizes(&self.field.f);
-            let is_accurate = (0..self.n).all(|i| {
-                let change = (self.field.f[i] - start[i])
+            self.mode.solve_alpha(t + h, &end, &mut alpha).ok()?;
+            let sizes = sizes(&self.mode.field.f);
+            let is_accurate = (0..self.mode.n).all(|i| {
+                let change = (self.mode.field.f[i] - start[i])
                     .abs()
                     .max((rates[i] - start[i]).abs());
                 SHARE * h * change <= tolerance * sizes[i]
             });
             let keeps = |(i, before): &(usize, f64)| {
-                let change = self.surfaces.rate(*i, &rates) - before;
+                let change = self.mode.surfaces.rate(*i, &rates) - before;
                 *before == 0.0 || change.abs() <= STEADY * before.abs()
             };
             if is_accurate && left.iter().all(keeps) || h <= shortest {
@@ -171,10 +143,13 @@ impl Mode {
     /// The rates with which ψ of switches with roots leave their surfaces.
     fn rates_left(&mut self, bands: &Bands, f: &[f64]) -> Vec<(usize, f64)> {
         let mut left = Vec::new();
-        for i in 0..self.sides.len() {
-            if self.system.switches[i].has_root && bands.armed[i] && self.sides[i] != Side::Slide {
-                self.surfaces.linearize(i, &self.memory.values);
-                left.push((i, self.surfaces.rate(i, f)));
+        for i in 0..self.mode.sides.len() {
+            if self.mode.system.switches[i].has_root
+                && bands.armed[i]
+                && self.mode.sides[i] != Side::Slide
+            {
+                self.mode.surfaces.linearize(i, &self.mode.memory.values);
+                left.push((i, self.mode.surfaces.rate(i, f)));
             }
         }
         left
@@ -188,28 +163,28 @@ impl Mode {
         tolerance: f64,
         longest: f64,
     ) -> Vec<f64> {
-        let Some(Longest { line, .. }) = self.line(state, tolerance, longest) else {
+        let Some(Longest { line, .. }) = self.longest(state, tolerance, longest) else {
             return vec![f64::NAN; switches.len()];
         };
         let middle = state.point.x.iter().zip(&line.rates);
         let middle: Vec<f64> = middle.map(|(x, f)| x + 0.5 * line.length * f).collect();
         let mut alpha = line.alpha;
         let at = state.point.t + 0.5 * line.length;
-        if self.solve_alpha(at, &middle, &mut alpha).is_err() {
+        if self.mode.solve_alpha(at, &middle, &mut alpha).is_err() {
             return vec![f64::NAN; switches.len()];
         }
         let rate = |&i: &usize| {
-            self.surfaces.linearize(i, &self.memory.values);
-            self.phi(i)
+            self.mode.surfaces.linearize(i, &self.mode.memory.values);
+            self.mode.phi(i)
         };
         switches.iter().map(rate).collect()
     }
 
     /// Takes a straight line as the series of the step.
     pub(crate) fn lay(&mut self, point: &Point, line: &Line) {
-        let stride = self.memory.stride;
+        let stride = self.mode.memory.stride;
         let mut set = |start: usize, value: f64, rate: f64| {
-            let row = &mut self.memory.rows[start..start + stride];
+            let row = &mut self.mode.memory.rows[start..start + stride];
             row.fill(0.0);
             (row[0], row[1]) = (value, rate);
         };
@@ -217,14 +192,14 @@ impl Mode {
         for (i, (&x, &rate)) in point.x.iter().zip(&line.rates).enumerate() {
             set((1 + i) * stride, x, rate);
         }
-        for &i in &self.sliding {
-            set((1 + self.n + i) * stride, line.alpha[i], 0.0);
+        for &i in &self.mode.sliding {
+            set((1 + self.mode.n + i) * stride, line.alpha[i], 0.0);
         }
-        for (&row, &rate) in self.field.rows.iter().zip(&line.rates) {
-            self.memory.rows[row..row + stride].fill(0.0);
-            self.memory.rows[row] = rate;
+        for (&row, &rate) in self.mode.field.rows.iter().zip(&line.rates) {
+            self.mode.memory.rows[row..row + stride].fill(0.0);
+            self.mode.memory.rows[row] = rate;
         }
-        self.memory.set(point.t, &point.x, &line.alpha);
+        self.mode.memory.set(point.t, &point.x, &line.alpha);
     }
 }
 
@@ -272,11 +247,11 @@ impl Stepper {
         let (tolerance, allowed) = (self.local_tolerance, self.allowed_defect(mode));
         let mut longest = remaining;
         for _ in 0..MAX_TRIES {
-            let Some(found) = mode.line(state, tolerance, longest) else {
+            let Some(found) = (StraightSteps { mode }).longest(state, tolerance, longest) else {
                 break;
             };
             let line = found.line;
-            mode.lay(&state.point, &line);
+            StraightSteps { mode }.lay(&state.point, &line);
             let bands = &mut state.bands;
             Monitor { mode, bands }.watch(tolerance, &state.scales, line.length);
             self.unseen.suspect_all(mode);
@@ -288,6 +263,26 @@ impl Stepper {
             }
             longest = SHORTER * line.length;
         }
-        Err(mode.stuck())
+        Err(stuck(mode))
     }
+}
+
+/// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are
+/// switches with roots, close to which terms grow, too. Close to a pole those below it are not moderate.
+pub(crate) fn ends_at_root(mode: &Mode) -> bool {
+    let has_roots = mode.system.has_roots();
+    let ends = |series: &[f64]| {
+        let grows = |c: &&f64| has_roots && c.is_finite();
+        let moderate = |c: &&f64| c.abs() < MODERATE || grows(c);
+        let first = series.iter().take_while(moderate).count();
+        series.get(first).is_some_and(|c| !c.is_finite())
+    };
+    (0..mode.n).any(|i| ends(mode.x_series(i)))
+}
+
+/// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say
+/// nothing.
+pub(crate) fn is_on_root(mode: &Mode, bands: &Bands) -> bool {
+    let mut switches = mode.system.switches.iter().zip(&bands.armed);
+    switches.any(|(switch, armed)| switch.has_root && *armed)
 }

@@ -13,14 +13,16 @@
 //!
 //! φ₀ is the rate where the switch is on `Slide`, in which there are no roots.
 
-use super::singular::Line;
-use super::step::Step;
+use super::singular::{Line, StraightSteps};
+use super::step::{Step, stuck};
 use crate::event::state::State;
+use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::{BAND, Bands, Scales};
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
+use crate::expansion::taylor::Expansion;
 use crate::hybrid::{Settings, Side, Status};
 
 /// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.
@@ -65,41 +67,33 @@ pub(crate) struct Settling {
     pub moves: Vec<f64>,
 }
 
-impl Mode {
+/// Switches whose rates have roots of their ψ, in a mode.
+pub(crate) struct Roots<'m> {
+    pub mode: &'m mut Mode,
+}
+
+impl Roots<'_> {
     /// Whether a switch that rests would leave its surface within a step h, because something has changed since.
     pub(crate) fn wakes(&mut self, bands: &mut Bands, h: f64) -> Option<usize> {
-        let rests = |i: &usize| self.system.switches[*i].rests() && self.sides[*i] == Side::Slide;
-        let resting: Vec<usize> = (0..self.sides.len()).filter(rests).collect();
+        let rests =
+            |i: &usize| self.mode.system.switches[*i].rests() && self.mode.sides[*i] == Side::Slide;
+        let resting: Vec<usize> = (0..self.mode.sides.len()).filter(rests).collect();
         resting.into_iter().find(|&i| {
-            Monitor { mode: self, bands }.expand(i);
-            let c = self.psi_series(i);
+            let mode = &mut *self.mode;
+            Monitor { mode, bands }.expand(i);
+            let c = self.mode.psi_series(i);
             series::leading(c, h, bands.level(i, c, h)).is_some()
         })
     }
 
-    /// A displacement of the states that moves ψ by one, where it was last linearized.
-    fn across_surface(&self, switch: usize, scales: &Scales) -> Vec<f64> {
-        let mut d = vec![0.0; self.n];
-        let size = |j: usize| match scales.size(j) {
-            0.0 => 1.0,
-            size => size,
-        };
-        let square = |&(j, g): &(usize, f64)| (g * size(j)).powi(2);
-        let sum: f64 = self.surfaces.gradient(switch).iter().map(square).sum();
-        if sum > 0.0 {
-            for &(j, g) in self.surfaces.gradient(switch) {
-                d[j] = g * size(j).powi(2) / sum;
-            }
-        }
-        d
-    }
-
     /// The nearest place at which ψ is zero.
     pub(crate) fn onto_surface(&mut self, state: &State, switch: usize) -> Vec<f64> {
-        self.move_to(&state.point);
-        self.surfaces.linearize(switch, &self.memory.values);
-        let psi = self.psi(switch);
-        let across = self.across_surface(switch, &state.scales);
+        self.mode.move_to(&state.point);
+        self.mode
+            .surfaces
+            .linearize(switch, &self.mode.memory.values);
+        let psi = self.mode.psi(switch);
+        let across = across_surface(self.mode, switch, &state.scales);
         let moved = state.point.x.iter().zip(across);
         moved.map(|(x, d)| x - psi * d).collect()
     }
@@ -109,13 +103,15 @@ impl Mode {
     pub(crate) fn leave_rest(&mut self, state: &mut State, switch: usize, side: Side) {
         let mut share = 1.0;
         for _ in 0..MAX_MOVES {
-            self.move_to(&state.point);
-            let psi = self.psi(switch);
+            self.mode.move_to(&state.point);
+            let psi = self.mode.psi(switch);
             if psi * side.sign() >= 0.0 {
                 break;
             }
-            self.surfaces.linearize(switch, &self.memory.values);
-            let across = self.across_surface(switch, &state.scales);
+            self.mode
+                .surfaces
+                .linearize(switch, &self.mode.memory.values);
+            let across = across_surface(self.mode, switch, &state.scales);
             let moved = state.point.x.iter_mut().zip(across);
             moved.for_each(|(x, d)| *x -= share * psi * d);
             share *= 2.0;
@@ -125,25 +121,29 @@ impl Mode {
     /// φ at a point.
     fn rate_from(&mut self, switch: usize, t: f64, x: &[f64], alpha: &[f64]) -> f64 {
         let mut alpha = alpha.to_vec();
-        if self.solve_alpha(t, x, &mut alpha).is_err() {
+        if self.mode.solve_alpha(t, x, &mut alpha).is_err() {
             return f64::NAN;
         }
-        self.surfaces.linearize(switch, &self.memory.values);
-        self.phi(switch)
+        self.mode
+            .surfaces
+            .linearize(switch, &self.mode.memory.values);
+        self.mode.phi(switch)
     }
 
     /// What roots add to φ at a displacement of ψ by `by` from where the state is, on the side of that.
     pub(crate) fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
         let mut sides = state.point.sides_sliding(&[switch]);
-        self.enter(&sides);
-        self.move_to(&state.point);
-        self.surfaces.linearize(switch, &self.memory.values);
-        let across = self.across_surface(switch, &state.scales);
+        self.mode.enter(&sides);
+        self.mode.move_to(&state.point);
+        self.mode
+            .surfaces
+            .linearize(switch, &self.mode.memory.values);
+        let across = across_surface(self.mode, switch, &state.scales);
         let moved = state.point.x.iter().zip(&across);
         let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
         let smooth = self.rate_from(switch, state.point.t, &moved, &state.point.alpha);
         sides[switch] = Side::of(by);
-        self.enter(&sides);
+        self.mode.enter(&sides);
         let mut alpha = state.point.alpha.clone();
         alpha[switch] = f64::from(u8::from(by > 0.0));
         self.rate_from(switch, state.point.t, &moved, &alpha) - smooth
@@ -204,13 +204,11 @@ impl<'a> Rest<'a> {
         let mode = &mut self.mode;
         mode.enter(&sides);
         let mut alpha = state.point.alpha.clone();
-        if mode
-            .expand(state.point.t, &state.point.x, &mut alpha)
-            .is_err()
-        {
-            return Err(mode.stuck());
+        let expanded = Expansion { mode }.around(state.point.t, &state.point.x, &mut alpha);
+        if expanded.is_err() {
+            return Err(stuck(mode));
         }
-        let is_smooth = mode.cut_short(usize::MAX);
+        let is_smooth = Expansion { mode }.cut_short(usize::MAX);
         state.scales.measure(mode, &mut state.bands);
         mode.monitored.switches.clear();
         let bands = &mut state.bands;
@@ -227,13 +225,15 @@ impl<'a> Rest<'a> {
             return Ok(None);
         }
         // What drives it has no series either: its rate a moment later tells.
-        let found = mode.line(state, tolerance, t1 - state.point.t);
+        let left = t1 - state.point.t;
+        let found = StraightSteps { mode }.longest(state, tolerance, left);
         let Some(Line { length, rates, .. }) = found.map(|found| found.line) else {
-            return Err(mode.stuck());
+            return Err(stuck(mode));
         };
         let ahead = state.point.x.iter().zip(&rates);
         let ahead: Vec<f64> = ahead.map(|(x, f)| x + length * f).collect();
-        let rate = mode.rate_from(switch, state.point.t + length, &ahead, &alpha);
+        let at = state.point.t + length;
+        let rate = Roots { mode }.rate_from(switch, at, &ahead, &alpha);
         let is_seen = rate.abs() > ROUNDINGS * mode.terms_of_phi(switch);
         Ok(is_seen.then_some((2, Side::of(rate))))
     }
@@ -244,10 +244,9 @@ impl<'a> Rest<'a> {
             0.0 => NEAR_ZERO,
             band => NEAR / BAND * band,
         };
-        let far = self.mode.root_at(state, switch, near * side.sign());
-        let close = self
-            .mode
-            .root_at(state, switch, CLOSER * near * side.sign());
+        let mut roots = Roots { mode: self.mode };
+        let far = roots.root_at(state, switch, near * side.sign());
+        let close = roots.root_at(state, switch, CLOSER * near * side.sign());
         far * side.sign() > 0.0 && is_steep(close / far)
     }
 
@@ -293,14 +292,15 @@ impl<'a> Rest<'a> {
         if speed * speed > 2.0 * near * below.min(-above) {
             return None;
         }
-        let across = mode.across_surface(switch, &state.scales);
+        let across = across_surface(mode, switch, &state.scales);
         let attracts = [Side::Minus, Side::Plus].into_iter().all(|side| {
             sides[switch] = side;
             alpha[switch] = f64::from(u8::from(side == Side::Plus));
             self.mode.enter(&sides);
             let moved = state.point.x.iter().zip(&across);
             let moved: Vec<f64> = moved.map(|(x, d)| x + side.sign() * near * d).collect();
-            let rate = self.mode.rate_from(switch, state.point.t, &moved, &alpha);
+            let mut roots = Roots { mode: self.mode };
+            let rate = roots.rate_from(switch, state.point.t, &moved, &alpha);
             (rate - speed) * side.sign() < 0.0
         });
         let by_alpha = plus.iter().zip(&minus).map(|(plus, minus)| plus - minus);
@@ -310,6 +310,23 @@ impl<'a> Rest<'a> {
             moves: moves.collect(),
         })
     }
+}
+
+/// A displacement of the states that moves ψ by one, where it was last linearized.
+fn across_surface(mode: &Mode, switch: usize, scales: &Scales) -> Vec<f64> {
+    let mut d = vec![0.0; mode.n];
+    let size = |j: usize| match scales.size(j) {
+        0.0 => 1.0,
+        size => size,
+    };
+    let square = |&(j, g): &(usize, f64)| (g * size(j)).powi(2);
+    let sum: f64 = mode.surfaces.gradient(switch).iter().map(square).sum();
+    if sum > 0.0 {
+        for &(j, g) in mode.surfaces.gradient(switch) {
+            d[j] = g * size(j).powi(2) / sum;
+        }
+    }
+    d
 }
 
 /// The end of a way to a surface on which a switch will rest, from where it is on it but for rounding: there
@@ -322,23 +339,23 @@ pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Opti
         }
         let (t, x) = (state.point.t, state.point.x.clone());
         mode.memory.set(t, &x, &state.point.alpha);
-        state.bands.width[i] = mode.band(i, state, remaining);
+        state.bands.width[i] = BandWidths { mode }.of(i, state, remaining);
         let psi = mode.psi(i);
         if psi.abs() > state.bands.width[i] {
             continue;
         }
-        let rate = mode.rate_from(i, t, &x, &state.point.alpha);
+        let rate = Roots { mode }.rate_from(i, t, &x, &state.point.alpha);
         let f = mode.field.f.clone();
         if rate * side.sign() >= 0.0 {
             continue;
         }
         let sides = state.point.sides_sliding(&[i]);
         mode.enter(&sides);
-        let smooth = mode.rate_from(i, t, &x, &state.point.alpha);
+        let smooth = Roots { mode }.rate_from(i, t, &x, &state.point.alpha);
         let at_rest = mode.field.f.clone();
         mode.enter(&state.point.sides);
         let closer = CLOSER * psi - psi;
-        let ratio = (mode.root_at(state, i, closer)) / (rate - smooth);
+        let ratio = (Roots { mode }.root_at(state, i, closer)) / (rate - smooth);
         mode.enter(&state.point.sides);
         if smooth.abs() > SMALL * rate.abs() {
             continue;
@@ -356,7 +373,7 @@ pub(crate) fn arrive(mode: &mut Mode, state: &mut State, remaining: f64) -> Opti
                 .collect(),
             alpha: state.point.alpha.clone(),
         };
-        mode.lay(&state.point, &line);
+        StraightSteps { mode }.lay(&state.point, &line);
         mode.monitored.switches.clear();
         for (x, rate) in state.point.x.iter_mut().zip(&line.rates) {
             *x += length * rate;
@@ -376,12 +393,12 @@ pub(crate) fn within_root(mode: &Mode, state: &State, tolerance: f64, h: f64) ->
     let monitored = mode.monitored.switches.iter();
     let rooted = monitored.filter(|&&i| mode.system.switches[i].rests());
     rooted.fold(h, |h, &i| {
-        let c = &mode.psi_series(i)[..=mode.order];
+        let c = &mode.psi_series(i)[..=mode.memory.order];
         let size = mode.surfaces.weigh(i, |j| state.scales.size(j));
         if c[0] == 0.0 || c[0].abs() > VISIBLE * tolerance * size {
             return h;
         }
-        let last = (mode.order - 2..=mode.order).filter(|&k| c[k] != 0.0);
+        let last = (mode.memory.order - 2..=mode.memory.order).filter(|&k| c[k] != 0.0);
         let radii = last.map(|k| (c[0] / c[k]).abs().powf(1.0 / k as f64));
         h.min(WITHIN * radii.fold(f64::INFINITY, f64::min))
     })

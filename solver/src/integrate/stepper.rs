@@ -3,8 +3,9 @@
 use super::implicit::Workspace;
 use super::probes::Probes;
 use super::rounding::Rounding;
-use super::singular_rates;
-use super::step::Step;
+use super::singular::{ends_at_root, is_on_root};
+use super::singular_rates::{self, Roots};
+use super::step::{Step, stuck};
 use super::stiffness::{MOST_NODES, Stiffness, motion};
 use super::watch::{Watch, first_event, is_at_end, met, simultaneous, verify_start};
 use crate::contact::coefficients::Coefficients;
@@ -18,6 +19,7 @@ use crate::events::unseen::Unseen;
 use crate::expansion::dense::Dense;
 use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
+use crate::expansion::taylor::Expansion;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Settings, Status, Switch};
 use crate::selector::selection::Fold;
@@ -113,22 +115,21 @@ impl Stepper {
             return Ok(step);
         }
         mode.monitored.unobserved.clear();
-        if mode
-            .expand(state.point.t, &state.point.x, &mut state.point.alpha)
-            .is_err()
-        {
-            return Err(mode.stuck());
+        let (t, x) = (state.point.t, &state.point.x);
+        let expanded = Expansion { mode }.around(t, x, &mut state.point.alpha);
+        if expanded.is_err() {
+            return Err(stuck(mode));
         }
         state.scales.measure(mode, &mut state.bands);
         (state.scales).measure_held(mode, &state.point, &state.bands, remaining);
-        state.report.stats.rhs_evaluations += mode.order;
+        state.report.stats.rhs_evaluations += mode.memory.order;
         if let Some(fold) = Fold::ahead(mode, state, remaining) {
             return Ok(Step::to_fold(state, fold));
         }
         let longest = longest(mode, state, remaining);
         let h = self.first_size(mode, state, [remaining, longest]);
         if self.may_rest
-            && let Some(switch) = mode.wakes(&mut state.bands, h)
+            && let Some(switch) = (Roots { mode }).wakes(&mut state.bands, h)
         {
             return Ok(Step::at_once(switch));
         }
@@ -137,7 +138,7 @@ impl Stepper {
         for attempt in 0..MAX_HALVINGS {
             let cut = self.cut(mode, state, h);
             let moves = cut.length >= remaining || cut.moves(&state.point);
-            if !moves && cut.ends.is_none() && mode.is_on_root(&state.bands) {
+            if !moves && cut.ends.is_none() && is_on_root(mode, &state.bands) {
                 return self.step_off(mode, state, remaining);
             }
             let defect = match self.judge_step(mode, state, &cut, attempt) {
@@ -166,7 +167,7 @@ impl Stepper {
             );
         }
         let rests = self.near_rest(mode).comes_to_rest(state);
-        rests.ok_or_else(|| mode.stuck())
+        rests.ok_or_else(|| stuck(mode))
     }
 
     /// Steps of what slips in two directions, close to rest.
@@ -232,7 +233,7 @@ impl Stepper {
     /// The defect of a step: the last term of the series, differentiated, is what it shows of the error.
     pub(crate) fn allowed_defect(&self, mode: &Mode) -> f64 {
         let tolerance = self.local_tolerance;
-        10.0 * (mode.order as f64) * tolerance.max(4.0 * f64::EPSILON)
+        10.0 * (mode.memory.order as f64) * tolerance.max(4.0 * f64::EPSILON)
     }
 
     /// Whether the series of a step that is cut are the solution.
@@ -253,7 +254,7 @@ impl Stepper {
             cut.length
         };
         let defect = self.probes.defect(mode, state, seen, tolerance, allowed);
-        if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
+        if attempt == 0 && !defect.rate.is_finite() && ends_at_root(mode) {
             return Judged::EndsAtRoot;
         }
         let inaccurate = defect.rate.is_nan() || defect.rate > allowed;

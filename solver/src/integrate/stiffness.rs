@@ -230,7 +230,7 @@ fn nodes(tolerance: f64) -> usize {
 /// Taylor steps that an implicit step with this many nodes must be longer than, by the operations
 /// of both.
 pub(crate) fn worth(mode: &Mode, nodes: usize) -> f64 {
-    let (order, nodes) = (mode.order as f64, nodes as f64);
+    let (order, nodes) = (mode.memory.order as f64, nodes as f64);
     let unknowns = mode.n + mode.sliding.len();
     if unknowns > MOST_UNKNOWNS {
         return f64::INFINITY;

@@ -1,8 +1,10 @@
 //! Events within a step: the least root of what is monitored, and the switches that it is of.
 
+use super::step::stuck;
 use crate::contact::friction_disc;
 use crate::contact::friction_disc::Disc;
 use crate::event::state::State;
+use crate::events::bands::rounding_of_motion;
 use crate::events::grazing::Grazing;
 use crate::events::roots::{Root, RootFinder};
 use crate::expansion::dense::Dense;
@@ -68,7 +70,7 @@ impl Watch {
                         break;
                     }
                     if singular {
-                        return Err(mode.stuck());
+                        return Err(stuck(mode));
                     }
                     match self {
                         Watch::Bound(i, limit) => (
@@ -153,7 +155,7 @@ pub(crate) fn first_event(
         let c = dense.psi(i);
         // Contacts close where they open by less than their band.
         let band = state.bands.armed[i].then(|| match mode.system.switches[i].is_plain() {
-            true => mode.rounding_of_motion(i, state, h),
+            true => rounding_of_motion(mode, i, state, h),
             false if mode.system.switches[i].is_contact() => state.bands.level(i, c, h),
             false => SEEN * state.bands.level(i, c, h),
         });

@@ -12,6 +12,7 @@
 use std::sync::Arc;
 
 use crate::event::state::State;
+use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
 use crate::hybrid::point::Point;
 use crate::hybrid::status::Candidate;
@@ -201,7 +202,7 @@ impl<'a> Initialization<'a> {
         let kept: Vec<usize> = (0..state.point.sides.len()).filter(kept).collect();
         self.mode.enter_surfaces(&state.point.sides);
         self.measure_algebraics(state);
-        self.mode.measure_bands(state, &kept, self.horizon);
+        BandWidths { mode: self.mode }.measure(state, &kept, self.horizon);
         kept.into_iter().any(|i| {
             let psi = self.mode.psi(i);
             let off = match state.point.sides[i] {
@@ -232,7 +233,7 @@ impl<'a> Initialization<'a> {
         let others = self.pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let mut others: Vec<usize> = others.collect();
-        self.mode.measure_bands(state, &others, self.horizon);
+        BandWidths { mode: self.mode }.measure(state, &others, self.horizon);
         others.retain(|&i| self.mode.psi(i).abs() <= state.bands.width[i]);
         self.mode.enter(&state.point.sides);
         let mut alpha = state.point.alpha.clone();
@@ -403,7 +404,7 @@ impl<'a> Initialization<'a> {
         let others = self.pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let others: Vec<usize> = others.collect();
-        self.mode.measure_bands(state, &others, self.horizon);
+        BandWidths { mode: self.mode }.measure(state, &others, self.horizon);
         let mut others = others.into_iter();
         others.position(|i| self.mode.psi(i) > state.bands.width[i])
     }

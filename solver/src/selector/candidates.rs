@@ -10,7 +10,7 @@ use super::selection::{Choice, Choices};
 use crate::event::state::State;
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::TIE;
-use crate::expansion::sliding::held;
+use crate::expansion::sliding::{Tie, held};
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side, Status};
 use crate::linalg::DenseLu;
@@ -174,7 +174,7 @@ impl<'a> Enumeration<'a> {
                 alpha[i] = a;
             }
             mode.vary(&alpha);
-            let states = mode.states_in_focus().iter();
+            let states = mode.focus.states.iter();
             found.push(Choice {
                 sides: sides.to_vec(),
                 alpha: group.iter().map(|&i| alpha[i]).collect(),
@@ -351,6 +351,21 @@ impl<'m> Zeros<'m> {
         self.mode.system.role(switch) != Role::Step
     }
 
+    /// What ties α of an unknown to that of another one before it, where both surfaces are kept by one equation.
+    fn tie(&self, switch: usize) -> Option<Tie> {
+        let mode = &*self.mode;
+        let mut before = self.unknowns.iter().take_while(|&&other| other != switch);
+        let is_same = |&&other: &&usize| mode.surfaces.is_same(switch, other);
+        let other = *before.find(is_same)?;
+        let product = mode.coupling(other, switch) * mode.coupling(other, other);
+        let sign = if product < 0.0 { -1.0 } else { 1.0 };
+        Some(Tie {
+            switch,
+            other,
+            sign,
+        })
+    }
+
     /// The largest α of a switch that is looked for.
     fn far(&self, switch: usize) -> f64 {
         if self.is_unbounded(switch) {
@@ -442,7 +457,7 @@ impl<'m> Zeros<'m> {
 
     /// What must vanish for an unknown: its rate, or what ties it to another one.
     fn residual(&self, row: usize) -> f64 {
-        match self.mode.tie(row, &self.unknowns) {
+        match self.tie(row) {
             _ if self.held.contains(&row) => 0.0,
             Some(tie) => tie.residual(&self.alpha),
             None => self.mode.phi(row),
@@ -452,7 +467,7 @@ impl<'m> Zeros<'m> {
     fn matrix(&self) -> Vec<f64> {
         let mut matrix = Vec::new();
         for &row in &self.unknowns {
-            let tie = self.mode.tie(row, &self.unknowns);
+            let tie = self.tie(row);
             let is_held = self.held.contains(&row);
             let entry = |&col: &usize| match tie {
                 _ if is_held => f64::from(u8::from(row == col)),

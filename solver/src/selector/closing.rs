@@ -24,29 +24,29 @@ pub(crate) const ROUNDING: f64 = 1e-13;
 const FAST: f64 = 0.1;
 const ROUNDINGS: f64 = 64.0;
 
-impl Mode {
-    /// How fast a contact without a gap closes where the point is, if that is more than rounding. Its switch stands for
-    /// this speed afterwards.
-    pub(crate) fn closing_speed(&mut self, scales: &Scales, switch: usize) -> Option<f64> {
-        self.surfaces.stand_for(switch, 1);
-        self.surfaces.linearize(switch, &self.memory.values);
-        let speed = -self.psi(switch);
-        // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
-        // within a step make others seem small.
-        let share = match speed > FAST * self.surfaces.weigh(switch, |j| scales.largest[j]) {
-            true => ROUNDINGS * f64::EPSILON,
-            false => BAND,
-        };
-        (speed > share * self.surfaces.weigh(switch, |j| scales.size(j))).then_some(speed)
-    }
-}
-
 /// Contacts that close for what rounding leaves of their speeds, in a mode.
 pub(crate) struct Closing<'a> {
     pub mode: &'a mut Mode,
 }
 
 impl Closing<'_> {
+    /// How fast a contact without a gap closes where the point is, if that is more than rounding. Its switch stands for
+    /// this speed afterwards.
+    pub(crate) fn speed(&mut self, scales: &Scales, switch: usize) -> Option<f64> {
+        self.mode.surfaces.stand_for(switch, 1);
+        self.mode
+            .surfaces
+            .linearize(switch, &self.mode.memory.values);
+        let speed = -self.mode.psi(switch);
+        // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
+        // within a step make others seem small.
+        let share = match speed > FAST * self.mode.surfaces.weigh(switch, |j| scales.largest[j]) {
+            true => ROUNDINGS * f64::EPSILON,
+            false => BAND,
+        };
+        (speed > share * self.mode.surfaces.weigh(switch, |j| scales.size(j))).then_some(speed)
+    }
+
     /// How a contact moves on without a force of its own.
     pub(crate) fn bent(&mut self, point: &mut Point, switch: usize) -> Bent {
         let sides = point.sides_sliding(&[switch]);

@@ -13,6 +13,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
+use crate::expansion::taylor::Expansion;
 use crate::hybrid::{Role, Side, Status};
 
 /// The switches on another side.
@@ -37,7 +38,7 @@ impl Selector<'_> {
         if leading.is_empty() {
             return Ok(open);
         }
-        self.mode.measure_bands(state, &leading, t1 - state.point.t);
+        self.bands().measure(state, &leading, t1 - state.point.t);
         let before = state.point.sides.clone();
         let psi = self.mode.all_psi(&state.point);
         let flips: Vec<usize> = (leading.iter().copied())
@@ -91,7 +92,7 @@ impl Selector<'_> {
                 (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
             };
             let held: Vec<usize> = (0..before.len()).filter(holds).collect();
-            self.mode.measure_bands(state, &held, t1 - state.point.t);
+            self.bands().measure(state, &held, t1 - state.point.t);
             for i in held {
                 self.jump(state, i, last[i], psi[i], open);
             }
@@ -166,10 +167,8 @@ impl Selector<'_> {
         let mut alpha = state.point.alpha.clone();
         let mode = &mut *self.mode;
         mode.enter(&state.point.sides);
-        if mode
-            .expand(state.point.t, &state.point.x, &mut alpha)
-            .is_err()
-        {
+        let expanded = Expansion { mode }.around(state.point.t, &state.point.x, &mut alpha);
+        if expanded.is_err() {
             return true;
         }
         state.scales.measure(mode, &mut state.bands);
@@ -200,9 +199,8 @@ impl Selector<'_> {
             self.mode.surfaces.stand_for(i, 0);
         }
         let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
-        self.pieces.until = self.mode.load(state.point.t);
-        self.mode
-            .measure_bands(state, &switches, t1 - state.point.t);
+        self.pieces.until = self.mode.memory.load(&self.system, state.point.t);
+        self.bands().measure(state, &switches, t1 - state.point.t);
         let mut open = triggers.to_vec();
         if !switches.is_empty() {
             let (before, psi) = (state.point.sides.clone(), self.mode.all_psi(&state.point));

@@ -241,7 +241,7 @@ impl<'a> Single<'a> {
         alphas[switch] = alpha;
         let mode = &mut self.mode;
         mode.vary(&alphas);
-        let states = mode.states_in_focus().iter();
+        let states = mode.focus.states.iter();
         Choice {
             sides: vec![side],
             alpha: vec![alpha],

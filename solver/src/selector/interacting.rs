@@ -246,7 +246,7 @@ impl<'a> Several<'a> {
             let mut alphas = state.point.alpha.clone();
             group.iter().for_each(|&i| alphas[i] = end);
             self.mode.vary(&alphas);
-            let states = self.mode.states_in_focus().iter();
+            let states = self.mode.focus.states.iter();
             Choice {
                 sides: Vec::new(),
                 alpha: Vec::new(),
@@ -259,7 +259,7 @@ impl<'a> Several<'a> {
         }
         let size = |(&i, scale): (&usize, &f64)| {
             let largest = |state: usize| {
-                let at = self.mode.states_in_focus().partition_point(|&j| j < state);
+                let at = self.mode.focus.states.partition_point(|&j| j < state);
                 let rates = corners.iter().map(|corner| corner.f[at].abs());
                 rates.fold(0.0, f64::max)
             };

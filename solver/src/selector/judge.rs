@@ -17,8 +17,11 @@ use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::{ROUNDINGS, TIE};
 use crate::expansion::series;
 use crate::expansion::step_size::StepSize;
+use crate::expansion::taylor::Expansion;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Role, Settings, Side};
+use crate::integrate::singular::StraightSteps;
+use crate::integrate::singular_rates::Roots;
 use crate::linalg::DenseLu;
 use crate::selector::selection::{Choice, Onset};
 
@@ -94,7 +97,7 @@ impl<'a> Judge<'a> {
         let mode = &mut self.mode;
         mode.vary(&state.point.alpha);
         mode.linearize(group);
-        let states = mode.states_in_focus().to_vec();
+        let states = mode.focus.states.to_vec();
         let largest = |component: usize| {
             let at = states.partition_point(|&state| state < component);
             let values = choices.iter().map(|choice| choice.f[at].abs());
@@ -204,7 +207,7 @@ impl<'a> Judge<'a> {
                 .for_each(|state| spread[state] += TIE * unit * most / ROUNDINGS);
         }
         let mut last = spread.clone();
-        for k in 1..=self.mode.order {
+        for k in 1..=self.mode.memory.order {
             let mut next = vec![0.0; last.len()];
             for &(row, column, value) in &entries {
                 next[row] += value * last[column] / k as f64;
@@ -285,14 +288,15 @@ impl<'a> Judge<'a> {
             return Some(true);
         }
         let mut x = match root {
-            Some(i) => self.mode.onto_surface(state, i),
+            Some(i) => Roots { mode: self.mode }.onto_surface(state, i),
             None => state.point.x.clone(),
         };
         for onset in onsets {
             onset.nudge(self.mode, &state.point, &state.scales, &mut x, t1);
         }
         self.mode.enter(sides);
-        self.mode.expand(state.point.t, &x, alpha).ok()?;
+        let mut expansion = Expansion { mode: self.mode };
+        expansion.around(state.point.t, &x, alpha).ok()?;
         Some(false)
     }
 
@@ -324,8 +328,8 @@ impl<'a> Judge<'a> {
         let mode = &mut self.mode;
         // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
         let is_smooth = match (root, mode.system.has_roots()) {
-            (Some(_), _) => mode.cut_short(2),
-            (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
+            (Some(_), _) => Expansion { mode }.cut_short(2),
+            (None, has_roots) => !has_roots || Expansion { mode }.cut_short(usize::MAX),
         };
         state.scales.measure(mode, &mut state.bands);
         self.monitor_sides(state, group, &sides, sets_off);
@@ -334,7 +338,9 @@ impl<'a> Judge<'a> {
         // Where series end early, rates a moment later tell.
         let later = match is_smooth {
             true => Vec::new(),
-            false => self.mode.rates_ahead(state, group, tolerance, longest),
+            false => {
+                StraightSteps { mode: self.mode }.rates_ahead(state, group, tolerance, longest)
+            }
         };
         let mode = &self.mode;
         // A gap that is still open is struck behind this instant.
@@ -436,7 +442,7 @@ impl Judge<'_> {
 
     /// Terms c_k hᵏ of the states, k from 1, one state after another.
     fn terms_of_step(&self, h: f64) -> Vec<f64> {
-        let order = self.mode.order;
+        let order = self.mode.memory.order;
         let mut terms = Vec::with_capacity(self.mode.n * order);
         for i in 0..self.mode.n {
             let mut power = 1.0;

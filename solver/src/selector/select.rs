@@ -14,25 +14,16 @@ use super::interacting::Several;
 use super::judge::{Check, Judge, Verdict};
 use crate::contact::velocities;
 use crate::event::state::State;
+use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
-use crate::expansion::scales::{AT_START, BAND, LEFT, UNTOLD};
+use crate::expansion::scales::{BAND, UNTOLD};
 use crate::hybrid::breakpoints::Pieces;
 use crate::hybrid::point::Point;
-use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status, SwitchKind};
+use crate::hybrid::{HybridSystem, Note, Role, Settings, Side, Status};
 use crate::integrate::drift::Projection;
-use crate::integrate::singular_rates::{Rest, Settling};
+use crate::integrate::singular_rates::{Rest, Roots, Settling};
 use crate::selector::algebraic::Initialization;
 use crate::selector::selection::{Choice, Entry, Onset};
-
-/// Roundings of the terms of a switch later than where a run starts: x has more, of the step to it or of a law.
-const LATER: f64 = 4.0;
-
-/// A contact knows its states as well as their size where that is no more than so many times how far they have moved:
-/// four bits less of the motion than of the states (chosen by trial).
-const FAR: f64 = 16.0;
-
-/// A gap below this share of the motion of gaps does not show in a run (chosen by trial).
-const SHARE_AT_START: f64 = 1e-6;
 
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
 /// by, so that bodies that graze two others at once are not taken for jammed between them.
@@ -47,97 +38,6 @@ pub(crate) enum Met {
     Surfaces(Vec<usize>),
     /// New pieces of data, together with such switches.
     Breakpoint(Vec<usize>),
-}
-
-impl Mode {
-    /// Below what |ψ| is the surface, where the point is. The switch stands for ψ afterwards.
-    pub(crate) fn band(&mut self, switch: usize, state: &State, horizon: f64) -> f64 {
-        let rounding = self.rounding(switch, state);
-        self.band_above(rounding, switch, state, horizon)
-    }
-
-    /// The same of a ψ that was linearized there, and has this rounding.
-    fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
-        let by_time = self.surfaces.time_gradient(switch).abs();
-        let given = |size: f64| BAND * (size + by_time * horizon);
-        match self.system.switches[switch].kind {
-            SwitchKind::Equation | SwitchKind::Member(_) => {
-                // What algebraic states balance is known to its rounding, however large it is.
-                let size = self.surfaces.weigh(switch, |j| state.scales.reach(j));
-                (LATER * rounding).max(given(size))
-            }
-            SwitchKind::Unilateral if !state.selection.begun => {
-                let size = self.surfaces.weigh(switch, |j| state.scales.size(j));
-                (AT_START * rounding).max(given(size).min(state.bands.most_at_start))
-            }
-            SwitchKind::Unilateral | SwitchKind::Slip { of: Some(_), .. } => {
-                let size = |j: usize| state.scales.reach(j).min(FAR * state.scales.motion(j));
-                let size = self.surfaces.weigh(switch, size);
-                (LATER * rounding).max(given(size))
-            }
-            _ if !state.selection.begun => AT_START * rounding,
-            _ => {
-                let motion = self.surfaces.weigh(switch, |j| state.scales.motion(j));
-                (LATER * rounding).max(BAND * (motion + by_time * state.point.t.abs()))
-            }
-        }
-    }
-
-    /// The largest gap that counts as none where a run starts: a small share of how far the gaps of all contacts move in
-    /// the run, by their rates there and where these lead. Where nothing moves, any.
-    fn most_at_start(&mut self, point: &Point, contacts: &[usize], horizon: f64) -> f64 {
-        self.enter(&point.sides);
-        self.eval(point.t, &point.x, &point.alpha);
-        let first = self.field.f.clone();
-        let end: Vec<f64> = (point.x.iter().zip(&first))
-            .map(|(x, f)| x + horizon * f)
-            .collect();
-        self.eval(point.t + horizon, &end, &point.alpha);
-        let rates: Vec<f64> = (first.iter().zip(&self.field.f))
-            .map(|(first, last)| first.abs().max(last.abs()))
-            .collect();
-        self.move_to(point);
-        let mut most = 0.0_f64;
-        for &i in contacts {
-            self.surfaces.linearize(i, &self.memory.values);
-            most = most.max(horizon * self.surfaces.weigh(i, |j| rates[j]));
-        }
-        match most > 0.0 {
-            true => SHARE_AT_START * most,
-            false => f64::INFINITY,
-        }
-    }
-
-    /// One rounding of every term of ψ of a switch where the point is, be it one that cancels within ψ. The switch
-    /// stands for ψ afterwards, and is linearized.
-    fn rounding(&mut self, switch: usize, state: &State) -> f64 {
-        self.surfaces.stand_for(switch, 0);
-        self.surfaces.linearize(switch, &self.memory.values);
-        let size = self.surfaces.weigh(switch, |j| state.scales.size(j));
-        let of_inputs =
-            f64::EPSILON * (size + self.surfaces.time_gradient(switch).abs() * state.point.t.abs());
-        match self.system.switches[switch].is_plain() {
-            true => of_inputs.max(self.surfaces.running_error(switch, &self.memory.values)),
-            false => of_inputs,
-        }
-    }
-
-    /// What rounding makes of a ψ that has just left its surface, or waits there, within a step h: its own, and how far
-    /// what follows from states that are held at zero takes it.
-    pub(crate) fn rounding_of_motion(&self, switch: usize, state: &State, h: f64) -> f64 {
-        let held = self.surfaces.weigh(switch, |j| state.scales.held[j]);
-        state.bands.rounding[switch] + LEFT * f64::EPSILON * held * h
-    }
-
-    /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
-    pub(crate) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
-        self.move_to(&state.point);
-        for &i in switches {
-            let rounding = self.rounding(i, state);
-            state.bands.width[i] = self.band_above(rounding, i, state, horizon);
-            state.bands.rounding[i] = LEFT * rounding;
-        }
-    }
 }
 
 /// A choice that rates and α do not rule out, and what each α is measured in.
@@ -158,6 +58,10 @@ pub(crate) struct Selector<'a> {
 }
 
 impl Selector<'_> {
+    pub(super) fn bands(&mut self) -> BandWidths<'_> {
+        BandWidths { mode: self.mode }
+    }
+
     /// Takes the sides that ψ have where the state is, and returns the switches on their surface: closed contacts that
     /// are `kept` where they are, too, whose gaps are rounding.
     pub(crate) fn place(
@@ -192,7 +96,7 @@ impl Selector<'_> {
             state.point.set_sides(sides);
             self.mode.move_to(&state.point);
         }
-        self.mode.measure_bands(state, &all, horizon);
+        self.bands().measure(state, &all, horizon);
         if !state.selection.begun {
             self.tell_gaps(state, horizon);
         }
@@ -241,9 +145,9 @@ impl Selector<'_> {
             gap > UNTOLD * state.bands.rounding[i] && gap <= state.bands.width[i]
         };
         if contacts.iter().any(is_in_doubt) {
-            let most = self.mode.most_at_start(&state.point, &contacts, horizon);
+            let most = self.bands().most_at_start(&state.point, &contacts, horizon);
             state.bands.most_at_start = most;
-            self.mode.measure_bands(state, &contacts, horizon);
+            self.bands().measure(state, &contacts, horizon);
         }
     }
 
@@ -302,7 +206,7 @@ impl Selector<'_> {
         let meeting: Vec<usize> = (0..state.point.sides.len())
             .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
             .collect();
-        self.mode.measure_bands(state, &meeting, t1 - state.point.t);
+        self.bands().measure(state, &meeting, t1 - state.point.t);
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for &trigger in triggers {
             if !groups.iter().any(|group| group.contains(&trigger)) {
@@ -611,8 +515,7 @@ impl Selector<'_> {
             if !changes || !self.mode.system.switches[i].is_free(&state.point.sides) {
                 continue;
             }
-            self.mode
-                .measure_bands(state, &[i, other], t1 - state.point.t);
+            self.bands().measure(state, &[i, other], t1 - state.point.t);
             if state.bands.is_near(self.mode, i) {
                 triggers.push(i);
             }
@@ -657,7 +560,8 @@ impl Selector<'_> {
         }
         for &i in &leaving {
             if state.point.sides[i] != Side::Slide {
-                self.mode.leave_rest(state, i, state.point.sides[i]);
+                let side = state.point.sides[i];
+                Roots { mode: self.mode }.leave_rest(state, i, side);
             }
         }
         Ok(true)
@@ -675,7 +579,7 @@ impl Selector<'_> {
             }
             let other = self.system.across(slip);
             let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
-            self.mode.measure_bands(state, &entries, t1 - state.point.t);
+            self.bands().measure(state, &entries, t1 - state.point.t);
             let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
             state.point.change_sides(
                 &[slip],

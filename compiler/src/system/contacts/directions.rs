@@ -52,38 +52,49 @@ impl<'e> System<'e> {
         if rubbing.is_empty() {
             return;
         }
-        let states = self.states.iter().enumerate();
-        let places: FxHashMap<Var, usize> = states
-            .filter_map(|(place, state)| Some((state.var.as_variable()?, place)))
-            .collect();
-        let mut bodies = FxHashMap::default();
-        for (b, body) in self.bodies.iter().enumerate() {
-            let own = body.positions.iter().chain(&body.velocities);
-            bodies.extend(own.map(|&place| (place, b)));
-        }
+        let places = Places::of(self);
         for contact in &rubbing {
-            let body = self.point(contact, &places, &bodies);
-            let rows = body.and_then(|body| self.rows(contact, body, &places, start));
+            let body = places.point(contact);
+            let rows = body.and_then(|body| places.rows(contact, body, start));
             if let Some((what, help)) = rows.and_then(|rows| wrong(contact.name, &rows)) {
                 let span = contact.span;
                 diags.push(SystemError::Directions { what, help, span });
             }
         }
     }
+}
+
+/// Where the variables of a system are among its states, and states among its bodies.
+struct Places<'s, 'e> {
+    system: &'s System<'e>,
+    of: FxHashMap<Var, usize>,
+    body_of: FxHashMap<usize, usize>,
+}
+
+impl<'s, 'e> Places<'s, 'e> {
+    fn of(system: &'s System<'e>) -> Self {
+        let states = system.states.iter().enumerate();
+        let of = states.filter_map(|(place, state)| Some((state.var.as_variable()?, place)));
+        let mut body_of = FxHashMap::default();
+        for (b, body) in system.bodies.iter().enumerate() {
+            let own = body.positions.iter().chain(&body.velocities);
+            body_of.extend(own.map(|&place| (place, b)));
+        }
+        Places {
+            of: of.collect(),
+            body_of,
+            system,
+        }
+    }
 
     /// The body of a contact, where it is one alone, and a point.
-    fn point(
-        &self,
-        contact: &Rubbing<'_, 'e>,
-        places: &FxHashMap<Var, usize>,
-        bodies: &FxHashMap<usize, usize>,
-    ) -> Option<&Body<'e>> {
+    fn point(&self, contact: &Rubbing<'_, 'e>) -> Option<&'s Body<'e>> {
         let occurring = [&[contact.gap], &contact.slips[..]].concat();
         let occurring = variables_of(&occurring).into_iter();
-        let mut own = occurring.filter_map(|var| bodies.get(places.get(&var)?));
+        let mut own = occurring.filter_map(|var| self.body_of.get(self.of.get(&var)?));
         let first = own.next()?;
         let is_alone = own.all(|body| body == first);
-        let body = &self.bodies[*first];
+        let body = &self.system.bodies[*first];
         let n = body.velocities.len();
         let is_number = (0..n * n).all(|k| match k / n == k % n {
             true => body.mass[k] == body.mass[0],
@@ -97,23 +108,22 @@ impl<'e> System<'e> {
         &self,
         contact: &Rubbing<'_, 'e>,
         body: &Body<'e>,
-        places: &FxHashMap<Var, usize>,
         start: &Start,
     ) -> Option<Vec<Vec<f64>>> {
         let gap = contact.gap;
         let moving = variables_of(&[gap]).into_iter();
-        let moving = moving.filter_map(|var| Some((var, *places.get(&var)?)));
-        let speed = moving.map(|(var, place)| gap.diff(var) * self.states[place].rate);
-        let speed = self.exprs.sum(speed);
+        let moving = moving.filter_map(|var| Some((var, *self.of.get(&var)?)));
+        let speed = moving.map(|(var, place)| gap.diff(var) * self.system.states[place].rate);
+        let speed = self.system.exprs.sum(speed);
         let vars = body.velocities.iter();
         let vars: Vec<Var> = vars
-            .filter_map(|&place| self.states[place].var.as_variable())
+            .filter_map(|&place| self.system.states[place].var.as_variable())
             .collect();
         let row = |e: Expr<'e>| -> Vec<Expr<'e>> { vars.iter().map(|&var| e.diff(var)).collect() };
         let mut rows = vec![row(speed)];
         rows.extend(contact.slips.iter().map(|&slip| row(slip)));
-        let time = self.time.as_variable();
-        let varies = |var: &Var| places.contains_key(var) || Some(*var) == time;
+        let time = self.system.time.as_variable();
+        let varies = |var: &Var| self.of.contains_key(var) || Some(*var) == time;
         let is_constant = !variables_of(&rows.concat()).iter().any(varies);
         if !is_constant && start.gap(gap) != 0.0 {
             return None;

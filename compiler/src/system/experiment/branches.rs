@@ -7,7 +7,7 @@ use super::settings::Settings;
 use crate::expr::{Expr, variables_of};
 use crate::model::Data;
 use crate::source::Span;
-use crate::system::{Role, System};
+use crate::system::{Role, State, System};
 
 /// Which simulations take them.
 const BY_EVENTS: &str = "`method event`, which is the default, takes every switch that moves its surface at once, \
@@ -32,7 +32,7 @@ impl Settings<'_> {
         } else if let Some((other, span)) = beside_branches(system).filter(|_| by_elements) {
             beside = Some(span);
             format!("`method fesd` with {other}")
-        } else if let Some(still) = nonlinear.find(|&k| !system.drives_its_surface(k)) {
+        } else if let Some(still) = nonlinear.find(|&k| !drives_its_surface(system, k)) {
             k = still;
             format!(
                 "rates that do not move `{}` at once",
@@ -78,4 +78,20 @@ fn beside_forces(system: &System) -> Option<(&'static str, Span)> {
         };
         Some((what, *switch.spans.first()?))
     })
+}
+
+/// Whether the rate of ψ of a switch contains its α.
+fn drives_its_surface(system: &System<'_>, switch: usize) -> bool {
+    let switch = &system.switches[switch];
+    let Some(alpha) = switch.alpha.as_variable() else {
+        return false;
+    };
+    let inside = variables_of(&[switch.psi]);
+    let moves = |state: &&State<'_>| {
+        let var = state.var.as_variable();
+        var.is_some_and(|var| inside.binary_search(&var).is_ok())
+    };
+    let moving = system.states.iter().filter(moves);
+    let mut moving = moving.map(|state| variables_of(&[state.rate]));
+    moving.any(|vars| vars.binary_search(&alpha).is_ok())
 }

@@ -16,6 +16,7 @@
 //! weights there are those of the Lagrange polynomials of the nodes at 0. It does not see what stiff
 //! components do between the nodes, so a few points there are looked at too.
 
+mod blocks;
 mod newton;
 mod tableau;
 #[cfg(test)]
@@ -74,19 +75,37 @@ pub(crate) struct Counts {
     pub factorizations: usize,
 }
 
+/// The polynomials of the step solved last.
+struct Polynomials {
+    /// Series of y around the start, one after another.
+    series: Vec<f64>,
+    /// Coefficients of each.
+    n: usize,
+    /// Where the series start, and how far they reach; 0 when there are none.
+    origin: f64,
+    reach: f64,
+}
+
+impl Polynomials {
+    /// That of an entry of y.
+    fn row(&self, row: usize) -> &[f64] {
+        &self.series[row * self.n..][..self.n]
+    }
+
+    /// All of them, one after another.
+    fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.series.chunks(self.n)
+    }
+}
+
 /// Memory and history of a run of steps on one problem.
 pub(crate) struct Radau {
     tableau: Arc<Tableau>,
-    shape: Shape,
     tolerance: f64,
     newton: Newton,
     /// f and φ at the start.
     start: Vec<f64>,
-    /// Series of y around the start, one after another, s + 1 coefficients each.
-    series: Vec<f64>,
-    /// Where the series start, and how far they reach; 0 when there are none.
-    origin: f64,
-    reach: f64,
+    polynomials: Polynomials,
     /// What the errors of the last solved step are relative to.
     sizes: Vec<f64>,
     error: Vec<f64>,
@@ -120,9 +139,12 @@ impl Radau {
         Radau {
             newton: Newton::new(&tableau, shape),
             start: vec![0.0; unknowns],
-            series: vec![0.0; unknowns * (tableau.s + 1)],
-            origin: 0.0,
-            reach: 0.0,
+            polynomials: Polynomials {
+                series: vec![0.0; unknowns * (tableau.s + 1)],
+                n: tableau.s + 1,
+                origin: 0.0,
+                reach: 0.0,
+            },
             sizes: vec![0.0; unknowns],
             error: vec![0.0; unknowns],
             y: vec![0.0; unknowns],
@@ -132,13 +154,12 @@ impl Radau {
             counts: Counts::default(),
             tolerance: tolerance.max(FINEST),
             tableau,
-            shape,
         }
     }
 
     /// Forgets the steps before: the next one is tried with length `h`.
     pub(crate) fn restart(&mut self, h: f64) {
-        self.reach = 0.0;
+        self.polynomials.reach = 0.0;
         self.accepted = None;
         self.next = h;
         self.newton.forget();
@@ -156,8 +177,7 @@ impl Radau {
 
     /// Series of an entry of y around the start of the step solved last.
     pub(crate) fn series(&self, row: usize) -> &[f64] {
-        let n = self.tableau.s + 1;
-        &self.series[row * n..(row + 1) * n]
+        self.polynomials.row(row)
     }
 
     /// An entry of y at the end of the step solved last.
@@ -183,11 +203,11 @@ impl Radau {
 
     /// Length of the step solved last, within which its polynomials hold.
     pub(crate) fn reach(&self) -> f64 {
-        self.reach
+        self.polynomials.reach
     }
 
     pub(crate) fn shape(&self) -> Shape {
-        self.shape
+        self.newton.shape
     }
 
     /// Solves the step of the largest length up to `longest` that passes the error test, and gives
@@ -270,7 +290,7 @@ impl Radau {
             error = self.filtered_defect(0.0);
         }
         for probe in 0..self.tableau.probes.len() {
-            let at = self.tableau.probes[probe] * self.reach;
+            let at = self.tableau.probes[probe] * self.polynomials.reach;
             error = error.max(self.error_at(problem, start, at));
         }
         error
@@ -279,10 +299,7 @@ impl Radau {
     /// The filtered defect of the step solved last, at an instant of it.
     pub(crate) fn error_at(&mut self, problem: &mut impl Implicit, start: &Start, tau: f64) -> f64 {
         for (row, y) in self.y.iter_mut().enumerate() {
-            *y = series::value(
-                &self.series[row * (self.tableau.s + 1)..][..=self.tableau.s],
-                tau,
-            );
+            *y = series::value(self.polynomials.row(row), tau);
         }
         problem.eval(start.t + tau, &self.y, &mut self.values);
         self.counts.evaluations += 1;
@@ -291,10 +308,11 @@ impl Radau {
 
     /// (γ/h M - J)⁻¹ (values - M u'(τ)), relative to the tolerance.
     fn filtered_defect(&mut self, tau: f64) -> f64 {
-        let (n, states) = (self.tableau.s + 1, self.shape.states);
+        let states = self.newton.shape.states;
         self.error
-            .copy_from_slice(&self.values[..self.shape.unknowns()]);
-        for (error, row) in self.error[..states].iter_mut().zip(self.series.chunks(n)) {
+            .copy_from_slice(&self.values[..self.newton.shape.unknowns()]);
+        let errors = self.error[..states].iter_mut();
+        for (error, row) in errors.zip(self.polynomials.rows()) {
             *error -= series::slope(row, tau);
         }
         self.newton.filter(&mut self.error);
@@ -329,20 +347,20 @@ impl Radau {
 
     /// Displacements at the nodes as the series of the step before, or of a longer one, has them.
     fn guess(&mut self, start: &Start, h: f64) {
-        let shift = start.t - self.origin;
-        let known = self.reach > 0.0 && shift >= 0.0 && shift <= (1.0 + 1e-9) * self.reach;
+        let shift = start.t - self.polynomials.origin;
+        let reach = self.polynomials.reach;
+        let known = reach > 0.0 && shift >= 0.0 && shift <= (1.0 + 1e-9) * reach;
         if !known {
             self.newton.forget();
         }
-        let usable = known && shift + h <= EXTRAPOLATED * self.reach;
-        let n = self.tableau.s + 1;
+        let usable = known && shift + h <= EXTRAPOLATED * reach;
         for (i, node) in self.tableau.nodes.iter().enumerate() {
             let z = self.newton.displacement_mut(i);
             if !usable {
                 z.fill(0.0);
                 continue;
             }
-            for ((z, row), y) in z.iter_mut().zip(self.series.chunks(n)).zip(&start.y) {
+            for ((z, row), y) in z.iter_mut().zip(self.polynomials.rows()).zip(&start.y) {
                 *z = series::value(row, shift + node * h) - y;
             }
         }
@@ -350,13 +368,13 @@ impl Radau {
 
     /// Turns the displacements into series.
     fn interpolate(&mut self, start: &Start, h: f64) {
-        let rows = self.series.chunks_mut(self.tableau.s + 1);
+        let rows = self.polynomials.series.chunks_mut(self.polynomials.n);
         for (row, (series, &y)) in rows.zip(&start.y).enumerate() {
             let displacement = |i: usize| self.newton.displacement(i)[row];
             self.tableau.interpolate(y, displacement, h, series);
         }
-        self.origin = start.t;
-        self.reach = h;
+        self.polynomials.origin = start.t;
+        self.polynomials.reach = h;
     }
 
     /// The nodes and probes of the method, as fractions of a step.

@@ -10,11 +10,9 @@
 
 use std::sync::Arc;
 
-use nalgebra::Complex;
-
+use super::blocks::Blocks;
 use super::tableau::Tableau;
 use super::{Counts, Implicit, Shape, Start};
-use crate::linalg::{DenseLu, Singular};
 
 /// The iterations do not converge, or the matrix is singular.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +21,7 @@ pub(crate) struct Diverged;
 /// What the iterations work on.
 pub(crate) struct Newton {
     tableau: Arc<Tableau>,
-    shape: Shape,
+    pub(super) shape: Shape,
     /// z of every node.
     displacements: Vec<f64>,
     /// R, and T⁻¹ R, which becomes Δw.
@@ -32,16 +30,7 @@ pub(crate) struct Newton {
     y: Vec<f64>,
     /// -A⁻¹/h.
     weights: Vec<f64>,
-    /// J at `jacobian_at`.
-    jacobian: Vec<f64>,
-    jacobian_at: Option<f64>,
-    /// Factors for the length `factored`; 0 when there are none.
-    factored: f64,
-    real: DenseLu,
-    complex: Vec<DenseLu<Complex<f64>>>,
-    matrix: Vec<f64>,
-    complex_matrix: Vec<Complex<f64>>,
-    pair: Vec<Complex<f64>>,
+    blocks: Blocks,
     /// What an iteration leaves of the error, as seen last.
     contraction: f64,
     /// Iterations of the last step.
@@ -72,9 +61,6 @@ const TRUST: f64 = 0.8;
 /// Iterations with a contraction above this want a new Jacobian at the next step.
 const SLOW: f64 = 1e-2;
 
-/// A factorization serves lengths this close to its own.
-const SAME_LENGTH: f64 = 1e-2;
-
 /// Magnitudes below this are zero.
 const SMALLEST: f64 = 1e-250;
 
@@ -88,14 +74,7 @@ impl Newton {
             transformed: vec![0.0; s * n],
             y: vec![0.0; n],
             weights: vec![0.0; s * s],
-            jacobian: vec![0.0; n * n],
-            jacobian_at: None,
-            factored: 0.0,
-            real: DenseLu::new(n),
-            complex: vec![DenseLu::new(n); tableau.pairs.len()],
-            matrix: vec![0.0; n * n],
-            complex_matrix: vec![Complex::default(); n * n],
-            pair: vec![Complex::default(); n],
+            blocks: Blocks::new(tableau, shape),
             contraction: 1.0,
             iterations: 0,
             noise: vec![0.0; n],
@@ -105,8 +84,7 @@ impl Newton {
 
     /// Forgets the Jacobian, as where the solution has gone another way since.
     pub(crate) fn forget(&mut self) {
-        self.jacobian_at = None;
-        self.factored = 0.0;
+        self.blocks.forget();
         self.contraction = 1.0;
     }
 
@@ -150,7 +128,7 @@ impl Newton {
 
     /// True when J is that of time `t`.
     pub(crate) fn is_current(&self, t: f64) -> bool {
-        self.jacobian_at == Some(t)
+        self.blocks.is_current(t)
     }
 
     fn iterate(
@@ -235,46 +213,22 @@ impl Newton {
         h: f64,
         counts: &mut Counts,
     ) -> Result<(), Diverged> {
-        let stale = self.contraction > SLOW && self.jacobian_at != Some(start.t);
-        if self.jacobian_at.is_none() || stale {
-            problem.jacobian(start.t, &start.y, &mut self.jacobian);
-            self.jacobian_at = Some(start.t);
-            self.factored = 0.0;
+        let stale = self.contraction > SLOW && !self.blocks.is_current(start.t);
+        if !self.blocks.have_jacobian() || stale {
+            self.blocks.linearize(problem, start);
         }
-        if (h - self.factored).abs() > SAME_LENGTH * self.factored {
-            self.factored = 0.0;
+        if !self.blocks.serve(h) {
             counts.factorizations += 1;
-            self.factor(h).map_err(|_| Diverged)?;
-            self.factored = h;
+            let factored = self.blocks.factor(&self.tableau, h);
+            factored.map_err(|_| Diverged)?;
         }
         self.measure_noise(start);
         Ok(())
     }
 
-    fn factor(&mut self, h: f64) -> Result<(), Singular> {
-        let n = self.shape.unknowns();
-        for (to, from) in self.matrix.iter_mut().zip(&self.jacobian) {
-            *to = -from;
-        }
-        for i in 0..self.shape.states {
-            self.matrix[i * n + i] += self.tableau.gamma / h;
-        }
-        self.real.factor(&self.matrix)?;
-        for (lu, pair) in self.complex.iter_mut().zip(&self.tableau.pairs) {
-            for (to, from) in self.complex_matrix.iter_mut().zip(&self.jacobian) {
-                *to = Complex::new(-from, 0.0);
-            }
-            for i in 0..self.shape.states {
-                self.complex_matrix[i * n + i] += pair / h;
-            }
-            lu.factor(&self.complex_matrix)?;
-        }
-        Ok(())
-    }
-
     /// (γ M/h - J)⁻¹ v.
     pub(crate) fn filter(&self, v: &mut [f64]) {
-        self.real.solve(v);
+        self.blocks.solve_real(v);
     }
 
     /// Rounding errors of f and φ are ε times the size of their terms, taken here in proportions that
@@ -285,7 +239,7 @@ impl Newton {
             share = (share + 0.618_033_988_749_895).fract();
             *noise = self.tableau.gamma * term * (2.0 * share - 1.0).signum() * (0.5 + share);
         }
-        self.real.solve(&mut self.noise);
+        self.blocks.solve_real(&mut self.noise);
         for noise in &mut self.noise {
             *noise = noise.abs();
         }
@@ -322,18 +276,7 @@ impl Newton {
             &mut self.transformed,
             n,
         );
-        let (first, others) = self.transformed.split_at_mut(n);
-        self.real.solve(first);
-        for (lu, block) in self.complex.iter().zip(others.chunks_mut(2 * n)) {
-            let (re, im) = block.split_at_mut(n);
-            for (pair, (re, im)) in self.pair.iter_mut().zip(re.iter().zip(im.iter())) {
-                *pair = Complex::new(*re, *im);
-            }
-            lu.solve(&mut self.pair);
-            for (pair, (re, im)) in self.pair.iter().zip(re.iter_mut().zip(im)) {
-                (*re, *im) = (pair.re, pair.im);
-            }
-        }
+        self.blocks.solve(&mut self.transformed);
     }
 
     /// Magnitudes of y: given, or within the step, and no less than what keeps the tolerance above
