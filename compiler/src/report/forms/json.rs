@@ -21,6 +21,17 @@ pub fn write(trajectory: &Trajectory) -> String {
 /// The fields in the order of the reference.
 #[derive(serde::Serialize)]
 struct Object<'a> {
+    #[serde(flatten)]
+    run: Run<'a>,
+    #[serde(flatten)]
+    values: Values<'a>,
+    #[serde(flatten)]
+    account: Account<'a>,
+}
+
+/// What was run.
+#[derive(serde::Serialize)]
+struct Run<'a> {
     experiment: &'a str,
     model: &'a str,
     kind: Kind,
@@ -28,6 +39,11 @@ struct Object<'a> {
     method: &'a Method,
     #[serde(serialize_with = "as_map")]
     parameters: Vec<(&'a str, Shaped<'a>)>,
+}
+
+/// What it gave.
+#[derive(serde::Serialize)]
+struct Values<'a> {
     time: &'a [f64],
     #[serde(serialize_with = "by_name")]
     states: &'a [Series],
@@ -41,6 +57,11 @@ struct Object<'a> {
     #[serde(serialize_with = "as_map")]
     r#final: Vec<(&'a str, Shaped<'a>)>,
     objective: Option<f64>,
+}
+
+/// What happened, and how far it can be trusted.
+#[derive(serde::Serialize)]
+struct Account<'a> {
     events: &'a [Event],
     modes: &'a [ModeInterval],
     error_estimate: Option<f64>,
@@ -64,31 +85,37 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
         let failure = trajectory.failure.iter();
         let failure = failure.map(|failure| Warning::of(failure));
         Object {
-            experiment: &trajectory.experiment,
-            model: &trajectory.model,
-            kind: trajectory.kind,
-            status: trajectory.status,
-            method: &trajectory.method,
-            parameters: at(&trajectory.parameters, 0),
-            time: &trajectory.time,
-            states: &trajectory.states,
-            outputs: &trajectory.outputs,
-            controls: &trajectory.controls,
-            multipliers: trajectory.multipliers.as_ref(),
-            r#final: at_end.unwrap_or_default(),
-            objective: trajectory.objective,
-            events: &trajectory.events,
-            modes: &trajectory.modes,
-            error_estimate: trajectory.error_estimate,
-            stats: &trajectory.stats,
-            certificate: trajectory.certificate,
-            optimum: trajectory.optimum.as_ref(),
-            ensemble: trajectory.ensemble.as_ref(),
-            averaged: &trajectory.averaged,
-            skipped: &trajectory.skipped,
-            warnings: (trajectory.warnings.iter().cloned())
-                .chain(failure)
-                .collect(),
+            run: Run {
+                experiment: &trajectory.experiment,
+                model: &trajectory.model,
+                kind: trajectory.kind,
+                status: trajectory.status,
+                method: &trajectory.method,
+                parameters: at(&trajectory.parameters, 0),
+            },
+            values: Values {
+                time: &trajectory.time,
+                states: &trajectory.states,
+                outputs: &trajectory.outputs,
+                controls: &trajectory.controls,
+                multipliers: trajectory.multipliers.as_ref(),
+                r#final: at_end.unwrap_or_default(),
+                objective: trajectory.objective,
+            },
+            account: Account {
+                events: &trajectory.events,
+                modes: &trajectory.modes,
+                error_estimate: trajectory.error_estimate,
+                stats: &trajectory.stats,
+                certificate: trajectory.certificate,
+                optimum: trajectory.optimum.as_ref(),
+                ensemble: trajectory.ensemble.as_ref(),
+                averaged: &trajectory.averaged,
+                skipped: &trajectory.skipped,
+                warnings: (trajectory.warnings.iter().cloned())
+                    .chain(failure)
+                    .collect(),
+            },
         }
     }
 }
