@@ -1,6 +1,6 @@
 //! The algebraic variables of contacts at one instant and state: where steps start, and in the modes of other runs.
 
-use super::{CLOSED, StepStart};
+use super::{CLOSED, Impact, StepStart};
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::pointwise::{Point, eval};
 use crate::linalg::largest;
@@ -14,10 +14,8 @@ const OUTSIDE: f64 = 1e-6;
 /// The contacts of a system.
 #[derive(Clone, Debug)]
 pub struct Contacts {
-    /// The places of their gaps among z.
-    pub gaps: Vec<usize>,
-    /// The places of their forces.
-    pub forces: Vec<usize>,
+    /// What acts where elements meet.
+    pub impacts: Vec<Impact>,
     /// The rate of the gap, the restitution and the friction of every contact, in t, x and parameters.
     pub laws: Tape,
     /// These.
@@ -65,9 +63,9 @@ impl Points {
         self.go_to(t);
         let mut z = self.system.z_at(self.at(t, x), &[]);
         let size = largest(x).max(1.0);
-        for &gap in &self.contacts.gaps {
-            if z[gap] <= CLOSED * size {
-                z[gap] = 0.0;
+        for impact in &self.contacts.impacts {
+            if z[impact.gap] <= CLOSED * size {
+                z[impact.gap] = 0.0;
             }
         }
         let inputs = self.at(t, x).with(&z);
@@ -106,6 +104,23 @@ impl Points {
         for k in slipping {
             alpha[k] = there[k];
         }
+    }
+
+    /// The slip velocities with two entries at a point.
+    pub fn slips(&mut self, t: f64, x: &[f64]) -> Vec<[f64; 2]> {
+        if self.system.discs.is_empty() {
+            return Vec::new();
+        }
+        self.go_to(t);
+        let (psi, _) = self.at(t, x).sides(&self.system, &[]);
+        let discs = self.system.discs.iter();
+        discs.map(|disc| disc.switches.map(|k| psi[k])).collect()
+    }
+
+    /// The value of a member of a pair at a point, by its switch.
+    pub fn member(&self, switch: usize, t: f64, x: &[f64]) -> f64 {
+        let alphas = vec![0.5; self.system.n_switches()];
+        -eval(&self.system.surfaces.psi, &self.at(t, x).with(&alphas))[switch]
     }
 
     /// α of all switches for values of z, whatever follows these.
