@@ -47,10 +47,9 @@
 //! assert_eq!((outcome.status, bounces.0), (Status::Solved, 2));
 //! ```
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::event::{Event, Observer, Segment, Simulator};
+use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::fesd;
 use nsd_solver::fesd::jumps;
 use nsd_solver::fesd::jumps::Grid;
@@ -401,21 +400,6 @@ enum Work {
     },
 }
 
-/// Sees elements as steps.
-struct Steps<'o, O>(&'o mut O);
-
-impl<O: Observer> Observer for Steps<'_, O> {
-    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
-        self.0.segment(segment)
-    }
-
-    fn event(&mut self, event: &Event) {
-        self.0.event(event);
-    }
-}
-
-impl<O: Observer> fesd::Observer for Steps<'_, O> {}
-
 impl Runs<'_> {
     /// A run from 0 to a horizon, no longer than that of the experiment, with these values of the parameters, in the order
     /// of [`Prepared::parameters`], and from an initial state, or the one that they give. A relay that this leaves between
@@ -443,8 +427,8 @@ impl Runs<'_> {
             }
             Work::Elements { system, settings } => {
                 system.set_parameters(parameters);
-                let (settings, mut steps) = (settings.clone(), Steps(observer));
-                let ran = system.by_elements(settings, horizon, &self.x0, &mut steps);
+                let (settings, mut observer) = (settings.clone(), observer as &mut dyn Observer);
+                let ran = system.by_elements(settings, horizon, &self.x0, &mut observer);
                 ran.solution.outcome
             }
             Work::Impulses { runs, grid } => {

@@ -1,13 +1,12 @@
 //! A run from event to event that says where a program starts.
 
 use nsd_solver::fesd::jumps;
-use nsd_solver::fesd::jumps::{Change, Followed, Reference, Slip};
+use nsd_solver::fesd::jumps::{Reference, Slip};
 
 use crate::lowering::dcs::{Impact, SlipLaw};
 use crate::report::Failure;
-use crate::simulate::record::modes::only_watched;
+use crate::system::System;
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
-use crate::system::{Role, System};
 
 /// How accurate the run is.
 const TOLERANCE: f64 = 1e-11;
@@ -39,23 +38,6 @@ pub(crate) fn without_outputs<'e>(system: &System<'e>) -> System<'e> {
     let mut system = system.clone();
     system.outputs.clear();
     system
-}
-
-/// Which changes of a system begin another mode.
-pub(crate) fn followed(system: &System) -> Followed {
-    let watched = only_watched(system);
-    let change = |(i, switch): (usize, &crate::system::Switch)| match switch.role {
-        _ if watched[i] => Change::Never,
-        Role::Equation => Change::Never,
-        Role::Member(_) => Change::ToZero,
-        // Both entries of a slip velocity stick or slip together.
-        Role::Step if switch.across.is_some_and(|other| other < i) => Change::Never,
-        Role::Step => switch.slip_of.map_or(Change::Always, Change::WhileClosed),
-    };
-    Followed {
-        changes: system.switches.iter().enumerate().map(change).collect(),
-        n_laws: system.laws.len(),
-    }
 }
 
 /// The slip velocities with two entries at a point.

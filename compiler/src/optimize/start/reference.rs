@@ -171,11 +171,11 @@ fn follow<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, horizon: f64, w: &m
     let side = |side: fn(&Bounds) -> f64| bounds.iter().map(side).collect::<Vec<f64>>();
     let (lower, upper) = (side(|b| b.lower), side(|b| b.upper));
     let states = problem.dcs.states.iter();
+    let initial: Vec<f64> = states.map(|state| state.initial).collect();
     let mut lowered = WithControls {
         dcs: &problem.dcs,
         system: &run.system,
         impacts: impacts(&run.system, &problem.dcs.impacts),
-        initial: states.map(|state| state.initial).collect(),
     };
     for k in 1..=layout.steps {
         let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
@@ -184,6 +184,7 @@ fn follow<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, horizon: f64, w: &m
             elements: &layout.step(k),
             points: &layout.points,
             n_states: layout.n_states(),
+            initial: &initial,
             bounds: problem::Bounds {
                 lower: &lower,
                 upper: &upper,
@@ -200,16 +201,11 @@ struct WithControls<'p, 'e> {
     dcs: &'p Dcs<'e>,
     system: &'p System<'e>,
     impacts: Vec<Impact>,
-    initial: Vec<f64>,
 }
 
 impl Lowered for WithControls<'_, '_> {
     fn impacts(&self) -> &[Impact] {
         &self.impacts
-    }
-
-    fn initial(&self) -> &[f64] {
-        &self.initial
     }
 
     fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]) {

@@ -22,7 +22,7 @@ use frozen::InNumericalTime;
 use moreau::Contacts;
 
 use super::driver::{self, Accuracy, Problem, Run};
-use super::reference::{followed, slips};
+use super::reference::slips;
 use super::{Progress, ReferenceRun, Request, outcome};
 use crate::limit::Limit;
 use crate::lowering::dcs::deciding;
@@ -169,7 +169,6 @@ impl<'e> Plan<'e> {
         let (accuracy, events) = (Accuracy::of(&settings), &mut self.run);
         let problem = Problem::of_end(&system, &settings, limit);
         let run = Reference::follow(
-            &followed(&system),
             |observer| events.march(&problem, accuracy, observer).outcome,
             |time, x| slips(&system, time, x),
         );

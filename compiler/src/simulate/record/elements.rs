@@ -2,6 +2,7 @@
 //!
 //! Where states have jumped there are two values at one time.
 
+use nsd_solver::fesd::jumps;
 use nsd_solver::fesd::jumps::{Kind, Shape};
 use nsd_solver::hybrid::Side;
 
@@ -59,18 +60,23 @@ impl<'s, 'e> Elements<'s, 'e> {
     /// An element with the instants and states of its nodes and ends, and α at its nodes.
     pub fn element(&mut self, instants: &[f64], x: &[&[f64]], alphas: &[Vec<f64>]) {
         let (system, n) = (self.system, self.system.states.len());
-        let (from, to) = (instants[0], instants[instants.len() - 1]);
         let x: Vec<&[f64]> = x.iter().map(|x| &x[..n]).collect();
         let member = |switch, t, x: &[f64]| member(system, switch, t, x);
-        let found = self.shape.element(instants, &x, alphas, member);
-        let (n_coefficients, mut coefficients) = (found.n_coefficients, found.coefficients);
+        let (found, sides) = self.shape.element(instants, &x, alphas, member);
+        let jumps::Piece {
+            from,
+            to,
+            n_coefficients,
+            mut coefficients,
+            ..
+        } = found;
         for data in &system.data {
             let known = data.table.piece(0.5 * (from + to)).around(from);
             let rest = n_coefficients.saturating_sub(known.len());
             coefficients.extend(known.into_iter().take(n_coefficients));
             coefficients.resize(coefficients.len() + rest, 0.0);
         }
-        self.sides.push((from, found.sides));
+        self.sides.push((from, sides));
         self.pieces.push(Piece {
             from,
             to,

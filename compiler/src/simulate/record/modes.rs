@@ -335,7 +335,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 }
 
 /// Switches that occur in guards and resets of laws only.
-pub(crate) fn only_watched(system: &System) -> Vec<bool> {
+fn only_watched(system: &System) -> Vec<bool> {
     if system.first_jump().is_none() {
         return vec![false; system.switches.len()];
     }

@@ -1,8 +1,8 @@
 //! A run over a grid, step by step, along a run from event to event.
 
-use super::reference::{Lowered, Reference, Target};
+use super::reference::{Reference, Target};
 use super::simulator::System;
-use super::{Impact, Program, StepProgram, StepStart, Stepper, Work};
+use super::{Program, StepProgram, StepStart, Stepper, Work};
 use crate::event::{Event, Observer, Segment};
 use crate::hybrid::{Outcome, Side, Stats, Status};
 use crate::runtime::limit::Limit;
@@ -172,15 +172,12 @@ impl<P: Program> March<'_, P> {
                 elements: &step.elements,
                 points: &step.points,
                 n_states: step.n_states,
+                initial: &from.x,
                 bounds: step.program.variable_bounds(),
                 interval,
                 window: 0.0,
             };
-            let mut lowered = FromStart {
-                start: from,
-                stepper: &mut self.stepper,
-            };
-            reference.fill(&mut lowered, &target, &mut w);
+            reference.fill(&mut self.stepper.points, &target, &mut w);
         }
         self.stepper.solve(step, &w, start, self.limit)
     }
@@ -223,7 +220,7 @@ impl<P: Program> March<'_, P> {
                 shape.element(&instants, &x, &values, member)
             });
             let before = reached.sides.last().map(|(_, sides)| sides.clone());
-            let sides = found.as_ref().map(|piece| piece.sides.clone());
+            let sides = found.as_ref().map(|(_, sides)| sides.clone());
             let sides = sides.or_else(|| before.clone());
             let sides = sides.unwrap_or_else(|| vec![Side::Plus; values[0].len()].into());
             let left = before.unwrap_or_else(|| sides.clone());
@@ -242,7 +239,7 @@ impl<P: Program> March<'_, P> {
             if !element.struck.is_empty() {
                 reached.jumps.push((from, element.struck));
             }
-            if let Some(piece) = found {
+            if let Some((piece, _)) = found {
                 let segment = Segment::new(from, to - from, to, &sides, x[end], &piece);
                 if observer.segment(&segment).is_break() {
                     reached.status = Status::Stopped;
@@ -257,36 +254,5 @@ impl<P: Program> March<'_, P> {
         }
         let sizes = reached.x.iter().map(|x| x.abs());
         reached.size = sizes.fold(reached.size, f64::max);
-    }
-}
-
-/// The functions of steps that start at a point.
-struct FromStart<'s> {
-    start: &'s StepStart,
-    stepper: &'s mut Stepper,
-}
-
-impl Lowered for FromStart<'_> {
-    fn impacts(&self) -> &[Impact] {
-        &self.stepper.points.contacts.impacts
-    }
-
-    fn initial(&self) -> &[f64] {
-        &self.start.x
-    }
-
-    fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]) {
-        self.stepper.points.direct(alphas, time, x);
-    }
-
-    fn in_mode(&mut self, time: f64, x: &[f64], alphas: &[f64]) -> Vec<f64> {
-        self.stepper.points.in_mode(time, x, alphas)
-    }
-
-    fn law(&mut self, contact: usize, time: f64, x: &[f64]) -> [f64; 2] {
-        let law = self.stepper.points.laws(time, x).nth(contact);
-        law.map_or([f64::NAN; 2], |[speed, restitution, _]| {
-            [speed, restitution]
-        })
     }
 }

@@ -27,10 +27,11 @@ use crate::runtime::limit::Limit;
 
 use checks::CLOSED;
 pub use march::{Grid, Make, Reached};
+pub use path::Piece;
 pub use points::{Contacts, Points};
 pub use program::{Element, Program, StepProgram, StepStart};
-pub use reference::{Change, Followed, Impact, Lowered, Reference, Slip, Target, cut};
-pub use shape::{Kind, Piece, Shape};
+pub use reference::{Impact, Lowered, Reference, Slip, Target, cut};
+pub use shape::{Kind, Shape};
 pub use simulator::{Simulator, System};
 
 /// Other ways that are tried, and iterations of each, where the predicted branch is none.

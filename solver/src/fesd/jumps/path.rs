@@ -1,7 +1,7 @@
 //! The polynomials of states and α along a run.
 
 use crate::event::Segment;
-use crate::expansion::series;
+use crate::expansion::{Polynomials, series};
 use crate::hybrid::Outcome;
 
 /// Pieces that follow each other in time.
@@ -12,14 +12,17 @@ pub(crate) struct Path {
 
 /// Polynomials in t - `from` that hold from `from` to `to`.
 #[derive(Clone, Debug)]
-pub(crate) struct Piece {
+pub struct Piece {
     /// First instant.
     pub from: f64,
     /// Last instant.
     pub to: f64,
-    n_coefficients: usize,
-    /// One row per state and one per α, constant term first.
-    coefficients: Vec<f64>,
+    /// How many states there are.
+    pub n_states: usize,
+    /// How many coefficients there are of each, constant term first.
+    pub n_coefficients: usize,
+    /// Those of all states, then those of all α.
+    pub coefficients: Vec<f64>,
 }
 
 impl Path {
@@ -34,6 +37,7 @@ impl Path {
         self.pieces.push(Piece {
             from,
             to: segment.until,
+            n_states: segment.end.len(),
             n_coefficients: segment.order() + 1,
             coefficients,
         });
@@ -45,6 +49,7 @@ impl Path {
             self.pieces.push(Piece {
                 from: to,
                 to,
+                n_states: outcome.x.len(),
                 n_coefficients: 1,
                 coefficients: [&outcome.x[..], &outcome.alpha].concat(),
             });
@@ -69,9 +74,27 @@ impl Path {
 
 impl Piece {
     /// All rows at an instant.
-    pub fn at(&self, time: f64) -> Vec<f64> {
+    pub(crate) fn at(&self, time: f64) -> Vec<f64> {
         let rows = self.coefficients.chunks_exact(self.n_coefficients);
         rows.map(|row| series::value(row, time - self.from))
             .collect()
+    }
+
+    fn row(&self, at: usize) -> &[f64] {
+        &self.coefficients[at * self.n_coefficients..][..self.n_coefficients]
+    }
+}
+
+impl Polynomials for Piece {
+    fn degree(&self) -> usize {
+        self.n_coefficients - 1
+    }
+
+    fn x(&self, i: usize) -> &[f64] {
+        self.row(i)
+    }
+
+    fn alpha(&self, switch: usize) -> &[f64] {
+        self.row(self.n_states + switch)
     }
 }

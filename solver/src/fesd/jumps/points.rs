@@ -1,6 +1,6 @@
 //! The algebraic variables of contacts at one instant and state: where steps start, and in the modes of other runs.
 
-use super::{CLOSED, Impact, StepStart};
+use super::{CLOSED, Impact, Lowered, StepStart};
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::pointwise::{Point, eval};
 use crate::linalg::largest;
@@ -81,31 +81,6 @@ impl Points {
         })
     }
 
-    /// z at a point in the mode of these α.
-    pub fn in_mode(&mut self, t: f64, x: &[f64], alpha: &[f64]) -> Vec<f64> {
-        self.go_to(t);
-        self.at(t, x).z_in_mode(&self.system, alpha)
-    }
-
-    /// Gives α of what slips in a plane the direction of slip at a point near by: where w comes to zero, its direction
-    /// is that before.
-    pub fn direct(&mut self, alpha: &mut [f64], t: f64, x: &[f64]) {
-        let slips = |[first, second]: [usize; 2]| {
-            let u = [first, second].map(|k| 2.0 * alpha[k] - 1.0);
-            u[0].hypot(u[1]) > 1.0 + OUTSIDE
-        };
-        let discs = self.system.discs.iter().map(|disc| disc.switches);
-        let slipping: Vec<usize> = discs.filter(|disc| slips(*disc)).flatten().collect();
-        if slipping.is_empty() {
-            return;
-        }
-        self.go_to(t);
-        let (_, there) = self.at(t, x).sides(&self.system, &[]);
-        for k in slipping {
-            alpha[k] = there[k];
-        }
-    }
-
     /// The slip velocities with two entries at a point.
     pub fn slips(&mut self, t: f64, x: &[f64]) -> Vec<[f64; 2]> {
         if self.system.discs.is_empty() {
@@ -157,5 +132,41 @@ impl Points {
     fn at<'p>(&'p self, t: f64, x: &'p [f64]) -> Point<'p> {
         let numbers = &self.numbers;
         Point { t, x, numbers }
+    }
+}
+
+impl Lowered for Points {
+    fn impacts(&self) -> &[Impact] {
+        &self.contacts.impacts
+    }
+
+    fn in_mode(&mut self, t: f64, x: &[f64], alpha: &[f64]) -> Vec<f64> {
+        self.go_to(t);
+        self.at(t, x).z_in_mode(&self.system, alpha)
+    }
+
+    /// Where w comes to zero, its direction is that before.
+    fn direct(&mut self, alpha: &mut [f64], t: f64, x: &[f64]) {
+        let slips = |[first, second]: [usize; 2]| {
+            let u = [first, second].map(|k| 2.0 * alpha[k] - 1.0);
+            u[0].hypot(u[1]) > 1.0 + OUTSIDE
+        };
+        let discs = self.system.discs.iter().map(|disc| disc.switches);
+        let slipping: Vec<usize> = discs.filter(|disc| slips(*disc)).flatten().collect();
+        if slipping.is_empty() {
+            return;
+        }
+        self.go_to(t);
+        let (_, there) = self.at(t, x).sides(&self.system, &[]);
+        for k in slipping {
+            alpha[k] = there[k];
+        }
+    }
+
+    fn law(&mut self, contact: usize, t: f64, x: &[f64]) -> [f64; 2] {
+        let law = self.laws(t, x).nth(contact);
+        law.map_or([f64::NAN; 2], |[speed, restitution, _]| {
+            [speed, restitution]
+        })
     }
 }

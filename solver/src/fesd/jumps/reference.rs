@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::path::Path;
 use super::{CLOSED, Element};
 use crate::event::{Event, Observer, Segment};
-use crate::hybrid::{Outcome, Side, Status};
+use crate::hybrid::{Outcome, Status};
 use crate::optimization::problem::Bounds;
 
 /// Instants closer than this, as a share of an interval, are one.
@@ -16,38 +16,6 @@ const ROUNDING: f64 = 1e-9;
 const AT_REST: f64 = 1e-9;
 /// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
 const INSIDE: f64 = 1e-6;
-
-/// Which changes of the side of a switch begin another mode.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Change {
-    /// None of it.
-    Never,
-    /// Every one.
-    Always,
-    /// That to zero, of one member of a pair.
-    ToZero,
-    /// Those while a contact, by its switch, is closed: of a slip velocity.
-    WhileClosed(usize),
-}
-
-impl Change {
-    /// Whether that of switch i between two modes is one.
-    fn is_between(self, i: usize, from: &[Side], to: &[Side]) -> bool {
-        let state = |sides: &[Side], contact: usize| {
-            let is_closed = sides[contact] == Side::Slide;
-            is_closed.then_some(sides[i])
-        };
-        match self {
-            Change::Never => false,
-            Change::Always => from[i] != to[i],
-            Change::ToZero => from[i] != to[i] && to[i] == Side::Slide,
-            Change::WhileClosed(contact) => {
-                let behind = state(to, contact);
-                behind.is_some() && behind != state(from, contact)
-            }
-        }
-    }
-}
 
 /// A contact whose impulses act where elements meet.
 #[derive(Clone, Debug)]
@@ -76,20 +44,11 @@ pub enum Slip {
     },
 }
 
-/// What is known of the switches of a system whose runs are followed.
-#[derive(Clone, Debug)]
-pub struct Followed {
-    /// Of every switch, which changes begin another mode.
-    pub changes: Vec<Change>,
-    /// How many jumps are none of contacts; they are numbered first.
-    pub n_laws: usize,
-}
-
-/// A run in the modes of the model.
+/// A run in the modes of the model, whose only jumps are those of contacts.
 #[derive(Clone, Debug)]
 pub struct Reference {
     path: Path,
-    /// Changes of mode, jumps, and slip that turns round.
+    /// Changes of sides, jumps, and slip that turns round.
     switches: Vec<f64>,
     /// When contacts strike, by number.
     strikes: Vec<(f64, usize)>,
@@ -99,75 +58,47 @@ pub struct Reference {
     pub outcome: Outcome,
 }
 
-/// Follows a run.
-struct Follower<'f> {
-    followed: &'f Followed,
-    path: Path,
-    switches: Vec<f64>,
-    strikes: Vec<(f64, usize)>,
-    accumulations: Vec<f64>,
-    /// The last jump.
-    jumped: f64,
-}
-
-impl Observer for Follower<'_> {
+impl Observer for Reference {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         self.path.push(segment);
         ControlFlow::Continue(())
     }
 
     fn event(&mut self, event: &Event) {
-        let mut changes = (0..).zip(&self.followed.changes);
-        let begins = changes.any(|(i, change)| change.is_between(i, event.from, event.to));
-        if begins || !event.jumps.is_empty() {
+        if event.from != event.to || !event.jumps.is_empty() {
             self.switches.push(event.time);
         }
         if event.accumulates {
             self.accumulations.push(event.time);
         }
-        if !event.jumps.is_empty() {
-            self.jumped = event.time;
-        }
-        let struck = event.jumps.iter();
-        let struck = struck.filter_map(|law| law.checked_sub(self.followed.n_laws));
-        self.strikes.extend(struck.map(|c| (event.time, c)));
+        let struck = event.jumps.iter().map(|&contact| (event.time, contact));
+        self.strikes.extend(struck);
     }
 }
 
 impl Reference {
     /// Follows a run; `slips` are the slip velocities with two entries at an instant and a state.
     pub fn follow(
-        followed: &Followed,
         run: impl FnOnce(&mut dyn Observer) -> Outcome,
         slips: impl FnMut(f64, &[f64]) -> Vec<[f64; 2]>,
     ) -> Self {
-        let mut follower = Follower {
-            followed,
+        let mut reference = Reference {
             path: Path::default(),
             switches: Vec::new(),
             strikes: Vec::new(),
             accumulations: Vec::new(),
-            jumped: f64::NEG_INFINITY,
+            outcome: Outcome::at(Status::Unsolved, 0.0, Vec::new(), Vec::new()),
         };
-        let outcome = run(&mut follower);
-        let Follower {
-            mut path,
-            mut switches,
-            ..
-        } = follower;
+        reference.outcome = run(&mut reference);
         // What jumps in the last instant ends behind it.
-        if follower.jumped >= outcome.time {
-            path.end_at(&outcome);
+        let (last, outcome) = (reference.strikes.last(), &reference.outcome);
+        if last.is_some_and(|strike| strike.0 >= outcome.time) {
+            reference.path.end_at(outcome);
         }
-        switches.extend(turns(&path, outcome.x.len(), slips));
-        switches.sort_by(f64::total_cmp);
-        Reference {
-            path,
-            switches,
-            strikes: follower.strikes,
-            accumulations: follower.accumulations,
-            outcome,
-        }
+        let turns = turns(&reference.path, outcome.x.len(), slips);
+        reference.switches.extend(turns);
+        reference.switches.sort_by(f64::total_cmp);
+        reference
     }
 
     /// Whether it has got beyond its start.
@@ -227,6 +158,7 @@ impl Reference {
             elements,
             points,
             n_states,
+            initial,
             bounds,
             interval: (mut start, end),
             window,
@@ -267,7 +199,7 @@ impl Reference {
                     time: start,
                     struck: self.struck(start - near, until + near),
                     before: match j {
-                        0 => Some(lowered.initial().to_vec()),
+                        0 => Some(initial.to_vec()),
                         _ => self
                             .at(start, start - INSIDE * h)
                             .map(|(x, _)| x[..n].to_vec()),
@@ -361,9 +293,6 @@ pub trait Lowered {
     /// The contacts whose impulses act where elements meet.
     fn impacts(&self) -> &[Impact];
 
-    /// The state where the first element of a step begins.
-    fn initial(&self) -> &[f64];
-
     /// Gives α of what slips in a plane the direction of slip at a point.
     fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]);
 
@@ -383,6 +312,8 @@ pub struct Target<'t> {
     pub points: &'t [f64],
     /// How many states it has.
     pub n_states: usize,
+    /// The state where the first element begins.
+    pub initial: &'t [f64],
     /// Those of all variables.
     pub bounds: Bounds<'t>,
     /// When it begins and ends.

@@ -4,7 +4,7 @@
 //! side in an element: α is 0 or 1 at all of its nodes, or the state slides. The two switches of a disc slide where
 //! their 2α - 1 is inside of it, and are above where it is on the edge at all nodes.
 
-use crate::expansion::Polynomials;
+use super::path::Piece;
 use crate::hybrid::Side;
 
 /// α that is so close to 0 or 1 is.
@@ -38,19 +38,6 @@ pub struct Shape {
     kinds: Vec<Kind>,
 }
 
-/// An element as polynomials: those of states, then α.
-#[derive(Clone, Debug)]
-pub struct Piece {
-    /// How many there are of each, constant term first.
-    pub n_coefficients: usize,
-    /// All of them, in the time since the element began.
-    pub coefficients: Vec<f64>,
-    /// How many states there are.
-    pub n_states: usize,
-    /// The sides of all switches.
-    pub sides: Box<[Side]>,
-}
-
 impl Shape {
     /// With the nodes of an element of length 1: 0, those of a Runge-Kutta method, and the end where it is none of them.
     pub fn new(nodes: &[f64], n_nodes: usize, kinds: Vec<Kind>) -> Self {
@@ -69,7 +56,7 @@ impl Shape {
         x: &[&[f64]],
         alphas: &[Vec<f64>],
         mut member: impl FnMut(usize, f64, &[f64]) -> f64,
-    ) -> Piece {
+    ) -> (Piece, Box<[Side]>) {
         let length = instants[instants.len() - 1] - instants[0];
         let (n, n_switches, n_coefficients) = (x[0].len(), alphas[0].len(), self.nodes.len());
         let nodes = apart(instants, &self.nodes);
@@ -86,12 +73,14 @@ impl Shape {
         let m = x.len() / 2;
         let sides = (0..n_switches)
             .map(|i| self.side(i, alphas, |switch| member(switch, instants[m], x[m])));
-        Piece {
-            n_coefficients,
-            sides: sides.collect(),
-            coefficients,
+        let piece = Piece {
+            from: instants[0],
+            to: instants[instants.len() - 1],
             n_states: n,
-        }
+            n_coefficients,
+            coefficients,
+        };
+        (piece, sides.collect())
     }
 
     /// The side of a switch in an element with α at its nodes, and the values of members of pairs in its middle.
@@ -118,26 +107,6 @@ impl Shape {
             Kind::Step if high <= ROUNDING => Side::Minus,
             Kind::Step | Kind::Force => Side::Slide,
         }
-    }
-}
-
-impl Piece {
-    fn row(&self, at: usize) -> &[f64] {
-        &self.coefficients[at * self.n_coefficients..][..self.n_coefficients]
-    }
-}
-
-impl Polynomials for Piece {
-    fn degree(&self) -> usize {
-        self.n_coefficients - 1
-    }
-
-    fn x(&self, i: usize) -> &[f64] {
-        self.row(i)
-    }
-
-    fn alpha(&self, switch: usize) -> &[f64] {
-        self.row(self.n_states + switch)
     }
 }
 

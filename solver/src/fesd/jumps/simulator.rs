@@ -6,9 +6,7 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 
 use super::march::{MOST_ADDED, MOST_PARTS, Make, March};
-use super::{
-    Followed, Grid, Points, Program, Reached, Reference, Shape, StepProgram, Stepper, Work,
-};
+use super::{Grid, Points, Program, Reached, Reference, Shape, StepProgram, Stepper, Work};
 use crate::event;
 use crate::event::Observer;
 use crate::hybrid::{HybridSystem, Settings, Status};
@@ -26,8 +24,6 @@ pub struct System<P> {
     pub points: Points,
     /// Elements as polynomials.
     pub shape: Shape,
-    /// What is looked at in runs from event to event.
-    pub followed: Followed,
     /// The same system event by event, whose parameters are those that stay open.
     pub events: Arc<HybridSystem>,
     /// The places of these among all parameters.
@@ -104,7 +100,6 @@ impl<P: Program> Simulator<P> {
         self.events.set_limit(limit.clone());
         let (events, points) = (&mut self.events, &mut self.system.points);
         Reference::follow(
-            &self.system.followed,
             |mut observer| events.run(0.0, horizon, x0, &mut observer),
             |t, x| points.slips(t, x),
         )
@@ -119,10 +114,7 @@ impl<P: Program> Simulator<P> {
         make: Make<P>,
         observer: &mut dyn Observer,
     ) -> Reached {
-        let (points, n_switches) = (
-            self.system.points.clone(),
-            self.system.followed.changes.len(),
-        );
+        let (points, n_switches) = (self.system.points.clone(), self.system.events.n_switches());
         let stepper = Stepper::new(points, self.analyses.clone(), grid.horizon, x0);
         let march = March {
             system: &mut self.system,

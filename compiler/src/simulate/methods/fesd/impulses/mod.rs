@@ -15,17 +15,17 @@ use nsd_solver::fesd::jumps;
 use nsd_solver::fesd::jumps::{Grid, Reached, Reference, Simulator};
 use nsd_solver::hybrid::{Outcome, Status};
 
-use super::options;
+use super::{counted, method, options};
 use crate::lowering::dcs;
 use crate::lowering::dcs::Dcs;
 use crate::lowering::mpcc::Program;
-use crate::report::{Failure, Method, MethodOption, Trajectory};
+use crate::report::{Failure, Method, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::{Comparison, Estimate, Estimator};
 use crate::simulate::outcome;
 use crate::simulate::record::modes::ModeNames;
 use crate::system::System;
-use crate::system::experiment::{FesdOptions, MethodKind, Settings};
+use crate::system::experiment::{FesdOptions, Settings};
 
 /// Steps where the experiment does not say how many.
 const STEPS: usize = 50;
@@ -83,21 +83,12 @@ pub(crate) fn first_grid(settings: &Settings) -> Grid {
 
 /// The grid of an attempt.
 fn grid(settings: &Settings, accuracy: Accuracy) -> Grid {
-    let options = options(settings);
-    let (steps, elements) = (steps(options, accuracy.attempt), options.elements);
-    let horizon = settings.horizon;
-    match accuracy.is_finer {
-        false => Grid {
-            horizon,
-            steps,
-            elements,
-        },
+    let (options, more) = (options(settings), usize::from(accuracy.is_finer));
+    Grid {
+        horizon: settings.horizon,
+        steps: steps(options, accuracy.attempt) << more,
         // With as many elements, twice as many steps could cut an interval between two events as before.
-        true => Grid {
-            horizon,
-            steps: 2 * steps,
-            elements: elements + 1,
-        },
+        elements: options.elements + more,
     }
 }
 
@@ -137,13 +128,7 @@ impl<'e> Run<'e> for WithImpulses<'e> {
             time: reached.at,
             ..outcome.clone()
         };
-        let failure = match reached.status {
-            Status::Unsolved => Some(Failure::Unsolved {
-                time: reached.at,
-                span: settings.span,
-            }),
-            _ => outcome::failure(system, &ModeNames::new(system), &failed, settings),
-        };
+        let failure = outcome::failure(system, &ModeNames::new(system), &failed, settings);
         let last = match accuracy.is_finer {
             false => &mut self.coarse,
             true => &mut self.fine,
@@ -153,27 +138,19 @@ impl<'e> Run<'e> for WithImpulses<'e> {
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
-        let (options, coarse) = (options(problem.settings), self.coarse.as_ref());
-        let (family, nodes) = options.scheme;
-        let number =
-            |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
-        let word =
-            |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
-        let mut shown = vec![
-            word("scheme", &format!("{}({nodes})", family.word())),
-            word(
-                "lowering",
-                &format!("impact, {}", self.dcs.lowering.formulation),
-            ),
-            number("steps", coarse.map_or(0, |run| run.grid.steps)),
-            number("elements", options.elements),
-        ];
-        let added = coarse.map_or(0, |run| run.added);
-        shown.extend((added > 0).then(|| number("added_elements", added)));
-        Method {
-            name: MethodKind::Fesd.word().into(),
-            options: shown,
-        }
+        let coarse = self.coarse.as_ref();
+        let lowering = format!("impact, {}", self.dcs.lowering.formulation);
+        let mut method = method(
+            problem.settings,
+            None,
+            &lowering,
+            coarse.map(|run| run.grid.steps),
+        );
+        counted(
+            &mut method,
+            [("added_elements", coarse.map_or(0, |run| run.added))],
+        );
+        method
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
@@ -210,7 +187,7 @@ impl<'e> Run<'e> for WithImpulses<'e> {
     ) -> Option<Accuracy> {
         let options = options(settings);
         let error = estimate.map_or(0.0, |estimate| estimate.error);
-        let is_unsolved = matches!(ended.failure, Some(Failure::Unsolved { .. }));
+        let is_unsolved = ended.outcome.status == Status::Unsolved;
         let is_open = options.steps.is_none() && steps(options, accuracy.attempt) < MOST_STEPS;
         let is_needed = error > settings.tolerance || is_unsolved;
         (is_open && is_needed).then(|| accuracy.next(accuracy.tolerance))

@@ -15,7 +15,7 @@ use crate::lowering::discretize::{self, Detection, End, Grid, WINDOW, discretize
 use crate::lowering::hybrid;
 use crate::lowering::mpcc::Program;
 use crate::simulate::record::elements::shape;
-use crate::simulate::reference::{followed, impacts, without_outputs};
+use crate::simulate::reference::{impacts, without_outputs};
 use crate::source::Span;
 use crate::system::experiment::{Equilibration, FesdOptions};
 use crate::system::task::{Cost, Shape as ControlShape, Task};
@@ -47,7 +47,6 @@ pub(crate) fn plain(
     jumps::System {
         points: points(system, dcs),
         shape: shape(system, &ends, nodes),
-        followed: followed(system),
         events: hybrid::lower_open(&without_outputs(system), horizon, open),
         open: open.to_vec(),
         parameters: system.params.iter().map(|param| param.value).collect(),
