@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod blurred;
+mod described;
 mod events;
 pub mod fesd;
 mod frozen;

@@ -6,7 +6,6 @@ use nsd_solver::fesd::jumps;
 use nsd_solver::fesd::jumps::{Kind, Shape};
 use nsd_solver::hybrid::Side;
 
-use crate::expr::{Expr, Var};
 use crate::report::{Dense, Piece, Trajectory};
 use crate::simulate::{Points, recorded};
 use crate::system::experiment::{Sampling, Settings};
@@ -139,18 +138,6 @@ fn sampled(
 
 /// The value of a member of a pair, without kinks, at a time and a state.
 fn member(system: &System, switch: usize, t: f64, x: &[f64]) -> f64 {
-    let value = |var: Var| {
-        let is = |e: Expr| e.as_variable() == Some(var);
-        let state = system.states.iter().position(|state| is(state.var));
-        let param = || system.params.iter().find(|param| is(param.var));
-        let data = || system.data.iter().find(|data| is(data.var));
-        match state {
-            Some(state) => x[state],
-            None if is(system.time) => t,
-            None => (param().map(|param| param.value))
-                .or_else(|| data().map(|data| data.table.value(t)))
-                .unwrap_or(0.5),
-        }
-    };
-    -system.switches[switch].psi.eval(&value)
+    let alphas = vec![0.5; system.switches.len()];
+    -(system.valuation(t, x, &alphas)).value(system.switches[switch].psi)
 }

@@ -24,7 +24,7 @@ use turns::{Surfaces, Turned, Turns};
 use super::blurred;
 use crate::limit::Limit;
 use crate::lowering::hybrid::Pulses;
-use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
+use crate::report::{Method, Multipliers, Series, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::{Estimate, Estimator};
 use crate::system::System;
@@ -180,7 +180,7 @@ impl<'e> Run<'e> for ByElements {
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
         let (settings, left) = (problem.settings, &self.left);
         let steps = options(settings).steps;
-        let mut method = method(settings, Some(left.order), self.compiled.lowering, steps);
+        let method = method(settings, Some(left.order), self.compiled.lowering, steps);
         // How the active sets were found: by rates alone unless said.
         let counts = [
             ("added_elements", left.added_elements),
@@ -188,8 +188,7 @@ impl<'e> Run<'e> for ByElements {
             ("smoothed_sets", left.rungs.smoothed),
             ("element_sets", left.rungs.whole),
         ];
-        counted(&mut method, counts);
-        method
+        counted(method, counts)
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
@@ -300,28 +299,20 @@ fn method(
 ) -> Method {
     let options = options(settings);
     let (family, nodes) = options.scheme;
-    let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
-    let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
-    let mut shown = vec![word("scheme", &format!("{}({nodes})", family.word()))];
-    shown.extend(order.map(|order| number("order", order)));
-    shown.push(word("lowering", lowering));
-    match steps {
-        Some(steps) => {
-            shown.push(number("steps", steps));
-            shown.push(number("elements", options.elements));
-        }
-        None => shown.push(("tolerance".into(), MethodOption::Number(settings.tolerance))),
+    let mut method = Method::of(MethodKind::Fesd);
+    method = method.word("scheme", format!("{}({nodes})", family.word()));
+    if let Some(order) = order {
+        method = method.count("order", order);
     }
-    Method {
-        name: MethodKind::Fesd.word().into(),
-        options: shown,
+    method = method.word("lowering", lowering);
+    match steps {
+        Some(steps) => (method.count("steps", steps)).count("elements", options.elements),
+        None => method.number("tolerance", settings.tolerance),
     }
 }
 
-/// Tells of what there was any.
-fn counted<const N: usize>(method: &mut Method, counts: [(&str, usize); N]) {
-    for (name, count) in counts.into_iter().filter(|(_, count)| *count > 0) {
-        let option = (name.to_owned(), MethodOption::Number(count as f64));
-        method.options.push(option);
-    }
+/// With what there was any of.
+fn counted<const N: usize>(method: Method, counts: [(&str, usize); N]) -> Method {
+    let counts = counts.into_iter().filter(|(_, count)| *count > 0);
+    counts.fold(method, |method, (name, count)| method.count(name, count))
 }

@@ -140,17 +140,12 @@ impl<'e> Run<'e> for WithImpulses<'e> {
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
         let coarse = self.coarse.as_ref();
         let lowering = format!("impact, {}", self.dcs.lowering.formulation);
-        let mut method = method(
-            problem.settings,
-            None,
-            &lowering,
-            coarse.map(|run| run.grid.steps),
-        );
+        let steps = coarse.map(|run| run.grid.steps);
+        let method = method(problem.settings, None, &lowering, steps);
         counted(
-            &mut method,
+            method,
             [("added_elements", coarse.map_or(0, |run| run.added))],
-        );
-        method
+        )
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
