@@ -492,6 +492,7 @@ fn thresholds_of_open_parameters_are_not_compiled_in() {
         "sign(x^2 + m - 2)",
         "if x^2 + m > 2 then 1 else 3",
         "if m*m > 4 and x < 9 then 1 else 3",
+        "sign(x + m)*sign(x - 9)",
     ];
     let mut n_prepared = 0;
     for term in terms {
@@ -527,7 +528,14 @@ fn parameters_that_change_the_program_are_refused() {
           x' = u*x^n + zero - sign(x)*sign(x - high);
         }
         optimize o of m { horizon 1; intervals 2; free { p in [1, 4]; } minimize integral(p*u^2); }
-        optimize tabled of m { horizon 1; intervals w + 1; free { p in [1, 4]; } minimize integral(p*u^2); }";
+        optimize tabled of m { horizon 1; intervals w + 1; free { p in [1, 4]; } minimize integral(p*u^2); }
+        model named {
+          param high = 1; state x = 0; control u in [-9, 9];
+          region low where x < high { x' = u; }
+          region middle where x > high and x < 3 { x' = u - 1; }
+          region top where x > high and x > 3 { x' = u - 2; }
+        }
+        optimize regions of named { horizon 1; intervals 2; minimize integral(u^2); }";
     let exprs = Exprs::new();
     let project = Project::from_text("test.nsd", text);
     let why = |name: &str, open: &str| {
@@ -541,9 +549,10 @@ fn parameters_that_change_the_program_are_refused() {
     assert_eq!(why("o", "n"), known("n", "is in an exponent"));
     assert_eq!(why("o", "zero"), known("zero", "is zero"));
     assert_eq!(
-        why("o", "high"),
+        why("regions", "high"),
         known("high", "decides which regions there are")
     );
+    assert_eq!(why("o", "high"), "");
     assert!(why("o", "p").contains('p'), "{}", why("o", "p"));
     assert!(why("o", "x").contains('x'), "{}", why("o", "x"));
     assert!(why("tabled", "w").contains('w'), "{}", why("tabled", "w"));

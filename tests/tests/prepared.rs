@@ -162,6 +162,94 @@ fn finite_elements_take_other_numbers() {
     }
 }
 
+/// A ball that bounces, one that slips and comes to rest, and a block in a plane that turns round, by finite elements with
+/// jumps between them.
+#[test]
+fn finite_elements_with_contacts_take_other_numbers() {
+    let bounces = "model m {
+        param g = 9.81; param e = 0.5; param h = 1; state q = h; state v = 0;
+        q' = v;
+        mechanics q, v { mass = 1; force = -g; contact floor { gap = q; restitution = e; } }
+    }";
+    let settings = "horizon 0.7; lower impact; method fesd { steps = 6; elements = 3; }";
+    let values: [&[f64]; 3] = [&[9.81, 0.5, 1.0], &[9.0, 0.4, 1.0], &[8.0, 0.6, 0.8]];
+    both_with((bounces, settings), 0.7, &["g", "e", "h"], &values, 1e-11);
+    let thrown = "model m {
+        param mu = 0.6; param u = 2; param floor = 0.1;
+        state q[2] = [0, 0.5]; state v[2] = [u, 0];
+        q' = v;
+        mechanics q, v {
+            mass = eye(2); force = [0, -9.81];
+            contact ground { gap = q[2] - floor; slip = v[1]; restitution = 0; friction = mu; }
+        }
+    }";
+    let settings = "horizon 1.2; lower impact;
+        method fesd { scheme = radau_iia(3); steps = 6; elements = 3; }";
+    let values: [&[f64]; 3] = [&[0.6, 2.0, 0.1], &[0.3, 1.5, 0.2], &[0.9, 3.0, 0.05]];
+    let names = ["mu", "u", "floor"];
+    both_with((thrown, settings), 1.2, &names, &values, 1e-11);
+    let pushed = "model m {
+        param mu = 0.2; param push = 3;
+        state q[3] = [0, 0, 0]; state v[3] = [0.6, 0.8, 0];
+        q' = v;
+        mechanics q, v {
+            mass = eye(3); force = [-0.6*push, -0.8*push, -10];
+            contact ground { gap = q[3]; slip = [v[1], v[2]]; restitution = 0; friction = mu; }
+        }
+    }";
+    let settings = "horizon 1; lower impact;
+        method fesd { scheme = radau_iia(3); steps = 5; elements = 3; }";
+    let values: [&[f64]; 3] = [&[0.2, 3.0], &[0.1, 3.0], &[0.15, 2.5]];
+    both_with((pushed, settings), 1.0, &["mu", "push"], &values, 1e-11);
+}
+
+/// The same from other states, to other horizons, on two threads: from q = h the ball falls √(2h/g), and its bounce has e of
+/// its speed.
+#[test]
+fn threads_share_contacts_by_finite_elements() {
+    let text = "model m {
+        param g = 9.81; param e = 0.5; state q = 1; state v = 0;
+        q' = v;
+        mechanics q, v { mass = 1; force = -g; contact floor { gap = q; restitution = e; } }
+    }
+    simulate s of m { horizon 0.9; lower impact; method fesd { steps = 6; elements = 2; } }";
+    let prepared = prepared(text, &["g", "e"]).expect("it is prepared");
+    let check = |runs: [[f64; 4]; 2]| {
+        let mut own = prepared.runs();
+        for [g, e, h, horizon] in runs {
+            let found = own.run(&[g, e], Some(&[h, 0.0]), horizon, &mut Silent);
+            let found = found.expect("the numbers are in range");
+            assert_eq!(found.status, Status::Solved);
+            let fall = f64::sqrt(2.0 * h / g);
+            let s = horizon - fall;
+            let exact = s * (e * g * fall - 0.5 * g * s);
+            let apart = (found.x[0] - exact).abs();
+            assert!(apart <= 1e-11, "{g}, {e}, {h}, {horizon}: off by {apart:e}");
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| check([[9.81, 0.5, 1.0, 0.7], [9.0, 0.6, 0.8, 0.8]]));
+        scope.spawn(|| check([[8.0, 0.7, 1.0, 0.9], [12.0, 0.5, 0.9, 0.6]]));
+    });
+}
+
+/// Infinitely many bounces in no time, by elements as from event to event.
+#[test]
+fn contacts_by_finite_elements_say_why_they_end() {
+    let text = "model m {
+        param e = 0.5; state q = 1; state v = 0;
+        q' = v;
+        mechanics q, v { mass = 1; force = -10; contact floor { gap = q; restitution = e; } }
+    }
+    simulate s of m { horizon 2; lower impact; method fesd { steps = 20; elements = 3; } }";
+    let prepared = prepared(text, &["e"]).expect("it is prepared");
+    let outcome = prepared.runs().run(&[0.5], None, 2.0, &mut Silent);
+    let outcome = outcome.expect("the numbers are in range");
+    // The bounces take e, e², .. of twice the fall each: √0.2 (1 + 2 e/(1 - e)) in all, in the 14th step.
+    assert_eq!(outcome.status, Status::Accumulation);
+    assert!((outcome.time - 1.3).abs() <= 1e-12, "{}", outcome.time);
+}
+
 /// With k = 1 the two branches happen to meet: with another k the state slides, or jumps away.
 #[test]
 fn what_is_continuous_by_chance_is_not_taken_for_granted() {

@@ -55,7 +55,7 @@ impl<'e> Problem<'e> {
             let before: f64 = (1..j).map(|j| w[layout.h(k, j)].max(0.0)).sum();
             let start = horizon * (k - 1) as f64 / layout.steps as f64 + before;
             let time = start + 0.5 * h;
-            let Some(simulated) = run.alphas(time) else {
+            let Some(simulated) = run.run.alphas(time) else {
                 continue;
             };
             let nodes: Vec<Vec<f64>> = (1..=layout.nodes).map(|m| at.alphas(k, j, m)).collect();

@@ -32,8 +32,8 @@ use crate::lowering::mpcc::Mpcc;
 use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{
-    Certificate, Confirmation, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats,
-    Status, Trajectory, Warning,
+    Certificate, Confirmation, Failure, Kind, Method, Optimum, Stationarity, Stats, Status,
+    Trajectory, Warning,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
@@ -251,8 +251,6 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
     let Problem { task, settings, .. } = problem;
     let grid = &task.discretization;
     let (family, nodes) = grid.scheme;
-    let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
-    let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
     let formulation = problem.dcs.lowering.formulation.word();
     let lowering = match &problem.frozen {
         Some(_) => format!("timefreezing, {formulation}"),
@@ -264,18 +262,18 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
     trajectory.kind = Kind::Optimize;
     trajectory.status = Status::Solved;
     trajectory.objective = solution.objective.is_finite().then_some(solution.objective);
-    trajectory.method = Method {
+    let method = Method {
         name: "mpcc".into(),
-        options: vec![
-            word("scheme", &format!("{}({nodes})", family.word())),
-            number("intervals", grid.intervals),
-            number("elements", grid.elements),
-            word("lowering", &lowering),
-            number("variables", problem.program.n_variables()),
-            number("rows", problem.program.n_rows()),
-            number("pairs", problem.mpcc.sizes().pairs),
-        ],
+        ..Method::default()
     };
+    trajectory.method = method
+        .word("scheme", format!("{}({nodes})", family.word()))
+        .count("intervals", grid.intervals)
+        .count("elements", grid.elements)
+        .word("lowering", lowering)
+        .count("variables", problem.program.n_variables())
+        .count("rows", problem.program.n_rows())
+        .count("pairs", problem.mpcc.sizes().pairs);
     trajectory.certificate = Certificate {
         stationarity: Stationarity::of(solution.class, solution.b_stationary),
         max_violation: solution.residuals.violation,

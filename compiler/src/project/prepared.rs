@@ -47,11 +47,12 @@
 //! assert_eq!((outcome.status, bounces.0), (Status::Solved, 2));
 //! ```
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::event::{Event, Observer, Segment, Simulator};
+use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::fesd;
+use nsd_solver::fesd::jumps;
+use nsd_solver::fesd::jumps::Grid;
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{HybridSystem, Outcome};
 use nsd_solver::tape::{Scratch, Tape};
@@ -61,10 +62,11 @@ use crate::diagnostics::messages::Messages;
 use crate::expr::{self, Expr, Exprs, Var};
 use crate::limit::Limit;
 use crate::lowering::hybrid::{Structural, variable};
+use crate::lowering::mpcc::Program;
 use crate::lowering::{dcs, hybrid};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
-use crate::simulate::fesd::{Compiled, first_elements};
+use crate::simulate::fesd::{Compiled, first_elements, impulses};
 use crate::simulate::{solver_settings, takes};
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
@@ -92,6 +94,11 @@ enum Ready {
     Elements {
         system: Arc<Compiled>,
         settings: fesd::Settings,
+    },
+    /// Elements with jumps between them.
+    Impulses {
+        system: Arc<jumps::System<Program>>,
+        grid: Grid,
     },
 }
 
@@ -126,7 +133,7 @@ pub enum NotPrepared {
     /// This is no name of a parameter, or of an entry of one.
     #[error("`{0}` is no parameter")]
     NoParameter(String),
-    /// It is run neither from event to event nor by finite elements without contacts.
+    /// It is run neither from event to event nor by finite elements.
     #[error("`{0}` runs with numbers that are compiled in")]
     Method(&'static str),
     /// Another value of this parameter is another system.
@@ -244,7 +251,7 @@ impl Prepared {
     pub fn system(&self) -> Option<&Arc<HybridSystem>> {
         match &self.ready {
             Ready::Events { system, .. } => Some(system),
-            Ready::Elements { .. } => None,
+            Ready::Elements { .. } | Ready::Impulses { .. } => None,
         }
     }
 
@@ -258,6 +265,10 @@ impl Prepared {
             Ready::Elements { system, settings } => Work::Elements {
                 system: Box::new(Compiled::clone(system)),
                 settings: settings.clone(),
+            },
+            Ready::Impulses { system, grid } => Work::Impulses {
+                runs: Box::new(jumps::Simulator::new(jumps::System::clone(system))),
+                grid: *grid,
             },
         };
         Runs {
@@ -287,6 +298,10 @@ impl Ready {
             Method::Fesd(_) if system.contacts.is_empty() => Ok(Ready::Elements {
                 system: Arc::new(Compiled::prepared(system, settings, open)),
                 settings: first_elements(settings),
+            }),
+            Method::Fesd(_) => Ok(Ready::Impulses {
+                system: Arc::new(impulses::prepared(system, settings, open)),
+                grid: impulses::first_grid(settings),
             }),
             other => Err(NotPrepared::Method(other.kind().word())),
         }
@@ -319,7 +334,7 @@ impl Opened {
         let places = open_places(compiled);
         let mut why = hybrid::structural(system);
         if settings.optimize.is_some() {
-            let deciding = dcs::deciding(system);
+            let deciding = dcs::deciding(system, &settings.lowerings);
             for (why, param) in why.iter_mut().zip(&system.params) {
                 let decides = deciding.contains(&variable(param.var));
                 *why = why.or(decides.then_some(Structural::Regions));
@@ -379,22 +394,11 @@ enum Work {
         system: Box<Compiled>,
         settings: fesd::Settings,
     },
+    Impulses {
+        runs: Box<jumps::Simulator<Program>>,
+        grid: Grid,
+    },
 }
-
-/// Sees elements as steps.
-struct Steps<'o, O>(&'o mut O);
-
-impl<O: Observer> Observer for Steps<'_, O> {
-    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
-        self.0.segment(segment)
-    }
-
-    fn event(&mut self, event: &Event) {
-        self.0.event(event);
-    }
-}
-
-impl<O: Observer> fesd::Observer for Steps<'_, O> {}
 
 impl Runs<'_> {
     /// A run from 0 to a horizon, no longer than that of the experiment, with these values of the parameters, in the order
@@ -423,9 +427,18 @@ impl Runs<'_> {
             }
             Work::Elements { system, settings } => {
                 system.set_parameters(parameters);
-                let (settings, mut steps) = (settings.clone(), Steps(observer));
-                let ran = system.by_elements(settings, horizon, &self.x0, &mut steps);
+                let (settings, mut observer) = (settings.clone(), observer as &mut dyn Observer);
+                let ran = system.by_elements(settings, horizon, &self.x0, &mut observer);
                 ran.solution.outcome
+            }
+            Work::Impulses { runs, grid } => {
+                runs.set_parameters(parameters);
+                let grid = Grid { horizon, ..*grid };
+                let limit = Limit::default();
+                let reference = runs.follow(horizon, &self.x0, &limit);
+                let near = (&reference, &limit);
+                runs.run(grid, &self.x0, near, &mut |_| None, observer)
+                    .outcome()
             }
         })
     }

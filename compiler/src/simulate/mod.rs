@@ -26,7 +26,7 @@ pub use methods::{Plan, fesd, moreau};
 pub(crate) use methods::{solver_settings, takes};
 pub use outcome::sampled;
 use record::{Points, recorded};
-pub(crate) use reference::{Lowered, ReferenceRun, Target, cut};
+pub(crate) use reference::{ReferenceRun, impacts};
 pub use request::Request;
 pub(crate) use settle::Consistent;
 pub use settle::settle;

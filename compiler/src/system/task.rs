@@ -23,6 +23,8 @@ pub struct Task<'e> {
     pub shape: Shape,
     /// Bounds of T, where it is free.
     pub horizon: Option<(f64, f64)>,
+    /// The parameter that T is, where it is a number of every run.
+    pub length: Option<Expr<'e>>,
     /// Parameters that are optimized, by their place in the system.
     pub params: Vec<Free>,
     /// States with a free initial value, by their place in the system.

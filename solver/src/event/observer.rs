@@ -89,6 +89,28 @@ impl<'a> Segment<'a> {
         (self.sides[switch] == Side::Slide).then(|| self.dense.alpha(switch))
     }
 
+    /// Appends the series of all states and α around the start, of `order() + 1` coefficients each; not a number where α
+    /// is not known.
+    pub fn write(&self, coefficients: &mut Vec<f64>) {
+        let n_coefficients = self.order() + 1;
+        coefficients.reserve((self.end.len() + self.sides.len()) * n_coefficients);
+        for i in 0..self.end.len() {
+            coefficients.extend_from_slice(self.state_series(i));
+        }
+        for (i, side) in self.sides.iter().enumerate() {
+            match self.alpha_series(i) {
+                None if self.unobserved().contains(&i) => {
+                    coefficients.resize(coefficients.len() + n_coefficients, f64::NAN);
+                }
+                Some(series) => coefficients.extend_from_slice(series),
+                None => {
+                    coefficients.push(0.5 + 0.5 * side.sign());
+                    coefficients.resize(coefficients.len() + n_coefficients - 1, 0.0);
+                }
+            }
+        }
+    }
+
     /// Switches that nothing but outputs looks at, whose α is not known: their ψ has no series here, only values.
     pub fn unobserved(&self) -> &[usize] {
         self.dense.unobserved()

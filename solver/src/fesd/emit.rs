@@ -25,6 +25,8 @@ pub trait Observer: crate::event::Observer {
     fn multipliers(&mut self, _multipliers: &Multipliers) {}
 }
 
+impl Observer for &mut dyn crate::event::Observer {}
+
 /// x and α along an element.
 #[derive(Default)]
 pub(crate) struct Polynomials {

@@ -3,10 +3,10 @@
 //! Stewart's where it is small: one switch per subsystem, or disjoint regions of the user's; else step, which stays
 //! regular where several surfaces slide at once and Stewart's θ is not unique.
 
-use crate::expr::Substitution;
+use crate::expr::{Substitution, Var};
 use crate::system::experiment::{Lowering, POISSON};
 use crate::system::switches::roots::Vanishing;
-use crate::system::{Role, System};
+use crate::system::{Role, Switch, System};
 
 use super::{Dcs, DcsError, Formulation, heaviside, impact, signs, stewart};
 
@@ -211,36 +211,10 @@ pub fn choose(system: &System) -> Choice {
     if system.switches.is_empty() {
         return choice(Formulation::Stewart, "the system has no switch");
     }
-    if system.switches.iter().any(|switch| switch.unilateral) {
-        let strikes = system.laws.iter().any(|law| law.strikes.is_some());
-        let reason = match system.contacts.is_empty() && !strikes {
-            true => "projections are stated by forces",
-            false => "contacts are stated by forces",
-        };
-        return choice(Formulation::Step, reason);
-    }
-    if system
-        .switches
-        .iter()
-        .any(|switch| switch.role != Role::Step)
-    {
-        return choice(Formulation::Step, "algebraic states have no regions");
-    }
-    if system.switches.iter().any(|switch| switch.across.is_some()) {
-        return choice(
-            Formulation::Step,
-            "friction in two directions has no regions",
-        );
-    }
-    if let Some(switch) = system.switches.iter().find(|switch| switch.is_nonlinear) {
-        let reason = format!("`{}` is read nonlinearly", switch.name);
+    if let Some(reason) = unnamed(system) {
         return choice(Formulation::Step, &reason);
     }
-    let mut several = system
-        .subsystems
-        .iter()
-        .filter(|s| s.switches.len() > 1)
-        .peekable();
+    let mut several = signs::several(system).peekable();
     if several.peek().is_none() {
         return choice(Formulation::Stewart, "no two switches multiply each other");
     }
@@ -262,4 +236,41 @@ pub fn choose(system: &System) -> Choice {
         _ => "switches multiply each other".to_owned(),
     };
     choice(Formulation::Step, &reason)
+}
+
+/// Why switches have no regions with names, whatever their values.
+fn unnamed(system: &System) -> Option<String> {
+    let (mut switches, strikes) = (
+        system.switches.iter(),
+        system.laws.iter().any(|law| law.strikes.is_some()),
+    );
+    let is = |of: fn(&Switch) -> bool| system.switches.iter().any(of);
+    let reason = if is(|switch| switch.unilateral) {
+        match system.contacts.is_empty() && !strikes {
+            true => "projections are stated by forces",
+            false => "contacts are stated by forces",
+        }
+    } else if is(|switch| switch.role != Role::Step) {
+        "algebraic states have no regions"
+    } else if is(|switch| switch.across.is_some()) {
+        "friction in two directions has no regions"
+    } else {
+        let switch = switches.find(|switch| switch.is_nonlinear)?;
+        return Some(format!("`{}` is read nonlinearly", switch.name));
+    };
+    Some(reason.to_owned())
+}
+
+/// What decides by its values how a system is lowered, parameters among it. The step formulation has a product for every
+/// combination of sides, also for those that cannot happen.
+pub(crate) fn deciding(system: &System, lowerings: &[Lowering]) -> Vec<Var> {
+    let is_nameless = |subsystem| signs::partition(system, subsystem).is_none();
+    let is_step = match asked(lowerings) {
+        Some(formulation) => formulation == Formulation::Step,
+        None => unnamed(system).is_some() || signs::several(system).any(is_nameless),
+    };
+    match is_step {
+        true => Vec::new(),
+        false => signs::deciding(system),
+    }
 }

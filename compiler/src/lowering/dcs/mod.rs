@@ -38,13 +38,13 @@ mod tests;
 use std::fmt;
 use std::sync::Arc;
 
+pub(crate) use auto::deciding;
 pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
 pub use drift::Kept;
 pub use error::DcsError;
 pub use impact::{Friction, Impact, SlipLaw, Tangent};
 pub use pointwise::{Pointwise, directed, indicators, rules, solve_in_mode, solve_pointwise};
-pub(crate) use signs::deciding;
 pub use tex::tex;
 
 use crate::expr::{Expr, Exprs, Var};

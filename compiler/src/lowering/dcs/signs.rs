@@ -12,6 +12,7 @@ use crate::system::{Subsystem, System};
 
 use super::DcsError;
 use super::labels::signed;
+use super::pointwise::indicators;
 
 /// No subsystem has more regions,
 const MAX_REGIONS: usize = 1 << 10;
@@ -42,13 +43,18 @@ pub(crate) fn check(system: &System) -> Result<(), DcsError> {
 }
 
 /// What decides by its values which combinations of sides are regions, parameters among it: what several ψ of a subsystem
-/// contain.
+/// contain, and what regions compare.
 pub(crate) fn deciding(system: &System) -> Vec<Var> {
+    let switches = several(system).flat_map(|subsystem| &subsystem.switches);
+    let psi = switches.map(|&k| system.switches[k].psi);
+    let compared: Vec<Expr> = psi.chain(indicators(system)).collect();
+    variables_of(&compared)
+}
+
+/// The subsystems of several switches.
+pub(crate) fn several<'s>(system: &'s System) -> impl Iterator<Item = &'s Subsystem> {
     let subsystems = system.subsystems.iter();
-    let several = subsystems.filter(|subsystem| subsystem.switches.len() > 1);
-    let switches = several.flat_map(|subsystem| &subsystem.switches);
-    let psi: Vec<Expr> = switches.map(|&k| system.switches[k].psi).collect();
-    variables_of(&psi)
+    subsystems.filter(|subsystem| subsystem.switches.len() > 1)
 }
 
 /// Whether the subsystem is nothing but disjoint regions of the user.
@@ -190,12 +196,16 @@ fn combinations(
     Ok(signs.collect())
 }
 
-/// The region that holds at a row, of the first partition that is about no other switches.
-fn region(system: &System, subsystem: &Subsystem, signs: &[bool]) -> Option<(usize, usize)> {
+/// The first partition that is about switches of a subsystem and no others.
+pub(crate) fn partition(system: &System, subsystem: &Subsystem) -> Option<usize> {
     let own = |k: &usize| subsystem.switches.contains(k);
     let mut partitions = system.partitions.iter();
-    let partition =
-        partitions.position(|p| !p.switches.is_empty() && p.switches.iter().all(own))?;
+    partitions.position(|p| !p.switches.is_empty() && p.switches.iter().all(own))
+}
+
+/// The region that holds at a row, of that partition.
+fn region(system: &System, subsystem: &Subsystem, signs: &[bool]) -> Option<(usize, usize)> {
+    let partition = partition(system, subsystem)?;
     let corner = |var| {
         let place = subsystem
             .switches

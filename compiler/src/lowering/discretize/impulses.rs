@@ -157,14 +157,19 @@ impl<'s, 'e> LeftEnds<'s, 'e> {
         let sides = self.formals.states.iter().zip(&self.before);
         let sides: Substitution = sides.map(|(&x, &before)| (variable(x), before)).collect();
         let Grid { horizon, steps, .. } = self.formals.grid;
-        let window = WINDOW * horizon / (steps * layout.elements) as f64;
+        let n_elements = (steps * layout.elements) as f64;
+        let known = WINDOW * horizon / n_elements;
+        let window = match dcs.task.as_ref().and_then(|task| task.length) {
+            Some(length) => WINDOW / n_elements * length,
+            None => dcs.exprs.constant(known),
+        };
         let laws = dcs.impacts.iter().map(|impact| {
             let before = impact.speed.substitute(&sides);
             gap(impact) / window + impact.speed + impact.restitution * before
         });
         let rows: Vec<Expr> = impulses.chain(laws).collect();
         let text = format!(
-            "0 <= impulse[k,j] perp gap[k,j,0]/{window} + after(speed) + e*before(speed) >= 0"
+            "0 <= impulse[k,j] perp gap[k,j,0]/{known} + after(speed) + e*before(speed) >= 0"
         );
         self.push(mpcc, ("restitution", Kind::Pair), &rows, origins, &text);
     }

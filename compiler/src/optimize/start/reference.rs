@@ -4,14 +4,18 @@
 //! that does not know of it begins in the wrong modes. Contacts never close in them, as what stands still at an instant
 //! takes time in the program.
 
+use nsd_solver::fesd::jumps::{Impact, Lowered, Target, cut};
+use nsd_solver::optimization::problem;
+
 use crate::expr::Var;
 use crate::limit::Limit;
-use crate::lowering::dcs::{Dcs, Impact, directed, solve_in_mode};
+use crate::lowering::dcs::{Dcs, directed, solve_in_mode};
 use crate::lowering::discretize::WINDOW;
+use crate::lowering::mpcc::Bounds;
 use crate::optimize::checks::solved;
 use crate::optimize::{Problem, Sampled};
 use crate::report::{Dense, Status, Trajectory};
-use crate::simulate::{self, Lowered, ReferenceRun, Request, Target, cut};
+use crate::simulate::{self, ReferenceRun, Request, impacts};
 use crate::system::experiment::{EventOptions, Method, Sampling};
 use crate::system::task::{Control, Shape};
 use crate::system::{Param, State, System};
@@ -55,7 +59,7 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
     }
     let reference = problem.constant_run(&system, limit);
     follow(problem, &reference, settings.horizon, w);
-    reference.begins()
+    reference.run.begins()
 }
 
 /// A control that is a number.
@@ -164,21 +168,31 @@ fn follow<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, horizon: f64, w: &m
     let layout = &problem.layout;
     let window = 2.0 * WINDOW * horizon / (layout.steps * layout.elements) as f64;
     let bounds = problem.mpcc.bounds();
+    let side = |side: fn(&Bounds) -> f64| bounds.iter().map(side).collect::<Vec<f64>>();
+    let (lower, upper) = (side(|b| b.lower), side(|b| b.upper));
+    let states = problem.dcs.states.iter();
+    let initial: Vec<f64> = states.map(|state| state.initial).collect();
     let mut lowered = WithControls {
         dcs: &problem.dcs,
-        system: run.system(),
+        system: &run.system,
+        impacts: impacts(&run.system, &problem.dcs.impacts),
     };
     for k in 1..=layout.steps {
         let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
         let interval = (instant(k - 1), instant(k));
         let step = Target {
-            layout,
-            bounds: &bounds,
-            number: k,
+            elements: &layout.step(k),
+            points: &layout.points,
+            n_states: layout.n_states(),
+            initial: &initial,
+            bounds: problem::Bounds {
+                lower: &lower,
+                upper: &upper,
+            },
             interval,
             window,
         };
-        run.fill(&mut lowered, &step, w);
+        run.run.fill(&mut lowered, &step, w);
     }
 }
 
@@ -186,16 +200,12 @@ fn follow<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, horizon: f64, w: &m
 struct WithControls<'p, 'e> {
     dcs: &'p Dcs<'e>,
     system: &'p System<'e>,
+    impacts: Vec<Impact>,
 }
 
-impl<'e> Lowered<'e> for WithControls<'_, 'e> {
-    fn impacts(&self) -> &[Impact<'e>] {
-        &self.dcs.impacts
-    }
-
-    fn initial(&self) -> Vec<f64> {
-        let states = self.dcs.states.iter();
-        states.map(|state| state.initial).collect()
+impl Lowered for WithControls<'_, '_> {
+    fn impacts(&self) -> &[Impact] {
+        &self.impacts
     }
 
     fn direct(&mut self, alphas: &mut [f64], time: f64, x: &[f64]) {

@@ -15,7 +15,7 @@ use nsd_solver::hybrid::Side;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{Expr, Substitution, Var, variables_of};
-use crate::report::{Method, MethodOption, Trajectory, Warning};
+use crate::report::{Method, Trajectory, Warning};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::{Estimate, Estimator};
 use crate::simulate::record::schedule::scheduled;
@@ -58,11 +58,7 @@ impl<'e> Run<'e> for Adaptive {
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
-        let tolerance = MethodOption::Number(problem.settings.tolerance);
-        Method {
-            name: MethodKind::Adaptive.word().into(),
-            options: vec![("tolerance".into(), tolerance)],
-        }
+        Method::of(MethodKind::Adaptive).number("tolerance", problem.settings.tolerance)
     }
 
     fn estimator(&self, _: &Settings<'e>) -> Estimator {

@@ -9,7 +9,7 @@ use nsd_solver::hybrid::HybridSystem;
 use super::smoothed;
 use crate::limit::Limit;
 use crate::lowering::hybrid;
-use crate::report::{Method, MethodOption, Trajectory};
+use crate::report::{Method, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::Estimator;
 use crate::system::System;
@@ -85,23 +85,16 @@ impl<'e> Run<'e> for Events {
         let settings = problem.settings;
         let mut method = match &settings.method {
             experiment::Method::Smoothing(options) => smoothed::method(options),
-            _ => Method {
-                name: MethodKind::Event.word().into(),
-                options: Vec::new(),
-            },
+            _ => Method::of(MethodKind::Event),
         };
-        let mut add = |name: &str, value| {
-            let option = (name.to_owned(), MethodOption::Number(value));
-            method.options.push(option);
+        let Some(run) = &self.coarse else {
+            return method;
         };
-        if let Some(run) = &self.coarse {
-            add("order", run.order() as f64);
-            add("tolerance", settings.tolerance);
-            if ended.outcome.stats.implicit_steps > 0 {
-                add("implicit_order", run.implicit_order() as f64);
-            }
+        method = (method.count("order", run.order())).number("tolerance", settings.tolerance);
+        match ended.outcome.stats.implicit_steps {
+            0 => method,
+            _ => method.count("implicit_order", run.implicit_order()),
         }
-        method
     }
 
     fn estimator(&self, _: &Settings<'e>) -> Estimator {

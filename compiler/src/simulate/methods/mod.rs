@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod blurred;
+mod described;
 mod events;
 pub mod fesd;
 mod frozen;
@@ -9,6 +10,8 @@ pub mod moreau;
 mod smoothed;
 
 use std::sync::Arc;
+
+use nsd_solver::fesd::jumps::Reference;
 
 use adaptive::Adaptive;
 use events::Events;
@@ -19,13 +22,14 @@ use fesd::stepping::Stepping;
 use frozen::InNumericalTime;
 use moreau::Contacts;
 
-use super::driver::{self, Run};
-use super::{Progress, ReferenceRun, Request};
-use crate::expr::{Expr, variables_of};
+use super::driver::{self, Accuracy, Problem, Run};
+use super::reference::slips;
+use super::{Progress, ReferenceRun, Request, outcome};
 use crate::limit::Limit;
-use crate::lowering::dcs::indicators;
+use crate::lowering::dcs::deciding;
 use crate::lowering::hybrid::variable;
 use crate::report::Trajectory;
+use crate::simulate::record::modes::ModeNames;
 use crate::simulate::record::reported::Reported;
 use crate::source::table::Table;
 use crate::system::System;
@@ -132,6 +136,13 @@ impl<'e> Plan<'e> {
         request: &Request,
         watch: &mut dyn FnMut(Progress),
     ) -> Trajectory {
+        self.renew(system, settings);
+        let of = (system, settings);
+        driver::drive(&mut *self.run, of, &self.reported, request, watch)
+    }
+
+    /// Compiles again where what was compiled in is another number now.
+    fn renew(&mut self, system: &System<'e>, settings: &Settings<'e>) {
         let now = Made::of(system, settings);
         let serves = self.made.has_params(&now, &self.open)
             && self.made.has_method(&now)
@@ -145,8 +156,6 @@ impl<'e> Plan<'e> {
                 Some(_) => Plan::of_method(system, settings, &self.open),
             };
         }
-        let of = (system, settings);
-        driver::drive(&mut *self.run, of, &self.reported, request, watch)
     }
 
     /// A run from event to event whose modes are followed, by a system that was compiled for such runs.
@@ -157,9 +166,20 @@ impl<'e> Plan<'e> {
         limit: &Limit,
     ) -> ReferenceRun<'e> {
         let (system, settings) = ReferenceRun::asked(system, settings);
-        let request = ReferenceRun::request(limit);
-        let run = self.run(&system, &settings, &request, &mut |_| {});
-        ReferenceRun::of(system, run)
+        self.renew(&system, &settings);
+        let (accuracy, events) = (Accuracy::of(&settings), &mut self.run);
+        let problem = Problem::of_end(&system, &settings, limit);
+        let run = Reference::follow(
+            |observer| events.march(&problem, accuracy, observer).outcome,
+            |time, x| slips(&system, time, x),
+        );
+        let names = ModeNames::new(&system);
+        let failure = outcome::failure(&system, &names, &run.outcome, &settings);
+        ReferenceRun {
+            run,
+            failure,
+            system,
+        }
     }
 }
 
@@ -193,27 +213,21 @@ pub(crate) fn of<'e>(
 /// Whether runs by the method of an experiment take other values of parameters, by their numbers, and of initial states.
 ///
 /// From event to event they do unless time stands still at impacts. Finite elements and steps do besides where values do
-/// not decide which sides of several switches have a common region, elements with contacts where there are no data. Steps
-/// have contacts and the instants at which switches of time change compiled in, and none selects among the sliding modes
-/// of nonlinear switches.
+/// not decide which regions there are. Steps have contacts and the instants at which switches
+/// of time change compiled in, and none selects among the sliding modes of nonlinear switches.
 pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
     let without = system.contacts.is_empty() && system.impulsive.is_empty();
     let by_elements = match settings.method {
         Method::Auto | Method::Event(_) => return !settings.freezes(),
-        Method::Fesd(_) => without || settings.takes_impulses() && system.data.is_empty(),
+        Method::Fesd(_) => without || settings.takes_impulses(),
         Method::Timestepping(_) => {
             without && system.first_nonlinear().is_none() && system.leading().is_empty()
         }
         _ => false,
     };
-    let together = system.subsystems.iter();
-    let together = together.filter(|subsystem| subsystem.switches.len() > 1);
-    let switches = together.flat_map(|subsystem| &subsystem.switches);
-    let compared = switches.map(|&switch| system.switches[switch].psi);
-    let compared: Vec<Expr> = compared.chain(indicators(system)).collect();
-    let compared = variables_of(&compared);
+    let deciding = deciding(system, &settings.lowerings);
     let mut open = open.iter().map(|&place| variable(system.params[place].var));
-    by_elements && !settings.freezes() && open.all(|var| !compared.contains(&var))
+    by_elements && !settings.freezes() && open.all(|var| !deciding.contains(&var))
 }
 
 #[cfg(test)]
@@ -289,7 +303,9 @@ mod tests {
             for (g, e, q) in [(9.0, 0.4, 1.0), (8.0, 0.6, 0.8)] {
                 (system.params[0].value, system.params[1].value) = (g, e);
                 system.states[0].initial = q;
+                let known = system.exprs.n_nodes();
                 let found = run(&mut plan, &system, settings);
+                assert_eq!(system.exprs.n_nodes(), known, "{g} compiles");
                 let fresh = Plan::of_method(&system, settings, &open);
                 let fresh = run(&mut { fresh }, &system, settings);
                 let [found, fresh] = [found, fresh].map(|run| {
@@ -308,24 +324,43 @@ mod tests {
         });
     }
 
-    /// Which sides of two switches have a common region is decided by values.
+    /// Which sides of two switches have a common region is decided by values, where regions have names; the step formulation
+    /// has products of all sides, in whatever order the thresholds are.
     #[test]
-    fn thresholds_of_several_switches_are_compiled_in() {
-        let text = "model m {
-                      param low = 1; param k = 1; state x = 0;
-                      x' = k + (if x > low then (if x > 2 then 1 else 2) else 3);
-                    }
-                    simulate o of m { horizon 1; method fesd; }";
-        with_last(text, |compiled| {
-            let param = |name: &str| {
-                let mut params = compiled.system.params.iter();
-                params.position(|param| param.name == name)
-            };
-            let takes = |name: &str| {
-                let place = param(name).expect("it is one");
-                takes(&compiled.system, &compiled.settings, &[place])
-            };
-            assert!(takes("k") && !takes("low"));
-        });
+    fn thresholds_of_named_regions_are_compiled_in() {
+        let named = "region a where x < low { x' = 3*k; }
+                     region b where x > low and x < 2 { x' = 2*k; }
+                     region c where x > low and x > 2 { x' = k; }";
+        let nested = "x' = k*(if x > low then (if x > 2 then 1 else 2) else 3);";
+        for (rates, takes_low) in [(named, false), (nested, true)] {
+            let text = format!(
+                "model m {{ param low = 1; param k = 1; state x = 0; {rates} }}
+                 simulate o of m {{ horizon 1.5; method fesd; }}"
+            );
+            with_last(&text, |compiled| {
+                let (mut system, settings) = (compiled.system.clone(), &compiled.settings);
+                let place = |name: &str| {
+                    let mut params = system.params.iter();
+                    params
+                        .position(|param| param.name == name)
+                        .expect("it is one")
+                };
+                let [low, k] = ["low", "k"].map(place);
+                assert!(takes(&system, settings, &[k]));
+                assert_eq!(takes(&system, settings, &[low]), takes_low);
+                let mut plan = Plan::of_method(&system, settings, &[low]);
+                for value in [1.0, 0.5, 2.5].into_iter().filter(|_| takes_low) {
+                    system.params[low].value = value;
+                    let found = run(&mut plan, &system, settings);
+                    let (first, second) = (value / 3.0, (2.0 - value).max(0.0) / 2.0);
+                    let exact = value.max(2.0) + 1.5 - first - second;
+                    let apart = found.states[0].values.last().map(|x| (x - exact).abs());
+                    assert!(
+                        apart.is_some_and(|apart| apart <= 1e-9),
+                        "{value}: {apart:?}"
+                    );
+                }
+            });
+        }
     }
 }

@@ -1,19 +1,15 @@
 //! What a run of a smoothed system says about itself.
 
-use crate::report::{Method, MethodOption, Warning};
+use crate::report::{Method, Warning};
 use crate::source::Span;
 use crate::system::System;
 use crate::system::experiment::{MethodKind, SmoothingOptions};
 
 /// The method with its options.
 pub(crate) fn method(options: &SmoothingOptions) -> Method {
-    Method {
-        name: MethodKind::Smoothing.word().into(),
-        options: vec![
-            ("epsilon".into(), MethodOption::Number(options.epsilon)),
-            ("law".into(), MethodOption::Text(options.law.word())),
-        ],
-    }
+    Method::of(MethodKind::Smoothing)
+        .number("epsilon", options.epsilon)
+        .word("law", options.law.word())
 }
 
 /// That the estimate of the error is about another system than the model.

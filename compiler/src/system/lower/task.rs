@@ -76,6 +76,7 @@ pub(crate) fn lower<'e>(
         controls: instance.decided(),
         shape: asked.discretization.controls,
         horizon: asked.horizon,
+        length: None,
         params: places(&asked.params, &params),
         initial: [places(&asked.initial, &states), tied].concat(),
         bounds: state_bounds(instance),

@@ -1,6 +1,6 @@
 //! What must hold of a step of contacts besides its equations.
 
-use super::{Program, SHORTEST, StepProgram, Stepper};
+use super::{Impact, Program, SHORTEST, StepProgram, Stepper};
 use crate::hybrid::Coefficient;
 use crate::integrate::tableau::lagrange;
 use crate::linalg::largest;
@@ -22,8 +22,8 @@ impl Stepper {
         let basis = |tau: f64| lagrange(&step.points, &[tau]);
         let weights: Vec<Vec<f64>> = (1..LOOKS).map(|i| basis(i as f64 / LOOKS as f64)).collect();
         (0..step.elements.len()).all(|j| {
-            self.points.contacts.gaps.iter().all(|&gap| {
-                let values = (0..step.points.len()).map(|m| step.z(w, j, m, gap));
+            self.points.contacts.impacts.iter().all(|impact| {
+                let values = (0..step.points.len()).map(|m| step.z(w, j, m, impact.gap));
                 let values: Vec<f64> = values.collect();
                 let size = largest(&values).max(1.0);
                 weights.iter().all(|weights| {
@@ -46,7 +46,7 @@ impl Stepper {
         w: &[f64],
         start: f64,
     ) -> bool {
-        let least = OPENING.max(CLOSED / step.window);
+        let least = OPENING.max(CLOSED / (step.window * step.length));
         let (mut t, mut open) = (start, self.open.clone());
         for j in 0..step.elements.len() {
             let from = t;
@@ -54,8 +54,8 @@ impl Stepper {
             let x = step.states(w, j, 0);
             let size = largest(x).max(1.0);
             let lasts = from > 0.0 && self.struck(step, w, j, &open).is_empty();
-            let is_closed: Vec<bool> = (self.points.contacts.forces.iter())
-                .map(|&force| (1..=step.nodes).any(|m| step.z(w, j, m, force) > IMPULSE))
+            let is_closed: Vec<bool> = (self.points.contacts.impacts.iter())
+                .map(|impact| (1..=step.nodes).any(|m| step.z(w, j, m, impact.force) > IMPULSE))
                 .collect();
             let holds = self
                 .points
@@ -107,8 +107,9 @@ impl Stepper {
             return before.to_vec();
         }
         let size = largest(step.states(w, j, 0));
-        let is_open = |&gap: &usize| (1..=step.nodes).any(|m| step.z(w, j, m, gap) > CLOSED * size);
-        self.points.contacts.gaps.iter().map(is_open).collect()
+        let is_open =
+            |impact: &Impact| (1..=step.nodes).any(|m| step.z(w, j, m, impact.gap) > CLOSED * size);
+        self.points.contacts.impacts.iter().map(is_open).collect()
     }
 
     /// The first contact that strikes in a step with a restitution outside of [0, 1] or a friction below zero: the time, the

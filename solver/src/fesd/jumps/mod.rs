@@ -10,8 +10,13 @@
 //! Nurkanović, Frey, Pozharskiy & Diehl 2024.
 
 mod checks;
+mod march;
+mod path;
 mod points;
 mod program;
+mod reference;
+mod shape;
+mod simulator;
 
 use crate::linalg::analyses::Analyses;
 use crate::linalg::largest;
@@ -20,9 +25,14 @@ use crate::optimization::mpcc::Options;
 use crate::optimization::problem::Mpcc;
 use crate::runtime::limit::Limit;
 
-pub use checks::CLOSED;
+use checks::CLOSED;
+pub use march::{Grid, Make, Reached};
+pub use path::Piece;
 pub use points::{Contacts, Points};
 pub use program::{Element, Program, StepProgram, StepStart};
+pub use reference::{Impact, Lowered, Reference, Slip, Target, cut};
+pub use shape::{Kind, Shape};
+pub use simulator::{Simulator, System};
 
 /// Other ways that are tried, and iterations of each, where the predicted branch is none.
 const MOST_WAYS: usize = 1;

@@ -1,6 +1,6 @@
 //! The algebraic variables of contacts at one instant and state: where steps start, and in the modes of other runs.
 
-use super::{CLOSED, StepStart};
+use super::{CLOSED, Impact, Lowered, StepStart};
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::pointwise::{Point, eval};
 use crate::linalg::largest;
@@ -14,10 +14,8 @@ const OUTSIDE: f64 = 1e-6;
 /// The contacts of a system.
 #[derive(Clone, Debug)]
 pub struct Contacts {
-    /// The places of their gaps among z.
-    pub gaps: Vec<usize>,
-    /// The places of their forces.
-    pub forces: Vec<usize>,
+    /// What acts where elements meet.
+    pub impacts: Vec<Impact>,
     /// The rate of the gap, the restitution and the friction of every contact, in t, x and parameters.
     pub laws: Tape,
     /// These.
@@ -65,9 +63,9 @@ impl Points {
         self.go_to(t);
         let mut z = self.system.z_at(self.at(t, x), &[]);
         let size = largest(x).max(1.0);
-        for &gap in &self.contacts.gaps {
-            if z[gap] <= CLOSED * size {
-                z[gap] = 0.0;
+        for impact in &self.contacts.impacts {
+            if z[impact.gap] <= CLOSED * size {
+                z[impact.gap] = 0.0;
             }
         }
         let inputs = self.at(t, x).with(&z);
@@ -83,29 +81,21 @@ impl Points {
         })
     }
 
-    /// z at a point in the mode of these α.
-    pub fn in_mode(&mut self, t: f64, x: &[f64], alpha: &[f64]) -> Vec<f64> {
+    /// The slip velocities with two entries at a point.
+    pub fn slips(&mut self, t: f64, x: &[f64]) -> Vec<[f64; 2]> {
+        if self.system.discs.is_empty() {
+            return Vec::new();
+        }
         self.go_to(t);
-        self.at(t, x).z_in_mode(&self.system, alpha)
+        let (psi, _) = self.at(t, x).sides(&self.system, &[]);
+        let discs = self.system.discs.iter();
+        discs.map(|disc| disc.switches.map(|k| psi[k])).collect()
     }
 
-    /// Gives α of what slips in a plane the direction of slip at a point near by: where w comes to zero, its direction
-    /// is that before.
-    pub fn direct(&mut self, alpha: &mut [f64], t: f64, x: &[f64]) {
-        let slips = |[first, second]: [usize; 2]| {
-            let u = [first, second].map(|k| 2.0 * alpha[k] - 1.0);
-            u[0].hypot(u[1]) > 1.0 + OUTSIDE
-        };
-        let discs = self.system.discs.iter().map(|disc| disc.switches);
-        let slipping: Vec<usize> = discs.filter(|disc| slips(*disc)).flatten().collect();
-        if slipping.is_empty() {
-            return;
-        }
-        self.go_to(t);
-        let (_, there) = self.at(t, x).sides(&self.system, &[]);
-        for k in slipping {
-            alpha[k] = there[k];
-        }
+    /// The value of a member of a pair at a point, by its switch.
+    pub fn member(&self, switch: usize, t: f64, x: &[f64]) -> f64 {
+        let alphas = vec![0.5; self.system.n_switches()];
+        -eval(&self.system.surfaces.psi, &self.at(t, x).with(&alphas))[switch]
     }
 
     /// α of all switches for values of z, whatever follows these.
@@ -142,5 +132,41 @@ impl Points {
     fn at<'p>(&'p self, t: f64, x: &'p [f64]) -> Point<'p> {
         let numbers = &self.numbers;
         Point { t, x, numbers }
+    }
+}
+
+impl Lowered for Points {
+    fn impacts(&self) -> &[Impact] {
+        &self.contacts.impacts
+    }
+
+    fn in_mode(&mut self, t: f64, x: &[f64], alpha: &[f64]) -> Vec<f64> {
+        self.go_to(t);
+        self.at(t, x).z_in_mode(&self.system, alpha)
+    }
+
+    /// Where w comes to zero, its direction is that before.
+    fn direct(&mut self, alpha: &mut [f64], t: f64, x: &[f64]) {
+        let slips = |[first, second]: [usize; 2]| {
+            let u = [first, second].map(|k| 2.0 * alpha[k] - 1.0);
+            u[0].hypot(u[1]) > 1.0 + OUTSIDE
+        };
+        let discs = self.system.discs.iter().map(|disc| disc.switches);
+        let slipping: Vec<usize> = discs.filter(|disc| slips(*disc)).flatten().collect();
+        if slipping.is_empty() {
+            return;
+        }
+        self.go_to(t);
+        let (_, there) = self.at(t, x).sides(&self.system, &[]);
+        for k in slipping {
+            alpha[k] = there[k];
+        }
+    }
+
+    fn law(&mut self, contact: usize, t: f64, x: &[f64]) -> [f64; 2] {
+        let law = self.laws(t, x).nth(contact);
+        law.map_or([f64::NAN; 2], |[speed, restitution, _]| {
+            [speed, restitution]
+        })
     }
 }

@@ -2,10 +2,18 @@
 
 use crate::optimization::problem::Mpcc;
 
-/// A program whose variables can be given values.
+/// A program whose numbers can be given other values.
 pub trait Program: Mpcc {
+    /// Gives a variable other bounds; where it is a side of a pair, its lower one has to stay.
+    fn bound(&mut self, variable: usize, lower: f64, upper: f64);
+
+    /// Gives the parameters of the system, and behind them the length of a step, other values.
+    fn set_parameters(&mut self, values: &[f64]);
+
     /// Gives a variable its value; it is no side of a pair by itself.
-    fn fix(&mut self, variable: usize, value: f64);
+    fn fix(&mut self, variable: usize, value: f64) {
+        self.bound(variable, value, value);
+    }
 }
 
 /// Where the variables of an element are.
@@ -21,7 +29,7 @@ pub struct Element {
     pub states: Vec<usize>,
     /// z at these points, as far as it is there.
     pub algebraics: Vec<Vec<Option<usize>>>,
-    /// The impulse of the first contact where it begins.
+    /// The impulse of the first contact where it begins, where there are contacts.
     pub impulses: usize,
 }
 
@@ -32,6 +40,8 @@ pub struct StepProgram<P> {
     pub program: P,
     /// Its elements.
     pub elements: Vec<Element>,
+    /// Where their lengths are in a step of length 1.
+    pub shares: Vec<[f64; 2]>,
     /// How many Runge-Kutta nodes an element has.
     pub nodes: usize,
     /// Where the points of an element of length 1 are: its left end, its nodes, and its right end where that is none.
@@ -40,8 +50,10 @@ pub struct StepProgram<P> {
     pub n_states: usize,
     /// The length of a step.
     pub length: f64,
-    /// τ: gaps up to τ times the speed of an impact are closed where elements meet.
+    /// τ as a share of it: gaps up to τ times the speed of an impact are closed where elements meet.
     pub window: f64,
+    /// The parameters of the system, and the length of a step.
+    pub numbers: Vec<f64>,
     /// The variables of the z that are given at the start, with their places among z.
     pub continuous: Vec<(usize, usize)>,
     /// The places of c of all contacts among z.
@@ -60,12 +72,29 @@ pub struct StepStart {
 }
 
 impl<P: Program> StepProgram<P> {
+    /// Takes the values of all parameters, and the length of a step.
+    pub fn set_numbers(&mut self, parameters: &[f64], length: f64) {
+        let (known, last) = self.numbers.split_at_mut(parameters.len());
+        if known == parameters && last == [length] {
+            return;
+        }
+        known.copy_from_slice(parameters);
+        last.copy_from_slice(&[length]);
+        self.length = length;
+        self.program.set_parameters(&self.numbers);
+        for (element, shares) in self.elements.iter().zip(&self.shares) {
+            let [lower, upper] = shares.map(|share| share * length);
+            self.program.bound(element.length, lower, upper);
+        }
+    }
+
     /// Gives the program a start, with the contacts that stay closed in each of its elements. The point is where a
     /// solution is looked for as long as nothing else is known: all values are those at the start.
     pub fn start_from(&mut self, from: &StepStart, closed: &[Vec<bool>]) -> Vec<f64> {
         let mut w = self.program.start().to_vec();
         let mean = self.length / self.elements.len() as f64;
         for (j, element) in self.elements.iter().enumerate() {
+            w[element.length] = mean;
             if let Some(t) = element.start {
                 w[t] = from.time + j as f64 * mean;
             }

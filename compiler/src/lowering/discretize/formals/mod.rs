@@ -28,7 +28,7 @@ pub(crate) struct Formals<'p, 'e> {
     pub grid: Grid,
     /// x.
     pub states: Vec<Expr<'e>>,
-    /// T: a number, or a formal argument where it is free.
+    /// T: a number, a parameter, or a formal argument where it is free.
     pub horizon: Expr<'e>,
     /// c, a formal argument.
     node: Expr<'e>,
@@ -56,9 +56,10 @@ impl<'p, 'e> Formals<'p, 'e> {
             grid,
             states: dcs.states.iter().map(|state| state.var).collect(),
             node: exprs.variable("c"),
-            horizon: match dcs.task.as_ref().and_then(|task| task.horizon) {
-                Some(_) => exprs.variable("T"),
-                None => exprs.constant(grid.horizon),
+            horizon: match dcs.task.as_ref().map(|task| (task.horizon, task.length)) {
+                Some((Some(_), _)) => exprs.variable("T"),
+                Some((None, Some(length))) => length,
+                _ => exprs.constant(grid.horizon),
             },
             before: exprs.variable("before"),
             data: Data::of(dcs, grid),

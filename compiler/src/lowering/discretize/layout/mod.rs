@@ -7,6 +7,8 @@ mod given;
 pub(crate) use declare::{bounds_of, declare, range};
 pub(crate) use given::fixed_params;
 
+use nsd_solver::fesd::jumps::Element;
+
 use crate::lowering::mpcc::Span;
 use crate::system::task::Shape;
 
@@ -253,6 +255,24 @@ impl Layout {
             true => Some(z.at_nodes + (element * self.nodes + m - 1) * z.n + i),
             false => index(z.right, &z.at_end, element, i),
         }
+    }
+
+    /// The elements of a step as the solver of contacts sees them.
+    pub(crate) fn step(&self, k: usize) -> Vec<Element> {
+        let element = |j: usize| Element {
+            length: self.h(k, j),
+            start: self.t(k, j),
+            before: self.before(k, j),
+            states: (0..=self.end).map(|m| self.x(k, j, m)).collect(),
+            algebraics: (0..=self.end)
+                .map(|m| {
+                    let all = 0..self.n_algebraics();
+                    all.map(|i| self.z(k, j, m, i)).collect()
+                })
+                .collect(),
+            impulses: self.impulses(k, j).unwrap_or_default(),
+        };
+        (1..=self.elements).map(element).collect()
     }
 
     /// The first impulse where an element begins: Λ of every contact.

@@ -24,7 +24,7 @@ use turns::{Surfaces, Turned, Turns};
 use super::blurred;
 use crate::limit::Limit;
 use crate::lowering::hybrid::Pulses;
-use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
+use crate::report::{Method, Multipliers, Series, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::{Estimate, Estimator};
 use crate::system::System;
@@ -178,7 +178,17 @@ impl<'e> Run<'e> for ByElements {
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
-        method(problem.settings, self.compiled.lowering, &self.left)
+        let (settings, left) = (problem.settings, &self.left);
+        let steps = options(settings).steps;
+        let method = method(settings, Some(left.order), self.compiled.lowering, steps);
+        // How the active sets were found: by rates alone unless said.
+        let counts = [
+            ("added_elements", left.added_elements),
+            ("tried_sets", left.rungs.tried),
+            ("smoothed_sets", left.rungs.smoothed),
+            ("element_sets", left.rungs.whole),
+        ];
+        counted(method, counts)
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
@@ -280,38 +290,29 @@ fn nodes_of_finer(options: &FesdOptions) -> usize {
     nodes + usize::from(options.steps.is_none() && more)
 }
 
-fn method(settings: &Settings, lowering: &str, left: &Left) -> Method {
+/// What a method says of itself, with the order of its elements where that is known, and the steps of its grid.
+fn method(
+    settings: &Settings,
+    order: Option<usize>,
+    lowering: &str,
+    steps: Option<usize>,
+) -> Method {
     let options = options(settings);
     let (family, nodes) = options.scheme;
-    let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
-    let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
-    let mut shown = vec![
-        word("scheme", &format!("{}({nodes})", family.word())),
-        number("order", left.order),
-        word("lowering", lowering),
-    ];
-    match options.steps {
-        Some(steps) => {
-            shown.push(number("steps", steps));
-            shown.push(number("elements", options.elements));
-        }
-        None => shown.push(("tolerance".into(), MethodOption::Number(settings.tolerance))),
+    let mut method = Method::of(MethodKind::Fesd);
+    method = method.word("scheme", format!("{}({nodes})", family.word()));
+    if let Some(order) = order {
+        method = method.count("order", order);
     }
-    if left.added_elements > 0 {
-        shown.push(number("added_elements", left.added_elements));
+    method = method.word("lowering", lowering);
+    match steps {
+        Some(steps) => (method.count("steps", steps)).count("elements", options.elements),
+        None => method.number("tolerance", settings.tolerance),
     }
-    // How the active sets were found: by rates alone unless said.
-    for (name, count) in [
-        ("tried_sets", left.rungs.tried),
-        ("smoothed_sets", left.rungs.smoothed),
-        ("element_sets", left.rungs.whole),
-    ] {
-        if count > 0 {
-            shown.push(number(name, count));
-        }
-    }
-    Method {
-        name: MethodKind::Fesd.word().into(),
-        options: shown,
-    }
+}
+
+/// With what there was any of.
+fn counted<const N: usize>(method: Method, counts: [(&str, usize); N]) -> Method {
+    let counts = counts.into_iter().filter(|(_, count)| *count > 0);
+    counts.fold(method, |method, (name, count)| method.count(name, count))
 }

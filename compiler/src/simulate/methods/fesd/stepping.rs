@@ -5,7 +5,7 @@ use nsd_solver::fesd::{Stepper, SteppingSettings};
 
 use super::Compiled;
 use crate::lowering::hybrid::Pulses;
-use crate::report::{Method, MethodOption, Trajectory};
+use crate::report::{Method, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
 use crate::simulate::record::schedule::scheduled;
@@ -74,15 +74,10 @@ impl<'e> Run<'e> for Stepping {
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
         let options = options(problem.settings);
         let (family, nodes) = options.scheme();
-        let text = |word: String| MethodOption::Text(word);
-        Method {
-            name: MethodKind::Timestepping.word().into(),
-            options: vec![
-                ("scheme".into(), text(format!("{}({nodes})", family.word()))),
-                ("lowering".into(), text(self.compiled.lowering.into())),
-                ("steps".into(), MethodOption::Number(options.steps as f64)),
-            ],
-        }
+        Method::of(MethodKind::Timestepping)
+            .word("scheme", format!("{}({nodes})", family.word()))
+            .word("lowering", self.compiled.lowering)
+            .count("steps", options.steps)
     }
 
     fn estimator(&self, _: &Settings<'e>) -> Estimator {

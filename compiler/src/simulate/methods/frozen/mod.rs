@@ -17,7 +17,7 @@ use super::events::{finer, solver_settings};
 use super::fesd::{complementarity, options};
 use crate::lowering::dcs::Formulation;
 use crate::lowering::{dcs, hybrid};
-use crate::report::{Failure, Method, MethodOption, Trajectory};
+use crate::report::{Failure, Method, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
 use crate::simulate::outcome;
@@ -225,34 +225,26 @@ impl Road {
     }
 
     fn method(&self, settings: &Settings, order: usize) -> Method {
-        let number = |name: &str, value: f64| (name.to_owned(), MethodOption::Number(value));
-        let word =
-            |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
-        let mut shown = vec![number("order", order as f64)];
-        let name = match self {
-            Road::Events(_) => {
-                shown.push(word("lowering", "timefreezing"));
-                MethodKind::Event
-            }
+        let described = |kind| Method::of(kind).count("order", order);
+        let method = match self {
+            Road::Events(_) => described(MethodKind::Event).word("lowering", "timefreezing"),
             Road::Elements(_, formulation) => {
                 let options = options(settings);
                 let (family, nodes) = options.scheme;
-                let lowering = format!("timefreezing, {formulation}");
-                shown.push(word("scheme", &format!("{}({nodes})", family.word())));
-                shown.push(word("lowering", &lowering));
-                if let Some(steps) = options.steps {
-                    shown.push(number("steps", steps as f64));
-                    shown.push(number("elements", options.elements as f64));
+                let method = described(MethodKind::Fesd)
+                    .word("scheme", format!("{}({nodes})", family.word()))
+                    .word("lowering", format!("timefreezing, {formulation}"));
+                match options.steps {
+                    Some(steps) => {
+                        (method.count("steps", steps)).count("elements", options.elements)
+                    }
+                    None => method,
                 }
-                MethodKind::Fesd
             }
         };
-        if !settings.method.has_steps() {
-            shown.push(number("tolerance", settings.tolerance));
-        }
-        Method {
-            name: name.word().to_owned(),
-            options: shown,
+        match settings.method.has_steps() {
+            true => method,
+            false => method.number("tolerance", settings.tolerance),
         }
     }
 }

@@ -16,7 +16,7 @@ use self::free::Free;
 use self::record::Told;
 use super::adaptive::Inputs;
 use super::fesd::stepping::{options, steps};
-use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
+use crate::report::{Failure, Method, Trajectory, Warning};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
 use crate::simulate::outcome::outside;
@@ -89,16 +89,11 @@ impl<'e> Run<'e> for Contacts {
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
-        let number = |name: &str, value: usize| (name.into(), MethodOption::Number(value as f64));
-        Method {
-            name: MethodKind::Timestepping.word().into(),
-            options: vec![
-                ("scheme".into(), MethodOption::Text("moreau_jean".into())),
-                number("steps", options(problem.settings).steps),
-                number("impulses", self.impulses),
-                number("gaps", self.gaps),
-            ],
-        }
+        Method::of(MethodKind::Timestepping)
+            .word("scheme", "moreau_jean")
+            .count("steps", options(problem.settings).steps)
+            .count("impulses", self.impulses)
+            .count("gaps", self.gaps)
     }
 
     fn estimator(&self, _: &Settings<'e>) -> Estimator {

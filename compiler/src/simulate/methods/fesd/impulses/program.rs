@@ -1,76 +1,147 @@
-//! The steps of contacts as the solver sees them: the program of so many elements, and the laws of impacts.
+//! A system with contacts as the solver sees it: its functions at a point, and the programs of its steps.
 //!
 //! Whether a member of a pair is a variable or a row depends on bounds. What a step starts from therefore has none
 //! until it is given its value.
 
 use nsd_solver::fesd::jumps;
-use nsd_solver::fesd::jumps::{Contacts, Element, Points};
+use nsd_solver::fesd::jumps::{Contacts, Points, StepProgram};
+use nsd_solver::integrate::tableau::Tableau;
+use rustc_hash::FxHashMap;
 
 use super::super::complementarity::complementarity_open;
 use crate::expr::{self, Expr, Var};
 use crate::lowering::dcs::{Dcs, Impact, Kept};
-use crate::lowering::discretize::{End, Grid, Layout, Options, WINDOW, discretize};
+use crate::lowering::discretize::{self, Detection, End, Grid, WINDOW, discretize};
+use crate::lowering::hybrid;
 use crate::lowering::mpcc::Program;
-use crate::system::System;
-
-/// A program with the way back from its variables.
-pub(crate) struct StepProgram {
-    pub step: jumps::StepProgram<Program>,
-    pub layout: Layout,
-}
+use crate::simulate::record::elements::shape;
+use crate::simulate::reference::{impacts, without_outputs};
+use crate::source::Span;
+use crate::system::experiment::{Equilibration, FesdOptions};
+use crate::system::task::{Cost, Shape as ControlShape, Task};
+use crate::system::{Param, System};
 
 impl jumps::Program for Program {
-    fn fix(&mut self, variable: usize, value: f64) {
-        self.set_value(variable, value);
+    fn bound(&mut self, variable: usize, lower: f64, upper: f64) {
+        self.set_bounds(variable, lower, upper);
+    }
+
+    fn set_parameters(&mut self, values: &[f64]) {
+        Program::set_parameters(self, values);
     }
 }
 
-impl StepProgram {
-    /// For steps of the grid with these options; nothing where it cannot be made.
-    pub fn new(system: &System, dcs: &Dcs, grid: Grid, options: &Options) -> Option<Self> {
-        let (dcs, kept) = dcs.without_drift(system);
-        let (mut mpcc, layout) = discretize(&dcs, grid, options).ok()?;
-        let continuous: Vec<(usize, usize)> = layout.algebraics.fixed_at_start().collect();
-        for &(index, _) in &continuous {
-            mpcc.free(index);
-        }
-        let element = |(k, j)| Element {
-            length: layout.h(k, j),
-            start: layout.t(k, j),
-            before: layout.before(k, j),
-            states: (0..=layout.end).map(|m| layout.x(k, j, m)).collect(),
-            algebraics: (0..=layout.end)
-                .map(|m| {
-                    let all = 0..layout.n_algebraics();
-                    all.map(|i| layout.z(k, j, m, i)).collect()
-                })
-                .collect(),
-            impulses: layout.impulses(k, j).expect("contacts give impulses"),
-        };
-        let step = jumps::StepProgram {
-            program: mpcc.program().expect("kernels are smooth"),
-            elements: layout.all_elements().map(element).collect(),
-            nodes: layout.nodes,
-            points: layout.points.clone(),
-            n_states: layout.n_states(),
-            length: grid.horizon,
-            window: WINDOW * grid.horizon / layout.elements as f64,
-            continuous,
-            closed: kept.iter().map(|&Kept { closed, .. }| closed).collect(),
-        };
-        Some(StepProgram { step, layout })
+/// A system for runs to a horizon, with some parameters open, by their numbers, and no programs yet.
+pub(crate) fn plain(
+    system: &System,
+    dcs: &Dcs,
+    (horizon, options): (f64, &FesdOptions),
+    open: &[usize],
+) -> jumps::System<Program> {
+    let (family, nodes) = options.scheme;
+    let tableau = Tableau::new(family, nodes).expect("the number of nodes has been checked");
+    let ends: Vec<f64> = ([0.0].into_iter())
+        .chain(tableau.nodes.iter().copied())
+        .chain((!tableau.ends_at_node()).then_some(1.0))
+        .collect();
+    jumps::System {
+        points: points(system, dcs),
+        shape: shape(system, &ends, nodes),
+        events: hybrid::lower_open(&without_outputs(system), horizon, open),
+        open: open.to_vec(),
+        parameters: system.params.iter().map(|param| param.value).collect(),
+        programs: FxHashMap::default(),
+    }
+}
+
+/// The program of steps with so many elements, of a length that is their last parameter; nothing where it cannot be made.
+///
+/// Pairs are sums over an element, and lengths are equal where nothing happens between them, whatever the options say of
+/// the printed form: its solutions are the same.
+pub(crate) fn program(
+    system: &System,
+    dcs: &Dcs,
+    options: &FesdOptions,
+    elements: usize,
+) -> Option<StepProgram<Program>> {
+    let (mut dcs, kept) = dcs.without_drift(system);
+    let length = dcs.exprs.variable("step");
+    dcs.params.push(Param {
+        name: "step".into(),
+        var: length,
+        value: 1.0,
+    });
+    dcs.task = Some(nothing(length, Span::default()));
+    let options = discretize::Options::fesd(options);
+    let options = discretize::Options {
+        detection: options.detection.map(|_| Detection {
+            elements,
+            cross: discretize::Cross::SumBoth,
+            equilibration: Equilibration::Mean { weight: 1.0 },
+            spread: elements as f64 - 1.0,
+        }),
+        ..options
+    };
+    let grid = Grid {
+        start: 0.0,
+        horizon: 1.0,
+        steps: 1,
+    };
+    let (mut mpcc, layout) = discretize(&dcs, grid, &options).ok()?;
+    let continuous: Vec<(usize, usize)> = layout.algebraics.fixed_at_start().collect();
+    for &(index, _) in &continuous {
+        mpcc.free(index);
+    }
+    let (elements, bounds) = (layout.step(1), mpcc.bounds());
+    let share = |element: &jumps::Element| {
+        let length = bounds[element.length];
+        [length.lower, length.upper]
+    };
+    Some(StepProgram {
+        program: mpcc.program().expect("kernels are smooth"),
+        shares: elements.iter().map(share).collect(),
+        elements,
+        nodes: layout.nodes,
+        points: layout.points.clone(),
+        n_states: layout.n_states(),
+        length: 1.0,
+        window: WINDOW / layout.elements as f64,
+        numbers: dcs.params.iter().map(|param| param.value).collect(),
+        continuous,
+        closed: kept.iter().map(|&Kept { closed, .. }| closed).collect(),
+    })
+}
+
+/// A task with nothing to decide, of a length that is a parameter.
+fn nothing(length: Expr<'_>, span: Span) -> Task<'_> {
+    Task {
+        controls: Vec::new(),
+        shape: ControlShape::Constant,
+        horizon: None,
+        length: Some(length),
+        params: Vec::new(),
+        initial: Vec::new(),
+        bounds: Vec::new(),
+        integrals: 0,
+        clock: None,
+        cost: Cost {
+            value: length.exprs().constant(0.0),
+            terms: Vec::new(),
+            span,
+        },
+        rows: Vec::new(),
     }
 }
 
 /// The functions of a system and its lowering at a point, with parameters as inputs.
-pub(crate) fn points<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Points {
+fn points<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Points {
     let open: Vec<usize> = (0..system.params.len()).collect();
     let lowered = complementarity_open(system, dcs, &open);
-    Points::new(contacts(dcs), lowered, End::new(dcs).equations)
+    Points::new(contacts(system, dcs), lowered, End::new(dcs).equations)
 }
 
 /// Contacts and their laws. What these contain besides t, x and parameters has no value where elements meet.
-fn contacts<'e>(dcs: &Dcs<'e>) -> Contacts {
+fn contacts<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Contacts {
     let law = |impact: &Impact<'e>| {
         let friction = impact.friction.as_ref();
         let none = dcs.exprs.constant(0.0);
@@ -90,8 +161,7 @@ fn contacts<'e>(dcs: &Dcs<'e>) -> Contacts {
     let values = dcs.params.iter().map(|param| param.value);
     let none = dcs.algebraics.iter().map(|_| f64::NAN);
     Contacts {
-        gaps: dcs.impacts.iter().map(|impact| impact.gap).collect(),
-        forces: dcs.impacts.iter().map(|impact| impact.force).collect(),
+        impacts: impacts(system, &dcs.impacts),
         laws: expr::compile(&inputs, &laws).expect("the laws of impacts are smooth"),
         parameters: values.chain(none).collect(),
     }
