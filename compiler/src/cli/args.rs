@@ -342,7 +342,9 @@ impl<'a> Targets<'a> {
             let path = path.filter(|path| !is_standard(path) && form_of(path) != Some(Form::Svg));
             if let Some(path) = path {
                 let path = path.display();
-                return Some(format!("{what} are SVG: `{path}` must end in `.svg`"));
+                return Some(format!(
+                    "{what} are SVG: `{path}` must end in `.svg`; a browser or `rsvg-convert` makes other forms of it"
+                ));
             }
         }
         misnamed([

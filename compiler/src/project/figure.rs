@@ -141,6 +141,13 @@ fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
         .collect()
 }
 
+/// What the experiment plots, where it says so, at as many instants as its curves need to look smooth.
+pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Trajectory> {
+    let plot = compiled.settings.figures.plot.as_ref();
+    let plot = plot.filter(|plot| plot.drawn().next().is_some())?;
+    Some(drawn(compiled, trajectory, plot))
+}
+
 /// The trajectory at as many instants as its curves need to look smooth.
 pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
     let system = &compiled.system;
