@@ -175,6 +175,26 @@ fn floors_of_states_are_staircases() {
     close(end(&run, "z")[0], 6.0 + 4.5 + 2.5, 1e-11, "rounded");
 }
 
+/// Of u = t - 1, and what is limited twice: bounds of what has kinks are named as they are written.
+#[test]
+fn bounds_of_kinks_keep_their_words() {
+    let surfaces = |model: &str| {
+        let run = by(METHODS[0], model, 4.0);
+        let names = run.events.iter().map(|event| event.surface.clone());
+        names.collect::<Vec<_>>()
+    };
+    let nested = "param top = 1; state u = -1; state x = 0; u' = 1; x' = sat(sat(u, -0.5, 0.5) + 0.3*time, -top, top);";
+    assert_eq!(
+        surfaces(nested),
+        ["u + 0.5", "u - 0.5", "sat(u, -0.5, 0.5) + 0.3*time - top"]
+    );
+    // A bound that is only touched is no surface.
+    let touched = "state u = -1; state x = 0; u' = 1; x' = sat(abs(u), 0, 2);";
+    assert_eq!(surfaces(touched), ["u", "abs(u) - 2"]);
+    let units = "param c : m/s = 1; state u : m = -1; u' = if u < 0 m then 2*c else c;";
+    assert_eq!(surfaces(units), ["u"]);
+}
+
 /// Relays on a staircase switch where it steps.
 #[test]
 fn relays_follow_staircases() {
