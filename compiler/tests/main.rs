@@ -2,6 +2,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "a test is no library")]
 
+mod animate;
 mod cli;
 mod documents;
 mod expect;

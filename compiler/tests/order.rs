@@ -121,6 +121,24 @@ fn without_an_expected_state_a_run_is_the_reference() {
 }
 
 #[test]
+fn axes_have_units() {
+    let folder = folder("order_units");
+    let text = "model m { param k : 1/s = 1; state x : m = 1; state y : m = 0; state z = 0; x' = -k*x; y' = k*x; z' = k; }
+        simulate all of m { horizon 1 s; } simulate some of m { horizon 1 s; output x, y; }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let axes = ["h [s]", "h", "| [m]", "x*|"];
+    for (name, step) in [
+        ("all", [true, false, false, true]),
+        ("some", [true, false, true, false]),
+    ] {
+        let ran = nsdc(&folder, &["order", "m.nsd", name, "--time-limit", "0.2"]);
+        assert_eq!(ran.status, 0, "{}", ran.err);
+        let svg = svg(&folder.join(format!("{name}.error-step.svg")));
+        assert_eq!(axes.map(|end| svg.contains(&format!("{end}\n<"))), step);
+    }
+}
+
+#[test]
 fn where_nothing_runs_there_is_no_table() {
     let folder = folder("order_nothing");
     let text = "model m { state x = 0; x' = sign(x); } simulate s of m { horizon 1; }";

@@ -75,6 +75,33 @@ fn experiments_and_data_share_panels() {
     );
 }
 
+/// An experiment that says what its figure shows is drawn so, beside what others have; all of it where something is asked for.
+#[test]
+fn a_plot_of_an_experiment_is_its_part_of_the_figure() {
+    let folder = folder("plot_clause");
+    let model = MODELS.replace(
+        "horizon 2; }\nsimulate stiff",
+        "horizon 2; plot { -k*q[1]; q; phase q[1], q[2]; } }\nsimulate stiff",
+    );
+    fs::write(folder.join("m.nsd"), model).expect("the folder is writable");
+    let has = |svg: &str, text: &str| svg.contains(&format!(">\n{text}\n<"));
+    let drawn = |args: &[&str]| {
+        let ran = nsdc(&folder, &[&["plot", "m.nsd", "swings"], args].concat());
+        assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+        ["-k*q[1]", "q[1]", "q[2]", "energy", "T"].map(|text| has(&ran.out, text))
+    };
+    assert_eq!(drawn(&[]), [true, true, true, false, false]);
+    assert_eq!(drawn(&["falls"]), [true, true, true, false, true]);
+    assert_eq!(
+        drawn(&["--only", "energy"]),
+        [false, false, false, true, false]
+    );
+    assert_eq!(
+        drawn(&["--only=-k*q[1]"]),
+        [true, false, false, false, false]
+    );
+}
+
 /// Heights in metres that follow a rule without a unit.
 const FALL: &str = "
 model fall {

@@ -39,6 +39,7 @@ fn mark(rule: Rule) -> Option<&'static str> {
 fn word(rule: Rule) -> Option<&'static str> {
     Some(match rule {
         Rule::kw_always => "always",
+        Rule::kw_animate => "animate",
         Rule::kw_argmin => "argmin",
         Rule::kw_as => "as",
         Rule::kw_at => "at",

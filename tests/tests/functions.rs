@@ -135,6 +135,66 @@ fn floors_jump_where_their_argument_passes_integers() {
     close(end(&run, "x")[0], 0.5 + 1.0 + 2.0 * 0.5, 1e-12, "kink");
 }
 
+/// Within the ranges of states, floors of them are sums of steps: crossings are located, and there is sliding on them.
+#[test]
+fn floors_of_states_are_staircases() {
+    // x = 3.7 + 3 sin t; the integral of its floor with all instants from arcsines.
+    let turns = "state x in [0, 7] = 3.7; state z = 0; x' = 3*cos(time); z' = floor(x);";
+    // What the message of E0423 says.
+    let counts = "state x = 3.7; discrete n = 3; state z = 0; x' = 3*cos(time); z' = n;
+        jump up when x > n + 1 { n := n + 1; } jump down when x < n { n := n - 1; }";
+    let narrow = "state x in [1, 7] = 3.7; state z = 0; x' = 3*cos(time); z' = floor(x);";
+    for settings in METHODS {
+        let run = by(settings, turns, 6.0);
+        close(end(&run, "z")[0], 19.119_160_340_080_324, 1e-9, settings);
+    }
+    let run = by(METHODS[0], counts, 6.0);
+    close(end(&run, "z")[0], 19.119_160_340_080_324, 1e-11, "counted");
+    assert!(by(METHODS[0], turns, 6.0).warnings.is_empty());
+    // Out of its range, the last step goes on, and the run says so.
+    let run = by(METHODS[0], narrow, 6.0);
+    assert!(run.warnings.iter().any(|warning| warning.code == "W0703"));
+    assert!(end(&run, "z")[0] > 19.2);
+
+    // Speeds 1, 2, 3 from step to step.
+    let rises = "param top = 4; state x in [0, top] = 0; x' = 1 + floor(x);";
+    let run = by(METHODS[0], rises, 1.9);
+    let exact = [1.0, 1.5, 1.5 + 1.0 / 3.0];
+    let found = times(&run, EventKind::Crossing);
+    assert!(found.len() == 3 && found.iter().zip(exact).all(|(a, b)| (a - b).abs() < 1e-12));
+    let rests = by(
+        METHODS[0],
+        "state x in [-3, 8] = 0.5; x' = 0.5 - floor(x);",
+        3.0,
+    );
+    close(end(&rests, "x")[0], 1.0, 1e-12, "slides on a step");
+    assert_eq!(times(&rests, EventKind::EnterSliding).len(), 1);
+    // Of x = t: 1 + 2 + 3 rounded up, 0.5 + ... to the nearest, and a sawtooth of period 2.
+    let all = "state x[1] in [-1, 4] = 0; state z = 0; x' = [1]; z' = ceil(x[1]) + round(x[1]) + mod(x[1], 2);";
+    let run = by(METHODS[0], all, 3.0);
+    close(end(&run, "z")[0], 6.0 + 4.5 + 2.5, 1e-11, "rounded");
+}
+
+/// Of u = t - 1, and what is limited twice: bounds of what has kinks are named as they are written.
+#[test]
+fn bounds_of_kinks_keep_their_words() {
+    let surfaces = |model: &str| {
+        let run = by(METHODS[0], model, 4.0);
+        let names = run.events.iter().map(|event| event.surface.clone());
+        names.collect::<Vec<_>>()
+    };
+    let nested = "param top = 1; state u = -1; state x = 0; u' = 1; x' = sat(sat(u, -0.5, 0.5) + 0.3*time, -top, top);";
+    assert_eq!(
+        surfaces(nested),
+        ["u + 0.5", "u - 0.5", "sat(u, -0.5, 0.5) + 0.3*time - top"]
+    );
+    // A bound that is only touched is no surface.
+    let touched = "state u = -1; state x = 0; u' = 1; x' = sat(abs(u), 0, 2);";
+    assert_eq!(surfaces(touched), ["u", "abs(u) - 2"]);
+    let units = "param c : m/s = 1; state u : m = -1; u' = if u < 0 m then 2*c else c;";
+    assert_eq!(surfaces(units), ["u"]);
+}
+
 /// Relays on a staircase switch where it steps.
 #[test]
 fn relays_follow_staircases() {

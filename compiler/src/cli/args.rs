@@ -199,6 +199,9 @@ pub struct RunArgs {
     /// Draw states, outputs, modes and events as SVG; `-` is standard output
     #[arg(long, value_name = "PATH.svg")]
     pub plot: Option<PathBuf>,
+    /// Draw the shapes of `animate { .. }` as they move, as SVG; `-` is standard output
+    #[arg(long, value_name = "PATH.svg")]
+    pub animate: Option<PathBuf>,
     /// Override a parameter, initial value or input
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<String>,
@@ -292,26 +295,31 @@ impl RunArgs {
             csv: self.csv.as_deref(),
             events: self.events.as_deref(),
             plot: self.plot.as_deref(),
-            parquet: None,
+            animate: self.animate.as_deref(),
+            ..Targets::default()
         }
     }
 }
 
 /// Where results go.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Targets<'a> {
     json: Option<&'a Path>,
     csv: Option<&'a Path>,
     events: Option<&'a Path>,
     plot: Option<&'a Path>,
+    animate: Option<&'a Path>,
     parquet: Option<&'a Path>,
 }
 
 impl<'a> Targets<'a> {
     /// Those that there are.
     pub fn all(self) -> impl Iterator<Item = &'a Path> {
-        let all = [self.json, self.csv, self.events, self.plot, self.parquet];
-        all.into_iter().flatten()
+        let figures = [self.plot, self.animate, self.parquet];
+        let all = [self.json, self.csv, self.events]
+            .into_iter()
+            .chain(figures);
+        all.flatten()
     }
 
     /// Whether results take the place of the report.
@@ -322,16 +330,22 @@ impl<'a> Targets<'a> {
     /// What is wrong with their combination.
     pub fn misuse(self) -> Option<String> {
         if self.all().filter(|target| is_standard(target)).count() > 1 {
-            let all = match self.events {
-                Some(_) => "`--json`, `--csv`, `--events`, `--plot`",
-                None => "`--json`, `--csv`, `--plot`",
+            let all = match (self.animate, self.events) {
+                (Some(_), _) => "`--json`, `--csv`, `--events`, `--plot`, `--animate`",
+                (None, Some(_)) => "`--json`, `--csv`, `--events`, `--plot`",
+                (None, None) => "`--json`, `--csv`, `--plot`",
             };
             return Some(format!("only one of {all} can write to standard output"));
         }
-        let plot = self.plot.filter(|plot| !is_standard(plot));
-        if let Some(plot) = plot.filter(|plot| form_of(plot) != Some(Form::Svg)) {
-            let plot = plot.display();
-            return Some(format!("plots are SVG: `{plot}` must end in `.svg`"));
+        let figures = [("plots", self.plot), ("animations", self.animate)];
+        for (what, path) in figures {
+            let path = path.filter(|path| !is_standard(path) && form_of(path) != Some(Form::Svg));
+            if let Some(path) = path {
+                let path = path.display();
+                return Some(format!(
+                    "{what} are SVG: `{path}` must end in `.svg`; a browser or `rsvg-convert` makes other forms of it"
+                ));
+            }
         }
         misnamed([
             (self.json, Form::Json),
@@ -452,11 +466,8 @@ impl PlotArgs {
     /// Where the figure goes.
     pub fn targets(&self) -> Targets<'_> {
         Targets {
-            json: None,
-            csv: None,
-            events: None,
             plot: Some(&self.output),
-            parquet: None,
+            ..Targets::default()
         }
     }
 }
@@ -542,9 +553,9 @@ impl SweepArgs {
         Targets {
             json: self.json.as_deref(),
             csv: self.csv.as_deref(),
-            events: None,
             plot: self.plot.as_deref(),
             parquet: self.parquet.as_deref(),
+            ..Targets::default()
         }
     }
 }

@@ -1,10 +1,11 @@
-//! The figure of a run: fine curves, and switching curves in the phase plane.
+//! The figures of a run: fine curves, switching curves in the phase plane, and shapes that move.
 
 use std::collections::HashMap;
 
 use crate::Compiled;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model::Units;
+use crate::report::plot::animation::Animation;
 use crate::report::plot::{Figure, Phase, Surface};
 use crate::report::{Series, Trajectory, refine};
 use crate::system::experiment::Plot;
@@ -13,8 +14,9 @@ use crate::system::experiment::Plot;
 pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     let system = &compiled.system;
     let (params, units) = (parameters(compiled), Units::of(&compiled.model));
-    let plot = compiled.settings.plot.as_ref();
-    let (title, width) = plot.map_or((None, None), |plot| (plot.title.as_deref(), plot.width));
+    let plot = compiled.settings.figures.plot.as_ref();
+    let sheet = plot.map(|plot| plot.sheet.clone()).unwrap_or_default();
+    let (title, width) = (sheet.title.as_deref(), sheet.width);
     if let Some(plot) = plot.filter(|plot| plot.drawn().next().is_some()) {
         let fine = drawn(compiled, trajectory, plot);
         return Figure {
@@ -40,22 +42,56 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     .write()
 }
 
+/// The SVG text of the animation that the experiment asks for.
+pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<String> {
+    let animation = compiled.settings.figures.animation.as_ref()?;
+    let units = Units::of(&compiled.model);
+    let shapes = &animation.shapes;
+    let series = shapes.iter().map(|shape| Series {
+        name: String::new(),
+        shape: vec![shape.entries.len()],
+        values: Vec::new(),
+    });
+    let exprs = shapes.iter().flat_map(|shape| &shape.entries);
+    let fine = evaluated(compiled, trajectory, series.collect(), exprs);
+    let named = shapes.iter().flat_map(|shape| &shape.names);
+    let figure = Animation {
+        trajectory: &fine,
+        kinds: shapes.iter().map(|shape| shape.kind).collect(),
+        unit: named.filter_map(|name| units.unit(name)).next(),
+        time: units.title("time"),
+        title: animation.sheet.title.as_deref(),
+        width: animation.sheet.width,
+        speed: animation.speed,
+    };
+    Some(figure.write())
+}
+
 /// The run with what a plot draws as its outputs, and nothing else.
 fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) -> Trajectory {
-    let system = &compiled.system;
     let series = plot.drawn().map(|drawn| Series {
         name: drawn.name.clone(),
         shape: drawn.shape.clone(),
         values: Vec::new(),
     });
+    let exprs = plot.drawn().flat_map(|drawn| &drawn.entries);
+    evaluated(compiled, trajectory, series.collect(), exprs)
+}
+
+/// The run with these outputs alone, of which expressions of the model are the entries in order.
+fn evaluated<'s, 'e: 's>(
+    compiled: &Compiled<'e>,
+    trajectory: &Trajectory,
+    outputs: Vec<Series>,
+    exprs: impl Iterator<Item = &'s Expr<'e>>,
+) -> Trajectory {
+    let exprs: Vec<Expr<'_>> = exprs.map(|&e| compiled.system.read(e)).collect();
     let empty = Trajectory {
         states: Vec::new(),
-        outputs: series.collect(),
+        outputs,
         controls: Vec::new(),
         ..trajectory.clone()
     };
-    let exprs = plot.drawn().flat_map(|drawn| &drawn.entries);
-    let exprs: Vec<Expr<'_>> = exprs.map(|&e| system.read(e)).collect();
     refined(compiled, &empty, &exprs)
 }
 
@@ -103,6 +139,13 @@ fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
     params
         .filter_map(|param| Some((param.var.as_variable()?, param.value)))
         .collect()
+}
+
+/// What the experiment plots, where it says so, at as many instants as its curves need to look smooth.
+pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Trajectory> {
+    let plot = compiled.settings.figures.plot.as_ref();
+    let plot = plot.filter(|plot| plot.drawn().next().is_some())?;
+    Some(drawn(compiled, trajectory, plot))
 }
 
 /// The trajectory at as many instants as its curves need to look smooth.

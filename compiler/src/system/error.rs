@@ -128,6 +128,24 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// A gap that switches something else, too.
+    #[error(
+        "`{name}` is no contact: its gap is compared elsewhere too, or is that of another contact"
+    )]
+    #[diagnostic(
+        code(E0410),
+        help(
+            "a surface belongs to one contact: leave out the other place, or let it ask for something else, as for a speed, or for a gap that is larger by a little"
+        )
+    )]
+    SharedGap {
+        name: String,
+        #[label(primary, "here")]
+        span: Span,
+        #[label("and here")]
+        other: Option<Span>,
+    },
+
     /// A slip velocity that steps or bends where a switch changes its side.
     #[error("the slip velocity of `{name}` steps or bends where {switches} changes its sign")]
     #[diagnostic(
@@ -484,15 +502,11 @@ pub enum SystemError {
 
     /// The floor of what is not a function of time alone.
     #[error("`{text}` depends on `{on}`, which is not known before the run")]
-    #[diagnostic(
-        code(E0423),
-        help(
-            "fix it before the run; what states count is a state, `discrete n = 0;` with `jump up when x > n + 1 {{ n := n + 1; }}`, or `hysteresis` between two levels"
-        )
-    )]
+    #[diagnostic(code(E0423), help("{help}"))]
     Rounded {
         text: String,
         on: String,
+        help: String,
         #[label("of time, numbers and fixed parameters only")]
         span: Span,
     },

@@ -309,6 +309,14 @@ impl System<'_> {
         found.map(|(own, _)| own.as_str()).collect()
     }
 
+    /// The contact of several features that one is a feature of.
+    pub fn contact_with(&self, feature: &str) -> Option<&str> {
+        let contacts = self.contacts.iter().map(|c| (&c.name, &c.feature_of));
+        let impulsive = self.impulsive.iter().map(|c| (&c.name, &c.feature_of));
+        let mut all = contacts.chain(impulsive);
+        all.find(|(own, _)| *own == feature)?.1.as_deref()
+    }
+
     /// The first jump or contact, by which states jump.
     pub fn first_jump(&self) -> Option<(&str, Span)> {
         let laws = self.laws.iter().map(|law| (law.name.as_str(), law.span));

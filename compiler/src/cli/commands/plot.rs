@@ -47,10 +47,13 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         experiments.append(&mut found);
     }
     let limit = Limit::from(args.time_limit);
+    // Where quantities are asked for, what a `plot` draws is not all that there is.
+    let everything = !args.only.is_empty() || !args.data.is_empty();
     let (mut exit, mut sources) = (Exit::Success, Vec::new());
     for experiment in &experiments {
         let asked = (&project, &overrides[..]);
-        let Some((source, status)) = curves(asked, experiment, &limit, streams)? else {
+        let Some((source, status)) = curves(asked, experiment, (&limit, everything), streams)?
+        else {
             return Ok(Exit::Wrong);
         };
         if status != Status::Solved {
@@ -104,11 +107,11 @@ fn is_of(name: &str, asked: &str) -> bool {
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
 }
 
-/// The curves of an experiment and how its run ended; nothing where it does not compile, which has been printed.
+/// The curves of an experiment, those of its `plot` alone where not everything is asked for, and how its run ended; nothing where it does not compile, which has been printed.
 fn curves(
     (project, overrides): (&Project, &[Bind]),
     experiment: &Experiment,
-    limit: &Limit,
+    (limit, everything): (&Limit, bool),
     streams: &mut Streams<'_>,
 ) -> io::Result<Option<(Source, Status)>> {
     let (exprs, mut diags, mut clock) = (Exprs::new(), Diagnostics::new(), Clock::default());
@@ -140,16 +143,34 @@ fn curves(
         }
     };
     project::print(&trajectory.diagnostics(), &project.sources, streams)?;
+    let plotted = figure::plotted(&compiled, &trajectory).map(|plotted| plotted.outputs);
     let fine = figure::curves(&compiled, &trajectory);
-    let all = [fine.states, fine.outputs, fine.controls];
+    let mut all = [fine.states, fine.outputs, fine.controls];
+    if let Some(plotted) = plotted {
+        match everything {
+            true => all[1].extend(plotted),
+            false => all = [plotted, Vec::new(), Vec::new()],
+        }
+    }
     let source = Source {
         name: fine.experiment,
         time: fine.time,
-        columns: all.iter().flatten().flat_map(Series::columns).collect(),
+        columns: unique(all.iter().flatten().flat_map(Series::columns)),
         units: Units::of(&compiled.model),
         is_measured: false,
     };
     Ok(Some((source, trajectory.status)))
+}
+
+/// Each quantity once, as a plot may draw it again in a phase portrait.
+fn unique(all: impl Iterator<Item = (String, Vec<f64>)>) -> Vec<(String, Vec<f64>)> {
+    let mut columns: Vec<(String, Vec<f64>)> = Vec::new();
+    for (name, values) in all {
+        if !columns.iter().any(|(known, _)| *known == name) {
+            columns.push((name, values));
+        }
+    }
+    columns
 }
 
 /// What was measured of quantities that runs have; an error where that is nothing.

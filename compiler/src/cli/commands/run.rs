@@ -17,7 +17,7 @@ use crate::project::{ensemble, figure, launch};
 use crate::report::forms::{csv, json, text};
 use crate::report::{Status, Trajectory, Warning};
 use crate::simulate::Request;
-use crate::syntax::{Bind, Experiment};
+use crate::syntax::{Bind, Experiment, PlotKind, SettingKind};
 use crate::{Compiled, compile};
 
 /// Runs experiments and reports what came out.
@@ -40,6 +40,11 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     if !project::replace_settings(&mut project, &mut experiments, &args.settings, streams)? {
         return Ok(Exit::Wrong);
     }
+    if args.animate.is_some() && !experiments.iter().any(|experiment| is_animated(experiment)) {
+        let hint = "say what moves in the experiment, as `animate { disc q[1], q[2], r; }`";
+        writeln!(streams.err, "error: nothing is animated: {hint}")?;
+        return Ok(Exit::Wrong);
+    }
 
     let mut exit = Exit::Success;
     let mut outputs = Outputs::new(args, experiments.len() > 1);
@@ -55,14 +60,14 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         let mut own = Clock::default();
         let result = one(&asked, experiment, &mut own, &mut said, streams)?;
         clock.add(&own);
-        let Some((trajectory, plot)) = result else {
+        let Some((trajectory, figures)) = result else {
             exit = exit.max(Exit::Wrong);
             continue;
         };
         if trajectory.status != Status::Solved {
             exit = exit.max(Exit::Failed);
         }
-        clock.time("report", || outputs.push(&trajectory, plot.as_deref()));
+        clock.time("report", || outputs.push(&trajectory, figures));
     }
     match outputs.finish(streams) {
         Ok(true) => {}
@@ -75,6 +80,22 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         times(&clock, streams)?;
     }
     Ok(exit)
+}
+
+/// Whether an experiment says what its animation shows.
+fn is_animated(experiment: &Experiment) -> bool {
+    let settings = experiment.settings.iter();
+    let mut members = settings.flat_map(|setting| match &setting.kind {
+        SettingKind::Animate(items) => &items[..],
+        _ => &[],
+    });
+    members.any(|item| matches!(&item.kind, PlotKind::Drawing(word, _) if word.name != "speed"))
+}
+
+/// The SVG texts of a run, where they are asked for.
+struct Figures {
+    plot: Option<String>,
+    animation: Option<String>,
 }
 
 /// What all experiments of a command share.
@@ -112,14 +133,14 @@ fn tell(trajectory: &Trajectory, project: &Project, streams: &mut Streams<'_>) -
     project::print(&trajectory.diagnostics(), &project.sources, streams)
 }
 
-/// Compiles and runs one experiment, with its figure where one is asked for; `None` after an error.
+/// Compiles and runs one experiment, with its figures where they are asked for; `None` after an error.
 fn one(
     asked: &Asked<'_>,
     experiment: &Experiment,
     clock: &mut Clock,
     said: &mut Diagnostics,
     streams: &mut Streams<'_>,
-) -> io::Result<Option<(Trajectory, Option<String>)>> {
+) -> io::Result<Option<(Trajectory, Figures)>> {
     let Asked {
         project,
         overrides,
@@ -136,7 +157,7 @@ fn one(
         compiled.settings.follow_curves();
     }
     let request = Request {
-        dense: args.plot.is_some(),
+        dense: args.plot.is_some() || args.animate.is_some(),
         estimate: true,
         multipliers: args.multipliers,
         limit: limit.clone(),
@@ -176,11 +197,11 @@ fn one(
     trajectory.stats.compile_s = project.compile_seconds(clock);
     tell(&trajectory, project, streams)?;
     trajectory.warnings.splice(0..0, warnings);
-    let plot = args
-        .plot
-        .is_some()
-        .then(|| clock.time("report", || figure::draw(&compiled, &trajectory)));
-    Ok(Some((trajectory, plot)))
+    let figures = clock.time("report", || Figures {
+        plot: (args.plot.as_ref()).map(|_| figure::draw(&compiled, &trajectory)),
+        animation: (args.animate.as_ref()).and_then(|_| figure::animate(&compiled, &trajectory)),
+    });
+    Ok(Some((trajectory, figures)))
 }
 
 /// Where the results of a run go.
@@ -194,6 +215,7 @@ struct Outputs {
     csv: Option<PathBuf>,
     events: Option<PathBuf>,
     plot: Option<PathBuf>,
+    animate: Option<PathBuf>,
     /// Files of one experiment each.
     sinks: Vec<Sink>,
     several: bool,
@@ -209,12 +231,13 @@ impl Outputs {
             csv: args.csv.clone(),
             events: args.events.clone(),
             plot: args.plot.clone(),
+            animate: args.animate.clone(),
             sinks: Vec::new(),
             several,
         }
     }
 
-    fn push(&mut self, trajectory: &Trajectory, plot: Option<&str>) {
+    fn push(&mut self, trajectory: &Trajectory, figures: Figures) {
         if self.reports {
             if !self.report.is_empty() {
                 self.report.push('\n');
@@ -231,7 +254,8 @@ impl Outputs {
                 &self.events,
                 self.events.as_ref().map(|_| csv::events(trajectory)),
             ),
-            (&self.plot, plot.map(str::to_owned)),
+            (&self.plot, figures.plot),
+            (&self.animate, figures.animation),
         ];
         let files = files.into_iter().filter_map(|(path, text)| {
             let path = self.path(path.as_ref()?, trajectory);

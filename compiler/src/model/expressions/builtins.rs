@@ -116,6 +116,9 @@ fn apply<'e>(
                     Tensor::scalar(lowering.constant(1.0)),
                 ),
             };
+            if let ([x], [lo], [hi]) = (&first.data[..], &lo.data[..], &hi.data[..]) {
+                check::record_bounds(lowering, &call.args, *x, [*lo, *hi]);
+            }
             clip(lowering, call, first, lo, hi)
         }
         "deadzone" => {

@@ -1,7 +1,7 @@
 //! Calls: functions of the file are inlined, built-in ones become expressions.
 
 use super::builtins;
-use crate::diagnostics::counted;
+use crate::diagnostics::{Help, counted};
 use crate::expr::Expr;
 use crate::model::errors::foreign;
 use crate::model::expressions::Lowering;
@@ -71,7 +71,10 @@ fn callee<'a, 'c, 'e>(
             return Err(Reported);
         }
         let name = lowering.names.written().text(function);
-        let help = foreign::function(&name);
+        let help = match function.kind {
+            ExprKind::Number(_) => Some(per_unit(&name)),
+            _ => foreign::function(&name),
+        };
         return lowering.error(ModelError::UnknownFunction { name, span, help });
     };
     let scope = lowering.names.scope;
@@ -102,6 +105,11 @@ fn callee<'a, 'c, 'e>(
     };
     let name = name.clone();
     lowering.error(ModelError::UnknownFunction { name, span, help })
+}
+
+/// What may be meant by a number before parentheses.
+fn per_unit(number: &str) -> Help {
+    format!("write `*` behind a number; what is so many per hour is `{number}/(1 h)`").into()
 }
 
 /// A call without options and reductions.

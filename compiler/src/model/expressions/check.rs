@@ -1,6 +1,6 @@
 //! Comparisons as switching functions, and small questions about expressions.
 
-use crate::expr::{Expr, Function, Node, rewrite, variables_of};
+use crate::expr::{Expr, Function, Node, rewrite, transform, variables_of};
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Reported, Value};
 use crate::model::{DynamicsError, Shape, Surface, Tensor};
@@ -8,7 +8,10 @@ use crate::syntax::{self, ExprKind, Level, Relation};
 
 /// `0` as written.
 pub(crate) fn is_zero_literal(expr: &syntax::Expr) -> bool {
-    matches!(expr.kind, ExprKind::Number(0.0))
+    matches!(
+        expr.kind,
+        ExprKind::Number(0.0) | ExprKind::Quantity(0.0, _)
+    )
 }
 
 /// The name of a variable of some expressions, in backticks.
@@ -174,6 +177,56 @@ pub(crate) fn record_surfaces<'e>(
             span: arg.span,
         });
     }
+}
+
+/// Remembers how the switching functions of a value between bounds are written, where the value itself is made of
+/// kinks: what these stand for says less than their words.
+pub(crate) fn record_bounds<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    args: &[&syntax::Expr],
+    x: Expr<'e>,
+    bounds: [Expr<'e>; 2],
+) {
+    if !has_kinks(x) {
+        return;
+    }
+    let value = lowering.names.whole().at_level(args[0], Level::Sum);
+    for (k, bound) in bounds.into_iter().enumerate() {
+        let (sign, text) = match (bound.as_constant(), args.get(k + 1)) {
+            (Some(number), _) if number.is_infinite() => continue,
+            (Some(number), _) if number < 0.0 => ("+", (-number).to_string()),
+            (Some(number), _) => ("-", number.to_string()),
+            (None, Some(arg)) => match &arg.kind {
+                ExprKind::Negate(arg) => {
+                    ("+", lowering.names.whole().at_level(arg, Level::Product))
+                }
+                _ => ("-", lowering.names.whole().at_level(arg, Level::Product)),
+            },
+            (None, None) => continue,
+        };
+        let name = match text.as_str() {
+            "0" => value.clone(),
+            text => format!("{value} {sign} {text}"),
+        };
+        let (psi, span) = (x - bound, args[0].span);
+        if !psi.cancels() {
+            lowering.surfaces.push(Surface { name, psi, span });
+        }
+    }
+}
+
+/// Whether something inside of an expression has a kink or a step.
+fn has_kinks(e: Expr<'_>) -> bool {
+    let mut found = false;
+    transform(&[e], &mut |_, e| {
+        found |= match e.node() {
+            Node::Unary(function, _) => function.is_nonsmooth(),
+            Node::Binary(function, ..) => function.is_nonsmooth(),
+            _ => false,
+        };
+        e
+    });
+    found
 }
 
 /// True for a condition that holds on no side of the surfaces in it.

@@ -217,7 +217,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
                     ..
                 } => self.expr(instants),
                 SettingKind::Perturb { every, .. } => self.expr(every),
-                SettingKind::Plot(items) => {
+                SettingKind::Plot(items) | SettingKind::Animate(items) => {
                     self.exprs(items.iter().flat_map(|item| item.kind.exprs()));
                 }
                 SettingKind::Expect(Expect::Mode { at, .. }) => self.expr(at),

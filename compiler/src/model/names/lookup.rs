@@ -13,6 +13,7 @@ use crate::model::errors::foreign;
 use crate::model::expressions::Lowering;
 use crate::model::expressions::environment::{Lazy, Local};
 use crate::model::hir::reserved::{VALUES, did_you_mean, is_function};
+use crate::model::units::literal::is_unit;
 use crate::model::{ModelError, TargetKind, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Index};
@@ -81,6 +82,12 @@ pub(crate) fn name<'e>(
             let known = of_model.into_iter().flatten().chain(of_file);
             let known = known.chain(VALUES).chain(locals);
             let help = foreign::value(name).or_else(|| did_you_mean(name, known));
+            let as_unit = || {
+                let text =
+                    format!("as a unit it stands behind a number: `1 {name}`, `x/(1 {name})`");
+                is_unit(name).then(|| text.into())
+            };
+            let help = help.or_else(as_unit);
             lowering.error(ModelError::UnknownName {
                 name: name.to_owned(),
                 span,

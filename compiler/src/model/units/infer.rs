@@ -445,7 +445,7 @@ pub(crate) fn is(dimension: Dimension) -> String {
 pub(crate) fn factor(expected: Dimension, found: Dimension) -> String {
     match expected.divide(found) {
         Some(missing) if found == Dimension::NUMBER => format!(
-            "a number in a product is a pure number; give the factor a name and a unit: `param a : {missing} = ..;`"
+            "a number in a product is a pure number; write its unit behind it, as in `2 ({missing})`, or give the factor a name: `param a : {missing} = ..;`"
         ),
         Some(missing) => format!("a factor in {missing} is missing, or one of the units is wrong"),
         None => "one of the units is wrong".to_owned(),

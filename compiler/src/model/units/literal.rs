@@ -35,6 +35,11 @@ struct Scale {
     dimension: Dimension,
 }
 
+/// Whether a word behind a number is a unit.
+pub(crate) fn is_unit(name: &str) -> bool {
+    Scale::named(name).is_some()
+}
+
 impl Scale {
     const ONE: Scale = Scale {
         n: 0.0,

@@ -7,7 +7,7 @@ use crate::model::hir::Definition;
 use crate::model::statements::restitution;
 use crate::syntax::{
     Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, OutputWhen, Part,
-    ProgramKind, RegionGuard, Row, SettingKind, Stmt,
+    PlotItem, PlotKind, ProgramKind, RegionGuard, Row, SettingKind, Stmt,
 };
 
 /// Whether what statements and settings say fits.
@@ -258,10 +258,39 @@ impl<'f> Checker<'f, '_> {
                         self.dims.expr(expr);
                     }
                 }
+                SettingKind::Animate(items) => self.animation(items),
                 SettingKind::Expect(expect) => self.expectation(expect, time),
                 _ => {}
             }
         }
+    }
+
+    /// Coordinates and lengths of shapes have one unit; the speed and the angle of a disc are pure numbers.
+    fn animation(&mut self, items: &'f [PlotItem]) {
+        let mut lengths = Vec::new();
+        for item in items {
+            let exprs = item.kind.exprs();
+            let word = match &item.kind {
+                PlotKind::Drawing(word, _) => word.name.as_str(),
+                _ => "",
+            };
+            match (word, exprs) {
+                ("speed", [speed, ..]) => {
+                    self.dims.pure("the speed", speed);
+                }
+                ("disc", [x, y, radius, angle]) => {
+                    self.dims.pure("the angle of a disc", angle);
+                    lengths.extend([x, y, radius]);
+                }
+                // A radius behind x and y, or an angle behind a centre and a radius.
+                ("disc", [x, y, last]) if self.dims.expr(last) == Dim::PURE => {
+                    lengths.extend([x, y]);
+                }
+                _ => lengths.extend(exprs),
+            }
+        }
+        self.dims
+            .agree("the coordinates of this animation", lengths);
     }
 
     fn expectation(&mut self, expect: &'f Expect, time: Dim) {

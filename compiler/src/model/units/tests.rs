@@ -175,8 +175,8 @@ fn refuses_what_does_not_fit() {
     ");
     assert_snapshot!(falling("v' += k*q; w' += -9.81*r/norm(r); v' += 3*sign(v);"), @r"
     E0233: the rate of `v` is in m/s^2, but the right side is in N | k*q: this is in N | v: `v` is in m/s, and its rate that per second: in m/s^2 | a factor in 1/kg is missing, or one of the units is wrong
-    E0233: the rate of `w` is in m/s^2, but the right side is a pure number | -9.81*r/norm(r): this is a pure number | w: `w` is in m/s, and its rate that per second: in m/s^2 | a number in a product is a pure number; give the factor a name and a unit: `param a : m/s^2 = ..;`
-    E0233: the rate of `v` is in m/s^2, but the right side is a pure number | 3*sign(v): this is a pure number | v: `v` is in m/s, and its rate that per second: in m/s^2 | a number in a product is a pure number; give the factor a name and a unit: `param a : m/s^2 = ..;`
+    E0233: the rate of `w` is in m/s^2, but the right side is a pure number | -9.81*r/norm(r): this is a pure number | w: `w` is in m/s, and its rate that per second: in m/s^2 | a number in a product is a pure number; write its unit behind it, as in `2 (m/s^2)`, or give the factor a name: `param a : m/s^2 = ..;`
+    E0233: the rate of `v` is in m/s^2, but the right side is a pure number | 3*sign(v): this is a pure number | v: `v` is in m/s, and its rate that per second: in m/s^2 | a number in a product is a pure number; write its unit behind it, as in `2 (m/s^2)`, or give the factor a name: `param a : m/s^2 = ..;`
     ");
     assert_snapshot!(falling("output a = sin(time); output b = exp(q)*log(v); output c = q^time;"), @r"
     E0234: the argument of `sin` must be a pure number, and is in s | time: this is in s | divide it by a quantity that is in s

@@ -348,10 +348,16 @@ fn surfaces(subject: &Subject<'_, '_>) -> String {
         let mut partitions = subject.system.partitions.iter();
         partitions.any(|p| !p.indicators.is_empty() && p.switches.contains(k))
     };
-    let names: Vec<String> = switches
-        .filter(|(k, _)| !indicated(k))
-        .map(|(_, switch)| format!("`{}`", switch.name))
-        .collect();
+    // A contact that is the smallest of several stands before them.
+    let mut names: Vec<String> = Vec::new();
+    for (_, switch) in switches.filter(|(k, _)| !indicated(k)) {
+        let owner = subject
+            .system
+            .contact_with(&switch.name)
+            .map(|name| format!("`{name}`"));
+        names.extend(owner.filter(|owner| !names.contains(owner)));
+        names.push(format!("`{}`", switch.name));
+    }
     match names.is_empty() {
         true => "the experiment has no switches".into(),
         false => format!("the surfaces are {}", list(&names)),

@@ -76,6 +76,12 @@ impl Axis {
         self.start + (value - self.lo) / (self.hi - self.lo) * (self.end - self.start)
     }
 
+    /// a and b of a linear axis that draws v at a*v + b.
+    pub fn line(&self) -> [f64; 2] {
+        let slope = (self.end - self.start) / (self.hi - self.lo);
+        [slope, self.start - self.lo * slope]
+    }
+
     /// Where it is drawn from, and to.
     pub fn ends(&self) -> [f64; 2] {
         [self.start, self.end]

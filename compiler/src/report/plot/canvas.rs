@@ -4,7 +4,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Units per point.
-const UNITS: f64 = 16.0;
+pub const UNITS: f64 = 16.0;
 /// The SVG backend divides sizes of fonts by this.
 const FONT_SCALE: f64 = 1.24;
 /// The fonts of scientific journals, or what comes closest.

@@ -3,6 +3,7 @@
 //! Panels stand below each other over one time axis. Bands in the background
 //! are modes, marks above the panels and thin lines through them are events.
 
+pub mod animation;
 mod axis;
 pub mod branches;
 mod canvas;

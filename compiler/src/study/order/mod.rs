@@ -19,6 +19,7 @@ pub use reference::Reference;
 pub use table::{csv, text};
 
 use crate::Compiled;
+use crate::model::Units;
 use crate::project::clock::Instant;
 use crate::report::expect::Convergence;
 #[cfg(feature = "plots")]
@@ -45,6 +46,8 @@ pub struct Study {
     pub experiment: String,
     /// Name of the model.
     pub model: String,
+    /// Units of time, and of all states where they have one.
+    pub units: [Option<String>; 2],
     /// What errors are measured against.
     pub reference: Reference,
     /// One per method.
@@ -177,6 +180,7 @@ pub fn study(
     Ok(Study {
         experiment: settings.name.clone(),
         model: settings.model.clone(),
+        units: units(compiled),
         reference,
         curves,
         left_out,
@@ -308,10 +312,32 @@ impl Study {
 }
 
 #[cfg(feature = "plots")]
+fn in_unit(what: &str, unit: Option<&str>) -> String {
+    match unit {
+        Some(unit) => format!("{what} [{unit}]"),
+        None => what.to_owned(),
+    }
+}
+
+/// The units of time and of all states, where these have one in common.
+fn units(compiled: &Compiled<'_>) -> [Option<String>; 2] {
+    let units = Units::of(&compiled.model);
+    let mut states = compiled
+        .system
+        .states
+        .iter()
+        .map(|state| units.unit(&state.name));
+    let first = states.next().flatten();
+    let common = first.filter(|_| states.all(|unit| unit == first));
+    [units.unit("time"), common].map(|unit| unit.map(str::to_owned))
+}
+
+#[cfg(feature = "plots")]
 impl Study {
     /// Error against step size.
     pub fn error_step(&self) -> String {
-        self.figure("mean step size h", |point| point.step)
+        let title = in_unit("mean step size h", self.units[0].as_deref());
+        self.figure(&title, |point| point.step)
     }
 
     /// Error against time.
@@ -330,7 +356,7 @@ impl Study {
         };
         LogLog {
             x_title: title,
-            y_title: "error at the end, |x(T) − x*|",
+            y_title: &in_unit("error at the end, |x(T) − x*|", self.units[1].as_deref()),
             curves: self.curves.iter().map(line).collect(),
             floor: self.reference.floor,
         }

@@ -115,6 +115,8 @@ pub enum SettingKind {
     },
     /// `plot { x, v; phase q, v; title "Fall"; width 8 cm; }`
     Plot(Vec<PlotItem>),
+    /// `animate { disc q, r; trace q[1], q[2]; speed 0.5; title "Fall"; width 8 cm; }`
+    Animate(Vec<PlotItem>),
     /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`
     Value {
         /// Which setting.
@@ -171,7 +173,7 @@ pub enum OutputWhen {
     At(Expr),
 }
 
-/// A member of a `plot`, with the span of its statement.
+/// A member of a `plot` or an `animate`, with the span of its statement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlotItem {
     /// Which member.
@@ -180,13 +182,15 @@ pub struct PlotItem {
     pub span: Span,
 }
 
-/// The members of a `plot`.
+/// The members of a `plot` and of an `animate`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlotKind {
     /// `x, v;`: curves over time in one panel
     Panel(Vec<Expr>),
     /// `phase q, v;`: one over the other, from left to right first
     Phase(Box<[Expr; 2]>),
+    /// `disc q, r;`, `speed 0.5;`: a word of an animation with its numbers
+    Drawing(Ident, Vec<Expr>),
     /// `title "Fall";`
     Title(String),
     /// `width 8 cm;`
@@ -199,7 +203,7 @@ impl PlotKind {
     /// What it draws.
     pub fn exprs(&self) -> &[Expr] {
         match self {
-            PlotKind::Panel(exprs) => exprs,
+            PlotKind::Panel(exprs) | PlotKind::Drawing(_, exprs) => exprs,
             PlotKind::Phase(axes) => &axes[..],
             PlotKind::Title(_) | PlotKind::Width(..) | PlotKind::Bad => &[],
         }

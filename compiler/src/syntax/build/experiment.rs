@@ -86,13 +86,8 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
             seed: behind(reading, &mut parts, Rule::seed),
         },
         Rule::on_chattering => SettingKind::OnChattering,
-        Rule::plot => {
-            let bad = |span| PlotItem {
-                kind: PlotKind::Bad,
-                span,
-            };
-            SettingKind::Plot(members(reading, parts, Place::Plot, plot_item, bad))
-        }
+        Rule::plot => SettingKind::Plot(plot_items(reading, parts, Place::Plot)),
+        Rule::animate => SettingKind::Animate(plot_items(reading, parts, Place::Animation)),
         Rule::value => SettingKind::Value {
             name: reading.ident(parts.one(Rule::value_name)),
             value: expr(reading, parts.one(Rule::expr)),
@@ -169,6 +164,14 @@ fn free_path(reading: &mut Reading, pair: Pair<Rule>) -> (Path, Option<Domain>) 
     )
 }
 
+fn plot_items(reading: &mut Reading, parts: Parts, place: Place) -> Vec<PlotItem> {
+    let bad = |span| PlotItem {
+        kind: PlotKind::Bad,
+        span,
+    };
+    members(reading, parts, place, plot_item, bad)
+}
+
 fn plot_item(reading: &mut Reading, pair: Pair<Rule>) -> PlotItem {
     let (rule, span) = (pair.as_rule(), reading.span(&pair));
     let mut parts = parts(pair);
@@ -187,6 +190,10 @@ fn plot_item(reading: &mut Reading, pair: Pair<Rule>) -> PlotItem {
         Rule::plot_phase => {
             let axes = [(); 2].map(|()| expr(reading, parts.one(Rule::expr)));
             PlotKind::Phase(Box::new(axes))
+        }
+        Rule::drawing => {
+            let word = reading.ident(parts.one(Rule::name));
+            PlotKind::Drawing(word, parts.map(|pair| expr(reading, pair)).collect())
         }
         _ => PlotKind::Panel(parts.map(|pair| expr(reading, pair)).collect()),
     };

@@ -29,6 +29,8 @@ pub enum Place {
     Free,
     /// What a `plot` draws.
     Plot,
+    /// What an `animate` draws.
+    Animation,
 }
 
 /// Words that cannot be names.
@@ -93,8 +95,11 @@ const EXPERIMENT: Starts = &[
     ("guess", Rule::guess),
     ("starts", Rule::starts),
     ("plot", Rule::plot),
+    ("animate", Rule::animate),
     ("expect", Rule::expect),
 ];
+
+const ANIMATION: Starts = &[("title", Rule::plot_title), ("width", Rule::plot_width)];
 
 const PLOT: Starts = &[
     ("phase", Rule::plot_phase),
@@ -112,6 +117,7 @@ pub fn starts(place: Place) -> Starts {
         Place::Mechanics => &[("contact", Rule::contact)],
         Place::Guess => &[("from", Rule::guess_from)],
         Place::Plot => PLOT,
+        Place::Animation => ANIMATION,
         Place::Binds | Place::Resets | Place::Options | Place::Free => &[],
     }
 }
@@ -128,6 +134,7 @@ pub fn member(place: Place) -> &'static str {
         Place::Options | Place::Mechanics => "option",
         Place::Free => "freed parameter",
         Place::Plot => "member of a plot",
+        Place::Animation => "member of an animation",
     }
 }
 

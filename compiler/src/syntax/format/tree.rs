@@ -200,6 +200,8 @@ fn is_member(rule: Rule) -> bool {
             | plot_phase
             | plot_title
             | plot_width
+            | animate
+            | drawing
             | value
     )
 }

@@ -88,21 +88,27 @@ impl Printer {
                 self.line(format!("starts {count}{};", random(by, seed)))
             }
             SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
-            SettingKind::Plot(items) => self.block("plot", "", |printer| {
-                for item in items {
-                    printer.plot_item(&item.kind);
-                }
-            }),
+            SettingKind::Plot(items) => self.plot("plot", items),
+            SettingKind::Animate(items) => self.plot("animate", items),
             SettingKind::Value { name, value } => self.line(format!("{name} {value};")),
             SettingKind::Expect(expect) => self.line(format!("expect {};", expectation(expect))),
             SettingKind::Bad => self.bad(),
         }
     }
 
+    fn plot(&mut self, word: &str, items: &[PlotItem]) {
+        self.block(word, "", |printer| {
+            for item in items {
+                printer.plot_item(&item.kind);
+            }
+        });
+    }
+
     fn plot_item(&mut self, item: &PlotKind) {
         match item {
             PlotKind::Panel(exprs) => self.line(format!("{};", list(exprs))),
             PlotKind::Phase(axes) => self.line(phase(axes)),
+            PlotKind::Drawing(word, exprs) => self.line(format!("{} {};", word.name, list(exprs))),
             PlotKind::Title(title) => self.line(format!("title \"{title}\";")),
             PlotKind::Width(number, unit) => {
                 self.line(format!("width {number} {};", unit.as_str()));

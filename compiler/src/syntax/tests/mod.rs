@@ -227,6 +227,7 @@ fn reads_every_setting_of_a_simulation() {
           perturb every 0.16 by sphere(1e-4) seed 1; perturb every 1; on chattering slide;
           plot { x[1], 2*x[2]; phase q[1], phase; phase, v; phase - v, v; phase (-v), v; title, w; title "A fall"; width 8 cm; }
           plot { width -3 px; phase; }
+          animate { disc -q, r; disc (x), disc; polygon [0, 0; 1, 0; x]; title "Fall"; width 8 cm; speed 0.5; }
           expect x at end ~ [1, 0] within 1e-9; expect x at 0.5 <= 0;
           expect energy at end <= energy at 0; expect clearance always >= -1e-8;
           expect switches ~ [1.0] within 1e-9; expect len(switches) = 3;
@@ -271,6 +272,14 @@ fn reads_every_setting_of_a_simulation() {
       plot {
         width -3 px;
         phase;
+      }
+      animate {
+        disc -q, r;
+        disc x, disc;
+        polygon [0, 0; 1, 0; x];
+        title "Fall";
+        width 8 cm;
+        speed 0.5;
       }
       expect x at end ~ [1, 0] within 1e-9;
       expect x at 0.5 <= 0;

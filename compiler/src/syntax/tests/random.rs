@@ -65,7 +65,7 @@ fn expression() -> impl Strategy<Value = String> {
 
 /// Statements of a model.
 fn statement() -> impl Strategy<Value = String> {
-    let simple = (expression(), 0..14).prop_map(|(e, kind)| match kind {
+    let simple = (expression(), 0..15).prop_map(|(e, kind)| match kind {
         0 => format!("state x[{e}, 2] : m/s in [{e}, 1] = {e};"),
         1 => format!("let a = {e};"),
         2 => format!("control u in {{0, {e}}};"),
@@ -112,6 +112,7 @@ fn setting() -> impl Strategy<Value = String> {
         10 => format!("method m {{ a = {e}; }}"),
         11 => "on chattering slide;".to_owned(),
         12 => format!("plot {{ {e}, x; phase {e}, v; title \"t\"; width 8 cm; }}"),
+        13 => format!("animate {{ disc {e}, r; trace x, {e}; speed {e}; title \"t\"; }}"),
         _ => format!("minimize {e};"),
     })
 }

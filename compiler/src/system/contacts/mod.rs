@@ -29,8 +29,8 @@ use crate::source::Span;
 use crate::system::contacts::corners::Corner;
 use crate::system::contacts::features::Feature;
 use crate::system::contacts::kinematics::{Kinematics, Tangent};
-use crate::system::switches::Switches;
 use crate::system::switches::surface::Form;
+use crate::system::switches::{Collected, Switches};
 
 /// What is wrong with a gap like a distance between points.
 const NEVER_NEGATIVE: &str = "its gap is never negative: no side of its zeros is inside the body";
@@ -81,7 +81,10 @@ fn finish_contact<'e>(
             Form::Definite(sign) if sign > 0.0 => NEVER_NEGATIVE,
             Form::Definite(_) => "its gap is never positive: the contact could not be open",
             Form::OddPower(_) => "its gap is a power, with a slope of zero where it is zero",
-            _ => "its gap is compared elsewhere too, or is that of another contact",
+            _ => match translation.switches.find(gap) {
+                Some((k, _)) => return shared_gap(contact, &translation.switches.list[k]),
+                None => "its gap has no surface",
+            },
         };
         no_contact(contact, what, contact.gap_span)
     })?;
@@ -209,6 +212,15 @@ fn corner_in_gap(
 }
 
 /// Why a contact is none.
+/// A gap that is the switching function of something else.
+fn shared_gap(contact: &model::Contact<'_>, other: &Collected<'_>) -> Box<SystemError> {
+    Box::new(SystemError::SharedGap {
+        name: contact.name.clone(),
+        span: contact.gap_span,
+        other: other.spans.first().copied(),
+    })
+}
+
 fn no_contact(contact: &model::Contact<'_>, what: &str, span: Span) -> Box<SystemError> {
     let (name, what) = (contact.name.clone(), what.to_owned());
     Box::new(SystemError::NoContact { name, what, span })

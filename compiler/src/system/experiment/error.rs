@@ -452,6 +452,22 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A shape of an animation with too many numbers or too few.
+    #[error("`{shape}` takes {takes}")]
+    #[diagnostic(
+        code(E0530),
+        help(
+            "write numbers side by side, as in `disc q[1], q[2], r;`, or vectors and matrices of them, as in `disc q, r;`"
+        )
+    )]
+    ShapeNumbers {
+        shape: String,
+        takes: &'static str,
+        found: usize,
+        #[label("has {found}")]
+        span: Span,
+    },
+
     /// A way through chattering, of a method that does not meet it.
     #[error("`on chattering` is of `method event`")]
     #[diagnostic(

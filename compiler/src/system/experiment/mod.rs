@@ -3,6 +3,7 @@
 //! The values of `with` are given to the model first; every other setting is a number in terms of
 //! its parameters. What is asserted (`expect`) stays as it was written.
 
+mod animation;
 mod branches;
 mod capabilities;
 mod error;
@@ -24,6 +25,7 @@ use crate::diagnostics::Diagnostics;
 use crate::model::Model;
 use crate::syntax::{self, Bind, SettingKind};
 
+pub use animation::{Animation, Drawing, DrawingKind};
 pub use branches::beside_branches;
 pub(crate) use capabilities::POISSON;
 pub use capabilities::{Feature, table};
@@ -36,7 +38,7 @@ pub use optimize::{
     relaxation_word, steering_word,
 };
 pub use perturb::Perturbation;
-pub use plot::{Drawn, Plot};
+pub use plot::{Drawn, Figures, Plot, Sheet};
 use reader::Reader;
 pub use settings::{Kept, Sampling, Settings};
 use statements::Statements;
@@ -85,7 +87,7 @@ pub fn evaluate<'e>(
         lowerings: statements.lowerings,
         outputs: statements.outputs,
         sampling: statements.sampling,
-        plot: statements.plot,
+        figures: statements.figures,
         optimize,
         kicks: statements.kicks,
         averages: statements.averages.is_some(),

@@ -1,5 +1,6 @@
-//! What `plot` draws, in the variables of the model.
+//! What `plot` and `animate` draw, in the variables of the model.
 
+use super::animation::Animation;
 use super::error::ExperimentError;
 use super::reader::Reader;
 use crate::expr::Expr;
@@ -9,13 +10,67 @@ use crate::syntax::{self, ExprKind, PlotItem, PlotKind};
 /// How wide a figure is in pixels at least and at most.
 const WIDTHS: std::ops::RangeInclusive<f64> = 1.0..=1e5;
 
+/// The figures that an experiment asks for.
+#[derive(Clone, Debug, Default)]
+pub struct Figures<'e> {
+    /// Over time and in phase portraits; `None` for everything that is recorded.
+    pub plot: Option<Plot<'e>>,
+    /// Shapes that move.
+    pub animation: Option<Animation<'e>>,
+}
+
+impl<'e> Figures<'e> {
+    /// All that they draw.
+    pub fn entries(&self) -> impl Iterator<Item = Expr<'e>> {
+        let drawn = self.plot.iter().flat_map(Plot::drawn);
+        let drawn = drawn.flat_map(|drawn| &drawn.entries);
+        let shapes = self.animation.iter().flat_map(|figure| &figure.shapes);
+        drawn
+            .chain(shapes.flat_map(|shape| &shape.entries))
+            .copied()
+    }
+}
+
+/// What the sheet of a figure is.
+#[derive(Clone, Debug, Default)]
+pub struct Sheet {
+    /// What stands above.
+    pub title: Option<String>,
+    /// Its width in pixels, 96 to an inch; none for that of what is on it.
+    pub width: Option<f64>,
+}
+
+impl Sheet {
+    /// Takes a `title` or a `width`, each once under these words.
+    pub(super) fn read(
+        &mut self,
+        reader: &mut Reader<'_, '_>,
+        item: &PlotItem,
+        [title, width]: [&'static str; 2],
+    ) {
+        match &item.kind {
+            PlotKind::Title(text) => {
+                reader.once(title, item.span);
+                self.title = Some(text.clone());
+            }
+            PlotKind::Width(number, unit) => {
+                reader.once(width, item.span);
+                let pixels = number * unit.pixels();
+                self.width = Some(pixels);
+                if !WIDTHS.contains(&pixels) {
+                    reader.error(ExperimentError::PlotWidth { span: item.span });
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
 /// A figure as an experiment asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Plot<'e> {
-    /// What stands above it.
-    pub title: Option<String>,
-    /// Its width in pixels, 96 to an inch; none for that of its panels.
-    pub width: Option<f64>,
+    /// Its sheet.
+    pub sheet: Sheet,
     /// Curves over time, panel by panel.
     pub panels: Vec<Vec<Drawn<'e>>>,
     /// Phase portraits of two scalars each.
@@ -49,19 +104,7 @@ impl<'e> Plot<'e> {
                     let [x, y] = axes.each_ref().map(|axis| Drawn::scalar(reader, axis));
                     plot.phases.extend(x.zip(y).map(|(x, y)| [x, y]));
                 }
-                PlotKind::Title(title) => {
-                    reader.once("`title`", item.span);
-                    plot.title = Some(title.clone());
-                }
-                PlotKind::Width(number, unit) => {
-                    reader.once("`width`", item.span);
-                    let width = number * unit.pixels();
-                    plot.width = Some(width);
-                    if !WIDTHS.contains(&width) {
-                        reader.error(ExperimentError::PlotWidth { span: item.span });
-                    }
-                }
-                PlotKind::Bad => {}
+                _ => plot.sheet.read(reader, item, ["`title`", "`width`"]),
             }
         }
         plot

@@ -5,7 +5,7 @@ use rustc_hash::FxHashMap;
 use super::method::{Lowering, Method};
 use super::optimize::Optimize;
 use super::perturb::Perturbation;
-use super::plot::Plot;
+use super::plot::Figures;
 use crate::expr::Expr;
 use crate::model::TargetKind;
 use crate::source::Span;
@@ -31,8 +31,8 @@ pub struct Settings<'e> {
     pub outputs: Option<Vec<Kept<'e>>>,
     /// When outputs are recorded.
     pub sampling: Sampling,
-    /// What a figure shows; `None` for everything that is recorded.
-    pub plot: Option<Plot<'e>>,
+    /// What figures show.
+    pub figures: Figures<'e>,
     /// What is optimized; `None` for a simulation.
     pub optimize: Option<Optimize<'e>>,
     /// Whether chattering that fades and never ends goes on as sliding.

@@ -1,11 +1,12 @@
 //! What the settings of an experiment say, read one by one.
 
+use super::animation::Animation;
 use super::capabilities::Feature;
 use super::error::ExperimentError;
 use super::method::{self, Lowering, Method};
 use super::optimize::Draft;
 use super::perturb::Perturbation;
-use super::plot::Plot;
+use super::plot::{Figures, Plot};
 use super::reader::Reader;
 use super::settings::{Kept, Sampling};
 use super::with;
@@ -33,7 +34,7 @@ pub(crate) struct Statements<'m, 'e> {
     pub lowerings: Vec<Lowering>,
     pub outputs: Option<Vec<Kept<'e>>>,
     pub sampling: Sampling,
-    pub plot: Option<Plot<'e>>,
+    pub figures: Figures<'e>,
     pub kicks: Option<Perturbation>,
     pub runs: Option<(usize, Span)>,
     pub averages: Option<Span>,
@@ -55,7 +56,7 @@ impl<'m, 'e> Statements<'m, 'e> {
             lowerings: Vec::new(),
             outputs: None,
             sampling: Sampling::Method,
-            plot: None,
+            figures: Figures::default(),
             kicks: None,
             runs: None,
             averages: None,
@@ -103,7 +104,11 @@ impl<'m, 'e> Statements<'m, 'e> {
             }
             SettingKind::Plot(items) => {
                 reader.once("`plot`", span);
-                self.plot = Some(Plot::read(reader, items));
+                self.figures.plot = Some(Plot::read(reader, items));
+            }
+            SettingKind::Animate(items) => {
+                reader.once("`animate`", span);
+                self.figures.animation = Animation::read(reader, items);
             }
             kind => self.of_one_kind(reader, kind, span),
         }

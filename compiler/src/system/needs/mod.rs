@@ -58,9 +58,8 @@ impl<'e> Needs<'e> {
         }
         let mut closure = Closure::new(model, settings);
         let listed = listed.flat_map(|kept| &kept.entries);
-        let drawn = settings.plot.iter().flat_map(|plot| plot.drawn());
-        let listed = listed.chain(drawn.flat_map(|drawn| &drawn.entries));
-        for &e in listed.chain(&named.exprs).chain(&named.surfaces) {
+        let listed = listed.chain(&named.exprs).chain(&named.surfaces);
+        for e in listed.copied().chain(settings.figures.entries()) {
             closure.reach(e);
         }
         if let Some(task) = &settings.optimize {

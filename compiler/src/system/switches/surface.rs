@@ -84,8 +84,8 @@ pub(crate) fn parameter(e: Expr<'_>, params: &Known) -> Option<f64> {
     (is_fixed || !enclosure(e, params, 6).contains(0.0)).then_some(value)
 }
 
-/// All values of an expression in parameters, wherever free ones may be; deeper nesting is not worth a look.
-fn enclosure(e: Expr<'_>, params: &Known, depth: usize) -> Interval {
+/// All values of an expression, wherever what has a range may be; deeper nesting is not worth a look.
+pub(crate) fn enclosure(e: Expr<'_>, params: &Known, depth: usize) -> Interval {
     let Some(depth) = depth.checked_sub(1) else {
         return Interval::ALL;
     };

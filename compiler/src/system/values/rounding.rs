@@ -1,6 +1,7 @@
 //! floor(u) of a function of time u -> a value that is held between the instants at which u passes an integer.
 //!
 //! floor(u(t)) = k where k ≤ u(t) < k + 1, the same as data that is held: y(t) = k_i for t_i ≤ t < t_{i+1}.
+//! Of a u in states, a ≤ u < b for states within their ranges: floor(u) = ⌊a⌋ + Σ step(u - k), ⌊a⌋ < k ≤ ⌊b⌋.
 //!
 //! Crossings are enclosed. Over an interval whose enclosure of u holds no integer there is none; where that of u' has
 //! one sign, there is one for every integer between the values at its ends, and bisection finds it; all else is
@@ -19,9 +20,21 @@ use crate::source::Span;
 use crate::source::table::{Fit, Table};
 use crate::system::SystemError;
 use crate::system::lower::instance::Instance;
+use crate::system::switches::known::Known;
+use crate::system::switches::surface::enclosure;
+use crate::system::values::limits::Allowed;
 
 /// Instants at which one function jumps, at most.
 const MOST_INSTANTS: usize = 10_000;
+
+/// Steps that a floor of states is made of, at most.
+const MOST_STEPS: f64 = 64.0;
+
+/// How deep a function of states is looked into for its range.
+const DEPTH: usize = 12;
+
+/// A least value this close to an integer, relative to its size, is the integer.
+const ROUNDED: f64 = 1e-12;
 
 /// Intervals that are looked at, at most.
 const MOST_INTERVALS: usize = 20 * MOST_INSTANTS;
@@ -44,6 +57,9 @@ pub(crate) struct Roundings<'e> {
     horizon: f64,
     /// Numbers of parameters that are not free.
     params: FxHashMap<Var, f64>,
+    /// The same, with the ranges of states, and that of time.
+    ranges: Known,
+    states: Vec<Var>,
     /// The data that is kept, then the functions that are held.
     pub data: Vec<Data<'e>>,
     /// floor(u) by u.
@@ -55,7 +71,7 @@ pub(crate) struct Roundings<'e> {
 /// Why no instants are known.
 enum Fault {
     /// u depends on this.
-    Depends(String),
+    Depends(Var),
     /// There are too many.
     Many,
     /// Whether u passes an integer is not known.
@@ -76,6 +92,8 @@ impl<'e> Roundings<'e> {
             params: params
                 .filter_map(|param| Some((param, values.fixed(param)?)))
                 .collect(),
+            ranges: ranges(instance),
+            states: instance.states().filter_map(Expr::as_variable).collect(),
             data: data.cloned().collect(),
             values: FxHashMap::default(),
             errors: Vec::new(),
@@ -130,11 +148,23 @@ impl<'e> Roundings<'e> {
             [(_, value)] => e.exprs().constant(value),
             _ => self.hold(e, &steps, span),
         });
+        let value = value.or_else(|fault| match fault {
+            Fault::Depends(_) => self.sum_of_steps(u).ok_or(fault),
+            fault => Err(fault),
+        });
         let value = value.unwrap_or_else(|fault| {
             let text = e.to_string();
             let horizon = self.horizon;
             self.errors.push(match fault {
-                Fault::Depends(on) => SystemError::Rounded { text, on, span },
+                Fault::Depends(on) => SystemError::Rounded {
+                    text,
+                    on: e.exprs().name(on),
+                    help: match self.states.contains(&on) {
+                        true => counted(u),
+                        false => "fix it before the run".to_owned(),
+                    },
+                    span,
+                },
                 Fault::Many => SystemError::TooManyInstants {
                     text,
                     horizon,
@@ -147,6 +177,18 @@ impl<'e> Roundings<'e> {
         });
         self.values.insert(u, value);
         value
+    }
+
+    /// ⌊a⌋ + Σ step(u - k) for a ≤ u where states are within their ranges.
+    fn sum_of_steps(&self, u: Expr<'e>) -> Option<Expr<'e>> {
+        let range = enclosure(u, &self.ranges, DEPTH);
+        let lowest = (range.low + ROUNDED * range.low.abs().max(1.0)).floor();
+        let n = range.high.floor() - lowest;
+        if !(0.0..=MOST_STEPS).contains(&n) {
+            return None;
+        }
+        let steps = (1..=n as usize).map(|k| (u - (lowest + k as f64)).step());
+        Some(lowest + u.exprs().sum(steps))
     }
 
     /// The variable that stands for a function that is held.
@@ -171,7 +213,7 @@ impl<'e> Roundings<'e> {
         let known = vars.filter(|&var| !self.is_given(var));
         let number = |var: Var| match self.params.get(&var) {
             Some(&value) => Ok((var, value)),
-            None => Err(Fault::Depends(e.exprs().name(var))),
+            None => Err(Fault::Depends(var)),
         };
         known.map(number).collect()
     }
@@ -207,6 +249,29 @@ impl<'e> Roundings<'e> {
         };
         search.run()
     }
+}
+
+/// Parameters, states within their ranges, and time within the horizon.
+fn ranges(instance: &Instance<'_, '_>) -> Known {
+    let mut known = instance.params.clone();
+    let time = Interval::new(0.0, instance.settings.horizon);
+    known.ranges.insert(instance.time(), time);
+    for state in &instance.model.quantities.states {
+        for (k, var) in state.vars.iter().enumerate() {
+            let allowed = instance.allowed(state, k, |e| instance.moves(e));
+            if let (Some(Allowed::Between(lo, hi)), Some(var)) = (allowed, var.as_variable()) {
+                known.ranges.insert(var, Interval::new(lo, hi));
+            }
+        }
+    }
+    known
+}
+
+/// How ⌊u⌋ is said in a way that a run takes, for a function u of states.
+fn counted(u: Expr<'_>) -> String {
+    format!(
+        "give the states in it a range, `state x in [0, 5] = ..;`, within which it is a sum of up to {MOST_STEPS} steps; or count: `discrete n = 0;` with `jump up when {u} > n + 1 {{ n := n + 1; }}` and `jump down when {u} < n {{ n := n - 1; }}`"
+    )
 }
 
 /// Where the pieces of data begin.

@@ -1,0 +1,155 @@
+//! What `animate` draws: shapes in the plane whose coordinates are expressions of the model.
+
+use super::error::ExperimentError;
+use super::plot::Sheet;
+use super::reader::{Reader, unknown_choice};
+use crate::expr::Expr;
+use crate::source::Span;
+use crate::syntax::{self, Ident, PlotItem, PlotKind};
+
+/// The words of an animation.
+const WORDS: [&str; 7] = [
+    "disc", "segment", "polygon", "trace", "speed", "title", "width",
+];
+
+/// Shapes that move as an experiment asks for it.
+#[derive(Clone, Debug)]
+pub struct Animation<'e> {
+    /// Its sheet.
+    pub sheet: Sheet,
+    /// Seconds of the model that pass in one second.
+    pub speed: f64,
+    /// From the back to the front.
+    pub shapes: Vec<Drawing<'e>>,
+}
+
+/// A shape, with its coordinates and lengths.
+#[derive(Clone, Debug)]
+pub struct Drawing<'e> {
+    /// What its numbers mean.
+    pub kind: DrawingKind,
+    /// Its numbers at an instant.
+    pub entries: Vec<Expr<'e>>,
+    /// The texts of what they are written as.
+    pub names: Vec<String>,
+}
+
+/// What the numbers of a shape mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DrawingKind {
+    /// x, y, radius, and where it turns its angle
+    Disc,
+    /// Straight lines from point to point: x₁, y₁, x₂, y₂, ..
+    Segment,
+    /// The area between corners: x₁, y₁, x₂, y₂, x₃, y₃, ..
+    Polygon,
+    /// x, y, the way of a point until now
+    Trace,
+}
+
+impl DrawingKind {
+    fn named(word: &str) -> Option<Self> {
+        Some(match word {
+            "disc" => DrawingKind::Disc,
+            "segment" => DrawingKind::Segment,
+            "polygon" => DrawingKind::Polygon,
+            "trace" => DrawingKind::Trace,
+            _ => return None,
+        })
+    }
+
+    /// Whether a shape has so many numbers.
+    fn takes(self, n: usize) -> bool {
+        match self {
+            DrawingKind::Disc => n == 3 || n == 4,
+            DrawingKind::Segment => n >= 4 && n % 2 == 0,
+            DrawingKind::Polygon => n >= 6 && n % 2 == 0,
+            DrawingKind::Trace => n == 2,
+        }
+    }
+
+    /// What it takes, in words.
+    fn numbers(self) -> &'static str {
+        match self {
+            DrawingKind::Disc => "x, y, a radius, and an angle where it turns",
+            DrawingKind::Segment => "x and y of two points or more",
+            DrawingKind::Polygon => "x and y of three corners or more",
+            DrawingKind::Trace => "x and y",
+        }
+    }
+}
+
+impl<'e> Animation<'e> {
+    /// What the members of an `animate` say, where it has a shape; what is wrong with them is reported.
+    pub(crate) fn read(reader: &mut Reader<'_, 'e>, items: &[PlotItem]) -> Option<Self> {
+        let mut animation = Animation {
+            sheet: Sheet::default(),
+            speed: 1.0,
+            shapes: Vec::new(),
+        };
+        for item in items {
+            match &item.kind {
+                PlotKind::Drawing(word, exprs) => match DrawingKind::named(&word.name) {
+                    Some(kind) => {
+                        let shape = Drawing::read(reader, (kind, word), exprs, item.span);
+                        animation.shapes.extend(shape);
+                    }
+                    None if word.name == "speed" => {
+                        reader.once("`speed`", item.span);
+                        animation.speed = speed(reader, exprs, item.span);
+                    }
+                    None => reader.error(unknown_choice("member of an animation", word, &WORDS)),
+                },
+                _ => {
+                    let words = ["`title` of `animate`", "`width` of `animate`"];
+                    animation.sheet.read(reader, item, words);
+                }
+            }
+        }
+        (!animation.shapes.is_empty()).then_some(animation)
+    }
+}
+
+/// Seconds of the model in a second: one positive number.
+fn speed(reader: &mut Reader<'_, '_>, exprs: &[syntax::Expr], span: Span) -> f64 {
+    let [speed] = exprs else {
+        reader.error(ExperimentError::ShapeNumbers {
+            shape: "speed".to_owned(),
+            takes: "one number",
+            found: exprs.len(),
+            span,
+        });
+        return 1.0;
+    };
+    reader.positive("the speed", speed).unwrap_or(1.0)
+}
+
+impl<'e> Drawing<'e> {
+    fn read(
+        reader: &mut Reader<'_, 'e>,
+        (kind, word): (DrawingKind, &Ident),
+        exprs: &[syntax::Expr],
+        span: Span,
+    ) -> Option<Self> {
+        let values = exprs.iter();
+        let values = values.map(|expr| reader.model.scope.expr(expr, None, reader.diags));
+        let values: Option<Vec<_>> = values.collect();
+        reader.failed |= values.is_none();
+        let entries = values?.into_iter().flat_map(|value| value.data);
+        let entries: Vec<Expr<'e>> = entries.collect();
+        if !kind.takes(entries.len()) {
+            reader.error(ExperimentError::ShapeNumbers {
+                shape: word.name.clone(),
+                takes: kind.numbers(),
+                found: entries.len(),
+                span,
+            });
+            return None;
+        }
+        Some(Drawing {
+            kind,
+            entries,
+            names: exprs.iter().map(syntax::Expr::to_string).collect(),
+        })
+    }
+}
