@@ -27,39 +27,37 @@ struct Rubbing<'s, 'e> {
     span: Span,
 }
 
-impl<'e> System<'e> {
-    /// Warns of contacts of points whose directions are none.
-    pub(crate) fn check_directions(&self, start: &Start, diags: &mut Diagnostics) {
-        let contacts = self.contacts.iter().filter_map(|contact| {
-            let friction = contact.friction.as_ref()?;
-            Some(Rubbing {
-                name: &contact.name,
-                gap: contact.gap,
-                slips: friction.slips.iter().map(|slip| slip.velocity).collect(),
-                span: contact.span,
-            })
-        });
-        let impulsive = self.impulsive.iter().filter_map(|contact| {
-            let (_, slips) = contact.friction.as_ref()?;
-            Some(Rubbing {
-                name: &contact.name,
-                gap: contact.gap,
-                slips: slips.clone(),
-                span: contact.span,
-            })
-        });
-        let rubbing: Vec<Rubbing<'_, 'e>> = contacts.chain(impulsive).collect();
-        if rubbing.is_empty() {
-            return;
-        }
-        let places = Places::of(self);
-        for contact in &rubbing {
-            let body = places.point(contact);
-            let rows = body.and_then(|body| places.rows(contact, body, start));
-            if let Some((what, help)) = rows.and_then(|rows| wrong(contact.name, &rows)) {
-                let span = contact.span;
-                diags.push(SystemError::Directions { what, help, span });
-            }
+/// Warns of contacts of points whose directions are none.
+pub(super) fn check(system: &System<'_>, start: &Start, diags: &mut Diagnostics) {
+    let contacts = system.contacts.iter().filter_map(|contact| {
+        let friction = contact.friction.as_ref()?;
+        Some(Rubbing {
+            name: &contact.name,
+            gap: contact.gap,
+            slips: friction.slips.iter().map(|slip| slip.velocity).collect(),
+            span: contact.span,
+        })
+    });
+    let impulsive = system.impulsive.iter().filter_map(|contact| {
+        let (_, slips) = contact.friction.as_ref()?;
+        Some(Rubbing {
+            name: &contact.name,
+            gap: contact.gap,
+            slips: slips.clone(),
+            span: contact.span,
+        })
+    });
+    let rubbing: Vec<Rubbing<'_, '_>> = contacts.chain(impulsive).collect();
+    if rubbing.is_empty() {
+        return;
+    }
+    let places = Places::of(system);
+    for contact in &rubbing {
+        let body = places.point(contact);
+        let rows = body.and_then(|body| places.rows(contact, body, start));
+        if let Some((what, help)) = rows.and_then(|rows| wrong(contact.name, &rows)) {
+            let span = contact.span;
+            diags.push(SystemError::Directions { what, help, span });
         }
     }
 }

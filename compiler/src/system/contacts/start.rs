@@ -7,6 +7,7 @@
 
 use rustc_hash::FxHashMap;
 
+use super::directions;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::{Contact, Direction, System, SystemError};
@@ -77,7 +78,7 @@ impl<'e> System<'e> {
         if let Some(error) = self.dependent(&start, &closed) {
             diags.push(error);
         }
-        self.check_directions(&start, diags);
+        directions::check(self, &start, diags);
         for contact in &self.contacts {
             let Some(friction) = &contact.friction else {
                 continue;
