@@ -40,7 +40,7 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     if !project::replace_settings(&mut project, &mut experiments, &args.settings, streams)? {
         return Ok(Exit::Wrong);
     }
-    if args.animate.is_some() && !experiments.iter().any(|experiment| is_animated(experiment)) {
+    if args.animate.is_some() && !experiments.iter().any(is_animated) {
         let hint = "say what moves in the experiment, as `animate { disc q[1], q[2], r; }`";
         writeln!(streams.err, "error: nothing is animated: {hint}")?;
         return Ok(Exit::Wrong);
