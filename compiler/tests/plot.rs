@@ -78,7 +78,7 @@ fn experiments_and_data_share_panels() {
 /// An experiment that says what its figure shows is drawn so, beside what others have; all of it where something is asked for.
 #[test]
 fn a_plot_of_an_experiment_is_its_part_of_the_figure() {
-    let folder = folder("plot_clause");
+    let folder = folder("plot_part");
     let model = MODELS.replace(
         "horizon 2; }\nsimulate stiff",
         "horizon 2; plot { -k*q[1]; q; phase q[1], q[2]; } }\nsimulate stiff",

@@ -299,22 +299,23 @@ impl System<'_> {
 
     /// The names of the contacts that a name means: of one, or of all features of its gap.
     pub fn contacts_of<'s>(&'s self, name: &str) -> Vec<&'s str> {
-        let named =
-            |own: &str, owner: &Option<String>| own == name || owner.as_deref() == Some(name);
-        let contacts = self.contacts.iter().map(|c| (&c.name, &c.feature_of));
-        let impulsive = self.impulsive.iter().map(|c| (&c.name, &c.feature_of));
-        let found = contacts
-            .chain(impulsive)
-            .filter(|(own, owner)| named(own, owner));
-        found.map(|(own, _)| own.as_str()).collect()
+        let features = self
+            .features()
+            .filter(|(own, owner)| *own == name || *owner == Some(name));
+        features.map(|(own, _)| own).collect()
     }
 
     /// The contact of several features that one is a feature of.
     pub fn contact_with(&self, feature: &str) -> Option<&str> {
+        self.features().find(|(own, _)| *own == feature)?.1
+    }
+
+    /// The names of all contacts, with that of the contact of several features where one is among these.
+    fn features(&self) -> impl Iterator<Item = (&str, Option<&str>)> {
         let contacts = self.contacts.iter().map(|c| (&c.name, &c.feature_of));
         let impulsive = self.impulsive.iter().map(|c| (&c.name, &c.feature_of));
-        let mut all = contacts.chain(impulsive);
-        all.find(|(own, _)| *own == feature)?.1.as_deref()
+        let all = contacts.chain(impulsive);
+        all.map(|(own, owner)| (own.as_str(), owner.as_deref()))
     }
 
     /// The first jump or contact, by which states jump.

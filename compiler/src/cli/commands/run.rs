@@ -40,7 +40,7 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     if !project::replace_settings(&mut project, &mut experiments, &args.settings, streams)? {
         return Ok(Exit::Wrong);
     }
-    if args.animate.is_some() && !experiments.iter().any(|experiment| is_animated(experiment)) {
+    if args.animate.is_some() && !experiments.iter().any(is_animated) {
         let hint = "say what moves in the experiment, as `animate { disc q[1], q[2], r; }`";
         writeln!(streams.err, "error: nothing is animated: {hint}")?;
         return Ok(Exit::Wrong);
@@ -205,57 +205,48 @@ fn one(
 }
 
 /// Where the results of a run go.
-struct Outputs {
+struct Outputs<'a> {
+    args: &'a RunArgs,
     report: String,
-    /// Whether the short report is printed: not where results take its place, or where silence is asked for.
-    reports: bool,
-    json: Option<PathBuf>,
     /// One object of each run on a line.
     objects: String,
-    csv: Option<PathBuf>,
-    events: Option<PathBuf>,
-    plot: Option<PathBuf>,
-    animate: Option<PathBuf>,
     /// Files of one experiment each.
     sinks: Vec<Sink>,
     several: bool,
 }
 
-impl Outputs {
-    fn new(args: &RunArgs, several: bool) -> Self {
+impl<'a> Outputs<'a> {
+    fn new(args: &'a RunArgs, several: bool) -> Self {
         Outputs {
+            args,
             report: String::new(),
-            reports: args.told.log() > Log::Off && !args.targets().to_standard(),
-            json: args.json.clone(),
             objects: String::new(),
-            csv: args.csv.clone(),
-            events: args.events.clone(),
-            plot: args.plot.clone(),
-            animate: args.animate.clone(),
             sinks: Vec::new(),
             several,
         }
     }
 
     fn push(&mut self, trajectory: &Trajectory, figures: Figures) {
-        if self.reports {
+        let args = self.args;
+        // No report where results take its place, or where silence is asked for.
+        if args.told.log() > Log::Off && !args.targets().to_standard() {
             if !self.report.is_empty() {
                 self.report.push('\n');
             }
             self.report.push_str(&text::write(trajectory));
         }
-        if self.json.is_some() {
+        if args.json.is_some() {
             self.objects.push_str(&json::write(trajectory));
             self.objects.push('\n');
         }
         let files = [
-            (&self.csv, self.csv.as_ref().map(|_| csv::write(trajectory))),
+            (&args.csv, args.csv.as_ref().map(|_| csv::write(trajectory))),
             (
-                &self.events,
-                self.events.as_ref().map(|_| csv::events(trajectory)),
+                &args.events,
+                args.events.as_ref().map(|_| csv::events(trajectory)),
             ),
-            (&self.plot, figures.plot),
-            (&self.animate, figures.animation),
+            (&args.plot, figures.plot),
+            (&args.animate, figures.animation),
         ];
         let files = files.into_iter().filter_map(|(path, text)| {
             let path = self.path(path.as_ref()?, trajectory);
@@ -283,7 +274,7 @@ impl Outputs {
     fn finish(self, streams: &mut Streams<'_>) -> io::Result<bool> {
         streams.out.write_all(self.report.as_bytes())?;
         let mut all_written = true;
-        let json = self.json.as_deref();
+        let json = self.args.json.as_deref();
         let json = json.map(|path| Sink::objects(path, &self.objects, !self.several));
         for sink in json.into_iter().chain(self.sinks) {
             all_written &= sink.finish(streams)?;

@@ -62,8 +62,8 @@ impl DrawingKind {
     fn takes(self, n: usize) -> bool {
         match self {
             DrawingKind::Disc => n == 3 || n == 4,
-            DrawingKind::Segment => n >= 4 && n % 2 == 0,
-            DrawingKind::Polygon => n >= 6 && n % 2 == 0,
+            DrawingKind::Segment => n >= 4 && n.is_multiple_of(2),
+            DrawingKind::Polygon => n >= 6 && n.is_multiple_of(2),
             DrawingKind::Trace => n == 2,
         }
     }
