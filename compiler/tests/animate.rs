@@ -198,6 +198,32 @@ fn one_scale_holds_the_whole_motion() {
     assert_eq!(keyframes(mark, "cx").len(), 2);
 }
 
+/// From -1 to 1 in 2 s: √x is a number in the second half, √(x² - 1/4) in the first and the last quarter.
+#[test]
+fn what_has_no_place_is_not_drawn_there() {
+    let folder = folder("animate_holes");
+    let text = "model m { state x = -1; param turn : rad = 1; x' = 1; }
+        simulate run of m { horizon 2; animate { disc sqrt(x), x, x, turn; trace x, sqrt(x^2 - 0.25); speed 1.6; } }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["run", "m.nsd", "run", "--animate", "-"]);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+    let disc = elements(&ran.out, "circle")[0];
+    let height = keyframes(disc, "cy");
+    for share in [0.5, 0.6, 0.9, 1.0] {
+        let off = shown(&height, share)[0] - (2.0 * share - 1.0);
+        assert!(off.abs() < 1e-9, "{off} at {share}");
+    }
+    assert!(height.iter().all(|(_, y)| y[0] >= 0.0));
+    assert!(keyframes(disc, "r").iter().all(|(_, r)| r[0] >= 0.0));
+    assert_eq!(
+        elements(&ran.out, "polyline").len(),
+        2,
+        "one line each side"
+    );
+    // An angle is no unit of the plane.
+    assert!(ran.out.contains(">\nx\n<") && !ran.out.contains("rad"));
+}
+
 #[test]
 fn what_is_not_animated_is_refused() {
     let folder = folder("animate_refused");
@@ -214,6 +240,11 @@ fn what_is_not_animated_is_refused() {
             "`--animate`",
         ),
         (&["still", "--animate", "f.svg"], 1, "nothing is animated"),
+        (
+            &["bounces", "--animate", "f.svg", "--plot", "f.svg"],
+            64,
+            "`f.svg` is named for two results",
+        ),
     ] {
         let ran = nsdc(&folder, &[&["run", "m.nsd"], args].concat());
         assert_eq!((ran.status, ran.out.as_str()), (status, ""), "{args:?}");

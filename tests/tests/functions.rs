@@ -1,6 +1,6 @@
 //! Functions of one argument, and floors and remainders of time, against closed forms.
 
-use nsd_tests::{end, solved, times};
+use nsd_tests::{end, solved, solved_optimum, times};
 use nsdc::report::{EventKind, Trajectory};
 
 const METHODS: [&str; 3] = [
@@ -175,6 +175,23 @@ fn floors_of_states_are_staircases() {
     close(end(&run, "z")[0], 6.0 + 4.5 + 2.5, 1e-11, "rounded");
 }
 
+/// y = ∫ floor(x + t) with x = 0 is 0 + 1 + .. + 4 + 5 (T - 5) = 14.5 for T = 5.9, wherever the search begins.
+#[test]
+fn floors_hold_over_a_free_horizon() {
+    for guess in [1, 6] {
+        let text = format!(
+            "model m {{ state x in [0, 3] = 0; state y = 0; control u in [0, 1] = 0; x' = 0*u; y' = floor(x + time); }}
+             optimize run of m {{
+               horizon free in [0.5, 6.5] = {guess}; intervals 13;
+               minimize final(time) + integral(u^2); final {{ y = 14.5; }}
+             }}"
+        );
+        let run = solved_optimum(&text, "run");
+        let found = run.time[run.time.len() - 1];
+        close(found, 5.9, 1e-6, &format!("from {guess}"));
+    }
+}
+
 /// Of u = t - 1, and what is limited twice: bounds of what has kinks are named as they are written.
 #[test]
 fn bounds_of_kinks_keep_their_words() {
@@ -339,7 +356,7 @@ fn error_functions_follow_their_integrals() {
     );
     let optimum = "model m { state x = 0; control u in [-1, 1] = 0; x' = u + erf(x); }
         optimize o of m { horizon 1; intervals 4; minimize integral(u^2); final { x = 1; } }";
-    nsd_tests::agrees(&nsd_tests::solved_optimum(optimum, "o"), 1e-6);
+    nsd_tests::agrees(&solved_optimum(optimum, "o"), 1e-6);
 }
 
 /// erf(2) + erf(1).

@@ -26,6 +26,19 @@ fn a_window_of_a_state_opens_and_closes() {
     close(y(model, "horizon 100;"), width, 1e-7);
 }
 
+/// A ball that falls from 1 past 0.6, with a contact that slips in a plane far below it.
+#[test]
+fn a_window_is_passed_in_flight() {
+    let model = "state q[3] = [0, 0, 1]; state v[3] = [1, 0, 0]; state y = 0; q' = v;
+        mechanics q, v { mass = 1; force = [0, 0, -10];
+          contact floor { gap = q[3]; restitution = 0.5; friction = 0.2; slip = v[1..2]; } }
+        y' = if exp(-((q[3] - 0.6)/1e-3)^2) > 0.5 then 1 else 0;";
+    let half = 1e-3 * 2.0_f64.ln().sqrt();
+    let fallen = |height: f64| (height / 5.0).sqrt();
+    let exact = fallen(0.4 + half) - fallen(0.4 - half);
+    close(y(model, "horizon 0.4;"), exact, 1e-7);
+}
+
 #[test]
 fn a_force_acts_on_what_passes_by() {
     let gauss = "exp(-((s - 70.123)/0.001)^2)/0.001";

@@ -337,6 +337,11 @@ impl<'a> Targets<'a> {
             };
             return Some(format!("only one of {all} can write to standard output"));
         }
+        let files: Vec<&Path> = self.all().filter(|target| !is_standard(target)).collect();
+        let is_twice = |(k, path): &(usize, &&Path)| files[..*k].contains(*path);
+        if let Some((_, path)) = files.iter().enumerate().find(is_twice) {
+            return Some(format!("`{}` is named for two results", path.display()));
+        }
         let figures = [("plots", self.plot), ("animations", self.animate)];
         for (what, path) in figures {
             let path = path.filter(|path| !is_standard(path) && form_of(path) != Some(Form::Svg));

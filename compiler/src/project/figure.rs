@@ -54,7 +54,7 @@ pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Strin
     });
     let exprs = shapes.iter().flat_map(|shape| &shape.entries);
     let fine = evaluated(compiled, trajectory, series.collect(), exprs);
-    let named = shapes.iter().flat_map(|shape| &shape.names);
+    let named = shapes.iter().flat_map(|shape| shape.lengths());
     let figure = Animation {
         trajectory: &fine,
         kinds: shapes.iter().map(|shape| shape.kind).collect(),

@@ -539,6 +539,18 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// A floor of time where nothing says how long the run may be.
+    #[error("until when `{text}` jumps is not known")]
+    #[diagnostic(
+        code(E0423),
+        help("fix the horizon, or give it a largest length: `horizon free in [0.1, 10];`")
+    )]
+    OpenHorizon {
+        text: String,
+        #[label("depends on time, and the horizon is free")]
+        span: Span,
+    },
+
     /// A remainder by nothing.
     #[error("the period is {period}")]
     #[diagnostic(code(E0423), help("a period is a number above zero"))]

@@ -61,7 +61,8 @@ impl Planes {
         sides: &[Side],
     ) -> Option<usize> {
         let other = self.of[switch].as_ref()?.other;
-        (sides[switch] != Side::Slide || system.is_idle(switch, sides)).then_some(other)
+        let slips = sides[switch] != Side::Slide && !system.is_idle(switch, sides);
+        slips.then_some(other)
     }
 
     /// Whether some pair slips on these sides.

@@ -43,6 +43,7 @@ impl Projection {
             .filter(|&&i| !mode.system.switches[i].is_contact());
         let deepest = others.map(|&i| mode.surfaces.n_derivatives(i)).max();
         let deepest = deepest.unwrap_or(0);
+        mode.surfaces.stand_for_order(&mode.sliding, None);
         self.hold_still(mode);
         self.contacts.find(mode);
         let mut placed = std::mem::take(&mut self.placed);

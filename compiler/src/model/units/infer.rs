@@ -444,9 +444,17 @@ pub(crate) fn is(dimension: Dimension) -> String {
 /// What would make a value fit.
 pub(crate) fn factor(expected: Dimension, found: Dimension) -> String {
     match expected.divide(found) {
-        Some(missing) if found == Dimension::NUMBER => format!(
-            "a number in a product is a pure number; write its unit behind it, as in `2 ({missing})`, or give the factor a name: `param a : {missing} = ..;`"
-        ),
+        Some(missing) if found == Dimension::NUMBER => {
+            // A unit behind a number begins with a name.
+            let unit = missing.to_string();
+            let written = match unit.strip_prefix("1/") {
+                Some(below) => format!("2/(1 {below})"),
+                None => format!("2 ({unit})"),
+            };
+            format!(
+                "a number in a product is a pure number; write its unit behind it, as in `{written}`, or give the factor a name: `param a : {unit} = ..;`"
+            )
+        }
         Some(missing) => format!("a factor in {missing} is missing, or one of the units is wrong"),
         None => "one of the units is wrong".to_owned(),
     }

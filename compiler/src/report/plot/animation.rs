@@ -56,6 +56,8 @@ struct Moving {
     shares: Vec<f64>,
     /// Its numbers at these: x and y in turn; of a disc x, y, radius, and x and y of the point of its rim at its angle.
     columns: Vec<Vec<f64>>,
+    /// Shares at which it has no place, ascending.
+    holes: Vec<f64>,
 }
 
 impl Animation<'_> {
@@ -136,20 +138,25 @@ impl Moving {
     fn new(kind: DrawingKind, series: &Series, time: &[f64]) -> Self {
         let n = series.n_entries();
         let rows = time.iter().zip(series.values.chunks(n.max(1)));
-        let finite = rows.filter(|(_, row)| row.iter().all(|value| value.is_finite()));
-        let (time, rows): (Vec<f64>, Vec<Vec<f64>>) =
-            finite.map(|(time, row)| (time, numbers(kind, row))).unzip();
-        let (time, rows) = followed(time, &rows);
         let (start, end) = match (time.first(), time.last()) {
             (Some(&start), Some(&end)) if end > start => (start, end),
             _ => (0.0, 1.0),
         };
+        let share = |t: &f64| (t - start) / (end - start);
+        let is_finite = |row: &[f64]| row.iter().all(|value| value.is_finite());
+        let holes = rows.clone().filter(|(_, row)| !is_finite(row));
+        let holes = holes.map(|(t, _)| share(t)).collect();
+        let finite = rows.filter(|(_, row)| is_finite(row));
+        let (time, rows): (Vec<f64>, Vec<Vec<f64>>) =
+            finite.map(|(time, row)| (time, numbers(kind, row))).unzip();
+        let (time, rows) = followed(time, &rows);
         let n = rows.first().map_or(0, Vec::len);
         let column = |k: usize| rows.iter().map(|row| row[k]).collect();
         Moving {
             kind,
-            shares: time.iter().map(|t| (t - start) / (end - start)).collect(),
+            shares: time.iter().map(share).collect(),
             columns: (0..n).map(column).collect(),
+            holes,
         }
     }
 
@@ -183,9 +190,13 @@ impl Moving {
         match self.kind {
             DrawingKind::Disc => {
                 let mut disc = Element::new("circle", area, seconds);
-                for (name, column) in ["cx", "cy", "r"].into_iter().zip(&self.columns) {
+                for (name, column) in ["cx", "cy"].into_iter().zip(&self.columns) {
                     disc.values(name, &self.shares, &texts(column));
                 }
+                let radii = self.columns[2]
+                    .iter()
+                    .map(|radius| radius.abs().to_string());
+                disc.values("r", &self.shares, &radii.collect::<Vec<_>>());
                 disc.end(text);
                 if let [x, y, _, u, v] = &self.columns[..] {
                     let mut spoke = Element::new("line", line, seconds);
@@ -221,7 +232,10 @@ impl Moving {
             return;
         };
         let jumps = |k: usize| {
-            self.shares[k] == self.shares[k - 1] && [xs[k], ys[k]] != [xs[k - 1], ys[k - 1]]
+            let [before, here] = [k - 1, k].map(|k| self.shares[k]);
+            let hole = self.holes.partition_point(|hole| *hole < before);
+            before == here && [xs[k], ys[k]] != [xs[k - 1], ys[k - 1]]
+                || self.holes.get(hole).is_some_and(|hole| *hole <= here)
         };
         let mut from = 0;
         for to in 1..=xs.len() {
@@ -350,11 +364,21 @@ impl Element {
         if values.iter().all(|value| value == first) {
             return;
         }
+        // The period is that of the run: what has no place at an end of it stays where it is next to there.
+        let (mut shares, mut values) = (shares.to_vec(), values.to_vec());
+        if shares.first().is_some_and(|share| *share > 0.0) {
+            shares.insert(0, 0.0);
+            values.insert(0, values[0].clone());
+        }
+        if shares.last().is_some_and(|share| *share < 1.0) {
+            shares.push(1.0);
+            values.push(values[values.len() - 1].clone());
+        }
         let _ = writeln!(
             self.changes,
             "  <animate attributeName=\"{name}\" dur=\"{}s\" repeatCount=\"indefinite\" keyTimes=\"{}\" values=\"{}\"/>",
             self.seconds,
-            texts(shares).join(";"),
+            texts(&shares).join(";"),
             values.join(";"),
         );
     }

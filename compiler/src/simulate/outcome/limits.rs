@@ -126,10 +126,16 @@ impl<'s, 'e> Limits<'s, 'e> {
             };
             let (time, value) = (significant(time, 6), significant(value, 6));
             let name = &limit.name;
+            let counts = match limit.is_counted {
+                true => {
+                    "; from there on `floor`, `ceil`, `round` and `mod` of it are wrong: they count within this range"
+                }
+                false => "",
+            };
             Some(Warning {
                 code: code.into(),
                 message: format!(
-                    "{} `{name}` {what} at t = {time}, where it is {value}",
+                    "{} `{name}` {what} at t = {time}, where it is {value}{counts}",
                     limit.kind
                 ),
                 span: Some(limit.span),

@@ -211,7 +211,6 @@ fn corner_in_gap(
     })
 }
 
-/// Why a contact is none.
 /// A gap that is the switching function of something else.
 fn shared_gap(contact: &model::Contact<'_>, other: &Collected<'_>) -> Box<SystemError> {
     Box::new(SystemError::SharedGap {
@@ -221,6 +220,7 @@ fn shared_gap(contact: &model::Contact<'_>, other: &Collected<'_>) -> Box<System
     })
 }
 
+/// Why a contact is none.
 fn no_contact(contact: &model::Contact<'_>, what: &str, span: Span) -> Box<SystemError> {
     let (name, what) = (contact.name.clone(), what.to_owned());
     Box::new(SystemError::NoContact { name, what, span })

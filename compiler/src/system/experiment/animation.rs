@@ -47,6 +47,14 @@ pub enum DrawingKind {
     Trace,
 }
 
+impl Drawing<'_> {
+    /// The texts of its coordinates and lengths: all but the angle of a disc.
+    pub fn lengths(&self) -> &[String] {
+        let has_angle = self.kind == DrawingKind::Disc && self.entries.len() == 4;
+        &self.names[..self.names.len() - usize::from(has_angle)]
+    }
+}
+
 impl DrawingKind {
     fn named(word: &str) -> Option<Self> {
         Some(match word {
@@ -121,7 +129,9 @@ fn speed(reader: &mut Reader<'_, '_>, exprs: &[syntax::Expr], span: Span) -> f64
         });
         return 1.0;
     };
-    reader.positive("the speed", speed).unwrap_or(1.0)
+    let fits = |speed: f64| (1e-6..=1e6).contains(&speed);
+    let found = reader.follows("the speed", speed, "from 1e-6 to 1e6", fits);
+    found.map_or(1.0, |(speed, _)| speed)
 }
 
 impl<'e> Drawing<'e> {

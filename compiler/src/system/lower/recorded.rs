@@ -3,7 +3,7 @@
 use super::instance::Instance;
 use super::surfaces;
 use super::translation::Translation;
-use crate::expr::Expr;
+use crate::expr::{Expr, variables_of};
 use crate::model::TargetKind;
 use crate::source::Span;
 use crate::system::values::limits::{Allowed, Limit};
@@ -122,6 +122,12 @@ fn limits<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Limit<'e>> {
         .chain(model.quantities.controls.iter().map(|c| ("control", c)))
         .chain(model.quantities.inputs.iter().map(|i| ("input", i)))
         .chain(model.quantities.connected.iter().map(|c| ("input", c)));
+    let rounded: Vec<Expr<'_>> = model.rounded.iter().map(|one| one.argument).collect();
+    let rounded = variables_of(&rounded);
+    let is_counted = |entry: Expr<'_>| {
+        let var = entry.as_variable();
+        var.is_some_and(|var| rounded.binary_search(&var).is_ok())
+    };
     let mut limits = Vec::new();
     for (kind, quantity) in quantities {
         for (k, &entry) in quantity.vars.iter().enumerate() {
@@ -135,6 +141,7 @@ fn limits<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Limit<'e>> {
                 kind,
                 name: quantity.shape.entry_name(&quantity.name, k),
                 value: translation.in_alphas(entry, quantity.span),
+                is_counted: is_counted(entry),
                 allowed,
                 span: quantity.span,
             });

@@ -17,6 +17,8 @@ pub struct Limit<'e> {
     pub value: Expr<'e>,
     /// Where it is meant to be.
     pub allowed: Allowed,
+    /// Whether a floor of it is a sum of steps, no more than this allows.
+    pub is_counted: bool,
     /// The declaration.
     pub span: Span,
 }

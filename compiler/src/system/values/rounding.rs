@@ -19,6 +19,7 @@ use crate::model::Data;
 use crate::source::Span;
 use crate::source::table::{Fit, Table};
 use crate::system::SystemError;
+use crate::system::experiment::Settings;
 use crate::system::lower::instance::Instance;
 use crate::system::switches::known::Known;
 use crate::system::switches::surface::enclosure;
@@ -76,6 +77,8 @@ enum Fault {
     Many,
     /// Whether u passes an integer is not known.
     Unknown,
+    /// Nothing bounds the horizon.
+    Open,
 }
 
 impl<'e> Roundings<'e> {
@@ -88,7 +91,7 @@ impl<'e> Roundings<'e> {
         let data = data.filter(|data| instance.needs.holds(data.var.as_variable()));
         let mut roundings = Roundings {
             time: instance.time(),
-            horizon: instance.settings.horizon,
+            horizon: longest(instance.settings),
             params: params
                 .filter_map(|param| Some((param, values.fixed(param)?)))
                 .collect(),
@@ -160,8 +163,8 @@ impl<'e> Roundings<'e> {
                     text,
                     on: e.exprs().name(on),
                     help: match self.states.contains(&on) {
-                        true => counted(u),
-                        false => "fix it before the run".to_owned(),
+                        true => self.counted(u),
+                        false => "floor, ceil, round and mod take time, parameters, and states with a range; fix it before the run".to_owned(),
                     },
                     span,
                 },
@@ -172,6 +175,7 @@ impl<'e> Roundings<'e> {
                     span,
                 },
                 Fault::Unknown => SystemError::UnknownInstants { text, span },
+                Fault::Open => SystemError::OpenHorizon { text, span },
             });
             e.exprs().constant(0.5)
         });
@@ -189,6 +193,23 @@ impl<'e> Roundings<'e> {
         }
         let steps = (1..=n as usize).map(|k| (u - (lowest + k as f64)).step());
         Some(lowest + u.exprs().sum(steps))
+    }
+
+    /// How ⌊u⌋ is said in a way that a run takes, for a function u of states.
+    fn counted(&self, u: Expr<'e>) -> String {
+        let range = enclosure(u, &self.ranges, DEPTH);
+        let steps = range.high.floor() - range.low.floor();
+        let first = match steps.is_finite() {
+            true => format!(
+                "within the ranges of its states it makes {steps} steps, and {MOST_STEPS} are the most"
+            ),
+            false => format!(
+                "give the states in it a range, `state x in [0, 5] = ..;`, within which it is a sum of up to {MOST_STEPS} steps"
+            ),
+        };
+        format!(
+            "{first}; or count: `discrete n = 0;` with `jump up when {u} > n + 1 {{ n := n + 1; }}` and `jump down when {u} < n {{ n := n - 1; }}`"
+        )
     }
 
     /// The variable that stands for a function that is held.
@@ -233,6 +254,10 @@ impl<'e> Roundings<'e> {
     /// From when on floor(u) has which value.
     fn steps(&self, u: Expr<'e>) -> Result<Vec<(f64, f64)>, Fault> {
         let vars = variables_of(&[u]);
+        let numbers = self.numbers(u)?;
+        if vars.contains(&self.time) && self.horizon.is_infinite() {
+            return Err(Fault::Open);
+        }
         let data = self.data.iter();
         let data = data.filter_map(|data| Some((data.var.as_variable()?, data.table.clone())));
         let mut search = Search {
@@ -242,7 +267,7 @@ impl<'e> Roundings<'e> {
             slope: Evaluator::new(u.diff(self.time)),
             jumps: has_jumps(u),
             moves: vars.contains(&self.time),
-            numbers: self.numbers(u)?,
+            numbers,
             data: data.filter(|(var, _)| vars.contains(var)).collect(),
             found: Vec::new(),
             n_intervals: 0,
@@ -251,10 +276,16 @@ impl<'e> Roundings<'e> {
     }
 }
 
+/// The longest horizon, be it free.
+fn longest(settings: &Settings<'_>) -> f64 {
+    let free = settings.optimize.as_ref().and_then(|task| task.horizon);
+    free.map_or(settings.horizon, |(_, longest)| longest)
+}
+
 /// Parameters, states within their ranges, and time within the horizon.
 fn ranges(instance: &Instance<'_, '_>) -> Known {
     let mut known = instance.params.clone();
-    let time = Interval::new(0.0, instance.settings.horizon);
+    let time = Interval::new(0.0, longest(instance.settings));
     known.ranges.insert(instance.time(), time);
     for state in &instance.model.quantities.states {
         for (k, var) in state.vars.iter().enumerate() {
@@ -265,13 +296,6 @@ fn ranges(instance: &Instance<'_, '_>) -> Known {
         }
     }
     known
-}
-
-/// How ⌊u⌋ is said in a way that a run takes, for a function u of states.
-fn counted(u: Expr<'_>) -> String {
-    format!(
-        "give the states in it a range, `state x in [0, 5] = ..;`, within which it is a sum of up to {MOST_STEPS} steps; or count: `discrete n = 0;` with `jump up when {u} > n + 1 {{ n := n + 1; }}` and `jump down when {u} < n {{ n := n - 1; }}`"
-    )
 }
 
 /// Where the pieces of data begin.
