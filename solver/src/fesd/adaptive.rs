@@ -1,9 +1,8 @@
 //! Elements as long as a tolerance allows.
 //!
-//! Between its nodes the polynomial of an element misses x' = f by a defect of order h^s, and
-//! misses x by about h times that, a local error of order s + 1; at the end of the element the
-//! method is of order p > s. The length keeps the defect at ε^((s+1)/(p+1)), so that what the end is
-//! off by is about the local tolerance ε.
+//! Between its nodes the polynomial of an element misses x' = f by O(h^s). Its defect δ = h ‖x' - f‖, relative to the
+//! sizes of the states, is (Ch)^(s+1); the local error at the end of the element, where the method has order p > s, is
+//! taken to be (Ch)^(p+1) with the same C. So the end is off by the local tolerance ε where δ = ε^((s+1)/(p+1)).
 
 use crate::fesd::element::scheme::Scheme;
 
@@ -18,27 +17,28 @@ const SAFETY: f64 = 0.85;
 /// Rounding of a rate, relative to the size of its terms.
 pub(crate) const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// How the length of elements follows from their defect δ, which is as its power: δ ∝ h^(s+1).
+/// The control of the length h of elements by their defect δ = h ‖x' - f‖ ∝ h^(s+1).
 #[derive(Clone, Copy)]
 pub(crate) struct Control {
-    /// What the defect may be.
+    /// The largest δ of an element that is kept.
     pub target: f64,
+    /// s + 1.
     exponent: f64,
 }
 
 impl Control {
-    /// Lengths for this global error.
+    /// The control for a global error: δ ≤ ε^((s+1)/(p+1)), where ε is a hundredth of it, and no less than rounding.
     pub fn new(scheme: &Scheme, tolerance: f64) -> Self {
-        let order = scheme.tableau.order as f64;
+        let p = scheme.tableau.order as f64;
         let local = (LOCAL * tolerance).max(f64::EPSILON);
         let exponent = (scheme.s + 1) as f64;
         Control {
-            target: local.powf(exponent / (order + 1.0)),
+            target: local.powf(exponent / (p + 1.0)),
             exponent,
         }
     }
 
-    /// The length after an element of the length h with this defect.
+    /// The length after one with this defect: h · `SAFETY` (target/δ)^(1/(s+1)), within `GROWTH` of h.
     pub fn next(self, h: f64, defect: f64) -> f64 {
         let ratio = self.target / defect.max(f64::MIN_POSITIVE);
         let best = SAFETY * ratio.powf(1.0 / self.exponent);

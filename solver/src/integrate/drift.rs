@@ -11,9 +11,10 @@ use crate::linalg::Singular;
 /// Rounds of Newton's method.
 const ROUNDS: usize = 3;
 
-/// Where ψ is a larger share of its terms, these are rounding themselves, and no measure of how far their states may be
-/// moved. Then none of them counts as smaller than a share of the largest one.
+/// Where |ψ| is a larger share of its terms, the sizes of the states in it may be nothing but rounding, and no weights.
 const ASTRAY: f64 = 1e-9;
+
+/// Then no weight is below this share of the largest one in the same ψ (chosen by trial).
 const SMALLEST: f64 = 1e-6;
 
 /// Memory for projections.
@@ -22,8 +23,8 @@ pub(crate) struct Projection {
     contacts: Stabilization,
     /// The states that lower derivatives have placed.
     placed: Vec<bool>,
-    /// The least mobility of states in the norm of their sizes.
-    least: Vec<f64>,
+    /// What the weight of each state is at least, where it is not zero.
+    floors: Vec<f64>,
     /// The states that are not moved: those that determine algebraic ones and nothing else that slides.
     still: Vec<bool>,
 }
@@ -114,7 +115,7 @@ impl Projection {
         }
         let mut factored = Ok(());
         if worst > f64::EPSILON {
-            self.find_least(mode, scales, order, worst);
+            self.find_floors(mode, scales, order, worst);
             // What lower derivatives have placed stays there, as far as the others can be met without it.
             factored = self.correct(mode, point, scales, order, |j| placed[j]);
             if factored.is_err() && placed.contains(&true) {
@@ -147,8 +148,9 @@ impl Projection {
         }
     }
 
-    /// How far state j may be moved, in relation to others.
-    fn mobility(&self, mode: &Mode, scales: &Scales, j: usize) -> f64 {
+    /// s_j, the weight of state j: a correction minimizes Σ (Δx_j/s_j)². It is the size of the state, and zero for one that
+    /// stays.
+    fn weight(&self, mode: &Mode, scales: &Scales, j: usize) -> f64 {
         match scales.size(j) {
             _ if self.still[j] => 0.0,
             0.0 if mode.system.is_algebraic(j) => 1.0,
@@ -156,20 +158,21 @@ impl Projection {
         }
     }
 
-    /// The least mobility of states that have any.
-    fn find_least(&mut self, mode: &Mode, scales: &Scales, order: Option<usize>, worst: f64) {
-        let mut least = std::mem::take(&mut self.least);
-        refill(&mut least, mode.n, 0.0);
+    /// Floors of the weights: `SMALLEST` of the largest one of a state in the same ψ where some ψ is off by more than `ASTRAY`
+    /// of its terms, and else zero. `worst` is the largest |ψ|/Σ |terms|.
+    fn find_floors(&mut self, mode: &Mode, scales: &Scales, order: Option<usize>, worst: f64) {
+        let mut floors = std::mem::take(&mut self.floors);
+        refill(&mut floors, mode.n, 0.0);
         let left = mode.sliding.iter().filter(|_| worst > ASTRAY);
         for &i in left.filter(|&&i| !self.contacts.takes(mode, i, Constraint::of(order))) {
             let terms = mode.surfaces.gradient(i).iter();
-            let sizes = terms.map(|&(j, _)| self.mobility(mode, scales, j));
+            let sizes = terms.map(|&(j, _)| self.weight(mode, scales, j));
             let share = SMALLEST * sizes.fold(0.0_f64, f64::max);
             for &(j, _) in mode.surfaces.gradient(i) {
-                least[j] = share.max(least[j]);
+                floors[j] = share.max(floors[j]);
             }
         }
-        self.least = least;
+        self.floors = floors;
     }
 
     /// Moves x by what the right sides of the equations ask for, but for states that stay.
@@ -181,11 +184,11 @@ impl Projection {
         order: Option<usize>,
         stays: impl Fn(usize) -> bool,
     ) -> Result<(), Singular> {
-        let moves = |mode: &Mode, j: usize| match self.mobility(mode, scales, j) {
+        let moves = |mode: &Mode, j: usize| match self.weight(mode, scales, j) {
             _ if stays(j) => 0.0,
             // What has never moved does not begin to.
             0.0 => 0.0,
-            size => size.max(self.least[j]),
+            size => size.max(self.floors[j]),
         };
         let mut equations = std::mem::take(&mut mode.equations);
         let factored = equations.factor_gram(

@@ -94,9 +94,11 @@ impl Problem<'_> {
         Some(last)
     }
 
-    /// Choices that the ranges of the rates do not exclude, and whether these are all of them: the
-    /// search is bounded. Side by side, the rate of a switch must be able to have the sign its side asks for, whatever the undecided and
-    /// sliding switches do.
+    /// All choices of sides that interval bounds of φ do not exclude, by branch and bound, and whether these are all of
+    /// them: no more than `MAX_NODES` partial choices are looked at.
+    ///
+    /// φ = b + Aα with α_j = 0 or 1 of decided switches and α_j ∈ [0, 1] of undecided and sliding ones gives
+    /// low ≤ φ ≤ high. Minus needs low ≤ 0, plus high ≥ 0, and sliding both.
     pub(crate) fn search(&mut self, options: &[Vec<Side>]) -> (Vec<Vec<Side>>, bool) {
         let n = self.group.len();
         self.mode.vary(&self.state.point.alpha);
@@ -104,16 +106,16 @@ impl Problem<'_> {
         let (matrix, sizes) = self.matrix();
         let (mut low, mut high) = (vec![0.0; n], vec![0.0; n]);
         for row in 0..n {
-            let mut start = self.mode.phi(self.group[row]) / sizes[row];
+            let mut b = self.mode.phi(self.group[row]) / sizes[row];
             for (entry, &i) in matrix[row * n..(row + 1) * n].iter().zip(self.group) {
-                start += entry * self.state.point.alpha[i];
+                b += entry * self.state.point.alpha[i];
                 low[row] -= entry.max(0.0);
                 high[row] -= entry.min(0.0);
             }
-            low[row] += start;
-            high[row] += start;
+            low[row] += b;
+            high[row] += b;
         }
-        let possible = |sides: &[Side], low: &[f64], high: &[f64]| {
+        let is_possible = |sides: &[Side], low: &[f64], high: &[f64]| {
             sides.iter().enumerate().all(|(row, side)| match side {
                 Side::Minus => low[row] <= NEAR,
                 Side::Slide => low[row] <= NEAR && high[row] >= -NEAR,
@@ -121,12 +123,12 @@ impl Problem<'_> {
             })
         };
         let mut found = Vec::new();
-        let mut left = vec![(Vec::new(), low, high)];
+        let mut open = vec![(Vec::new(), low, high)];
         for _ in 0..MAX_NODES {
-            let Some((sides, low, high)) = left.pop() else {
+            let Some((sides, low, high)) = open.pop() else {
                 break;
             };
-            if !possible(&sides, &low, &high) {
+            if !is_possible(&sides, &low, &high) {
                 continue;
             }
             let at = sides.len();
@@ -139,15 +141,15 @@ impl Problem<'_> {
                 if side != Side::Slide {
                     let alpha = if side == Side::Plus { 1.0 } else { 0.0 };
                     for row in 0..n {
-                        let rate = -matrix[row * n + at];
-                        low[row] += rate * alpha - rate.min(0.0);
-                        high[row] += rate * alpha - rate.max(0.0);
+                        let slope = -matrix[row * n + at];
+                        low[row] += slope * alpha - slope.min(0.0);
+                        high[row] += slope * alpha - slope.max(0.0);
                     }
                 }
-                left.push(([sides.as_slice(), &[side]].concat(), low, high));
+                open.push(([sides.as_slice(), &[side]].concat(), low, high));
             }
         }
-        (found, left.is_empty())
+        (found, open.is_empty())
     }
 }
 

@@ -115,7 +115,8 @@ impl Term {
         self.apply(b, f.value(), |b, value| b.apply(f, value))
     }
 
-    /// A function, as one of numbers and as one of values.
+    /// A function of it with constants folded: of a number by `number` at once, of all else by `value`, which records it on
+    /// the tape.
     pub(crate) fn apply(
         self,
         b: &mut TapeBuilder,

@@ -1,4 +1,5 @@
-//! The stages of an element: V and w at its nodes, and X_m = x₀ + h Σ_j a_mj V_j, in lanes over the nodes.
+//! The stages of an element: V = x' and w, the algebraic variables that its active set leaves unknown, at its nodes, and
+//! X_m = x₀ + h Σ_j a_mj V_j, in lanes over the nodes.
 
 use std::slice::{ChunksExact, ChunksExactMut};
 
@@ -12,7 +13,7 @@ use crate::tape::Tape;
 
 /// The unknowns of an element, and where they are.
 pub(crate) struct Stages {
-    /// Length of x, and of V and w.
+    /// Length of x, and of V and w together.
     pub n: usize,
     pub per_node: usize,
     /// Start and length.
@@ -107,7 +108,8 @@ impl Stages {
         }
     }
 
-    /// Puts t, X and w of a group of nodes into registers.
+    /// Puts (t, X, w, numbers) of the nodes of a group, one a lane, into registers, in the order in which tapes read them.
+    /// Lanes behind the last node have the w of it: nobody reads their results.
     pub fn load(&self, scheme: &Scheme, g: usize, registers: &mut [f64x4]) {
         let (n, per_node) = (self.n, self.per_node);
         registers[0] = f64x4::splat(self.t) + scheme.nodes[g] * self.h;

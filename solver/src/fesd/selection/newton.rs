@@ -64,7 +64,9 @@ impl Directional {
         Some(u)
     }
 
-    /// Residual and Jacobian at u. Returns the norm of the residual, rates in units of `size`.
+    /// `matrix` and `rhs` of a Newton step at u, of z that jumps and z' of z that is continuous: the Jacobian of F, and -F.
+    /// Its rows are g or g', and for each pair with members a and b a + b - √(a² + b² + 2σ) where it is `open`, and else the
+    /// member that is zero. Members that are rates are in units of `size`. Returns ‖F‖.
     fn assemble(
         &mut self,
         system: &ComplementaritySystem,
@@ -81,11 +83,12 @@ impl Directional {
             let (left, right) = members(system, row, u);
             let at = n_equations + row;
             if !open.contains(&row) {
-                let (member, _) = pair.split(zero);
+                let (vanishing, _) = pair.split(zero);
                 self.rhs[at] = -if zero == Zero::Left { left } else { right };
-                *self.matrix.entry(at, member.variable) = member.slope();
+                *self.matrix.entry(at, vanishing.variable) = vanishing.slope();
                 continue;
             }
+            // What is continuous is here a rate; what jumps is of size 1.
             let scale = |variable: usize| {
                 if system.is_continuous(variable) {
                     size

@@ -11,7 +11,8 @@ use crate::fesd::system::ComplementaritySystem;
 use crate::hybrid::Side;
 use crate::tape::Tape;
 
-/// |ψ| of a switch of time below this share of |ψ'| t is its surface.
+/// A switch of time is on its surface where |ψ| is at most this share of Σ |v ∂ψ/∂v| over time and data v: some thousand
+/// roundings of these.
 const SURFACE: f64 = 1e-12;
 
 /// A gap below this is no rounding.
@@ -220,19 +221,21 @@ pub(crate) fn alpha_on(side: Side) -> f64 {
 }
 
 impl ComplementaritySystem {
-    /// Which of the switches that lead have come to their surface, where all are on these sides.
-    pub(crate) fn meets(&self, point: Point, led: &[(usize, Side)]) -> Vec<bool> {
+    /// Which of the leading switches, those of time with which others jump, are on their surface,
+    /// |ψ| ≤ `SURFACE` Σ |v ∂ψ/∂v|, with α of these sides. No ψ of theirs has another α in it: those are NaN.
+    pub(crate) fn meets(&self, point: Point, sides: &[(usize, Side)]) -> Vec<bool> {
         let mut alpha = vec![f64::NAN; self.n_switches()];
-        for &(switch, side) in led {
+        for &(switch, side) in sides {
             alpha[switch] = alpha_on(side);
         }
         let inputs = point.with(&alpha);
-        let is_met = |leading: &Leading| {
+        let is_on_surface = |leading: &Leading| {
             let values = eval(&leading.terms, &inputs);
-            let size: f64 = values[1..].iter().map(|term| term.abs()).sum();
-            values[0].abs() <= SURFACE * size.max(f64::MIN_POSITIVE)
+            let (psi, terms) = (values[0], &values[1..]);
+            let size: f64 = terms.iter().map(|term| term.abs()).sum();
+            psi.abs() <= SURFACE * size.max(f64::MIN_POSITIVE)
         };
-        self.surfaces.leading.iter().map(is_met).collect()
+        self.surfaces.leading.iter().map(is_on_surface).collect()
     }
 
     /// z at (t, x), by its rules from ψ and α: off all surfaces the solution of the linear programs, on a surface the

@@ -30,7 +30,7 @@ pub(crate) struct Tableau {
     pub gamma: f64,
     /// a + ib, one of each complex pair.
     pub pairs: Vec<Complex<f64>>,
-    /// Where between the nodes a step is looked at.
+    /// Points between the nodes at which the defect of the collocation polynomial is evaluated.
     pub probes: Vec<f64>,
     /// Values at the nodes to the coefficients of θ, .., θˢ of the polynomial that is 0 at 0, s × s,
     /// column by column.

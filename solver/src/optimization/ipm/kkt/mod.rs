@@ -31,6 +31,8 @@ const PERMANENT_BY_MU: f64 = 0.1;
 const LEAST_PERMANENT: f64 = 1e-10;
 /// δ_c relative to the least δ_w: rows that nearly depend on each other need a small one, or the inertia is not theirs.
 const DUAL: f64 = 1e-2;
+/// Of algorithm IC: the first correction, by what a guess is smaller than the last one (more once guesses suffice), and
+/// the correction beyond which a matrix is given up.
 const FIRST: f64 = 1e-4;
 const DECREASE: f64 = 3.0;
 const LARGEST_DECREASE: f64 = 243.0;
@@ -96,7 +98,11 @@ impl Kkt {
         self.factors.has_lost_pivots
     }
 
-    /// Factors with the least δ_w that gives the right inertia; `sigma` is Σ of all variables at `mu`.
+    /// Factors the matrix with the first δ_w = permanent + correction that gives it n positive and m negative eigenvalues.
+    /// Until then, in this order: the permanent part becomes 1e-8, H is convexified, a matrix without factors is pivoted
+    /// densely, and the correction grows (Wächter & Biegler 2006, algorithm IC). Where the last matrix needed a
+    /// correction, a smaller one, 1e-8 and the convexified H are the start.
+    /// `sigma` is z_l/(v - l) + z_u/(u - v) of all variables.
     pub fn factor(
         &mut self,
         form: &mut Form<'_>,
@@ -127,8 +133,8 @@ impl Kkt {
                 return Err(Failure::LinearSystem);
             }
             self.regularization = correction + self.permanent;
-            let (delta, dual) = (self.regularization, DUAL * self.permanent);
-            self.matrix.regularize(form, sigma, delta, dual);
+            let (delta_w, delta_c) = (self.regularization, DUAL * self.permanent);
+            self.matrix.regularize(form, sigma, delta_w, delta_c);
             let rows = Entries {
                 sparse: &form.jacobian,
                 values: jacobian,
