@@ -5,13 +5,14 @@ use nsdc::report::{Status, Trajectory};
 use nsdc::simulate::{self, Plan, Request};
 
 /// Settings of an experiment, for each method, with a model that it takes.
-const METHODS: [(&str, &str); 9] = [
+const METHODS: [(&str, &str); 10] = [
     (SWITCH, ""),
     (SWITCH, "method fesd;"),
     (SWITCH, "method fesd { steps = 20; }"),
     (SWITCH, "method timestepping { steps = 200; }"),
     (SWITCH, "method adaptive;"),
     (SWITCH, "method smoothing;"),
+    (BALL, "method timestepping { steps = 200; }"),
     (BALL, "method fesd; lower timefreezing;"),
     (BALL, "lower timefreezing;"),
     (

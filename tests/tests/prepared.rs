@@ -207,13 +207,9 @@ fn finite_elements_with_contacts_take_other_numbers() {
 /// its speed.
 #[test]
 fn threads_share_contacts_by_finite_elements() {
-    let text = "model m {
-        param g = 9.81; param e = 0.5; state q = 1; state v = 0;
-        q' = v;
-        mechanics q, v { mass = 1; force = -g; contact floor { gap = q; restitution = e; } }
-    }
-    simulate s of m { horizon 0.9; lower impact; method fesd { steps = 6; elements = 2; } }";
-    let prepared = prepared(text, &["g", "e"]).expect("it is prepared");
+    let settings = "horizon 0.9; lower impact; method fesd { steps = 6; elements = 2; }";
+    let text = format!("{BOUNCES} simulate s of m {{ {settings} }}");
+    let prepared = prepared(&text, &["g", "e"]).expect("it is prepared");
     let check = |runs: [[f64; 4]; 2]| {
         let mut own = prepared.runs();
         for [g, e, h, horizon] in runs {
@@ -248,6 +244,87 @@ fn contacts_by_finite_elements_say_why_they_end() {
     // The bounces take e, e², .. of twice the fall each: √0.2 (1 + 2 e/(1 - e)) in all, in the 14th step.
     assert_eq!(outcome.status, Status::Accumulation);
     assert!((outcome.time - 1.3).abs() <= 1e-12, "{}", outcome.time);
+}
+
+/// A block that is thrown and comes to rest, and a stack of two: forces, masses, laws, and a floor that moves.
+const THROWN: &str = "model m {
+    param m = 2; param g = 9.81; param mu = 0.4; param e = 0.5; param h = 0.1; param w = 3;
+    state q[2] = [0, 0.4]; state v[2] = [1.5, 0];
+    q' = v;
+    mechanics q, v {
+        mass = m*eye(2); force = [0.5, -m*g];
+        contact floor { gap = q[2] - h*sin(w*time); slip = v[1]; friction = mu; restitution = e; }
+    }
+}";
+const STACK: &str = "model m {
+    param r = 0.3; param heavy = 5; param e = 0.2;
+    state a = 0.4; state b = 1.5; state u = 0; state v = -1;
+    a' = u; b' = v;
+    mechanics a, u { mass = heavy*r; force = -10*heavy; contact floor { gap = a - r; restitution = e; } }
+    mechanics b, v { mass = 1; force = -10; contact upper { gap = b - a - 2*r; restitution = 0; } }
+}";
+
+#[test]
+fn steps_through_contacts_take_other_numbers() {
+    let settings = "horizon 1; method timestepping { steps = 300; }";
+    let values: [&[f64]; 3] = [
+        &[2.0, 9.81, 0.4, 0.5, 0.1, 3.0],
+        &[0.5, 3.0, 0.2, 0.3, 0.2, 7.0],
+        &[9.0, 20.0, 0.9, 1.0, 0.05, 2.0],
+    ];
+    let names = ["m", "g", "mu", "e", "h", "w"];
+    both_with((THROWN, settings), 1.0, &names, &values, 1e-11);
+    let values: [&[f64]; 3] = [&[0.3, 5.0, 0.2], &[0.35, 1.0, 0.7], &[0.25, 9.0, 1.0]];
+    let names = ["r", "heavy", "e"];
+    both_with((STACK, settings), 1.0, &names, &values, 1e-11);
+}
+
+/// On two threads, from other states and to other horizons: where each of them ends that is compiled with its numbers.
+fn shares((model, settings): (&str, &str), within: f64, runs: [[f64; 4]; 4]) {
+    let text = |horizon: f64, with: &str| {
+        format!("{model} simulate s of m {{ horizon {horizon:?}; {settings} {with} }}")
+    };
+    let prepared = prepared(&text(1.0, ""), &["g", "e"]).expect("it is prepared");
+    let check = |runs: &[[f64; 4]]| {
+        let mut own = prepared.runs();
+        for &[g, e, h, horizon] in runs {
+            let found = own.run(&[g, e], Some(&[h, -1.0]), horizon, &mut Silent);
+            let found = found.expect("the numbers are in range");
+            assert_eq!(found.status, Status::Solved);
+            let with = format!("with {{ g = {g:?}; e = {e:?}; q = {h:?}; v = -1; }}");
+            let fresh = run(&text(horizon, &with), "s");
+            for (x, name) in found.x.iter().zip(["q", "v"]) {
+                let apart = (x - end(&fresh, name)[0]).abs();
+                assert!(
+                    apart <= within,
+                    "{settings} {g}, {e}, {h}: off by {apart:e}"
+                );
+            }
+        }
+    };
+    let (first, second) = runs.split_at(2);
+    std::thread::scope(|scope| {
+        scope.spawn(|| check(first));
+        scope.spawn(|| check(second));
+    });
+}
+
+const BOUNCES: &str = "model m {
+    param g = 9.81; param e = 0.5; state q = 1; state v = 0;
+    q' = v;
+    mechanics q, v { mass = 1; force = -g; contact floor { gap = q; restitution = e; } }
+}";
+
+#[test]
+fn threads_share_steps_through_contacts() {
+    let runs = [
+        [9.81, 0.5, 1.0, 0.7],
+        [9.0, 0.6, 0.8, 1.0],
+        [20.0, 0.1, 0.3, 0.9],
+        [12.0, 1.0, 0.9, 0.6],
+    ];
+    let steps = "method timestepping { steps = 250; }";
+    shares((BOUNCES, steps), 1e-11, runs);
 }
 
 /// With k = 1 the two branches happen to meet: with another k the state slides, or jumps away.

@@ -1,9 +1,12 @@
-//! An experiment that is compiled once and runs many times, from event to event or by finite elements, with other
-//! parameters and initial values.
+//! An experiment that is compiled once and runs many times, from event to event, by finite elements or in steps of time
+//! through contacts, with other parameters and initial values.
 //!
 //! What the parameters that stay open reach is compiled as functions of them: other parameters, initial values, rates,
 //! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out,
 //! and a sign turns sides of surfaces round.
+//!
+//! Refused are adaptive steps, smoothed switches, steps of time without contacts, frozen contacts and kicks: their runs have
+//! numbers compiled in.
 //!
 //! Runs give what the solver knows: steps and events to an observer, the end, and why it is one. Outputs, bounds of states,
 //! expectations and the second run that estimates the error are those of [`crate::simulate::run`].
@@ -55,18 +58,20 @@ use nsd_solver::fesd::jumps;
 use nsd_solver::fesd::jumps::Grid;
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{HybridSystem, Outcome};
+use nsd_solver::moreau as steps;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::diagnostics::Diagnostics;
 use crate::diagnostics::messages::Messages;
 use crate::expr::{self, Expr, Exprs, Var};
 use crate::limit::Limit;
-use crate::lowering::hybrid::{Structural, variable};
+use crate::lowering::hybrid::{Pulses, Structural, variable};
 use crate::lowering::mpcc::Program;
 use crate::lowering::{dcs, hybrid};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
 use crate::simulate::fesd::{Compiled, first_elements, impulses};
+use crate::simulate::moreau::{self, Bodies};
 use crate::simulate::{solver_settings, takes};
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
@@ -99,6 +104,11 @@ enum Ready {
     Impulses {
         system: Arc<jumps::System<Program>>,
         grid: Grid,
+    },
+    /// Steps through contacts.
+    Steps {
+        bodies: Arc<Bodies>,
+        settings: steps::Settings,
     },
 }
 
@@ -133,7 +143,7 @@ pub enum NotPrepared {
     /// This is no name of a parameter, or of an entry of one.
     #[error("`{0}` is no parameter")]
     NoParameter(String),
-    /// It is run neither from event to event nor by finite elements.
+    /// No run of its method takes other numbers.
     #[error("`{0}` runs with numbers that are compiled in")]
     Method(&'static str),
     /// Another value of this parameter is another system.
@@ -247,11 +257,11 @@ impl Prepared {
         self.horizon
     }
 
-    /// The system that is run from event to event; none where elements are.
+    /// The system that is run from event to event; none where elements or steps are.
     pub fn system(&self) -> Option<&Arc<HybridSystem>> {
         match &self.ready {
             Ready::Events { system, .. } => Some(system),
-            Ready::Elements { .. } | Ready::Impulses { .. } => None,
+            Ready::Elements { .. } | Ready::Impulses { .. } | Ready::Steps { .. } => None,
         }
     }
 
@@ -270,6 +280,9 @@ impl Prepared {
                 runs: Box::new(jumps::Simulator::new(jumps::System::clone(system))),
                 grid: *grid,
             },
+            Ready::Steps { bodies, settings } => {
+                Work::Steps(Box::new(bodies.stepper(settings.clone())))
+            }
         };
         Runs {
             work,
@@ -302,6 +315,10 @@ impl Ready {
             Method::Fesd(_) => Ok(Ready::Impulses {
                 system: Arc::new(impulses::prepared(system, settings, open)),
                 grid: impulses::first_grid(settings),
+            }),
+            Method::Timestepping(_) if !system.impulsive.is_empty() => Ok(Ready::Steps {
+                bodies: Arc::new(Bodies::new(system, open, Pulses::of(system, horizon))),
+                settings: moreau::first_steps(settings),
             }),
             other => Err(NotPrepared::Method(other.kind().word())),
         }
@@ -398,6 +415,7 @@ enum Work {
         runs: Box<jumps::Simulator<Program>>,
         grid: Grid,
     },
+    Steps(Box<steps::Stepper<moreau::Free>>),
 }
 
 impl Runs<'_> {
@@ -439,6 +457,12 @@ impl Runs<'_> {
                 let near = (&reference, &limit);
                 runs.run(grid, &self.x0, near, &mut |_| None, observer)
                     .outcome()
+            }
+            Work::Steps(stepper) => {
+                stepper.free().set_parameters(parameters);
+                let mut observer = moreau::Told::to(observer);
+                let solution = stepper.run(0.0, horizon, &self.x0, &mut observer);
+                solution.outcome
             }
         })
     }

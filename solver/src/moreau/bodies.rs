@@ -62,6 +62,11 @@ impl Bodies {
         }
     }
 
+    /// Begins a run, which may have other masses.
+    pub fn begin(&mut self) {
+        self.has_masses = false;
+    }
+
     /// The velocity that a state is.
     pub fn velocity_of(&self, state: usize) -> usize {
         self.number[state]

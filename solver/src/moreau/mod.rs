@@ -109,9 +109,17 @@ impl<F: Free> Stepper<F> {
         }
     }
 
+    /// The motion without contacts, of which a run may have other numbers.
+    pub fn free(&mut self) -> &mut F {
+        &mut self.free
+    }
+
     /// Begins a run at t; the end of its first stretch without a breakpoint.
     fn begin(&mut self, t: f64) -> f64 {
         self.impacts.counts = Counts::default();
+        self.impacts.ladder.solvers.begin();
+        self.projection.ladder.solvers.begin();
+        self.motion.bodies.begin();
         self.projection.penetration = 0.0;
         self.contacts.begin();
         self.detector.begin();

@@ -5,8 +5,10 @@
 //! where a and b are distances of variables or rows from their lower bounds. The Lagrangian is f + yᵀc - zₗᵀ(w - l) +
 //! zᵤᵀ(w - u) with zₗ, zᵤ >= 0, so y >= 0 where a row is at its upper bound and y <= 0 where it is at its lower one.
 
+use serde::{Deserialize, Serialize};
+
 /// Entries of a sparse matrix that are not structurally zero, row by row.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Pattern {
     /// Where the entries of a row start; one more than there are rows.
     pub starts: Vec<usize>,
@@ -24,7 +26,7 @@ pub struct Bounds<'a> {
 }
 
 /// [`Bounds`] that are held.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Intervals {
     /// Lower bounds.
     pub lower: Vec<f64>,
@@ -66,7 +68,7 @@ pub struct Structure<'a> {
 }
 
 /// A [`Structure`] that is held.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HeldStructure {
     pub variables: Intervals,
     pub rows: Intervals,
@@ -194,7 +196,7 @@ pub enum Member {
 }
 
 /// 0 <= a ⟂ b >= 0: both are not negative and one is zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Pair {
     /// One side.
     pub a: Side,
@@ -203,7 +205,7 @@ pub struct Pair {
 }
 
 /// The distance of a variable or a row from its lower bound, which is finite.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Side {
     /// w - l.
     Variable(u32),

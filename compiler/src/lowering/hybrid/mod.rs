@@ -87,6 +87,9 @@ pub fn structural(system: &System) -> Vec<Option<Structural>> {
         values.chain([law.guard])
     });
     let contacts = system.contacts.iter().flat_map(system::Contact::exprs);
+    let impulsive = (system.impulsive.iter()).flat_map(system::Impulsive::exprs);
+    let masses = system.bodies.iter().flat_map(|body| &body.mass).copied();
+    let contacts = contacts.chain(impulsive).chain(masses);
     let all = functions(system).concat().into_iter();
     let all: Vec<Expr> = all.chain(laws).chain(contacts).collect();
     let exponents: FxHashSet<Var> = variables_of(&exponents(&all)).into_iter().collect();

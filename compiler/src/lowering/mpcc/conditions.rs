@@ -18,9 +18,10 @@
 use std::ops::Range;
 
 use nsd_solver::optimization::problem::Member;
+use serde::{Deserialize, Serialize};
 
 /// The blocks of one grid of elements.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Conditions {
     /// Steps.
     pub steps: usize,
@@ -41,7 +42,7 @@ pub struct Conditions {
 }
 
 /// Ends of sliding modes where steps end.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Branches {
     /// Members, of all groups, that close where a nonlinear switch leaves its surface.
     pub members: Vec<usize>,
@@ -50,7 +51,7 @@ pub struct Branches {
 }
 
 /// Pairs of an impulse and a gap where elements begin.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Impulses {
     /// The number of the first of them among all pairs.
     pub first_pair: usize,
@@ -59,7 +60,7 @@ pub struct Impulses {
 }
 
 /// Pairs of |w| and 1 - |u|² where elements begin.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rests {
     /// The number of the first of them among all pairs.
     pub first_pair: usize,
@@ -68,7 +69,7 @@ pub struct Rests {
 }
 
 /// Pairs of elements, and their conditional rows.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group {
     /// The number of the first of these pairs among all pairs.
     pub first_pair: usize,

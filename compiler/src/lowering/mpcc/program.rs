@@ -13,13 +13,14 @@ use nsd_solver::optimization::kernels::ProgramBuilder;
 use nsd_solver::optimization::problem::{Member, Nlp, Other, Pair, Side, Structure};
 use nsd_solver::optimization::{kernels, problem};
 use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
 
 use super::conditions::Conditions;
 use super::{Block, Bounds, Kind, Mpcc, Origin};
 use crate::expr::{CompileError, Expr, Node};
 
 /// A compiled [`Mpcc`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Program {
     kernels: kernels::Program,
     /// Terms of the objective that only steer.
@@ -32,6 +33,7 @@ pub struct Program {
     term_variables: Vec<u32>,
     /// Block and first row of the rows of the program.
     rows: Vec<(usize, Range<usize>)>,
+    #[serde(skip)]
     others: Option<Arc<dyn Others>>,
 }
 

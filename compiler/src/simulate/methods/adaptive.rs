@@ -94,7 +94,7 @@ impl<'e> Run<'e> for Adaptive {
 }
 
 /// f(t, x, step(ψ(t, x))) as one function of time and state.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(crate) struct Jumping {
     /// (t, x, α) to f and to ψ.
     rates: Tape,
@@ -109,23 +109,26 @@ pub(crate) struct Jumping {
     m: usize,
     data: Vec<Arc<Piecewise>>,
     pulses: Pulses,
-    /// t, x, α, and the coefficients of data.
+    /// t, x, α, the coefficients of data, and the parameters that stay open.
     inputs: Vec<f64>,
     psi: Vec<f64>,
 }
 
-/// What functions of a system depend on, once parameters are numbers and data polynomials.
+/// What functions of a system depend on, once parameters are numbers, unless they stay open, and data polynomials.
 pub(crate) struct Inputs<'e> {
-    /// t, x, α, and the coefficients of data.
+    /// t, x, α, the coefficients of data, and the parameters that stay open.
     pub vars: Vec<Var>,
     /// What takes the place of parameters and data.
     pub numbers: Substitution<'e>,
     data: Vec<Arc<Piecewise>>,
+    /// The values of the parameters that stay open.
+    parameters: Vec<f64>,
 }
 
 impl<'e> Inputs<'e> {
-    pub(crate) fn new(system: &System<'e>) -> Self {
-        let mut numbers = hybrid::numbers(system, &[]);
+    /// Of a system with some parameters open, by their numbers.
+    pub(crate) fn new(system: &System<'e>, open: &[usize]) -> Self {
+        let mut numbers = hybrid::numbers(system, open);
         let Polynomials {
             coefficients,
             instead,
@@ -135,18 +138,27 @@ impl<'e> Inputs<'e> {
         vars.extend(system.states.iter().map(|state| variable(state.var)));
         vars.extend(system.switches.iter().map(|switch| variable(switch.alpha)));
         vars.extend(&coefficients);
+        vars.extend(open.iter().map(|&place| variable(system.params[place].var)));
         Inputs {
             vars,
             numbers,
             data: data_of(system),
+            parameters: system.values_of(open),
         }
+    }
+
+    /// Whether functions depend on nothing but parameters.
+    pub(crate) fn are_constant(&self, functions: &[Expr]) -> bool {
+        let (_, open) = self.vars.split_at(self.vars.len() - self.parameters.len());
+        let mut inside = variables_of(functions).into_iter();
+        inside.all(|var| open.contains(&var))
     }
 }
 
 impl Jumping {
     /// Lets no step pass over the pulses.
     pub(crate) fn new(system: &System, pulses: Pulses) -> Self {
-        Self::of(system, &Inputs::new(system), pulses)
+        Self::of(system, &Inputs::new(system, &[]), pulses)
     }
 
     /// The same with inputs that are known.
@@ -180,9 +192,23 @@ impl Jumping {
             m: alphas.len(),
             data: inputs.data.clone(),
             pulses,
-            inputs: vec![0.0; inputs.vars.len()],
+            inputs: {
+                let others = inputs.vars.len() - inputs.parameters.len();
+                [&vec![0.0; others], &inputs.parameters[..]].concat()
+            },
             psi: vec![0.0; alphas.len()],
         }
+    }
+
+    /// Gives the open parameters other values.
+    pub(crate) fn set_parameters(&mut self, values: &[f64]) {
+        let first = self.inputs.len() - values.len();
+        self.inputs[first..].copy_from_slice(values);
+    }
+
+    /// Takes other data, of the same fits.
+    pub(crate) fn set_data(&mut self, data: Vec<Arc<Piecewise>>) {
+        self.data = data;
     }
 
     /// All inputs at a point; α where f has one.
@@ -196,7 +222,7 @@ impl Jumping {
         &self.inputs
     }
 
-    /// The coefficients of data that hold at present.
+    /// The coefficients of data that hold at present, and the parameters that stay open.
     pub(crate) fn coefficients(&self) -> &[f64] {
         &self.inputs[1 + self.n + self.m..]
     }

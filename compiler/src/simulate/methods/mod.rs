@@ -198,7 +198,7 @@ pub(crate) fn of<'e>(
     match settings.method {
         Method::Adaptive => Box::new(Adaptive::new(system, settings)),
         Method::Timestepping(_) if !system.impulsive.is_empty() => {
-            Box::new(Contacts::new(system, settings))
+            Box::new(Contacts::new(system, settings, open))
         }
         Method::Timestepping(_) => Box::new(Stepping::new(system, settings, open)),
         _ if settings.freezes() => Box::new(InNumericalTime::new(system, settings)),
@@ -213,13 +213,14 @@ pub(crate) fn of<'e>(
 /// Whether runs by the method of an experiment take other values of parameters, by their numbers, and of initial states.
 ///
 /// From event to event they do unless time stands still at impacts. Finite elements and steps do besides where values do
-/// not decide which regions there are. Steps have contacts and the instants at which switches
-/// of time change compiled in, and none selects among the sliding modes of nonlinear switches.
+/// not decide which regions there are. Steps through contacts have no regions; others have the instants at which switches of
+/// time change compiled in, and none selects among the sliding modes of nonlinear switches.
 pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
     let without = system.contacts.is_empty() && system.impulsive.is_empty();
     let by_elements = match settings.method {
         Method::Auto | Method::Event(_) => return !settings.freezes(),
         Method::Fesd(_) => without || settings.takes_impulses(),
+        Method::Timestepping(_) if !system.impulsive.is_empty() => return true,
         Method::Timestepping(_) => {
             without && system.first_nonlinear().is_none() && system.leading().is_empty()
         }
@@ -243,19 +244,26 @@ mod tests {
         plan.run(system, settings, &Request::default(), &mut |_| {})
     }
 
-    /// A block on a belt, with other friction and other starts: runs of one compilation make no expression, and end where
-    /// the same compiled with these numbers ends.
+    /// A block on a belt.
+    const BELT: &str =
+        "param mu = 0.6; state q = 0; state v = 1; q' = v; v' = -q - mu*sign(v - 0.3);";
+    /// A block that is thrown.
+    const THROWN: &str = "param mu = 0.6; state q[2] = [0, 0.3]; state v[2] = [2, 0]; q' = v;
+        mechanics q, v {
+            mass = 1; force = [0, -9.81];
+            contact floor { gap = q[2]; slip = v[1]; restitution = 0.5; friction = mu; }
+        }";
+
+    /// With other friction and other starts, runs of one compilation make no expression, and end where the same compiled
+    /// with these numbers ends.
     #[test]
-    fn finite_elements_take_other_numbers_without_compiling() {
-        for method in ["fesd", "timestepping { steps = 200; }"] {
-            let text = format!(
-                "model m {{
-                   param mu = 0.6; state q = 0; state v = 1;
-                   q' = v; v' = -q - mu*sign(v - 0.3);
-                 }}
-                 simulate o of m {{ horizon 4; method {method}{} }}",
-                if method == "fesd" { ";" } else { "" }
-            );
+    fn runs_take_other_numbers_without_compiling() {
+        for (model, method) in [
+            (BELT, "method fesd;"),
+            (BELT, "method timestepping { steps = 200; }"),
+            (THROWN, "method timestepping { steps = 200; }"),
+        ] {
+            let text = format!("model m {{ {model} }} simulate o of m {{ horizon 1.5; {method} }}");
             with_last(&text, |compiled| {
                 let settings = &compiled.settings;
                 let mut system = compiled.system.clone();

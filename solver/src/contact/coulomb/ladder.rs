@@ -172,6 +172,11 @@ impl Ladder {
 }
 
 impl Solvers {
+    /// Begins to count.
+    pub fn begin(&mut self) {
+        (self.sweeps, self.factorizations) = (0, 0);
+    }
+
     /// Solves for the impulses of an island; the relative residual.
     fn solve(&mut self, island: &Island, mass: &Mass, motion: &mut Motion) -> f64 {
         let scale = island.scale(motion.v);

@@ -1,5 +1,7 @@
 //! The algebraic variables of contacts at one instant and state: where steps start, and in the modes of other runs.
 
+use serde::{Deserialize, Serialize};
+
 use super::{CLOSED, Impact, Lowered, StepStart};
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::pointwise::{Point, eval};
@@ -12,7 +14,7 @@ const CONSISTENT: f64 = 1e-10;
 const OUTSIDE: f64 = 1e-6;
 
 /// The contacts of a system.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Contacts {
     /// What acts where elements meet.
     pub impacts: Vec<Impact>,
@@ -23,7 +25,8 @@ pub struct Contacts {
 }
 
 /// The functions of a system with contacts at a point.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(from = "Known", into = "Known")]
 pub struct Points {
     /// The contacts.
     pub contacts: Contacts,
@@ -34,6 +37,30 @@ pub struct Points {
     inputs: Vec<f64>,
     values: Vec<f64>,
     scratch: Scratch,
+}
+
+/// What points are written as; all else of them is memory.
+#[derive(Serialize, Deserialize)]
+struct Known {
+    contacts: Contacts,
+    system: ComplementaritySystem,
+    continuous: Vec<usize>,
+}
+
+impl From<Points> for Known {
+    fn from(points: Points) -> Self {
+        Known {
+            contacts: points.contacts,
+            system: points.system,
+            continuous: points.continuous,
+        }
+    }
+}
+
+impl From<Known> for Points {
+    fn from(known: Known) -> Self {
+        Points::new(known.contacts, known.system, known.continuous)
+    }
 }
 
 impl Points {

@@ -1,5 +1,7 @@
 //! The program of a step of so many elements: made once, and started from any instant and state.
 
+use serde::{Deserialize, Serialize};
+
 use crate::optimization::problem::Mpcc;
 
 /// A program whose numbers can be given other values.
@@ -17,7 +19,7 @@ pub trait Program: Mpcc {
 }
 
 /// Where the variables of an element are.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Element {
     /// Its length.
     pub length: usize,
@@ -34,7 +36,7 @@ pub struct Element {
 }
 
 /// The program of a step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StepProgram<P> {
     /// The program itself.
     pub program: P,

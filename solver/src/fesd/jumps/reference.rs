@@ -2,6 +2,8 @@
 
 use std::ops::ControlFlow;
 
+use serde::{Deserialize, Serialize};
+
 use super::path::Path;
 use super::{CLOSED, Element};
 use crate::event::{Event, Observer, Segment};
@@ -18,7 +20,7 @@ const AT_REST: f64 = 1e-9;
 const INSIDE: f64 = 1e-6;
 
 /// A contact whose impulses act where elements meet.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Impact {
     /// Its switch.
     pub switch: usize,
@@ -31,7 +33,7 @@ pub struct Impact {
 }
 
 /// What says how a contact slips where elements meet.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub enum Slip {
     /// In one direction: the places of λᵖ and λⁿ among z.
     Interval([usize; 2]),

@@ -4,6 +4,8 @@
 //! side in an element: α is 0 or 1 at all of its nodes, or the state slides. The two switches of a disc slide where
 //! their 2α - 1 is inside of it, and are above where it is on the edge at all nodes.
 
+use serde::{Deserialize, Serialize};
+
 use super::path::Piece;
 use crate::hybrid::Side;
 
@@ -14,7 +16,7 @@ const ROUNDING: f64 = 1e-7;
 const CLOSEST: f64 = 1e-4;
 
 /// What the α of a switch is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
     /// A step of ψ.
     Step,
@@ -29,7 +31,7 @@ pub enum Kind {
 }
 
 /// Where the nodes of elements are, and what their α mean.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Shape {
     /// Node 0, the Runge-Kutta nodes, and the end, in an element of length 1.
     nodes: Vec<f64>,

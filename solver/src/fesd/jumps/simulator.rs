@@ -4,6 +4,7 @@ use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
 
 use super::march::{MOST_ADDED, MOST_PARTS, Make, March};
 use super::{Grid, Points, Program, Reached, Reference, Shape, StepProgram, Stepper, Work};
@@ -17,8 +18,8 @@ use crate::runtime::limit::Limit;
 const TOLERANCE: f64 = 1e-11;
 
 /// A system with contacts as plain data: its functions at a point, its runs from event to event, and the programs of its
-/// steps.
-#[derive(Clone, Debug)]
+/// steps. It can be written and read, the same bit for bit in formats that keep numbers.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct System<P> {
     /// What is known at points.
     pub points: Points,

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 use super::Block;
 use crate::optimization::problem::Pattern;
 use crate::tape::{Derivative, LaneScratch, Tape};
@@ -24,7 +26,7 @@ pub(crate) enum Weights<'a> {
 }
 
 /// The functions of one block with all that their evaluation needs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Compiled {
     rows: Range<usize>,
     inputs: Inputs,
@@ -40,7 +42,7 @@ pub(crate) struct Compiled {
 }
 
 /// The inputs of all functions of a block.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Inputs {
     n_places: usize,
     /// Indices of the variables that are the first inputs.
@@ -82,7 +84,8 @@ impl Inputs {
 }
 
 /// A tape with memory for its evaluation.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(from = "Applied", into = "Applied")]
 struct Function {
     tape: Tape,
     scratch: LaneScratch,
@@ -90,6 +93,33 @@ struct Function {
     outputs: Vec<f64>,
     /// The entry that each of the outputs is added to.
     to: Vec<u32>,
+}
+
+/// What a function is written as; all else of it is memory.
+#[derive(Serialize, Deserialize)]
+struct Applied {
+    tape: Tape,
+    n_places: usize,
+    to: Vec<u32>,
+}
+
+impl From<Function> for Applied {
+    fn from(function: Function) -> Self {
+        Applied {
+            tape: function.tape,
+            n_places: function.n_places,
+            to: function.to,
+        }
+    }
+}
+
+impl From<Applied> for Function {
+    fn from(applied: Applied) -> Self {
+        Function {
+            to: applied.to,
+            ..Function::new(applied.tape, applied.n_places)
+        }
+    }
 }
 
 impl Function {

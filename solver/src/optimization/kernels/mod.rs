@@ -11,6 +11,8 @@ mod block;
 
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 use crate::optimization::problem::{
     HeldStructure, Intervals, Mpcc, Nlp, Pair, Pattern, Side, Structure,
 };
@@ -56,7 +58,7 @@ pub struct Block {
 /// let mut program = program.finish();
 /// assert_eq!(program.objective(&[0.0, 2.0]), 1.0);
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Program {
     structure: HeldStructure,
     pairs: Vec<Pair>,
@@ -68,7 +70,7 @@ pub struct Program {
 }
 
 /// A block of the objective.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Term {
     block: Compiled,
     /// Its part of the constant gradient, by variable.

@@ -5,13 +5,13 @@ use nsd_solver::hybrid::Side;
 use nsd_solver::moreau;
 use nsd_solver::tape::{Scratch, Tape};
 
-use crate::expr::{self, Expr, variables_of};
-use crate::lowering::hybrid::{Pulses, tape};
+use crate::expr::{self, Expr};
+use crate::lowering::hybrid::{Pulses, data_of, tape};
 use crate::simulate::methods::adaptive::{Inputs, Jumping};
 use crate::system::System;
 
 /// f, ∂f/∂x and M.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(crate) struct Free {
     field: Jumping,
     slopes: Vec<(usize, usize)>,
@@ -37,10 +37,20 @@ impl Free {
             slopes: entries.iter().map(|&(i, j, _)| (i, j)).collect(),
             jacobian_scratch: jacobian.scratch(),
             masses_scratch: mass_tape.scratch(),
-            masses_are_constant: variables_of(&masses).is_empty(),
+            masses_are_constant: inputs.are_constant(&masses),
             jacobian,
             masses: mass_tape,
         }
+    }
+
+    /// Gives the open parameters other values.
+    pub(crate) fn set_parameters(&mut self, values: &[f64]) {
+        self.field.set_parameters(values);
+    }
+
+    /// Takes the data of a system, of the same fits.
+    pub(crate) fn set_data(&mut self, system: &System) {
+        self.field.set_data(data_of(system));
     }
 }
 

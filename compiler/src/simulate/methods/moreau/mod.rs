@@ -12,8 +12,8 @@ use nsd_solver::event::Observer;
 use nsd_solver::hybrid::Status as End;
 use nsd_solver::moreau::{Change, Scene, Settings as StepSettings, Solution, Stepper};
 
-use self::free::Free;
-use self::record::Told;
+pub(crate) use self::free::Free;
+pub(crate) use self::record::Told;
 use super::adaptive::Inputs;
 use super::fesd::stepping::{options, steps};
 use crate::report::{Failure, Method, Trajectory, Warning};
@@ -27,10 +27,34 @@ use crate::system::experiment::{MethodKind, Settings};
 /// nothing leaves is rounding.
 const SMALL: f64 = 1e-9;
 
-/// Bodies and their contacts.
-pub(crate) struct Contacts {
+/// The bodies of a system and their contacts, as plain data.
+#[derive(Clone, Debug)]
+pub(crate) struct Bodies {
     scene: Scene,
     free: Free,
+}
+
+impl Bodies {
+    /// Compiles a system, with some parameters open, by their numbers; `pulses` are those of its runs.
+    pub fn new(system: &System, open: &[usize], pulses: Pulses) -> Self {
+        let inputs = Inputs::new(system, open);
+        Bodies {
+            scene: scene::scene(system, &inputs),
+            free: Free::new(system, &inputs, pulses),
+        }
+    }
+
+    /// What steps through them.
+    pub fn stepper(&self, settings: StepSettings) -> Stepper<Free> {
+        Stepper::new(self.scene.clone(), self.free.clone(), settings)
+    }
+}
+
+/// Bodies and contacts that are stepped.
+pub(crate) struct Contacts {
+    bodies: Bodies,
+    /// The parameters that stay open, by their numbers.
+    open: Vec<usize>,
     pulses: Pulses,
     /// What the first run has left.
     changes: Vec<(f64, usize, Change)>,
@@ -41,13 +65,12 @@ pub(crate) struct Contacts {
 }
 
 impl Contacts {
-    /// Compiles a system.
-    pub fn new(system: &System, settings: &Settings) -> Self {
-        let inputs = Inputs::new(system);
+    /// Compiles a system, with some parameters open, by their numbers.
+    pub fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
         let pulses = Pulses::of(system, settings.horizon);
         Contacts {
-            scene: scene::scene(system, &inputs),
-            free: Free::new(system, &inputs, pulses.clone()),
+            bodies: Bodies::new(system, open, pulses.clone()),
+            open: open.to_vec(),
             pulses,
             changes: Vec::new(),
             impulses: 0,
@@ -69,11 +92,12 @@ impl<'e> Run<'e> for Contacts {
             steps: steps(problem.settings, accuracy),
             limit: problem.limit.clone(),
         };
-        let mut told = Told {
-            observer,
-            changes: Vec::new(),
-        };
-        let mut stepper = Stepper::new(self.scene.clone(), self.free.clone(), settings);
+        let mut told = Told::to(observer);
+        let system = problem.system;
+        let mut stepper = self.bodies.stepper(settings);
+        let free = stepper.free();
+        free.set_parameters(&system.values_of(&self.open));
+        free.set_data(system);
         let solution = stepper.run(0.0, problem.settings.horizon, &problem.x0, &mut told);
         if !accuracy.is_finer {
             self.changes = told.changes;
@@ -83,7 +107,7 @@ impl<'e> Run<'e> for Contacts {
             self.penetration = solution.penetration;
         }
         Ended {
-            failure: failure(problem.system, &solution),
+            failure: failure(system, &solution),
             outcome: solution.outcome,
         }
     }
@@ -102,6 +126,10 @@ impl<'e> Run<'e> for Contacts {
 
     fn compares(&self, ended: &Ended) -> bool {
         ended.is_solved()
+    }
+
+    fn takes_numbers(&self) -> bool {
+        true
     }
 
     /// A share of the largest entry of its vector.
@@ -139,6 +167,14 @@ impl<'e> Run<'e> for Contacts {
     }
 }
 
+/// The steps of the first run of an experiment.
+pub(crate) fn first_steps(settings: &Settings) -> StepSettings {
+    StepSettings {
+        steps: steps(settings, Accuracy::of(settings)),
+        limit: Limit::default(),
+    }
+}
+
 /// What steps through a system to a horizon.
 pub fn stepper(
     system: &System,
@@ -146,10 +182,8 @@ pub fn stepper(
     steps: usize,
     limit: Limit,
 ) -> Stepper<impl nsd_solver::moreau::Free> {
-    let inputs = Inputs::new(system);
-    let free = Free::new(system, &inputs, Pulses::of(system, horizon));
-    let scene = scene::scene(system, &inputs);
-    Stepper::new(scene, free, StepSettings { steps, limit })
+    let bodies = Bodies::new(system, &[], Pulses::of(system, horizon));
+    bodies.stepper(StepSettings { steps, limit })
 }
 
 /// What a contact has ended a run by.

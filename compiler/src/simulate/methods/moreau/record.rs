@@ -11,9 +11,19 @@ use crate::system::System;
 
 /// Passes on what a run does, and keeps what contacts do.
 pub(crate) struct Told<'w> {
-    pub observer: &'w mut dyn Observer,
+    observer: &'w mut dyn Observer,
     /// Changes of contacts, in order of time.
     pub changes: Vec<(f64, usize, Change)>,
+}
+
+impl<'w> Told<'w> {
+    /// Before a run.
+    pub fn to(observer: &'w mut dyn Observer) -> Self {
+        Told {
+            observer,
+            changes: Vec::new(),
+        }
+    }
 }
 
 impl Observer for Told<'_> {

@@ -197,15 +197,20 @@ impl<'e> Run<'e> for WithImpulses<'e> {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+
+    use nsd_solver::event::{Event, Observer, Segment};
+    use nsd_solver::fesd::jumps;
+
+    use super::{Simulator, first_grid, prepared};
+    use crate::limit::Limit;
+    use crate::lowering::mpcc::Program;
     use crate::report::Status;
     use crate::simulate::{Request, run_watched};
     use crate::testing::with_last;
 
-    /// A ball that falls, slips and comes to rest in six steps, and in the twelve of the finer run: the first step of each
-    /// makes the program of all.
-    #[test]
-    fn no_expression_is_made_behind_the_first_step() {
-        let text = "model m {
+    /// A ball that falls, slips and comes to rest in six steps, and in the twelve of a finer run.
+    const FALLS: &str = "model m {
                       state q[2] = [0, 0.5]; state v[2] = [2, 0];
                       q' = v;
                       mechanics q, v {
@@ -217,7 +222,55 @@ mod tests {
                       horizon 1.2; lower impact;
                       method fesd { scheme = radau_iia(3); steps = 6; elements = 3; }
                     }";
-        with_last(text, |compiled| {
+
+    /// The values of all nodes.
+    struct Values(Vec<f64>);
+
+    impl Observer for Values {
+        fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+            self.0.push(segment.length);
+            self.0.extend_from_slice(segment.end);
+            ControlFlow::Continue(())
+        }
+
+        fn event(&mut self, event: &Event) {
+            self.0.push(event.time);
+        }
+    }
+
+    /// A run of what is read is that of what was written, bit for bit, and makes no program.
+    #[test]
+    fn systems_are_written_and_read() {
+        with_last(FALLS, |compiled| {
+            let (system, settings) = (&compiled.system, &compiled.settings);
+            let known = prepared(system, settings, &[]);
+            let mut bytes = Vec::new();
+            ciborium::into_writer(&known, &mut bytes).expect("it can be written");
+            let read: jumps::System<Program> =
+                ciborium::from_reader(&bytes[..]).expect("it is a system");
+            assert_eq!(read.programs.len(), known.programs.len());
+            let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+            let run = |system: jumps::System<Program>| {
+                let (mut runs, mut seen) = (Simulator::new(system), Values(Vec::new()));
+                let (grid, limit) = (first_grid(settings), Limit::default());
+                let reference = runs.follow(grid.horizon, &x0, &limit);
+                let near = (&reference, &limit);
+                let outcome = runs
+                    .run(grid, &x0, near, &mut |_| None, &mut seen)
+                    .outcome();
+                assert_eq!(outcome.status, nsd_solver::hybrid::Status::Solved);
+                seen.0.into_iter().map(f64::to_bits).collect::<Vec<_>>()
+            };
+            let found = run(read);
+            assert!(!found.is_empty());
+            assert_eq!(found, run(known));
+        });
+    }
+
+    /// The first step of each of the two runs makes the program of all.
+    #[test]
+    fn no_expression_is_made_behind_the_first_step() {
+        with_last(FALLS, |compiled| {
             let (system, mut counts) = (&compiled.system, [Vec::new(), Vec::new()]);
             let request = Request::default();
             let run = run_watched(system, &compiled.settings, &request, &mut |progress| {
