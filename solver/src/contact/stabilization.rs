@@ -198,7 +198,7 @@ impl Stabilization {
         }
     }
 
-    /// q - ∂q'/∂v P δ.
+    /// q - ∂q'/∂v P δ for the states q that gaps depend on, which are `placed`; others in their blocks stay. Clears P δ.
     fn shift_positions(&mut self, mode: &mut Mode, point: &mut Point, placed: &[bool]) {
         self.blocks.sort_unstable();
         self.blocks.dedup();

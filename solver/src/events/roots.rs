@@ -259,7 +259,7 @@ fn split(bernstein: &mut Vec<f64>, n: usize) {
     bernstein.extend_from_within(place..);
     let (right, left) = bernstein[place..].split_at_mut(n);
     for level in 1..n {
-        // After `level` rounds, left[j] for j < level is final and right[n - 1 - level] is next.
+        // Round `level` makes left[level] final, and its last value is right[n - 1 - level].
         for j in (level..n).rev() {
             left[j] = 0.5 * (left[j - 1] + left[j]);
         }

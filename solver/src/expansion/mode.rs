@@ -25,7 +25,7 @@ use crate::linalg::Singular;
 pub(crate) struct Mode {
     pub(crate) system: Arc<HybridSystem>,
     pub sides: Box<[Side]>,
-    /// K: the sliding switches.
+    /// K: the sliding switches but those that rest, whose α has no equation (`integrate/singular_rates.rs`).
     pub sliding: Vec<usize>,
     pub n: usize,
     pub(crate) memory: Memory,
@@ -76,6 +76,7 @@ impl Mode {
     pub(crate) fn enter(&mut self, sides: &[Side]) {
         let entered = self.field.n_functions > 0;
         self.enter_surfaces(sides);
+        // On the same sides, too: `stand_for` may have let switches stand for other derivatives.
         self.surfaces.stand(sides);
         if entered && *self.sides == *sides {
             return;

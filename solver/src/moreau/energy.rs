@@ -15,7 +15,7 @@ use crate::contact::coulomb::islands::Islands;
 
 /// A debt below this share of the kinetic energy is rounding.
 const ROUNDING: f64 = 1e-15;
-/// One that velocities cannot pay, below this share of what impulses have taken.
+/// One that velocities cannot pay is left below this share of the kinetic energy without contacts.
 const SMALL: f64 = 1e-10;
 
 /// The account of a step.
@@ -91,8 +91,8 @@ impl Energy {
         }
     }
 
-    /// Leaves islands where they are in x whose velocities cannot pay for their displacements. Whether there are any:
-    /// others may have come where they were.
+    /// Leaves islands where they are in x, without velocity, whose velocities cannot pay for their displacements. True if
+    /// there are any: the projection is repeated then, since others may have been moved to where these are.
     pub fn leave(&mut self, x: &[f64], y: &mut [f64], motion: &mut Motion) -> bool {
         self.balance(motion);
         let mut any = false;

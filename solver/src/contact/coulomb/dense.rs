@@ -24,7 +24,8 @@ pub(crate) struct DenseIsland {
 }
 
 impl DenseIsland {
-    /// Sets impulses to a solution by pivots; false where there is none, or too many unknowns.
+    /// Sets impulses to a solution with polygons in place of discs by Lemke's method; false where it finds none, or with too
+    /// many unknowns.
     pub fn pivot(&mut self, island: &Island, motion: &mut Motion) -> bool {
         self.contacts.clear();
         self.contacts.extend_from_slice(island.members);

@@ -146,7 +146,8 @@ impl<'s> Selection<'s> {
         self.select_from(modes, run, &bands)
     }
 
-    /// The sides of switches that lead, those on the other one that have come to their surface; none where none has.
+    /// (switch, side) of the leading switches, those of time with which others jump: the opposite side for each that is on
+    /// its surface, which time takes it across, and the present side for the others. Empty if none is on its surface.
     fn led(&self, modes: &Modes, run: &Run) -> Vec<(usize, Side)> {
         let mut led = self.led_sides(modes, run);
         let met = self.system.meets(run.place.point(&modes.numbers), &led);
@@ -159,7 +160,7 @@ impl<'s> Selection<'s> {
         led
     }
 
-    /// Where the switches that lead stand.
+    /// (switch, side) of the leading switches in the present mode.
     fn led_sides(&self, modes: &Modes, run: &Run) -> Vec<(usize, Side)> {
         let sides = modes.sides(run.place.mode);
         let leading = self.system.surfaces.leading.iter();

@@ -43,7 +43,8 @@ impl Factors {
         self.sparse.n_entries()
     }
 
-    /// Pivots of one unknown, or of two once those have failed.
+    /// LDLᵀ in the static order with 1×1 pivots; from the first zero pivot on, if `pairs_pivots`, with 2×2 pivots of a row
+    /// and the variable that a matching by entries of `jacobian` gives it. The pairs are kept until they fail.
     pub fn factor(
         &mut self,
         matrix: &Matrix,
@@ -59,7 +60,7 @@ impl Factors {
             let found = self.sparse.factor(&matrix.values);
             self.has_lost_pivots |= found.is_err();
             let is_lost = matches!(found, Err(FactorFailure::ZeroPivot(_)));
-            // Small systems are factored densely.
+            // Small systems are left to `factor_dense`.
             if !is_lost || !self.pairs_pivots || self.dense.is_some() {
                 return found;
             }
