@@ -69,6 +69,7 @@ mod roots;
 mod rounding;
 mod set_points;
 mod setting_off;
+mod sides;
 mod smoothing;
 mod stiff;
 mod stress;

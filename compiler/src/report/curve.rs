@@ -82,6 +82,11 @@ pub(crate) fn thin(trajectory: &mut Trajectory, inside: &[bool]) {
             open.extend([[first, k], [k, last]].into_iter().filter(has_rows));
         }
     }
+    keep(trajectory, &kept);
+}
+
+/// Leaves out the other rows.
+pub(crate) fn keep(trajectory: &mut Trajectory, kept: &[bool]) {
     for series in trajectory.series_mut() {
         let n = series.n_entries().max(1);
         let mut entry = 0..;

@@ -4,7 +4,7 @@
 //! user's names and physical time; nothing after this knows which one was taken.
 //!
 //! Invariants, checked by [`Trajectory::verify`]:
-//! - `time` does not decrease; an instant stands twice where a state jumps;
+//! - `time` does not decrease; an instant stands twice where something jumps;
 //! - every series has one value of its shape per instant;
 //! - mode intervals follow each other without gap and hold one side per switch;
 //! - pieces follow each other in time and have one number of rows, switches among them.

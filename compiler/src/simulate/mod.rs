@@ -25,7 +25,6 @@ pub use bench::{Bench, End, Variant};
 pub use methods::{Plan, fesd, moreau};
 pub(crate) use methods::{solver_settings, takes};
 pub use outcome::sampled;
-use record::{Points, recorded};
 pub(crate) use reference::{ReferenceRun, impacts};
 pub use request::Request;
 pub(crate) use settle::Consistent;

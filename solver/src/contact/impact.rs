@@ -40,8 +40,14 @@ pub(crate) struct Impacts<'a> {
 }
 
 impl Impacts<'_> {
-    /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
-    pub(crate) fn strike_all(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
+    /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on. The
+    /// `steps` that are met with them come behind.
+    pub(crate) fn strike_all(
+        &mut self,
+        state: &mut State,
+        laws: &[usize],
+        steps: &[usize],
+    ) -> Result<(), Status> {
         let struck = laws.iter();
         let struck = struck.filter_map(|&law| impact_of(&self.system, law));
         let struck: Vec<usize> = struck.map(|(normal, _)| normal).collect();
@@ -53,6 +59,9 @@ impl Impacts<'_> {
             .filter(|normal| !state.jumps.grazed.contains(normal))
             .collect();
         self.note_order(state, &struck, &near);
+        if !steps.is_empty() {
+            self.note_steps(state, &struck, &near, steps);
+        }
         self.strike_together(state, &struck, &near)?;
         for (scale, x) in state.scales.largest.iter_mut().zip(&state.point.x) {
             *scale = scale.max(x.abs());

@@ -4,6 +4,9 @@
 //! other velocities: with Newton's law these do not depend continuously on the gaps between the bodies. So contacts that
 //! hang together and are struck within the tolerance of a run, but not at one instant, are told, where the first of them
 //! matters. Gaps that are equal but for rounding are meant to be equal.
+//!
+//! A slip J_tᵀv - b(α) whose b steps where a contact is struck is the same question: the impact has the slip before the
+//! step, and is told where it is another one with the slip behind it.
 
 use super::impact::{Impacts, impact_of};
 use crate::event::state::State;
@@ -82,32 +85,78 @@ impl Impacts<'_> {
         (is_near && (Closing { mode }).speed(&state.scales, switch).is_some()).then_some(gap)
     }
 
+    /// Takes note of `steps` that are met with the contacts of `struck` and behind which the impact is another one.
+    pub(crate) fn note_steps(
+        &mut self,
+        state: &mut State,
+        struck: &[usize],
+        near: &[usize],
+        steps: &[usize],
+    ) {
+        let before = self.tried(state, |impacts, state| {
+            impacts.strike_together(state, struck, near)
+        });
+        for &step in steps {
+            let (side, alpha) = (state.point.sides[step], state.point.alpha[step]);
+            let other = match side {
+                Side::Minus => (Side::Plus, 1.0),
+                Side::Plus => (Side::Minus, 0.0),
+                Side::Slide => continue,
+            };
+            (state.point.sides[step], state.point.alpha[step]) = other;
+            let behind = self.tried(state, |impacts, state| {
+                impacts.strike_together(state, struck, near)
+            });
+            (state.point.sides[step], state.point.alpha[step]) = (side, alpha);
+            if before
+                .iter()
+                .zip(&behind)
+                .any(|(a, b)| self.differ(state, a, b))
+            {
+                state.report.note(Note::Together {
+                    time: state.point.t,
+                    switches: [struck, &[step]].concat(),
+                });
+            }
+        }
+        self.mode.enter(&state.point.sides);
+        self.mode.move_to(&state.point);
+    }
+
     /// Whether velocities are others where one of these contacts is struck before the rest.
     fn order_matters(&mut self, state: &mut State, members: &[usize], near: &[usize]) -> bool {
-        let kept = (
-            state.point.x.clone(),
-            state.point.alpha.clone(),
-            state.report.complementarity,
-            state.report.notes.clone(),
-        );
         let mut ends: Vec<Vec<f64>> = Vec::new();
         for &first in members {
-            let struck = self.strike_in_turn(state, first, members, near);
-            let end = std::mem::replace(&mut state.point.x, kept.0.clone());
-            ends.extend(struck.is_ok().then_some(end));
+            ends.extend(self.tried(state, |impacts, state| {
+                impacts.strike_in_turn(state, first, members, near)
+            }));
         }
-        let matters = ends.iter().any(|end| {
-            end.iter().zip(&ends[0]).enumerate().any(|(j, (a, b))| {
-                (a - b).abs() > self.settings.tolerance * state.scales.largest[j].max(a.abs())
-            })
-        });
-        (
-            state.point.x,
-            state.point.alpha,
-            state.report.complementarity,
-            state.report.notes,
-        ) = kept;
-        matters
+        ends.iter().any(|end| self.differ(state, end, &ends[0]))
+    }
+
+    /// Whether states differ by more than the tolerance.
+    fn differ(&self, state: &State, one: &[f64], other: &[f64]) -> bool {
+        one.iter().zip(other).enumerate().any(|(j, (a, b))| {
+            (a - b).abs() > self.settings.tolerance * state.scales.largest[j].max(a.abs())
+        })
+    }
+
+    /// The state behind an impact that does not take place.
+    fn tried(
+        &mut self,
+        state: &mut State,
+        strike: impl FnOnce(&mut Self, &mut State) -> Result<(), Status>,
+    ) -> Option<Vec<f64>> {
+        let x = state.point.x.clone();
+        let alpha = state.point.alpha.clone();
+        let complementarity = state.report.complementarity;
+        let notes = state.report.notes.clone();
+        let struck = strike(self, state);
+        let end = std::mem::replace(&mut state.point.x, x);
+        state.point.alpha = alpha;
+        state.report.complementarity = complementarity;
+        state.report.notes = notes;
+        struck.is_ok().then_some(end)
     }
 
     /// Strikes one of these contacts, and those behind it that are approached then, until none is.

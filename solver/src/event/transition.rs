@@ -54,6 +54,9 @@ impl Simulator {
         let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
         self.selector().wake(state, on, t1);
         JumpLaws::new(&mut self.mode).find_near(state, on, t1);
+        // At the start no side is one before.
+        let mut steps: Vec<usize> = on.clone();
+        steps.retain(|&i| state.selection.begun && self.system.switches[i].is_plain());
         for _ in 0..MAX_ROUNDS {
             let mut fired = JumpLaws::new(&mut self.mode).struck(state);
             if fired.is_empty() {
@@ -65,6 +68,7 @@ impl Simulator {
                     *on = self.selector().place_kept(state, t1 - state.point.t)?;
                 }
                 self.selector().pass(state, met, t1)?;
+                steps.clear();
                 fired = JumpLaws::new(&mut self.mode).holding(state);
             }
             if fired.is_empty() {
@@ -85,7 +89,7 @@ impl Simulator {
                 settings: &self.settings,
                 coupling: &self.coupling,
             }
-            .strike_all(state, &fired)?;
+            .strike_all(state, &fired, &steps)?;
             let moves = |law: &usize| matches!(self.system.laws[*law].effect, Effect::Reset(_));
             let moves = fired.iter().any(moves);
             if moves {

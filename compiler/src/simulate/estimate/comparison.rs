@@ -8,6 +8,7 @@ use nsd_solver::hybrid::Side;
 
 use super::parting;
 use crate::simulate::record::Record;
+use crate::simulate::record::points::is_one_instant;
 
 /// Compares a second run with what is recorded of the first.
 pub struct Comparison<'r> {
@@ -72,7 +73,7 @@ impl Comparison<'_> {
     /// Compares the present state with a recorded one.
     fn compare(&mut self, point: usize) {
         let n = self.x.len();
-        let recorded = &self.record.states[point * n..(point + 1) * n];
+        let recorded = &self.record.points.states[point * n..(point + 1) * n];
         for (i, (&x, &other)) in self.x.iter().zip(recorded).enumerate() {
             self.scale[i] = self.scale[i].max(x.abs());
             self.difference[i] = self.difference[i].max((x - other).abs());
@@ -98,10 +99,12 @@ impl Observer for Comparison<'_> {
         // Beyond the next jump of the first run, which this one has not met yet.
         let known = self
             .record
+            .points
             .jumps
             .get(self.jumped)
             .map_or(usize::MAX, |jump| jump.n_points);
-        while let Some(&t) = self.record.times.get(self.next).filter(|t| **t <= end) {
+        let is_reached = |t: &&f64| **t <= end || is_one_instant(**t, end);
+        while let Some(&t) = self.record.points.times.get(self.next).filter(is_reached) {
             if self.next >= known {
                 break;
             }
@@ -128,7 +131,7 @@ impl Observer for Comparison<'_> {
             return;
         }
         // Jumps are compared one by one: next to an instant, a run may be before or after it.
-        if let Some(jump) = self.record.jumps.get(self.jumped) {
+        if let Some(jump) = self.record.points.jumps.get(self.jumped) {
             for (seen, other) in [(event.before, &jump.before), (event.x, &jump.after)] {
                 for (i, (x, other)) in seen.iter().zip(other).enumerate() {
                     self.scale[i] = self.scale[i].max(x.abs());

@@ -7,7 +7,8 @@ use nsd_solver::fesd::jumps::{Kind, Shape};
 use nsd_solver::hybrid::Side;
 
 use crate::report::{Dense, Piece, Trajectory};
-use crate::simulate::{Points, recorded};
+use crate::simulate::record::points::{Behind, Points, is_one_instant};
+use crate::simulate::record::recorded;
 use crate::system::experiment::{Sampling, Settings};
 use crate::system::{Role, Switch, System};
 
@@ -50,8 +51,16 @@ impl<'s, 'e> Elements<'s, 'e> {
     }
 
     /// States jump by laws.
-    pub fn jump(&mut self, t: f64, laws: Vec<usize>, [before, after]: [&[f64]; 2], alphas: &[f64]) {
+    pub fn jump(
+        &mut self,
+        t: f64,
+        mut laws: Vec<usize>,
+        [before, after]: [&[f64]; 2],
+        alphas: &[f64],
+    ) {
         let n = self.system.states.len();
+        laws.sort_unstable();
+        laws.dedup();
         self.points.jump(t, laws, &before[..n], &after[..n]);
         self.points.push(t, &after[..n], alphas);
     }
@@ -74,6 +83,18 @@ impl<'s, 'e> Elements<'s, 'e> {
             let rest = n_coefficients.saturating_sub(known.len());
             coefficients.extend(known.into_iter().take(n_coefficients));
             coefficients.resize(coefficients.len() + rest, 0.0);
+        }
+        let has_turned = self.sides.last().is_some_and(|(_, last)| *last != sides);
+        let is_stepped = system.steps_at(from);
+        if self.points.last_instant() == Some(from) && (has_turned || is_stepped) {
+            let m = system.switches.len();
+            let alphas = coefficients[n * n_coefficients..].iter();
+            self.points.go_on(Behind {
+                x: x[0].to_vec(),
+                alpha: alphas.step_by(n_coefficients).take(m).copied().collect(),
+                // How small a step of a control may be is no question of its accuracy.
+                is_certain: is_stepped,
+            });
         }
         self.sides.push((from, sides));
         self.pieces.push(Piece {
@@ -127,12 +148,36 @@ fn sampled(
         }
         Sampling::At(instants) => instants.iter().copied().filter(|t| *t <= horizon).collect(),
     };
-    let mut points = known.emptied();
+    let breaks = known.breaks();
+    let mut points = Points::default();
     for t in instants {
-        if let Some(row) = dense.at(t) {
-            points.push(t, &row[..n], &row[n..n + m]);
+        let is_here = |at: f64| is_one_instant(at, t);
+        let first = (dense.pieces).partition_point(|piece| piece.from < t && !is_here(piece.from));
+        let meeting = first
+            .checked_sub(1)
+            .and_then(|k| dense.pieces.get(k..k + 2));
+        let meeting = meeting.filter(|pieces| is_here(pieces[1].from));
+        let here = breaks.iter().filter(|(at, _)| is_here(*at));
+        let is_certain = here
+            .map(|(_, is_certain)| *is_certain)
+            .reduce(|a, b| a || b);
+        let rows = match meeting.zip(is_certain) {
+            Some((pieces, _)) => pieces.iter().map(|piece| piece.at(t)).collect(),
+            None => Vec::from_iter(dense.at(t)),
+        };
+        let mut rows = rows.iter().map(|row| row[..n + m].split_at(n));
+        if let Some((x, alpha)) = rows.next() {
+            points.push(t, x, alpha);
+        }
+        if let Some((x, alpha)) = rows.next() {
+            points.go_on(Behind {
+                x: x.to_vec(),
+                alpha: alpha.to_vec(),
+                is_certain: is_certain == Some(true),
+            });
         }
     }
+    points.jumps = known.jumps;
     points
 }
 

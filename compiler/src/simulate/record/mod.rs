@@ -3,6 +3,7 @@
 pub(crate) mod elements;
 pub(crate) mod modes;
 pub(crate) mod pieces;
+pub(super) mod points;
 pub(crate) mod reported;
 pub(crate) mod schedule;
 use std::ops::ControlFlow;
@@ -15,6 +16,7 @@ use nsd_solver::selector::Decision;
 use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory, curve};
 use crate::simulate::outcome::limits::Limits;
 use crate::simulate::record::modes::ModeNames;
+use crate::simulate::record::points::{Behind, Points, is_one_instant, tidy};
 use crate::simulate::record::reported::Reported;
 use crate::system::System;
 use crate::system::experiment::{Sampling, Settings};
@@ -25,78 +27,17 @@ pub(super) type Change = (f64, Box<[Side]>, Box<[Side]>, Vec<Decision>);
 /// Events of which the state behind them is kept.
 const MOST_KEPT: usize = 4096;
 
-/// Instants this close, relative to them, are one: that of a jump has the rounding of the steps up to it.
-const SAME_INSTANT: f64 = 16.0 * f64::EPSILON;
-
-/// States that have jumped.
-#[derive(Clone, Debug)]
-pub(super) struct Jump {
-    pub time: f64,
-    /// The laws, in order.
-    laws: Vec<usize>,
-    /// Points recorded before.
-    pub n_points: usize,
-    pub before: Vec<f64>,
-    pub after: Vec<f64>,
-}
-
 /// A run, point by point and event by event.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Record {
     /// Where it is to end.
     pub horizon: f64,
-    /// Instants, and states and α at them, one after another.
-    pub times: Vec<f64>,
-    pub states: Vec<f64>,
-    pub alphas: Vec<f64>,
+    pub points: Points,
     pub changes: Vec<Change>,
-    pub jumps: Vec<Jump>,
     /// The states behind the first events, one after another.
     pub behind: Vec<f64>,
     /// Instants at which infinitely many events accumulate.
     accumulations: Vec<f64>,
-}
-
-impl Record {
-    fn push(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
-        self.times.push(t);
-        self.states.extend_from_slice(x);
-        self.alphas.extend_from_slice(alpha);
-    }
-
-    /// Adds rows inside of steps, from their polynomials, and says which of all rows these are; nothing where there are none.
-    fn divide(&mut self, system: &System, pieces: &[Piece]) -> Vec<bool> {
-        let (n, m) = (system.states.len(), system.switches.len());
-        let span = self.times.last().copied().unwrap_or(0.0);
-        let mut lengths = pieces.iter().map(|piece| piece.to - piece.from);
-        if !lengths.any(|length| curve::is_divided(length, span)) {
-            return Vec::new();
-        }
-        let times = std::mem::take(&mut self.times);
-        let states = std::mem::take(&mut self.states);
-        let alphas = std::mem::take(&mut self.alphas);
-        let parts = pieces.iter().flat_map(|piece| {
-            let instants = curve::instants(piece.from, piece.to, span);
-            instants.map(move |t| (t, piece))
-        });
-        let is_inside = |(t, piece): &(f64, &Piece)| piece.from < *t && *t < piece.to;
-        let mut parts = parts.filter(is_inside).peekable();
-        let mut inside = Vec::new();
-        for (k, &t) in times.iter().enumerate() {
-            while let Some((at, piece)) = parts.next_if(|(at, _)| *at < t) {
-                let mut row = piece.at(at);
-                let (x, alpha) = row[..n + m].split_at_mut(n);
-                system.see(at, x, alpha);
-                self.push(at, x, alpha);
-                inside.push(true);
-            }
-            // An instant has one row.
-            parts.next_if(|(at, _)| *at == t);
-            self.push(t, &states[k * n..][..n], &alphas[k * m..][..m]);
-            inside.push(false);
-        }
-        inside
-    }
 }
 
 /// Observes a run and keeps what the experiment asks for.
@@ -115,6 +56,10 @@ pub(super) struct Recorder<'s, 'e> {
     limits: Limits<'s, 'e>,
     x: Vec<f64>,
     alpha: Vec<f64>,
+    /// Whether something has happened since the last step.
+    has_turned: bool,
+    /// The period of kicks of the state.
+    kicks: Option<f64>,
 }
 
 impl<'s, 'e> Recorder<'s, 'e> {
@@ -141,6 +86,8 @@ impl<'s, 'e> Recorder<'s, 'e> {
             reported,
             x: vec![0.0; n],
             alpha: vec![0.0; m],
+            has_turned: false,
+            kicks: settings.kicks.as_ref().map(|kicks| kicks.every),
         }
     }
 
@@ -165,7 +112,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
     /// Where a jump is sampled, the instant of its two points, the first of which is recorded by then.
     fn before_jump(&mut self, event: &Event) -> Option<f64> {
         self.mark(event.from);
-        let last = self.record.times.last().copied();
+        let last = self.record.points.last_instant();
         if self.sampling.is_own() {
             if last.is_none() {
                 self.x.copy_from_slice(event.before);
@@ -173,7 +120,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             }
             return Some(event.time);
         }
-        let is_here = |t: &f64| (t - event.time).abs() <= SAME_INSTANT * event.time.abs();
+        let is_here = |t: &f64| is_one_instant(*t, event.time);
         if let Some(last) = last.filter(is_here) {
             return Some(last);
         }
@@ -186,9 +133,41 @@ impl<'s, 'e> Recorder<'s, 'e> {
 
     fn push(&mut self, t: f64) {
         // Of the limit of a series of events, rounding may be before the last one of them.
-        let t = self.record.times.last().map_or(t, |last| t.max(*last));
+        let last = self.record.points.last_instant();
+        let t = last.map_or(t, |last| t.max(last));
         self.system.see(t, &self.x, &mut self.alpha);
-        self.record.push(t, &self.x, &self.alpha);
+        self.record.points.push(t, &self.x, &self.alpha);
+    }
+
+    /// Keeps the values behind the last row where a step begins at its instant and something may jump there.
+    fn look_behind(&mut self, segment: &Segment) {
+        let t = segment.start;
+        let has_turned = std::mem::take(&mut self.has_turned);
+        let points = &mut self.record.points;
+        let Some(last) = points
+            .last_instant()
+            .filter(|last| is_one_instant(*last, t))
+        else {
+            return;
+        };
+        let is_kick = |every: f64| t > 0.0 && is_one_instant(t, (t / every).round() * every);
+        let is_kicked = self.kicks.is_some_and(is_kick);
+        if !has_turned && !is_kicked && !self.system.steps_at(last) {
+            return;
+        }
+        let n = self.x.len();
+        // At the limit of a series of events the state is continuous but for what the last ones of them would do.
+        match self.record.accumulations.last() == Some(&t) && !is_kicked {
+            true => self.x.copy_from_slice(points.last_state(n)),
+            false => segment.state(0.0, &mut self.x),
+        }
+        segment.alpha(0.0, &mut self.alpha);
+        self.system.see(t, &self.x, &mut self.alpha);
+        points.go_on(Behind {
+            x: self.x.clone(),
+            alpha: self.alpha.clone(),
+            is_certain: is_kicked,
+        });
     }
 
     /// Names the recorded run.
@@ -200,9 +179,10 @@ impl<'s, 'e> Recorder<'s, 'e> {
         trajectory: &mut Trajectory,
     ) {
         // What jumps in the last instant has both values there, and the run ends with the second.
-        let jumps_last = (self.record.jumps.last()).is_some_and(|jump| jump.time >= outcome.time);
-        let is_known = self.record.times.last() == Some(&outcome.time)
-            && (!jumps_last || self.record.states.ends_with(&outcome.x));
+        let points = &self.record.points;
+        let jumps_last = (points.jumps.last()).is_some_and(|jump| jump.time >= outcome.time);
+        let is_known = points.last_instant() == Some(outcome.time)
+            && (!jumps_last || points.states.ends_with(&outcome.x));
         if !is_known {
             self.x.copy_from_slice(&outcome.x);
             self.alpha.copy_from_slice(&outcome.alpha);
@@ -215,12 +195,19 @@ impl<'s, 'e> Recorder<'s, 'e> {
             let piece = pieces::of_instant(last, outcome, &self.system.data);
             self.pieces.push(piece);
         }
-        let inside = match self.sampling {
-            Sampling::Curve => self.record.divide(system, &self.pieces),
-            _ => Vec::new(),
+        let divided: &[Piece] = match self.sampling {
+            Sampling::Curve => &self.pieces,
+            _ => &[],
         };
+        let rows = self.record.points.spread(system, divided);
+        let Points {
+            times,
+            states,
+            alphas,
+            ..
+        } = &self.record.points;
         for group in &system.groups {
-            let rows = self.record.states.chunks(system.states.len().max(1));
+            let rows = states.chunks(system.states.len().max(1));
             trajectory.states.push(Series {
                 name: group.name.clone(),
                 shape: group.shape.clone(),
@@ -229,17 +216,13 @@ impl<'s, 'e> Recorder<'s, 'e> {
                     .collect(),
             });
         }
-        let points = [
-            &self.record.times[..],
-            &self.record.states,
-            &self.record.alphas,
-        ];
-        [trajectory.outputs, trajectory.controls] = self.reported.series(system, points);
+        [trajectory.outputs, trajectory.controls] =
+            self.reported.series(system, [times, states, alphas]);
         trajectory.warnings.extend(self.limits.warnings());
         self.name_modes(names, outcome, trajectory);
-        trajectory.time = self.record.times;
-        if !inside.is_empty() {
-            curve::thin(trajectory, &inside);
+        trajectory.time = self.record.points.times;
+        if !rows.is_empty() {
+            tidy(trajectory, &rows);
         }
         if self.dense {
             trajectory.dense.pieces = self.pieces;
@@ -267,7 +250,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
                 .collect(),
             sides: names.sides(sides),
         };
-        let mut jumps = self.record.jumps.iter().peekable();
+        let mut jumps = self.record.points.jumps.iter().peekable();
         let instants = || changes.iter().map(|((time, ..), _)| *time);
         let ends = instants().chain([outcome.time]);
         let starts = [0.0].into_iter().chain(instants());
@@ -318,67 +301,6 @@ impl<'s, 'e> Recorder<'s, 'e> {
     }
 }
 
-impl Jump {
-    /// One event per law, in a mode.
-    fn events<'j>(
-        &'j self,
-        names: &'j ModeNames,
-        mode: &'j str,
-    ) -> impl Iterator<Item = report::Event> + 'j {
-        self.laws.iter().map(move |&law| {
-            let (surface, span) = names.law(law);
-            report::Event {
-                time: self.time,
-                kind: EventKind::Jump,
-                surface,
-                from: mode.to_owned(),
-                to: mode.to_owned(),
-                span: Some(span),
-                sliding: Vec::new(),
-            }
-        })
-    }
-}
-
-/// States and α at instants, and jumps.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Points {
-    times: Vec<f64>,
-    states: Vec<f64>,
-    alphas: Vec<f64>,
-    jumps: Vec<Jump>,
-}
-
-impl Points {
-    /// Takes note of a jump of states by laws.
-    pub fn jump(&mut self, time: f64, mut laws: Vec<usize>, before: &[f64], after: &[f64]) {
-        laws.sort_unstable();
-        laws.dedup();
-        self.jumps.push(Jump {
-            time,
-            laws,
-            n_points: self.times.len(),
-            before: before.to_vec(),
-            after: after.to_vec(),
-        });
-    }
-
-    /// The jumps alone.
-    pub fn emptied(self) -> Self {
-        Points {
-            jumps: self.jumps,
-            ..Points::default()
-        }
-    }
-
-    /// Adds an instant behind the others.
-    pub fn push(&mut self, time: f64, x: &[f64], alpha: &[f64]) {
-        self.times.push(time);
-        self.states.extend_from_slice(x);
-        self.alphas.extend_from_slice(alpha);
-    }
-}
-
 /// The trajectory of a run that another method has made: its points, its polynomials, and the sides of the switches
 /// from some instants on; what is reported is compiled with some parameters open, by their numbers.
 pub(crate) fn recorded(
@@ -409,10 +331,7 @@ pub(crate) fn recorded(
     });
     let record = Record {
         horizon: settings.horizon,
-        times: points.times,
-        states: points.states,
-        alphas: points.alphas,
-        jumps: points.jumps,
+        points,
         changes: changes.collect(),
         ..Record::default()
     };
@@ -437,6 +356,7 @@ pub(crate) fn recorded(
 impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let end = segment.until;
+        self.look_behind(segment);
         self.limits.segment(segment);
         let has_rows_inside = self.sampling == Sampling::Curve
             && curve::is_divided(segment.length, self.record.horizon);
@@ -448,7 +368,7 @@ impl Observer for Recorder<'_, '_> {
             self.pieces.push(piece);
         }
         if self.sampling.is_own() {
-            if self.record.times.is_empty() {
+            if self.record.points.times.is_empty() {
                 segment.state(0.0, &mut self.x);
                 segment.alpha(0.0, &mut self.alpha);
                 self.push(segment.start);
@@ -459,7 +379,8 @@ impl Observer for Recorder<'_, '_> {
         }
         while let Some(t) = self
             .next_sample()
-            .filter(|t| *t <= end && *t <= self.record.horizon)
+            .filter(|t| *t <= end || is_one_instant(*t, end))
+            .filter(|t| *t <= self.record.horizon)
         {
             segment.state(t - segment.start, &mut self.x);
             segment.alpha(t - segment.start, &mut self.alpha);
@@ -470,18 +391,14 @@ impl Observer for Recorder<'_, '_> {
     }
 
     fn event(&mut self, event: &Event) {
+        self.has_turned = true;
         if event.accumulates {
             self.record.accumulations.push(event.time);
         }
         if !event.jumps.is_empty() {
             let sampled = self.before_jump(event);
-            self.record.jumps.push(Jump {
-                time: event.time,
-                laws: event.jumps.to_vec(),
-                n_points: self.record.times.len(),
-                before: event.before.to_vec(),
-                after: event.x.to_vec(),
-            });
+            let laws = event.jumps.to_vec();
+            (self.record.points).jump(event.time, laws, event.before, event.x);
             if let Some(t) = sampled {
                 self.mark(event.to);
                 self.x.copy_from_slice(event.x);

@@ -62,7 +62,8 @@ impl Reported {
         self.open.iter().map(|&place| system.params[place].value)
     }
 
-    /// Outputs and controls at points, with times, states and α one after another.
+    /// Outputs and controls at points, with times, states and α one after another. Of two points at one instant, the first
+    /// is in the limit from before.
     pub fn series(
         &self,
         system: &System,
@@ -72,8 +73,13 @@ impl Reported {
         let (points, n, m) = (times.len(), system.states.len(), system.switches.len());
         // Structure of arrays: one row per input, one column per point.
         let mut table = times.to_vec();
+        let is_first = |k: usize| times.get(k + 1) == Some(&times[k]);
         for data in &system.data {
-            table.extend(times.iter().map(|&t| data.table.value(t)));
+            let value = |(k, &t): (usize, &f64)| match is_first(k) {
+                true => data.table.before(t),
+                false => data.table.value(t),
+            };
+            table.extend(times.iter().enumerate().map(value));
         }
         table.extend((0..n).flat_map(|i| (0..points).map(move |k| states[k * n + i])));
         table.extend((0..m).flat_map(|i| (0..points).map(move |k| alphas[k * m + i])));

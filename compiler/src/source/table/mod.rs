@@ -128,6 +128,16 @@ impl Table {
     pub fn value(&self, t: f64) -> f64 {
         self.piece(t).value(t)
     }
+
+    /// The limit at `t` from before.
+    pub fn before(&self, t: f64) -> f64 {
+        self.piece(t.next_down()).value(t)
+    }
+
+    /// Whether it jumps at `t`.
+    pub fn steps_at(&self, t: f64) -> bool {
+        self.fit == Fit::Hold && self.before(t) != self.value(t)
+    }
 }
 
 /// `linear: 12 rows on [0, 10]`

@@ -65,6 +65,11 @@ impl System<'_> {
         known
     }
 
+    /// Whether data jump at an instant.
+    pub fn steps_at(&self, time: f64) -> bool {
+        self.data.iter().any(|data| data.table.steps_at(time))
+    }
+
     /// Puts the sides of ψ for every α that is not a number, at a point with these states: those of outputs alone, of
     /// whose ψ no run has a series.
     ///

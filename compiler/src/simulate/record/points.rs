@@ -1,0 +1,200 @@
+//! Points of a run, and both sides of what jumps.
+//!
+//! At an instant t at which a mode changes, data step or the state is kicked, a column g has the values g(t⁻), in the row
+//! that ends a step, and g(t⁺), in a row behind it. Where no column jumps the second row says nothing, and is left out.
+
+use crate::report::{self, EventKind, Piece, Trajectory, curve};
+use crate::simulate::record::modes::ModeNames;
+use crate::system::System;
+
+/// Instants this close, relative to them, are one: those of events have the rounding of the steps up to them.
+const SAME_INSTANT: f64 = 16.0 * f64::EPSILON;
+
+/// The least jump of a column, as a share of its largest value: what is continuous over a switch differs by what it is
+/// located to.
+const LEAST_JUMP: f64 = 1e-8;
+
+pub(crate) fn is_one_instant(t: f64, other: f64) -> bool {
+    (t - other).abs() <= SAME_INSTANT * other.abs()
+}
+
+/// States that have jumped.
+#[derive(Clone, Debug)]
+pub(in crate::simulate) struct Jump {
+    pub time: f64,
+    /// The laws, in order.
+    laws: Vec<usize>,
+    /// Points recorded before.
+    pub n_points: usize,
+    pub before: Vec<f64>,
+    pub after: Vec<f64>,
+}
+
+impl Jump {
+    /// One event per law, in a mode.
+    pub fn events<'j>(
+        &'j self,
+        names: &'j ModeNames,
+        mode: &'j str,
+    ) -> impl Iterator<Item = report::Event> + 'j {
+        self.laws.iter().map(move |&law| {
+            let (surface, span) = names.law(law);
+            report::Event {
+                time: self.time,
+                kind: EventKind::Jump,
+                surface,
+                from: mode.to_owned(),
+                to: mode.to_owned(),
+                span: Some(span),
+                sliding: Vec::new(),
+            }
+        })
+    }
+}
+
+/// Values behind a point at its instant.
+#[derive(Clone, Debug)]
+pub(crate) struct Behind {
+    pub x: Vec<f64>,
+    pub alpha: Vec<f64>,
+    /// Whether they differ whatever is reported.
+    pub is_certain: bool,
+}
+
+/// What a row of a run is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Row {
+    /// The end of a step, or an instant that was asked for.
+    Point,
+    /// Inside of a step.
+    Inside,
+    /// Behind the row before it, at its instant.
+    Behind { is_certain: bool },
+}
+
+/// States and α at instants, and what jumps.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Points {
+    /// Instants, and states and α at them, one after another.
+    pub times: Vec<f64>,
+    pub states: Vec<f64>,
+    pub alphas: Vec<f64>,
+    pub(in crate::simulate) jumps: Vec<Jump>,
+    /// Values behind points, with the number of these.
+    behind: Vec<(usize, Behind)>,
+}
+
+impl Points {
+    pub fn last_instant(&self) -> Option<f64> {
+        self.times.last().copied()
+    }
+
+    /// The n states of the last point.
+    pub fn last_state(&self, n: usize) -> &[f64] {
+        &self.states[self.states.len() - n..]
+    }
+
+    /// Adds an instant behind the others.
+    pub fn push(&mut self, time: f64, x: &[f64], alpha: &[f64]) {
+        self.times.push(time);
+        self.states.extend_from_slice(x);
+        self.alphas.extend_from_slice(alpha);
+    }
+
+    /// Takes note of a jump of states by laws.
+    pub fn jump(&mut self, time: f64, laws: Vec<usize>, before: &[f64], after: &[f64]) {
+        self.jumps.push(Jump {
+            time,
+            laws,
+            n_points: self.times.len(),
+            before: before.to_vec(),
+            after: after.to_vec(),
+        });
+    }
+
+    /// Goes on from the last point with other values; behind a jump they are those of its second point.
+    pub fn go_on(&mut self, behind: Behind) {
+        let last = self.times.len() - 1;
+        let jump = self.jumps.last();
+        if jump.is_some_and(|jump| jump.n_points == last) {
+            let m = behind.alpha.len();
+            self.alphas[last * m..].copy_from_slice(&behind.alpha);
+        } else {
+            self.behind.push((last, behind));
+        }
+    }
+
+    /// The instants at which something may jump, and whether it does so for certain.
+    pub fn breaks(&self) -> Vec<(f64, bool)> {
+        let behind = self.behind.iter();
+        let behind = behind.map(|(point, behind)| (self.times[*point], behind.is_certain));
+        let jumps = self.jumps.iter().map(|jump| (jump.time, true));
+        behind.chain(jumps).collect()
+    }
+
+    /// Adds rows behind points, and those inside of steps, from their polynomials, and says what all rows are; nothing
+    /// where all are points.
+    pub(super) fn spread(&mut self, system: &System, pieces: &[Piece]) -> Vec<Row> {
+        let (n, m) = (system.states.len(), system.switches.len());
+        let span = self.last_instant().unwrap_or(0.0);
+        let mut lengths = pieces.iter().map(|piece| piece.to - piece.from);
+        if self.behind.is_empty() && !lengths.any(|length| curve::is_divided(length, span)) {
+            return Vec::new();
+        }
+        let points = std::mem::take(self);
+        self.jumps = points.jumps;
+        let parts = pieces.iter().flat_map(|piece| {
+            let instants = curve::instants(piece.from, piece.to, span);
+            instants.map(move |t| (t, piece))
+        });
+        let is_inside = |(t, piece): &(f64, &Piece)| piece.from < *t && *t < piece.to;
+        let mut parts = parts.filter(is_inside).peekable();
+        let mut behind = points.behind.iter().peekable();
+        let mut rows = Vec::new();
+        for (k, &t) in points.times.iter().enumerate() {
+            while let Some((at, piece)) = parts.next_if(|(at, _)| *at < t) {
+                let mut row = piece.at(at);
+                let (x, alpha) = row[..n + m].split_at_mut(n);
+                system.see(at, x, alpha);
+                self.push(at, x, alpha);
+                rows.push(Row::Inside);
+            }
+            // An instant of a step has one row.
+            parts.next_if(|(at, _)| *at == t);
+            self.push(
+                t,
+                &points.states[k * n..][..n],
+                &points.alphas[k * m..][..m],
+            );
+            rows.push(Row::Point);
+            if let Some((_, behind)) = behind.next_if(|(point, _)| *point == k) {
+                self.push(t, &behind.x, &behind.alpha);
+                let is_certain = behind.is_certain;
+                rows.push(Row::Behind { is_certain });
+            }
+        }
+        rows
+    }
+}
+
+/// Leaves out rows behind others where nothing jumps, and those inside of steps that straight lines do without.
+pub(super) fn tidy(trajectory: &mut Trajectory, rows: &[Row]) {
+    let mut kept: Vec<bool> = (rows.iter())
+        .map(|row| *row != Row::Behind { is_certain: false })
+        .collect();
+    if kept.contains(&false) {
+        for (_, values) in trajectory.series().flat_map(|series| series.columns()) {
+            let finite = values.iter().filter(|value| value.is_finite());
+            let size = finite.fold(0.0, |size: f64, value| size.max(value.abs()));
+            for (k, kept) in kept.iter_mut().enumerate().skip(1) {
+                *kept |= (values[k] - values[k - 1]).abs() > LEAST_JUMP * size;
+            }
+        }
+        curve::keep(trajectory, &kept);
+    }
+    let rows = rows.iter().zip(kept).filter(|(_, kept)| *kept);
+    let inside: Vec<bool> = rows.map(|(row, _)| *row == Row::Inside).collect();
+    if inside.contains(&true) {
+        curve::thin(trajectory, &inside);
+    }
+}
