@@ -305,13 +305,8 @@ impl System<'_> {
         features.map(|(own, _)| own).collect()
     }
 
-    /// The contact of several features that one is a feature of.
-    pub fn contact_with(&self, feature: &str) -> Option<&str> {
-        self.features().find(|(own, _)| *own == feature)?.1
-    }
-
     /// The names of all contacts, with that of the contact of several features where one is among these.
-    fn features(&self) -> impl Iterator<Item = (&str, Option<&str>)> {
+    pub fn features(&self) -> impl Iterator<Item = (&str, Option<&str>)> {
         let contacts = self.contacts.iter().map(|c| (&c.name, &c.feature_of));
         let impulsive = self.impulsive.iter().map(|c| (&c.name, &c.feature_of));
         let all = contacts.chain(impulsive);

@@ -11,7 +11,7 @@ use crate::system::switches::interaction::{positions, subsystems};
 impl System<'_> {
     /// Names the first invariant that does not hold.
     pub fn verify(&self) -> Result<(), String> {
-        let alphas = self.alphas();
+        let alphas = alphas_of(&self.switches);
         verify_terms(self, &alphas)?;
         verify_affine(self, &alphas)?;
         verify_surfaces(self, &alphas)?;
@@ -20,14 +20,14 @@ impl System<'_> {
         }
         verify_subsystems(self, &alphas)
     }
+}
 
-    /// The variables α_i.
-    pub fn alphas(&self) -> Vec<Var> {
-        self.switches
-            .iter()
-            .filter_map(|switch| switch.alpha.as_variable())
-            .collect()
-    }
+/// The variables α_i.
+pub(super) fn alphas_of(switches: &[Switch<'_>]) -> Vec<Var> {
+    let alphas = switches.iter();
+    alphas
+        .filter_map(|switch| switch.alpha.as_variable())
+        .collect()
 }
 
 /// Rates and weights of regions, by name.

@@ -351,10 +351,10 @@ fn surfaces(subject: &Subject<'_, '_>) -> String {
     // A contact that is the smallest of several stands before them.
     let mut names: Vec<String> = Vec::new();
     for (_, switch) in switches.filter(|(k, _)| !indicated(k)) {
-        let owner = subject
-            .system
-            .contact_with(&switch.name)
-            .map(|name| format!("`{name}`"));
+        let mut features = subject.system.features();
+        let feature = features.find(|(own, _)| *own == switch.name);
+        let owner = feature.and_then(|(_, owner)| owner);
+        let owner = owner.map(|name| format!("`{name}`"));
         names.extend(owner.filter(|owner| !names.contains(owner)));
         names.push(format!("`{}`", switch.name));
     }

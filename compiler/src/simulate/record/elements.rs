@@ -31,6 +31,8 @@ pub(crate) struct Elements<'s, 'e> {
     points: Points,
     pieces: Vec<Piece>,
     sides: Vec<(f64, Box<[Side]>)>,
+    /// Whether controls have other values from here on, be they the same.
+    controls_step: bool,
 }
 
 impl<'s, 'e> Elements<'s, 'e> {
@@ -41,7 +43,13 @@ impl<'s, 'e> Elements<'s, 'e> {
             points: Points::default(),
             pieces: Vec::new(),
             sides: Vec::new(),
+            controls_step: false,
         }
+    }
+
+    /// An interval of controls begins.
+    pub fn step_controls(&mut self) {
+        self.controls_step = true;
     }
 
     /// The state at an instant.
@@ -85,15 +93,15 @@ impl<'s, 'e> Elements<'s, 'e> {
             coefficients.resize(coefficients.len() + rest, 0.0);
         }
         let has_turned = self.sides.last().is_some_and(|(_, last)| *last != sides);
-        let is_stepped = system.steps_at(from);
-        if self.points.last_instant() == Some(from) && (has_turned || is_stepped) {
+        let is_certain = std::mem::take(&mut self.controls_step);
+        let changes = has_turned || is_certain || system.steps_at(from);
+        if self.points.last_instant() == Some(from) && changes {
             let m = system.switches.len();
             let alphas = coefficients[n * n_coefficients..].iter();
             self.points.go_on(Behind {
                 x: x[0].to_vec(),
                 alpha: alphas.step_by(n_coefficients).take(m).copied().collect(),
-                // How small a step of a control may be is no question of its accuracy.
-                is_certain: is_stepped,
+                is_certain,
             });
         }
         self.sides.push((from, sides));

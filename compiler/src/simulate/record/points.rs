@@ -11,8 +11,8 @@ use crate::system::System;
 const SAME_INSTANT: f64 = 16.0 * f64::EPSILON;
 
 /// The least jump of a column, as a share of its largest value: what is continuous over a switch differs by what it is
-/// located to.
-const LEAST_JUMP: f64 = 1e-8;
+/// located to, and controls of an optimum by what it is solved to.
+const LEAST_JUMP: f64 = 1e-6;
 
 pub(crate) fn is_one_instant(t: f64, other: f64) -> bool {
     (t - other).abs() <= SAME_INSTANT * other.abs()

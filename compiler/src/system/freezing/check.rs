@@ -6,6 +6,7 @@ use super::contact::{Contact, Slip, refused};
 use super::{Meeting, alpha, fixed, slope};
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::switches::affine::at;
+use crate::system::verify::alphas_of;
 use crate::system::{Role, System, SystemError};
 
 /// Entries of a mass below this share of others are rounding.
@@ -17,7 +18,7 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
         let what = format!("`{}`, which is held or fitted data", data.name);
         return Err(refused(system, what, data.span));
     }
-    let alphas = system.alphas();
+    let alphas = alphas_of(&system.switches);
     let closed = system.switches.iter().enumerate();
     let closed: Vec<Var> = (closed.filter(|(_, switch)| switch.unilateral))
         .map(|(k, _)| alpha(system, k))

@@ -23,6 +23,7 @@ use super::{Partition, Readings, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
 use crate::system::switches::affine::at;
+use crate::system::verify::alphas_of;
 
 /// A system in numerical time, and the way back to the one it comes from.
 #[derive(Clone, Debug)]
@@ -278,7 +279,7 @@ impl<'e> Motion<'_, 'e> {
         whole.clock = Some(clock);
         (whole.switches, whole.partitions) = (self.switches, self.partitions);
         let rates: Vec<Expr<'e>> = whole.states.iter().map(|state| state.rate).collect();
-        whole.subsystems = subsystems_of(&rates, &whole.alphas(), &whole.partitions);
+        whole.subsystems = subsystems_of(&rates, &alphas_of(&whole.switches), &whole.partitions);
         // What is recorded, watched and read is that of the original.
         (whole.outputs, whole.controls, whole.limits) = (Vec::new(), Vec::new(), Vec::new());
         (whole.groups, whole.skipped) = (Vec::new(), Vec::new());

@@ -3,6 +3,7 @@
 use super::{along, alpha, numbers};
 use crate::expr::{Expr, Substitution, Var};
 use crate::system::System;
+use crate::system::verify::alphas_of;
 
 /// What is known of the start; controls that are decided count as zero.
 pub(super) struct Start<'s, 'e> {
@@ -19,7 +20,7 @@ impl<'s, 'e> Start<'s, 'e> {
         Start {
             system,
             numbers: numbers(system),
-            alphas: system.alphas(),
+            alphas: alphas_of(&system.switches),
             contacts: contacts.map(|(k, _)| alpha(system, k)).collect(),
         }
     }
