@@ -158,7 +158,7 @@ fn rest(n: usize, horizon: f64) {
         print(&format!(
             "{n} discs for {horizon} s in {steps} steps: {seconds:.2} s; depth {:.1e}, energy gained {:.1e} of its start, \
              slower than 1 mm/s since {:.2} s, {:.1e} m/s at the end, {} steps without rebound",
-            solution.penetration,
+            solution.outcome.violation,
             falling.gain / falling.first,
             falling.slow_since,
             falling.speed,

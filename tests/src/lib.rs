@@ -317,3 +317,23 @@ pub fn assert_near(found: &[f64], exact: &[f64], within: f64) {
         "{found:?} is not {exact:?} within {within:e}"
     );
 }
+
+/// The larger one of two errors; what is no number is larger than any.
+pub fn larger(one: f64, other: f64) -> f64 {
+    match one.is_nan() || other.is_nan() {
+        true => f64::INFINITY,
+        false => one.max(other),
+    }
+}
+
+/// The largest difference of numbers.
+///
+/// # Panics
+///
+/// When there are not as many.
+#[track_caller]
+pub fn distance(one: &[f64], other: &[f64]) -> f64 {
+    assert_eq!(one.len(), other.len(), "{one:?} and {other:?}");
+    let differences = one.iter().zip(other).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, larger)
+}

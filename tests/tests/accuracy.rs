@@ -2,18 +2,11 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::{end, run, with_experiment};
+use nsd_tests::{distance, end, run, with_experiment};
 use nsdc::report::{EventKind, Status};
 
 const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");
 const INTERSECTIONS: &str = include_str!("../../examples/intersections.nsd");
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    a.iter()
-        .zip(b)
-        .fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()))
-}
 
 fn oscillator_end() -> [f64; 2] {
     let (radius, angle) = ((PI / 2.0 - 1.0).exp(), 2.0 * PI * (PI / 2.0 - 1.0));

@@ -7,7 +7,7 @@ use std::f64::consts::{LN_2, PI, SQRT_2};
 
 use nalgebra::{DMatrix, DVector};
 use nsd_tests::affine::{Affine, Form, Kind, Surface, exact};
-use nsd_tests::{end, run, with_experiment};
+use nsd_tests::{end, larger, run, with_experiment};
 use nsdc::report::Trajectory;
 use nsdc::simulate::{self, Request};
 
@@ -78,7 +78,7 @@ fn error(trajectory: &Trajectory, exact: impl Fn(f64) -> Vec<f64>) -> f64 {
         let found = trajectory.states.iter().flat_map(|series| series.at(k));
         assert_eq!(exact.len(), n);
         for (i, (x, exact)) in found.zip(exact).enumerate() {
-            error[i] = error[i].max((x - exact).abs());
+            error[i] = larger(error[i], (x - exact).abs());
             scale[i] = scale[i].max(exact.abs());
         }
     }

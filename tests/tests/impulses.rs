@@ -1,7 +1,7 @@
 //! Contacts by finite elements with jumps between them (`lower impact`): closed forms, agreement with runs from event to
 //! event, orders, printed forms, and what is refused.
 
-use nsd_tests::{agrees, run, solved_optimum, times, with_experiment};
+use nsd_tests::{agrees, larger, run, solved_optimum, times, with_experiment};
 use nsdc::lowering::dcs;
 use nsdc::lowering::discretize;
 use nsdc::lowering::discretize::{Grid, discretize};
@@ -278,7 +278,9 @@ fn the_order_is_that_of_the_scheme() {
              }}"
         ));
         let both = found.states.iter().zip(&exact.states);
-        both.fold(0.0, |m: f64, (a, b)| m.max((last(a)[0] - last(b)[0]).abs()))
+        both.fold(0.0, |most, (a, b)| {
+            larger(most, (last(a)[0] - last(b)[0]).abs())
+        })
     };
     for (nodes, steps, order) in [(2, 20, 3.0), (3, 6, 5.0)] {
         let (coarse, fine) = (error(steps, nodes), error(2 * steps, nodes));

@@ -1,6 +1,6 @@
 //! Contacts in steps of time against closed forms, and what must hold of piles.
 
-use nsd_tests::{end, run, times};
+use nsd_tests::{end, larger, run, times};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 /// A ball of mass 2 above a floor.
@@ -58,7 +58,7 @@ fn a_ball_bounces_with_order_one() {
     let error = |coarse: usize| {
         let grids = (0..9).map(|k| coarse + coarse * k / 9);
         let errors = grids.map(|steps| (end(&ball(e, 1.0, horizon, steps), "q")[0] - exact).abs());
-        errors.fold(0.0, f64::max)
+        errors.fold(0.0, larger)
     };
     let order = (error(300) / error(4800)).log(16.0);
     assert!((0.8..1.2).contains(&order), "order {order}");

@@ -1,7 +1,7 @@
 //! Friction in two directions in steps of time, against closed forms.
 
 use nsd_tests::bodies::Body;
-use nsd_tests::{end, run, times};
+use nsd_tests::{distance, end, larger, run, times};
 use nsdc::report::{EventKind, Status, Trajectory};
 
 fn solved(text: &str) -> Trajectory {
@@ -24,13 +24,6 @@ fn moved(body: &Body, horizon: f64, steps: usize) -> Trajectory {
     ))
 }
 
-/// Largest difference of numbers.
-fn off(found: &[f64], exact: &[f64]) -> f64 {
-    assert_eq!(found.len(), exact.len());
-    let pairs = found.iter().zip(exact);
-    pairs.fold(0.0, |most, (a, b)| most.max((a - b).abs()))
-}
-
 /// It falls for √0.2, loses μ√20 of its speed √5, and slides on by (√5 - μ√20)²/(2μg), along (2, 1).
 #[test]
 fn a_thrown_ball_slides_along_its_line_and_rests() {
@@ -45,12 +38,12 @@ fn a_thrown_ball_slides_along_its_line_and_rests() {
     let left = 5.0_f64.sqrt() - 0.2 * 20.0_f64.sqrt();
     let way = (1.0 + left * left / 4.0) / 5.0_f64.sqrt();
     let exact = [2.0 * way, way, 0.0];
-    assert!(off(&exact, &[1.296_919, 0.648_460, 0.0]) < 1e-6);
+    assert!(distance(&exact, &[1.296_919, 0.648_460, 0.0]) < 1e-6);
     // Whether a step ends just before or just behind the impact is chance, so that errors of many grids are compared.
     let error = |coarse: usize| {
         let grids = (0..9).map(|k| coarse + coarse * k / 9);
-        let errors = grids.map(|steps| off(&end(&moved(&ball, 2.0, steps), "q"), &exact));
-        errors.fold(0.0, f64::max)
+        let errors = grids.map(|steps| distance(&end(&moved(&ball, 2.0, steps), "q"), &exact));
+        errors.fold(0.0, larger)
     };
     let (coarse, fine) = (error(100), error(1600));
     let order = (coarse / fine).log(16.0);
@@ -59,7 +52,7 @@ fn a_thrown_ball_slides_along_its_line_and_rests() {
         "order {order}: {coarse}, {fine}"
     );
     let found = moved(&ball, 2.0, 4000);
-    assert!(off(&end(&found, "v"), &[0.0; 3]) <= 1e-12);
+    assert!(distance(&end(&found, "v"), &[0.0; 3]) <= 1e-12);
     let (closes, sticks) = (0.2_f64.sqrt(), 0.2_f64.sqrt() + left / 2.0);
     for (kind, exact) in [
         (EventKind::ContactClose, closes),
@@ -126,7 +119,7 @@ fn a_pulled_block_slides_along_a_curve() {
         assert!((whole[0] - c * c / (4.0 * f * (k * k - 1.0))).abs() <= 1e-14);
         assert!((whole[1] - 2.0 * c * c * k / (f * (4.0 * k * k - 1.0))).abs() <= 1e-14);
         for (horizon, exact) in [(curve.time(0.5), half), (1.5 * stop, whole)] {
-            let errors = [100, 1600].map(|steps| off(&curve.run(0.7, horizon, steps), &exact));
+            let errors = [100, 1600].map(|steps| distance(&curve.run(0.7, horizon, steps), &exact));
             let order = (errors[0] / errors[1]).log(16.0);
             assert!(
                 order > 0.9 && errors[1] <= 2e-3,
@@ -161,7 +154,7 @@ fn a_block_on_a_tilted_plane_sticks_or_slides_straight_down() {
         let slides = moved(&block(1.0 / n), 1.0, 50);
         let exact = [0.3 + 0.3, -0.2 + 0.4, 0.0, 0.6, 0.8, 0.0];
         let found = [end(&slides, "q"), end(&slides, "v")].concat();
-        assert!(off(&found, &exact) <= 1e-12, "{found:?}");
+        assert!(distance(&found, &exact) <= 1e-12, "{found:?}");
         assert_eq!(
             slides.modes.last().map(|m| m.mode.as_str()),
             Some("slip(floor)")
@@ -180,7 +173,7 @@ fn directions_of_slip_may_be_turned() {
     for turned in [0.1, 0.8, 1.6, 3.0, 5.5] {
         let found = curve.run(turned, 2.0, 100);
         assert!(
-            off(&found, &straight) <= 1e-11,
+            distance(&found, &straight) <= 1e-11,
             "{turned}: {found:?} for {straight:?}"
         );
     }
@@ -211,7 +204,7 @@ fn an_impact_turns_the_slip_of_an_uneven_mass() {
              simulate this of m {{ horizon 1; method timestepping {{ steps = 1; }} }}"
         ));
         let v = end(&found, "v");
-        assert!(off(&v, &[3.0, 4.0, 0.0]) <= 1e-12, "{v:?}");
+        assert!(distance(&v, &[3.0, 4.0, 0.0]) <= 1e-12, "{v:?}");
     }
 }
 
@@ -253,11 +246,14 @@ fn a_stool_on_three_legs_stops_to_spin() {
     // 3 μ (m g/3) R / I = 12.
     let spins = stool([0.0, 0.0], 6.0, 0.25, 50);
     let v = end(&spins, "v");
-    assert!(off(&v, &[0.0, 0.0, 0.0, 0.0, 0.0, 3.0]) <= 1e-10, "{v:?}");
+    assert!(
+        distance(&v, &[0.0, 0.0, 0.0, 0.0, 0.0, 3.0]) <= 1e-10,
+        "{v:?}"
+    );
     // It slides while it spins, and both end together (Farkas, Bartels, Unger & Wolf 2003).
     let steps = 1000;
     let slides = stool([1.0, 0.4], 6.0, 1.0, steps);
-    assert!(off(&end(&slides, "v"), &[0.0; 6]) <= 1e-12);
+    assert!(distance(&end(&slides, "v"), &[0.0; 6]) <= 1e-12);
     let energy = &slides
         .outputs
         .iter()
@@ -385,11 +381,14 @@ fn friction_moves_a_body_that_is_in_no_gap() {
              simulate this of pile {{ horizon 1; method timestepping {{ steps = 400; }} }}"
         ));
         let speeds = [end(&found, "u")[0], end(&found, "v")[0]];
-        assert!(off(&speeds, &[0.5, 0.5]) <= 1e-12, "{slip} {speeds:?}");
+        assert!(distance(&speeds, &[0.5, 0.5]) <= 1e-12, "{slip} {speeds:?}");
         let ways = [end(&found, "x")[0], end(&found, "y")[0]];
-        assert!(off(&ways, &[0.4375, 0.5625]) <= 2e-3, "{slip} {ways:?}");
+        assert!(
+            distance(&ways, &[0.4375, 0.5625]) <= 2e-3,
+            "{slip} {ways:?}"
+        );
         let sticks = times(&found, EventKind::Stick);
-        assert!(off(&sticks, &[0.25]) <= 2.5e-3, "{slip} {sticks:?}");
+        assert!(distance(&sticks, &[0.25]) <= 2.5e-3, "{slip} {sticks:?}");
         // Nothing leaves the floor: what rounds to there says nothing of the error.
         assert!(found.error_estimate.is_some_and(|error| error < 0.1));
         // It lies there from the start.

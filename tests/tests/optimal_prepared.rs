@@ -7,7 +7,7 @@ use nsdc::optimize::{PrepareError, Prepared, SolveError, Solved};
 use nsdc::report::{Confirmation, EventKind, Series, Status, Trajectory};
 use nsdc::{Options, Project};
 
-use nsd_tests::{agrees, times};
+use nsd_tests::{agrees, larger, times};
 
 fn prepared<'e>(exprs: &'e Exprs, text: &str) -> (Project, Prepared<'e>) {
     let project = Project::from_text("test.nsd", text);
@@ -65,7 +65,7 @@ fn differ(one: &[Series], other: &[Series]) -> f64 {
         );
         a.values.iter().zip(&b.values)
     });
-    pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
+    pairs.fold(0.0, |most, (a, b)| larger(most, (a - b).abs()))
 }
 
 /// Solves from one state after the other, each from the solution before, without a new expression, as if the problem

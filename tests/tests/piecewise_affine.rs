@@ -8,7 +8,7 @@ use std::thread;
 
 use nsd_tests::affine::Affine;
 use nsd_tests::affine::exact::{End, Leg, Solution, solve};
-use nsd_tests::{end, run};
+use nsd_tests::{end, larger, run};
 use nsdc::report::{Side, Status, Trajectory};
 
 /// What the systems of one test have been about.
@@ -179,11 +179,7 @@ fn is_accurate(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> 
     for (k, &t) in trajectory.time.iter().enumerate() {
         let exact = solution.state(t);
         for (i, x) in states.at(k).iter().enumerate() {
-            let missed = match (x - exact[i]).abs() {
-                missed if missed.is_nan() => f64::INFINITY,
-                missed => missed,
-            };
-            error[i] = error[i].max(missed);
+            error[i] = larger(error[i], (x - exact[i]).abs());
             scale[i] = scale[i].max(exact[i].abs());
         }
     }

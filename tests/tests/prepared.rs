@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::hybrid::Status;
-use nsd_tests::{end, run};
+use nsd_tests::{assert_near, end, run};
 use nsdc::lowering::hybrid::Structural;
 use nsdc::project::prepared::{NotPrepared, NotRun, Prepared};
 
@@ -13,6 +13,17 @@ struct Silent;
 impl Observer for Silent {
     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
         ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: &Event) {}
+}
+
+/// Ends a run behind its first step.
+struct Stops;
+
+impl Observer for Stops {
+    fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
+        ControlFlow::Break(())
     }
 
     fn event(&mut self, _: &Event) {}
@@ -203,29 +214,20 @@ fn finite_elements_with_contacts_take_other_numbers() {
     both_with((pushed, settings), 1.0, &["mu", "push"], &values, 1e-11);
 }
 
-/// The same from other states, to other horizons, on two threads: from q = h the ball falls √(2h/g), and its bounce has e of
-/// its speed.
+/// From q = h the ball falls √(2h/g), and its bounce has e of its speed.
 #[test]
 fn threads_share_contacts_by_finite_elements() {
-    let settings = "horizon 0.9; lower impact; method fesd { steps = 6; elements = 2; }";
-    let text = format!("{BOUNCES} simulate s of m {{ {settings} }}");
-    let prepared = prepared(&text, &["g", "e"]).expect("it is prepared");
-    let check = |runs: [[f64; 4]; 2]| {
-        let mut own = prepared.runs();
-        for [g, e, h, horizon] in runs {
-            let found = own.run(&[g, e], Some(&[h, 0.0]), horizon, &mut Silent);
-            let found = found.expect("the numbers are in range");
-            assert_eq!(found.status, Status::Solved);
-            let fall = f64::sqrt(2.0 * h / g);
-            let s = horizon - fall;
-            let exact = s * (e * g * fall - 0.5 * g * s);
-            let apart = (found.x[0] - exact).abs();
-            assert!(apart <= 1e-11, "{g}, {e}, {h}, {horizon}: off by {apart:e}");
-        }
-    };
-    std::thread::scope(|scope| {
-        scope.spawn(|| check([[9.81, 0.5, 1.0, 0.7], [9.0, 0.6, 0.8, 0.8]]));
-        scope.spawn(|| check([[8.0, 0.7, 1.0, 0.9], [12.0, 0.5, 0.9, 0.6]]));
+    let runs = [
+        [9.81, 0.5, 1.0, 0.7],
+        [9.0, 0.6, 0.8, 0.8],
+        [8.0, 0.7, 1.0, 0.9],
+        [12.0, 0.5, 0.9, 0.6],
+    ];
+    let settings = "lower impact; method fesd { steps = 6; elements = 2; }";
+    shares(settings, 0.0, runs, |[g, e, h, horizon]| {
+        let fall = f64::sqrt(2.0 * h / g);
+        let (s, speed) = (horizon - fall, e * g * fall);
+        [s * (speed - 0.5 * g * s), speed - g * s]
     });
 }
 
@@ -244,6 +246,17 @@ fn contacts_by_finite_elements_say_why_they_end() {
     // The bounces take e, e², .. of twice the fall each: √0.2 (1 + 2 e/(1 - e)) in all, in the 14th step.
     assert_eq!(outcome.status, Status::Accumulation);
     assert!((outcome.time - 1.3).abs() <= 1e-12, "{}", outcome.time);
+    let beyond = prepared.runs().run(&[1.5], None, 2.0, &mut Silent);
+    let beyond = beyond.expect("the run looks at laws where contacts strike");
+    assert!(
+        matches!(beyond.status, Status::Coefficient { .. }),
+        "{:?}",
+        beyond.status
+    );
+    let stopped = prepared.runs().run(&[0.5], None, 2.0, &mut Stops);
+    let stopped = stopped.expect("the numbers are in range");
+    assert_eq!(stopped.status, Status::Stopped);
+    assert!(stopped.time < 2.0);
 }
 
 /// A block that is thrown and comes to rest, and a stack of two: forces, masses, laws, and a floor that moves.
@@ -279,27 +292,22 @@ fn steps_through_contacts_take_other_numbers() {
     both_with((STACK, settings), 1.0, &names, &values, 1e-11);
 }
 
-/// On two threads, from other states and to other horizons: where each of them ends that is compiled with its numbers.
-fn shares((model, settings): (&str, &str), within: f64, runs: [[f64; 4]; 4]) {
-    let text = |horizon: f64, with: &str| {
-        format!("{model} simulate s of m {{ horizon {horizon:?}; {settings} {with} }}")
-    };
-    let prepared = prepared(&text(1.0, ""), &["g", "e"]).expect("it is prepared");
+/// On two threads, a ball with other numbers g and e, from other heights h with the speed v, and to other horizons.
+fn shares(
+    settings: &str,
+    v: f64,
+    runs: [[f64; 4]; 4],
+    exact: impl Fn([f64; 4]) -> [f64; 2] + Sync,
+) {
+    let text = format!("{BOUNCES} simulate s of m {{ horizon 1; {settings} }}");
+    let prepared = prepared(&text, &["g", "e"]).expect("it is prepared");
     let check = |runs: &[[f64; 4]]| {
         let mut own = prepared.runs();
         for &[g, e, h, horizon] in runs {
-            let found = own.run(&[g, e], Some(&[h, -1.0]), horizon, &mut Silent);
+            let found = own.run(&[g, e], Some(&[h, v]), horizon, &mut Silent);
             let found = found.expect("the numbers are in range");
             assert_eq!(found.status, Status::Solved);
-            let with = format!("with {{ g = {g:?}; e = {e:?}; q = {h:?}; v = -1; }}");
-            let fresh = run(&text(horizon, &with), "s");
-            for (x, name) in found.x.iter().zip(["q", "v"]) {
-                let apart = (x - end(&fresh, name)[0]).abs();
-                assert!(
-                    apart <= within,
-                    "{settings} {g}, {e}, {h}: off by {apart:e}"
-                );
-            }
+            assert_near(&found.x, &exact([g, e, h, horizon]), 1e-11);
         }
     };
     let (first, second) = runs.split_at(2);
@@ -324,7 +332,12 @@ fn threads_share_steps_through_contacts() {
         [12.0, 1.0, 0.9, 0.6],
     ];
     let steps = "method timestepping { steps = 250; }";
-    shares((BOUNCES, steps), 1e-11, runs);
+    shares(steps, -1.0, runs, |[g, e, h, horizon]| {
+        let with = format!("with {{ g = {g:?}; e = {e:?}; q = {h:?}; v = -1; }}");
+        let fresh = format!("{BOUNCES} simulate s of m {{ horizon {horizon:?}; {steps} {with} }}");
+        let fresh = run(&fresh, "s");
+        ["q", "v"].map(|name| end(&fresh, name)[0])
+    });
 }
 
 /// With k = 1 the two branches happen to meet: with another k the state slides, or jumps away.

@@ -1,6 +1,6 @@
 //! Both sides of what jumps in tables: an instant with a jump has two rows, and every other one has one.
 
-use nsd_tests::{optimum, solved};
+use nsd_tests::{DataFiles, assert_near, run_with_data, solved, solved_optimum};
 use nsdc::report::{Series, Trajectory};
 use nsdc::{Options, Project};
 
@@ -28,12 +28,11 @@ fn doubled(rows: &[Vec<f64>]) -> Vec<[&[f64]; 2]> {
     pairs.map(|pair| [&pair[0][..], &pair[1][..]]).collect()
 }
 
+#[track_caller]
 fn assert_rows(found: &[Vec<f64>], exact: &[&[f64]], within: f64) {
     assert_eq!(found.len(), exact.len(), "{found:?}");
     for (found, exact) in found.iter().zip(exact) {
-        for (a, b) in found.iter().zip(*exact) {
-            assert!((a - b).abs() <= within, "{found:?}, not {exact:?}");
-        }
+        assert_near(found, exact, within);
     }
 }
 
@@ -154,7 +153,11 @@ fn a_kick_has_two_rows() {
             assert!((rate - 1.0).abs() <= 1e-12, "{when}: {pair:?}");
         }
         // What the kicks do is no error.
-        assert!(trajectory.error_estimate < Some(1e-12), "{when}");
+        let estimate = trajectory.error_estimate;
+        assert!(
+            estimate.is_some_and(|error| error < 1e-12),
+            "{when}: {estimate:?}"
+        );
     }
 }
 
@@ -174,6 +177,73 @@ fn what_is_held_has_two_rows_where_it_jumps() {
     assert!(doubled(&rows(&solved(text, "bends"), &["g"])).is_empty());
 }
 
+/// A state jumps at 1/2 and a ball comes to rest at 3/2, where nothing is sampled; at 1 an output jumps with a switch, and
+/// another with time.
+#[test]
+fn jumps_between_samples_leave_the_rows_of_samples() {
+    let text = "
+        model m {
+          state x = 0; state w = 0;
+          x' = 1; w' = 1;
+          jump reset when w > 0.5 { w := -9; }
+          output f = floor(time);
+          output g = if x > 1 then 5 else 2;
+        }
+        simulate s of m { horizon 1.5; output x, w, f, g every 1; }
+        model ball {
+          state q = 0.5; state v = 0;
+          q' = v;
+          mechanics q, v { mass = 1; force = -9.81; contact floor { gap = q; restitution = 0.2; } }
+          output f = floor(time);
+        }
+        simulate rests of ball { horizon 1.5; output q, f every 1; }";
+    let found = rows(&solved(text, "s"), &["x", "w", "f", "g"]);
+    let exact: [&[f64]; 4] = [
+        &[0.0, 0.0, 0.0, 0.0, 2.0],
+        &[1.0, 1.0, -8.5, 0.0, 2.0],
+        &[1.0, 1.0, -8.5, 1.0, 5.0],
+        &[1.5, 1.5, -8.0, 1.0, 5.0],
+    ];
+    assert_rows(&found, &exact, 1e-12);
+    let rests = rows(&solved(text, "rests"), &["q", "f"]);
+    let pairs = doubled(&rests);
+    let [[before, behind]] = pairs[..] else {
+        panic!("{rests:?}");
+    };
+    assert_eq!([before[0], before[2], behind[2]], [1.0, 0.0, 1.0]);
+}
+
+/// Data that are held jump at 1/2, and at 1, the end.
+#[test]
+fn data_that_are_held_have_two_rows_where_they_jump() {
+    for (settings, within) in [
+        ("", 1e-12),
+        ("output every 0.5;", 1e-12),
+        ("method fesd;", 1e-9),
+    ] {
+        let text = format!(
+            "model m {{ signal d = table(\"d.csv\", \"w\", fit = hold); state x = 0; x' = 1 + d; output f = d; output l = log(2 - d); }}
+             simulate r of m {{ horizon 1; {settings} }}"
+        );
+        let data = DataFiles(vec![("d.csv", "t,w\n0,0\n0.5,1\n1,3\n".to_owned())]);
+        let trajectory = run_with_data(&text, &data, "r");
+        let found = rows(&trajectory, &["x", "f"]);
+        let [[a, b], [c, d]] = doubled(&found)[..] else {
+            panic!("{settings}: {found:?}");
+        };
+        let pairs = [a, b, c, d].map(<[f64]>::to_vec);
+        let exact: [&[f64]; 4] = [
+            &[0.5, 0.5, 0.0],
+            &[0.5, 0.5, 1.0],
+            &[1.0, 1.5, 1.0],
+            &[1.0, 1.5, 3.0],
+        ];
+        assert_rows(&pairs, &exact, within);
+        // What is no number behind a jump has jumped.
+        assert!(rows(&trajectory, &["l"])[found.len() - 1][1].is_nan());
+    }
+}
+
 /// The mean of 2 t over each quarter: the least squares by a control that is constant there.
 #[test]
 fn a_control_has_two_rows_where_its_intervals_meet() {
@@ -186,7 +256,7 @@ fn a_control_has_two_rows_where_its_intervals_meet() {
             "model m {{ state x = 0; control u in [-9, 9]; x' = u; }}
              optimize follows of m {{ horizon 1; intervals 4; {when} minimize integral((u - 2*time)^2); }}"
         );
-        let found = rows(&optimum(&text, "follows"), &["x", "u"]);
+        let found = rows(&solved_optimum(&text, "follows"), &["x", "u"]);
         let pairs = doubled(&found);
         let exact = [0.25, 0.5, 0.75];
         assert_eq!(pairs.len(), exact.len(), "{when}: {found:?}");

@@ -2,14 +2,8 @@
 //! values.
 
 use nsd_tests::stress::{relay_exactly, root};
-use nsd_tests::{end, run};
+use nsd_tests::{distance, end, run};
 use nsdc::report::{EventKind, Status, Trajectory};
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len(), "{a:?} and {b:?}");
-    let pairs = a.iter().zip(b);
-    pairs.fold(0.0, |most, (a, b)| most.max((a - b).abs()))
-}
 
 fn assert_solved(trajectory: &Trajectory, most_steps: u64) {
     assert_eq!(trajectory.status, Status::Solved);

@@ -40,7 +40,8 @@ pub use function::{BinaryFunction, Definition, Function, Steep, Unit};
 pub use interval::Interval;
 pub use operators::{dot, sum};
 pub use rewrite::{
-    Reach, Substitution, children, n_nodes_of, rewrite, rewrite_all, transform, variables_of,
+    Reach, Substitution, children, has_kinks, n_nodes_of, rewrite, rewrite_all, transform,
+    variables_of,
 };
 
 /// The owner of all nodes.

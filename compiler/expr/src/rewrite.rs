@@ -95,6 +95,20 @@ pub fn children(e: Expr<'_>) -> Vec<Expr<'_>> {
     }
 }
 
+/// Whether something inside of an expression has a kink or a step.
+pub fn has_kinks(expr: Expr<'_>) -> bool {
+    let mut found = false;
+    rewrite(expr, &mut |e| {
+        found |= match e.node() {
+            Node::Unary(function, _) => function.is_nonsmooth(),
+            Node::Binary(function, ..) => function.is_nonsmooth(),
+            _ => false,
+        };
+        e
+    });
+    found
+}
+
 /// The variables below the expressions, in order of creation.
 pub fn variables_of(roots: &[Expr]) -> Vec<Var> {
     let Some(first) = roots.first() else {

@@ -315,11 +315,13 @@ pub struct Targets<'a> {
 impl<'a> Targets<'a> {
     /// Those that there are.
     pub fn all(self) -> impl Iterator<Item = &'a Path> {
-        let figures = [self.plot, self.animate, self.parquet];
-        let all = [self.json, self.csv, self.events]
+        let results = [self.json, self.csv, self.events];
+        let figures = [self.plot, self.animate];
+        results
             .into_iter()
-            .chain(figures);
-        all.flatten()
+            .chain(figures)
+            .chain([self.parquet])
+            .flatten()
     }
 
     /// Whether results take the place of the report.

@@ -17,7 +17,7 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     let plot = compiled.settings.figures.plot.as_ref();
     let sheet = plot.map(|plot| plot.sheet.clone()).unwrap_or_default();
     let (title, width) = (sheet.title.as_deref(), sheet.width);
-    if let Some(plot) = plot.filter(|plot| plot.drawn().next().is_some()) {
+    if let Some(plot) = plot.filter(|plot| !plot.is_empty()) {
         let fine = drawn(compiled, trajectory, plot);
         return Figure {
             title,
@@ -144,7 +144,7 @@ fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
 /// What the experiment plots, where it says so, at as many instants as its curves need to look smooth.
 pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Trajectory> {
     let plot = compiled.settings.figures.plot.as_ref();
-    let plot = plot.filter(|plot| plot.drawn().next().is_some())?;
+    let plot = plot.filter(|plot| !plot.is_empty())?;
     Some(drawn(compiled, trajectory, plot))
 }
 

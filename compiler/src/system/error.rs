@@ -507,7 +507,7 @@ pub enum SystemError {
         text: String,
         on: String,
         help: String,
-        #[label("of time, numbers and fixed parameters only")]
+        #[label("neither known before the run nor within declared ranges")]
         span: Span,
     },
 

@@ -4,7 +4,7 @@ use rustc_hash::FxHashSet;
 
 use super::regions::are_weights;
 use super::{Body, Contact, Impulsive, Output, Role, Subsystem, Switch, System, Task};
-use crate::expr::{Expr, Node, Var, rewrite, variables_of};
+use crate::expr::{Expr, Var, has_kinks, variables_of};
 use crate::system::switches::affine::is_affine;
 use crate::system::switches::interaction::{positions, subsystems};
 
@@ -55,7 +55,7 @@ fn verify_terms(system: &System<'_>, alphas: &[Var]) -> Result<(), String> {
         .chain(system.impulsive.iter().flat_map(Impulsive::exprs))
         .chain(system.bodies.iter().flat_map(Body::exprs))
         .collect();
-    if all.iter().any(|&e| has_nonsmooth_node(e)) {
+    if all.iter().any(|&e| has_kinks(e)) {
         return Err("a nonsmooth term is left".into());
     }
     let controls = system.task.iter().flat_map(|task| &task.controls);
@@ -129,17 +129,4 @@ fn verify_subsystems(system: &System<'_>, alphas: &[Var]) -> Result<(), String> 
         true => Ok(()),
         false => Err("the subsystems are no partition of the switches".into()),
     }
-}
-
-fn has_nonsmooth_node(e: Expr<'_>) -> bool {
-    let mut found = false;
-    rewrite(e, &mut |node| {
-        found |= match node.node() {
-            Node::Unary(function, _) => function.is_nonsmooth(),
-            Node::Binary(function, ..) => function.is_nonsmooth(),
-            _ => false,
-        };
-        node
-    });
-    found
 }

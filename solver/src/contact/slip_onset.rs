@@ -223,13 +223,7 @@ impl SlipOnset<'_> {
                 ends.push(0.5 * (1.0 - dot(one.u[0], one.u[0])));
             }
             let steps = self.solve_leaving(0, &ends)?;
-            for (&i, step) in self
-                .mode
-                .equations
-                .switches()
-                .iter()
-                .zip(&self.mode.equations.rhs)
-            {
+            for (i, step) in self.mode.equations.solution() {
                 alpha[i] += step;
             }
             for (one, step) in self.leaving.iter_mut().zip(steps) {

@@ -55,8 +55,8 @@ impl Simulator {
         self.selector().wake(state, on, t1);
         JumpLaws::new(&mut self.mode).find_near(state, on, t1);
         // At the start no side is one before.
-        let mut steps: Vec<usize> = on.clone();
-        steps.retain(|&i| state.selection.begun && self.system.switches[i].is_plain());
+        let is_step = |i: &usize| state.selection.begun && self.system.switches[*i].is_plain();
+        let mut steps: Vec<usize> = on.iter().copied().filter(is_step).collect();
         for _ in 0..MAX_ROUNDS {
             let mut fired = JumpLaws::new(&mut self.mode).struck(state);
             if fired.is_empty() {

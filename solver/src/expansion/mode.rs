@@ -242,7 +242,7 @@ impl Mode {
             }
             self.equations.solve();
             let mut change = 0.0_f64;
-            for (&i, delta) in self.equations.switches().iter().zip(&self.equations.rhs) {
+            for (i, delta) in self.equations.solution() {
                 alpha[i] -= delta;
                 change = change.max(delta.abs() / (1.0 + alpha[i].abs()));
             }

@@ -133,6 +133,12 @@ impl Sliding {
         &self.components.switches
     }
 
+    /// Each of them with what was solved for, behind `solve`.
+    pub(crate) fn solution(&self) -> impl Iterator<Item = (usize, f64)> {
+        let switches = self.components.switches.iter();
+        switches.copied().zip(self.rhs.iter().copied())
+    }
+
     /// Finds the components of the sliding switches, once per mode.
     pub(crate) fn arrange(&mut self, sliding: &[usize], field: &Field, surfaces: &Surfaces) {
         if self.arranged {

@@ -133,14 +133,8 @@ impl Expansion<'_> {
             stride,
             ..
         } = &mut self.mode.memory;
-        for (&i, alpha) in self
-            .mode
-            .equations
-            .switches()
-            .iter()
-            .zip(&self.mode.equations.rhs)
-        {
-            rows[(1 + self.mode.n + i) * *stride + k] = *alpha;
+        for (i, alpha) in self.mode.equations.solution() {
+            rows[(1 + self.mode.n + i) * *stride + k] = alpha;
         }
         tape::advance_all(
             &self.mode.field.listed().by_alpha,

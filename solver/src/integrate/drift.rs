@@ -163,8 +163,12 @@ impl Projection {
     fn find_floors(&mut self, mode: &Mode, scales: &Scales, order: Option<usize>, worst: f64) {
         let mut floors = std::mem::take(&mut self.floors);
         refill(&mut floors, mode.n, 0.0);
-        let left = mode.sliding.iter().filter(|_| worst > ASTRAY);
-        for &i in left.filter(|&&i| !self.contacts.takes(mode, i, Constraint::of(order))) {
+        let left = match worst > ASTRAY {
+            true => &mode.sliding[..],
+            false => &[],
+        };
+        let takes = |i: &&usize| self.contacts.takes(mode, **i, Constraint::of(order));
+        for &i in left.iter().filter(|i| !takes(i)) {
             let terms = mode.surfaces.gradient(i).iter();
             let sizes = terms.map(|&(j, _)| self.weight(mode, scales, j));
             let share = SMALLEST * sizes.fold(0.0_f64, f64::max);
@@ -198,7 +202,7 @@ impl Projection {
         );
         if factored.is_ok() {
             equations.solve();
-            for (&i, multiplier) in equations.switches().iter().zip(&equations.rhs) {
+            for (i, multiplier) in equations.solution() {
                 for &(j, g) in mode.surfaces.gradient(i) {
                     point.x[j] -= g * multiplier * moves(mode, j).powi(2);
                 }

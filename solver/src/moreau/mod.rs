@@ -66,8 +66,6 @@ pub struct Settings {
 pub struct Solution {
     /// The end; `complementarity` is the largest residual of the impulses, relative to the speeds of their island.
     pub outcome: Outcome,
-    /// Largest depth of a contact at the end of a step.
-    pub penetration: f64,
     /// The contact at which a run has failed.
     pub stuck: Option<usize>,
     /// Impulses of contacts, counted in every step.
@@ -209,12 +207,12 @@ impl<F: Free> Stepper<F> {
         let (counts, impacts) = (self.impacts.counts, &self.impacts.ladder.solvers);
         let shifts = &self.projection.ladder.solvers;
         outcome.complementarity = counts.residual;
+        outcome.violation = self.projection.penetration;
         outcome.stats.events = self.contacts.n_changes();
         outcome.stats.newton_iterations = impacts.sweeps + shifts.sweeps;
         outcome.stats.factorizations = impacts.factorizations + shifts.factorizations;
         Solution {
             outcome,
-            penetration: self.projection.penetration,
             stuck,
             impulses: counts.impulses,
             plastic: counts.plastic,

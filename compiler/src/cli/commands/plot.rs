@@ -143,19 +143,21 @@ fn curves(
         }
     };
     project::print(&trajectory.diagnostics(), &project.sources, streams)?;
-    let plotted = figure::plotted(&compiled, &trajectory).map(|plotted| plotted.outputs);
-    let fine = figure::curves(&compiled, &trajectory);
-    let mut all = [fine.states, fine.outputs, fine.controls];
-    if let Some(plotted) = plotted {
-        match everything {
-            true => all[1].extend(plotted),
-            false => all = [plotted, Vec::new(), Vec::new()],
+    let fine = match figure::plotted(&compiled, &trajectory) {
+        Some(plotted) if !everything => plotted,
+        plotted => {
+            let mut fine = figure::curves(&compiled, &trajectory);
+            let plotted = plotted.into_iter().flat_map(|plotted| plotted.outputs);
+            fine.outputs.extend(plotted);
+            fine
         }
-    }
+    };
+    let all = [&fine.states, &fine.outputs, &fine.controls];
+    let columns = unique(all.into_iter().flatten().flat_map(Series::columns));
     let source = Source {
         name: fine.experiment,
         time: fine.time,
-        columns: unique(all.iter().flatten().flat_map(Series::columns)),
+        columns,
         units: Units::of(&compiled.model),
         is_measured: false,
     };

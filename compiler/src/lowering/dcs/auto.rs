@@ -240,12 +240,9 @@ pub fn choose(system: &System) -> Choice {
 
 /// Why switches have no regions with names, whatever their values.
 fn unnamed(system: &System) -> Option<String> {
-    let (mut switches, strikes) = (
-        system.switches.iter(),
-        system.laws.iter().any(|law| law.strikes.is_some()),
-    );
     let is = |of: fn(&Switch) -> bool| system.switches.iter().any(of);
     let reason = if is(|switch| switch.unilateral) {
+        let strikes = system.laws.iter().any(|law| law.strikes.is_some());
         match system.contacts.is_empty() && !strikes {
             true => "projections are stated by forces",
             false => "contacts are stated by forces",
@@ -255,6 +252,7 @@ fn unnamed(system: &System) -> Option<String> {
     } else if is(|switch| switch.across.is_some()) {
         "friction in two directions has no regions"
     } else {
+        let mut switches = system.switches.iter();
         let switch = switches.find(|switch| switch.is_nonlinear)?;
         return Some(format!("`{}` is read nonlinearly", switch.name));
     };

@@ -109,7 +109,7 @@ fn callee<'a, 'c, 'e>(
 
 /// What may be meant by a number before parentheses.
 fn per_unit(number: &str) -> Help {
-    format!("write `*` behind a number; what is so many per hour is `{number}/(1 h)`").into()
+    format!("a product has a `*`, as in `{number}*(x + 1)`; a unit without a numerator is a quotient, as in `{number}/(1 h)`").into()
 }
 
 /// A call without options and reductions.

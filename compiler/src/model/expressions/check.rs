@@ -1,6 +1,6 @@
 //! Comparisons as switching functions, and small questions about expressions.
 
-use crate::expr::{Expr, Function, Node, rewrite, transform, variables_of};
+use crate::expr::{Expr, Function, Node, has_kinks, rewrite, variables_of};
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Reported, Value};
 use crate::model::{DynamicsError, Shape, Surface, Tensor};
@@ -213,20 +213,6 @@ pub(crate) fn record_bounds<'e>(
             lowering.surfaces.push(Surface { name, psi, span });
         }
     }
-}
-
-/// Whether something inside of an expression has a kink or a step.
-fn has_kinks(e: Expr<'_>) -> bool {
-    let mut found = false;
-    transform(&[e], &mut |_, e| {
-        found |= match e.node() {
-            Node::Unary(function, _) => function.is_nonsmooth(),
-            Node::Binary(function, ..) => function.is_nonsmooth(),
-            _ => false,
-        };
-        e
-    });
-    found
 }
 
 /// True for a condition that holds on no side of the surfaces in it.

@@ -11,7 +11,7 @@ fn refuses_wrong_names() {
     E0109: unknown function `sinn` | sinn: not a function | did you mean `sign`?
     ");
     assert_snapshot!(model("model m { param k = 1.2 (1/h); state x = 2/ms; x' = 0; }"), @r"
-    E0109: unknown function `1.2` | 1.2: not a function | write `*` behind a number; what is so many per hour is `1.2/(1 h)`
+    E0109: unknown function `1.2` | 1.2: not a function | a product has a `*`, as in `1.2*(x + 1)`; a unit without a numerator is a quotient, as in `1.2/(1 h)`
     E0101: unknown name `ms` | ms: not declared here | as a unit it stands behind a number: `1 ms`, `x/(1 ms)`
     ");
     assert_snapshot!(model("model m { state x[2] = 0; for i in 1..2, j in 1..1 { switch s = sign(x[i] + j); } x' = s[2, 3]; }"), @"E0205: index 2,3 is out of range for `s` | s[2, 3]: out of range | valid indices are from 1,1 to 2,1");

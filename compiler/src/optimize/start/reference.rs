@@ -5,13 +5,12 @@
 //! takes time in the program.
 
 use nsd_solver::fesd::jumps::{Impact, Lowered, Target, cut};
-use nsd_solver::optimization::problem;
+use nsd_solver::optimization::problem::Nlp;
 
 use crate::expr::Var;
 use crate::limit::Limit;
 use crate::lowering::dcs::{Dcs, directed, solve_in_mode};
 use crate::lowering::discretize::WINDOW;
-use crate::lowering::mpcc::Bounds;
 use crate::optimize::checks::solved;
 use crate::optimize::{Problem, Sampled};
 use crate::report::{Dense, Status, Trajectory};
@@ -167,9 +166,7 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
 fn follow<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, horizon: f64, w: &mut [f64]) {
     let layout = &problem.layout;
     let window = 2.0 * WINDOW * horizon / (layout.steps * layout.elements) as f64;
-    let bounds = problem.mpcc.bounds();
-    let side = |side: fn(&Bounds) -> f64| bounds.iter().map(side).collect::<Vec<f64>>();
-    let (lower, upper) = (side(|b| b.lower), side(|b| b.upper));
+    let bounds = problem.program.variable_bounds();
     let states = problem.dcs.states.iter();
     let initial: Vec<f64> = states.map(|state| state.initial).collect();
     let mut lowered = WithControls {
@@ -185,10 +182,7 @@ fn follow<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, horizon: f64, w: &m
             points: &layout.points,
             n_states: layout.n_states(),
             initial: &initial,
-            bounds: problem::Bounds {
-                lower: &lower,
-                upper: &upper,
-            },
+            bounds,
             interval,
             window,
         };

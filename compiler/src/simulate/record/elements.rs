@@ -2,8 +2,7 @@
 //!
 //! Where states have jumped there are two values at one time.
 
-use nsd_solver::fesd::jumps;
-use nsd_solver::fesd::jumps::{Kind, Shape};
+use nsd_solver::fesd::jumps::{self, Kind, Shape};
 use nsd_solver::hybrid::Side;
 
 use crate::report::{Dense, Piece, Trajectory};
@@ -122,12 +121,13 @@ impl<'s, 'e> Elements<'s, 'e> {
             pieces: self.pieces,
         };
         let (n, m) = (self.system.states.len(), self.system.switches.len());
-        let points = match settings.sampling {
+        let mut points = match settings.sampling {
             Sampling::Method | Sampling::Curve => self.points,
             // A run without a first element has its start alone.
             _ if dense.pieces.is_empty() => self.points,
             _ => sampled(&dense, &settings.sampling, horizon, (n, m), self.points),
         };
+        points.end(self.system);
         recorded(
             self.system,
             settings,
@@ -165,10 +165,11 @@ fn sampled(
             .checked_sub(1)
             .and_then(|k| dense.pieces.get(k..k + 2));
         let meeting = meeting.filter(|pieces| is_here(pieces[1].from));
-        let here = breaks.iter().filter(|(at, _)| is_here(*at));
-        let is_certain = here
-            .map(|(_, is_certain)| *is_certain)
-            .reduce(|a, b| a || b);
+        let is_certain = meeting.and_then(|_| {
+            let here = breaks.iter().filter(|(at, _)| is_here(*at));
+            here.map(|(_, is_certain)| *is_certain)
+                .reduce(|a, b| a || b)
+        });
         let rows = match meeting.zip(is_certain) {
             Some((pieces, _)) => pieces.iter().map(|piece| piece.at(t)).collect(),
             None => Vec::from_iter(dense.at(t)),

@@ -188,6 +188,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             self.alpha.copy_from_slice(&outcome.alpha);
             self.push(outcome.time);
         }
+        self.record.points.end(system);
         if self.dense
             && jumps_last
             && let Some(last) = self.pieces.last().map(|piece| piece.to)

@@ -11,8 +11,8 @@ use crate::system::System;
 const SAME_INSTANT: f64 = 16.0 * f64::EPSILON;
 
 /// The least jump of a column, as a share of its largest value: what is continuous over a switch differs by what it is
-/// located to, and controls of an optimum by what it is solved to.
-const LEAST_JUMP: f64 = 1e-6;
+/// located to.
+const LEAST_JUMP: f64 = 1e-8;
 
 pub(crate) fn is_one_instant(t: f64, other: f64) -> bool {
     (t - other).abs() <= SAME_INSTANT * other.abs()
@@ -115,13 +115,31 @@ impl Points {
     /// Goes on from the last point with other values; behind a jump they are those of its second point.
     pub fn go_on(&mut self, behind: Behind) {
         let last = self.times.len() - 1;
-        let jump = self.jumps.last();
-        if jump.is_some_and(|jump| jump.n_points == last) {
+        let time = self.times[last];
+        let is_second = |jump: &Jump| jump.n_points == last && is_one_instant(jump.time, time);
+        if self.jumps.last().is_some_and(is_second) {
             let m = behind.alpha.len();
             self.alphas[last * m..].copy_from_slice(&behind.alpha);
         } else {
+            self.behind.pop_if(|(point, _)| *point == last);
             self.behind.push((last, behind));
         }
+    }
+
+    /// Goes on from the last point where data step at it.
+    pub(super) fn end(&mut self, system: &System) {
+        if !self
+            .last_instant()
+            .is_some_and(|last| system.steps_at(last))
+        {
+            return;
+        }
+        let alphas = self.alphas.len() - system.switches.len();
+        self.go_on(Behind {
+            x: self.last_state(system.states.len()).to_vec(),
+            alpha: self.alphas[alphas..].to_vec(),
+            is_certain: false,
+        });
     }
 
     /// The instants at which something may jump, and whether it does so for certain.
@@ -187,7 +205,9 @@ pub(super) fn tidy(trajectory: &mut Trajectory, rows: &[Row]) {
             let finite = values.iter().filter(|value| value.is_finite());
             let size = finite.fold(0.0, |size: f64, value| size.max(value.abs()));
             for (k, kept) in kept.iter_mut().enumerate().skip(1) {
-                *kept |= (values[k] - values[k - 1]).abs() > LEAST_JUMP * size;
+                let [before, here] = [values[k - 1], values[k]];
+                let is_more = (here - before).abs() > LEAST_JUMP * size;
+                *kept |= is_more || before.is_nan() != here.is_nan();
             }
         }
         curve::keep(trajectory, &kept);

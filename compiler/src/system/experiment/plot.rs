@@ -110,6 +110,11 @@ impl<'e> Plot<'e> {
         plot
     }
 
+    /// Whether it draws nothing of its own.
+    pub fn is_empty(&self) -> bool {
+        self.drawn().next().is_none()
+    }
+
     /// All that it draws.
     pub fn drawn(&self) -> impl Iterator<Item = &Drawn<'e>> {
         let over_time = self.panels.iter().flatten();

@@ -183,11 +183,16 @@ impl<'e> Roundings<'e> {
         value
     }
 
-    /// ⌊a⌋ + Σ step(u - k) for a ≤ u where states are within their ranges.
-    fn sum_of_steps(&self, u: Expr<'e>) -> Option<Expr<'e>> {
+    /// ⌊a⌋, and how many integers are above it up to b, for a ≤ u ≤ b where states are within their ranges.
+    fn integers(&self, u: Expr<'e>) -> (f64, f64) {
         let range = enclosure(u, &self.ranges, DEPTH);
         let lowest = (range.low + ROUNDED * range.low.abs().max(1.0)).floor();
-        let n = range.high.floor() - lowest;
+        (lowest, range.high.floor() - lowest)
+    }
+
+    /// ⌊a⌋ + Σ step(u - k) for a ≤ u where states are within their ranges.
+    fn sum_of_steps(&self, u: Expr<'e>) -> Option<Expr<'e>> {
+        let (lowest, n) = self.integers(u);
         if !(0.0..=MOST_STEPS).contains(&n) {
             return None;
         }
@@ -197,8 +202,7 @@ impl<'e> Roundings<'e> {
 
     /// How ⌊u⌋ is said in a way that a run takes, for a function u of states.
     fn counted(&self, u: Expr<'e>) -> String {
-        let range = enclosure(u, &self.ranges, DEPTH);
-        let steps = range.high.floor() - range.low.floor();
+        let (_, steps) = self.integers(u);
         let first = match steps.is_finite() {
             true => format!(
                 "within the ranges of its states it makes {steps} steps, and {MOST_STEPS} are the most"
@@ -208,7 +212,7 @@ impl<'e> Roundings<'e> {
             ),
         };
         format!(
-            "{first}; or count: `discrete n = 0;` with `jump up when {u} > n + 1 {{ n := n + 1; }}` and `jump down when {u} < n {{ n := n - 1; }}`"
+            "{first}; or count: `discrete n = 0;`, with its floor at the start for 0, and `jump up when {u} > n + 1 {{ n := n + 1; }}` and `jump down when {u} < n {{ n := n - 1; }}`"
         )
     }
 

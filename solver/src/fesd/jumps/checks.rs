@@ -46,7 +46,7 @@ impl Stepper {
         w: &[f64],
         start: f64,
     ) -> bool {
-        let least = OPENING.max(CLOSED / (step.window * step.length));
+        let least = OPENING.max(CLOSED / (step.window * step.length()));
         let (mut t, mut open) = (start, self.open.clone());
         for j in 0..step.elements.len() {
             let from = t;

@@ -30,9 +30,9 @@ pub struct Reached {
     pub grid: Grid,
     /// How many switches there are.
     pub n_switches: usize,
-    /// Why it ended, and when that happens.
+    /// Why it ended.
     pub status: Status,
-    /// See `status`.
+    /// The instant of that: the horizon of a solved run. An impact that ends a run is behind `time`.
     pub at: f64,
     /// The end of the last step.
     pub time: f64,
@@ -61,6 +61,7 @@ impl Reached {
                 newton_iterations: self.work.iterations,
                 ..Stats::default()
             },
+            violation: self.work.violation,
             ..Outcome::at(self.status.clone(), self.time, self.x.clone(), sides)
         }
     }

@@ -39,7 +39,7 @@ pub struct Points {
     scratch: Scratch,
 }
 
-/// What points are written as; all else of them is memory.
+/// The serialized fields of `Points`; the others are scratch memory.
 #[derive(Serialize, Deserialize)]
 struct Known {
     contacts: Contacts,

@@ -50,8 +50,6 @@ pub struct StepProgram<P> {
     pub points: Vec<f64>,
     /// How many states there are.
     pub n_states: usize,
-    /// The length of a step.
-    pub length: f64,
     /// τ as a share of it: gaps up to τ times the speed of an impact are closed where elements meet.
     pub window: f64,
     /// The parameters of the system, and the length of a step.
@@ -73,6 +71,13 @@ pub struct StepStart {
     pub z: Vec<f64>,
 }
 
+impl<P> StepProgram<P> {
+    /// The length of a step, behind the parameters.
+    pub fn length(&self) -> f64 {
+        self.numbers[self.numbers.len() - 1]
+    }
+}
+
 impl<P: Program> StepProgram<P> {
     /// Takes the values of all parameters, and the length of a step.
     pub fn set_numbers(&mut self, parameters: &[f64], length: f64) {
@@ -81,8 +86,7 @@ impl<P: Program> StepProgram<P> {
             return;
         }
         known.copy_from_slice(parameters);
-        last.copy_from_slice(&[length]);
-        self.length = length;
+        last[0] = length;
         self.program.set_parameters(&self.numbers);
         for (element, shares) in self.elements.iter().zip(&self.shares) {
             let [lower, upper] = shares.map(|share| share * length);
@@ -94,7 +98,7 @@ impl<P: Program> StepProgram<P> {
     /// solution is looked for as long as nothing else is known: all values are those at the start.
     pub fn start_from(&mut self, from: &StepStart, closed: &[Vec<bool>]) -> Vec<f64> {
         let mut w = self.program.start().to_vec();
-        let mean = self.length / self.elements.len() as f64;
+        let mean = self.length() / self.elements.len() as f64;
         for (j, element) in self.elements.iter().enumerate() {
             w[element.length] = mean;
             if let Some(t) = element.start {

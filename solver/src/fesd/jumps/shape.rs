@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::path::Piece;
 use crate::hybrid::Side;
+use crate::integrate::tableau::monomials;
 
 /// α that is so close to 0 or 1 is.
 const ROUNDING: f64 = 1e-7;
@@ -62,8 +63,8 @@ impl Shape {
         let length = instants[instants.len() - 1] - instants[0];
         let (n, n_switches, n_coefficients) = (x[0].len(), alphas[0].len(), self.nodes.len());
         let nodes = apart(instants, &self.nodes);
-        let through = basis(&nodes);
-        let inner = basis(&nodes[1..=self.n_nodes]);
+        let through = monomials(&nodes);
+        let inner = monomials(&nodes[1..=self.n_nodes]);
         let mut coefficients = vec![0.0; (n + n_switches) * n_coefficients];
         let (states, rest) = coefficients.split_at_mut(n * n_coefficients);
         for (i, row) in states.chunks_exact_mut(n_coefficients).enumerate() {
@@ -120,37 +121,17 @@ fn apart(instants: &[f64], even: &[f64]) -> Vec<f64> {
     if are_apart { shares } else { even.to_vec() }
 }
 
-/// Coefficients of the polynomials that are 1 at one of the points and 0 at the others.
-fn basis(points: &[f64]) -> Vec<Vec<f64>> {
-    let one = |i: usize| {
-        let mut coefficients = vec![1.0];
-        for (j, &other) in points.iter().enumerate().filter(|(j, _)| *j != i) {
-            debug_assert_ne!(i, j);
-            let scale = 1.0 / (points[i] - other);
-            // Times (τ - other)/(point - other).
-            let mut next = vec![0.0; coefficients.len() + 1];
-            for (k, c) in coefficients.iter().enumerate() {
-                next[k] -= other * scale * c;
-                next[k + 1] += scale * c;
-            }
-            coefficients = next;
-        }
-        // Its value at zero, which may be a point.
-        if points.contains(&0.0) {
-            coefficients[0] = if points[i] == 0.0 { 1.0 } else { 0.0 };
-        }
-        coefficients
-    };
-    (0..points.len()).map(one).collect()
-}
-
-/// The polynomial in t through values, in an element of length h.
-fn write(row: &mut [f64], basis: &[Vec<f64>], values: impl Iterator<Item = f64>, h: f64) {
-    for (polynomial, value) in basis.iter().zip(values) {
-        let mut scale = value;
-        for (sum, c) in row.iter_mut().zip(polynomial) {
-            *sum += scale * c;
-            scale /= h;
-        }
+/// The polynomial in t through values at nodes, in an element of length h.
+fn write(
+    row: &mut [f64],
+    monomials: &[f64],
+    values: impl ExactSizeIterator<Item = f64> + Clone,
+    h: f64,
+) {
+    let mut scale = 1.0;
+    for (c, weights) in row.iter_mut().zip(monomials.chunks_exact(values.len())) {
+        let terms = weights.iter().zip(values.clone());
+        *c = scale * terms.map(|(weight, value)| weight * value).sum::<f64>();
+        scale /= h;
     }
 }

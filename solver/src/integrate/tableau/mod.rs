@@ -149,6 +149,13 @@ impl Tableau {
         self.nodes.len()
     }
 
+    /// The points of a step of length 1: its start, its nodes, and its end where that is none of them.
+    pub fn points(&self) -> Vec<f64> {
+        let end = (!self.ends_at_node()).then_some(1.0);
+        let nodes = self.nodes.iter().copied();
+        [0.0].into_iter().chain(nodes).chain(end).collect()
+    }
+
     /// Whether the end of the step is the last node: c_s = 1 and b is the last row of A.
     pub fn ends_at_node(&self) -> bool {
         matches!(

@@ -53,10 +53,7 @@ pub(crate) fn declare(
         elements,
         nodes,
         end,
-        points: ([0.0].into_iter())
-            .chain(tableau.nodes.iter().copied())
-            .chain((end > nodes).then_some(1.0))
-            .collect(),
+        points: tableau.points(),
         lengths,
         times,
         decided,

@@ -291,7 +291,7 @@ fn nodes_of_finer(options: &FesdOptions) -> usize {
 }
 
 /// What a method says of itself, with the order of its elements where that is known, and the steps of its grid.
-fn method(
+pub(crate) fn method(
     settings: &Settings,
     order: Option<usize>,
     lowering: &str,

@@ -225,26 +225,15 @@ impl Road {
     }
 
     fn method(&self, settings: &Settings, order: usize) -> Method {
-        let described = |kind| Method::of(kind).count("order", order);
-        let method = match self {
-            Road::Events(_) => described(MethodKind::Event).word("lowering", "timefreezing"),
+        match self {
+            Road::Events(_) => Method::of(MethodKind::Event)
+                .count("order", order)
+                .word("lowering", "timefreezing")
+                .number("tolerance", settings.tolerance),
             Road::Elements(_, formulation) => {
-                let options = options(settings);
-                let (family, nodes) = options.scheme;
-                let method = described(MethodKind::Fesd)
-                    .word("scheme", format!("{}({nodes})", family.word()))
-                    .word("lowering", format!("timefreezing, {formulation}"));
-                match options.steps {
-                    Some(steps) => {
-                        (method.count("steps", steps)).count("elements", options.elements)
-                    }
-                    None => method,
-                }
+                let lowering = format!("timefreezing, {formulation}");
+                super::fesd::method(settings, Some(order), &lowering, options(settings).steps)
             }
-        };
-        match settings.method.has_steps() {
-            true => method,
-            false => method.number("tolerance", settings.tolerance),
         }
     }
 }

@@ -61,7 +61,6 @@ pub(crate) struct Contacts {
     impulses: usize,
     gaps: usize,
     plastic: usize,
-    penetration: f64,
 }
 
 impl Contacts {
@@ -76,7 +75,6 @@ impl Contacts {
             impulses: 0,
             gaps: 0,
             plastic: 0,
-            penetration: 0.0,
         }
     }
 }
@@ -104,7 +102,6 @@ impl<'e> Run<'e> for Contacts {
             self.impulses = solution.impulses;
             self.gaps = solution.gaps;
             self.plastic = solution.plastic;
-            self.penetration = solution.penetration;
         }
         Ended {
             failure: failure(system, &solution),
@@ -150,7 +147,6 @@ impl<'e> Run<'e> for Contacts {
             system, settings, ..
         } = problem;
         record::write(system, &self.changes, ended.outcome.time, trajectory);
-        trajectory.certificate.max_violation = self.penetration;
         let plastic = (self.plastic > 0).then(|| Warning {
             code: "W0713".into(),
             message: format!(

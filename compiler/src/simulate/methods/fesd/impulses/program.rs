@@ -40,13 +40,9 @@ pub(crate) fn plain(
 ) -> jumps::System<Program> {
     let (family, nodes) = options.scheme;
     let tableau = Tableau::new(family, nodes).expect("the number of nodes has been checked");
-    let ends: Vec<f64> = ([0.0].into_iter())
-        .chain(tableau.nodes.iter().copied())
-        .chain((!tableau.ends_at_node()).then_some(1.0))
-        .collect();
     jumps::System {
         points: points(system, dcs),
-        shape: shape(system, &ends, nodes),
+        shape: shape(system, &tableau.points(), nodes),
         events: hybrid::lower_open(&without_outputs(system), horizon, open),
         open: open.to_vec(),
         parameters: system.params.iter().map(|param| param.value).collect(),
@@ -104,7 +100,6 @@ pub(crate) fn program(
         nodes: layout.nodes,
         points: layout.points.clone(),
         n_states: layout.n_states(),
-        length: 1.0,
         window: WINDOW / layout.elements as f64,
         numbers: dcs.params.iter().map(|param| param.value).collect(),
         continuous,
