@@ -25,7 +25,7 @@ pub use nsd_solver::runtime::{limit, threads};
 
 pub use self::diagnostics::messages::Messages;
 pub use self::project::run::{Options, Run};
-pub use self::project::{Project, prepared, watch};
+pub use self::project::{Project, prepared, session, sweep, watch};
 pub use self::source::files;
 
 use self::diagnostics::Diagnostics;

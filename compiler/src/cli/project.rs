@@ -5,7 +5,7 @@ use std::path::Path;
 use super::args::SettingArgs;
 use super::files::Terminal;
 use super::{Streams, io};
-use crate::diagnostics::{self, Diagnostics, is_error};
+use crate::diagnostics::{self, Diagnostics};
 pub use crate::project::Project;
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment};
@@ -96,24 +96,4 @@ pub fn print(
 ) -> io::Result<()> {
     let text = diagnostics::render(diags, sources, streams.colour, streams.width);
     streams.err.write_all(text.as_bytes())
-}
-
-/// Codes of the errors.
-pub fn error_codes(diags: &Diagnostics) -> Vec<String> {
-    codes(diags, true)
-}
-
-/// Codes of the warnings.
-pub fn warning_codes(diags: &Diagnostics) -> Vec<String> {
-    codes(diags, false)
-}
-
-fn codes(diags: &Diagnostics, of_errors: bool) -> Vec<String> {
-    let wanted = diags
-        .iter()
-        .filter(|diagnostic| is_error(diagnostic.as_ref()) == of_errors);
-    wanted
-        .filter_map(|diagnostic| diagnostic.code())
-        .map(|code| code.to_string())
-        .collect()
 }

@@ -55,6 +55,26 @@ impl Diagnostics {
         self.list.retain(|diagnostic| seen.insert(key(diagnostic)));
     }
 
+    /// Codes of the errors.
+    pub fn error_codes(&self) -> Vec<String> {
+        self.codes_of(true)
+    }
+
+    /// Codes of the warnings.
+    pub fn warning_codes(&self) -> Vec<String> {
+        self.codes_of(false)
+    }
+
+    fn codes_of(&self, of_errors: bool) -> Vec<String> {
+        let wanted = self
+            .iter()
+            .filter(|diagnostic| is_error(diagnostic.as_ref()) == of_errors);
+        wanted
+            .filter_map(|diagnostic| diagnostic.code())
+            .map(|code| code.to_string())
+            .collect()
+    }
+
     /// All of them, by position in the source, those without one last.
     pub fn iter(&self) -> impl Iterator<Item = &AnyDiagnostic> {
         let mut sorted: Vec<&AnyDiagnostic> = self.list.iter().collect();

@@ -1,15 +1,17 @@
 //! A file that has been read and parsed, and its experiments.
 
 pub mod clock;
+pub mod describe;
 pub mod ensemble;
 #[cfg(feature = "plots")]
 pub mod figure;
 pub mod golden;
 pub mod launch;
 pub mod prepared;
-#[cfg(feature = "cli")]
 pub(crate) mod rerun;
 pub mod run;
+pub mod session;
+pub mod sweep;
 pub mod watch;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -160,6 +162,11 @@ impl Project {
         diags
     }
 
+    /// What the file consists of, in order.
+    pub fn items(&self) -> impl Iterator<Item = &Item> {
+        self.file.items.iter()
+    }
+
     /// All experiments, in order.
     ///
     /// ```
@@ -259,35 +266,8 @@ impl Project {
         option: &str,
         words: &str,
     ) -> Option<()> {
-        match self.replace_settings(experiment, option, words)? {
-            1 => Some(()),
-            _ => {
-                let given = words.to_owned();
-                self.diags.push(NotSetting { given });
-                None
-            }
-        }
-    }
-
-    /// The same of several settings; how many there are.
-    pub(crate) fn replace_settings(
-        &mut self,
-        experiment: &mut Experiment,
-        option: &str,
-        words: &str,
-    ) -> Option<usize> {
         let found = (&mut self.sources, &mut self.diags);
-        let mut new = settings(found, option, ["", words, ";"])?;
-        let old = std::mem::take(&mut experiment.settings);
-        for old in old {
-            match new.iter_mut().find(|new| new.kind.replaces(&old.kind)) {
-                Some(new) => new.kind.keep_names(old.kind),
-                None => experiment.settings.push(old),
-            }
-        }
-        let n = new.len();
-        experiment.settings.append(&mut new);
-        Some(n)
+        replace_setting(found, experiment, option, words)
     }
 
     /// An experiment with these settings, without any other lowering.
@@ -300,13 +280,13 @@ impl Project {
         let mut other = experiment.clone();
         let lowers = |kind: &SettingKind| matches!(kind, SettingKind::Lower(_));
         other.settings.retain(|setting| !lowers(&setting.kind));
-        self.replace_settings(&mut other, option, words)?;
+        let found = (&mut self.sources, &mut self.diags);
+        replace_settings(found, &mut other, option, words)?;
         Some(other)
     }
 }
 
 /// What is given for a setting is more than that.
-#[cfg(feature = "cli")]
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("`{given}` is more than one setting")]
 #[diagnostic(help("settings have options of their own, such as `--horizon 10 --tolerance 1e-6`"))]
@@ -314,7 +294,6 @@ struct NotSetting {
     given: String,
 }
 
-#[cfg(feature = "cli")]
 impl Fixable for NotSetting {}
 
 /// What is given for a value is more than that.
@@ -347,6 +326,43 @@ pub(crate) fn bindings(
         }
     }
     Some(overrides)
+}
+
+/// Replaces the setting of an experiment that is given anew in the words of an option, such as `method event`.
+pub(crate) fn replace_setting(
+    (sources, diags): (&mut SourceMap, &mut Diagnostics),
+    experiment: &mut Experiment,
+    option: &str,
+    words: &str,
+) -> Option<()> {
+    match replace_settings((sources, diags), experiment, option, words)? {
+        1 => Some(()),
+        _ => {
+            let given = words.to_owned();
+            diags.push(NotSetting { given });
+            None
+        }
+    }
+}
+
+/// The same of several settings; how many there are.
+pub(crate) fn replace_settings(
+    found: (&mut SourceMap, &mut Diagnostics),
+    experiment: &mut Experiment,
+    option: &str,
+    words: &str,
+) -> Option<usize> {
+    let mut new = settings(found, option, ["", words, ";"])?;
+    let old = std::mem::take(&mut experiment.settings);
+    for old in old {
+        match new.iter_mut().find(|new| new.kind.replaces(&old.kind)) {
+            Some(new) => new.kind.keep_names(old.kind),
+            None => experiment.settings.push(old),
+        }
+    }
+    let n = new.len();
+    experiment.settings.append(&mut new);
+    Some(n)
 }
 
 /// The settings of an experiment that is made up around words of a user; diagnostics show nothing else.

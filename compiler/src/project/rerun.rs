@@ -11,6 +11,7 @@ use crate::optimize;
 use crate::project::clock::Clock;
 use crate::project::ensemble::Source;
 use crate::project::prepared::{Opened, Parameter, check_parameters};
+use crate::project::watch::{Progress, Watch};
 use crate::project::{Project, launch};
 use crate::report::Trajectory;
 use crate::simulate::{Plan, Request};
@@ -106,25 +107,55 @@ impl<'e> Rerun<'e> {
         self
     }
 
+    /// Lets rows follow curves, or stand at the ends of steps alone; none where each run is one of many seeds.
+    pub fn following(mut self, follows: bool) -> Option<Self> {
+        let settings = &mut self.compiled.settings;
+        if follows {
+            settings.follow_curves();
+        }
+        settings.runs.is_none().then_some(self)
+    }
+
+    /// Where something is random, runs have this seed from now on.
+    pub fn seed(&mut self, seed: Option<u64>) {
+        if let (Some(kicks), Some(seed)) = (&mut self.compiled.settings.kicks, seed) {
+            kicks.seed = seed;
+        }
+    }
+
     /// The experiment.
     pub fn compiled(&self) -> &Compiled<'e> {
         &self.compiled
     }
 
-    /// A run with these values, in the order of the names. None where the experiment has to be compiled for them.
-    pub fn run(&mut self, values: &[f64], request: &Request) -> Option<Trajectory> {
+    /// Whether parameters may have these values, in the order of the names.
+    pub fn takes(&self, values: &[f64]) -> bool {
+        check_parameters(self.work.parameters(), &self.open(values)).is_ok()
+    }
+
+    /// The parameters that stay open, with these values, in the order of the names.
+    fn open(&self, values: &[f64]) -> Vec<f64> {
         let known = self.work.parameters().iter();
         let mut open: Vec<f64> = known.map(|parameter| parameter.value).collect();
-        let changes = self.changes.iter().zip(values);
-        let changes = changes.filter_map(|(change, &value)| Some(((*change)?, value)));
-        for (change, value) in changes.clone() {
-            if let Change::Parameter(at) = change {
+        for (change, &value) in self.changes.iter().zip(values) {
+            if let Some(Change::Parameter(at)) = *change {
                 open[at] = value;
             }
         }
+        open
+    }
+
+    /// A run with these values, in the order of the names. None where the experiment has to be compiled for them.
+    pub fn run(
+        &mut self,
+        values: &[f64],
+        request: &Request,
+        watch: &mut dyn Watch,
+    ) -> Option<Trajectory> {
+        let open = self.open(values);
         let mut x0 = self.work.initial(&open)?;
-        for (change, value) in changes {
-            if let Change::Initial(state) = change {
+        for (change, &value) in self.changes.iter().zip(values) {
+            if let Some(Change::Initial(state)) = *change {
                 x0[state] = value;
             }
         }
@@ -140,11 +171,12 @@ impl<'e> Rerun<'e> {
                 let (system, settings) = (&self.compiled.system, &self.compiled.settings);
                 let mut diags = Diagnostics::new();
                 system.check_start(&mut diags);
-                let run = || plan.run(system, settings, request, &mut |_| {});
+                let told = &mut |progress| watch.progress(&Progress::Simulation(progress));
+                let run = || plan.run(system, settings, request, told);
                 diags.is_empty().then(run)
             }
             Work::Optimal(prepared) => {
-                let solved = prepared.solve(&open, Some(&x0), None, &request.limit, &mut ());
+                let solved = prepared.solve(&open, Some(&x0), None, &request.limit, watch);
                 let solved = solved.ok()?;
                 self.compiled.system = solved.system;
                 Some(solved.trajectory)

@@ -1,6 +1,7 @@
 //! Runs of the experiments of a [`Project`], for programs: numbers in, numbers out.
 
-use crate::compile;
+use std::borrow::Cow;
+
 use crate::diagnostics::Diagnostics;
 use crate::diagnostics::messages::Messages;
 use crate::expr::Exprs;
@@ -9,18 +10,22 @@ use crate::optimize::{self, PrepareError};
 use crate::project::clock::Clock;
 use crate::project::prepared::{NotPrepared, Prepared};
 use crate::project::watch::Watch;
-use crate::project::{Project, bindings, ensemble, launch, prepared};
+use crate::project::{Project, bindings, ensemble, launch, prepared, replace_setting};
 use crate::report::forms::{csv, json, text};
 use crate::report::{Trajectory, Warning};
 use crate::simulate::Request;
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, Path};
+use crate::{Compiled, compile};
 
 /// What is asked of a run besides what its experiment says.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Values in place of those of the experiment, of parameters and initial values by their names: `k`, `x[2]`.
     pub values: Vec<(String, f64)>,
+    /// Settings in place of those of the experiment: the name that diagnostics show, and the words of the language:
+    /// `("horizon", "horizon 2*pi")`.
+    pub settings: Vec<(String, String)>,
     /// When the run ends, done or not.
     pub limit: Limit,
     /// Whether multipliers are kept, where the method has them.
@@ -28,9 +33,27 @@ pub struct Options {
     /// Whether rows are at the ends of steps and elements alone; else inside of them, too, where straight lines from row to
     /// row would not follow the curves. What the experiment says about it counts first.
     pub ends_alone: bool,
+    /// Whether the solution between the reported instants is kept, as polynomials.
+    pub dense: bool,
     /// Whether a figure is drawn.
     #[cfg(feature = "plots")]
     pub figure: bool,
+}
+
+impl Options {
+    /// What a run has to keep for them.
+    pub(crate) fn request(&self) -> Request {
+        #[cfg(feature = "plots")]
+        let is_drawn = self.figure;
+        #[cfg(not(feature = "plots"))]
+        let is_drawn = false;
+        Request {
+            dense: self.dense || is_drawn,
+            estimate: true,
+            multipliers: self.multipliers,
+            limit: self.limit.clone(),
+        }
+    }
 }
 
 /// What came of an experiment, whether it was solved or not.
@@ -41,10 +64,29 @@ pub struct Run {
     /// What it looks like, as SVG, where that was asked for.
     #[cfg(feature = "plots")]
     pub figure: Option<String>,
+    /// The entries of states, in the order of the first rows of its pieces.
+    pub states: Vec<String>,
     sources: SourceMap,
 }
 
 impl Run {
+    /// What came of an experiment with these settings.
+    pub(crate) fn new(
+        compiled: &Compiled<'_>,
+        trajectory: Trajectory,
+        options: &Options,
+        sources: SourceMap,
+    ) -> Self {
+        let states = compiled.system.states.iter();
+        Run {
+            #[cfg(feature = "plots")]
+            figure: (options.figure).then(|| crate::project::figure::draw(compiled, &trajectory)),
+            states: states.map(|state| state.name.clone()).collect(),
+            trajectory,
+            sources,
+        }
+    }
+
     /// What there is to say about it: why it has ended before its end, and what it warns of.
     pub fn messages(&self) -> Messages {
         Messages::new(self.trajectory.diagnostics(), self.sources.clone())
@@ -53,6 +95,11 @@ impl Run {
     /// All of it as JSON, as `nsdc run --json` writes it.
     pub fn json(&self) -> String {
         json::write(&self.trajectory)
+    }
+
+    /// The same as JSON without what has a value at each instant.
+    pub fn summary(&self) -> String {
+        json::summary(&self.trajectory)
     }
 
     /// What is reported over time, as a table.
@@ -120,13 +167,13 @@ impl Project {
         options: &Options,
         watch: &mut dyn Watch,
     ) -> Result<Run, Messages> {
-        let asked = self.ask(experiment, &options.values)?;
+        let asked = self.ask(experiment, &options.values, &options.settings)?;
         let (exprs, mut clock, mut diags) = (Exprs::new(), Clock::default(), Diagnostics::new());
         let (file, overrides) = (&self.file, &asked.overrides);
         let compiled = compile(
             &exprs,
             file,
-            asked.experiment,
+            &asked.experiment,
             overrides,
             &mut clock,
             &mut diags,
@@ -137,19 +184,10 @@ impl Project {
         if !options.ends_alone {
             compiled.settings.follow_curves();
         }
-        #[cfg(feature = "plots")]
-        let dense = options.figure;
-        #[cfg(not(feature = "plots"))]
-        let dense = false;
-        let request = Request {
-            dense,
-            estimate: true,
-            multipliers: options.multipliers,
-            limit: options.limit.clone(),
-        };
+        let request = options.request();
         let source = ensemble::Source {
             file,
-            experiment: asked.experiment,
+            experiment: &asked.experiment,
             overrides,
         };
         let found = launch::whole(self, source, &mut compiled, &request, watch);
@@ -159,12 +197,30 @@ impl Project {
         };
         trajectory.stats.compile_s = self.compile_seconds(&clock);
         trajectory.warnings.splice(0..0, Warning::all(&diags));
-        Ok(Run {
-            #[cfg(feature = "plots")]
-            figure: dense.then(|| crate::project::figure::draw(&compiled, &trajectory)),
-            trajectory,
-            sources: asked.sources,
-        })
+        Ok(Run::new(&compiled, trajectory, options, asked.sources))
+    }
+
+    /// What a run of an experiment with these values and settings looks like, as SVG. Of an optimization it is drawn with
+    /// what was solved, by [`Options::figure`].
+    ///
+    /// # Errors
+    ///
+    /// Where there is no such experiment, or it does not compile.
+    #[cfg(feature = "plots")]
+    pub fn draw(
+        &self,
+        experiment: &str,
+        options: &Options,
+        trajectory: &Trajectory,
+    ) -> Result<String, Messages> {
+        let asked = self.ask(experiment, &options.values, &options.settings)?;
+        let (exprs, clock, mut diags) = (Exprs::new(), &mut Clock::default(), Diagnostics::new());
+        let (of, overrides) = (&asked.experiment, &asked.overrides);
+        let compiled = compile(&exprs, &self.file, of, overrides, clock, &mut diags);
+        match compiled.filter(|_| !diags.has_errors()) {
+            Some(compiled) => Ok(crate::project::figure::draw(&compiled, trajectory)),
+            None => Err(Messages::new(diags, asked.sources)),
+        }
     }
 
     /// Compiles an experiment once, for many runs from event to event or by finite elements with other values of the
@@ -194,10 +250,10 @@ impl Project {
         values: &[(String, f64)],
     ) -> Result<Prepared, NotPrepared> {
         let mut asked = self
-            .ask(experiment, values)
+            .ask(experiment, values, &[])
             .map_err(NotPrepared::NotAsked)?;
         let paths = asked.paths(open)?;
-        Prepared::new(&self.file, asked.experiment, &asked.overrides, &paths)
+        Prepared::new(&self.file, &asked.experiment, &asked.overrides, &paths)
     }
 
     /// Compiles an optimal control problem once, to be solved with many values of the parameters that are `open` and from
@@ -214,10 +270,10 @@ impl Project {
         open: &[&str],
         values: &[(String, f64)],
     ) -> Result<optimize::Prepared<'e>, PrepareError> {
-        let asked = self.ask(experiment, values);
+        let asked = self.ask(experiment, values, &[]);
         let mut asked = asked.map_err(PrepareError::NotCompiled)?;
         let (clock, mut diags) = (&mut Clock::default(), Diagnostics::new());
-        let mut of = asked.experiment.clone();
+        let mut of = asked.experiment.clone().into_owned();
         of.open = asked.paths(open)?;
         let overrides = &asked.overrides;
         let compiled = compile(exprs, &self.file, &of, overrides, clock, &mut diags);
@@ -234,19 +290,29 @@ impl Project {
         }
     }
 
-    /// An experiment by its name, with values that replace its own.
-    fn ask(&self, experiment: &str, values: &[(String, f64)]) -> Result<Asked<'_>, Messages> {
+    /// An experiment by its name, with values and settings that replace its own.
+    pub(crate) fn ask(
+        &self,
+        experiment: &str,
+        values: &[(String, f64)],
+        settings: &[(String, String)],
+    ) -> Result<Asked<'_>, Messages> {
         let mut sources = self.sources.clone();
         if self.diags.has_errors() {
             return Err(Messages::new(self.diags.clone(), sources));
         }
-        let experiment = self.named(experiment).map_err(Messages::of)?;
+        let mut experiment = Cow::Borrowed(self.named(experiment).map_err(Messages::of)?);
         let values = values
             .iter()
             .map(|(name, value)| format!("{name}={value:?}"));
         let values: Vec<String> = values.collect();
         let mut diags = Diagnostics::new();
-        match bindings((&mut sources, &mut diags), "values", &values) {
+        let overrides = bindings((&mut sources, &mut diags), "values", &values);
+        for (name, words) in settings {
+            let found = (&mut sources, &mut diags);
+            replace_setting(found, experiment.to_mut(), name, words);
+        }
+        match overrides.filter(|_| !diags.has_errors()) {
             Some(overrides) => Ok(Asked {
                 experiment,
                 overrides,
@@ -258,16 +324,16 @@ impl Project {
 }
 
 /// What is run.
-struct Asked<'p> {
-    experiment: &'p Experiment,
-    overrides: Vec<Bind>,
+pub(crate) struct Asked<'p> {
+    pub experiment: Cow<'p, Experiment>,
+    pub overrides: Vec<Bind>,
     /// All texts, those of the values with them.
-    sources: SourceMap,
+    pub sources: SourceMap,
 }
 
 impl Asked<'_> {
     /// Names of parameters as they stand on the left of `=` in `with`.
-    fn paths(&mut self, names: &[&str]) -> Result<Vec<Path>, NotPrepared> {
+    pub fn paths(&mut self, names: &[&str]) -> Result<Vec<Path>, NotPrepared> {
         let paths = names.iter().map(|name| {
             let path = prepared::path(name, &mut self.sources);
             path.ok_or_else(|| NotPrepared::NoParameter((*name).to_owned()))

@@ -3,6 +3,7 @@
 //! Work looks at its limit between pieces of it that are short; the cost of what lies between two looks is counted in
 //! development builds ([`work`]), where tests bound it.
 
+use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -21,7 +22,20 @@ use crate::runtime::clock::Instant;
 /// assert_eq!(limit.over(), Some(Over::Canceled));
 /// ```
 #[derive(Clone, Debug, Default)]
-pub struct Cancel(Arc<AtomicBool>);
+pub struct Cancel(Arc<Source>);
+
+/// Where it comes from that work is canceled.
+#[derive(Default)]
+struct Source {
+    is_canceled: AtomicBool,
+    ask: Option<Box<dyn Fn() -> bool + Send + Sync>>,
+}
+
+impl fmt::Debug for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.is_canceled.fmt(f)
+    }
+}
 
 /// Those are equal that cancel the same work.
 impl PartialEq for Cancel {
@@ -31,14 +45,37 @@ impl PartialEq for Cancel {
 }
 
 impl Cancel {
-    /// Ends the work, now and whenever it is tried again.
-    pub fn cancel(&self) {
-        self.0.store(true, Ordering::Relaxed);
+    /// One that asks, too, wherever work looks at it: often, and on every thread that works.
+    ///
+    /// ```
+    /// use std::sync::atomic::{AtomicUsize, Ordering};
+    /// use nsd_solver::runtime::limit::Cancel;
+    ///
+    /// let looks = AtomicUsize::new(0);
+    /// let cancel = Cancel::asking(move || looks.fetch_add(1, Ordering::Relaxed) == 1);
+    /// assert_eq!([cancel.is_canceled(), cancel.is_canceled()], [false, true]);
+    /// // It stays so.
+    /// assert!(cancel.is_canceled());
+    /// ```
+    pub fn asking(ask: impl Fn() -> bool + Send + Sync + 'static) -> Self {
+        Cancel(Arc::new(Source {
+            ask: Some(Box::new(ask)),
+            ..Source::default()
+        }))
     }
 
-    /// Whether that was called.
+    /// Ends the work, now and whenever it is tried again.
+    pub fn cancel(&self) {
+        self.0.is_canceled.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether that was called, or who is asked says so.
     pub fn is_canceled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        let Source { is_canceled, ask } = &*self.0;
+        if !is_canceled.load(Ordering::Relaxed) && ask.as_ref().is_some_and(|ask| ask()) {
+            self.cancel();
+        }
+        is_canceled.load(Ordering::Relaxed)
     }
 }
 

@@ -1,14 +1,18 @@
 //! The one source of threads: work that is done in any order, and told in that of its numbers.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
+use std::time::Duration;
 
 use crate::runtime::limit::Cancel;
 use crate::runtime::limit::work::is_counted;
 
 /// Whether the target has threads: where it has none, `std` panics.
 const THREADS: bool = !cfg!(all(target_family = "wasm", target_os = "unknown"));
+
+/// How long the thread of the caller waits for results before it asks whether work is canceled, which others may not know.
+const ASK: Duration = Duration::from_millis(20);
 
 /// How many go on at once: one on every core.
 #[expect(
@@ -105,8 +109,12 @@ pub fn share_out<T: Send>(
         }
         drop(share);
         // Ends when all threads have, or one has panicked, which the scope passes on.
-        for (number, result) in found {
-            heard(number, result);
+        loop {
+            match found.recv_timeout(ASK) {
+                Ok((number, result)) => heard(number, result),
+                Err(RecvTimeoutError::Timeout) => _ = stop.is_canceled(),
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
         }
     });
 }

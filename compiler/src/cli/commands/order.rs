@@ -10,6 +10,7 @@ use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::project::clock::Clock;
+use crate::project::replace_settings;
 use crate::study::order;
 use crate::study::order::{Progress, Road, Study};
 use crate::syntax::{Bind, Experiment, ExperimentKind, ExperimentSetting, SettingKind};
@@ -101,7 +102,8 @@ impl Forms {
             let mut other = experiment.clone();
             other.settings.retain(|setting| !lowers(setting));
             for words in road.settings() {
-                project.replace_settings(&mut other, "order", words);
+                let found = (&mut project.sources, &mut project.diags);
+                replace_settings(found, &mut other, "order", words);
             }
             (road, other)
         };

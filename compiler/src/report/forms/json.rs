@@ -18,6 +18,31 @@ pub fn write(trajectory: &Trajectory) -> String {
     serde_json::to_string(&Object::from(trajectory)).unwrap_or_default()
 }
 
+/// The same without what has a value at each instant.
+pub fn summary(trajectory: &Trajectory) -> String {
+    let Object {
+        run,
+        values,
+        account,
+    } = Object::from(trajectory);
+    let objective = values.objective;
+    let summary = Summary {
+        run,
+        objective,
+        account,
+    };
+    serde_json::to_string(&summary).unwrap_or_default()
+}
+
+#[derive(serde::Serialize)]
+struct Summary<'a> {
+    #[serde(flatten)]
+    run: Run<'a>,
+    objective: Option<f64>,
+    #[serde(flatten)]
+    account: Account<'a>,
+}
+
 /// The fields in the order of the reference.
 #[derive(serde::Serialize)]
 struct Object<'a> {

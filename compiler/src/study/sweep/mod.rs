@@ -8,6 +8,8 @@ mod axis;
 mod parquet;
 mod table;
 
+use std::ops::Range;
+
 pub use axis::{Axis, Grid, Like, SweepError};
 pub use table::Table;
 
@@ -79,30 +81,33 @@ pub fn columns(run: &Trajectory) -> Vec<String> {
     reported(run).flat_map(Series::entry_names).collect()
 }
 
-/// Calls `work` with the share of each of up to `n_threads` threads in the points of a grid, until it is told to stop; rows
-/// in the order of the grid, none where there was no more time. `heard` is told how many are done.
+/// Calls `work` with the share of each of up to `n_threads` threads in some points of a grid, by their numbers, until it is
+/// told to stop; rows in the order of the grid, none where there was no more time. `heard` is told how many are done.
 pub fn over(
-    grid: &Grid,
+    (grid, points): (&Grid, Range<usize>),
     n_threads: usize,
     stop: &Cancel,
     work: impl Fn(Points<'_>) + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<Option<Row>> {
-    let each = |share: Share<'_, Row>| work(Points { grid, share });
-    threads::in_order(grid.len(), n_threads, stop, each, heard)
+    let first = points.start;
+    let each = |share: Share<'_, Row>| work(Points { grid, first, share });
+    threads::in_order(points.len(), n_threads, stop, each, heard)
 }
 
 /// The points of a grid that a thread gets to.
 pub struct Points<'g> {
     grid: &'g Grid,
+    first: usize,
     share: Share<'g, Row>,
 }
 
 impl Points<'_> {
-    /// Makes a row of every point; none of what was not brought to its end.
-    pub fn each(self, mut row: impl FnMut(&[f64]) -> Option<Row>) {
+    /// Makes a row of every point, by its number; none of what was not brought to its end.
+    pub fn each(self, mut row: impl FnMut((usize, &[f64])) -> Option<Row>) {
         while let Some(k) = self.share.next() {
-            if let Some(row) = row(&self.grid.point(k)) {
+            let number = self.first + k;
+            if let Some(row) = row((number, &self.grid.point(number))) {
                 self.share.finish(k, row);
             }
         }

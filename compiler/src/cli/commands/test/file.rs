@@ -7,7 +7,7 @@ use super::case::{self, Case, Missed, Outcome};
 use super::goldens::{self, Compared};
 use crate::cli::files::Terminal;
 use crate::cli::progress::Bar;
-use crate::cli::project::{self, Project};
+use crate::cli::project::Project;
 use crate::cli::watch::Watching;
 use crate::cli::{Exit, files};
 use crate::diagnostics::{self, Diagnostics};
@@ -205,7 +205,7 @@ impl File<'_> {
 
     /// What it means that something did not compile, or did.
     fn compilation(&mut self, mut diags: Diagnostics, project: &Project) -> Outcome {
-        let codes = project::error_codes(&diags);
+        let codes = diags.error_codes();
         if codes.is_empty() {
             self.warnings = Warning::all(&diags);
             return Outcome::Passed(Vec::new());
@@ -246,7 +246,7 @@ impl File<'_> {
         let mut mistakes = Diagnostics::new();
         let expects = &compiled.settings.expects;
         expect::check(&compiled.subject(&project.sources), expects, &mut mistakes);
-        let codes = project::error_codes(&mistakes);
+        let codes = mistakes.error_codes();
         if codes.iter().any(|code| !code.starts_with("E09")) {
             return Some(self.compilation(mistakes, project));
         }
@@ -284,7 +284,7 @@ impl File<'_> {
             let limit = request.limit.left().unwrap_or(STUDY);
             order::of_method(&compiled, &project.sources, limit, &mut watch)
         });
-        let mut warnings = project::warning_codes(diags);
+        let mut warnings = diags.warning_codes();
         self.tell(
             Warning::all(diags).iter().chain(&trajectory.warnings),
             &expects,
@@ -353,8 +353,8 @@ fn without_model(mut outcome: Outcome, mut compared: Compared) -> (Outcome, Comp
 /// `expect error E0203;`
 fn diagnostic(expect: &ExpectDiagnostic, diags: &Diagnostics) -> Outcome {
     let (codes, what) = match expect.severity.name.as_str() {
-        "error" => (project::error_codes(diags), "errors"),
-        _ => (project::warning_codes(diags), "warnings"),
+        "error" => (diags.error_codes(), "errors"),
+        _ => (diags.warning_codes(), "warnings"),
     };
     if codes.contains(&expect.code.name) {
         return Outcome::Passed(Vec::new());

@@ -122,7 +122,7 @@ fn other_model(experiment: &Experiment) -> Verified {
 fn refusal(diags: &Diagnostics) -> Refusal {
     let reasons: Vec<String> = diags.errors().map(|error| error.to_string()).collect();
     Refusal {
-        codes: project::error_codes(diags).join(", "),
+        codes: diags.error_codes().join(", "),
         reason: reasons.join("; "),
     }
 }

@@ -1,0 +1,369 @@
+//! Sweeps: one experiment at many values of parameters, initial values or inputs.
+//!
+//! What can be compiled once is, on each thread, for every side of zero that values are on; other points are compiled one by
+//! one. A row is that of its point, whatever the number of threads is, and whatever else is run.
+
+use std::ops::Range;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use crate::diagnostics::Diagnostics;
+use crate::diagnostics::messages::Messages;
+use crate::expr::Exprs;
+use crate::limit::{Cancel, Limit};
+use crate::model::Units;
+use crate::project::clock::Clock;
+use crate::project::ensemble::Source;
+use crate::project::launch::launch;
+use crate::project::rerun::Rerun;
+use crate::project::run::Options;
+use crate::project::{Project, bindings};
+use crate::report::expect::{self, Findings, Verdict};
+use crate::report::{Trajectory, Warning};
+use crate::simulate::Request;
+use crate::source::SourceMap;
+use crate::study::sweep::{Grid, Like, Points, Row, Table, columns, over};
+use crate::syntax::{Bind, Expect, Experiment, ExperimentSetting, ExprKind, Path, SettingKind};
+use crate::system::experiment::{Sampling, Settings};
+use crate::{Compiled, check_names, compile};
+
+/// An experiment with the quantities that are swept.
+pub struct Sweep<'p> {
+    project: &'p Project,
+    experiment: Experiment,
+    overrides: Vec<Bind>,
+    /// A binding for each axis, whose value is replaced.
+    axes: Vec<Bind>,
+    /// The entries of all states.
+    states: Vec<String>,
+    grid: Grid,
+    units: Units,
+    sources: SourceMap,
+    /// Of the first run, where something is random; that of run k is larger by k.
+    seed: Option<u64>,
+    /// Of each run.
+    time_limit: Option<Duration>,
+    /// Ends them all.
+    cancel: Cancel,
+}
+
+/// What a sweep has come to.
+#[derive(Clone, Debug, Default)]
+pub struct Rows {
+    /// In the order of the grid; none where there was no run.
+    pub rows: Vec<Option<Row>>,
+    /// The names of the entries of [`Row::end`]; none where no run was begun.
+    pub columns: Vec<String>,
+}
+
+impl Project {
+    /// Gets an experiment ready to be run at all points of a grid, with values and settings of `options` in place of its own
+    /// for what is not swept.
+    ///
+    /// ```
+    /// use nsdc::study::sweep::{Axis, Grid};
+    /// use nsdc::{Options, Project};
+    ///
+    /// let project = Project::from_text("decay.nsd", "
+    ///     model decay { param k = 1; state x = 1; x' = -k*x; }
+    ///     simulate d of decay { horizon 1; }");
+    /// let axes = vec![Axis { name: "k".to_owned(), values: vec![0.5, 1.0, 2.0] }];
+    /// let grid = Grid::new(axes, false).expect("there are few points");
+    /// let sweep = project.sweep("d", &Options::default(), grid).expect("it compiles");
+    /// let found = sweep.rows(0..3, 2, &mut |_| {});
+    /// assert_eq!(found.columns, ["x"]);
+    /// for (row, k) in found.rows.iter().flatten().zip([0.5, 1.0, 2.0]) {
+    ///     assert!((row.end[0] - f64::exp(-k)).abs() < 1e-8);
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// Where there is no such experiment, it has mistakes that a run at the first point shows, or no value that is named.
+    pub fn sweep(
+        &self,
+        experiment: &str,
+        options: &Options,
+        grid: Grid,
+    ) -> Result<Sweep<'_>, Messages> {
+        let asked = self.ask(experiment, &options.values, &options.settings)?;
+        let (mut sources, mut diags) = (asked.sources, Diagnostics::new());
+        let axes = bindings((&mut sources, &mut diags), "over", &examples(&grid));
+        let failed = |diags| Messages::new(diags, sources.clone());
+        let Some(axes) = axes else {
+            return Err(failed(diags));
+        };
+        let experiment = asked.experiment.into_owned();
+        let sweep = Sweep::new(self, experiment, (asked.overrides, axes), grid);
+        let mut sweep = sweep.map_err(failed)?;
+        sweep.sources = sources;
+        Ok(sweep)
+    }
+}
+
+/// `name=value` of each axis, with its first value.
+pub(crate) fn examples(grid: &Grid) -> Vec<String> {
+    let axes = grid.axes().iter();
+    axes.map(|axis| format!("{}={:?}", axis.name, axis.values[0]))
+        .collect()
+}
+
+impl<'p> Sweep<'p> {
+    /// An experiment with overrides, and a binding for each axis of a grid.
+    pub(crate) fn new(
+        project: &'p Project,
+        experiment: Experiment,
+        (overrides, axes): (Vec<Bind>, Vec<Bind>),
+        grid: Grid,
+    ) -> Result<Self, Diagnostics> {
+        let mut sweep = Sweep {
+            sources: project.sources.clone(),
+            units: Units::default(),
+            states: Vec::new(),
+            seed: None,
+            time_limit: None,
+            cancel: Cancel::default(),
+            project,
+            experiment,
+            overrides,
+            axes,
+            grid,
+        };
+        let (first, mut diags) = (sweep.grid.point(0), Diagnostics::new());
+        let overrides = sweep.at(&first);
+        let names = check_names(&project.file, &sweep.experiment, &overrides, &mut diags);
+        (sweep.states, sweep.units) = names.ok_or(diags)?;
+        match sweep.mistakes(&first) {
+            Some(diags) => Err(diags),
+            None => Ok(sweep),
+        }
+    }
+
+    /// The same with a limit for the time of each run.
+    pub fn within(self, time_limit: Option<Duration>) -> Self {
+        Sweep { time_limit, ..self }
+    }
+
+    /// The same with a seed for the first run, where something is random: that of run k is larger by k. Without one, all
+    /// runs have that of the experiment.
+    pub fn seeded(self, seed: Option<u64>) -> Self {
+        Sweep { seed, ..self }
+    }
+
+    /// The same, until `cancel` is called: rows that are finished are kept.
+    pub fn canceled_by(self, cancel: &Cancel) -> Self {
+        let cancel = cancel.clone();
+        Sweep { cancel, ..self }
+    }
+
+    /// What is gone through.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Runs the experiment at some points, by their numbers in the grid, on up to `n_threads` threads. `heard` is told how
+    /// many are done.
+    pub fn rows(
+        &self,
+        points: Range<usize>,
+        n_threads: usize,
+        heard: &mut dyn FnMut(usize),
+    ) -> Rows {
+        let columns = OnceLock::new();
+        let work = |points: Points<'_>| self.share(points, &columns);
+        let rows = over((&self.grid, points), n_threads, &self.cancel, work, heard);
+        Rows {
+            rows,
+            columns: columns.into_inner().unwrap_or_default(),
+        }
+    }
+
+    /// These rows with what they belong to.
+    pub fn table<'s>(&'s self, found: &'s Rows) -> Table<'s> {
+        Table {
+            grid: &self.grid,
+            columns: &found.columns,
+            rows: &found.rows,
+            has_expectations: self.expects(),
+            units: &self.units,
+        }
+    }
+
+    /// What is wrong with all points: what the first one does not compile for, where no point of these rows does.
+    pub fn refused(&self, rows: &Rows) -> Option<Messages> {
+        let mut begun = rows.rows.iter().flatten().peekable();
+        begun.peek()?;
+        let none = begun.all(|row| row.status.is_none());
+        let found = none.then(|| self.trajectory((0, &self.grid.point(0))))?;
+        Some(Messages::new(found.err()?, self.sources.clone()))
+    }
+
+    /// The overrides of a point.
+    fn at(&self, point: &[f64]) -> Vec<Bind> {
+        let axes = self.axes.iter().zip(point).map(|(bind, &value)| {
+            let mut bind = bind.clone();
+            bind.value.kind = ExprKind::Number(value);
+            bind
+        });
+        self.overrides.iter().cloned().chain(axes).collect()
+    }
+
+    /// Runs what one thread gets to. What can be compiled once is, for every side of zero that values are on; other points
+    /// are compiled one by one.
+    fn share(&self, points: Points<'_>, names: &OnceLock<Vec<String>>) {
+        let exprs = Exprs::new();
+        let likes: Vec<Like> = self.grid.axes().iter().map(Like::of).collect();
+        let mut compiled: Vec<(Vec<f64>, Option<Rerun>)> = Vec::new();
+        points.each(|(k, point)| {
+            let first = likes
+                .iter()
+                .zip(point)
+                .map(|(like, value)| like.first(*value));
+            let first: Vec<f64> = first.collect();
+            let known = compiled.iter().position(|(known, _)| *known == first);
+            let known = known.unwrap_or_else(|| {
+                let rerun = self.rerun(&exprs, &first);
+                compiled.push((first, rerun));
+                compiled.len() - 1
+            });
+            let found = (compiled[known].1.as_mut()).and_then(|rerun| {
+                rerun.seed(self.seed_of(k));
+                let run = rerun.run(point, &self.request(rerun.compiled()), &mut ())?;
+                let missed = self.missed(rerun.compiled(), &run);
+                Some((run, missed))
+            });
+            let row = match found.map_or_else(|| self.trajectory((k, point)), Ok) {
+                Ok((run, missed)) => {
+                    names.get_or_init(|| columns(&run));
+                    Row::of(&run, missed)
+                }
+                Err(diags) => Row::refused(diags.error_codes().into_iter().next()),
+            };
+            // What was cut short anywhere is no row.
+            (!self.cancel.is_canceled()).then_some(row)
+        });
+    }
+
+    fn seed_of(&self, k: usize) -> Option<u64> {
+        Some(self.seed?.wrapping_add(k as u64))
+    }
+
+    /// What is asked of a run; its time begins now.
+    fn request(&self, compiled: &Compiled<'_>) -> Request {
+        Request {
+            // Expectations may be about any instant.
+            dense: !compiled.settings.expects.is_empty(),
+            estimate: true,
+            multipliers: false,
+            limit: Limit::from(self.time_limit).canceled_by(&self.cancel),
+        }
+    }
+
+    /// The experiment for all values on the sides of zero of those of a point.
+    fn rerun<'e>(&self, exprs: &'e Exprs, point: &[f64]) -> Option<Rerun<'e>> {
+        let overrides = self.at(point);
+        let source = Source {
+            file: &self.project.file,
+            experiment: &self.experiment,
+            overrides: &overrides,
+        };
+        // All points with this one have the zeros of it.
+        let axes = self.axes.iter().zip(point);
+        let names = axes.map(|(axis, value)| (*value != 0.0).then(|| axis.target.clone()));
+        let names: Vec<Option<Path>> = names.collect();
+        let rerun = Rerun::new(exprs, self.project, source, &names, &self.states)?;
+        Some(rerun.sampled(|settings| self.sampling(settings)))
+    }
+
+    /// When a run is told: at its end, and where there are expectations at all instants of the experiment, since they may
+    /// be about these.
+    fn sampling(&self, settings: &Settings<'_>) -> Sampling {
+        let horizon = settings.horizon;
+        match (self.expects(), &settings.sampling) {
+            (false, _) => Sampling::At(vec![horizon]),
+            (true, Sampling::At(instants)) if instants.last() != Some(&horizon) => {
+                Sampling::At([&instants[..], &[horizon]].concat())
+            }
+            (true, sampling) => sampling.clone(),
+        }
+    }
+
+    /// How many expectations do not hold in a run, where there are any.
+    fn missed(&self, compiled: &Compiled<'_>, run: &Trajectory) -> Option<usize> {
+        let subject = compiled.subject(&self.sources);
+        let expects = expect::of_any_run(&subject, &compiled.settings.expects);
+        let findings = Findings {
+            warnings: run.warnings.iter().map(|w| w.code.clone()).collect(),
+            ..Findings::default()
+        };
+        let checks = expect::evaluate(&subject, &expects, run, &findings);
+        let missed = checks
+            .iter()
+            .filter(|check| check.verdict != Verdict::Passed);
+        (!expects.is_empty()).then(|| missed.count())
+    }
+
+    /// Mistakes in expectations, as far as a point shows them.
+    fn mistakes(&self, point: &[f64]) -> Option<Diagnostics> {
+        let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
+        let (file, clock) = (&self.project.file, &mut Clock::default());
+        let overrides = self.at(point);
+        let compiled = compile(
+            &exprs,
+            file,
+            &self.experiment,
+            &overrides,
+            clock,
+            &mut diags,
+        );
+        let compiled = compiled.filter(|_| !diags.has_errors())?;
+        let mut found = Diagnostics::new();
+        let subject = compiled.subject(&self.sources);
+        expect::check(&subject, &compiled.settings.expects, &mut found);
+        found.has_errors().then_some(found)
+    }
+
+    /// Whether the experiment has expectations that are about any run.
+    fn expects(&self) -> bool {
+        let is_open = |setting: &ExperimentSetting| match &setting.kind {
+            SettingKind::Expect(expect) => {
+                !matches!(expect, Expect::LoweringGolden | Expect::NumbersGolden)
+            }
+            _ => false,
+        };
+        self.experiment.settings.iter().any(is_open)
+    }
+
+    /// The run of a point, with the warnings of its compilation, and how many expectations it misses.
+    fn trajectory(
+        &self,
+        (k, point): (usize, &[f64]),
+    ) -> Result<(Trajectory, Option<usize>), Diagnostics> {
+        let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
+        let (file, clock) = (&self.project.file, &mut Clock::default());
+        let overrides = self.at(point);
+        let compiled = compile(
+            &exprs,
+            file,
+            &self.experiment,
+            &overrides,
+            clock,
+            &mut diags,
+        );
+        let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
+            return Err(diags);
+        };
+        let settings = &mut compiled.settings;
+        if settings.optimize.is_none() {
+            settings.sampling = self.sampling(settings);
+        }
+        if let (Some(kicks), Some(seed)) = (&mut settings.kicks, self.seed_of(k)) {
+            kicks.seed = seed;
+        }
+        let request = self.request(&compiled);
+        let mut run = launch(self.project, &mut compiled, &request, &mut ())?;
+        run.warnings.splice(0..0, Warning::all(&diags));
+        let missed = self.missed(&compiled, &run);
+        Ok((run, missed))
+    }
+}

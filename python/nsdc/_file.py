@@ -1,0 +1,120 @@
+"""A file of models and experiments."""
+
+from __future__ import annotations
+
+import difflib
+import html
+import os
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from . import _core
+from ._errors import Diagnostic, diagnostics
+from ._experiment import Experiment
+
+
+class File:
+    """A file of models and experiments, with what it uses; `file["name"]` is an experiment of it.
+
+    It can be pickled: it has all that has been read with it.
+
+    >>> import nsdc
+    >>> file = nsdc.loads("model rest { state x = 1; x' = 0; } simulate r of rest { horizon 1; }")
+    >>> list(file), file.models
+    (['r'], ['rest'])
+    >>> file["s"]
+    Traceback (most recent call last):
+    KeyError: 'there is no experiment `s`; did you mean `r`?'
+    """
+
+    def __init__(self, path: str, files: list[tuple[str, bytes]], is_disk: bool) -> None:
+        #: Its path, or its name.
+        self.path = path
+        self._is_disk = is_disk
+        self._is_pickled = bool(files) and is_disk
+        self._project = _core.Project(path, files, is_disk)
+        self._experiments: dict[str, Experiment] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return File, (self.path, self._project.files(), self._is_disk)
+
+    @property
+    def models(self) -> list[str]:
+        """The names of its models."""
+        return self._project.models()
+
+    @property
+    def experiments(self) -> Mapping[str, Experiment]:
+        """Its experiments by name, in order."""
+        return {name: self._made(name) for name in self._project.experiments()}
+
+    def _made(self, name: str) -> Experiment:
+        return self._experiments.setdefault(name, Experiment(self, name))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._project.experiments())
+
+    def __len__(self) -> int:
+        return len(self._project.experiments())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._project.experiments()
+
+    def __getitem__(self, name: str) -> Experiment:
+        known = self._project.experiments()
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1, cutoff=0.0 if len(known) == 1 else 0.6)
+            there = f"there are {', '.join(known)}" if known else "the file has none"
+            help = f"did you mean `{close[0]}`?" if close else there
+            raise KeyError(f"there is no experiment `{name}`; {help}")
+        return self._made(name)
+
+    def check(self) -> list[Diagnostic]:
+        """What is wrong with its models and experiments, without a run."""
+        return diagnostics(self._project.check()[0])
+
+    def __repr__(self) -> str:
+        return f"<{self.path}: {', '.join(map(repr, self.experiments.values())) or 'no experiment'}>"
+
+    def _repr_html_(self) -> str:
+        text = self._project.check()[1]
+        told = f"<pre>{html.escape(text)}</pre>" if text else ""
+        rows = "".join(f"<li>{html.escape(name)}</li>" for name in self)
+        return f"<b>{html.escape(self.path)}</b><ul>{rows}</ul>{told}"
+
+
+def load(path: str | os.PathLike[str]) -> File:
+    """A file of the disk, with what it uses. `OSError` where it cannot be read; what is wrong in it comes with `check` and
+    with runs."""
+    return File(os.fspath(path), [], True)
+
+
+def loads(
+    text: str, name: str = "text.nsd", files: Mapping[str, str | bytes] | None = None
+) -> File:
+    """A text, which has this name in diagnostics, with the files that it may use by their paths beside it.
+
+    >>> import nsdc
+    >>> parts = {"parts/decay.nsd": "model decay { state x = 1; x' = -x; }"}
+    >>> text = "use ./parts/decay.{decay}; simulate d of decay { horizon 1; }"
+    >>> nsdc.loads(text, files=parts)["d"].run().status
+    'solved'
+    """
+    given = {**(files or {}), name: text}
+    encoded = [(name, text.encode() if isinstance(text, str) else bytes(text)) for name, text in given.items()]
+    return File(name, encoded, False)
+
+
+def check(text: str, name: str = "text.nsd") -> list[Diagnostic]:
+    """What is wrong with a text, without a run.
+
+    >>> import nsdc
+    >>> [str(one) for one in nsdc.check("model fall { state v = 0; v' = -g; }")]
+    ['text.nsd:1:33: error E0101: unknown name `g`']
+    """
+    return loads(text, name).check()
+
+
+def explain(code: str) -> str:
+    """The page of a code, with an example and what to do about it. `KeyError` where there is no such code."""
+    return _core.explain(code)

@@ -1,0 +1,164 @@
+"""The quantities of an experiment, and values that are given for them."""
+
+from __future__ import annotations
+
+import difflib
+import html
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+#: `x[1]`, `A[1,2]`: what it is an entry of, and its indices from 1.
+ENTRY = re.compile(r"^(?P<base>.*)\[(?P<indices>[0-9, ]+)\]$")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter, state, control, input or output of a model."""
+
+    name: str
+    #: Sizes: none for a scalar, one for a vector, two for a matrix.
+    shape: tuple[int, ...]
+    #: Its unit as it is declared.
+    unit: str | None
+    #: What the doc comment in front of it says.
+    doc: str | None
+    #: Its value in the experiment, of a state the initial one: a float, or an array of its shape; none where a run decides it.
+    value: float | NDArray[np.float64] | None
+    #: The least and the largest value that each entry may have.
+    range: tuple[Any, Any]
+
+    @property
+    def entries(self) -> list[str]:
+        """The names of its entries, a matrix row by row: `x`, or `x[1]`, `x[2]`, or `A[1,1]`, `A[1,2]`."""
+        return entries(self.name, self.shape)
+
+    def __repr__(self) -> str:
+        unit = "" if self.unit is None else f" [{self.unit}]"
+        value = "" if self.value is None else f" = {np.array2string(np.asarray(self.value))}"
+        return f"{self.name}{value}{unit}"
+
+
+def entries(name: str, shape: tuple[int, ...]) -> list[str]:
+    """The names of the entries of a quantity, a matrix row by row."""
+    if not shape:
+        return [name]
+    indices = np.ndindex(shape)
+    return [f"{name}[{','.join(str(i + 1) for i in index)}]" for index in indices]
+
+
+class Quantities(Mapping[str, Quantity]):
+    """Quantities by their names, in order of declaration; a table in a notebook."""
+
+    def __init__(self, described: list[dict[str, Any]]) -> None:
+        self._all = {one["name"]: _quantity(one) for one in described}
+
+    def __getitem__(self, name: str) -> Quantity:
+        return self._all[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __repr__(self) -> str:
+        return "\n".join(map(repr, self._all.values())) or "(none)"
+
+    def _repr_html_(self) -> str:
+        def row(one: Quantity) -> str:
+            low, high = one.range
+            bounds = "" if np.all(np.isinf([low, high])) else f"{low} to {high}"
+            value = "" if one.value is None else one.value
+            cells = [one.name, value, one.unit or "", bounds, one.doc or ""]
+            return "".join(f"<td>{html.escape(str(cell))}</td>" for cell in cells)
+
+        rows = "".join(f"<tr>{row(one)}</tr>" for one in self._all.values())
+        heads = ["", "value", "unit", "range", ""]
+        head = "".join(f"<th>{head}</th>" for head in heads)
+        return f"<table><tr>{head}</tr>{rows}</table>"
+
+
+def _quantity(one: dict[str, Any]) -> Quantity:
+    shape = tuple(one["shape"])
+
+    def shaped(values: list[float | None], missing: float) -> float | NDArray[np.float64]:
+        flat = np.array([missing if value is None else value for value in values], dtype=float)
+        return shaped_like(flat, shape)
+
+    value = shaped(one["value"], math.nan) if one["value"] else None
+    bounds = (shaped(one["low"], -math.inf), shaped(one["high"], math.inf))
+    bounds = bounds if one["low"] else (-math.inf, math.inf)
+    return Quantity(one["name"], shape, one["unit"], one["doc"], value, bounds)
+
+
+def shaped_like(
+    flat: NDArray[np.float64], shape: tuple[int, ...]
+) -> float | NDArray[np.float64]:
+    """Entries as a float, or as an array of a shape."""
+    return float(flat[0]) if not shape else flat.reshape(shape)
+
+
+def unknown(name: str, known: list[str]) -> TypeError:
+    """That a name is none of those that are known."""
+    close = difflib.get_close_matches(name, known, n=1)
+    help = f"did you mean `{close[0]}`?" if close else f"there are {', '.join(known) or 'none'}"
+    return TypeError(f"`{name}` is no parameter, initial value or input; {help}")
+
+
+def finite(name: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """The entries of a value for a quantity of a shape.
+
+    Raises `TypeError` where it is no number or array of numbers, and `ValueError` where it has another shape or an entry that
+    is not finite.
+    """
+    found = real(name, value)
+    if found.shape != shape:
+        expected = "a number" if not shape else f"an array of shape {shape}"
+        raise ValueError(f"{name}: expected {expected}, got one of shape {found.shape}")
+    if not np.all(np.isfinite(found)):
+        raise ValueError(f"{name}: {value} is not finite")
+    return found.reshape(-1)
+
+
+def real(name: str, value: Any) -> NDArray[np.float64]:
+    """An array of floating-point numbers; `TypeError` where it is none."""
+    if value is None or isinstance(value, (str, bytes)):
+        raise TypeError(f"{name}: expected a number, got {value!r}")
+    try:
+        found = np.asarray(value)
+    except ValueError:
+        raise TypeError(f"{name}: expected numbers of one shape, got {value!r}") from None
+    if found.dtype.kind not in "biuf":
+        raise TypeError(f"{name}: expected numbers, got {type(value).__name__} of {found.dtype}")
+    return found.astype(float)
+
+
+def given(
+    known: Mapping[str, Quantity], values: Mapping[str, ArrayLike]
+) -> list[tuple[str, float]]:
+    """Values by the names of entries, of values by the names of quantities or of entries."""
+    found: list[tuple[str, float]] = []
+    for name, value in values.items():
+        quantity = known.get(name)
+        if quantity is not None:
+            numbers = finite(name, value, quantity.shape)
+            found.extend(zip(quantity.entries, numbers.tolist()))
+        else:
+            found.append((entry(known, name), float(finite(name, value, ())[0])))
+    return found
+
+
+def entry(known: Mapping[str, Quantity], name: str) -> str:
+    """The name of an entry as it stands in the language; `TypeError` where there is none of that name."""
+    match = ENTRY.match(name)
+    quantity = known.get(match["base"]) if match else None
+    plain = re.sub(r"\s", "", name)
+    if quantity is None or plain not in quantity.entries:
+        raise unknown(name, list(known))
+    return plain

@@ -1,0 +1,406 @@
+"""What came of a run."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Iterator
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from ._dense import Dense
+from ._errors import Diagnostic, RunError, diagnostics
+from ._figure import Figure
+from ._quantities import ENTRY, entries, shaped_like
+
+if TYPE_CHECKING:
+    import pandas
+    import pyarrow
+    import xarray
+
+    from ._experiment import Experiment
+
+KINDS = ("states", "outputs", "controls")
+
+
+class Event(NamedTuple):
+    """Something that happened at an instant."""
+
+    time: float
+    #: `crossing`, `jump`, `stick`, ..
+    kind: str
+    #: On which surface, contact or jump.
+    surface: str
+    #: The mode before.
+    before: str
+    #: The mode after.
+    after: str
+
+
+class Mode(NamedTuple):
+    """An interval of time without a change of mode."""
+
+    start: float
+    end: float
+    #: Regions and sliding surfaces.
+    mode: str
+
+
+class Result:
+    """What came of a run, whether it was solved or not.
+
+    >>> import nsdc
+    >>> ball = nsdc.loads('''
+    ...     model ball {
+    ...       param g : m/s^2 = 9.81; param e = 0.5;
+    ...       state q : m = 1; state v : m/s = 0;
+    ...       q' = v; v' = -g;
+    ...       jump floor when q <= 0 m and v < 0 m/s { v := -e*v; }
+    ...     }
+    ...     simulate falls of ball { horizon 1; }''')
+    >>> r = ball["falls"].run(g=2)
+    >>> r.status, r.ok, [event.kind for event in r.events]
+    ('solved', True, ['jump'])
+
+    `r["q"]` has a row for each instant of `r.time`; an instant stands twice where something jumps.
+
+    >>> len(r["q"]) == len(r.time), r["q"].flags.writeable
+    (True, False)
+
+    Between rows the solution is known, too, from both sides of a jump:
+
+    >>> float(r(0.5)["q"]), float(r(1.0, side="left")["v"]), float(r(1.0)["v"])
+    (0.75, -2.0, 1.0)
+    """
+
+    def __init__(
+        self, run: _core.Run, experiment: Experiment, asked: _core.Asked
+    ) -> None:
+        self._run: _core.Run | None = run
+        self._experiment = experiment
+        self._asked = asked
+
+    # What a run has in memory stays there until somebody asks for it; a pickled result has it all.
+
+    def _of_run(self) -> _core.Run:
+        if self._run is None:
+            raise AttributeError("a pickled result has no more than what was kept of it")
+        return self._run
+
+    @cached_property
+    def _summary(self) -> dict[str, Any]:
+        return dict(json.loads(self._of_run().summary()))
+
+    @cached_property
+    def time(self) -> NDArray[np.float64]:
+        """The instants of rows, shape (n,): ascending, twice where something jumps."""
+        return self._of_run().time
+
+    @cached_property
+    def _values(self) -> dict[str, NDArray[np.float64]]:
+        run = self._of_run()
+        return {
+            name: run.values(kind, place)
+            for kind in KINDS
+            for place, (name, _) in enumerate(run.names(kind))
+        }
+
+    @cached_property
+    def _kinds(self) -> dict[str, str]:
+        run = self._of_run()
+        return {name: kind for kind in KINDS for name, _ in run.names(kind)}
+
+    @cached_property
+    def _dense(self) -> Dense:
+        return Dense.of(*self._of_run().pieces())
+
+    @cached_property
+    def report(self) -> str:
+        """The report that `nsdc run` prints."""
+        return self._of_run().text()
+
+    @cached_property
+    def _messages(self) -> tuple[str, str]:
+        return self._of_run().messages()
+
+    @cached_property
+    def _svg(self) -> str:
+        run = self._of_run()
+        if run.figure is not None:
+            return run.figure
+        return self._experiment.file._project.draw(self._experiment.name, self._asked, run)
+
+    @cached_property
+    def json(self) -> str:
+        """The object that `nsdc run --json` writes."""
+        return self._of_run().json()
+
+    @cached_property
+    def csv(self) -> str:
+        """The table that `nsdc run --csv` writes."""
+        return self._of_run().csv()
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = ["_summary", "time", "_values", "_kinds", "_dense", "report", "_messages", "_svg"]
+        kept += ["json", "csv"]
+        state = {name: getattr(self, name) for name in kept}
+        return {**state, "_run": None, "_experiment": self._experiment, "_asked": self._asked}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for values in [self.time, *self._values.values()]:
+            values.flags.writeable = False
+
+    @property
+    def names(self) -> list[str]:
+        """What there are values of: states, outputs, controls."""
+        return list(self._values)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._values
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """The values of a state, output or control, or of an entry: shape (n,), (n, 3) or (n, 3, 3).
+
+        A read-only view without a copy; `x[1]` is the first entry of `x`, as in the language.
+        """
+        if name in self._values:
+            return self._values[name]
+        match = ENTRY.match(name)
+        if match and match["base"] in self._values:
+            values = self._values[match["base"]]
+            names = entries(match["base"], values.shape[1:])
+            plain = re.sub(r"\s", "", name)
+            if plain in names:
+                return values.reshape(len(values), -1)[:, names.index(plain)]
+        raise KeyError(f"{name}; there are {', '.join(self._values)}")
+
+    def __call__(
+        self, time: ArrayLike, derivative: int = 0, side: str = "right"
+    ) -> dict[str, NDArray[np.float64]]:
+        """States, or their derivatives, at any instants of the run, by name.
+
+        Each has the shape of `time`, and that of the state behind it. At an instant where something jumps, `side` says which
+        value is meant: `left` the one before, `right` the one behind. `ValueError` outside of the run, and for methods that
+        know their solution at the instants of rows alone.
+        """
+        dense = self._dense
+        found = dense.at(time, derivative, side)
+        columns = dict(zip(dense.names, np.moveaxis(found, -1, 0)))
+        states = self._experiment.states
+        gathered: dict[str, NDArray[np.float64]] = {}
+        for name, state in states.items():
+            if all(entry in columns for entry in state.entries):
+                stacked = [columns[entry] for entry in state.entries]
+                shape = found.shape[:-1] + state.shape
+                gathered[name] = np.stack(stacked, axis=-1).reshape(shape)
+        return gathered
+
+    @property
+    def end(self) -> dict[str, float | NDArray[np.float64]]:
+        """Values at the last instant, by name: floats, or arrays."""
+        return {
+            name: shaped_like(values[-1].reshape(-1), values.shape[1:])
+            for name, values in self._values.items()
+        }
+
+    @cached_property
+    def events(self) -> list[Event]:
+        """What happened, in order of time."""
+        return [
+            Event(one["time"], one["kind"], one["surface"], one["from"], one["to"])
+            for one in self._summary["events"]
+        ]
+
+    @cached_property
+    def modes(self) -> list[Mode]:
+        """The modes that follow each other."""
+        return [Mode(one["from"], one["to"], one["mode"]) for one in self._summary["modes"]]
+
+    @cached_property
+    def status(self) -> str:
+        """How it ended: `solved`, `feasible`, `locally_infeasible`, `unbounded`, `iteration_limit`, `time_limit`, `canceled`
+        or `numerical_failure`."""
+        return str(self._summary["status"]) if self._run is None else self._run.status
+
+    @property
+    def ok(self) -> bool:
+        """Whether it ended as `solved`."""
+        return self.status == "solved"
+
+    def raise_for_status(self) -> Result:
+        """The result itself; `RunError` where it did not end as `solved`."""
+        if not self.ok:
+            raise RunError(self)
+        return self
+
+    @property
+    def error_estimate(self) -> float | None:
+        """Estimate of the global error, relative to the magnitude of each state."""
+        return self._summary["error_estimate"]  # type: ignore[no-any-return]
+
+    @cached_property
+    def warnings(self) -> list[Diagnostic]:
+        """Warnings, and what ended the run early, with their places in the model."""
+        return diagnostics(self._messages[0])
+
+    @property
+    def objective(self) -> float | None:
+        """The value of the cost of an `optimize`."""
+        return self._summary["objective"]  # type: ignore[no-any-return]
+
+    @property
+    def certificate(self) -> dict[str, Any]:
+        """What is known about the result, as the language reference has it."""
+        return dict(self._summary["certificate"])
+
+    @property
+    def optimum(self) -> dict[str, Any] | None:
+        """How an optimum was found, and what a simulation says about it; none of a simulation."""
+        return self._summary.get("optimum")
+
+    @property
+    def free(self) -> dict[str, float]:
+        """The values that an optimization found for its free parameters."""
+        optimum = self.optimum or {}
+        return dict(optimum.get("free", {}))
+
+    @property
+    def multipliers(self) -> dict[str, Any] | None:
+        """Multipliers over time, where `run` was asked for them and the method has them: `time`, and each by its name."""
+        found = json.loads(self.json).get("multipliers")
+        if found is None:
+            return None
+        values = {name: np.array(values) for name, values in found["values"].items()}
+        return {"time": np.array(found["time"]), **values}
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters with the values that it ran with."""
+        return dict(self._summary["parameters"])
+
+    @property
+    def stats(self) -> dict[str, Any]:
+        """What it cost: steps, events, iterations, evaluations, seconds."""
+        return dict(self._summary["stats"])
+
+    def _columns(self) -> dict[str, NDArray[np.float64]]:
+        columns = {"time": self.time}
+        for name, values in self._values.items():
+            flat = values.reshape(len(values), -1)
+            names = entries(name, values.shape[1:])
+            columns.update(zip(names, flat.T))
+        return columns
+
+    def _units(self) -> dict[str, str]:
+        return {name: unit for name, unit in self._experiment._units.items() if name in self._values}
+
+    def _attributes(self) -> dict[str, Any]:
+        """Settings and marks of quality, as attributes of other formats."""
+        told = {
+            "experiment": self._experiment.name,
+            "model": self._experiment.model,
+            "method": self._summary["method"]["name"],
+            "status": self.status,
+            "error_estimate": self.error_estimate,
+            "objective": self.objective,
+        }
+        return {name: value for name, value in told.items() if value is not None}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A table with a row for each instant, and a column for each entry; units are in `attrs`."""
+        import pandas
+
+        columns = self._columns()
+        table = pandas.DataFrame({k: v for k, v in columns.items() if k != "time"})
+        table.index = pandas.Index(columns["time"], name="time")
+        table.attrs = {**self._attributes(), "units": self._units()}
+        return table
+
+    def to_xarray(self) -> xarray.Dataset:
+        """A data set over `time`, with units, docs and settings as attributes.
+
+        An instant stands twice where something jumps.
+        """
+        import xarray
+
+        units, docs = self._units(), self._experiment._docs
+
+        def variable(name: str, values: NDArray[np.float64]) -> xarray.Variable:
+            dims = ["time", *(f"{name}_{k}" for k in range(1, values.ndim))]
+            attrs = {"units": units.get(name), "long_name": docs.get(name), "kind": self._kinds[name]}
+            known = {key: value for key, value in attrs.items() if value is not None}
+            return xarray.Variable(dims, values, known)
+
+        variables = {name: variable(name, values) for name, values in self._values.items()}
+        return xarray.Dataset(variables, {"time": self.time}, self._attributes())
+
+    def to_arrow(self) -> pyarrow.Table:
+        """A table of Arrow, whose columns share memory with the result where entries are scalars."""
+        import pyarrow
+
+        described = {k.encode(): json.dumps(v).encode() for k, v in self._attributes().items()}
+        described[b"units"] = json.dumps(self._units()).encode()
+        return pyarrow.table(self._columns()).replace_schema_metadata(described)
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes it to a file: `.json` and `.csv` as the command line does, `.parquet`, `.nc`, `.mat`, and `.svg` its figure."""
+        path = Path(path)
+        if path.suffix in (".json", ".csv"):
+            text = self.json + "\n" if path.suffix == ".json" else self.csv
+            path.write_text(text, encoding="utf-8", newline="")
+        elif path.suffix == ".svg":
+            self.plot().save(path)
+        elif path.suffix == ".parquet":
+            import pyarrow.parquet
+
+            pyarrow.parquet.write_table(self.to_arrow(), path)
+        elif path.suffix == ".nc":
+            self.to_xarray().to_netcdf(path)
+        elif path.suffix == ".mat":
+            import scipy.io
+
+            named = {name.replace(".", "_"): values for name, values in self._values.items()}
+            scipy.io.savemat(path, {"time": self.time, **named})
+        else:
+            known = ".json, .csv, .svg, .parquet, .nc or .mat"
+            raise ValueError(f"a result is written as {known}, not as `{path.suffix}`")
+
+    def plot(self, *names: str, ax: Any = None) -> Any:
+        """Its figure, as `nsdc run --plot` draws it; with `names` or `ax`, lines of matplotlib: the axes."""
+        if not names and ax is None:
+            return Figure(self._svg)
+        import matplotlib.pyplot
+
+        ax = matplotlib.pyplot.gca() if ax is None else ax
+        for name in names or self.names:
+            values = self[name].reshape(len(self.time), -1)
+            labels = entries(name, self[name].shape[1:])
+            ax.plot(self.time, values, label=labels if len(labels) > 1 else labels[0])
+        ax.set_xlabel("time")
+        ax.legend()
+        return ax
+
+    def __repr__(self) -> str:
+        size = f"{len(self.time)} rows of {', '.join(self.names)}"
+        return f"<{self._experiment.name}: {self.status}, {size}, {len(self.events)} events>"
+
+    def _repr_html_(self) -> str:
+        folded = html.escape(self.report)
+        opened = "" if self.ok else " open"
+        told = html.escape(self._messages[1])
+        report = f"<details{opened}><summary>report</summary><pre>{folded}{told}</pre></details>"
+        return f"<div>{self._svg}{report}</div>"

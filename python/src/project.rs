@@ -1,0 +1,227 @@
+//! A file of models and experiments.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use nsdc::limit::Limit;
+use nsdc::study::sweep::{Axis, Grid, Row};
+use nsdc::sweep::Rows;
+use nsdc::syntax::Item;
+use nsdc::{Messages, Options, threads};
+use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::prelude::*;
+
+use crate::errors::{json, model_error};
+use crate::interrupt::Interrupt;
+use crate::recorded::Recorded;
+use crate::run::Run;
+use crate::session;
+use crate::sweep;
+
+/// A file that has been read and parsed, with what it uses.
+#[pyclass(frozen, module = "nsdc._core")]
+pub struct Project {
+    project: Arc<nsdc::Project>,
+    files: Recorded,
+}
+
+/// What replaces something of an experiment.
+#[derive(FromPyObject)]
+pub struct Asked {
+    #[pyo3(item("values"))]
+    values: Vec<(String, f64)>,
+    #[pyo3(item("settings"))]
+    settings: Vec<(String, String)>,
+    #[pyo3(item("time_limit"))]
+    time_limit: Option<f64>,
+}
+
+impl Asked {
+    fn replacing(self) -> Options {
+        let Asked {
+            values, settings, ..
+        } = self;
+        Options {
+            values,
+            settings,
+            ..Options::default()
+        }
+    }
+
+    /// How long it may take.
+    fn time(&self) -> PyResult<Option<Duration>> {
+        let time = self.time_limit.map(Duration::try_from_secs_f64);
+        let wrong = |_| PyValueError::new_err("time_limit: it is no time in seconds");
+        time.transpose().map_err(wrong)
+    }
+}
+
+/// The points of a sweep.
+#[derive(FromPyObject)]
+pub struct Points {
+    #[pyo3(item("axes"))]
+    axes: Vec<(String, Vec<f64>)>,
+    #[pyo3(item("zip"))]
+    is_zipped: bool,
+    #[pyo3(item("first"))]
+    first: usize,
+    #[pyo3(item("last"))]
+    last: usize,
+    #[pyo3(item("seed"))]
+    seed: Option<u64>,
+}
+
+impl Points {
+    fn grid(&self) -> PyResult<Grid> {
+        let axes = self.axes.iter().map(|(name, values)| Axis {
+            name: name.clone(),
+            values: values.clone(),
+        });
+        let grid = Grid::new(axes.collect(), self.is_zipped);
+        grid.map_err(|error| PyValueError::new_err(error.to_string()))
+    }
+}
+
+#[pymethods]
+impl Project {
+    /// A file of the disk or among `files`, which come first.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        path: &str,
+        files: Vec<(String, Vec<u8>)>,
+        disk: bool,
+    ) -> PyResult<Self> {
+        let files = Recorded::new(files, disk);
+        let read = files.clone();
+        let project = py.detach(|| nsdc::Project::from_files(path, read));
+        let project = project.map_err(|error| PyOSError::new_err(error.to_string()))?;
+        Ok(Project {
+            project: Arc::new(project),
+            files,
+        })
+    }
+
+    /// What has been read, by path.
+    fn files(&self) -> Vec<(String, Vec<u8>)> {
+        self.files.files()
+    }
+
+    /// What is wrong with it, as JSON and as a terminal shows it.
+    fn check(&self, py: Python<'_>) -> (String, String) {
+        py.detach(|| {
+            let messages = self.project.check();
+            (json(&messages), messages.render(false, 100))
+        })
+    }
+
+    /// The names of its models.
+    fn models(&self) -> Vec<String> {
+        let items = self.project.items();
+        let models = items.filter_map(|item| match item {
+            Item::Model(model) => Some(model.name.name.clone()),
+            _ => None,
+        });
+        models.collect()
+    }
+
+    /// The names of its experiments.
+    fn experiments(&self) -> Vec<String> {
+        let all = self.project.experiments();
+        all.map(|experiment| experiment.name.name.clone()).collect()
+    }
+
+    /// What an experiment is about, as JSON.
+    fn describe(&self, py: Python<'_>, experiment: &str) -> PyResult<String> {
+        let found = py.detach(|| self.project.describe(experiment));
+        let found = found.map_err(|messages| model_error(&messages))?;
+        Ok(serde_json::to_string(&found).unwrap_or_default())
+    }
+
+    /// Runs an experiment.
+    fn run(
+        &self,
+        py: Python<'_>,
+        experiment: &str,
+        asked: Asked,
+        multipliers: bool,
+        figure: bool,
+    ) -> PyResult<Run> {
+        let (interrupt, time) = (Interrupt::new(), asked.time()?);
+        let options = Options {
+            limit: Limit::from(time).canceled_by(&interrupt.cancel),
+            dense: true,
+            multipliers,
+            figure,
+            ..asked.replacing()
+        };
+        let project = &self.project;
+        let found = py.detach(|| session::run(project, experiment, &options, &mut ()));
+        interrupt.check()?;
+        found
+            .map(Run::from)
+            .map_err(|messages| model_error(&messages))
+    }
+
+    /// The figure of a run, as SVG.
+    fn draw(&self, py: Python<'_>, experiment: &str, asked: Asked, run: &Run) -> PyResult<String> {
+        let options = asked.replacing();
+        let drawn = py.detach(|| self.project.draw(experiment, &options, run.trajectory()));
+        drawn.map_err(|messages| model_error(&messages))
+    }
+
+    /// The figure of a sweep with these columns, as SVG.
+    fn draw_sweep(
+        &self,
+        py: Python<'_>,
+        experiment: &str,
+        asked: Asked,
+        points: Points,
+        ends: (Vec<String>, Vec<f64>, Vec<f64>),
+    ) -> PyResult<String> {
+        let (grid, options) = (points.grid()?, asked.replacing());
+        let (columns, ends, objectives) = ends;
+        let drawn = py.detach(|| {
+            let sweep = self.project.sweep(experiment, &options, grid)?;
+            let row = |k: usize| Row {
+                end: ends[k * columns.len()..][..columns.len()].to_vec(),
+                objective: objectives.get(k).copied().filter(|value| !value.is_nan()),
+                ..Row::default()
+            };
+            let rows = (0..sweep.grid().len()).map(|k| Some(row(k))).collect();
+            Ok(sweep.table(&Rows { rows, columns }).figure())
+        });
+        let drawn: Result<_, Messages> = drawn;
+        drawn.map_err(|messages| model_error(&messages))
+    }
+
+    /// Runs an experiment at points of a grid, on some threads or on all cores; `heard` is told how many runs are done.
+    #[pyo3(signature = (experiment, asked, points, threads, heard))]
+    fn sweep(
+        &self,
+        py: Python<'_>,
+        experiment: &str,
+        asked: Asked,
+        points: Points,
+        threads: Option<usize>,
+        heard: Option<Py<PyAny>>,
+    ) -> PyResult<sweep::Rows> {
+        let (interrupt, grid) = (Interrupt::new(), points.grid()?);
+        let (time, threads) = (asked.time()?, threads.unwrap_or_else(threads::count));
+        let options = asked.replacing();
+        let done = py.detach(|| {
+            let sweep = self.project.sweep(experiment, &options, grid)?;
+            let sweep = sweep.within(time).canceled_by(&interrupt.cancel);
+            let sweep = sweep.seeded(points.seed);
+            let mut tell = interrupt.telling(heard.as_ref());
+            let rows = sweep.rows(points.first..points.last, threads, &mut tell);
+            match sweep.refused(&rows) {
+                Some(messages) => Err(messages),
+                None => Ok(rows),
+            }
+        });
+        let done: Result<_, Messages> = done;
+        let rows = done.map_err(|messages| model_error(&messages))?;
+        sweep::Rows::new(rows, interrupt)
+    }
+}

@@ -1,0 +1,75 @@
+//! What a thread has compiled of the projects that it runs.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use nsdc::expr::Exprs;
+use nsdc::session::Session;
+use nsdc::watch::Watch;
+use nsdc::{Messages, Options, Project, Run};
+use self_cell::self_cell;
+
+/// Projects of which a thread keeps what it has compiled.
+const MOST: usize = 8;
+/// Experiments of a project that are kept, each with its settings and the sides of zero of its values.
+const MOST_KEPT: usize = 64;
+
+struct Ground {
+    exprs: Exprs,
+    project: Arc<Project>,
+}
+
+self_cell!(
+    struct Compiled {
+        owner: Ground,
+        #[not_covariant]
+        dependent: Session,
+    }
+);
+
+thread_local! {
+    /// The one that was used last is last.
+    static COMPILED: RefCell<Vec<Compiled>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Runs an experiment of a project, and keeps what it is compiled to for other runs on this thread.
+///
+/// # Errors
+///
+/// Those of [`Project::run`].
+pub fn run(
+    project: &Arc<Project>,
+    experiment: &str,
+    options: &Options,
+    watch: &mut dyn Watch,
+) -> Result<Run, Messages> {
+    // It is not there while it runs: handlers of signals may run other experiments.
+    let mut compiled = taken(project);
+    let found = compiled.with_dependent_mut(|_, session| session.run(experiment, options, watch));
+    if compiled.with_dependent(|_, session| session.kept()) < MOST_KEPT {
+        COMPILED.with_borrow_mut(|all| {
+            all.push(compiled);
+            if all.len() > MOST {
+                all.remove(0);
+            }
+        });
+    }
+    found
+}
+
+fn taken(project: &Arc<Project>) -> Compiled {
+    let known = COMPILED.with_borrow_mut(|all| {
+        let is_it = |known: &Compiled| Arc::ptr_eq(&known.borrow_owner().project, project);
+        let place = all.iter().rposition(is_it)?;
+        Some(all.remove(place))
+    });
+    known.unwrap_or_else(|| {
+        let ground = Ground {
+            exprs: Exprs::new(),
+            project: project.clone(),
+        };
+        Compiled::new(ground, |ground| {
+            Session::new(&ground.exprs, &ground.project)
+        })
+    })
+}
