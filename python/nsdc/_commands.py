@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import re
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,44 +49,40 @@ class Emitted(str):
 
 
 class Report(str):
-    """What a command prints, with its figure."""
+    """What a command prints, with its figures by name; the first one shows itself in a notebook."""
 
-    figure: Figure | None
+    figures: dict[str, Figure]
 
-    def __new__(cls, text: str, figure: Figure | None) -> Report:
+    def __new__(cls, text: str, figures: dict[str, Figure]) -> Report:
         made = super().__new__(cls, text)
-        made.figure = figure
+        made.figures = figures
         return made
 
     def __repr__(self) -> str:
         return str(self)
 
-    def _repr_svg_(self) -> str | None:
-        return None if self.figure is None else self.figure.svg
+    def _repr_html_(self) -> str:
+        figures = "".join(figure.svg for figure in self.figures.values())
+        return f"<div>{figures}<pre>{html.escape(self)}</pre></div>"
 
 
-def command(file: File, name: str, *args: str, plot: bool = False) -> str:
+def command(file: File, name: str, *args: str) -> str:
     """What a command prints about a file; `CommandError` where it fails."""
-    return _ran(file, name, list(args), plot)[0]
+    return str(report(file, name, *args))
 
 
-def report(file: File, name: str, *args: str) -> Report:
-    """What a command prints about a file, with its figure."""
-    text, svg = _ran(file, name, list(args), True)
-    return Report(text, None if svg is None else Figure(svg))
-
-
-def _ran(file: File, name: str, args: list[str], plot: bool) -> tuple[str, str | None]:
+def report(file: File, name: str, *args: str, plot: str | None = None) -> Report:
+    """What a command prints about a file, with the figures that it writes for `--plot` and this name."""
     with tempfile.TemporaryDirectory() as folder:
-        path = _written(file, Path(folder))
-        figure = Path(folder) / "figure.svg"
-        drawn = [f"--plot={figure}"] if plot else []
-        line = ["nsdc", name, str(path), *args, *drawn]
+        place = Path(folder)
+        drawn = [] if plot is None else [f"--plot={place / plot}"]
+        line = ["nsdc", name, str(_written(file, place)), *args, *drawn]
         code, out, err = _core.main(line, True, False, False, 100)
-        text = out.decode(errors="replace")
-        if code not in (0, 1) or not text:
+        if not out:
             raise CommandError(code, err.decode(errors="replace").replace(f"{folder}/", ""))
-        return text, figure.read_text(encoding="utf-8") if figure.exists() else None
+        figures = {path.stem: path.read_text(encoding="utf-8") for path in sorted(place.glob("*.svg"))}
+        drawn_figures = {stem: Figure(svg) for stem, svg in figures.items()}
+        return Report(out.decode(errors="replace"), drawn_figures)
 
 
 def _written(file: File, folder: Path) -> Path:
@@ -99,13 +97,16 @@ def _written(file: File, folder: Path) -> Path:
 
 
 def order(experiment: Experiment, *options: str) -> Report:
-    """`nsdc order`: the error of an experiment over its step, with the figure."""
-    return report(experiment.file, "order", experiment.name, *options)
+    """`nsdc order`: the errors of the methods over their steps, with figures of errors over steps and over time."""
+    return report(experiment.file, "order", experiment.name, *options, plot="order")
 
 
-def modes(experiment: Experiment, *options: str) -> Report:
-    """`nsdc modes`: its sliding modes, with the figure."""
-    return report(experiment.file, "modes", experiment.name, *options)
+def modes(
+    experiment: Experiment, over: Mapping[str, tuple[float, float]], *options: str
+) -> Report:
+    """`nsdc modes`: the sliding modes of a nonlinear switch over one state or two, with the figure."""
+    ranges = [f"--over={name}={low!r}:{high!r}" for name, (low, high) in over.items()]
+    return report(experiment.file, "modes", experiment.name, *ranges, *options, plot="modes.svg")
 
 
 def verify(experiment: Experiment, *options: str) -> str:

@@ -87,13 +87,14 @@ class Quantities(Mapping[str, Quantity]):
 def _quantity(one: dict[str, Any]) -> Quantity:
     shape = tuple(one["shape"])
 
-    def shaped(values: list[float | None], missing: float) -> float | NDArray[np.float64]:
-        flat = np.array([missing if value is None else value for value in values], dtype=float)
-        return shaped_like(flat, shape)
+    def shaped(values: list[float | None], missing: float) -> Any:
+        """What is not finite is null in JSON, and nothing is known of some."""
+        flat = [missing if value is None else value for value in values]
+        return shaped_like(np.array(flat, dtype=float), shape) if flat else None
 
-    value = shaped(one["value"], math.nan) if one["value"] else None
+    value = shaped(one["value"], math.nan)
     bounds = (shaped(one["low"], -math.inf), shaped(one["high"], math.inf))
-    bounds = bounds if one["low"] else (-math.inf, math.inf)
+    bounds = (-math.inf, math.inf) if bounds[0] is None else bounds
     return Quantity(one["name"], shape, one["unit"], one["doc"], value, bounds)
 
 

@@ -276,8 +276,15 @@ class Result:
         return dict(optimum.get("free", {}))
 
     @property
+    def constraints(self) -> list[dict[str, Any]]:
+        """The constraints of an optimization: `value`, `relation`, `bound`, where it holds, and its `multiplier`, none where
+        the optimum has no derivative by its bound."""
+        return list((self.optimum or {}).get("constraints", []))
+
+    @property
     def multipliers(self) -> dict[str, Any] | None:
-        """Multipliers over time, where `run` was asked for them and the method has them: `time`, and each by its name."""
+        """Multipliers over time, where `run` was asked for them and the method has them: `time`, and each by its name. Those
+        of an optimum are with its `constraints`."""
         found = json.loads(self.json).get("multipliers")
         if found is None:
             return None

@@ -13,9 +13,9 @@ use crate::project::run::{Options, Run};
 use crate::project::watch::Watch;
 use crate::project::{Project, bindings};
 use crate::source::SourceMap;
-use crate::syntax::Path;
+use crate::syntax::{ExperimentKind, Path};
 
-/// Runs of the experiments of a project with any values. What an experiment is compiled to serves all values on the same
+/// Runs of the experiments of a project with any values. What a simulation is compiled to serves all values on the same
 /// sides of zero, where it can: such a run compiles nothing. What comes of a run depends on its own values alone, whatever
 /// was run before.
 ///
@@ -146,6 +146,10 @@ impl<'e> Session<'e> {
         own: bool,
     ) -> Option<(Rerun<'e>, SourceMap)> {
         let asked = self.project.ask(experiment, &[], &options.settings).ok()?;
+        // An optimum is looked for with all that its experiment says, anew.
+        if asked.experiment.kind == ExperimentKind::Optimize {
+            return None;
+        }
         let mut sources = asked.sources;
         let names = options.values.iter().map(|(name, value)| match *value {
             0.0 => Some(None),

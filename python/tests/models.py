@@ -1,0 +1,31 @@
+"""Models of several tests."""
+
+from pathlib import Path
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+#: x' = v, v' = -g, and v := -e*v where it strikes.
+BALL = """
+model ball {
+  /// On Earth.
+  param g : m/s^2 in [0, 100] = 9.81;
+  param e in [0, 1] = 0.5;
+  state q : m = 1;
+  state v : m/s = 0;
+  q' = v; v' = -g;
+  jump floor when q <= 0 m and v < 0 m/s { v := -e*v; }
+  output energy = g*q + v^2/2;
+}
+/// A ball that is let go.
+simulate falls of ball { horizon 1; }
+"""
+
+#: A block on a belt: sticks, slips, and swings.
+BELT = """
+model belt {
+  param mu = 0.6; param speed = 0.3;
+  state x[2] = [0, 1];
+  x' = [x[2], -x[1] - mu*sign(x[2] - speed)];
+}
+simulate pulls of belt { horizon 20; }
+"""

@@ -1,0 +1,132 @@
+"""What runs take, what they refuse, and that they depend on their own values alone."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import nsdc
+
+from models import BALL, BELT
+
+
+@pytest.mark.parametrize(
+    ("values", "error", "text"),
+    [
+        ({"gg": 1}, TypeError, "did you mean `g`"),
+        ({"params": {"w[1]": 1}}, TypeError, "w\\[1\\]"),
+        ({"g": "two"}, TypeError, "g: expected a number"),
+        ({"g": None}, TypeError, "g: expected a number"),
+        ({"g": object()}, TypeError, "g: expected numbers"),
+        ({"g": [1.0, 2.0]}, ValueError, "g: expected a number, got one of shape"),
+        ({"g": np.nan}, ValueError, "g: nan is not finite"),
+        ({"q": np.inf}, ValueError, "q: inf is not finite"),
+        ({"g": np.zeros((300, 300))}, ValueError, "g: expected a number"),
+        ({"g": 1, "params": {"g": 2}}, TypeError, "`g` is given twice"),
+        ({"horizon": np.nan}, ValueError, "horizon: nan is not finite"),
+        ({"horizon": [1, 2]}, TypeError, "horizon: expected a number"),
+        ({"time_limit": -1}, ValueError, "time_limit"),
+    ],
+)
+def test_wrong_arguments_are_named(
+    ball: nsdc.Experiment, values: dict, error: type[Exception], text: str
+) -> None:
+    with pytest.raises(error, match=text):
+        ball.run(**values)
+
+
+def test_shapes_are_checked(belt: nsdc.Experiment) -> None:
+    with pytest.raises(ValueError, match=r"x: expected an array of shape \(2,\), got one of shape \(3,\)"):
+        belt.run(x=[1, 2, 3])
+    with pytest.raises(TypeError, match="x: expected numbers of one shape"):
+        belt.run(x=[[1, 2], [3]])
+    whole = belt.run(x=np.array([0.5, -1.0]))
+    entries = belt.run(params={"x[1]": 0.5, "x[ 2 ]": -1})
+    assert whole["x"].tolist() == entries["x"].tolist()
+
+
+def test_mistakes_of_models_have_places() -> None:
+    file = nsdc.loads("model m { param rate = 1;\n  state x = 1; x' = -rte*x; }\nsimulate s of m { horizon 1; }", "m.nsd")
+    with pytest.raises(nsdc.ModelError, match="unknown name `rte`") as told:
+        file["s"].run()
+    error = told.value
+    assert error.code == "E0101" and (error.span.file, error.span.line) == ("m.nsd", 2)
+    assert "rate" in error.help
+    (fix,) = error.fixes
+    assert fix.edits[0].replacement == "rate" and fix.edits[0].span == error.span
+    assert "rte" in error._repr_html_() and "m.nsd:2" in str(error)
+    assert [one.code for one in file.check()] == ["E0101"]
+    assert "E0101" in nsdc.explain("E0101")
+    with pytest.raises(KeyError):
+        nsdc.explain("E9999")
+    with pytest.raises(nsdc.ModelError, match="horizon"):
+        nsdc.loads(BALL)["falls"].run(horizon="1 +")
+    # A value outside of its range is told with the line of its declaration.
+    with pytest.raises(nsdc.ModelError, match="E0504"):
+        nsdc.loads(BALL)["falls"].run(e=2)
+
+
+def test_settings_are_taken(belt: nsdc.Experiment) -> None:
+    asked = {"tolerance": 1e-6, "method": "fesd { steps = 8; }", "every": 0.05}
+    result = belt.run(horizon="pi/10", x=[2, 0], mu=0.5, speed=1, **asked)
+    assert json.loads(result.json)["method"]["name"] == "fesd"
+    # x'' = -x + mu as long as it is slower than the belt.
+    assert abs(result.time[-1] - np.pi / 10) < 1e-15 and len(result.time) == 8
+    assert abs(result.end["x"][0] - (0.5 + 1.5 * np.cos(np.pi / 10))) < 1e-6
+
+
+def test_runs_depend_on_their_own_values_alone() -> None:
+    """Whatever was run before, and in whatever order: the very same numbers."""
+    rng = np.random.default_rng(5)
+    for text, name, draws in (
+        (BALL, "falls", {"g": (1, 20), "e": (0.1, 0.9), "q": (0.1, 2)}),
+        (BELT, "pulls", {"mu": (-1, 1), "speed": (-0.5, 0.5)}),
+    ):
+        points = [{k: rng.uniform(*span) for k, span in draws.items()} for _ in range(6)]
+        points += [{**points[0], list(draws)[0]: 0.0}, {list(draws)[0]: points[1][list(draws)[0]]}]
+        runs = [[nsdc.loads(text)[name].run(**point) for point in points]]
+        for order in (range(len(points)), reversed(range(len(points)))):
+            file = nsdc.loads(text)
+            found = {k: file[name].run(**points[k]) for k in order}
+            runs.append([found[k] for k in range(len(points))])
+        for alone, *others in zip(*runs):
+            for other in others:
+                assert alone.time.tolist() == other.time.tolist()
+                assert all(alone[one].tolist() == other[one].tolist() for one in alone)
+
+
+def test_open_parameters_have_the_result_of_compiled_ones() -> None:
+    """Two roads: a parameter that stays open, and its number in the text."""
+    for mu in (0.2, 0.9):
+        opened = nsdc.loads(BELT)["pulls"].run(mu=mu)
+        fixed = nsdc.loads(BELT.replace("mu = 0.6", f"mu = {mu}"))["pulls"].run()
+        assert np.abs(opened.end["x"] - fixed.end["x"]).max() < 1e-9
+        assert [event.kind for event in opened.events] == [event.kind for event in fixed.events]
+        assert opened.parameters["mu"] == mu
+
+
+def test_forms_and_commands_are_shown(ball: nsdc.Experiment) -> None:
+    assert "v" in ball.emit("system") and ball.emit()._repr_latex_() is None
+    tex = ball.emit("tex")
+    assert tex._repr_latex_().startswith("$$")
+
+
+def test_names_are_helped() -> None:
+    file = nsdc.loads(BALL)
+    with pytest.raises(KeyError, match="did you mean `falls`"):
+        file["fals"]
+    assert "falls" in file and list(file.experiments) == ["falls"] and file.models == ["ball"]
+    with pytest.raises(OSError, match="nowhere.nsd"):
+        nsdc.load("nowhere.nsd")
+
+
+def test_notebooks_show_figures(ball: nsdc.Experiment) -> None:
+    result = ball.run()
+    shown = result._repr_html_()
+    assert shown.count("<svg") == 1 and "<details>" in shown
+    assert result.plot()._repr_svg_() in shown
+    assert "m/s^2" in ball._repr_html_() and "falls" in ball.file._repr_html_()
+    with pytest.raises(ValueError, match="svg"):
+        result.plot().save("figure.png")

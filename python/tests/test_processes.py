@@ -1,0 +1,145 @@
+"""Threads, signals, forks and panics."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from models import BELT, EXAMPLES
+
+import nsdc
+
+#: Runs for hours.
+ENDLESS = "model m { state x = 1; state y = 0; x' = -y; y' = x + 0.1*sign(x); } simulate s of m { horizon 1e9; }"
+
+
+def test_importing_is_quick_and_imports_little() -> None:
+    told = subprocess.run(
+        [sys.executable, "-c", "import nsdc, sys; print([m for m in ('pandas', 'xarray', 'pyarrow', 'matplotlib', 'distributed', 'ray') if m in sys.modules])"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert told.stdout.strip() == "[]"
+
+
+def test_other_threads_go_on() -> None:
+    ticks, ends = 0, threading.Event()
+
+    def tick() -> None:
+        nonlocal ticks
+        while not ends.is_set():
+            ticks += 1
+            time.sleep(0.005)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    before = ticks
+    result = nsdc.loads(ENDLESS)["s"].run(time_limit=0.5)
+    during = ticks - before
+    ends.set()
+    thread.join()
+    assert result.status == "time_limit" and during > 10
+
+
+def test_threads_run_at_the_same_time() -> None:
+    file = nsdc.loads(BELT)
+    values = np.linspace(0.1, 0.9, 8)
+    expected = [file["pulls"].run(mu=mu).end["x"].tolist() for mu in values]
+    found: dict[int, list] = {}
+
+    def work(thread: int) -> None:
+        found[thread] = [file["pulls"].run(mu=mu).end["x"].tolist() for mu in values]
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(one == expected for one in found.values()) and len(found) == 4
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        f"nsdc.loads({ENDLESS!r})['s'].run()",
+        f"nsdc.loads({ENDLESS!r})['s'].run(method='fesd {{ steps = 1000000; }}')",
+        f"nsdc.loads({ENDLESS!r})['s'].run(method='adaptive')",
+        f"nsdc.load({str(EXAMPLES / 'sliding_ocp.nsd')!r})",
+    ],
+    ids=["events", "elements", "adaptive", "optimum"],
+)
+def test_an_interrupt_ends_a_run(call: str) -> None:
+    if "sliding_ocp" in call:
+        call = f"""[e.run() for _ in range(10000) for e in {call}.experiments.values()]"""
+    code = f"""
+import nsdc, time, threading, os, signal
+def stop():
+    time.sleep(1.0)
+    global sent
+    sent = time.monotonic()
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=stop, daemon=True).start()
+try:
+    {call}
+except KeyboardInterrupt:
+    print("interrupted", time.monotonic() - sent)
+"""
+    told = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert told.stdout.startswith("interrupted"), told.stderr[-2000:]
+
+
+def test_an_interrupted_sweep_keeps_what_is_finished() -> None:
+    belt = nsdc.loads(BELT)["pulls"]
+
+    def stop() -> None:
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=stop)
+    thread.start()
+    with pytest.warns(UserWarning, match="interrupted after"):
+        sweep = belt.sweep(mu=np.linspace(0.1, 0.9, 200_000))
+    thread.join()
+    done = sweep.status == "solved"
+    assert 0 < done.sum() < 200_000 and np.isfinite(sweep["x"][done]).all()
+    assert np.isnan(sweep["x"][sweep.status == ""]).all()
+
+
+def _ends(queue: multiprocessing.Queue) -> None:
+    queue.put(nsdc.loads(BELT)["pulls"].sweep(mu=[0.1, 0.5])["x"].tolist())
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_fork_after_a_sweep_does_not_hang() -> None:
+    expected = nsdc.loads(BELT)["pulls"].sweep(mu=[0.1, 0.5])["x"].tolist()
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    process = context.Process(target=_ends, args=(queue,))
+    process.start()
+    assert queue.get(timeout=30) == expected
+    process.join(timeout=10)
+    assert process.exitcode == 0
+
+
+def test_a_panic_is_an_exception() -> None:
+    with pytest.raises(BaseException, match="on purpose") as told:
+        nsdc._core._panic()
+    assert type(told.value).__name__ == "PanicException"
+    assert nsdc.loads(BELT)["pulls"].run(horizon=0.1).ok
+
+
+def test_the_command_is_there() -> None:
+    told = subprocess.run([sys.executable, "-m", "nsdc", "--version"], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == f"nsdc {nsdc.__version__}"
+    wrong = subprocess.run([sys.executable, "-m", "nsdc", "run", "nowhere.nsd"], capture_output=True, text=True, check=False)
+    assert wrong.returncode == 1 and "nowhere.nsd" in wrong.stderr
