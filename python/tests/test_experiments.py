@@ -9,7 +9,7 @@ import pytest
 
 import nsdc
 
-from models import BALL, BELT
+from models import BALL, BELT, EXAMPLES
 
 
 @pytest.mark.parametrize(
@@ -120,6 +120,14 @@ def test_names_are_helped() -> None:
     assert "falls" in file and list(file.experiments) == ["falls"] and file.models == ["ball"]
     with pytest.raises(OSError, match="nowhere.nsd"):
         nsdc.load("nowhere.nsd")
+
+
+def test_the_figure_of_the_readme_is_that_of_its_model() -> None:
+    crossing = nsdc.load(EXAMPLES / "oscillator.nsd")["crossing"]
+    assert crossing.run().plot().svg == (EXAMPLES / "oscillator.svg").read_text()
+    readme = (EXAMPLES.parent / "README.md").read_text()
+    code = readme.split("```python\n")[1].split("```")[0]
+    exec(code.replace("examples/", f"{EXAMPLES}/"), {})
 
 
 def test_notebooks_show_figures(ball: nsdc.Experiment) -> None:
