@@ -201,6 +201,7 @@ struct Measured {
 impl Measured {
     fn of(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Self {
         let modes: BTreeSet<&str> = trajectory
+            .history
             .modes
             .iter()
             .map(|mode| mode.mode.as_str())
@@ -209,8 +210,8 @@ impl Measured {
             states: compiled.system.states.len(),
             switches: compiled.system.switches.len(),
             modes: modes.len(),
-            evaluations: trajectory.stats.rhs_evaluations,
-            skipped: trajectory.skipped.clone(),
+            evaluations: trajectory.quality.stats.rhs_evaluations,
+            skipped: trajectory.setup.skipped.clone(),
             is_solved: trajectory.status == Status::Solved,
             seconds: 0.0,
         }

@@ -285,7 +285,7 @@ pub fn fitted_order(errors: &[(usize, f64)]) -> f64 {
 
 /// The times of all events of a kind, in order.
 pub fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
-    let events = trajectory.events.iter();
+    let events = trajectory.history.events.iter();
     events
         .filter(|event| event.kind == kind)
         .map(|event| event.time)
@@ -298,10 +298,14 @@ pub fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
 ///
 /// When the trajectory has no such series or no point.
 pub fn end(trajectory: &Trajectory, name: &str) -> Vec<f64> {
-    let series = trajectory.states.iter().chain(&trajectory.outputs);
+    let series = trajectory
+        .samples
+        .states
+        .iter()
+        .chain(&trajectory.samples.outputs);
     let found = series.into_iter().find(|series| series.name == name);
     let found = found.unwrap_or_else(|| panic!("no `{name}` in the trajectory"));
-    found.at(trajectory.time.len() - 1).to_vec()
+    found.at(trajectory.samples.time.len() - 1).to_vec()
 }
 
 /// Asserts that values are as near to exact ones as this; what is no number is near to none.

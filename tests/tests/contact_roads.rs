@@ -24,7 +24,7 @@ fn roads(model: &str, horizon: f64, within: [f64; 3], mut check: impl FnMut(&Tra
         let found = by(model, horizon, road);
         assert_eq!(found.status, Status::Solved, "{road} {:?}", found.failure);
         found.verify().expect("the invariants of `Trajectory`");
-        let violation = found.certificate.max_violation;
+        let violation = found.quality.certificate.max_violation;
         assert!(violation <= within.max(1e-9), "{road} {violation:e}");
         check(&found, within);
     }

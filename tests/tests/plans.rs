@@ -31,8 +31,8 @@ const BALL: &str = "model m {
 
 fn ends(run: &Trajectory) -> Vec<f64> {
     assert_eq!(run.status, Status::Solved, "{:?}", run.failure);
-    let last = run.time.len() - 1;
-    let states = run.states.iter();
+    let last = run.samples.time.len() - 1;
+    let states = run.samples.states.iter();
     states.flat_map(|series| series.at(last).to_vec()).collect()
 }
 

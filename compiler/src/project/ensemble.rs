@@ -115,7 +115,11 @@ pub fn add(
     let Some(seeds) = seeds(settings) else {
         return;
     };
-    let reported = trajectory.states.iter().chain(&trajectory.outputs);
+    let reported = trajectory
+        .samples
+        .states
+        .iter()
+        .chain(&trajectory.samples.outputs);
     let names: Vec<String> = reported.flat_map(|series| series.entry_names()).collect();
     let count = (seeds.end - seeds.start) as usize;
     let time = instants(settings, names.len() * count);
@@ -199,15 +203,19 @@ fn instants(settings: &Settings<'_>, numbers: usize) -> Vec<f64> {
 fn sample(trajectory: &Trajectory, time: &[f64]) -> Sample {
     let solved = trajectory.status == Status::Solved;
     let row = |&t: &f64| {
-        let place = trajectory.time.partition_point(|&known| known <= t);
+        let place = trajectory.samples.time.partition_point(|&known| known <= t);
         let place = place.saturating_sub(1);
-        let reported = trajectory.states.iter().chain(&trajectory.outputs);
+        let reported = trajectory
+            .samples
+            .states
+            .iter()
+            .chain(&trajectory.samples.outputs);
         reported
             .flat_map(|series| series.at(place).iter().copied())
             .collect()
     };
     Sample {
-        rows: match solved && !trajectory.time.is_empty() {
+        rows: match solved && !trajectory.samples.time.is_empty() {
             true => time.iter().map(row).collect(),
             false => Vec::new(),
         },

@@ -7,7 +7,7 @@ use crate::expr::{Expr, Var, variables_of};
 use crate::model::Units;
 use crate::report::plot::animation::Animation;
 use crate::report::plot::{Figure, Phase, Surface};
-use crate::report::{Series, Trajectory, refine};
+use crate::report::{Dense, Samples, Series, Trajectory, refine};
 use crate::system::experiment::Plot;
 
 /// The SVG text: what the experiment asks for, or all that is reported.
@@ -27,7 +27,11 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         .write();
     }
     // Switching curves are drawn over the states as the system has them.
-    let names = trajectory.states.iter().flat_map(Series::entry_names);
+    let names = trajectory
+        .samples
+        .states
+        .iter()
+        .flat_map(Series::entry_names);
     let is_whole = names.eq(system.states.iter().map(|state| state.name.clone()));
     let surfaces = match &system.states[..] {
         [x, y] if is_whole => surfaces(compiled, &params, [x.var, y.var]),
@@ -56,7 +60,7 @@ pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Strin
     let fine = evaluated(compiled, trajectory, series.collect(), exprs);
     let named = shapes.iter().flat_map(|shape| shape.lengths());
     let figure = Animation {
-        trajectory: &fine,
+        samples: &fine,
         kinds: shapes.iter().map(|shape| shape.kind).collect(),
         unit: named.filter_map(|name| units.unit(name)).next(),
         time: units.title("time"),
@@ -67,7 +71,7 @@ pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Strin
     Some(figure.write())
 }
 
-/// The run with what a plot draws as its outputs, and nothing else.
+/// The run with what a plot draws as its outputs.
 fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) -> Trajectory {
     let series = plot.drawn().map(|drawn| Series {
         name: drawn.name.clone(),
@@ -75,24 +79,26 @@ fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) 
         values: Vec::new(),
     });
     let exprs = plot.drawn().flat_map(|drawn| &drawn.entries);
-    evaluated(compiled, trajectory, series.collect(), exprs)
+    Trajectory {
+        samples: evaluated(compiled, trajectory, series.collect(), exprs),
+        ..trajectory.clone()
+    }
 }
 
-/// The run with these outputs alone, of which expressions of the model are the entries in order.
+/// These outputs alone of a run, of which expressions of the model are the entries in order.
 fn evaluated<'s, 'e: 's>(
     compiled: &Compiled<'e>,
     trajectory: &Trajectory,
     outputs: Vec<Series>,
     exprs: impl Iterator<Item = &'s Expr<'e>>,
-) -> Trajectory {
+) -> Samples {
     let exprs: Vec<Expr<'_>> = exprs.map(|&e| compiled.system.read(e)).collect();
-    let empty = Trajectory {
-        states: Vec::new(),
+    let samples = Samples {
+        time: trajectory.samples.time.clone(),
         outputs,
-        controls: Vec::new(),
-        ..trajectory.clone()
+        ..Samples::default()
     };
-    refined(compiled, &empty, &exprs)
+    refined(compiled, samples, &trajectory.dense, &exprs)
 }
 
 /// Panels and planes of a plot, with what it draws in order.
@@ -102,7 +108,7 @@ fn arranged<'a, 'e>(
     fine: &'a Trajectory,
     (units, params): (&'a Units, &'a HashMap<Var, f64>),
 ) -> Figure<'a> {
-    let mut series = fine.outputs.iter();
+    let mut series = fine.samples.outputs.iter();
     let panels = plot.panels.iter();
     let panels = panels.map(|panel| series.by_ref().take(panel.len()).collect());
     let panels = panels.collect();
@@ -157,11 +163,20 @@ pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
         .map(|&entry| system.states[entry].var)
         .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
         .collect();
-    refined(compiled, trajectory, &exprs)
+    let samples = trajectory.samples.clone();
+    Trajectory {
+        samples: refined(compiled, samples, &trajectory.dense, &exprs),
+        ..trajectory.clone()
+    }
 }
 
-/// The trajectory at these instants, with the values of what is reported, in time, states and α.
-fn refined(compiled: &Compiled<'_>, trajectory: &Trajectory, exprs: &[Expr<'_>]) -> Trajectory {
+/// The samples where their curves need them, with the values of what is reported, in time, states and α.
+fn refined(
+    compiled: &Compiled<'_>,
+    mut samples: Samples,
+    dense: &Dense,
+    exprs: &[Expr<'_>],
+) -> Samples {
     let system = &compiled.system;
     let params = parameters(compiled);
     // The row of every variable: states, α, then data.
@@ -175,7 +190,7 @@ fn refined(compiled: &Compiled<'_>, trajectory: &Trajectory, exprs: &[Expr<'_>])
         .collect();
     let time = system.time.as_variable();
     let n_states = system.states.len();
-    refine(trajectory, &|t, row| {
+    refine(&mut samples, dense, &|t, row| {
         let mut row = row.to_vec();
         let (x, alpha) = row.split_at_mut(n_states);
         system.see(t, x, alpha);
@@ -185,7 +200,8 @@ fn refined(compiled: &Compiled<'_>, trajectory: &Trajectory, exprs: &[Expr<'_>])
             None => params.get(&var).copied().unwrap_or(f64::NAN),
         };
         exprs.iter().map(|expr| expr.eval(&number)).collect()
-    })
+    });
+    samples
 }
 
 /// The switching functions of two axes alone, where these are the two states of the system.

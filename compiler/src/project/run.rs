@@ -57,7 +57,7 @@ impl Run {
 
     /// What is reported over time, as a table.
     pub fn csv(&self) -> String {
-        csv::write(&self.trajectory)
+        csv::write(&self.trajectory.samples)
     }
 
     /// A short report.
@@ -157,7 +157,7 @@ impl Project {
             Ok(trajectory) => trajectory,
             Err(diags) => return Err(Messages::new(diags, asked.sources)),
         };
-        trajectory.stats.compile_s = self.compile_seconds(&clock);
+        trajectory.quality.stats.compile_s = self.compile_seconds(&clock);
         trajectory.warnings.splice(0..0, Warning::all(&diags));
         Ok(Run {
             #[cfg(feature = "plots")]

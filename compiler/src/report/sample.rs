@@ -14,10 +14,9 @@ pub fn oscillator() -> Trajectory {
         sides: vec![side],
         contacts: Vec::new(),
     };
-    Trajectory {
+    let setup = Setup {
         experiment: "crossing".into(),
         model: "oscillator".into(),
-        status: Status::Solved,
         method: Method {
             name: "event".into(),
             options: vec![
@@ -30,6 +29,9 @@ pub fn oscillator() -> Trajectory {
             shape: vec![],
             values: vec![6.25],
         }],
+        ..Setup::default()
+    };
+    let samples = Samples {
         states: vec![Series {
             name: "x".into(),
             shape: vec![2],
@@ -41,6 +43,9 @@ pub fn oscillator() -> Trajectory {
             values: vec![-0.8646647167633873, 0.0, 1.7807818284],
         }],
         time,
+        ..Samples::default()
+    };
+    let history = History {
         events: vec![Event {
             time: 1.0,
             kind: EventKind::Crossing,
@@ -55,6 +60,9 @@ pub fn oscillator() -> Trajectory {
             interval(1.0, 1.5, "outside", Side::Above),
         ],
         switches: vec!["c".into()],
+        ..History::default()
+    };
+    let quality = Quality {
         error_estimate: Some(1e-11),
         stats: Stats {
             compile_s: 0.002,
@@ -63,6 +71,14 @@ pub fn oscillator() -> Trajectory {
             rhs_evaluations: 204,
             ..Stats::default()
         },
+        ..Quality::default()
+    };
+    Trajectory {
+        setup,
+        status: Status::Solved,
+        samples,
+        history,
+        quality,
         warnings: vec![Warning {
             code: "W0501".into(),
             message: "a bound was left".into(),
@@ -79,15 +95,23 @@ pub fn shapes() -> Trajectory {
         shape: shape.to_vec(),
         values: values.to_vec(),
     };
-    Trajectory {
+    let setup = Setup {
         experiment: "turn".into(),
         model: "body".into(),
-        status: Status::Solved,
+        ..Setup::default()
+    };
+    let samples = Samples {
         time: vec![0.0, 1.0],
         states: vec![
             series("q", &[], &[1.5, 2.5]),
             series("R", &[2, 2], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]),
         ],
+        ..Samples::default()
+    };
+    Trajectory {
+        setup,
+        status: Status::Solved,
+        samples,
         ..Trajectory::default()
     }
 }

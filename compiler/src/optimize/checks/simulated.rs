@@ -37,11 +37,11 @@ pub(crate) fn simulate(
         let warning = unfinished(&problem.settings, run.failure.as_ref());
         return trajectory.warnings.push(warning);
     }
-    let last = run.time.len() - 1;
-    let x = run.states[0].at(last);
+    let last = run.samples.time.len() - 1;
+    let x = run.samples.states[0].at(last);
     let (_, n) = solved::end(problem, x);
     let terminal = solved::terminal_error(problem, w, x);
-    let all = (0..run.time.len()).flat_map(|k| &run.states[0].at(k)[..n]);
+    let all = (0..run.samples.time.len()).flat_map(|k| &run.samples.states[0].at(k)[..n]);
     let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
     let objective = cost(problem, x, w) - solution.objective;
     let relative =
@@ -55,7 +55,7 @@ pub(crate) fn simulate(
         let warning = disagrees(&problem.settings, message);
         trajectory.warnings.push(warning);
     }
-    trajectory.error_estimate = Some(relative);
+    trajectory.quality.error_estimate = Some(relative);
     if let Some(optimum) = &mut trajectory.optimum {
         optimum.check = Some(Check {
             terminal_error: terminal,

@@ -30,9 +30,13 @@ impl Sampled {
             });
             columns.collect::<Vec<_>>()
         };
-        let series = trajectory.states.iter().chain(&trajectory.controls);
+        let series = trajectory
+            .samples
+            .states
+            .iter()
+            .chain(&trajectory.samples.controls);
         Sampled {
-            time: trajectory.time.clone(),
+            time: trajectory.samples.time.clone(),
             values: series.flat_map(entries).collect(),
         }
     }

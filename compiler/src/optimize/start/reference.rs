@@ -112,7 +112,13 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
         let Some((run, end)) = run(problem, &system, frozen.clock, length, instant, limit) else {
             return false;
         };
-        let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
+        let switches: Vec<f64> = run
+            .history
+            .modes
+            .iter()
+            .skip(1)
+            .map(|mode| mode.from)
+            .collect();
         let mut start = 0.0;
         for (j, h) in (1..).zip(cut(0.0, end, &switches, layout.elements)) {
             w[layout.h(k, j)] = h;
@@ -143,9 +149,9 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
         settings.horizon = horizon;
         settings.sampling = Sampling::At(instants);
     });
-    let states = run.states.first()?;
+    let states = run.samples.states.first()?;
     let entry = |i: usize| {
-        (0..run.time.len())
+        (0..run.samples.time.len())
             .map(|point| states.at(point)[i])
             .collect()
     };
@@ -156,7 +162,7 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
             .enumerate()
             .map(|(i, name)| (name, entry(i)))
             .collect(),
-        time: run.time.clone(),
+        time: run.samples.time.clone(),
     })
 }
 

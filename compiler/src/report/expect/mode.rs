@@ -57,11 +57,11 @@ pub fn evaluate(
     let Some(instant) = relation::instant(subject, at, &mut diags) else {
         return relation::verdict_of(&diags);
     };
-    let reached = trajectory.modes.last().map_or(0.0, |last| last.to);
+    let reached = trajectory.history.modes.last().map_or(0.0, |last| last.to);
     if instant > reached {
         return failed(format!("the run ended at {}", significant(reached, 12)));
     }
-    let Some(interval) = trajectory.mode_at(instant) else {
+    let Some(interval) = trajectory.history.mode_at(instant) else {
         return failed("no mode".into());
     };
     match holds(subject, mode, interval) {

@@ -7,7 +7,7 @@ use super::canvas::{Align, Canvas, Point, Stroke, TEXT_SIZE, mixed, shade, wides
 use super::frame::{Frame, MARGIN, left_space};
 use super::marks::LINES;
 use crate::model::Units;
-use crate::report::{Ensemble, Series, Trajectory};
+use crate::report::{Ensemble, Samples, Series, Trajectory};
 
 /// Panels before scalar quantities share one.
 const MAX_PANELS: usize = 8;
@@ -48,14 +48,10 @@ struct Curve {
 }
 
 /// One panel per state, output and control; scalars share panels when there are many.
-pub fn arrange(trajectory: &Trajectory) -> Vec<Vec<&Series>> {
-    let groups = [
-        &trajectory.states,
-        &trajectory.outputs,
-        &trajectory.controls,
-    ];
-    if trajectory.series().count() <= MAX_PANELS {
-        return trajectory.series().map(|series| vec![series]).collect();
+pub fn arrange(samples: &Samples) -> Vec<Vec<&Series>> {
+    let groups = [&samples.states, &samples.outputs, &samples.controls];
+    if samples.series().count() <= MAX_PANELS {
+        return samples.series().map(|series| vec![series]).collect();
     }
     let mut panels: Vec<Vec<&Series>> = Vec::new();
     for group in groups {
@@ -156,7 +152,7 @@ impl Panel {
             curve.draw_quantiles(canvas, &many.time, frame);
         }
         for curve in &self.curves {
-            let values = trajectory.time.iter().zip(&curve.values);
+            let values = trajectory.samples.time.iter().zip(&curve.values);
             let points = values.map(|(&t, &value)| (time.at(t), axis.at(value)));
             canvas.line(&interrupted(points), Stroke(width, curve.color));
         }

@@ -88,7 +88,7 @@ impl Plane {
         for (k, place) in xs.iter().zip(ys).map(|(&u, &v)| at((u, v))).enumerate() {
             let jumps = |last: &Point| (last.0 - place.0).hypot(last.1 - place.1) > 0.5;
             if k > 0
-                && trajectory.time[k] == trajectory.time[k - 1]
+                && trajectory.samples.time[k] == trajectory.samples.time[k - 1]
                 && points.last().is_some_and(jumps)
             {
                 points.push((f64::NAN, f64::NAN));
@@ -98,9 +98,9 @@ impl Plane {
         canvas.line(&points, Stroke(1.3, LINES[0]));
         arrows(canvas, &points);
 
-        if trajectory.events.len() <= super::MAX_EVENT_LINES {
-            for event in &trajectory.events {
-                let k = trajectory.time.partition_point(|&t| t < event.time);
+        if trajectory.history.events.len() <= super::MAX_EVENT_LINES {
+            for event in &trajectory.history.events {
+                let k = trajectory.samples.time.partition_point(|&t| t < event.time);
                 if let (Some(&u), Some(&v)) = (xs.get(k), ys.get(k)) {
                     canvas.disc(at((u, v)), 2.3, INK);
                 }

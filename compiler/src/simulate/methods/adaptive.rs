@@ -82,7 +82,7 @@ impl<'e> Run<'e> for Adaptive {
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
         // The sides at the points say which modes there are; no instant was looked for.
-        trajectory.events.clear();
+        trajectory.history.events.clear();
         if !problem.system.switches.is_empty() {
             trajectory.warnings.push(Warning {
                 code: "W0708".into(),

@@ -277,7 +277,7 @@ mod tests {
                     let found = run(&mut plan, &system, settings);
                     assert_eq!(system.exprs.n_nodes(), known, "{method} compiles");
                     let fresh = run(&mut Plan::new(&system, settings), &system, settings);
-                    for (found, fresh) in found.states.iter().zip(&fresh.states) {
+                    for (found, fresh) in found.samples.states.iter().zip(&fresh.samples.states) {
                         let [found, fresh] = [found, fresh].map(|x| x.values.last().copied());
                         let apart = found.zip(fresh).map(|(a, b)| (a - b).abs());
                         assert!(apart.is_some_and(|apart| apart <= 1e-11), "{method}");
@@ -317,7 +317,8 @@ mod tests {
                 let fresh = Plan::of_method(&system, settings, &open);
                 let fresh = run(&mut { fresh }, &system, settings);
                 let [found, fresh] = [found, fresh].map(|run| {
-                    run.states
+                    run.samples
+                        .states
                         .iter()
                         .map(|x| x.values.clone())
                         .collect::<Vec<_>>()
@@ -362,7 +363,10 @@ mod tests {
                     let found = run(&mut plan, &system, settings);
                     let (first, second) = (value / 3.0, (2.0 - value).max(0.0) / 2.0);
                     let exact = value.max(2.0) + 1.5 - first - second;
-                    let apart = found.states[0].values.last().map(|x| (x - exact).abs());
+                    let apart = found.samples.states[0]
+                        .values
+                        .last()
+                        .map(|x| (x - exact).abs());
                     assert!(
                         apart.is_some_and(|apart| apart <= 1e-9),
                         "{value}: {apart:?}"

@@ -74,7 +74,13 @@ pub fn verify(
         told.push(failure.clone());
     }
     project::print(&told, &project.sources, streams)?;
-    let own = written.run.method.lowering().unwrap_or_default().to_owned();
+    let own = written
+        .run
+        .setup
+        .method
+        .lowering()
+        .unwrap_or_default()
+        .to_owned();
     let mut all = Optima {
         experiment: experiment.name.name.clone(),
         model: experiment.model.head.name.clone(),

@@ -60,7 +60,7 @@ pub fn verify(
     }
     project::print(&found, &project.sources, streams)?;
     let mut all = vec![Road {
-        name: format!("as written, {}", written.method.name),
+        name: format!("as written, {}", written.setup.method.name),
         run: Ok(Box::new(written)),
     }];
     for (method, lowering) in roads() {
@@ -75,7 +75,7 @@ pub fn verify(
             Ok(Ridden { run, branches: own }) => {
                 let is_known = all.iter().any(|road| {
                     let known = road.run.as_ref();
-                    known.is_ok_and(|known| known.method == run.method)
+                    known.is_ok_and(|known| known.setup.method == run.setup.method)
                 });
                 if is_known {
                     continue;

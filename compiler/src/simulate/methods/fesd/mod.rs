@@ -228,7 +228,7 @@ impl<'e> Run<'e> for ByElements {
         } = problem;
         let blurred = blurred::warning(system, &ended.outcome, trajectory);
         trajectory.warnings.extend(blurred);
-        trajectory.certificate.max_violation = -self.left.least_member;
+        trajectory.quality.certificate.max_violation = -self.left.least_member;
         trajectory.multipliers = self.left.multipliers.take();
         let options = options(settings);
         if let Some(steps) = options.steps {

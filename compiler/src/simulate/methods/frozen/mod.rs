@@ -126,7 +126,7 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
             let blurred = blurred::warning(problem.system, &ended.outcome, trajectory);
             trajectory.warnings.extend(blurred);
             // As of `method fesd`.
-            trajectory.certificate.max_violation = -self.least_member;
+            trajectory.quality.certificate.max_violation = -self.least_member;
         }
     }
 }

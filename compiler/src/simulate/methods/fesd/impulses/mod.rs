@@ -190,7 +190,7 @@ impl<'e> Run<'e> for WithImpulses<'e> {
 
     fn tell(&mut self, _: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
         let relaxed = self.coarse.as_ref().map_or(0, |run| run.work.relaxed);
-        trajectory.stats.homotopy_steps = relaxed as u64;
+        trajectory.quality.stats.homotopy_steps = relaxed as u64;
     }
 }
 
