@@ -298,11 +298,7 @@ pub fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
 ///
 /// When the trajectory has no such series or no point.
 pub fn end(trajectory: &Trajectory, name: &str) -> Vec<f64> {
-    let series = trajectory
-        .samples
-        .states
-        .iter()
-        .chain(&trajectory.samples.outputs);
+    let series = trajectory.samples.states_and_outputs();
     let found = series.into_iter().find(|series| series.name == name);
     let found = found.unwrap_or_else(|| panic!("no `{name}` in the trajectory"));
     found.at(trajectory.samples.time.len() - 1).to_vec()

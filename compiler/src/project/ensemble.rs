@@ -115,11 +115,7 @@ pub fn add(
     let Some(seeds) = seeds(settings) else {
         return;
     };
-    let reported = trajectory
-        .samples
-        .states
-        .iter()
-        .chain(&trajectory.samples.outputs);
+    let reported = trajectory.samples.states_and_outputs();
     let names: Vec<String> = reported.flat_map(|series| series.entry_names()).collect();
     let count = (seeds.end - seeds.start) as usize;
     let time = instants(settings, names.len() * count);
@@ -201,21 +197,16 @@ fn instants(settings: &Settings<'_>, numbers: usize) -> Vec<f64> {
 
 /// What a run leaves behind at some instants.
 fn sample(trajectory: &Trajectory, time: &[f64]) -> Sample {
-    let solved = trajectory.status == Status::Solved;
+    let (solved, samples) = (trajectory.status == Status::Solved, &trajectory.samples);
     let row = |&t: &f64| {
-        let place = trajectory.samples.time.partition_point(|&known| known <= t);
+        let place = samples.time.partition_point(|&known| known <= t);
         let place = place.saturating_sub(1);
-        let reported = trajectory
-            .samples
-            .states
-            .iter()
-            .chain(&trajectory.samples.outputs);
-        reported
+        (samples.states_and_outputs())
             .flat_map(|series| series.at(place).iter().copied())
             .collect()
     };
     Sample {
-        rows: match solved && !trajectory.samples.time.is_empty() {
+        rows: match solved && !samples.time.is_empty() {
             true => time.iter().map(row).collect(),
             false => Vec::new(),
         },

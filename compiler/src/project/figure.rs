@@ -22,16 +22,13 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         return Figure {
             title,
             width,
-            ..arranged(compiled, plot, &fine, (&units, &params))
+            ..arranged(compiled, plot, (trajectory, &fine), (&units, &params))
         }
         .write();
     }
     // Switching curves are drawn over the states as the system has them.
-    let names = trajectory
-        .samples
-        .states
-        .iter()
-        .flat_map(Series::entry_names);
+    let states = trajectory.samples.states.iter();
+    let names = states.flat_map(Series::entry_names);
     let is_whole = names.eq(system.states.iter().map(|state| state.name.clone()));
     let surfaces = match &system.states[..] {
         [x, y] if is_whole => surfaces(compiled, &params, [x.var, y.var]),
@@ -41,7 +38,7 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     Figure {
         title,
         width,
-        ..Figure::of(&fine, &units, surfaces)
+        ..Figure::of(trajectory, &fine, &units, surfaces)
     }
     .write()
 }
@@ -71,18 +68,15 @@ pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Strin
     Some(figure.write())
 }
 
-/// The run with what a plot draws as its outputs.
-fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) -> Trajectory {
+/// What a plot draws of a run, as outputs.
+fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) -> Samples {
     let series = plot.drawn().map(|drawn| Series {
         name: drawn.name.clone(),
         shape: drawn.shape.clone(),
         values: Vec::new(),
     });
     let exprs = plot.drawn().flat_map(|drawn| &drawn.entries);
-    Trajectory {
-        samples: evaluated(compiled, trajectory, series.collect(), exprs),
-        ..trajectory.clone()
-    }
+    evaluated(compiled, trajectory, series.collect(), exprs)
 }
 
 /// These outputs alone of a run, of which expressions of the model are the entries in order.
@@ -105,10 +99,10 @@ fn evaluated<'s, 'e: 's>(
 fn arranged<'a, 'e>(
     compiled: &'a Compiled<'e>,
     plot: &Plot<'e>,
-    fine: &'a Trajectory,
+    (trajectory, samples): (&'a Trajectory, &'a Samples),
     (units, params): (&'a Units, &'a HashMap<Var, f64>),
 ) -> Figure<'a> {
-    let mut series = fine.samples.outputs.iter();
+    let mut series = samples.outputs.iter();
     let panels = plot.panels.iter();
     let panels = panels.map(|panel| series.by_ref().take(panel.len()).collect());
     let panels = panels.collect();
@@ -131,7 +125,8 @@ fn arranged<'a, 'e>(
     });
     let phases = phases.collect();
     Figure {
-        trajectory: fine,
+        trajectory,
+        samples,
         units,
         title: None,
         width: None,
@@ -148,14 +143,14 @@ fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
 }
 
 /// What the experiment plots, where it says so, at as many instants as its curves need to look smooth.
-pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Trajectory> {
+pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Samples> {
     let plot = compiled.settings.figures.plot.as_ref();
     let plot = plot.filter(|plot| !plot.is_empty())?;
     Some(drawn(compiled, trajectory, plot))
 }
 
-/// The trajectory at as many instants as its curves need to look smooth.
-pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
+/// All that is reported, at as many instants as its curves need to look smooth.
+pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Samples {
     let system = &compiled.system;
     let states = system.groups.iter().flat_map(|group| &group.entries);
     let recorded = system.outputs.iter().chain(&system.controls);
@@ -164,10 +159,7 @@ pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
         .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
         .collect();
     let samples = trajectory.samples.clone();
-    Trajectory {
-        samples: refined(compiled, samples, &trajectory.dense, &exprs),
-        ..trajectory.clone()
-    }
+    refined(compiled, samples, &trajectory.dense, &exprs)
 }
 
 /// The samples where their curves need them, with the values of what is reported, in time, states and α.

@@ -141,7 +141,7 @@ fn from_experiment(
         // What starts from it is late, too.
         0 | 1 if trajectory.status.is_over() => Ok(Sampled::default()),
         0 | 1 => Err(bad("its run does not leave its start")),
-        _ => Ok(Sampled::of(&trajectory)),
+        _ => Ok(Sampled::of(&trajectory.samples)),
     }
 }
 

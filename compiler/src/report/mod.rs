@@ -381,9 +381,49 @@ impl Samples {
         (self.states.iter_mut().chain(&mut self.outputs)).chain(&mut self.controls)
     }
 
+    /// States, then outputs.
+    pub fn states_and_outputs(&self) -> impl Iterator<Item = &Series> + Clone {
+        self.states.iter().chain(&self.outputs)
+    }
+
     /// Number of scalar states that are reported.
     pub fn n_states(&self) -> usize {
         self.states.iter().map(Series::n_entries).sum()
+    }
+
+    /// Every entry of a state at `time`, between instants on a straight line; `None` before the first and after the last.
+    fn states_at(&self, time: f64) -> Option<Vec<f64>> {
+        let (first, last) = (*self.time.first()?, *self.time.last()?);
+        if !(first..=last).contains(&time) {
+            return None;
+        }
+        let after = self.time.partition_point(|&t| t <= time);
+        let after = after.min(self.time.len() - 1);
+        let before = after.saturating_sub(1);
+        let length = self.time[after] - self.time[before];
+        let share = if length > 0.0 {
+            (time - self.time[before]) / length
+        } else {
+            1.0
+        };
+        let between = |series: &Series| {
+            let pairs = series.at(before).iter().zip(series.at(after));
+            pairs.map(|(a, b)| a + share * (b - a)).collect::<Vec<_>>()
+        };
+        Some(self.states.iter().flat_map(between).collect())
+    }
+
+    fn verify(&self) -> Result<(), String> {
+        if self.time.windows(2).any(|pair| pair[1] < pair[0]) {
+            return Err("time decreases".into());
+        }
+        let is_ragged = |one: &&Series| one.values.len() != self.time.len() * one.n_entries();
+        match self.series().find(is_ragged) {
+            Some(Series { name, .. }) => {
+                Err(format!("`{name}` does not have one value per instant"))
+            }
+            None => Ok(()),
+        }
     }
 }
 
@@ -397,6 +437,18 @@ impl History {
     pub fn mode_at(&self, time: f64) -> Option<&ModeInterval> {
         let after = self.modes.partition_point(|mode| mode.from <= time);
         self.modes.get(after.saturating_sub(1))
+    }
+
+    fn verify(&self) -> Result<(), String> {
+        let mut pairs = self.modes.windows(2);
+        if let Some([before, after]) = pairs.find(|pair| pair[0].to != pair[1].from) {
+            return Err(format!("no mode between {} and {}", before.to, after.from));
+        }
+        let n_switches = self.switches.len();
+        match self.modes.iter().all(|mode| mode.sides.len() == n_switches) {
+            true => Ok(()),
+            false => Err("a mode does not have one side per switch".into()),
+        }
     }
 }
 
@@ -417,63 +469,18 @@ impl Trajectory {
     ///
     /// Between points of a method without pieces it is interpolated, without α.
     pub fn row_at(&self, time: f64) -> Option<Vec<f64>> {
-        let (first, last) = (*self.samples.time.first()?, *self.samples.time.last()?);
+        self.samples.time.first()?;
         if let Some(end) = self.dense.pieces.last().map(|piece| piece.to) {
             return (time <= end).then(|| self.dense.at(time)).flatten();
         }
-        if !(first..=last).contains(&time) {
-            return None;
-        }
-        let after = self
-            .samples
-            .time
-            .partition_point(|&t| t <= time)
-            .min(self.samples.time.len() - 1);
-        let before = after.saturating_sub(1);
-        let length = self.samples.time[after] - self.samples.time[before];
-        let share = if length > 0.0 {
-            (time - self.samples.time[before]) / length
-        } else {
-            1.0
-        };
-        let between = |series: &Series| {
-            let pairs = series.at(before).iter().zip(series.at(after));
-            pairs.map(|(a, b)| a + share * (b - a)).collect::<Vec<_>>()
-        };
-        Some(self.samples.states.iter().flat_map(between).collect())
+        self.samples.states_at(time)
     }
 
     /// Checks the invariants of the module and names the first that is broken.
     pub fn verify(&self) -> Result<(), String> {
-        if self.samples.time.windows(2).any(|pair| pair[1] < pair[0]) {
-            return Err("time decreases".into());
-        }
-        for series in self.samples.series() {
-            if series.values.len() != self.samples.time.len() * series.n_entries() {
-                return Err(format!(
-                    "`{}` does not have one value per instant",
-                    series.name
-                ));
-            }
-        }
-        for pair in self.history.modes.windows(2) {
-            if pair[0].to != pair[1].from {
-                return Err(format!(
-                    "no mode between {} and {}",
-                    pair[0].to, pair[1].from
-                ));
-            }
-        }
-        let n_switches = self.history.switches.len();
-        if self
-            .history
-            .modes
-            .iter()
-            .any(|mode| mode.sides.len() != n_switches)
-        {
-            return Err("a mode does not have one side per switch".into());
-        }
-        self.dense.verify(n_switches)
+        self.samples.verify()?;
+        self.history.verify()?;
+        self.dense.verify(self.history.switches.len())
     }
 }
 

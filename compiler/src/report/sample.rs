@@ -2,9 +2,18 @@
 
 use super::*;
 
+fn series(name: &str, shape: &[usize], values: &[f64]) -> Series {
+    Series {
+        name: name.into(),
+        shape: shape.to_vec(),
+        values: values.to_vec(),
+    }
+}
+
 /// The unstable oscillator: crosses the unit circle at t = 1.
 pub fn oscillator() -> Trajectory {
     let time = vec![0.0, 1.0, 1.5];
+    let x = [0.36787944117144233, 0.0, 1.0, 0.0, -1.6487212707, 0.25];
     let interval = |from, to, region: &str, side| ModeInterval {
         from,
         to,
@@ -24,24 +33,12 @@ pub fn oscillator() -> Trajectory {
                 ("tolerance".into(), MethodOption::Number(1e-10)),
             ],
         },
-        parameters: vec![Series {
-            name: "omega".into(),
-            shape: vec![],
-            values: vec![6.25],
-        }],
+        parameters: vec![series("omega", &[], &[6.25])],
         ..Setup::default()
     };
     let samples = Samples {
-        states: vec![Series {
-            name: "x".into(),
-            shape: vec![2],
-            values: vec![0.36787944117144233, 0.0, 1.0, 0.0, -1.6487212707, 0.25],
-        }],
-        outputs: vec![Series {
-            name: "c".into(),
-            shape: vec![],
-            values: vec![-0.8646647167633873, 0.0, 1.7807818284],
-        }],
+        states: vec![series("x", &[2], &x)],
+        outputs: vec![series("c", &[], &[-0.8646647167633873, 0.0, 1.7807818284])],
         time,
         ..Samples::default()
     };
@@ -90,11 +87,6 @@ pub fn oscillator() -> Trajectory {
 
 /// A scalar and a matrix state, at two instants.
 pub fn shapes() -> Trajectory {
-    let series = |name: &str, shape: &[usize], values: &[f64]| Series {
-        name: name.into(),
-        shape: shape.to_vec(),
-        values: values.to_vec(),
-    };
     let setup = Setup {
         experiment: "turn".into(),
         model: "body".into(),

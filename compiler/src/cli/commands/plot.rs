@@ -147,22 +147,15 @@ fn curves(
         Some(plotted) if !everything => plotted,
         plotted => {
             let mut fine = figure::curves(&compiled, &trajectory);
-            let plotted = plotted
-                .into_iter()
-                .flat_map(|plotted| plotted.samples.outputs);
-            fine.samples.outputs.extend(plotted);
+            let plotted = plotted.into_iter().flat_map(|plotted| plotted.outputs);
+            fine.outputs.extend(plotted);
             fine
         }
     };
-    let all = [
-        &fine.samples.states,
-        &fine.samples.outputs,
-        &fine.samples.controls,
-    ];
-    let columns = unique(all.into_iter().flatten().flat_map(Series::columns));
+    let columns = unique(fine.series().flat_map(Series::columns));
     let source = Source {
-        name: fine.setup.experiment,
-        time: fine.samples.time,
+        name: trajectory.setup.experiment,
+        time: fine.time,
         columns,
         units: Units::of(&compiled.model),
         is_measured: false,

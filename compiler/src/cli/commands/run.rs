@@ -239,16 +239,14 @@ impl<'a> Outputs<'a> {
             self.objects.push_str(&json::write(trajectory));
             self.objects.push('\n');
         }
+        let Trajectory {
+            samples, history, ..
+        } = trajectory;
         let files = [
-            (
-                &args.csv,
-                args.csv.as_ref().map(|_| csv::write(&trajectory.samples)),
-            ),
+            (&args.csv, args.csv.as_ref().map(|_| csv::write(samples))),
             (
                 &args.events,
-                args.events
-                    .as_ref()
-                    .map(|_| csv::events(&trajectory.history)),
+                args.events.as_ref().map(|_| csv::events(history)),
             ),
             (&args.plot, figures.plot),
             (&args.animate, figures.animation),

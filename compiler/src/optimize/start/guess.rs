@@ -7,7 +7,7 @@
 use crate::expr::{Expr, Var};
 use crate::lowering::dcs::solve_pointwise;
 use crate::optimize::Problem;
-use crate::report::{Series, Trajectory};
+use crate::report::{Samples, Series};
 
 /// Values in time to start from, by the names of entries.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,7 +20,7 @@ pub struct Sampled {
 
 impl Sampled {
     /// The states and controls of a run.
-    pub fn of(trajectory: &Trajectory) -> Self {
+    pub fn of(samples: &Samples) -> Self {
         let entries = |series: &Series| {
             let (n, names) = (series.n_entries(), series.entry_names());
             let values = series.values.clone();
@@ -30,13 +30,9 @@ impl Sampled {
             });
             columns.collect::<Vec<_>>()
         };
-        let series = trajectory
-            .samples
-            .states
-            .iter()
-            .chain(&trajectory.samples.controls);
+        let series = samples.states.iter().chain(&samples.controls);
         Sampled {
-            time: trajectory.samples.time.clone(),
+            time: samples.time.clone(),
             values: series.flat_map(entries).collect(),
         }
     }

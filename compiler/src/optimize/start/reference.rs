@@ -112,13 +112,7 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
         let Some((run, end)) = run(problem, &system, frozen.clock, length, instant, limit) else {
             return false;
         };
-        let switches: Vec<f64> = run
-            .history
-            .modes
-            .iter()
-            .skip(1)
-            .map(|mode| mode.from)
-            .collect();
+        let switches = run.history.switch_times();
         let mut start = 0.0;
         for (j, h) in (1..).zip(cut(0.0, end, &switches, layout.elements)) {
             w[layout.h(k, j)] = h;

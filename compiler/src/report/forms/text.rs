@@ -145,11 +145,7 @@ fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     };
     let time = significant(trajectory.samples.time[last], 12);
     writeln!(text, "\n  {reached}, time = {time}")?;
-    let rows = trajectory
-        .samples
-        .states
-        .iter()
-        .chain(&trajectory.samples.outputs);
+    let rows = trajectory.samples.states_and_outputs();
     let width = rows
         .clone()
         .map(|series| chars(&series.name))

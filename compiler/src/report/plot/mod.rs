@@ -72,8 +72,10 @@ pub struct Phase<'a> {
 
 /// What is drawn of a run: curves over time, panel by panel, and phase planes on their right.
 pub struct Figure<'a> {
-    /// The run at as many instants as its curves need to be smooth, its modes and its events.
+    /// The run, with its modes and its events.
     pub trajectory: &'a Trajectory,
+    /// It at as many instants as its curves need to be smooth.
+    pub samples: &'a Samples,
     /// Units of what is drawn.
     pub units: &'a Units,
     /// What stands above.
@@ -103,22 +105,24 @@ impl<'a> Figure<'a> {
     /// A panel for each state, output and control, and the phase plane of a run with two states.
     pub fn of(
         trajectory: &'a Trajectory,
+        samples: &'a Samples,
         units: &'a Units,
         surfaces: Vec<Surface<'a>>,
     ) -> Figure<'a> {
-        let entries = trajectory.samples.states.iter().flat_map(Series::columns);
+        let entries = samples.states.iter().flat_map(Series::columns);
         let axes: Result<[_; 2], _> = entries.collect::<Vec<_>>().try_into();
-        let axes = axes.ok().filter(|_| trajectory.samples.time.len() > 1);
+        let axes = axes.ok().filter(|_| samples.time.len() > 1);
         Figure {
             trajectory,
+            samples,
             units,
             title: None,
             width: None,
-            panels: panel::arrange(&trajectory.samples),
+            panels: panel::arrange(samples),
             phases: match axes {
                 Some(axes) => vec![Phase {
                     axes,
-                    is_of_one: trajectory.samples.states.len() == 1,
+                    is_of_one: samples.states.len() == 1,
                     surfaces,
                 }],
                 None => Vec::new(),
@@ -128,20 +132,18 @@ impl<'a> Figure<'a> {
 
     /// The SVG text.
     pub fn write(&self) -> String {
-        let Figure {
-            trajectory, units, ..
-        } = self;
-        let many = trajectory.ensemble.as_ref();
+        let (history, units) = (&self.trajectory.history, self.units);
+        let many = self.trajectory.ensemble.as_ref();
         let panels = self.panels.iter();
         let panels = panels.map(|group| Panel::new(group, units, many));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();
-        let bands = Bands::new(&trajectory.history);
+        let bands = Bands::new(history);
         let legend = match many {
             _ if panels.is_empty() => Legend::default(),
             Some(ensemble) => {
                 Legend::of_ensemble(ensemble, panels.iter().any(Panel::has_quantiles))
             }
-            None => Legend::new(&trajectory.history, &bands),
+            None => Legend::new(history, &bands),
         };
         let share = self.share(&panels);
         let size = (PHASE * share, self.height(panels.len(), share));
@@ -151,6 +153,7 @@ impl<'a> Figure<'a> {
         let layout = self.layout((&panels, &planes), &legend, share);
         let (top, bottom) = layout.vertical;
         let sheet = (layout.width, bottom + FOOT + MARGIN);
+        let time = &self.samples.time;
         Canvas::svg_of_width(self.width, sheet, |canvas| {
             if let Some(title) = self.title {
                 let place = (0.5 * layout.width, 0.5 * (MARGIN + TITLE));
@@ -160,7 +163,7 @@ impl<'a> Figure<'a> {
                 self.draw_panels(canvas, &panels, (&legend, &bands), &layout);
             }
             for (plane, left) in planes.iter().zip(&layout.planes) {
-                plane.draw(canvas, trajectory, *left, (top, bottom));
+                plane.draw(canvas, (time, history), *left, (top, bottom));
             }
         })
     }
@@ -230,24 +233,25 @@ impl<'a> Figure<'a> {
         (legend, bands): (&Legend, &Bands),
         layout: &Layout,
     ) {
-        let (trajectory, history) = (self.trajectory, &self.trajectory.history);
+        let (history, instants) = (&self.trajectory.history, &self.samples.time);
+        let many = self.trajectory.ensemble.as_ref();
         let [left, right] = layout.panels;
         let (top, bottom) = layout.vertical;
         let beside = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
         let width = right - left + beside;
         legend.draw(canvas, (left, MARGIN + self.title_height()), width);
-        let time = time_axis(&trajectory.samples).placed(left, right);
+        let time = time_axis(instants).placed(left, right);
         for (k, panel) in panels.iter().enumerate() {
             let y = top + k as f64 * (layout.height + GAP);
             let frame = panel.frame(&time, (y, y + layout.height));
             // Modes and events are those of one of many runs.
-            if trajectory.ensemble.is_none() {
+            if many.is_none() {
                 draw_bands(canvas, history, bands, &frame);
                 draw_event_lines(canvas, history, &frame);
             }
-            panel.draw(canvas, trajectory, &frame);
+            panel.draw(canvas, instants, many, &frame);
         }
-        if trajectory.ensemble.is_none() {
+        if many.is_none() {
             draw_event_marks(canvas, history, &time, top - STRIP / 2.0);
         }
         let whole = Frame {
@@ -276,8 +280,8 @@ fn end_of_panels(panels: &[Panel], wide: f64) -> f64 {
 }
 
 /// From the first to the last instant, without margins.
-fn time_axis(samples: &Samples) -> Axis {
-    match (samples.time.first(), samples.time.last()) {
+fn time_axis(time: &[f64]) -> Axis {
+    match (time.first(), time.last()) {
         (Some(&first), Some(&last)) if last > first => Axis::new(first, last),
         (Some(&only), _) => Axis::new(only, only + 1.0),
         _ => Axis::new(0.0, 1.0),
@@ -348,7 +352,7 @@ mod tests {
     use crate::report::{Series, Trajectory, sample};
 
     fn write(trajectory: &Trajectory, surfaces: Vec<Surface<'_>>) -> String {
-        Figure::of(trajectory, &Units::default(), surfaces).write()
+        Figure::of(trajectory, &trajectory.samples, &Units::default(), surfaces).write()
     }
 
     fn count(svg: &str, part: &str) -> usize {

@@ -11,13 +11,9 @@ pub fn roads(all: &Roads) -> String {
     let road = |road: &Road| {
         let mut object = run(&road.name, &road.run);
         object["doubt"] = json!(road.doubt());
-        object["events"] = json!(road.run.as_ref().ok().map(|run| run.history.events.len()));
-        object["error_estimate"] = json!(
-            road.run
-                .as_ref()
-                .ok()
-                .and_then(|run| run.quality.error_estimate)
-        );
+        let own = road.run.as_ref().ok();
+        object["events"] = json!(own.map(|run| run.history.events.len()));
+        object["error_estimate"] = json!(own.and_then(|run| run.quality.error_estimate));
         object
     };
     let n = all.roads.len();

@@ -74,13 +74,8 @@ pub fn verify(
         told.push(failure.clone());
     }
     project::print(&told, &project.sources, streams)?;
-    let own = written
-        .run
-        .setup
-        .method
-        .lowering()
-        .unwrap_or_default()
-        .to_owned();
+    let method = &written.run.setup.method;
+    let own = method.lowering().unwrap_or_default().to_owned();
     let mut all = Optima {
         experiment: experiment.name.name.clone(),
         model: experiment.model.head.name.clone(),
@@ -153,7 +148,7 @@ impl Lowered {
             .is_none_or(|(known, _)| objective < *known)
         {
             self.point = Some((objective, result.point.clone()));
-            self.trajectory = Some(Sampled::of(&result.run));
+            self.trajectory = Some(Sampled::of(&result.run.samples));
         }
     }
 }
