@@ -169,7 +169,7 @@ impl Example {
 
 fn run(compiled: &Compiled<'_>) -> Trajectory {
     let mut system = compiled.system.clone();
-    if compiled.settings.method.kind().needs_dcs() {
+    if compiled.settings.numerics.method.kind().needs_dcs() {
         // What cannot be settled says so in the run.
         let _ = simulate::settle(&mut system, compiled.settings.horizon);
     }
@@ -369,7 +369,7 @@ fn gaps(examples: &[Example]) -> String {
     let mut rows = String::new();
     for example in examples {
         let row = example.compiled(Asked::Everything, |compiled| {
-            let Method::Timestepping(options) = &compiled.settings.method else {
+            let Method::Timestepping(options) = &compiled.settings.numerics.method else {
                 return None;
             };
             looked_at(&compiled.system, compiled.settings.horizon, options.steps)

@@ -227,9 +227,10 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
             if !compiled.system.impulsive.is_empty() {
                 return None;
             }
-            let own = std::mem::replace(&mut compiled.settings.method, method);
-            compiled.settings.tolerance = 1e-11;
-            let needs = compiled.settings.method.kind().needs_dcs();
+            let numerics = &mut compiled.settings.numerics;
+            let own = std::mem::replace(&mut numerics.method, method);
+            numerics.tolerance = 1e-11;
+            let needs = numerics.method.kind().needs_dcs();
             if needs
                 && compiled
                     .system
@@ -240,7 +241,8 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
                 let horizon = compiled.settings.horizon;
                 simulate::settle(&mut compiled.system, horizon).ok()?;
             }
-            let lowers = dcs::check(&compiled.system, &compiled.settings.lowerings, needs).is_ok();
+            let lowerings = &compiled.settings.numerics.lowerings;
+            let lowers = dcs::check(&compiled.system, lowerings, needs).is_ok();
             let takes =
                 own == Method::Auto && lowers && (compiled.system.data.is_empty() || !needs);
             let takes = takes && compiled.settings.optimize.is_none();

@@ -453,10 +453,12 @@ fn printed_forms() {
         });
         with_experiment(&text, "impulses", |compiled| {
             let (system, settings) = (&compiled.system, &compiled.settings);
-            let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+            let dcs =
+                dcs::lower(system, &settings.numerics.lowerings).expect("contacts give impulses");
             dcs.verify().expect("the invariants of `Dcs`");
             insta::assert_snapshot!(format!("{name}.impulses"), dcs);
-            let tex = dcs::tex(system, &settings.lowerings).expect("contacts give impulses");
+            let tex =
+                dcs::tex(system, &settings.numerics.lowerings).expect("contacts give impulses");
             insta::assert_snapshot!(format!("{name}.tex"), tex);
         });
     }
@@ -475,7 +477,7 @@ fn printed_forms() {
         }
         simulate this of m { horizon 1; }";
     with_experiment(jumps, "this", |compiled| {
-        let tex = dcs::tex(&compiled.system, &compiled.settings.lowerings);
+        let tex = dcs::tex(&compiled.system, &compiled.settings.numerics.lowerings);
         insta::assert_snapshot!("jumps.tex", tex.expect("jumps are printed by their laws"));
     });
 }

@@ -49,7 +49,7 @@ fn check_estimate(
     with_experiment(text, experiment, |compiled| {
         for k in 4..=12 {
             let mut settings = compiled.settings.clone();
-            settings.tolerance = 10.0_f64.powi(-k);
+            settings.numerics.tolerance = 10.0_f64.powi(-k);
             let trajectory = simulate::run(&compiled.system, &settings, &Request::default());
             assert!(trajectory.failure.is_none(), "{experiment} at 1e-{k}");
             let error = error(&trajectory, &exact);
@@ -58,7 +58,7 @@ fn check_estimate(
                 error <= 10.0 * estimate + ROUNDING,
                 "{experiment} at 1e-{k}: error {error:e}, estimate {estimate:e}"
             );
-            also(&trajectory, settings.tolerance, error);
+            also(&trajectory, settings.numerics.tolerance, error);
         }
     });
 }

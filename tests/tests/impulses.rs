@@ -426,7 +426,7 @@ fn printed_forms() {
          }";
     with_experiment(text, "o", |compiled| {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+        let dcs = dcs::lower(system, &settings.numerics.lowerings).expect("contacts give impulses");
         dcs.verify().expect("the invariants of `Dcs`");
         insta::assert_snapshot!("impulses_dcs", dcs);
         let task = settings.optimize.as_ref().expect("an optimization");

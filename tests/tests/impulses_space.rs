@@ -288,7 +288,7 @@ fn printed_form() {
          simulate o of m { horizon 2; lower impact; method fesd; }";
     with_experiment(text, "o", |compiled| {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+        let dcs = dcs::lower(system, &settings.numerics.lowerings).expect("contacts give impulses");
         dcs.verify().expect("the invariants of `Dcs`");
         insta::assert_snapshot!("impulses_space_dcs", dcs);
     });

@@ -136,7 +136,7 @@ fn printed_form() {
     );
     with_experiment(&text, "o", |compiled| {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+        let dcs = dcs::lower(system, &settings.numerics.lowerings).expect("contacts give impulses");
         let task = settings.optimize.as_ref().expect("an optimization");
         let grid = Grid {
             start: 0.0,

@@ -259,7 +259,7 @@ fn printed_forms() {
         let (system, settings) = (compiled.lowered(), &compiled.settings);
         system.verify().expect("the invariants of `System`");
         insta::assert_snapshot!("ball.system", system);
-        let dcs = dcs::lower(&system, &settings.lowerings).expect("it is small");
+        let dcs = dcs::lower(&system, &settings.numerics.lowerings).expect("it is small");
         insta::assert_snapshot!("ball.dcs", dcs);
         let task = settings.optimize.as_ref().expect("an optimization");
         let grid = Grid {

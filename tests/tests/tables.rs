@@ -348,11 +348,14 @@ fn estimates_of_the_error_are_honest() {
         with_data(&text, &mut data(&ROWS), "run", |compiled| {
             for k in 4..=12 {
                 let mut settings = compiled.settings.clone();
-                settings.tolerance = 10.0_f64.powi(-k);
+                settings.numerics.tolerance = 10.0_f64.powi(-k);
                 let run = simulate::run(&compiled.system, &settings, &Request::default());
                 let error = (end(&run, "x")[0] - exact).abs();
                 let estimate = run.quality.error_estimate.unwrap();
-                assert!(error <= settings.tolerance, "{fit} at 1e-{k}: {error:e}");
+                assert!(
+                    error <= settings.numerics.tolerance,
+                    "{fit} at 1e-{k}: {error:e}"
+                );
                 assert!(
                     error <= 10.0 * estimate + 1e-14,
                     "{fit} at 1e-{k}: {error:e} {estimate:e}"

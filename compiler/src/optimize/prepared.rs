@@ -27,7 +27,7 @@
 //!     let solved = prepared.solve(&[m], Some(&[x]), last.as_ref(), &limit, &mut ());
 //!     let solved = solved.expect("numbers that they may have");
 //!     assert_eq!(solved.trajectory.status, Status::Solved);
-//!     let u = &solved.trajectory.controls[0];
+//!     let u = &solved.trajectory.samples.controls[0];
 //!     assert!((u.at(0)[0] + m * x).abs() < 1e-9);
 //!     last = Some(solved);
 //! }

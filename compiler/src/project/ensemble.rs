@@ -127,7 +127,7 @@ pub fn add(
     };
     let work = |seeded: &mut Seeded<'_>| {
         let mut settings = seeded.compiled.settings.clone();
-        settings.sampling = Sampling::At(time.clone());
+        settings.recording.sampling = Sampling::At(time.clone());
         sample(&seeded.run(&settings, &request), &time)
     };
     let samples = over_seeds(source, seeds.clone(), n_threads, work, heard);
@@ -181,7 +181,7 @@ pub fn add(
 fn instants(settings: &Settings<'_>, numbers: usize) -> Vec<f64> {
     let most = (MOST_NUMBERS / numbers.max(1)).clamp(2, INSTANTS);
     let horizon = settings.horizon;
-    match &settings.sampling {
+    match &settings.recording.sampling {
         Sampling::At(instants) if instants.len() <= most => instants.clone(),
         Sampling::Every(period) if horizon / period < (most - 1) as f64 => {
             let inner = (0..).map(|k| k as f64 * period);

@@ -14,7 +14,7 @@ use crate::system::experiment::Plot;
 pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     let system = &compiled.system;
     let (params, units) = (parameters(compiled), Units::of(&compiled.model));
-    let plot = compiled.settings.figures.plot.as_ref();
+    let plot = compiled.settings.recording.figures.plot.as_ref();
     let sheet = plot.map(|plot| plot.sheet.clone()).unwrap_or_default();
     let (title, width) = (sheet.title.as_deref(), sheet.width);
     if let Some(plot) = plot.filter(|plot| !plot.is_empty()) {
@@ -45,7 +45,7 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
 
 /// The SVG text of the animation that the experiment asks for.
 pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<String> {
-    let animation = compiled.settings.figures.animation.as_ref()?;
+    let animation = compiled.settings.recording.figures.animation.as_ref()?;
     let units = Units::of(&compiled.model);
     let shapes = &animation.shapes;
     let series = shapes.iter().map(|shape| Series {
@@ -144,7 +144,7 @@ fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
 
 /// What the experiment plots, where it says so, at as many instants as its curves need to look smooth.
 pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Samples> {
-    let plot = compiled.settings.figures.plot.as_ref();
+    let plot = compiled.settings.recording.figures.plot.as_ref();
     let plot = plot.filter(|plot| !plot.is_empty())?;
     Some(drawn(compiled, trajectory, plot))
 }

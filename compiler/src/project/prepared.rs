@@ -222,7 +222,7 @@ impl Prepared {
     fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         if settings.kicks.is_some() {
-            return Err(NotPrepared::Method(settings.method.kind().word()));
+            return Err(NotPrepared::Method(settings.numerics.method.kind().word()));
         }
         let Opened {
             places,
@@ -296,14 +296,15 @@ impl Prepared {
 impl Ready {
     fn of(system: &System, settings: &Settings, open: &[usize]) -> Result<Self, NotPrepared> {
         let horizon = settings.horizon;
-        match &settings.method {
+        let numerics = &settings.numerics;
+        match &numerics.method {
             Method::Auto | Method::Event(_) => {
                 let limit = Limit::default();
-                let chosen = solver_settings(&settings.method, settings.tolerance, limit);
+                let chosen = solver_settings(&numerics.method, numerics.tolerance, limit);
                 Ok(Ready::Events {
                     system: hybrid::lower_open(system, horizon, open),
                     settings: solver::Settings {
-                        averages: settings.averages,
+                        averages: numerics.averages,
                         ..chosen
                     },
                 })
@@ -339,7 +340,7 @@ impl Opened {
     pub fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         if settings.optimize.is_some() || !takes(system, settings, &open_places(compiled)) {
-            return Err(NotPrepared::Method(settings.method.kind().word()));
+            return Err(NotPrepared::Method(settings.numerics.method.kind().word()));
         }
         Opened::inputs(compiled)
     }
@@ -351,7 +352,7 @@ impl Opened {
         let places = open_places(compiled);
         let mut why = hybrid::structural(system);
         if settings.optimize.is_some() {
-            let deciding = dcs::deciding(system, &settings.lowerings);
+            let deciding = dcs::deciding(system, &settings.numerics.lowerings);
             for (why, param) in why.iter_mut().zip(&system.params) {
                 let decides = deciding.contains(&variable(param.var));
                 *why = why.or(decides.then_some(Structural::Regions));

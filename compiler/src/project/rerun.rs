@@ -102,7 +102,7 @@ impl<'e> Rerun<'e> {
     /// Lets runs be told at these instants.
     pub fn sampled(mut self, sampling: impl FnOnce(&Settings<'_>) -> Sampling) -> Self {
         let settings = &mut self.compiled.settings;
-        settings.sampling = sampling(settings);
+        settings.recording.sampling = sampling(settings);
         self
     }
 

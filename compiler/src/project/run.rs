@@ -81,8 +81,8 @@ impl Project {
     /// let run = project.run("short", &options, &mut ()).expect("it compiles");
     /// assert_eq!(run.trajectory.status, Status::Solved);
     /// // A row of values for each instant, and for each state a column.
-    /// let height = &run.trajectory.states[0];
-    /// let last = run.trajectory.time.len() - 1;
+    /// let height = &run.trajectory.samples.states[0];
+    /// let last = run.trajectory.samples.time.len() - 1;
     /// assert_eq!((height.name.as_str(), height.at(last).len()), ("h", 1));
     /// assert!((height.at(last)[0] - (1.0 + 0.5 * 0.25 - 0.25 * 0.25)).abs() < 1e-12);
     /// ```
@@ -108,7 +108,7 @@ impl Project {
     /// });
     /// let run = project.run("long", &options, &mut told).expect("it compiles");
     /// assert_eq!(run.trajectory.status, Status::Canceled);
-    /// assert!(run.trajectory.time.last() > Some(&100.0));
+    /// assert!(run.trajectory.samples.time.last() > Some(&100.0));
     /// ```
     ///
     /// # Errors

@@ -76,7 +76,7 @@ impl Accuracy {
     /// That of an experiment.
     pub fn of(settings: &Settings) -> Self {
         Accuracy {
-            tolerance: settings.tolerance,
+            tolerance: settings.numerics.tolerance,
             attempt: 1,
             is_finer: false,
         }
@@ -100,14 +100,14 @@ impl Accuracy {
     }
 
     /// A smaller tolerance, where an estimate has shown this one to be too loose.
-    pub fn tightened(self, estimate: &Estimate, settings: &Settings) -> Option<Self> {
+    pub fn tightened(self, estimate: &Estimate, tolerance: f64) -> Option<Self> {
         if !estimate.same_modes {
             return None;
         }
-        let share = if estimate.error > settings.tolerance {
-            0.1 * settings.tolerance / estimate.error
+        let share = if estimate.error > tolerance {
+            0.1 * tolerance / estimate.error
         } else {
-            estimate.touches.share_to_tell(settings.tolerance)?
+            estimate.touches.share_to_tell(tolerance)?
         };
         let again = self.attempt < MAX_ATTEMPTS && self.tolerance > LEAST_TOLERANCE;
         again.then(|| self.next(self.tolerance * share.max(1e-4)))
@@ -197,7 +197,7 @@ pub(super) trait Run<'e> {
         estimate: Option<&Estimate>,
     ) -> Option<Accuracy> {
         let is_open = self.estimator(settings) == Estimator::Tolerance;
-        accuracy.tightened(estimate.filter(|_| is_open)?, settings)
+        accuracy.tightened(estimate.filter(|_| is_open)?, settings.numerics.tolerance)
     }
 
     /// Whether initial states, signals and open parameters are numbers of a run; else they are compiled in.

@@ -6,7 +6,7 @@ use nsd_solver::fesd::jumps::{Reference, Slip};
 use crate::lowering::dcs::{Impact, SlipLaw};
 use crate::report::Failure;
 use crate::system::System;
-use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
+use crate::system::experiment::{Sampling, Settings};
 
 /// How accurate the run is.
 const TOLERANCE: f64 = 1e-11;
@@ -24,11 +24,9 @@ impl<'e> ReferenceRun<'e> {
     /// What is run for an experiment: its system without outputs, from event to event.
     pub fn asked(system: &System<'e>, settings: &Settings<'e>) -> (System<'e>, Settings<'e>) {
         let mut settings = settings.clone();
-        settings.method = Method::Event(EventOptions::default());
-        settings.sampling = Sampling::Method;
-        settings.tolerance = TOLERANCE;
-        settings.lowerings.clear();
-        (settings.outputs, settings.optimize) = (None, None);
+        settings.simulate_by_events();
+        settings.recording.sampling = Sampling::Method;
+        settings.numerics.tolerance = TOLERANCE;
         (without_outputs(system), settings)
     }
 }

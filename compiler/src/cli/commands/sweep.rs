@@ -298,7 +298,7 @@ impl Swept<'_> {
     /// be about these.
     fn sampling(&self, settings: &Settings<'_>) -> Sampling {
         let horizon = settings.horizon;
-        match (self.expects(), &settings.sampling) {
+        match (self.expects(), &settings.recording.sampling) {
             (false, _) => Sampling::At(vec![horizon]),
             (true, Sampling::At(instants)) if instants.last() != Some(&horizon) => {
                 Sampling::At([&instants[..], &[horizon]].concat())
@@ -357,7 +357,7 @@ impl Swept<'_> {
         };
         let settings = &mut compiled.settings;
         if settings.optimize.is_none() {
-            settings.sampling = self.sampling(settings);
+            settings.recording.sampling = self.sampling(settings);
         }
         let request = self.request(&compiled);
         let mut run = launch(self.project, &mut compiled, &request, &mut ())?;

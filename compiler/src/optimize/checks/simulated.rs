@@ -27,8 +27,8 @@ pub(crate) fn simulate(
     let w = &solution.w;
     let started = Instant::now();
     let run = solved::run(problem, w, limit, |settings| {
-        settings.tolerance = (FINER * settings.tolerance).max(FINEST);
-        settings.sampling = Sampling::Method;
+        settings.numerics.tolerance = (FINER * settings.numerics.tolerance).max(FINEST);
+        settings.recording.sampling = Sampling::Method;
     });
     if let Some(optimum) = &mut trajectory.optimum {
         optimum.check_s = started.elapsed().as_secs_f64();
@@ -46,7 +46,7 @@ pub(crate) fn simulate(
     let objective = cost(problem, x, w) - solution.objective;
     let relative =
         (terminal / size.max(FEASIBLE)).max(objective.abs() / solution.objective.abs().max(1.0));
-    if relative > problem.settings.tolerance {
+    if relative > problem.settings.numerics.tolerance {
         let message = format!(
             "a simulation with these controls ends {terminal:.1e} away, with an objective that differs by \
              {:.1e}; more `elements` or nodes are more accurate",

@@ -8,7 +8,7 @@ use crate::optimize::Problem;
 use crate::report::Trajectory;
 use crate::simulate::Request;
 use crate::source::table::{Fit, Table};
-use crate::system::experiment::{EventOptions, Method, Settings};
+use crate::system::experiment::Settings;
 use crate::system::task::Shape;
 use crate::system::{StateGroup, System};
 
@@ -29,9 +29,7 @@ pub(crate) fn run<'e>(
     }];
     let mut settings = problem.settings.clone();
     settings.horizon = problem.at(w).horizon();
-    settings.method = Method::Event(EventOptions::default());
-    settings.lowerings.clear();
-    (settings.outputs, settings.optimize) = (None, None);
+    settings.simulate_by_events();
     change(&mut settings);
     let request = Request {
         dense: false,

@@ -15,7 +15,7 @@ use crate::optimize::checks::solved;
 use crate::optimize::{Problem, Sampled};
 use crate::report::{Dense, Status, Trajectory};
 use crate::simulate::{self, ReferenceRun, Request, impacts};
-use crate::system::experiment::{EventOptions, Method, Sampling};
+use crate::system::experiment::Sampling;
 use crate::system::task::{Control, Shape};
 use crate::system::{Param, State, System};
 
@@ -141,7 +141,7 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
     let instants = instants.map(|t| t.min(horizon)).collect();
     let run = solved::run(problem, w, limit, |settings| {
         settings.horizon = horizon;
-        settings.sampling = Sampling::At(instants);
+        settings.recording.sampling = Sampling::At(instants);
     });
     let states = run.samples.states.first()?;
     let entry = |i: usize| {
@@ -252,10 +252,8 @@ fn run<'e>(
     limit: &Limit,
 ) -> Option<(Trajectory, f64)> {
     let mut settings = problem.settings.clone();
-    settings.method = Method::Event(EventOptions::default());
-    settings.sampling = Sampling::Method;
-    settings.lowerings.clear();
-    (settings.outputs, settings.optimize) = (None, None);
+    settings.simulate_by_events();
+    settings.recording.sampling = Sampling::Method;
     LONGER.iter().find_map(|longer| {
         let request = Request {
             dense: true,

@@ -36,7 +36,7 @@ pub(super) enum Estimator {
 impl Estimator {
     /// That of finite elements, which are on a grid where they are told how many steps to take.
     pub fn of_elements(settings: &Settings) -> Self {
-        match settings.method.has_steps() {
+        match settings.numerics.method.has_steps() {
             false => Estimator::Tolerance,
             true => Estimator::Grid,
         }
@@ -113,7 +113,7 @@ impl Estimate {
             Estimator::Grid => self.judge_grid(settings, trajectory),
             Estimator::Steps => self.judge_steps(settings, trajectory),
         }
-        let warning = self.touches.warning(system, settings.tolerance);
+        let warning = self.touches.warning(system, settings.numerics.tolerance);
         let is_told = self.same_modes && trajectory.failure.is_none();
         trajectory.warnings.extend(warning.filter(|_| is_told));
     }
@@ -132,7 +132,7 @@ impl Estimate {
                 "a more accurate run goes through other modes{parts}; the result may depend on the tolerance"
             );
             Some(("W0701", message))
-        } else if self.error > settings.tolerance.max(ROUNDING) {
+        } else if self.error > settings.numerics.tolerance.max(ROUNDING) {
             let message = format!(
                 "the estimated error {:.1e} is above the tolerance",
                 self.error

@@ -58,7 +58,7 @@ impl<'e> Run<'e> for Adaptive {
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
-        Method::of(MethodKind::Adaptive).number("tolerance", problem.settings.tolerance)
+        Method::of(MethodKind::Adaptive).number("tolerance", problem.settings.numerics.tolerance)
     }
 
     fn estimator(&self, _: &Settings<'e>) -> Estimator {

@@ -62,8 +62,8 @@ impl Made {
             params: system.params.iter().map(|param| param.value).collect(),
             tables: system.data.iter().map(|data| data.table.clone()).collect(),
             horizon: settings.horizon,
-            method: Some(settings.method.kind()),
-            lowerings: settings.lowerings.clone(),
+            method: Some(settings.numerics.method.kind()),
+            lowerings: settings.numerics.lowerings.clone(),
         }
     }
 
@@ -195,7 +195,7 @@ pub(crate) fn of<'e>(
     );
     // Without contacts there are no impulses to take.
     let impulses = settings.takes_impulses() && !system.contacts.is_empty();
-    match settings.method {
+    match settings.numerics.method {
         Method::Adaptive => Box::new(Adaptive::new(system, settings)),
         Method::Timestepping(_) if !system.impulsive.is_empty() => {
             Box::new(Contacts::new(system, settings, open))
@@ -217,7 +217,7 @@ pub(crate) fn of<'e>(
 /// time change compiled in, and none selects among the sliding modes of nonlinear switches.
 pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
     let without = system.contacts.is_empty() && system.impulsive.is_empty();
-    let by_elements = match settings.method {
+    let by_elements = match settings.numerics.method {
         Method::Auto | Method::Event(_) => return !settings.freezes(),
         Method::Fesd(_) => without || settings.takes_impulses(),
         Method::Timestepping(_) if !system.impulsive.is_empty() => return true,
@@ -226,7 +226,7 @@ pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> boo
         }
         _ => false,
     };
-    let deciding = deciding(system, &settings.lowerings);
+    let deciding = deciding(system, &settings.numerics.lowerings);
     let mut open = open.iter().map(|&place| variable(system.params[place].var));
     by_elements && !settings.freezes() && open.all(|var| !deciding.contains(&var))
 }

@@ -169,7 +169,7 @@ fn many(events: f64) -> String {
 
 /// How far ahead of where it ended a run looked: a step of its grid, or what is left of those that became ever shorter.
 fn ahead(settings: &Settings) -> f64 {
-    let steps = match &settings.method {
+    let steps = match &settings.numerics.method {
         Method::Fesd(options) => options.steps,
         Method::Timestepping(options) => Some(options.steps),
         _ => None,

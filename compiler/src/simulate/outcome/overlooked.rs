@@ -49,7 +49,7 @@ impl<'s, 'e> Look<'s, 'e> {
         let sizes = [system.states.len(), system.switches.len()];
         let overlooked = reported.hiding.as_ref().map(|hiding| {
             let (functions, tape) = (hiding.functions.clone(), hiding.tape.clone());
-            Overlooked::new(functions, tape, sizes, settings.tolerance)
+            Overlooked::new(functions, tape, sizes, settings.numerics.tolerance)
         });
         Look {
             system,

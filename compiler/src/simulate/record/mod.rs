@@ -76,7 +76,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
         let (n, m) = (system.states.len(), system.switches.len());
         Recorder {
             system,
-            sampling: settings.sampling.clone(),
+            sampling: settings.recording.sampling.clone(),
             sampled: 0,
             record: Record {
                 horizon: settings.horizon,
@@ -341,12 +341,13 @@ pub(crate) fn recorded(
         ..Record::default()
     };
     let reported = Arc::new(Reported::new(system, open));
+    let tolerance = settings.numerics.tolerance;
     let recorder = Recorder {
         record,
         pieces,
         x,
         alpha,
-        ..Recorder::new(system, settings, settings.tolerance, true, reported)
+        ..Recorder::new(system, settings, tolerance, true, reported)
     };
     let mut trajectory = Trajectory::default();
     recorder.fill(system, &names, &outcome, &mut trajectory);

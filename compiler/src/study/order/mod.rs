@@ -203,7 +203,7 @@ pub fn of_method(
     let takes_jumps = settings.freezes() || settings.takes_impulses();
     if let Some(reason) = bench
         .without_elements()
-        .filter(|_| settings.method.kind().needs_dcs() && !takes_jumps)
+        .filter(|_| settings.numerics.method.kind().needs_dcs() && !takes_jumps)
     {
         return Err(format!(
             "the order of this lowering is not measured: {reason}"

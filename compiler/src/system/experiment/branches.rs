@@ -18,7 +18,7 @@ impl Settings<'_> {
     pub fn refuses_branches(&self, system: &System) -> Option<ExperimentError> {
         let mut k = system.first_nonlinear()?;
         let mut nonlinear = (k..system.switches.len()).filter(|&k| system.switches[k].is_nonlinear);
-        let method = self.method.kind();
+        let method = self.numerics.method.kind();
         let by_elements = method == MethodKind::Fesd;
         let is_optimized = self.optimize.is_some();
         let mut beside = None;

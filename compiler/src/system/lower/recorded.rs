@@ -51,7 +51,7 @@ fn groups(instance: &Instance<'_, '_>) -> Vec<StateGroup> {
             entries: vars.map(|var| instance.places[&var]).collect(),
         }
     };
-    match &instance.settings.outputs {
+    match &instance.settings.recording.outputs {
         None => (instance.model.quantities.states.iter())
             .map(|state| group(&state.name, state.shape.sizes(), &state.vars))
             .collect(),
@@ -75,7 +75,7 @@ fn outputs<'e>(translation: &mut Translation<'_, 'e>) -> (Vec<Output<'e>>, Vec<O
     };
     let model = instance.model;
     let (mut outputs, mut controls) = (Vec::new(), Vec::new());
-    match &instance.settings.outputs {
+    match &instance.settings.recording.outputs {
         None => {
             for y in &model.definitions.outputs {
                 outputs.push(output(

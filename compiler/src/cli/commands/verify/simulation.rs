@@ -132,10 +132,10 @@ fn ride(
     };
     let request = subject.request();
     let settings = &mut compiled.settings;
-    if settings.sampling == Sampling::Method {
-        settings.sampling = Sampling::Every(settings.horizon / INSTANTS);
+    if settings.recording.sampling == Sampling::Method {
+        settings.recording.sampling = Sampling::Every(settings.horizon / INSTANTS);
     }
-    let branches = match &settings.method {
+    let branches = match &settings.numerics.method {
         Method::Event(options) => !options.branch.is_empty(),
         _ => false,
     };
