@@ -65,7 +65,7 @@ impl<'e> Compiled<'e> {
     /// was found once the system is the solved one.
     pub fn parameters(&self) -> Vec<Series> {
         let values = &self.settings.values;
-        let solved = self.system.params.iter();
+        let solved = self.system.exogenous.params.iter();
         let solved = solved.filter_map(|param| Some((param.var.as_variable()?, param.value)));
         let solved: HashMap<Var, f64> = solved.collect();
         let number = |var: Var| {
@@ -226,7 +226,7 @@ fn refused_contacts(model: &Model, settings: &Settings) -> Option<ExperimentErro
 
 /// Relays, jumps, projections, algebraic states and switches beside contacts that the method does not take.
 fn refused_switches(system: &System, settings: &Settings) -> Option<ExperimentError> {
-    let steps = !system.impulsive.is_empty();
+    let steps = !system.jumps.impulsive.is_empty();
     let refused = settings.refused_of_system(system);
     refused.or_else(|| beside_contacts(system, settings).filter(|_| steps))
 }
@@ -242,10 +242,11 @@ fn discretizable<'e>(
         Method::Smoothing(options) => system::switches::smoothing::smooth(&system, options),
         _ => system,
     };
-    let steps = !system.impulsive.is_empty();
+    let steps = !system.jumps.impulsive.is_empty();
     let kind = settings.numerics.method.kind();
     let needs = kind.needs_dcs() && !steps || settings.optimize.is_some();
-    for data in settings.optimize.iter().flat_map(|_| &system.data) {
+    let all = &system.exogenous.data;
+    for data in settings.optimize.iter().flat_map(|_| all) {
         pass(bends(data, settings).err(), diags)?;
     }
     if needs && system.switches.iter().any(|k| k.role != Role::Step) {
@@ -272,7 +273,7 @@ fn refused_impulses(system: &System, settings: &Settings) -> Option<ExperimentEr
         span,
     };
     let is_run = settings.optimize.is_none();
-    if let Some(data) = system.data.first().filter(|_| is_run) {
+    if let Some(data) = system.exogenous.data.first().filter(|_| is_run) {
         return Some(refused(
             "for a run with signals from tables or with `floor` ",
             "write it as a formula in `time` without `floor` and `mod`, or leave out `lower impact` and the method",
@@ -340,7 +341,7 @@ fn switching_law<'s, 'e>(system: &'s System<'e>) -> Option<&'s system::Contact<'
         .filter_map(|switch| switch.alpha.as_variable())
         .collect();
     let switches = |e: Expr| alphas.iter().any(|&alpha| e.depends_on(alpha));
-    let mut contacts = system.contacts.iter();
+    let mut contacts = system.jumps.contacts.iter();
     contacts.find(|contact| contact.exprs().any(switches))
 }
 

@@ -286,7 +286,9 @@ fn asked(examples: &[Example]) -> String {
 impl Example {
     /// Whether something is left out.
     fn skips(&self, asked: Asked<'_>) -> bool {
-        let skips = self.compiled(asked, |compiled| !compiled.system.skipped.is_empty());
+        let skips = self.compiled(asked, |compiled| {
+            !compiled.system.provenance.skipped.is_empty()
+        });
         skips.unwrap_or(false)
     }
 
@@ -396,7 +398,7 @@ fn gaps(examples: &[Example]) -> String {
 
 /// Contacts, steps, and gaps that were evaluated or enclosed.
 fn looked_at(system: &System<'_>, horizon: f64, steps: usize) -> Option<(usize, usize, usize)> {
-    let contacts = system.impulsive.len();
+    let contacts = system.jumps.impulsive.len();
     if contacts < MANY_CONTACTS {
         return None;
     }

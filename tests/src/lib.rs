@@ -224,7 +224,7 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
             let mut clock = Clock::default();
             let mut compiled = compile(&exprs, &file, experiment, &[], &mut clock, &mut diags)?;
             // Contacts in steps of time are in no other method.
-            if !compiled.system.impulsive.is_empty() {
+            if !compiled.system.jumps.impulsive.is_empty() {
                 return None;
             }
             let numerics = &mut compiled.settings.numerics;
@@ -243,8 +243,9 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
             }
             let lowerings = &compiled.settings.numerics.lowerings;
             let lowers = dcs::check(&compiled.system, lowerings, needs).is_ok();
-            let takes =
-                own == Method::Auto && lowers && (compiled.system.data.is_empty() || !needs);
+            let takes = own == Method::Auto
+                && lowers
+                && (compiled.system.exogenous.data.is_empty() || !needs);
             let takes = takes && compiled.settings.optimize.is_none();
             takes.then(|| simulate::run(&compiled.system, &compiled.settings, &Request::default()))
         };

@@ -468,7 +468,11 @@ fn a_cart_that_comes_to_rest_has_no_descent_along_its_forces() {
             let task = settings.optimize.as_ref().expect("an optimization");
             let run = optimize::run(system, settings, task, &[], &Request::default(), &mut ());
             let run = run.expect("the problem can be discretized");
-            let forces = (0..8).map(|k| run.system.data[0].table.value(0.25 * (k as f64 + 0.5)));
+            let forces = (0..8).map(|k| {
+                run.system.exogenous.data[0]
+                    .table
+                    .value(0.25 * (k as f64 + 0.5))
+            });
             let forces: Vec<f64> = forces.collect();
             (run.trajectory, forces)
         });

@@ -47,7 +47,7 @@ fn another_start_is_another_run() {
             let first = ends(&plan.run(&system, settings, &request, &mut |_| {}));
             for (x, k) in [(2.0, 1.0), (1.5, 1.0), (1.5, 0.5), (1.0, 1.0)] {
                 system.states[0].initial = x;
-                system.params[0].value = k * compiled.system.params[0].value;
+                system.exogenous.params[0].value = k * compiled.system.exogenous.params[0].value;
                 let found = ends(&plan.run(&system, settings, &request, &mut |_| {}));
                 let fresh = ends(&simulate::run(&system, settings, &request));
                 assert_eq!(found, fresh, "{method} from {x}, {k}");

@@ -285,7 +285,7 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
         complementarity_residual: solution.residuals.complementarity,
         ..Stats::default()
     };
-    trajectory.setup.skipped = problem.system.skipped.clone();
+    trajectory.setup.skipped = problem.system.provenance.skipped.clone();
 }
 
 /// What a failure of the discretization means for a run.

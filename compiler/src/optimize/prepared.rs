@@ -320,7 +320,7 @@ impl Problem<'_> {
     /// Gives the open parameters values, and the ranges of controls the ends that they have with them.
     fn set_parameters(&mut self, values: &[f64], ends: &[MovingEnd<'_>]) -> Result<(), SolveError> {
         for (&place, &value) in self.open.iter().zip(values) {
-            self.system.params[place].value = value;
+            self.system.exogenous.params[place].value = value;
             self.dcs.params[place].value = value;
         }
         self.mpcc.params = fixed_params(&self.dcs);

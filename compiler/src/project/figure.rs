@@ -136,7 +136,7 @@ fn arranged<'a, 'e>(
 }
 
 fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
-    let params = compiled.system.params.iter();
+    let params = compiled.system.exogenous.params.iter();
     params
         .filter_map(|param| Some((param.var.as_variable()?, param.value)))
         .collect()
@@ -152,11 +152,12 @@ pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Sampl
 /// All that is reported, at as many instants as its curves need to look smooth.
 pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Samples {
     let system = &compiled.system;
-    let states = system.groups.iter().flat_map(|group| &group.entries);
-    let recorded = system.outputs.iter().chain(&system.controls);
+    let (recorded, signals) = (&system.recorded, system.recorded.signals());
+
+    let states = recorded.groups.iter().flat_map(|group| &group.entries);
     let exprs: Vec<Expr<'_>> = states
         .map(|&entry| system.states[entry].var)
-        .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
+        .chain(signals.flat_map(|output| output.exprs.iter().copied()))
         .collect();
     let samples = trajectory.samples.clone();
     refined(compiled, samples, &trajectory.dense, &exprs)
@@ -174,7 +175,7 @@ fn refined(
     // The row of every variable: states, α, then data.
     let state_vars: Vec<Expr<'_>> = system.states.iter().map(|state| state.var).collect();
     let alphas = system.switches.iter().map(|switch| switch.alpha);
-    let data = system.data.iter().map(|data| data.var);
+    let data = system.exogenous.data.iter().map(|data| data.var);
     let rows = state_vars.iter().copied().chain(alphas).chain(data);
     let rows = rows.enumerate();
     let rows: HashMap<Var, usize> = rows

@@ -309,7 +309,7 @@ impl Ready {
                     },
                 })
             }
-            Method::Fesd(_) if system.contacts.is_empty() => Ok(Ready::Elements {
+            Method::Fesd(_) if system.jumps.contacts.is_empty() => Ok(Ready::Elements {
                 system: Arc::new(Compiled::prepared(system, settings, open)),
                 settings: first_elements(settings),
             }),
@@ -317,7 +317,7 @@ impl Ready {
                 system: Arc::new(impulses::prepared(system, settings, open)),
                 grid: impulses::first_grid(settings),
             }),
-            Method::Timestepping(_) if !system.impulsive.is_empty() => Ok(Ready::Steps {
+            Method::Timestepping(_) if !system.jumps.impulsive.is_empty() => Ok(Ready::Steps {
                 bodies: Arc::new(Bodies::new(system, open, Pulses::of(system, horizon))),
                 settings: moreau::first_steps(settings),
             }),
@@ -353,20 +353,21 @@ impl Opened {
         let mut why = hybrid::structural(system);
         if settings.optimize.is_some() {
             let deciding = dcs::deciding(system, &settings.numerics.lowerings);
-            for (why, param) in why.iter_mut().zip(&system.params) {
+            for (why, param) in why.iter_mut().zip(&system.exogenous.params) {
                 let decides = deciding.contains(&variable(param.var));
                 *why = why.or(decides.then_some(Structural::Regions));
             }
         }
         if let Some((at, why)) = places.iter().find_map(|&at| Some((at, why[at]?))) {
-            return Err(NotPrepared::Structural(system.params[at].name.clone(), why));
+            let name = system.exogenous.params[at].name.clone();
+            return Err(NotPrepared::Structural(name, why));
         }
         if let Some(name) = values.moving_range(&compiled.model) {
             return Err(NotPrepared::Structural(name, Structural::Range));
         }
         let ranges = values.open_ranges(&compiled.model);
         let parameter = |&at: &usize| {
-            let param = &system.params[at];
+            let param = &system.exogenous.params[at];
             let range = ranges[&variable(param.var)];
             Parameter {
                 name: param.name.clone(),
@@ -392,7 +393,7 @@ impl Opened {
 /// The places of the parameters that stay open.
 fn open_places(compiled: &crate::Compiled<'_>) -> Vec<usize> {
     let (system, values) = (&compiled.system, &compiled.settings.values);
-    let params = system.params.iter().enumerate();
+    let params = system.exogenous.params.iter().enumerate();
     let open = params.filter(|(_, param)| values.is_open(param.var));
     open.map(|(at, _)| at).collect()
 }
@@ -553,6 +554,6 @@ fn start(compiled: &crate::Compiled<'_>, open: &[usize]) -> Result<Tape, NotPrep
 
 fn inputs(system: &System, open: &[usize]) -> Vec<Var> {
     open.iter()
-        .map(|&at| variable(system.params[at].var))
+        .map(|&at| variable(system.exogenous.params[at].var))
         .collect()
 }

@@ -486,7 +486,14 @@ impl Trajectory {
 
 #[cfg(test)]
 mod tests {
-    use super::Series;
+    use super::{Series, Trajectory};
+
+    /// It goes from one thread to another, and outlives the model.
+    #[test]
+    fn a_trajectory_is_plain_data() {
+        fn is_plain<T: Send + Sync + 'static>(_: T) {}
+        is_plain(Trajectory::default());
+    }
 
     #[test]
     fn entries_are_named_as_in_the_model() {

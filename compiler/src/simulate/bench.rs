@@ -140,7 +140,7 @@ impl<'s, 'e> Bench<'s, 'e> {
         if let Some(relay) = switches().find(|switch| switch.relay.is_some()) {
             return Some(format!("relay `{}` depends on the past", relay.name));
         }
-        if let Some((name, _)) = self.system.first_jump() {
+        if let Some((name, _)) = self.system.jumps.first_jump() {
             return Some(format!("`{name}` sets states"));
         }
         let is_kept = |switch: &Switch| switch.unilateral || switch.role != Role::Step;

@@ -321,7 +321,7 @@ fn assemble<'e>(
         setup: Setup {
             experiment: settings.name.clone(),
             model: system.name.clone(),
-            skipped: system.skipped.clone(),
+            skipped: system.provenance.skipped.clone(),
             ..Setup::default()
         },
         status: failure.as_ref().map_or(Status::Solved, Failure::status),

@@ -34,13 +34,13 @@ impl<'e> ReferenceRun<'e> {
 /// A system of which nothing is reported but its states.
 pub(crate) fn without_outputs<'e>(system: &System<'e>) -> System<'e> {
     let mut system = system.clone();
-    system.outputs.clear();
+    system.recorded.outputs.clear();
     system
 }
 
 /// The slip velocities with two entries at a point.
 pub(crate) fn slips(system: &System, time: f64, x: &[f64]) -> Vec<[f64; 2]> {
-    let friction = (system.contacts.iter()).filter_map(|contact| contact.friction.as_ref());
+    let friction = (system.jumps.contacts.iter()).filter_map(|contact| contact.friction.as_ref());
     let mut known = None;
     let slips = friction.map(|friction| &friction.slips);
     slips
@@ -54,7 +54,7 @@ pub(crate) fn slips(system: &System, time: f64, x: &[f64]) -> Vec<[f64; 2]> {
 
 /// The contacts of a system as a solver of programs sees them.
 pub(crate) fn impacts(system: &System, impacts: &[Impact]) -> Vec<jumps::Impact> {
-    let contacts = system.contacts.iter().zip(impacts);
+    let contacts = system.jumps.contacts.iter().zip(impacts);
     let impact = contacts.map(|(contact, impact)| jumps::Impact {
         switch: contact.switch,
         gap: impact.gap,

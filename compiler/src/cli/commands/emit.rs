@@ -237,7 +237,8 @@ fn lowered(
         return Some(Ok(Printed::of(dcs)));
     }
     // Of an optimization it is known that a step needs one piece of them.
-    if let Some(data) = system.data.first().filter(|_| settings.optimize.is_none()) {
+    let data = system.exogenous.data.first();
+    if let Some(data) = data.filter(|_| settings.optimize.is_none()) {
         diags.push(ExperimentError::DataInProgram {
             name: data.name.clone(),
             span: settings.span,

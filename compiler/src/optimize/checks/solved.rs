@@ -20,9 +20,9 @@ pub(crate) fn run<'e>(
     change: impl FnOnce(&mut Settings<'e>),
 ) -> Trajectory {
     let mut system = system(problem, w);
-    system.outputs.clear();
-    system.controls.clear();
-    system.groups = vec![StateGroup {
+    system.recorded.outputs.clear();
+    system.recorded.controls.clear();
+    system.recorded.groups = vec![StateGroup {
         name: "x".into(),
         shape: vec![system.states.len()],
         entries: (0..system.states.len()).collect(),
@@ -48,13 +48,13 @@ pub(crate) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
         return system;
     };
     for (i, free) in task.params.iter().enumerate() {
-        system.params[free.place].value = w[layout.p(i)];
+        system.exogenous.params[free.place].value = w[layout.p(i)];
     }
     for free in &task.initial {
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
     for (control, table) in task.controls.iter().zip(tables(problem, w)) {
-        system.data.push(Data {
+        system.exogenous.data.push(Data {
             name: control.name.clone(),
             var: control.var,
             text: format!("{}: {table}", table.fit),
@@ -63,7 +63,7 @@ pub(crate) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
         });
     }
     // Bounds are constraints of the program.
-    system.limits.clear();
+    system.recorded.limits.clear();
     system
 }
 

@@ -153,7 +153,7 @@ impl Known<'_, '_> {
                 if Some(other) == time {
                     return share * self.horizon;
                 }
-                let mut params = system.params.iter();
+                let mut params = system.exogenous.params.iter();
                 let param = params.find(|param| param.var.as_variable() == Some(other));
                 param.map_or(f64::NAN, |param| param.value)
             };

@@ -43,9 +43,9 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
     }
     let mut system = problem.system.clone();
     system.task = None;
-    system.outputs.clear();
+    system.recorded.outputs.clear();
     // Bounds are rows of the program.
-    system.limits.clear();
+    system.recorded.limits.clear();
     for (i, control) in task.controls.iter().enumerate() {
         let values: Vec<f64> = layout
             .control_instants()
@@ -54,7 +54,7 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
         if values.iter().any(|value| *value != values[0]) {
             return false;
         }
-        system.params.push(known(control, values[0]));
+        system.exogenous.params.push(known(control, values[0]));
     }
     let reference = problem.constant_run(&system, limit);
     follow(problem, &reference, settings.horizon, w);
@@ -79,22 +79,22 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
     };
     let mut system = frozen.system.clone();
     system.task = None;
-    let (n_params, n_states) = (system.params.len(), system.states.len());
+    let (n_params, n_states) = (system.exogenous.params.len(), system.states.len());
     let clock = system.states[frozen.clock].rate;
     for (i, free) in task.params.iter().enumerate() {
-        system.params[free.place].value = w[layout.p(i)];
+        system.exogenous.params[free.place].value = w[layout.p(i)];
     }
     for free in &task.initial {
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
     let length = problem.at(w).horizon() / layout.steps as f64;
     for k in 1..=layout.steps {
-        system.params.truncate(n_params);
+        system.exogenous.params.truncate(n_params);
         system.states.truncate(n_states);
         for (i, control) in task.controls.iter().enumerate() {
             let to = w[layout.u(k) + i];
             match task.shape {
-                Shape::Constant => system.params.push(known(control, to)),
+                Shape::Constant => system.exogenous.params.push(known(control, to)),
                 // A line in the clock.
                 Shape::Linear => {
                     let from = w[layout.u(k - 1) + i];

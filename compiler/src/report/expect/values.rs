@@ -132,9 +132,9 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         };
         let text = mode::plain(self.subject, surface);
         let system = self.subject.system;
-        let laws = system.laws.iter().map(|law| law.name.as_str());
+        let laws = system.jumps.laws.iter().map(|law| law.name.as_str());
         let mut names: Vec<&str> = laws.filter(|name| *name == text).collect();
-        names.extend(system.contacts_of(&text));
+        names.extend(system.jumps.contacts_of(&text));
         if names.is_empty() {
             let switches = mode::switches_of(self.subject, surface)?.into_iter();
             names.extend(switches.map(|(k, _)| self.subject.system.switches[k].name.as_str()));

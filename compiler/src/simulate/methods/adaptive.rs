@@ -138,7 +138,8 @@ impl<'e> Inputs<'e> {
         vars.extend(system.states.iter().map(|state| variable(state.var)));
         vars.extend(system.switches.iter().map(|switch| variable(switch.alpha)));
         vars.extend(&coefficients);
-        vars.extend(open.iter().map(|&place| variable(system.params[place].var)));
+        let params = system.exogenous.chosen(open);
+        vars.extend(params.map(|param| variable(param.var)));
         Inputs {
             vars,
             numbers,

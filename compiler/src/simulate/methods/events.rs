@@ -62,7 +62,7 @@ impl Events {
         let open = self
             .open
             .iter()
-            .map(|&place| problem.system.params[place].value);
+            .map(|&place| problem.system.exogenous.params[place].value);
         simulator.set_parameters(&open.collect::<Vec<f64>>());
         simulator.set_data(0, &hybrid::data_of(problem.system));
         simulator

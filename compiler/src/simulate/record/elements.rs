@@ -85,7 +85,7 @@ impl<'s, 'e> Elements<'s, 'e> {
             mut coefficients,
             ..
         } = found;
-        for data in &system.data {
+        for data in &system.exogenous.data {
             let known = data.table.piece(0.5 * (from + to)).around(from);
             let rest = n_coefficients.saturating_sub(known.len());
             coefficients.extend(known.into_iter().take(n_coefficients));

@@ -195,7 +195,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             && jumps_last
             && let Some(last) = self.pieces.last().map(|piece| piece.to)
         {
-            let piece = pieces::of_instant(last, outcome, &self.system.data);
+            let piece = pieces::of_instant(last, outcome, &self.system.exogenous.data);
             self.pieces.push(piece);
         }
         let divided: &[Piece] = match self.sampling {
@@ -210,7 +210,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             ..
         } = &self.record.points;
         let mut samples = Samples::default();
-        for group in &system.groups {
+        for group in &system.recorded.groups {
             let rows = states.chunks(system.states.len().max(1));
             samples.states.push(Series {
                 name: group.name.clone(),
@@ -362,7 +362,7 @@ impl Observer for Recorder<'_, '_> {
         let has_rows_inside = self.sampling == Sampling::Curve
             && curve::is_divided(segment.length, self.record.horizon);
         if self.dense || has_rows_inside {
-            let mut piece = pieces::of_segment(segment, end, &self.system.data);
+            let mut piece = pieces::of_segment(segment, end, &self.system.exogenous.data);
             // Pieces of a run are without gaps.
             let last = self.pieces.last();
             piece.from = last.map_or(piece.from, |last| piece.from.max(last.to));

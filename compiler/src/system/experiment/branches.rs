@@ -62,7 +62,7 @@ pub fn beside_branches(system: &System) -> Option<(&'static str, Span)> {
         let var = data.var.as_variable();
         var.is_some_and(|var| inside.contains(&var))
     };
-    let data = || system.data.iter().find(is_watched);
+    let data = || system.exogenous.data.iter().find(is_watched);
     beside_forces(system)
         .or_else(|| Some(("switches on signals from tables and `floor`", data()?.span)))
 }

@@ -103,10 +103,11 @@ impl Feature {
                 Some((contact.name.clone(), contact.span))
             }
             (Feature::Jumps, Seen::System(system)) => {
-                let (name, span) = match system.impulsive.is_empty() {
-                    true => system.first_jump()?,
+                let (name, span) = match system.jumps.impulsive.is_empty() {
+                    true => system.jumps.first_jump()?,
                     // Contacts are a matter of the method.
                     false => system
+                        .jumps
                         .laws
                         .first()
                         .map(|law| (law.name.as_str(), law.span))?,

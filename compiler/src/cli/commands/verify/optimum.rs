@@ -274,14 +274,11 @@ fn solve(
 /// Whether a lowering of jumps and relays finds none.
 fn is_idle(compiled: &Compiled<'_>) -> bool {
     let System {
-        laws,
-        contacts,
-        switches,
-        ..
+        jumps, switches, ..
     } = &compiled.system;
     let settings = &compiled.settings;
     let has_relay = switches.iter().any(|switch| switch.relay.is_some());
-    let has_jumps = !laws.is_empty() || !contacts.is_empty();
+    let has_jumps = !jumps.laws.is_empty() || !jumps.contacts.is_empty();
     settings.freezes() && !has_jumps && !has_relay
-        || settings.takes_impulses() && contacts.is_empty()
+        || settings.takes_impulses() && jumps.contacts.is_empty()
 }

@@ -67,7 +67,7 @@ impl Compiled {
 
     /// Takes the data of a system, and its values of the open parameters.
     pub fn load(&mut self, system: &System) {
-        let params = self.open.iter().map(|&place| system.params[place].value);
+        let params = system.exogenous.chosen(&self.open).map(|param| param.value);
         self.complementarity.parameters = params.collect();
         let data = hybrid::data_of(system);
         self.complementarity.data[..data.len()].clone_from_slice(&data);

@@ -52,7 +52,7 @@ pub(crate) fn write(
     let whole = trajectory.history.modes.pop();
     trajectory.history.modes.clear();
     let sides = whole.map(|mode| mode.sides).unwrap_or_default();
-    let name = |contact: usize| system.impulsive[contact].name.as_str();
+    let name = |contact: usize| system.jumps.impulsive[contact].name.as_str();
     let mut closed: BTreeMap<usize, Side> = BTreeMap::new();
     let mut from = 0.0;
     let interval = |from: f64, to: f64, closed: &BTreeMap<usize, Side>| {
@@ -107,7 +107,7 @@ pub(crate) fn write(
             surface: name(contact).to_owned(),
             from: word(before),
             to: word(after),
-            span: Some(system.impulsive[contact].span),
+            span: Some(system.jumps.impulsive[contact].span),
             sliding: Vec::new(),
         });
     }
