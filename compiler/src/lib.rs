@@ -65,7 +65,7 @@ impl<'e> Compiled<'e> {
     /// was found once the system is the solved one.
     pub fn parameters(&self) -> Vec<Series> {
         let values = &self.settings.values;
-        let solved = self.system.params.iter();
+        let solved = self.system.exogenous.params.iter();
         let solved = solved.filter_map(|param| Some((param.var.as_variable()?, param.value)));
         let solved: HashMap<Var, f64> = solved.collect();
         let number = |var: Var| {
@@ -91,7 +91,7 @@ impl<'e> Compiled<'e> {
             model: &self.model,
             system: &self.system,
             horizon: self.settings.horizon,
-            has_steps: self.settings.method.has_steps(),
+            has_steps: self.settings.numerics.method.has_steps(),
             sources,
         }
     }
@@ -213,7 +213,7 @@ fn refused_contacts(model: &Model, settings: &Settings) -> Option<ExperimentErro
     if let Some(error) = without_impulses(settings) {
         return Some(error);
     }
-    if settings.freezes() && !settings.method.kind().takes(Feature::TimeFreezing) {
+    if settings.freezes() && !settings.numerics.method.kind().takes(Feature::TimeFreezing) {
         return Some(ExperimentError::Lowering {
             name: "timefreezing".to_owned(),
             with: "by this method ",
@@ -226,7 +226,7 @@ fn refused_contacts(model: &Model, settings: &Settings) -> Option<ExperimentErro
 
 /// Relays, jumps, projections, algebraic states and switches beside contacts that the method does not take.
 fn refused_switches(system: &System, settings: &Settings) -> Option<ExperimentError> {
-    let steps = !system.impulsive.is_empty();
+    let steps = !system.jumps.impulsive.is_empty();
     let refused = settings.refused_of_system(system);
     refused.or_else(|| beside_contacts(system, settings).filter(|_| steps))
 }
@@ -238,13 +238,15 @@ fn discretizable<'e>(
     settings: &Settings<'e>,
     diags: &mut Diagnostics,
 ) -> Option<System<'e>> {
-    let mut system = match &settings.method {
+    let mut system = match &settings.numerics.method {
         Method::Smoothing(options) => system::switches::smoothing::smooth(&system, options),
         _ => system,
     };
-    let steps = !system.impulsive.is_empty();
-    let needs = settings.method.kind().needs_dcs() && !steps || settings.optimize.is_some();
-    for data in settings.optimize.iter().flat_map(|_| &system.data) {
+    let steps = !system.jumps.impulsive.is_empty();
+    let kind = settings.numerics.method.kind();
+    let needs = kind.needs_dcs() && !steps || settings.optimize.is_some();
+    let all = &system.exogenous.data;
+    for data in settings.optimize.iter().flat_map(|_| all) {
         pass(bends(data, settings).err(), diags)?;
     }
     if needs && system.switches.iter().any(|k| k.role != Role::Step) {
@@ -254,7 +256,7 @@ fn discretizable<'e>(
             return None;
         }
     }
-    let lowerings = lowering::dcs::check(&system, &settings.lowerings, needs);
+    let lowerings = lowering::dcs::check(&system, &settings.numerics.lowerings, needs);
     lowerings.map_err(|error| diags.push(error)).ok()?;
     Some(system)
 }
@@ -271,7 +273,7 @@ fn refused_impulses(system: &System, settings: &Settings) -> Option<ExperimentEr
         span,
     };
     let is_run = settings.optimize.is_none();
-    if let Some(data) = system.data.first().filter(|_| is_run) {
+    if let Some(data) = system.exogenous.data.first().filter(|_| is_run) {
         return Some(refused(
             "for a run with signals from tables or with `floor` ",
             "write it as a formula in `time` without `floor` and `mod`, or leave out `lower impact` and the method",
@@ -311,7 +313,7 @@ fn open_algebraics(system: &System, settings: &Settings) -> Option<ExperimentErr
 /// What an experiment asks for besides `lower impact` that has no impulses.
 fn without_impulses(settings: &Settings) -> Option<ExperimentError> {
     let is_run = settings.optimize.is_none();
-    let takes_impulses = settings.method.kind().takes(Feature::Impulses);
+    let takes_impulses = settings.numerics.method.kind().takes(Feature::Impulses);
     let span = settings.span;
     match settings.takes_impulses() {
         true if settings.freezes() => Some(ExperimentError::Lowering {
@@ -321,7 +323,7 @@ fn without_impulses(settings: &Settings) -> Option<ExperimentError> {
             span,
         }),
         true if is_run && !takes_impulses => {
-            let method = match settings.method.kind() {
+            let method = match settings.numerics.method.kind() {
                 MethodKind::Auto => MethodKind::Event,
                 other => other,
             };
@@ -339,13 +341,13 @@ fn switching_law<'s, 'e>(system: &'s System<'e>) -> Option<&'s system::Contact<'
         .filter_map(|switch| switch.alpha.as_variable())
         .collect();
     let switches = |e: Expr| alphas.iter().any(|&alpha| e.depends_on(alpha));
-    let mut contacts = system.contacts.iter();
+    let mut contacts = system.jumps.contacts.iter();
     contacts.find(|contact| contact.exprs().any(switches))
 }
 
 /// What steps of time with contacts do not take.
 fn beside_contacts(system: &System, settings: &Settings) -> Option<ExperimentError> {
-    if let Method::Timestepping(options) = &settings.method
+    if let Method::Timestepping(options) = &settings.numerics.method
         && options.scheme.is_some()
     {
         return Some(ExperimentError::SchemeOfContacts {
@@ -399,8 +401,8 @@ fn frozen<'e>(
 ) -> Option<Compiled<'e>> {
     let frozen = freezing::freeze(&system, settings.pace());
     let frozen = frozen.map_err(|error| diags.push(error)).ok()?;
-    let needs = settings.method.kind().needs_dcs() || settings.optimize.is_some();
-    let lowerings = lowering::dcs::check(&frozen.system, &settings.lowerings, needs);
+    let needs = settings.numerics.method.kind().needs_dcs() || settings.optimize.is_some();
+    let lowerings = lowering::dcs::check(&frozen.system, &settings.numerics.lowerings, needs);
     lowerings.map_err(|error| diags.push(error)).ok()?;
     Some(Compiled {
         model,
@@ -489,7 +491,7 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
                 &mut found,
             );
             // A lowering that is asked for by name must exist, whatever the method needs.
-            let lowerings = &compiled.settings.lowerings;
+            let lowerings = &compiled.settings.numerics.lowerings;
             if !lowerings.is_empty()
                 && let Err(error) = lowering::dcs::lower(&compiled.lowered(), lowerings)
             {

@@ -28,9 +28,9 @@ impl Run {
     fn named(&self, kind: &str) -> PyResult<&[Series]> {
         let trajectory = &self.run.trajectory;
         match kind {
-            "states" => Ok(&trajectory.states),
-            "outputs" => Ok(&trajectory.outputs),
-            "controls" => Ok(&trajectory.controls),
+            "states" => Ok(&trajectory.samples.states),
+            "outputs" => Ok(&trajectory.samples.outputs),
+            "controls" => Ok(&trajectory.samples.controls),
             _ => Err(PyKeyError::new_err(kind.to_owned())),
         }
     }
@@ -81,8 +81,8 @@ impl Run {
     /// The instants.
     #[getter]
     fn time<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let length = this.get().run.trajectory.time.len();
-        arrays::view(this, &[length], |this| &this.run.trajectory.time)
+        let length = this.get().run.trajectory.samples.time.len();
+        arrays::view(this, &[length], |this| &this.run.trajectory.samples.time)
     }
 
     /// The values of one of `states`, `outputs` or `controls` by its place.
@@ -93,7 +93,7 @@ impl Run {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let series = this.get().named(kind)?.get(place);
         let series = series.ok_or_else(|| PyKeyError::new_err(place))?;
-        let mut shape = vec![this.get().run.trajectory.time.len()];
+        let mut shape = vec![this.get().run.trajectory.samples.time.len()];
         shape.extend(&series.shape);
         arrays::view(this, &shape, |this| match this.named(kind) {
             Ok(all) => &all[place].values,

@@ -169,13 +169,13 @@ impl Problem {
             };
             let runs = (0..RUNS).filter_map(|_| run());
             let best = runs.min_by(|a, b| {
-                let seconds = |run: &(Solved, Way)| run.0.trajectory.stats.solve_s;
+                let seconds = |run: &(Solved, Way)| run.0.trajectory.quality.stats.solve_s;
                 seconds(a).total_cmp(&seconds(b))
             });
             match best {
                 Some((solved, way)) => {
                     self.line("nsdc", &solved.trajectory);
-                    found = Some((solved.trajectory.stats.solve_s, way));
+                    found = Some((solved.trajectory.quality.stats.solve_s, way));
                 }
                 None => print(&format!("nsdc     {:<11} failed", self.name)),
             }
@@ -191,13 +191,13 @@ impl Problem {
              {} relaxations, simulated end off by {end:.1e}",
             self.name,
             found.objective.unwrap_or(f64::NAN),
-            found.stats.solve_s,
+            found.quality.stats.solve_s,
             optimum.certificate_s,
             optimum.check_s,
             found.status.as_str(),
-            found.certificate.stationarity.as_str(),
-            found.stats.newton_iterations,
-            found.stats.homotopy_steps,
+            found.quality.certificate.stationarity.as_str(),
+            found.quality.stats.newton_iterations,
+            found.quality.stats.homotopy_steps,
         ));
         record(
             "optimal",
@@ -205,13 +205,13 @@ impl Problem {
                 ("problem", json!(self.name)),
                 ("solver", json!(solver)),
                 ("objective", json!(found.objective)),
-                ("seconds", json!(found.stats.solve_s)),
-                ("iterations", json!(found.stats.newton_iterations)),
+                ("seconds", json!(found.quality.stats.solve_s)),
+                ("iterations", json!(found.quality.stats.newton_iterations)),
                 (
                     "what is known",
                     json!(format!(
                         "{}-stationary, simulated end off by {end:.1e}",
-                        found.certificate.stationarity.as_str()
+                        found.quality.certificate.stationarity.as_str()
                     )),
                 ),
             ],

@@ -116,7 +116,7 @@ impl Turn {
 fn balls(compiled: &Compiled) {
     let system = &compiled.system;
     let open = hybrid::may_be_open(system);
-    let is_restitution = |&at: &usize| system.params[open[at]].name == "e";
+    let is_restitution = |&at: &usize| system.exogenous.params[open[at]].name == "e";
     let e = (0..open.len()).find(is_restitution).expect("it is open");
     let lowered = hybrid::lower_open(system, HORIZON, &open);
     let mut parameters = lowered.parameters.clone();

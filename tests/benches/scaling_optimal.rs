@@ -97,7 +97,7 @@ fn experiment(intervals: usize) -> String {
 
 fn line(intervals: usize, found: &Trajectory, iterations: &Iterations, whole: f64) {
     let option = |wanted: &str| {
-        let mut options = found.method.options.iter();
+        let mut options = found.setup.method.options.iter();
         options
             .find_map(|(name, value)| match value {
                 MethodOption::Number(number) if name == wanted => Some(*number),

@@ -169,7 +169,7 @@ impl Example {
 
 fn run(compiled: &Compiled<'_>) -> Trajectory {
     let mut system = compiled.system.clone();
-    if compiled.settings.method.kind().needs_dcs() {
+    if compiled.settings.numerics.method.kind().needs_dcs() {
         // What cannot be settled says so in the run.
         let _ = simulate::settle(&mut system, compiled.settings.horizon);
     }
@@ -201,6 +201,7 @@ struct Measured {
 impl Measured {
     fn of(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Self {
         let modes: BTreeSet<&str> = trajectory
+            .history
             .modes
             .iter()
             .map(|mode| mode.mode.as_str())
@@ -209,8 +210,8 @@ impl Measured {
             states: compiled.system.states.len(),
             switches: compiled.system.switches.len(),
             modes: modes.len(),
-            evaluations: trajectory.stats.rhs_evaluations,
-            skipped: trajectory.skipped.clone(),
+            evaluations: trajectory.quality.stats.rhs_evaluations,
+            skipped: trajectory.setup.skipped.clone(),
             is_solved: trajectory.status == Status::Solved,
             seconds: 0.0,
         }
@@ -285,7 +286,9 @@ fn asked(examples: &[Example]) -> String {
 impl Example {
     /// Whether something is left out.
     fn skips(&self, asked: Asked<'_>) -> bool {
-        let skips = self.compiled(asked, |compiled| !compiled.system.skipped.is_empty());
+        let skips = self.compiled(asked, |compiled| {
+            !compiled.system.provenance.skipped.is_empty()
+        });
         skips.unwrap_or(false)
     }
 
@@ -368,7 +371,7 @@ fn gaps(examples: &[Example]) -> String {
     let mut rows = String::new();
     for example in examples {
         let row = example.compiled(Asked::Everything, |compiled| {
-            let Method::Timestepping(options) = &compiled.settings.method else {
+            let Method::Timestepping(options) = &compiled.settings.numerics.method else {
                 return None;
             };
             looked_at(&compiled.system, compiled.settings.horizon, options.steps)
@@ -395,7 +398,7 @@ fn gaps(examples: &[Example]) -> String {
 
 /// Contacts, steps, and gaps that were evaluated or enclosed.
 fn looked_at(system: &System<'_>, horizon: f64, steps: usize) -> Option<(usize, usize, usize)> {
-    let contacts = system.impulsive.len();
+    let contacts = system.jumps.impulsive.len();
     if contacts < MANY_CONTACTS {
         return None;
     }

@@ -224,12 +224,13 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
             let mut clock = Clock::default();
             let mut compiled = compile(&exprs, &file, experiment, &[], &mut clock, &mut diags)?;
             // Contacts in steps of time are in no other method.
-            if !compiled.system.impulsive.is_empty() {
+            if !compiled.system.jumps.impulsive.is_empty() {
                 return None;
             }
-            let own = std::mem::replace(&mut compiled.settings.method, method);
-            compiled.settings.tolerance = 1e-11;
-            let needs = compiled.settings.method.kind().needs_dcs();
+            let numerics = &mut compiled.settings.numerics;
+            let own = std::mem::replace(&mut numerics.method, method);
+            numerics.tolerance = 1e-11;
+            let needs = numerics.method.kind().needs_dcs();
             if needs
                 && compiled
                     .system
@@ -240,9 +241,11 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
                 let horizon = compiled.settings.horizon;
                 simulate::settle(&mut compiled.system, horizon).ok()?;
             }
-            let lowers = dcs::check(&compiled.system, &compiled.settings.lowerings, needs).is_ok();
-            let takes =
-                own == Method::Auto && lowers && (compiled.system.data.is_empty() || !needs);
+            let lowerings = &compiled.settings.numerics.lowerings;
+            let lowers = dcs::check(&compiled.system, lowerings, needs).is_ok();
+            let takes = own == Method::Auto
+                && lowers
+                && (compiled.system.exogenous.data.is_empty() || !needs);
             let takes = takes && compiled.settings.optimize.is_none();
             takes.then(|| simulate::run(&compiled.system, &compiled.settings, &Request::default()))
         };
@@ -285,7 +288,7 @@ pub fn fitted_order(errors: &[(usize, f64)]) -> f64 {
 
 /// The times of all events of a kind, in order.
 pub fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
-    let events = trajectory.events.iter();
+    let events = trajectory.history.events.iter();
     events
         .filter(|event| event.kind == kind)
         .map(|event| event.time)
@@ -298,10 +301,10 @@ pub fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
 ///
 /// When the trajectory has no such series or no point.
 pub fn end(trajectory: &Trajectory, name: &str) -> Vec<f64> {
-    let series = trajectory.states.iter().chain(&trajectory.outputs);
+    let series = trajectory.samples.states_and_outputs();
     let found = series.into_iter().find(|series| series.name == name);
     let found = found.unwrap_or_else(|| panic!("no `{name}` in the trajectory"));
-    found.at(trajectory.time.len() - 1).to_vec()
+    found.at(trajectory.samples.time.len() - 1).to_vec()
 }
 
 /// Asserts that values are as near to exact ones as this; what is no number is near to none.

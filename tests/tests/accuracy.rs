@@ -22,8 +22,13 @@ fn the_oscillator_is_exact_to_rounding() {
     let trajectory = run(OSCILLATOR, "crossing");
     assert_eq!(trajectory.status, Status::Solved);
     assert!(distance(&end(&trajectory, "x"), &oscillator_end()) <= 1e-12);
-    assert!(distance(&trajectory.switch_times(), &[1.0]) <= 1e-13);
-    let kinds: Vec<EventKind> = trajectory.events.iter().map(|event| event.kind).collect();
+    assert!(distance(&trajectory.history.switch_times(), &[1.0]) <= 1e-13);
+    let kinds: Vec<EventKind> = trajectory
+        .history
+        .events
+        .iter()
+        .map(|event| event.kind)
+        .collect();
     assert_eq!(kinds, [EventKind::Crossing]);
 }
 
@@ -33,7 +38,7 @@ fn every_tolerance_is_met_and_the_estimate_covers_the_error() {
         let tolerance = 10.0_f64.powi(-k);
         let trajectory = run(&oscillator_with(&format!("tolerance 1e-{k};")), "crossing");
         let error = distance(&end(&trajectory, "x"), &oscillator_end());
-        let estimate = trajectory.error_estimate.unwrap();
+        let estimate = trajectory.quality.error_estimate.unwrap();
         assert!(error <= 2.0 * tolerance, "{error:e} at {tolerance:e}");
         assert!(
             error <= 10.0 * estimate + 1e-14,
@@ -59,7 +64,7 @@ fn the_error_falls_with_the_order_of_the_method() {
                 let trajectory =
                     nsdc::simulate::run(&compiled.system, &compiled.settings, &request);
                 let error = distance(&end(&trajectory, "x"), &oscillator_end());
-                (error, trajectory.stats.steps as f64)
+                (error, trajectory.quality.stats.steps as f64)
             })
         });
         runs.to_vec()
@@ -89,7 +94,7 @@ fn codimension_two_and_three_follow_their_exact_solutions() {
         "{:?}",
         (end(&trajectory, "x"), exact)
     );
-    assert!(distance(&trajectory.switch_times(), &[0.5, 1.0]) <= 1e-12);
+    assert!(distance(&trajectory.history.switch_times(), &[0.5, 1.0]) <= 1e-12);
 
     let trajectory = run(INTERSECTIONS, "codimension_three");
     assert!(trajectory.failure.is_none());
@@ -105,7 +110,7 @@ fn codimension_two_and_three_follow_their_exact_solutions() {
         "{:?}",
         (end(&trajectory, "x"), exact)
     );
-    assert!(distance(&trajectory.switch_times(), &[0.5, 1.35]) <= 1e-12);
+    assert!(distance(&trajectory.history.switch_times(), &[0.5, 1.35]) <= 1e-12);
 }
 
 /// A non-unique start is reported with all its branches and never picked in silence.
@@ -127,7 +132,7 @@ fn friction_takes_its_work() {
                 simulate s of m { horizon 2; tolerance 1e-12; }";
     let trajectory = run(text, "s");
     let stop = 3.0 / (0.4 * 9.81);
-    assert!(distance(&trajectory.switch_times(), &[stop]) <= 1e-12);
+    assert!(distance(&trajectory.history.switch_times(), &[stop]) <= 1e-12);
     assert!(distance(&end(&trajectory, "q"), &[3.0 * stop / 2.0]) <= 1e-12);
     assert!(distance(&end(&trajectory, "v"), &[0.0]) <= 1e-15);
 }
@@ -145,7 +150,7 @@ model m {
 simulate run of m { horizon 3; }";
     let trajectory = run(text, "run");
     assert_eq!(trajectory.status, Status::Solved);
-    assert!(distance(&trajectory.switch_times(), &[2.0 / 3.0, 2.0]) <= 1e-12);
+    assert!(distance(&trajectory.history.switch_times(), &[2.0 / 3.0, 2.0]) <= 1e-12);
     assert!(distance(&end(&trajectory, "x"), &[2.0]) <= 1e-12);
     assert!(distance(&end(&trajectory, "y"), &[2.5]) <= 1e-12);
 }

@@ -23,10 +23,13 @@ fn smooth_models_are_as_accurate_as_asked_at_any_instant() {
         "horizon 5; tolerance 1e-10; output x, y every 0.1;",
     );
     assert_eq!(found.status, Status::Solved);
-    assert!(codes(&found).is_empty() && found.error_estimate.is_some());
-    assert_eq!(found.time.len(), 51);
-    for (k, t) in found.time.iter().enumerate() {
-        let (x, y) = (found.states[0].at(k)[0], found.states[1].at(k)[0]);
+    assert!(codes(&found).is_empty() && found.quality.error_estimate.is_some());
+    assert_eq!(found.samples.time.len(), 51);
+    for (k, t) in found.samples.time.iter().enumerate() {
+        let (x, y) = (
+            found.samples.states[0].at(k)[0],
+            found.samples.states[1].at(k)[0],
+        );
         let error = (x - (2.0 * t).cos()).hypot(y - (2.0 * t).sin());
         assert!(error < 1e-10, "at {t}: {error:e}");
     }
@@ -43,23 +46,28 @@ fn crossings_are_no_events_and_modes_follow_the_points() {
     let x = end(&found, "x");
     let error = (x[0] - radius * angle.cos()).hypot(x[1] - radius * angle.sin());
     assert!(error < 1e-4, "{error:e}");
-    assert!(found.events.is_empty());
+    assert!(found.history.events.is_empty());
     assert!(codes(&found).contains(&"W0708"), "{:?}", codes(&found));
-    let modes: Vec<&str> = found.modes.iter().map(|m| m.mode.as_str()).collect();
+    let modes: Vec<&str> = found
+        .history
+        .modes
+        .iter()
+        .map(|m| m.mode.as_str())
+        .collect();
     assert_eq!(modes, ["inside", "outside"]);
     assert!(
-        (found.modes[0].to - 1.0).abs() < 1e-3,
+        (found.history.modes[0].to - 1.0).abs() < 1e-3,
         "{}",
-        found.modes[0].to
+        found.history.modes[0].to
     );
-    assert_eq!(found.method.name, "adaptive");
+    assert_eq!(found.setup.method.name, "adaptive");
 }
 
 #[test]
 fn sliding_ends_at_the_limit_of_steps_near_the_surface() {
     let found = adaptive("state x = 1; x' = if x > 0 then -2 else 1;", "horizon 10;");
     assert_eq!(found.status, Status::IterationLimit);
-    assert!(found.time.last().is_some_and(|t| *t > 0.5));
+    assert!(found.samples.time.last().is_some_and(|t| *t > 0.5));
     assert!(end(&found, "x")[0].abs() < 1e-6, "{:?}", end(&found, "x"));
 }
 
@@ -103,7 +111,7 @@ fn estimates_know_what_rounding_of_states_does_to_rates() {
         );
         let found = adaptive(&model, "horizon 2;");
         let error = (end(&found, "y")[0] - 1.0).abs();
-        let estimate = found.error_estimate.expect("a second run was made");
+        let estimate = found.quality.error_estimate.expect("a second run was made");
         assert!(
             error <= 4.0 * estimate,
             "{offset:e}: {error:e} {estimate:e}"

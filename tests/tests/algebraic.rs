@@ -118,7 +118,7 @@ fn what_time_switches_and_states_that_jump_move_algebraic_states() {
         f
     };
     assert_near(&end(&found, "f"), &[root(31.0)], 1e-12);
-    let samples = &found.outputs[0].values;
+    let samples = &found.samples.outputs[0].values;
     assert_near(&[samples[0], samples[1]], &[root(1.0), root(-9.0)], 1e-12);
 }
 
@@ -321,7 +321,7 @@ fn an_equation_among_the_rows_holds() {
     let model = "state load = 1; load' = 1;
       p[2] in argmin p[1]^2 + 3*p[2]^2 subject to { sum(p) = load; p <= 2; }";
     let found = runs(model, 2.0, "output p at [1, 2];");
-    let shares = &found.outputs[0].values;
+    let shares = &found.samples.outputs[0].values;
     assert_near(shares, &[1.5, 0.5, 2.0, 1.0], 1e-12);
 }
 
@@ -407,7 +407,7 @@ fn multipliers_that_stay_zero_have_no_error() {
                 format!("model m {{ {model} }} simulate s of m {{ horizon 3; method event; }}");
             let found = solved(&text, "s");
             assert!(found.warnings.is_empty(), "{text}: {:?}", found.warnings);
-            let estimate = found.error_estimate.expect("a second run was made");
+            let estimate = found.quality.error_estimate.expect("a second run was made");
             assert!(estimate <= 1e-8, "{text}: {estimate}");
         }
     }

@@ -110,15 +110,24 @@ fn switches_follow_controls() {
     let explicit = SWITCHED.replace("algebraic q = 0; 0 = q^3 + q - (u - x);", s);
     let (a, b) = (objective(&cost(&explicit)), objective(&implicit));
     assert!((a - b).abs() < 1e-8, "{a} and {b}");
-    let crossings = implicit.switch_times();
+    let crossings = implicit.history.switch_times();
     assert!(
         crossings.len() == 1 && crossings[0] > 0.5 && crossings[0] < 2.5,
         "{crossings:?}"
     );
     // At the start x = 0 and q³ + q = u.
-    let all = || implicit.states.iter().chain(&implicit.outputs);
+    let all = || {
+        implicit
+            .samples
+            .states
+            .iter()
+            .chain(&implicit.samples.outputs)
+    };
     let q = all().find(|series| series.name == "q").map(|q| q.values[0]);
-    let (q, u) = (q.expect("it is recorded"), implicit.controls[0].values[0]);
+    let (q, u) = (
+        q.expect("it is recorded"),
+        implicit.samples.controls[0].values[0],
+    );
     assert!((q.powi(3) + q - u).abs() < 1e-9, "{q} at {u}");
 }
 
@@ -158,7 +167,7 @@ fn free_parameters_and_initial_values_act_through_equations() {
         optimum(&text, 1e-8)
     };
     let value = |found: &Trajectory, name: &str| {
-        let mut all = found.states.iter().chain(&found.outputs);
+        let mut all = found.samples.states.iter().chain(&found.samples.outputs);
         let series = all.find(|series| series.name == name);
         series.expect("it is recorded").values[0]
     };

@@ -70,7 +70,11 @@ impl Thrown {
     fn check(&self) {
         let run = self.run();
         let values = |name: &str| {
-            let output = run.outputs.iter().find(|output| output.name == name);
+            let output = run
+                .samples
+                .outputs
+                .iter()
+                .find(|output| output.name == name);
             &output.expect("the model has it").values
         };
         for corner in ["gap_c1", "gap_c2", "gap_c3", "gap_c4"] {

@@ -10,7 +10,7 @@ fn averaged(model: &str, horizon: f64) -> Trajectory {
         format!("model m {{ {model} }}\nsimulate run of m {{ horizon {horizon:?}; {SLIDE} }}");
     let found = run(&text, "run");
     assert_eq!(found.status, Status::Solved, "{model}: {:?}", found.failure);
-    assert_eq!(found.averaged.len(), 1, "{model}");
+    assert_eq!(found.history.averaged.len(), 1, "{model}");
     assert!(found.warnings.iter().any(|w| w.code == "W0722"), "{model}");
     found
 }
@@ -39,10 +39,11 @@ fn a_lag_follows_its_set_point() {
         close(end(&found, "u")[0], u, 1e-12);
         // What is neglected is a speed of k/n behind n events, here 3125, and e times that in z.
         close(end(&found, "z")[0], 0.5 - x - e * u, 3.0 * e * k / 3125.0);
-        let averaged = &found.averaged[0];
+        let averaged = &found.history.averaged[0];
         assert_eq!(averaged.surfaces, ["x - r"]);
         // A parabola between two events at the speed 3k/(2n), whose second derivative is k/e where r rests.
         let n = found
+            .history
             .events
             .iter()
             .filter(|event| event.time <= averaged.time)
@@ -67,7 +68,7 @@ fn elements_end_before_events_without_end() {
         let failure = found.failure.as_ref().expect("it has not come to the end");
         assert!(matches!(failure, Failure::Chattering { .. }), "{failure}");
         // x and u are at rest on the surface but for e k/n behind n events.
-        assert!(found.events.len() < 1 << 15);
+        assert!(found.history.events.len() < 1 << 15);
         close(end(&found, "x")[0], 0.0, 1e-9);
     }
 }
@@ -81,7 +82,12 @@ fn what_slides_leaves_where_means_reach_their_bound() {
     let found = averaged(&model, horizon);
     // r' + e r'' = 1
     let leaves = 10.0 - e;
-    let last = found.switch_times().last().copied().expect("it leaves");
+    let last = found
+        .history
+        .switch_times()
+        .last()
+        .copied()
+        .expect("it leaves");
     close(last, leaves, 1e-9);
     let (t, u) = (horizon - leaves, 0.1 * leaves);
     close(end(&found, "u")[0], 1.0 + (u - 1.0) * (-t / e).exp(), 1e-5);
@@ -100,7 +106,7 @@ fn a_network_comes_to_rest_where_its_thresholds_meet() {
     );
     close(end(&found, "x")[0], 0.4, 1e-12);
     close(end(&found, "y")[0], 0.6, 1e-12);
-    let heights = &found.averaged[0].heights;
+    let heights = &found.history.averaged[0].heights;
     assert!(
         heights.iter().all(|h| (1e-6..1e-2).contains(h)),
         "{heights:?}"
@@ -124,5 +130,5 @@ fn means_of_products_are_not_products_of_means() {
         .failure
         .map(|failure| nsdc::report::Warning::of(&failure).code);
     assert_eq!(failure.as_deref(), Some("E0733"));
-    assert!(found.averaged.is_empty());
+    assert!(found.history.averaged.is_empty());
 }

@@ -43,7 +43,7 @@ fn outside(found: &Trajectory, text: &str) -> (f64, &'static str, String) {
     let contact = text.find("contact sole").expect("the text has it");
     assert_eq!(line(surfaces[0].offset()), line(contact));
     // What has been recorded ends there, but for rounding.
-    let last = found.time.last().expect("a run has a start");
+    let last = found.samples.time.last().expect("a run has a start");
     assert!((last - time).abs() <= 1e-14, "{last}, not {time}");
     (*time, what, how.clone())
 }

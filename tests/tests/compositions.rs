@@ -52,7 +52,7 @@ fn a_rate_that_turns_over_between_two_steps_is_told() {
             panic!("{failure}");
         };
         assert_eq!(*what, "steps");
-        let time = trajectory.time.last().copied().unwrap_or_default();
+        let time = trajectory.samples.time.last().copied().unwrap_or_default();
         let rate = std::f64::consts::PI;
         assert!((time - 0.5 / rate).abs() < 1e-4, "{time}");
         let line = &source[terms[0].offset()..];

@@ -245,9 +245,10 @@ impl Scene {
             }
             let series = |name: &str| {
                 let series = found
+                    .samples
                     .states
                     .iter()
-                    .chain(&found.outputs)
+                    .chain(&found.samples.outputs)
                     .find(|s| s.name == name);
                 series.expect("the model has it")
             };
@@ -264,14 +265,14 @@ impl Scene {
                 );
                 least = least.min(energy);
             }
-            for k in 0..found.time.len() {
+            for k in 0..found.samples.time.len() {
                 let gaps = &self.normals * DVector::from_column_slice(q.at(k));
                 for (gap, start) in gaps.iter().zip(&self.gaps) {
                     prop_assert!(
                         gap + start >= -1e-9 * size,
                         "depth {} at {}",
                         gap + start,
-                        found.time[k]
+                        found.samples.time[k]
                     );
                 }
             }

@@ -24,7 +24,7 @@ fn roads(model: &str, horizon: f64, within: [f64; 3], mut check: impl FnMut(&Tra
         let found = by(model, horizon, road);
         assert_eq!(found.status, Status::Solved, "{road} {:?}", found.failure);
         found.verify().expect("the invariants of `Trajectory`");
-        let violation = found.certificate.max_violation;
+        let violation = found.quality.certificate.max_violation;
         assert!(violation <= within.max(1e-9), "{road} {violation:e}");
         check(&found, within);
     }
@@ -453,10 +453,12 @@ fn printed_forms() {
         });
         with_experiment(&text, "impulses", |compiled| {
             let (system, settings) = (&compiled.system, &compiled.settings);
-            let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+            let dcs =
+                dcs::lower(system, &settings.numerics.lowerings).expect("contacts give impulses");
             dcs.verify().expect("the invariants of `Dcs`");
             insta::assert_snapshot!(format!("{name}.impulses"), dcs);
-            let tex = dcs::tex(system, &settings.lowerings).expect("contacts give impulses");
+            let tex =
+                dcs::tex(system, &settings.numerics.lowerings).expect("contacts give impulses");
             insta::assert_snapshot!(format!("{name}.tex"), tex);
         });
     }
@@ -475,7 +477,7 @@ fn printed_forms() {
         }
         simulate this of m { horizon 1; }";
     with_experiment(jumps, "this", |compiled| {
-        let tex = dcs::tex(&compiled.system, &compiled.settings.lowerings);
+        let tex = dcs::tex(&compiled.system, &compiled.settings.numerics.lowerings);
         insta::assert_snapshot!("jumps.tex", tex.expect("jumps are printed by their laws"));
     });
 }

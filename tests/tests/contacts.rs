@@ -96,7 +96,11 @@ fn a_thrown_ball_slips_and_sticks() {
             "{q:?}, not {x}"
         );
         assert_eq!(
-            trajectory.modes.last().map(|mode| mode.mode.as_str()),
+            trajectory
+                .history
+                .modes
+                .last()
+                .map(|mode| mode.mode.as_str()),
             Some("stick(floor)")
         );
     }
@@ -259,7 +263,7 @@ fn more_contacts_than_forces_have_one_motion() {
         let found = end(&trajectory, name);
         assert!((found[0] - exact[0]).abs() <= 1e-12 && (found[1] - exact[1]).abs() <= 1e-12);
     }
-    assert!(trajectory.stats.complementarity_residual <= 1e-12);
+    assert!(trajectory.quality.stats.complementarity_residual <= 1e-12);
 }
 
 /// A rod of length 1 and mass 1, its angle measured from the vertical.
@@ -308,11 +312,12 @@ fn a_rod_falls_on_its_end_then_flat_and_comes_to_rest() {
     let slip = 2.0 - mu * impulse + s * impulse * (s - mu * s) / j;
     assert!(slip > 0.0);
     let at = trajectory
+        .samples
         .time
         .iter()
         .rposition(|&t| t == struck[0])
         .expect("an instant");
-    let v = &trajectory.states[1].values[3 * at..3 * at + 3];
+    let v = &trajectory.samples.states[1].values[3 * at..3 * at + 3];
     let exact = [2.0 - mu * impulse, -u + impulse, impulse * (s - mu * s) / j];
     for (v, exact) in v.iter().zip(exact) {
         assert!((v - exact).abs() <= 1e-12, "{v}, not {exact}");
@@ -323,7 +328,7 @@ fn a_rod_falls_on_its_end_then_flat_and_comes_to_rest() {
         "{q:?}"
     );
     assert!(v.iter().all(|v| v.abs() <= 1e-12), "{v:?}");
-    let energy = &trajectory.outputs[0].values;
+    let energy = &trajectory.samples.outputs[0].values;
     assert!(energy.windows(2).all(|pair| pair[1] <= pair[0] + 1e-12));
 }
 

@@ -64,21 +64,21 @@ fn quantiles_depend_on_seeds_and_not_on_threads() {
     for n_threads in [2, 5] {
         let (again, other) = many(text, n_threads);
         assert_eq!(one, other);
-        assert_eq!(first.states, again.states);
+        assert_eq!(first.samples.states, again.samples.states);
     }
     // Run number k is the run with the seed 7 + k; an odd number of runs has its median among them.
     let ends: Vec<f64> = (7..32)
         .map(|seed| {
             let text = text.replace("seed 7; runs 25", &format!("seed {seed}"));
             let found = nsd_tests::run(&text, "run");
-            found.states[0].at(found.time.len() - 1)[0]
+            found.samples.states[0].at(found.samples.time.len() - 1)[0]
         })
         .collect();
     let mut sorted = ends.clone();
     sorted.sort_by(f64::total_cmp);
     let median = one.bands[0].values[2].last().copied();
     assert!((median.unwrap_or(f64::NAN) - sorted[12]).abs() < 1e-7);
-    assert!((first.states[0].at(first.time.len() - 1)[0] - ends[0]).abs() < 1e-12);
+    assert!((first.samples.states[0].at(first.samples.time.len() - 1)[0] - ends[0]).abs() < 1e-12);
 }
 
 /// x is a sum of normal deviates of variance n s², so that its quantiles are known.
@@ -128,7 +128,7 @@ fn errors_leave_the_layer_as_often_as_their_law_says() {
     for ratio in [0.9, 1.2, 3.0, 20.0] {
         let inside = each(&text(ratio * epsilon), |found| {
             // Right after each error u has moved by less than ε/10000.
-            let after = (0..9).map(|k| found.states[1].at(k)[0]);
+            let after = (0..9).map(|k| found.samples.states[1].at(k)[0]);
             after.filter(|u| u.abs() < epsilon).count()
         });
         let trials = 2700.0;

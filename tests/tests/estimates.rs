@@ -49,16 +49,16 @@ fn check_estimate(
     with_experiment(text, experiment, |compiled| {
         for k in 4..=12 {
             let mut settings = compiled.settings.clone();
-            settings.tolerance = 10.0_f64.powi(-k);
+            settings.numerics.tolerance = 10.0_f64.powi(-k);
             let trajectory = simulate::run(&compiled.system, &settings, &Request::default());
             assert!(trajectory.failure.is_none(), "{experiment} at 1e-{k}");
             let error = error(&trajectory, &exact);
-            let estimate = trajectory.error_estimate.unwrap_or(0.0);
+            let estimate = trajectory.quality.error_estimate.unwrap_or(0.0);
             assert!(
                 error <= 10.0 * estimate + ROUNDING,
                 "{experiment} at 1e-{k}: error {error:e}, estimate {estimate:e}"
             );
-            also(&trajectory, settings.tolerance, error);
+            also(&trajectory, settings.numerics.tolerance, error);
         }
     });
 }
@@ -71,18 +71,22 @@ fn check_model(statements: &str, horizon: f64, exact: impl Fn(f64) -> Vec<f64>) 
 /// Largest error at a reported instant, relative to the largest magnitude of each state, also between
 /// these instants; states that are zero throughout have nothing to be relative to.
 fn error(trajectory: &Trajectory, exact: impl Fn(f64) -> Vec<f64>) -> f64 {
-    let n = trajectory.n_states();
+    let n = trajectory.samples.n_states();
     let (mut error, mut scale) = (vec![0.0_f64; n], vec![0.0_f64; n]);
-    for (k, &t) in trajectory.time.iter().enumerate() {
+    for (k, &t) in trajectory.samples.time.iter().enumerate() {
         let exact = exact(t);
-        let found = trajectory.states.iter().flat_map(|series| series.at(k));
+        let found = trajectory
+            .samples
+            .states
+            .iter()
+            .flat_map(|series| series.at(k));
         assert_eq!(exact.len(), n);
         for (i, (x, exact)) in found.zip(exact).enumerate() {
             error[i] = larger(error[i], (x - exact).abs());
             scale[i] = scale[i].max(exact.abs());
         }
     }
-    for pair in trajectory.time.windows(2) {
+    for pair in trajectory.samples.time.windows(2) {
         for share in [0.25, 0.5, 0.75] {
             let exact = exact(pair[0] + share * (pair[1] - pair[0]));
             for (scale, x) in scale.iter_mut().zip(exact) {
@@ -477,7 +481,7 @@ fn elements_know_what_rounding_does_to_an_impact() {
         );
         let exact = 1.5 * SQRT_2 - 2.0;
         let error = (end(&found, "v")[0] - exact).abs() / SQRT_2;
-        let estimate = found.error_estimate.unwrap_or(0.0);
+        let estimate = found.quality.error_estimate.unwrap_or(0.0);
         assert!(
             error <= estimate + ROUNDING,
             "{offset:e}: error {error:e}, estimate {estimate:e}"

@@ -73,7 +73,11 @@ fn one_gap_is_a_box_by_every_method() {
             &struck,
             2.0 * tolerance,
         );
-        let surfaces = trajectory.events.iter().map(|event| event.surface.as_str());
+        let surfaces = trajectory
+            .history
+            .events
+            .iter()
+            .map(|event| event.surface.as_str());
         let surfaces: Vec<&str> = surfaces.collect();
         let expected = ["wall[2]", "wall[3]", "wall[1]", "wall[2]", "wall[4]"];
         assert_eq!(surfaces, expected, "{method}");
@@ -109,7 +113,7 @@ fn a_ball_in_the_corner_of_a_groove_stays_or_bounces_off_both_planes() {
     let rest = format!("{GROOVE} simulate this of groove {{ with {{ q = [0, 0]; }} horizon 1; }}");
     let trajectory = solved(&rest, "this");
     assert_near(&end(&trajectory, "q"), &[0.0, 0.0], 1e-14);
-    assert!(trajectory.events.is_empty());
+    assert!(trajectory.history.events.is_empty());
 
     // Thrown into the corner with speed 2 it goes back with e times that, and again after 2 e 2/g, e times as long, ..
     let text = format!(
@@ -241,14 +245,22 @@ fn features_have_numbers_that_no_parameter_changes() {
     };
     for a in [0.0, 0.1] {
         let trajectory = solved(&box_of(a), "this");
-        let surfaces = trajectory.events.iter().map(|event| event.surface.as_str());
+        let surfaces = trajectory
+            .history
+            .events
+            .iter()
+            .map(|event| event.surface.as_str());
         assert_eq!(surfaces.collect::<Vec<_>>(), ["wall[4]"], "{a}");
         assert_near(&times(&trajectory, EventKind::Jump), &[0.5], 1e-12);
     }
     // Of one that is left too.
     let text = box_of(0.0).replace("q[2] - a*abs(q[1])", "2 - a*abs(q[1])");
     let trajectory = solved(&text, "this");
-    let surfaces = trajectory.events.iter().map(|event| event.surface.as_str());
+    let surfaces = trajectory
+        .history
+        .events
+        .iter()
+        .map(|event| event.surface.as_str());
     assert_eq!(surfaces.collect::<Vec<_>>(), ["wall[4]"]);
 }
 
@@ -298,7 +310,7 @@ fn friction_may_jump_where_a_gap_bends() {
     let trajectory = solved(text, "this");
     let u = (0.25 - 2.0 * 0.05 * G * 0.2_f64).sqrt();
     let edge = (0.5 - u) / (0.05 * G);
-    let crossed = trajectory.events.iter().map(|event| event.time);
+    let crossed = trajectory.history.events.iter().map(|event| event.time);
     assert!(
         crossed.clone().any(|time| (time - edge).abs() < 1e-9),
         "{edge}"

@@ -29,10 +29,10 @@ fn simulate(model: &str, settings: &str) -> Trajectory {
 
 fn end(trajectory: &Trajectory) -> Vec<f64> {
     let last = |series: &nsdc::report::Series| {
-        let size = series.values.len() / trajectory.time.len();
+        let size = series.values.len() / trajectory.samples.time.len();
         series.values[series.values.len() - size..].to_vec()
     };
-    trajectory.states.iter().flat_map(last).collect()
+    trajectory.samples.states.iter().flat_map(last).collect()
 }
 
 /// Of the oscillator: e^(T-1) (cos 2π(T-1), sin 2π(T-1)), after its switch at t = 1.
@@ -55,7 +55,7 @@ fn oscillator_error(scheme: &str, steps: usize) -> f64 {
     );
     let found = simulate(OSCILLATOR, &settings);
     assert_eq!(
-        found.events.len(),
+        found.history.events.len(),
         1,
         "{scheme} with {steps} steps: {:?}",
         found.failure
@@ -166,9 +166,9 @@ fn time_stepping_slides_where_it_finds_the_surface() {
         let x = end(&found)[0];
         assert!(x.abs() < 1e-12, "{lower}: {x:e}");
         assert!(
-            (found.events[0].time - 2.0_f64.sqrt()).abs() <= 0.011,
+            (found.history.events[0].time - 2.0_f64.sqrt()).abs() <= 0.011,
             "{:?}",
-            found.events
+            found.history.events
         );
     }
 }
@@ -193,9 +193,9 @@ fn time_does_not_drift_over_many_switches() {
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
     let error = distance(&end(&found), &[1.0, 0.0]);
     assert!(error <= tolerance, "{error:e}");
-    let estimate = found.error_estimate.expect("a run has an estimate");
+    let estimate = found.quality.error_estimate.expect("a run has an estimate");
     assert!(error <= 10.0 * estimate, "{error:e}, estimate {estimate:e}");
-    let times = found.switch_times();
+    let times = found.history.switch_times();
     assert_eq!(times.len(), n as usize);
     for (k, time) in times.iter().enumerate() {
         let miss = (time - SQRT_2 * (2 * k + 1) as f64).abs();
@@ -221,7 +221,7 @@ fn large_steps_are_right_or_refused() {
                 let found = simulate(OSCILLATOR, &settings);
                 if found.status == Status::Solved {
                     let error = distance(&end(&found), &exact(PI / 2.0));
-                    let estimate = found.error_estimate.expect("a run has an estimate");
+                    let estimate = found.quality.error_estimate.expect("a run has an estimate");
                     assert!(error <= 0.05, "{scheme}, {steps} x {elements}: {error:e}");
                     assert!(
                         error <= 10.0 * estimate,
@@ -241,7 +241,7 @@ fn a_tangential_exit_is_exact() {
         let settings =
             format!("horizon 20; method fesd {{ scheme = radau_iia(4); steps = {steps}; }}");
         let found = simulate(BELT, &settings);
-        assert_eq!(found.events.len(), 3);
+        assert_eq!(found.history.events.len(), 3);
         least = least.min(distance(&end(&found), &end(&reference)));
     }
     assert!(least < 1e-11, "{least:e}");
@@ -301,13 +301,14 @@ fn both_roads_agree() {
             let difference = distance(&end(&event), &end(&fesd));
             assert!(difference <= tolerance, "{model} {lower}: {difference:e}");
             let what = |t: &Trajectory| -> Vec<String> {
-                t.events
+                t.history
+                    .events
                     .iter()
                     .map(|e| format!("{:?} {}", e.kind, e.surface))
                     .collect()
             };
             assert_eq!(what(&event), what(&fesd), "{model} {lower}");
-            for (a, b) in event.events.iter().zip(&fesd.events) {
+            for (a, b) in event.history.events.iter().zip(&fesd.history.events) {
                 assert!(
                     (a.time - b.time).abs() <= tolerance,
                     "{model} {lower}: {} {}",
@@ -389,7 +390,7 @@ fn multipliers_are_continuous_where_they_should_be() {
                 };
                 simulate::run(&compiled.system, &compiled.settings, &request)
             });
-            assert!(!trajectory.events.is_empty(), "{name}");
+            assert!(!trajectory.history.events.is_empty(), "{name}");
             let kept = trajectory.multipliers.expect("they were asked for");
             let lambda = |name: &str| name.starts_with("lambda") || name.starts_with("mu");
             let continuous: Vec<_> = kept.values.iter().filter(|s| lambda(&s.name)).collect();

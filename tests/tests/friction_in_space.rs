@@ -214,7 +214,7 @@ fn a_billiard_ball_runs_along_a_parabola_until_it_rolls() {
         1e-11,
     );
     // Rounding turns what all but rests, and does so no longer than that lasts.
-    let estimate = found.error_estimate.expect("there are two runs");
+    let estimate = found.quality.error_estimate.expect("there are two runs");
     assert!(estimate <= 1e-12, "{estimate:e}");
 }
 

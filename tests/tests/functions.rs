@@ -194,7 +194,7 @@ fn floors_hold_over_a_free_horizon() {
              }}"
         );
         let run = solved_optimum(&text, "run");
-        let found = run.time[run.time.len() - 1];
+        let found = run.samples.time[run.samples.time.len() - 1];
         close(found, 5.9, 1e-6, &format!("from {guess}"));
     }
 }
@@ -204,7 +204,7 @@ fn floors_hold_over_a_free_horizon() {
 fn bounds_of_kinks_keep_their_words() {
     let surfaces = |model: &str| {
         let run = by(METHODS[0], model, 4.0);
-        let names = run.events.iter().map(|event| event.surface.clone());
+        let names = run.history.events.iter().map(|event| event.surface.clone());
         names.collect::<Vec<_>>()
     };
     let nested = "param top = 1; state u = -1; state x = 0; u' = 1; x' = sat(sat(u, -0.5, 0.5) + 0.3*time, -top, top);";

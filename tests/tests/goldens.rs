@@ -19,7 +19,7 @@ fn examples() -> PathBuf {
 /// contacts.
 fn for_each_example(mut check: impl FnMut(&str, &System)) {
     nsd_tests::for_each_example(|stem, system| {
-        let jumps = !system.laws.is_empty() || !system.contacts.is_empty();
+        let jumps = !system.jumps.laws.is_empty() || !system.jumps.contacts.is_empty();
         if !jumps && system.switches.iter().all(|k| k.relay.is_none()) {
             check(stem, system);
         }
@@ -63,12 +63,12 @@ fn both_lowerings_give_the_same_rates() {
         }
         let [stewart, step] = FORMULATIONS.map(|formulation| lower(system, formulation));
         for point in 0..50 {
-            let params = system.params.iter().map(|param| (param.var, param.value));
+            let params = system.exogenous.numbers();
             let states = system.states.iter().enumerate();
             let states =
                 states.map(|(i, state)| (state.var, state.initial + 2.0 * scatter(97 * point + i)));
             let t = scatter(31 * point).abs();
-            let data = (system.data.iter()).map(|data| (data.var, data.table.value(t)));
+            let data = (system.exogenous.data.iter()).map(|data| (data.var, data.table.value(t)));
             let time = (system.time, t);
             let values: Vec<(Option<Var>, f64)> = params
                 .chain(states)

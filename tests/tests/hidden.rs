@@ -38,7 +38,7 @@ fn a_branch_is_followed_to_its_fold() {
     let slides = integral(|s| (1.0 - 4.0 * s) / (1.0 - 2.0 * s * s), first, 0.25);
     let folds = enters + slides;
     assert!((folds - 2.7591491063842).abs() < 1e-12, "{folds}");
-    assert_near(&found.switch_times(), &[enters, folds], 1e-11);
+    assert_near(&found.history.switch_times(), &[enters, folds], 1e-11);
     assert_near(&times(&found, EventKind::Fold), &[folds], 1e-11);
     // Then upwards with (1, 1 - x) from x = -1/8.
     let left = 3.0 - folds;
@@ -48,10 +48,15 @@ fn a_branch_is_followed_to_its_fold() {
         &[1.125 * left - 0.5 * left * left],
         1e-11,
     );
-    assert!(found.error_estimate.is_some_and(|error| error < 1e-10));
+    assert!(
+        found
+            .quality
+            .error_estimate
+            .is_some_and(|error| error < 1e-10)
+    );
 
     // Entering at x > 1 there is one mode, which attracts: the minus root, against the sign printed in the paper.
-    let entry = &found.events[0];
+    let entry = &found.history.events[0];
     assert_eq!(entry.kind, EventKind::EnterSliding);
     let [mode] = entry.sliding[..] else {
         panic!("{:?}", entry.sliding)
@@ -62,7 +67,7 @@ fn a_branch_is_followed_to_its_fold() {
         "{mode:?}"
     );
     // At the fold both are one.
-    let fold = &found.events[1];
+    let fold = &found.history.events[1];
     assert!(
         fold.sliding
             .iter()
@@ -77,7 +82,7 @@ fn the_linear_reading_drops_what_is_hidden() {
     // x' = 1 throughout, and sliding for 1 < x < 3 only.
     let found = solved(MODES, "filippov");
     let enters = 0.1 + 0.11_f64.sqrt();
-    assert_near(&found.switch_times(), &[enters, 2.1], 1e-11);
+    assert_near(&found.history.switch_times(), &[enters, 2.1], 1e-11);
     assert_near(&end(&found, "x"), &[3.4], 1e-11);
 }
 
@@ -128,8 +133,8 @@ fn slip(c: f64, x: f64, t: f64) -> [f64; 2] {
 fn static_friction_is_larger_than_kinetic() {
     assert!((strongest() - 3.018145824447).abs() < 1e-12);
     let found = solved(BELT, "printed");
-    let [sticks, folds] = found.switch_times()[..] else {
-        panic!("{:?}", found.switch_times())
+    let [sticks, folds] = found.history.switch_times()[..] else {
+        panic!("{:?}", found.history.switch_times())
     };
     assert!((sticks - 0.313251180078).abs() < 1e-11, "{sticks}");
     // While it sticks, x' = -1, up to where the spring overcomes static friction.
@@ -213,14 +218,15 @@ fn each_side_enters_its_own_mode() {
     for (y, side) in [(0.3, 1.0), (-0.3, -1.0)] {
         let found = solved(&model(y), "run");
         // y' = ∓3 outside.
-        assert_near(&found.switch_times(), &[0.1], 1e-12);
+        assert_near(&found.history.switch_times(), &[0.1], 1e-12);
         assert_near(&end(&found, "x"), &[side * (0.1 + 0.5 * 1.9)], 1e-11);
         let branch = found
+            .history
             .events
             .iter()
             .find(|event| event.kind == EventKind::Branch);
         let Some(branch) = branch else {
-            panic!("{:?}", found.events)
+            panic!("{:?}", found.history.events)
         };
         let values: Vec<f64> = branch.sliding.iter().map(|mode| mode.value).collect();
         assert_near(&values, &[-0.5, 0.0, 0.5], 1e-12);
@@ -244,7 +250,7 @@ fn readings_of_the_sign_differ_on_the_surface_alone() {
              simulate run of m {{ horizon 4; tolerance 1e-11; }}"
         );
         let found = solved(&text, "run");
-        assert_near(&found.switch_times(), &[2.0], 1e-12);
+        assert_near(&found.history.switch_times(), &[2.0], 1e-12);
         end(&found, "x")[0] - 2.0
     };
     assert_near(&[by("s")], &[2.0 * 0.5], 1e-11);
@@ -272,6 +278,7 @@ fn a_fold_may_lead_to_another_branch() {
     let y = end(&found, "y")[0];
     assert!(y.abs() < 1e-12, "{y}");
     let first = &found
+        .history
         .events
         .iter()
         .find(|event| event.kind == EventKind::Fold);
@@ -312,12 +319,13 @@ fn a_fold_of_switches_that_interact() {
         0.05 + until(first, 1.0) + until(t, r(1.0)) - until(first, r(1.0))
     };
     let second = zero(&y, 0.1, 1.0);
-    assert_near(&found.switch_times()[..2], &[first, second], 1e-11);
+    assert_near(&found.history.switch_times()[..2], &[first, second], 1e-11);
     let enters = zero(&|s| x(s) - 0.9 - second, -0.9, 0.0);
     let turns = zero(&by_s, 0.0, 0.5);
     let folds = second + integral(|s| by_s(s) / (2.0 * s * s - 1.0), enters, turns);
     assert_near(&times(&found, EventKind::Fold), &[folds], 1e-10);
     let fold = found
+        .history
         .events
         .iter()
         .find(|event| event.kind == EventKind::Fold);
@@ -337,7 +345,7 @@ fn one_of_two_that_interact_leaves_at_its_bound() {
            w' = 1; x' = w - a^3; y' = 0.5*a - b^3; z' = b; }
          simulate run of m { horizon 1; tolerance 1e-11; }";
     let found = solved(text, "run");
-    assert_near(&found.switch_times(), &[0.5], 1e-10);
+    assert_near(&found.history.switch_times(), &[0.5], 1e-10);
     assert_near(&end(&found, "x"), &[0.125], 1e-11);
     // ∫ ∛(∛w/2) dw from 1/2 to 1, and then half of ∛½.
     let slides = 0.5_f64.cbrt() * 0.9 * (1.0 - 0.5_f64.powf(10.0 / 9.0));
@@ -353,11 +361,14 @@ fn sliding_ends_at_a_bound_too() {
     let found = solved(text, "run");
     // y = 0.4 - 0.8 t + t²/2 = 0 at t = 0.8 - √(0.64 - 0.8) has no root: it turns above the surface.
     let least = 0.4 - 0.8 * 0.8 + 0.5 * 0.8 * 0.8;
-    assert!(least > 0.0 && found.switch_times().is_empty(), "{least}");
+    assert!(
+        least > 0.0 && found.history.switch_times().is_empty(),
+        "{least}"
+    );
     let lower = text.replace("y = 0.4", "y = 0.2");
     let found = solved(&lower, "run");
     let enters = 0.8 - (0.64_f64 - 0.4).sqrt();
-    assert_near(&found.switch_times(), &[enters, 0.8], 1e-10);
+    assert_near(&found.history.switch_times(), &[enters, 0.8], 1e-10);
     assert_near(&end(&found, "y"), &[0.5 * 0.7 * 0.7], 1e-10);
 }
 
@@ -408,7 +419,7 @@ fn a_second_switch_arrives_while_the_first_one_slides() {
     let a = 0.3_f64.cbrt();
     let b = (0.2 + 0.5 * a).cbrt();
     let second = 1.0 + 0.7 / (0.8 - 0.5 * a);
-    assert_near(&found.switch_times(), &[1.0, second], 1e-11);
+    assert_near(&found.history.switch_times(), &[1.0, second], 1e-11);
     let z = 1.0 + a * (second - 1.0) + a * b * (4.0 - second);
     assert_near(&end(&found, "z"), &[z], 1e-11);
 }
@@ -421,7 +432,7 @@ fn two_switches_arrive_together() {
            x' = 0.2*b - a^3; y' = 0.2*a - b^3; z' = a + b; }
          simulate run of m { horizon 3; tolerance 1e-11; }";
     let found = solved(text, "run");
-    let times = found.switch_times();
+    let times = found.history.switch_times();
     assert_near(&times[..1], &[1.25], 1e-12);
     let z = 2.0 * 1.25 + 2.0 * 0.2_f64.sqrt() * 1.75;
     assert_near(&end(&found, "z"), &[z], 1e-10);

@@ -78,9 +78,13 @@ fn a_block_is_torn_loose_at_least_cost() {
     close(objective(&found), least(cost, [3.1, 6.0]), 1e-7);
     agrees(&found, 1e-7);
     // It leaves in the fold: nowhere else inside of its interval may a mode end.
-    let last = *found.switch_times().last().expect("it is torn loose");
+    let last = *found
+        .history
+        .switch_times()
+        .last()
+        .expect("it is torn loose");
     let u = |t: f64| {
-        let series = &found.controls[0].values;
+        let series = &found.samples.controls[0].values;
         series[0] + (series[series.len() - 1] - series[0]) * t / 2.0
     };
     close(u(last), STRONGEST, 1e-8);
@@ -95,9 +99,17 @@ fn a_mode_does_not_end_where_an_interval_does() {
                guess {{ u = 2.5*time; }} final {{ v = 1; }} minimize integral(u^2); }}"
         ));
         agrees(&found, 1e-7);
-        let last = *found.switch_times().last().expect("it is torn loose");
-        let at = found.time.iter().position(|t| (t - last).abs() < 1e-12);
-        let u = &found.controls[0].values;
+        let last = *found
+            .history
+            .switch_times()
+            .last()
+            .expect("it is torn loose");
+        let at = found
+            .samples
+            .time
+            .iter()
+            .position(|t| (t - last).abs() < 1e-12);
+        let u = &found.samples.controls[0].values;
         close(u[at.expect("elements end where modes do")], STRONGEST, 1e-8);
         objective(&found)
     };

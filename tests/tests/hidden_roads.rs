@@ -216,13 +216,13 @@ fn from_fold_to_fold() {
     }
     // What is reported between the nodes is on the branch, too.
     let [x, s] = ["x", "s"].map(|name| {
-        let all = found.states.iter().chain(&found.outputs);
+        let all = found.samples.states.iter().chain(&found.samples.outputs);
         let series = all.into_iter().find(|series| series.name == name);
         series
             .map(|series| series.values.clone())
             .unwrap_or_default()
     });
-    let slid = found.time.iter().zip(x.iter().zip(&s));
+    let slid = found.samples.time.iter().zip(x.iter().zip(&s));
     let slid = slid.filter(|(t, _)| **t > folds[0]);
     let off = slid.map(|(_, (x, s))| (x - (4.0 * (s / 0.9).powi(3) - 3.0 * s / 0.9)).abs());
     let worst = off.fold(0.0, f64::max);
@@ -236,7 +236,12 @@ fn folds_of_switches_that_interact_end_a_run() {
            x' = 2*s^2 - 1; y' = 2*s^2 - s - x + 0.1*r; z' = -r^3 - 0.5*r + 0.1*s; }
          simulate run of m { horizon 5; tolerance 1e-8; method fesd; }";
     let found = run(text, "run");
-    assert_eq!(found.status, Status::NumericalFailure, "{:?}", found.events);
+    assert_eq!(
+        found.status,
+        Status::NumericalFailure,
+        "{:?}",
+        found.history.events
+    );
 }
 
 #[test]
@@ -290,6 +295,7 @@ fn elements_pass_a_triple_root() {
     assert!(error < 1e-4, "{error}");
     assert!(
         found
+            .quality
             .error_estimate
             .is_some_and(|estimate| 30.0 * estimate > error),
         "{error}"
@@ -311,9 +317,17 @@ fn the_side_of_entry_decides() {
         // y' = ∓3 outside.
         let x = end(&found, "x")[0];
         assert!((x - side * (0.1 + 0.5 * 1.9)).abs() < 1e-9, "{x}");
-        let kinds: Vec<EventKind> = found.events.iter().map(|event| event.kind).collect();
+        let kinds: Vec<EventKind> = found
+            .history
+            .events
+            .iter()
+            .map(|event| event.kind)
+            .collect();
         assert_eq!(kinds, [EventKind::EnterSliding, EventKind::Branch]);
-        let taken = found.events[1].sliding.iter().find(|mode| mode.taken);
+        let taken = found.history.events[1]
+            .sliding
+            .iter()
+            .find(|mode| mode.taken);
         assert!(taken.is_some_and(|mode| (mode.value - 0.5 * side).abs() < 1e-12));
     }
 }

@@ -113,11 +113,11 @@ fn parameters_are_inputs() {
         for factor in [1.0, 1.01, 0.97] {
             let mut other = system.clone();
             for &place in &open {
-                other.params[place].value *= factor;
+                other.exogenous.params[place].value *= factor;
             }
             let values: Vec<f64> = open
                 .iter()
-                .map(|&place| other.params[place].value)
+                .map(|&place| other.exogenous.params[place].value)
                 .collect();
             simulator.set_parameters(&values);
             let name = format!("{stem}, {}, times {factor}", system.name);
@@ -150,7 +150,7 @@ fn balls_with_other_restitutions() {
         let system = &compiled.system;
         let open = hybrid::may_be_open(system);
         let place = |name: &str| {
-            let is_it = |&at: &usize| system.params[open[at]].name == name;
+            let is_it = |&at: &usize| system.exogenous.params[open[at]].name == name;
             (0..open.len()).find(is_it).expect("it is open")
         };
         let (g, e) = (place("g"), place("e"));

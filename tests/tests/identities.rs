@@ -76,7 +76,7 @@ fn other_identities_end_a_run_where_their_sign_matters() {
         for form in ["sign(ψ)", "if ψ > 0 then 1 else 2"] {
             let by_events = over(form, psi, "");
             assert_eq!(code(&by_events).as_deref(), Some("E0701"), "{form} {psi}");
-            assert_eq!(by_events.modes.len(), 0, "{form} {psi}");
+            assert_eq!(by_events.history.modes.len(), 0, "{form} {psi}");
             let by_elements = over(form, psi, "method fesd;");
             assert!(by_elements.failure.is_some(), "{form} {psi}");
         }

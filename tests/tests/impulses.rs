@@ -33,14 +33,14 @@ fn agree(model: &str, horizon: f64, method: &str, within: f64) -> Trajectory {
     );
     let (found, events) = (solved(&text), run(&text, "e"));
     assert_eq!(events.status, Status::Solved);
-    for (series, exact) in found.states.iter().zip(&events.states) {
+    for (series, exact) in found.samples.states.iter().zip(&events.samples.states) {
         let ends = [series, exact].map(last);
         for (value, exact) in ends[0].iter().zip(ends[1]) {
             close(*value, *exact, within);
         }
     }
     let happened = |run: &Trajectory| {
-        let events = run.events.iter();
+        let events = run.history.events.iter();
         let mut events: Vec<_> = events
             .map(|event| (event.time, event.kind, event.surface.clone()))
             .collect();
@@ -91,15 +91,15 @@ fn a_ball_bounces() {
     }
     let (up, left) = (e * speed, 3.0 - t);
     close(
-        last(&found.states[0])[0],
+        last(&found.samples.states[0])[0],
         up * left - 0.5 * g * left * left,
         1e-9,
     );
-    close(last(&found.states[1])[0], up - g * left, 1e-9);
+    close(last(&found.samples.states[1])[0], up - g * left, 1e-9);
     // The published state at 3 (peers' numbers have these digits).
-    close(last(&found.states[0])[0], 0.418_351_72, 1e-8);
-    close(last(&found.states[1])[0], -0.487_550_89, 1e-8);
-    let estimate = found.error_estimate.expect("a finer run");
+    close(last(&found.samples.states[0])[0], 0.418_351_72, 1e-8);
+    close(last(&found.samples.states[1])[0], -0.487_550_89, 1e-8);
+    let estimate = found.quality.error_estimate.expect("a finer run");
     assert!(estimate < 1e-8, "{estimate}");
 }
 
@@ -124,7 +124,7 @@ fn a_ball_slips_and_sticks() {
     );
     let slipping = u - mu * (2.0 * g * h).sqrt();
     let path = u * (2.0 * h / g).sqrt() + slipping * slipping / (2.0 * mu * g);
-    close(last(&found.states[0])[0], path, 1e-9);
+    close(last(&found.samples.states[0])[0], path, 1e-9);
     close(times(&found, EventKind::Stick)[0], u / (mu * g), 1e-9);
 }
 
@@ -144,7 +144,11 @@ fn a_restitution_may_depend_on_time() {
     );
     let (g, fall) = (9.81, (2.0_f64 / 9.81).sqrt());
     let up = (0.7 + 0.25 * fall) * g * fall;
-    close(last(&found.states[1])[0], up - g * (1.0 - fall), 1e-9);
+    close(
+        last(&found.samples.states[1])[0],
+        up - g * (1.0 - fall),
+        1e-9,
+    );
 }
 
 /// The restitution is 0.7 + t/2 where it strikes: 1 is exceeded at the second time.
@@ -171,15 +175,15 @@ fn a_run_ends_before_the_step_in_which_a_coefficient_is_out_of_its_range() {
     close(*time, fall + 2.0 * up / g, 1e-9);
     // Steps are 0.2 long.
     let (end, flown) = (1.2, 1.2 - fall);
-    close(found.time[found.time.len() - 1], end, 1e-12);
+    close(found.samples.time[found.samples.time.len() - 1], end, 1e-12);
     let last_piece = found.dense.pieces.last().expect("it has begun");
     close(last_piece.to, end, 1e-12);
     close(
-        last(&found.states[0])[0],
+        last(&found.samples.states[0])[0],
         up * flown - 0.5 * g * flown * flown,
         1e-9,
     );
-    close(last(&found.states[1])[0], up - g * flown, 1e-9);
+    close(last(&found.samples.states[1])[0], up - g * flown, 1e-9);
     assert_eq!(times(&found, EventKind::Jump).len(), 1);
 }
 
@@ -210,7 +214,7 @@ fn a_cradle_of_three_balls() {
                method fesd {{ scheme = radau_iia(2); steps = 3; elements = 3; }}
              }}"
         ));
-        for (v, exact) in last(&found.states[1]).iter().zip(exact) {
+        for (v, exact) in last(&found.samples.states[1]).iter().zip(exact) {
             close(*v, exact, 1e-10);
         }
     }
@@ -277,7 +281,7 @@ fn the_order_is_that_of_the_scheme() {
                method fesd {{ scheme = radau_iia({nodes}); steps = {steps}; elements = 2; }}
              }}"
         ));
-        let both = found.states.iter().zip(&exact.states);
+        let both = found.samples.states.iter().zip(&exact.samples.states);
         both.fold(0.0, |most, (a, b)| {
             larger(most, (last(a)[0] - last(b)[0]).abs())
         })
@@ -422,7 +426,7 @@ fn printed_forms() {
          }";
     with_experiment(text, "o", |compiled| {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+        let dcs = dcs::lower(system, &settings.numerics.lowerings).expect("contacts give impulses");
         dcs.verify().expect("the invariants of `Dcs`");
         insta::assert_snapshot!("impulses_dcs", dcs);
         let task = settings.optimize.as_ref().expect("an optimization");

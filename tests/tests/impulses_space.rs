@@ -115,8 +115,8 @@ fn a_block_sticks_below_the_angle_of_friction() {
         let found = run(&tilted(0.4, turned), 1.5, GRID);
         assert_near(&end(&found, "q"), &[0.0; 3], 1e-12);
         assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
-        assert_eq!(found.modes.len(), 1);
-        assert_eq!(found.modes[0].mode, "stick(floor)");
+        assert_eq!(found.history.modes.len(), 1);
+        assert_eq!(found.history.modes[0].mode, "stick(floor)");
     }
 }
 
@@ -162,8 +162,13 @@ fn a_block_that_is_pulled_back_turns_round_at_rest() {
             let found = run(&block, t, &grid);
             assert_near(&end(&found, "q"), &along(place), 1e-12);
             assert_near(&end(&found, "v"), &along(-back * (t - rest)), 1e-12);
-            assert!(found.error_estimate.is_some_and(|error| error <= 1e-12));
-            assert_eq!(found.modes.len(), 1, "it slips all the time");
+            assert!(
+                found
+                    .quality
+                    .error_estimate
+                    .is_some_and(|error| error <= 1e-12)
+            );
+            assert_eq!(found.history.modes.len(), 1, "it slips all the time");
         }
     }
 }
@@ -217,7 +222,7 @@ fn the_estimate_is_one_of_the_end_of_slip_too() {
     };
     for steps in [10, 50, 100] {
         let found = run(&block, 1.0, &format!("steps = {steps};"));
-        let estimate = found.error_estimate.expect("there are two runs");
+        let estimate = found.quality.error_estimate.expect("there are two runs");
         let error = (times(&found, EventKind::Stick)[0] - stops).abs();
         assert!(error <= 2.0 * estimate, "{error:e} is above {estimate:e}");
         assert!(error >= 0.2 * estimate, "{error:e} is below {estimate:e}");
@@ -283,7 +288,7 @@ fn printed_form() {
          simulate o of m { horizon 2; lower impact; method fesd; }";
     with_experiment(text, "o", |compiled| {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+        let dcs = dcs::lower(system, &settings.numerics.lowerings).expect("contacts give impulses");
         dcs.verify().expect("the invariants of `Dcs`");
         insta::assert_snapshot!("impulses_space_dcs", dcs);
     });

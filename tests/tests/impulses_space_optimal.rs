@@ -56,7 +56,7 @@ fn solved(text: &str, within: f64) -> Trajectory {
 /// Descent to first order is excluded.
 #[track_caller]
 fn certified(found: &Trajectory) {
-    let class = found.certificate.stationarity;
+    let class = found.quality.certificate.stationarity;
     assert!(
         matches!(class, Stationarity::S | Stationarity::B),
         "{class:?}"
@@ -77,7 +77,7 @@ fn a_puck_is_pushed_along_a_line() {
         let found = solved(&text([0.0; 2], turned, &task), 1e-9);
         close(found.objective.expect("an optimum"), least, 1e-8);
         certified(&found);
-        assert_eq!(found.modes.len(), 1, "it slips all the time");
+        assert_eq!(found.history.modes.len(), 1, "it slips all the time");
     }
 }
 
@@ -136,7 +136,7 @@ fn printed_form() {
     );
     with_experiment(&text, "o", |compiled| {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+        let dcs = dcs::lower(system, &settings.numerics.lowerings).expect("contacts give impulses");
         let task = settings.optimize.as_ref().expect("an optimization");
         let grid = Grid {
             start: 0.0,

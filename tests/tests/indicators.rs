@@ -41,7 +41,7 @@ fn from([x, y]: [f64; 2], regions: &str) -> Trajectory {
 /// Instants at which the regions change.
 fn changes(trajectory: &Trajectory) -> Vec<f64> {
     let mut found: Vec<f64> = Vec::new();
-    let modes = trajectory.modes.windows(2);
+    let modes = trajectory.history.modes.windows(2);
     for pair in modes.filter(|pair| pair[0].regions != pair[1].regions) {
         found.push(pair[1].from);
     }
@@ -81,10 +81,15 @@ fn a_corner_is_passed_along_another_boundary() {
     // ψ = g_0 - g_3 has the rates -2 (z_0 - z_3)·f = 2.26 with f_0 and -1.96 with f_3.
     let found = cells(true, [-1.5, 0.4]);
     assert_eq!(found.status, Status::Solved);
-    let modes: Vec<&str> = found.modes.iter().map(|mode| mode.mode.as_str()).collect();
+    let modes: Vec<&str> = found
+        .history
+        .modes
+        .iter()
+        .map(|mode| mode.mode.as_str())
+        .collect();
     assert_eq!(modes[..3], ["r1", "sliding(r0, r1)", "sliding(r0, r3)"]);
-    let corner = found.modes[2].from;
-    assert!((found.modes[1].from - 0.75).abs() < 1e-10);
+    let corner = found.history.modes[2].from;
+    assert!((found.history.modes[1].from - 0.75).abs() < 1e-10);
     assert_eq!(modes.len(), 3);
     let share = 1.96 / (1.96 + 2.26);
     let mean = |k: usize| share * FLOWS[0][k] + (1.0 - share) * FLOWS[3][k];
@@ -111,12 +116,17 @@ fn where_three_cells_meet_filippovs_mean_of_all_three_is_found() {
     // From the sector of r0 straight into the origin, where θ = (1/2, 1/4, 1/4) is at rest.
     let found = sectors([[0.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], [0.0, 0.5]);
     assert_eq!(found.status, Status::Solved);
-    let modes: Vec<&str> = found.modes.iter().map(|mode| mode.mode.as_str()).collect();
+    let modes: Vec<&str> = found
+        .history
+        .modes
+        .iter()
+        .map(|mode| mode.mode.as_str())
+        .collect();
     assert_eq!(modes, ["r0", "sliding(r0, r1, r2)"]);
-    assert!((found.modes[1].from - 0.5).abs() < 1e-10);
+    assert!((found.history.modes[1].from - 0.5).abs() < 1e-10);
     assert!(end(&found, "x")[0].abs() + end(&found, "y")[0].abs() < 1e-10);
-    let [event] = &found.events[..] else {
-        panic!("{:?}", found.events)
+    let [event] = &found.history.events[..] else {
+        panic!("{:?}", found.history.events)
     };
     assert_eq!(
         (event.kind, event.surface.as_str()),
@@ -129,13 +139,18 @@ fn a_tie_of_indicators_that_are_not_the_smallest_is_nothing() {
     // On x = 0 in the sector of r0, the indicators of r1 and r2 are equal all the way.
     let found = sectors([[0.0, 1.0], [1.0, 1.0], [-1.0, 1.0]], [0.0, 0.5]);
     assert_eq!(found.status, Status::Solved);
-    let modes: Vec<&str> = found.modes.iter().map(|mode| mode.mode.as_str()).collect();
+    let modes: Vec<&str> = found
+        .history
+        .modes
+        .iter()
+        .map(|mode| mode.mode.as_str())
+        .collect();
     assert_eq!(modes, ["r0"]);
     assert_eq!(end(&found, "y"), [2.5]);
     // Across that line, still in the sector of r0: y = 2 + t/2, x = t - 1.
     let found = sectors([[1.0, 0.5], [1.0, 1.0], [-1.0, 1.0]], [-1.0, 2.0]);
-    assert_eq!(found.modes.len(), 1, "{:?}", found.modes);
-    assert!(found.events.is_empty());
+    assert_eq!(found.history.modes.len(), 1, "{:?}", found.history.modes);
+    assert!(found.history.events.is_empty());
     assert!((end(&found, "x")[0] - 1.0).abs() < 1e-12);
 }
 
@@ -147,7 +162,12 @@ fn a_switch_inside_a_region_keeps_the_indicators() {
                 region low indicator y { x' = 0.3; y' = -2; } }
                 simulate s of m { horizon 2; }";
     let found = run(text, "s");
-    let modes: Vec<&str> = found.modes.iter().map(|mode| mode.mode.as_str()).collect();
+    let modes: Vec<&str> = found
+        .history
+        .modes
+        .iter()
+        .map(|mode| mode.mode.as_str())
+        .collect();
     assert_eq!(modes[0], "high, above(x)");
     assert_eq!(modes[1], "high, sliding(x)");
     assert!(

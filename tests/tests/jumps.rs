@@ -91,13 +91,13 @@ fn a_hundred_balls_follow_the_closed_form() {
 fn an_instant_stands_twice_where_a_state_jumps() {
     let trajectory = ball(9.81, 0.9, 1.0, 1.0);
     let bounce = times(&trajectory, EventKind::Jump)[0];
-    let at: Vec<usize> = (0..trajectory.time.len())
-        .filter(|&k| trajectory.time[k] == bounce)
+    let at: Vec<usize> = (0..trajectory.samples.time.len())
+        .filter(|&k| trajectory.samples.time[k] == bounce)
         .collect();
     let [before, after] = at[..] else {
         panic!("{at:?}");
     };
-    let v = &trajectory.states[1].values;
+    let v = &trajectory.samples.states[1].values;
     assert!((v[after] + 0.9 * v[before]).abs() <= 1e-15);
     assert_eq!(trajectory.verify(), Ok(()));
 }
@@ -386,12 +386,12 @@ fn both_rows_of_a_jump_have_the_time_of_its_event() {
 fn one_number_each(trajectory: &Trajectory, name: &str) {
     let jumps = times(trajectory, EventKind::Jump);
     assert!(!jumps.is_empty(), "{name}");
-    for pair in trajectory.time.windows(2) {
+    for pair in trajectory.samples.time.windows(2) {
         let apart = pair[1] - pair[0];
         assert!(apart == 0.0 || apart > 1e-9, "{name}: {pair:?}");
     }
     for jump in jumps {
-        let rows = trajectory.time.iter().filter(|time| **time == jump);
+        let rows = trajectory.samples.time.iter().filter(|time| **time == jump);
         assert!(rows.count() >= 2, "{name}: a jump at {jump}");
     }
 }

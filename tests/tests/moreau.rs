@@ -32,7 +32,11 @@ fn solved(text: &str) -> Trajectory {
 
 /// No value of an output is above the one before by more than a share of the first.
 fn never_grows(trajectory: &Trajectory, share: f64) {
-    let energy = trajectory.outputs.iter().find(|o| o.name == "energy");
+    let energy = trajectory
+        .samples
+        .outputs
+        .iter()
+        .find(|o| o.name == "energy");
     let values = &energy.expect("the model has an energy").values;
     for pair in values.windows(2) {
         assert!(
@@ -82,7 +86,7 @@ fn bounces_that_accumulate_end_in_a_closed_contact() {
     assert!((closed[0] - limit).abs() <= 0.01, "{closed:?}, not {limit}");
     let (q, v) = (end(&trajectory, "q")[0], end(&trajectory, "v")[0]);
     assert!(q.abs() <= 1e-12 && v.abs() <= 1e-12, "{q}, {v}");
-    let last = trajectory.modes.last().expect("a run has a mode");
+    let last = trajectory.history.modes.last().expect("a run has a mode");
     assert_eq!(last.mode, "closed(floor)");
 }
 
@@ -111,7 +115,7 @@ fn a_block_on_a_slope_sticks_and_slips() {
     let stays = block(0.5, 0.0, 200);
     assert_eq!(end(&stays, "q"), [0.0, 0.0]);
     assert_eq!(
-        stays.modes.last().map(|m| m.mode.as_str()),
+        stays.history.modes.last().map(|m| m.mode.as_str()),
         Some("stick(slope)")
     );
     // It slides, which the midpoint rule has exactly.
@@ -123,7 +127,7 @@ fn a_block_on_a_slope_sticks_and_slips() {
     );
     assert!(q[1].abs() <= 1e-10);
     assert_eq!(
-        slides.modes.last().map(|m| m.mode.as_str()),
+        slides.history.modes.last().map(|m| m.mode.as_str()),
         Some("slip(slope)")
     );
     // Uphill, until friction has stopped it for good.
@@ -271,11 +275,15 @@ fn piles_come_to_rest_without_depth_and_without_energy() {
         let n = 6;
         let trajectory = pile(n, width, e, friction, 3.0, 3000);
         never_grows(&trajectory, 1e-9);
-        let clearance = trajectory.outputs.iter().find(|o| o.name == "clearance");
+        let clearance = trajectory
+            .samples
+            .outputs
+            .iter()
+            .find(|o| o.name == "clearance");
         let least = clearance.map(|o| o.values.iter().copied().fold(f64::INFINITY, f64::min));
         assert!(least >= Some(-1e-9), "{least:?}");
-        assert!(trajectory.certificate.max_violation <= 1e-9);
-        assert!(trajectory.stats.complementarity_residual <= 1e-9);
+        assert!(trajectory.quality.certificate.max_violation <= 1e-9);
+        assert!(trajectory.quality.stats.complementarity_residual <= 1e-9);
         // Without friction a disc may slide along the floor for ever, slowly: they have fallen with some 5 m/s.
         let most = if friction.is_empty() { 0.1 } else { 1e-6 };
         let speed = speed(&trajectory, n);
@@ -343,7 +351,7 @@ fn a_pile_at_rest_keeps_its_energy() {
     ));
     never_grows(&trajectory, 1e-9);
     let values = |name: &str| {
-        let output = trajectory.outputs.iter().find(|o| o.name == name);
+        let output = trajectory.samples.outputs.iter().find(|o| o.name == name);
         &output.expect("the model has it").values
     };
     let (energy, speed) = (values("energy"), values("speed"));
@@ -485,7 +493,7 @@ fn bodies_far_apart_cost_no_gaps() {
     };
     let gaps = |apart: f64| {
         let trajectory = solved(&text(apart));
-        let options = trajectory.method.options.iter();
+        let options = trajectory.setup.method.options.iter();
         let mut gaps = options
             .filter(|option| option.0 == "gaps")
             .map(|option| &option.1);
@@ -515,7 +523,11 @@ fn far(floor: f64, force: f64) -> Trajectory {
 /// Where a ball is above its floor at the end, its velocity there, and its events.
 fn flight(floor: f64, force: f64) -> (f64, f64, Vec<(EventKind, f64)>) {
     let run = far(floor, force);
-    let events = run.events.iter().map(|event| (event.kind, event.time));
+    let events = run
+        .history
+        .events
+        .iter()
+        .map(|event| (event.kind, event.time));
     (
         end(&run, "q")[0] - floor,
         end(&run, "v")[0],
@@ -647,7 +659,7 @@ fn gaps_that_rounding_tells_apart_are_told_apart() {
     ] {
         let run = solved(&body(height, place, floor, 0.0));
         assert_eq!(end(&run, "v"), [1.0, 0.0], "{height} above {floor}");
-        assert!(run.events.is_empty(), "{height} above {floor}");
+        assert!(run.history.events.is_empty(), "{height} above {floor}");
     }
     let starts_below = run(&body("1e15 - 2", "0", "1e15", 0.0), "this").failure;
     assert!(

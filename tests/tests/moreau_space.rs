@@ -147,7 +147,7 @@ fn a_block_on_a_tilted_plane_sticks_or_slides_straight_down() {
         assert_eq!(end(&stays, "q"), [0.3, -0.2, 0.0]);
         assert_eq!(end(&stays, "v"), [0.0; 3]);
         assert_eq!(
-            stays.modes.last().map(|m| m.mode.as_str()),
+            stays.history.modes.last().map(|m| m.mode.as_str()),
             Some("stick(floor)")
         );
         // The midpoint rule has a constant acceleration exactly.
@@ -156,7 +156,7 @@ fn a_block_on_a_tilted_plane_sticks_or_slides_straight_down() {
         let found = [end(&slides, "q"), end(&slides, "v")].concat();
         assert!(distance(&found, &exact) <= 1e-12, "{found:?}");
         assert_eq!(
-            slides.modes.last().map(|m| m.mode.as_str()),
+            slides.history.modes.last().map(|m| m.mode.as_str()),
             Some("slip(floor)")
         );
     }
@@ -255,6 +255,7 @@ fn a_stool_on_three_legs_stops_to_spin() {
     let slides = stool([1.0, 0.4], 6.0, 1.0, steps);
     assert!(distance(&end(&slides, "v"), &[0.0; 6]) <= 1e-12);
     let energy = &slides
+        .samples
         .outputs
         .iter()
         .find(|o| o.name == "energy")
@@ -264,13 +265,14 @@ fn a_stool_on_three_legs_stops_to_spin() {
         assert!(pair[1] <= pair[0] + 1e-12 * energy[0], "{pair:?}");
     }
     let speed = slides
+        .samples
         .states
         .iter()
         .find(|s| s.name == "v")
         .expect("it is one");
     let ends = |at: &dyn Fn(&[f64]) -> f64| {
-        let moves = (0..slides.time.len()).filter(|&k| at(speed.at(k)).abs() > 1e-9);
-        moves.map(|k| slides.time[k]).fold(0.0, f64::max)
+        let moves = (0..slides.samples.time.len()).filter(|&k| at(speed.at(k)).abs() > 1e-9);
+        moves.map(|k| slides.samples.time[k]).fold(0.0, f64::max)
     };
     let (spin, slide) = (ends(&|v| v[5]), ends(&|v| v[0].hypot(v[1])));
     assert!(
@@ -351,6 +353,7 @@ fn a_pyramid_of_balls_stands_or_falls() {
     let (q, v) = (end(&falls, "q"), end(&falls, "v"));
     assert!(q[2] < 2.0, "{q:?}, {v:?}");
     let energy = &falls
+        .samples
         .outputs
         .iter()
         .find(|o| o.name == "energy")
@@ -359,7 +362,7 @@ fn a_pyramid_of_balls_stands_or_falls() {
     for pair in energy.windows(2) {
         assert!(pair[1] <= pair[0] + 1e-12 * energy[0], "{pair:?}");
     }
-    assert!(falls.certificate.max_violation <= 1e-10);
+    assert!(falls.quality.certificate.max_violation <= 1e-10);
 }
 
 /// A block that slides at 1 drags the plank below it, which no gap knows of: 1 - 2t and 2t until both have ½.
@@ -390,7 +393,12 @@ fn friction_moves_a_body_that_is_in_no_gap() {
         let sticks = times(&found, EventKind::Stick);
         assert!(distance(&sticks, &[0.25]) <= 2.5e-3, "{slip} {sticks:?}");
         // Nothing leaves the floor: what rounds to there says nothing of the error.
-        assert!(found.error_estimate.is_some_and(|error| error < 0.1));
+        assert!(
+            found
+                .quality
+                .error_estimate
+                .is_some_and(|error| error < 0.1)
+        );
         // It lies there from the start.
         assert!(times(&found, EventKind::ContactClose).is_empty());
     }

@@ -118,7 +118,11 @@ fn a_divisor_that_overflows_costs_no_steps() {
         let found = run(&text, "run");
         assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
         assert_eq!(end(&found, "y"), [0.0]);
-        assert!(found.stats.steps < 20, "{} steps", found.stats.steps);
+        assert!(
+            found.quality.stats.steps < 20,
+            "{} steps",
+            found.quality.stats.steps
+        );
     }
 }
 

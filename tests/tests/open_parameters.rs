@@ -49,7 +49,7 @@ fn compiled_for(project: &Project, m: f64) -> Option<f64> {
     };
     let run = project.run("s", &options, &mut ()).ok()?.trajectory;
     let solved = run.status == Status::Solved && run.warnings.is_empty();
-    solved.then(|| run.states[0].values[run.states[0].values.len() - 1])
+    solved.then(|| run.samples.states[0].values[run.samples.states[0].values.len() - 1])
 }
 
 #[test]

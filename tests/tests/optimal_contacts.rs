@@ -55,7 +55,7 @@ fn a_ball_is_thrown_down_to_come_up() {
     let bounces = times(&found, EventKind::Jump);
     assert_eq!(bounces.len(), 1, "{bounces:?}");
     close(bounces[0], bounce, 1e-7);
-    assert_eq!(found.time.last(), Some(&0.8));
+    assert_eq!(found.samples.time.last(), Some(&0.8));
     agrees(&found, 1e-7);
 }
 
@@ -121,7 +121,11 @@ fn the_least_time_is_that_of_the_clock() {
     ));
     let least = (1.8 * 2.0_f64.sqrt() - 0.68_f64.sqrt()) / 11.0_f64.sqrt();
     close(found.objective.expect("an optimum"), least, 1e-7);
-    close(*found.time.last().expect("a run has an end"), least, 1e-7);
+    close(
+        *found.samples.time.last().expect("a run has an end"),
+        least,
+        1e-7,
+    );
     agrees(&found, 1e-7);
 }
 
@@ -255,7 +259,7 @@ fn printed_forms() {
         let (system, settings) = (compiled.lowered(), &compiled.settings);
         system.verify().expect("the invariants of `System`");
         insta::assert_snapshot!("ball.system", system);
-        let dcs = dcs::lower(&system, &settings.lowerings).expect("it is small");
+        let dcs = dcs::lower(&system, &settings.numerics.lowerings).expect("it is small");
         insta::assert_snapshot!("ball.dcs", dcs);
         let task = settings.optimize.as_ref().expect("an optimization");
         let grid = Grid {

@@ -90,12 +90,12 @@ fn as_compiled(text: &str, states: &[&[f64]], [cost, controls]: [f64; 2]) -> Vec
             apart.abs() <= cost,
             "{x0:?}: the objective is off by {apart:e}"
         );
-        let apart = differ(&found.controls, &other.controls);
+        let apart = differ(&found.samples.controls, &other.samples.controls);
         assert!(apart <= controls, "{x0:?}: controls are off by {apart:e}");
         let confirmed = |found: &Trajectory| found.optimum.as_ref().map(|o| o.confirmation);
         assert_eq!(confirmed(found), confirmed(&other), "{x0:?}");
         assert_eq!(
-            found.certificate.stationarity, other.certificate.stationarity,
+            found.quality.certificate.stationarity, other.quality.certificate.stationarity,
             "{x0:?}"
         );
         all.push(solved.trajectory.clone());
@@ -349,7 +349,7 @@ fn as_compiled_with(
                 apart.abs() <= cost * objective(&other).abs().max(1.0),
                 "{values:?}: the objective is off by {apart:e}"
             );
-            let apart = differ(&found.controls, &other.controls);
+            let apart = differ(&found.samples.controls, &other.samples.controls);
             assert!(
                 apart <= controls,
                 "{values:?}: controls are off by {apart:e}"
@@ -357,8 +357,8 @@ fn as_compiled_with(
             let confirmed = |found: &Trajectory| found.optimum.as_ref().map(|o| o.confirmation);
             assert_eq!(confirmed(found), confirmed(&other), "{values:?}");
             assert_eq!(
-                found.certificate.stationarity,
-                other.certificate.stationarity
+                found.quality.certificate.stationarity,
+                other.quality.certificate.stationarity
             );
         }
         let near = near.as_ref().map(|near| near.trajectory.optimum.as_ref());
@@ -410,7 +410,7 @@ fn ranges_of_controls_are_inputs() {
     let values: [&[f64]; 4] = [&[1.0], &[1.44], &[0.81], &[1.0]];
     let found = as_compiled_with(text, &["a"], &values, [1e-8, 1e-6]);
     for (one, a) in found.iter().zip(values) {
-        let largest = one.controls[0]
+        let largest = one.samples.controls[0]
             .values
             .iter()
             .fold(0.0, |m: f64, u| m.max(*u));

@@ -77,12 +77,12 @@ fn the_tutorial_has_one_optimum_from_all_starts() {
              }}"
         ));
         close(objective(&found), 1.523772775374957, 1e-9);
-        close(found.states[0].values[0], -3.0 * t, 1e-9);
-        let [switch] = found.switch_times()[..] else {
-            panic!("one switch, not {:?}", found.switch_times());
+        close(found.samples.states[0].values[0], -3.0 * t, 1e-9);
+        let [switch] = found.history.switch_times()[..] else {
+            panic!("one switch, not {:?}", found.history.switch_times());
         };
         close(switch, t, 1e-9);
-        assert_eq!(found.certificate.stationarity, Stationarity::S);
+        assert_eq!(found.quality.certificate.stationarity, Stationarity::S);
         let check = found.optimum.and_then(|optimum| optimum.check);
         let check = check.expect("the simulation reaches the end");
         assert!(check.terminal_error <= 1e-9 && check.objective_error.abs() <= 1e-9);
@@ -106,7 +106,10 @@ fn controls_are_constant_or_linear() {
     ));
     close(objective(&linear), 4.0 / 3.0, 1e-9);
     close(
-        *linear.controls[0].values.last().expect("there are points"),
+        *linear.samples.controls[0]
+            .values
+            .last()
+            .expect("there are points"),
         2.0,
         1e-8,
     );
@@ -121,7 +124,11 @@ fn a_horizon_is_free() {
            minimize final(time); final { x = 1; v = 0; } }",
     );
     close(objective(&found), 2.0, 1e-7);
-    close(*found.time.last().expect("there are points"), 2.0, 1e-7);
+    close(
+        *found.samples.time.last().expect("there are points"),
+        2.0,
+        1e-7,
+    );
 }
 
 /// h' = 2 u - k from 2 to 1 with u ∈ {0, 1} and k ∈ [½, 2]: u = 0, k = 2, T = ½.
@@ -133,7 +140,12 @@ fn controls_have_finite_sets_and_parameters_are_free() {
            free { k; } minimize final(time); final { h = 1; } }",
     );
     close(objective(&found), 0.5, 1e-7);
-    assert!(found.controls[0].values.iter().all(|u| u.abs() <= 1e-9));
+    assert!(
+        found.samples.controls[0]
+            .values
+            .iter()
+            .all(|u| u.abs() <= 1e-9)
+    );
 }
 
 /// Tracking sin t costs nothing where the control is the rate, but for its steps.
@@ -208,12 +220,13 @@ fn outputs_leave_costs_as_they_are() {
     };
     let (all, some) = (with(""), with("output x;"));
     close(objective(&some), objective(&all), 1e-9);
-    let names =
-        |t: &Trajectory| -> Vec<String> { t.states.iter().map(|s| s.name.clone()).collect() };
+    let names = |t: &Trajectory| -> Vec<String> {
+        t.samples.states.iter().map(|s| s.name.clone()).collect()
+    };
     assert_eq!(names(&some), ["x"]);
     assert_eq!(names(&all), ["x", "y", "z", "k", "e"]);
-    let [skipped] = &some.skipped[..] else {
-        panic!("z alone is left out, not {:?}", some.skipped);
+    let [skipped] = &some.setup.skipped[..] else {
+        panic!("z alone is left out, not {:?}", some.setup.skipped);
     };
     assert!(skipped.contains('z'), "{skipped}");
 }
@@ -455,7 +468,11 @@ fn a_cart_that_comes_to_rest_has_no_descent_along_its_forces() {
             let task = settings.optimize.as_ref().expect("an optimization");
             let run = optimize::run(system, settings, task, &[], &Request::default(), &mut ());
             let run = run.expect("the problem can be discretized");
-            let forces = (0..8).map(|k| run.system.data[0].table.value(0.25 * (k as f64 + 0.5)));
+            let forces = (0..8).map(|k| {
+                run.system.exogenous.data[0]
+                    .table
+                    .value(0.25 * (k as f64 + 0.5))
+            });
             let forces: Vec<f64> = forces.collect();
             (run.trajectory, forces)
         });
@@ -552,7 +569,7 @@ fn what_is_not_finite_has_no_certificate() {
          optimize a of m { horizon 2; intervals 4; minimize final(2*dot(x, x)) + integral(1e-4*norm(u)); }",
     );
     assert_ne!(found.status, Status::Solved);
-    assert_eq!(found.certificate.stationarity, Stationarity::None);
+    assert_eq!(found.quality.certificate.stationarity, Stationarity::None);
 }
 
 /// Switches inside of others that a control moves at once: where an interval starts, their multipliers are computed
@@ -579,7 +596,7 @@ fn switches_inside_of_others_follow_a_control() {
         );
         let found = solved(&text);
         close(objective(&found), 0.0, 1e-12);
-        close(found.controls[0].values[0], u, 1e-6);
+        close(found.samples.controls[0].values[0], u, 1e-6);
     }
 }
 

@@ -35,9 +35,9 @@ fn what_is_kept_moves_as_it_does_in_the_whole() {
     assert!((end(&pruned, "q[1]")[0] - q[0]).abs() < 1e-8);
     assert!((end(&pruned, "v[2]")[0] - v[1]).abs() < 1e-8);
     assert!((end(&pruned, "stretch")[0] - (q[1] - q[0])).abs() < 1e-8);
-    assert_eq!(pruned.switches, ["v[2]", "s"]);
+    assert_eq!(pruned.history.switches, ["v[2]", "s"]);
     assert_eq!(
-        pruned.skipped,
+        pruned.setup.skipped,
         [
             "states q[3], v[3], p[1..2]",
             "switch `v[3]`",
@@ -45,7 +45,11 @@ fn what_is_kept_moves_as_it_does_in_the_whole() {
         ]
     );
     let times = |run: &Trajectory, surface: &str| {
-        let events = run.events.iter().filter(|event| event.surface == surface);
+        let events = run
+            .history
+            .events
+            .iter()
+            .filter(|event| event.surface == surface);
         events.map(|event| event.time).collect::<Vec<_>>()
     };
     for surface in ["s", "v[2]"] {
@@ -80,7 +84,7 @@ simulate all of whole {
 #[test]
 fn everything_that_moves_can_be_recorded() {
     let run = solved(KINDS, "all");
-    assert_eq!(run.time, [0.0, 0.2, 1.0]);
+    assert_eq!(run.samples.time, [0.0, 0.2, 1.0]);
     // From -1 with 2.5 to the surface at 0.4, where 0.5 - 2 s = 0.
     let expected: [(&str, &[f64]); 8] = [
         ("d.w", &[0.5, 0.5, 0.5]),
@@ -93,12 +97,13 @@ fn everything_that_moves_can_be_recorded() {
         ("both", &[-1.0, -2.0, -0.5, -1.0, 0.0, 0.0]),
     ];
     let names: Vec<&str> = run
+        .samples
         .outputs
         .iter()
         .map(|series| series.name.as_str())
         .collect();
     assert_eq!(names, expected.map(|(name, _)| name));
-    for (series, (name, values)) in run.outputs.iter().zip(expected) {
+    for (series, (name, values)) in run.samples.outputs.iter().zip(expected) {
         let distance = series.values.iter().zip(values).map(|(a, b)| (a - b).abs());
         assert_eq!(series.values.len(), values.len());
         assert!(
@@ -107,8 +112,8 @@ fn everything_that_moves_can_be_recorded() {
             series.values
         );
     }
-    assert_eq!(run.controls[0].name, "u");
-    assert_eq!(run.controls[0].values, [3.0; 3]);
+    assert_eq!(run.samples.controls[0].name, "u");
+    assert_eq!(run.samples.controls[0].values, [3.0; 3]);
 }
 
 /// Warnings of a run, by code and message.
@@ -188,12 +193,12 @@ fn outputs_need_values_and_no_derivatives() {
     for experiment in ["steps", "listed"] {
         let found = solved(NORMS, experiment);
         let series = |name: &str| {
-            let mut outputs = found.outputs.iter();
+            let mut outputs = found.samples.outputs.iter();
             let output = outputs.find(|output| output.name == name);
             &output.expect("it is recorded").values
         };
-        assert!(found.time.len() > 2);
-        for (k, &t) in found.time.iter().enumerate() {
+        assert!(found.samples.time.len() > 2);
+        for (k, &t) in found.samples.time.iter().enumerate() {
             let (v, w) = ((2.0 - t).max(0.0), (1.0 - t).abs());
             for (name, exact) in [
                 ("fast", v),
@@ -227,7 +232,7 @@ fn a_model_without_states_runs_by_every_method() {
                 "model m {{ output y = {output}; }} simulate s of m {{ horizon 1; method {method} }}"
             );
             let found = solved(&text, "s");
-            assert_eq!(found.time.last(), Some(&1.0), "{text}");
+            assert_eq!(found.samples.time.last(), Some(&1.0), "{text}");
         }
     }
 }
@@ -239,11 +244,14 @@ fn a_jump_at_an_instant_of_the_output_is_on_both_sides_of_it() {
         simulate sampled of m { horizon 2; output x every 0.5; }
         simulate at_end of m { horizon 1; output x every 0.5; }";
     let found = solved(text, "sampled");
-    assert_eq!(found.time, [0.0, 0.5, 1.0, 1.0, 1.5, 2.0]);
-    assert_eq!(found.states[0].values, [0.0, 0.5, 1.0, 10.0, 10.5, 11.0]);
+    assert_eq!(found.samples.time, [0.0, 0.5, 1.0, 1.0, 1.5, 2.0]);
+    assert_eq!(
+        found.samples.states[0].values,
+        [0.0, 0.5, 1.0, 10.0, 10.5, 11.0]
+    );
     let found = solved(text, "at_end");
-    assert_eq!(found.time, [0.0, 0.5, 1.0, 1.0]);
-    assert_eq!(found.states[0].values, [0.0, 0.5, 1.0, 10.0]);
+    assert_eq!(found.samples.time, [0.0, 0.5, 1.0, 1.0]);
+    assert_eq!(found.samples.states[0].values, [0.0, 0.5, 1.0, 10.0]);
 }
 
 /// What is infinite at some points, by an overflow, is no bound that is infinite.
@@ -270,7 +278,7 @@ fn infinite_bounds_are_no_switches() {
         for method in ["event", "fesd", "adaptive"] {
             let text = format!("{model} simulate run of m {{ horizon 5; method {method}; }}");
             let found = solved(&text, "run");
-            assert_eq!(found.switches.len(), 1, "{form}");
+            assert_eq!(found.history.switches.len(), 1, "{form}");
             let x = end(&found, "x")[0];
             assert!((x - f64::exp(-3.0)).abs() <= 1e-8, "{form} {method}: {x}");
         }

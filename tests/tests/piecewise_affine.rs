@@ -70,12 +70,12 @@ fn compare(
 
 /// Takes the units off again. They are powers of two, so that nothing is rounded.
 fn in_units_of(mut trajectory: Trajectory, states: &[f64], time: f64) -> Trajectory {
-    trajectory.time.iter_mut().for_each(|t| *t /= time);
-    for interval in &mut trajectory.modes {
+    trajectory.samples.time.iter_mut().for_each(|t| *t /= time);
+    for interval in &mut trajectory.history.modes {
         interval.from /= time;
         interval.to /= time;
     }
-    for row in trajectory.states[0].values.chunks_mut(states.len()) {
+    for row in trajectory.samples.states[0].values.chunks_mut(states.len()) {
         row.iter_mut()
             .zip(states)
             .for_each(|(x, state)| *x /= state);
@@ -130,7 +130,7 @@ fn ends_as_due(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> 
             if trajectory.status != Status::NumericalFailure {
                 return Err(format!("{count} solutions at {at} are passed in silence"));
             }
-            let t = trajectory.time.last().copied().unwrap_or(0.0);
+            let t = trajectory.samples.time.last().copied().unwrap_or(0.0);
             if (t - at).abs() > tolerance {
                 return Err(format!("ends at {t} instead of {at}: {reason}"));
             }
@@ -157,9 +157,9 @@ fn modes(trajectory: &Trajectory) -> Vec<(f64, Vec<i8>)> {
             .last()
             .map_or(0, |digit| usize::from(digit - b'1'))
     };
-    let modes = trajectory.modes.iter().map(|interval| {
+    let modes = trajectory.history.modes.iter().map(|interval| {
         let mut sides = vec![2; interval.sides.len()];
-        for (name, side) in trajectory.switches.iter().zip(&interval.sides) {
+        for (name, side) in trajectory.history.switches.iter().zip(&interval.sides) {
             sides[number(name)] = match side {
                 Side::Below | Side::Off => -1,
                 Side::Sliding | Side::Closed | Side::Stick | Side::Active => 0,
@@ -173,10 +173,10 @@ fn modes(trajectory: &Trajectory) -> Vec<(f64, Vec<i8>)> {
 
 /// Whether the states are, and the estimate of their error.
 fn is_accurate(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Result<(), String> {
-    let states = &trajectory.states[0];
+    let states = &trajectory.samples.states[0];
     let n = states.n_entries();
     let (mut error, mut scale) = (vec![0.0_f64; n], vec![0.0_f64; n]);
-    for (k, &t) in trajectory.time.iter().enumerate() {
+    for (k, &t) in trajectory.samples.time.iter().enumerate() {
         let exact = solution.state(t);
         for (i, x) in states.at(k).iter().enumerate() {
             error[i] = larger(error[i], (x - exact[i]).abs());
@@ -188,7 +188,7 @@ fn is_accurate(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> 
     if error > tolerance {
         return Err(format!("error {error:e} at tolerance {tolerance:e}"));
     }
-    let estimate = trajectory.error_estimate.unwrap_or(0.0);
+    let estimate = trajectory.quality.error_estimate.unwrap_or(0.0);
     let rounding = 10.0 * solution.rounding + 64.0 * f64::EPSILON;
     if error > 10.0 * estimate + rounding {
         return Err(format!(

@@ -103,10 +103,14 @@ fn pile_from(x: &[f64], y: &[f64], width: f64, friction: &str) -> Trajectory {
     );
     let disc = |i: usize| {
         let name = format!("ball[{}].q", i + 1);
-        let series = trajectory.states.iter().find(|series| series.name == name);
+        let series = trajectory
+            .samples
+            .states
+            .iter()
+            .find(|series| series.name == name);
         series.expect("it is a state")
     };
-    for instant in 0..trajectory.time.len() {
+    for instant in 0..trajectory.samples.time.len() {
         let places: Vec<&[f64]> = (0..n).map(|i| disc(i).at(instant)).collect();
         for (i, a) in places.iter().enumerate() {
             let walls = (a[0] - 0.1).min(width - a[0] - 0.1).min(a[1] - 0.1);
@@ -125,7 +129,11 @@ fn pile_from(x: &[f64], y: &[f64], width: f64, friction: &str) -> Trajectory {
 }
 
 fn values(trajectory: &Trajectory, name: &str) -> Vec<f64> {
-    let output = trajectory.outputs.iter().find(|output| output.name == name);
+    let output = trajectory
+        .samples
+        .outputs
+        .iter()
+        .find(|output| output.name == name);
     output.expect("the model has it").values.clone()
 }
 

@@ -31,8 +31,8 @@ const BALL: &str = "model m {
 
 fn ends(run: &Trajectory) -> Vec<f64> {
     assert_eq!(run.status, Status::Solved, "{:?}", run.failure);
-    let last = run.time.len() - 1;
-    let states = run.states.iter();
+    let last = run.samples.time.len() - 1;
+    let states = run.samples.states.iter();
     states.flat_map(|series| series.at(last).to_vec()).collect()
 }
 
@@ -47,7 +47,7 @@ fn another_start_is_another_run() {
             let first = ends(&plan.run(&system, settings, &request, &mut |_| {}));
             for (x, k) in [(2.0, 1.0), (1.5, 1.0), (1.5, 0.5), (1.0, 1.0)] {
                 system.states[0].initial = x;
-                system.params[0].value = k * compiled.system.params[0].value;
+                system.exogenous.params[0].value = k * compiled.system.exogenous.params[0].value;
                 let found = ends(&plan.run(&system, settings, &request, &mut |_| {}));
                 let fresh = ends(&simulate::run(&system, settings, &request));
                 assert_eq!(found, fresh, "{method} from {x}, {k}");

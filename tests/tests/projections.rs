@@ -191,7 +191,7 @@ fn corners_of_two_and_three_constraints_with_any_metric() {
         for method in ROADS {
             let found = runs(&model, "corner", 3.0, method);
             assert_near(&end(&found, "x"), exact.as_slice(), 1e-9);
-            let last = found.modes.last().expect("a run has a mode");
+            let last = found.history.modes.last().expect("a run has a mode");
             let active = |side: &&nsdc::report::Side| **side == nsdc::report::Side::Active;
             most = most.max(last.sides.iter().filter(active).count());
         }
@@ -291,7 +291,7 @@ fn a_set_that_closes_ends_the_run() {
         let text = format!("{model} simulate this of shut {{ horizon 2; {method} }}");
         let found = run(&text, "this");
         assert_eq!(found.status, Status::NumericalFailure, "{method}");
-        let last = found.modes.last().expect("a mode");
+        let last = found.history.modes.last().expect("a mode");
         assert!((last.to - 1.0).abs() <= 1e-9, "{}", last.to);
         assert!(last.mode.contains("inactive(1 - x)") && last.mode.starts_with("active("));
     }

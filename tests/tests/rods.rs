@@ -72,7 +72,7 @@ fn a_rod_comes_to_lie_on_every_grid() {
     ));
     let exact = whole(&events);
     let happened = |run: &Trajectory| {
-        let events = run.events.iter();
+        let events = run.history.events.iter();
         let mut all: Vec<_> = events
             .map(|event| (event.kind, event.surface.clone()))
             .collect();
@@ -96,7 +96,7 @@ fn a_rod_comes_to_lie_on_every_grid() {
              }}"
         ));
         assert_eq!(happened(&found), happened(&events), "{steps} steps");
-        let estimate = found.error_estimate.expect("a finer run");
+        let estimate = found.quality.error_estimate.expect("a finer run");
         for (value, exact) in whole(&found).into_iter().zip(&exact) {
             close(value, *exact, 10.0 * estimate + 1e-12);
         }

@@ -27,7 +27,10 @@ fn tent(start: i128, jumps: u32) -> (f64, f64) {
     }
     let known = y as f64 / one as f64;
     let error = (end(&trajectory, "y")[0] - known).abs();
-    (error / scale, trajectory.error_estimate.unwrap_or(1.0))
+    (
+        error / scale,
+        trajectory.quality.error_estimate.unwrap_or(1.0),
+    )
 }
 
 /// y' = y and y less its whole part after each unit of time: the map y -> e y mod 1, in whole numbers over 10¹⁸.
@@ -56,7 +59,10 @@ fn exponential(start: i128, jumps: u32) -> (f64, f64) {
     let at_end = end(&trajectory, "y")[0];
     let distance = |y: i128| (at_end - y as f64 / ONE as f64).abs();
     let error = distance(y).min(distance(y % ONE));
-    (error / scale, trajectory.error_estimate.unwrap_or(1.0))
+    (
+        error / scale,
+        trajectory.quality.error_estimate.unwrap_or(1.0),
+    )
 }
 
 /// Of 60 orbits each of two expanding maps.
@@ -176,7 +182,11 @@ fn a_chain_of_two_links_falls_freely() {
             let found = end(&still, name)[0];
             assert!((found - exact).abs() < 1e-12, "{method}, {name}: {found}");
         }
-        assert!(still.stats.steps < 20, "{} steps", still.stats.steps);
+        assert!(
+            still.quality.stats.steps < 20,
+            "{} steps",
+            still.quality.stats.steps
+        );
         let settings = format!("with {{ w = 3; u = -2; }} method {method};");
         let turning = solved(&chain(&settings), "r");
         let names = ["x", "y", "q", "p", "vx", "vy", "w", "u"];
@@ -215,7 +225,7 @@ fn the_estimate_covers_a_converter_with_pulse_width_modulation() {
     for (input, periods, exact) in known {
         for method in ["event", "fesd"] {
             let found = run(&converter(input, periods, method), "r");
-            let estimate = found.error_estimate.expect("there is one");
+            let estimate = found.quality.error_estimate.expect("there is one");
             for (name, exact) in ["v", "i"].iter().zip(exact) {
                 let error = (end(&found, name)[0] - exact).abs() / exact;
                 assert!(

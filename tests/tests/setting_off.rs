@@ -130,7 +130,11 @@ fn a_puck_slides_off_a_turntable_that_speeds_up() {
             assert_near(&times(&found, EventKind::Slip), &[leaves], within);
             assert_near(&end(&found, "q")[..2], &q, within);
             assert_near(&end(&found, "v")[..2], &v, within);
-            assert!(found.stats.steps < 100, "{}", found.stats.steps);
+            assert!(
+                found.quality.stats.steps < 100,
+                "{}",
+                found.quality.stats.steps
+            );
         }
     }
 }
@@ -164,7 +168,11 @@ fn a_block_that_sets_off_again_goes_as_on_a_line() {
     let way = there + back;
     assert_near(&end(&found, "q"), &[0.8 * way, 0.6 * way, 0.0], 1e-9);
     assert_near(&end(&found, "v"), &[0.0; 3], 1e-12);
-    assert!(found.stats.steps < 200, "{}", found.stats.steps);
+    assert!(
+        found.quality.stats.steps < 200,
+        "{}",
+        found.quality.stats.steps
+    );
 }
 
 /// A push that turns on a slope: |b|² = s² + A² - 2 s A cos t is beyond the cone where cos t is below a bound.
@@ -191,7 +199,11 @@ fn a_push_that_turns_sets_off_what_had_come_to_rest() {
     let (_, last) = slides(again + after, 8.0, from(again, [rest[0], rest[1]]), rate);
     assert_near(&end(&found, "q")[..2], &last[..2], 1e-9);
     assert_near(&end(&found, "v")[..2], &last[2..], 1e-9);
-    assert!(found.stats.steps < 300, "{}", found.stats.steps);
+    assert!(
+        found.quality.stats.steps < 300,
+        "{}",
+        found.quality.stats.steps
+    );
 }
 
 /// Forces that grow and turn, from far inside the cone or along its rim.
@@ -220,7 +232,11 @@ fn what_sets_off_slowly_does_so_in_few_steps() {
         let y = slides_off(leaves, 4.0, b);
         assert_near(&end(&found, "q")[..2], &y[..2], 1e-9);
         assert_near(&end(&found, "v")[..2], &y[2..], 1e-9);
-        assert!(found.stats.steps < 300, "{}", found.stats.steps);
+        assert!(
+            found.quality.stats.steps < 300,
+            "{}",
+            found.quality.stats.steps
+        );
     }
 }
 
@@ -392,6 +408,10 @@ fn one_stays(
         let q = [0.0, 0.0, 0.0, 1.0 + y[0], y[1], 0.0];
         assert_near(&end(&found, "q"), &q, within);
         assert_near(&end(&found, "v"), &[0.0, 0.0, 0.0, y[2], y[3], 0.0], within);
-        assert!(found.stats.steps < 2000, "{}", found.stats.steps);
+        assert!(
+            found.quality.stats.steps < 2000,
+            "{}",
+            found.quality.stats.steps
+        );
     }
 }

@@ -6,9 +6,9 @@ use nsdc::{Options, Project};
 
 /// Time and the columns of some quantities, row by row.
 fn rows(trajectory: &Trajectory, names: &[&str]) -> Vec<Vec<f64>> {
-    let all: Vec<&Series> = (trajectory.states.iter())
-        .chain(&trajectory.outputs)
-        .chain(&trajectory.controls)
+    let all: Vec<&Series> = (trajectory.samples.states.iter())
+        .chain(&trajectory.samples.outputs)
+        .chain(&trajectory.samples.controls)
         .collect();
     let series = names.iter().map(|name| {
         let series = all.iter().find(|series| series.name == *name);
@@ -19,7 +19,13 @@ fn rows(trajectory: &Trajectory, names: &[&str]) -> Vec<Vec<f64>> {
         let values = series.iter().flat_map(|series| series.at(k).to_vec());
         [t].into_iter().chain(values).collect()
     };
-    trajectory.time.iter().enumerate().map(row).collect()
+    trajectory
+        .samples
+        .time
+        .iter()
+        .enumerate()
+        .map(row)
+        .collect()
 }
 
 /// Pairs of rows at one instant.
@@ -153,7 +159,7 @@ fn a_kick_has_two_rows() {
             assert!((rate - 1.0).abs() <= 1e-12, "{when}: {pair:?}");
         }
         // What the kicks do is no error.
-        let estimate = trajectory.error_estimate;
+        let estimate = trajectory.quality.error_estimate;
         assert!(
             estimate.is_some_and(|error| error < 1e-12),
             "{when}: {estimate:?}"

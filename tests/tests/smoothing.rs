@@ -28,11 +28,16 @@ fn tanh_is_followed_to_the_surface() {
     // What is recorded is smooth too.
     let s = end(&found, "s")[0];
     assert!((s - (x / EPSILON).tanh()).abs() < 1e-12, "{s}");
-    assert!(found.events.is_empty());
-    assert_eq!(found.method.name, "smoothing");
+    assert!(found.history.events.is_empty());
+    assert_eq!(found.setup.method.name, "smoothing");
     let codes: Vec<_> = found.warnings.iter().map(|w| w.code.as_str()).collect();
     assert_eq!(codes, ["W0707"]);
-    assert!(found.error_estimate.is_some_and(|error| error < 1e-10));
+    assert!(
+        found
+            .quality
+            .error_estimate
+            .is_some_and(|error| error < 1e-10)
+    );
 }
 
 #[test]
@@ -50,7 +55,7 @@ fn rational_has_tails() {
 #[test]
 fn polynomial_is_exact_outside_its_width() {
     let found = smoothed("state x = 1; x' = -sign(x);", "polynomial", 1.0);
-    let times = found.switch_times();
+    let times = found.history.switch_times();
     assert!(
         times.len() == 1 && (times[0] - 0.9).abs() < 1e-12,
         "{times:?}"
@@ -74,7 +79,7 @@ fn kinks_stay_and_may_be_inside_what_is_smoothed() {
     // With z = x + 1, then 1 - x: sinh(z/ε) grows like exp(t/ε) up to x = 0 and falls so from there.
     let found = smoothed("state x = -0.5; x' = -sign(abs(x) - 1);", "tanh", 1.7);
     let kink = EPSILON * ((1.0 / EPSILON).sinh() / (0.5 / EPSILON).sinh()).ln();
-    let times = found.switch_times();
+    let times = found.history.switch_times();
     assert!(
         times.len() == 1 && (times[0] - kink).abs() < 1e-11,
         "{times:?}"
@@ -115,7 +120,7 @@ fn the_error_of_a_crossing_vanishes_with_the_width() {
 fn a_model_without_jumps_is_left_as_it_is() {
     let found = smoothed("state x = 1; x' = -abs(x - 0.5) - 0.5;", "tanh", 2.0);
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
-    assert_eq!(found.events.len(), 1);
+    assert_eq!(found.history.events.len(), 1);
 }
 
 #[test]
@@ -136,7 +141,12 @@ fn a_law_may_be_a_function_of_the_file() {
     let exact = width * ((1.0 / width).sinh() * (-1.2 / width).exp()).asinh();
     let x = end(&found, "x")[0];
     assert!((x - exact).abs() < 1e-10, "{x} {exact}");
-    let shown = found.method.options.iter().find(|(name, _)| name == "law");
+    let shown = found
+        .setup
+        .method
+        .options
+        .iter()
+        .find(|(name, _)| name == "law");
     let law = nsdc::report::MethodOption::Text("logistic".into());
     assert_eq!(shown.map(|(_, law)| law), Some(&law));
     // At rest 2/(1 + exp(-y)) - 1 = 1/2, so that x = ε ln 3.

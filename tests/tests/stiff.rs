@@ -7,7 +7,7 @@ use nsdc::report::{EventKind, Status, Trajectory};
 
 fn assert_solved(trajectory: &Trajectory, most_steps: u64) {
     assert_eq!(trajectory.status, Status::Solved);
-    let stats = &trajectory.stats;
+    let stats = &trajectory.quality.stats;
     assert!(stats.newton_iterations > 0 && stats.factorizations > 0);
     assert!(stats.steps <= most_steps, "{} steps", stats.steps);
 }
@@ -38,11 +38,12 @@ fn a_stiff_relay_meets_every_tolerance() {
         let trajectory = relay(lambda, tolerance);
         assert_solved(&trajectory, 200);
         let found = ["x", "v", "u"].map(|name| end(&trajectory, name)[0]);
-        let error = distance(&found, &exact).max(distance(&trajectory.switch_times(), &crossings));
+        let error =
+            distance(&found, &exact).max(distance(&trajectory.history.switch_times(), &crossings));
         // Sums of terms of size 100 are what the closed form rounds.
         let rounding = 1e-13;
         assert!(error <= tolerance + rounding, "{error:e} at {tolerance:e}");
-        let estimate = trajectory.error_estimate.unwrap();
+        let estimate = trajectory.quality.error_estimate.unwrap();
         assert!(
             error <= 10.0 * estimate + rounding,
             "{error:e} is above the estimate {estimate:e}"
@@ -61,7 +62,7 @@ fn stiffness_costs_neither_steps_nor_accuracy() {
             distance(&found, &exact) <= 1e-9,
             "{found:?} is not {exact:?}"
         );
-        assert!(distance(&trajectory.switch_times(), &crossings) <= 1e-10);
+        assert!(distance(&trajectory.history.switch_times(), &crossings) <= 1e-10);
     }
 }
 
@@ -97,8 +98,13 @@ fn sliding_starts_and_ends_within_implicit_steps() {
         let t3 = root(|t| t - t2 + 1.5 * (integral(t) - integral(t2)), 4.5, 5.2);
         let t4 = root(|t| 1.5 * z(t) - 1.0, 5.0, 6.0);
         let y = t4 - 6.0 + 1.5 * (integral(6.0) - integral(t4));
-        assert!(distance(&trajectory.switch_times(), &[t1, t2, t3, t4]) <= 1e-10);
-        let kinds: Vec<EventKind> = trajectory.events.iter().map(|event| event.kind).collect();
+        assert!(distance(&trajectory.history.switch_times(), &[t1, t2, t3, t4]) <= 1e-10);
+        let kinds: Vec<EventKind> = trajectory
+            .history
+            .events
+            .iter()
+            .map(|event| event.kind)
+            .collect();
         let (enter, leave) = (EventKind::EnterSliding, EventKind::LeaveSliding);
         assert_eq!(kinds, [enter, leave, enter, leave]);
         assert!(distance(&end(&trajectory, "y"), &[y]) <= 1e-10);
@@ -122,7 +128,10 @@ fn curved_surfaces_are_followed() {
         simulate a of turn { horizon 10; tolerance 1e-9; }";
     let trajectory = run(text, "a");
     assert_solved(&trajectory, 300);
-    assert!(trajectory.events.is_empty(), "it starts on the circle");
+    assert!(
+        trajectory.history.events.is_empty(),
+        "it starts on the circle"
+    );
     // The integral of z = (λ² cos t + λ sin t + e^{-λt})/(λ² + 1).
     let t: f64 = 10.0;
     let integral = lambda * lambda * t.sin() + lambda * (1.0 - t.cos()) + 1.0 / lambda;
@@ -145,8 +154,8 @@ fn instants_within_implicit_steps_are_accurate() {
         simulate a of follow { horizon 10; output x every 0.01; }";
     let trajectory = run(text, "a");
     assert_solved(&trajectory, 100);
-    for (k, t) in trajectory.time.iter().enumerate() {
-        let x = trajectory.states[0].at(k)[0];
+    for (k, t) in trajectory.samples.time.iter().enumerate() {
+        let x = trajectory.samples.states[0].at(k)[0];
         assert!((x - t.cos()).abs() <= 1e-8, "{x} at {t}");
     }
 }
@@ -227,7 +236,7 @@ fn an_algebraic_state_of_a_stiff_model() {
 fn a_model_that_is_not_stiff_takes_no_implicit_step() {
     let text = include_str!("../../examples/oscillator.nsd");
     let trajectory = run(text, "crossing");
-    assert_eq!(trajectory.stats.newton_iterations, 0);
+    assert_eq!(trajectory.quality.stats.newton_iterations, 0);
 }
 
 /// Solutions that end before the horizon: a pole, and a slow manifold that folds back.
@@ -253,7 +262,7 @@ fn what_cannot_go_on_ends_in_a_status() {
     for (text, latest) in [(pole, 1.0), (fold, falls)] {
         let trajectory = run(text, "a");
         assert_eq!(trajectory.status, Status::NumericalFailure);
-        let last = trajectory.time[trajectory.time.len() - 1];
+        let last = trajectory.samples.time[trajectory.samples.time.len() - 1];
         assert!((last - latest).abs() < 1e-6, "{last} is not {latest}");
     }
 }

@@ -36,7 +36,10 @@ fn refused(model: &str, experiment: &str, words: &[&str]) -> (f64, String) {
     for word in words {
         assert!(reason.contains(word), "{model}: {reason}");
     }
-    (trajectory.time[trajectory.time.len() - 1], reason)
+    (
+        trajectory.samples.time[trajectory.samples.time.len() - 1],
+        reason,
+    )
 }
 
 /// What rounding does to the times of both events is what remains.
@@ -72,7 +75,7 @@ fn switching_functions_limit_the_step_where_the_states_do_not() {
         let experiment = format!("horizon 1; tolerance 1e-{k};");
         let model = "state x = 0; x' = sign(cos(50*time) - 0.9);";
         let trajectory = check(model, &experiment, "x", x, 1e-12);
-        assert_eq!(trajectory.switch_times().len(), 16);
+        assert_eq!(trajectory.history.switch_times().len(), 16);
     }
     let width = (2.0_f64.ln() / 1000.0).sqrt();
     check(
@@ -102,7 +105,7 @@ fn a_thousand_periods_of_a_square_wave() {
         0.0,
         1e-8,
     );
-    let times = trajectory.switch_times();
+    let times = trajectory.history.switch_times();
     for (k, t) in times.iter().enumerate() {
         let exact = PI * (k as f64 + 1.0);
         assert!(
@@ -181,7 +184,7 @@ fn units_do_not_matter() {
         );
         let trajectory = simulate(&model, &format!("horizon {:e}; tolerance 1e-10;", 20.0 * t));
         assert!(trajectory.failure.is_none());
-        let times = trajectory.switch_times();
+        let times = trajectory.history.switch_times();
         times.iter().map(|time| time / t).collect::<Vec<_>>()
     };
     let reference = times(1.0, 1.0);
@@ -232,7 +235,7 @@ fn forty_masses_rub_against_each_other() {
     }
     let trajectory = simulate(&model, "horizon 20; tolerance 1e-8;");
     assert_eq!(trajectory.status, Status::Solved);
-    assert!(trajectory.error_estimate.unwrap() < 1e-10);
+    assert!(trajectory.quality.error_estimate.unwrap() < 1e-10);
     assert!(trajectory.warnings.is_empty());
     for i in 0..10 {
         assert!(end(&trajectory, &format!("v{i}"))[0].abs() < 1e-14);
@@ -253,7 +256,7 @@ fn ten_thousand_periods_keep_their_phase() {
 fn a_surface_with_a_kink_is_left_where_its_branch_changes() {
     let model = "state x = 0; x' = 1 - 2*step(max(x - 0.5, 0.2*time - 0.3));";
     let trajectory = check(model, "horizon 4;", "x", -2.0, 1e-13);
-    let times = trajectory.switch_times();
+    let times = trajectory.history.switch_times();
     for (t, exact) in times.iter().zip([0.25, 0.5, 1.5]) {
         assert!((t - exact).abs() <= 1e-14, "{t} and {exact}");
     }
@@ -270,12 +273,12 @@ fn touching_the_bounds_of_sliding_is_no_event() {
         );
     }
     let trajectory = check(&model, "horizon 20;", "x", 0.0, 1e-14);
-    assert!(trajectory.events.is_empty());
+    assert!(trajectory.history.events.is_empty());
     assert!(trajectory.warnings.is_empty());
     // The same at a surface: (t - 1)⁴. Rounding might take x below for 2 (1e-16)^¼.
     let model = "state x = 1; state y = 0; x' = 4*(time - 1)^3; y' = step(x);";
     let trajectory = check(model, "horizon 2;", "y", 2.0, 1e-13);
-    assert!(trajectory.events.is_empty());
+    assert!(trajectory.history.events.is_empty());
     assert_eq!(codes(&trajectory), ["W0710"]);
 }
 
@@ -294,7 +297,7 @@ fn honest(model: &str, experiment: &str, state: &str, exact: f64) {
     let tolerance = tolerance.and_then(|rest| rest.split(';').next()?.parse().ok());
     let tolerance = 10.0_f64.powi(tolerance.unwrap_or(-8));
     let found = end(&trajectory, state)[0];
-    let estimate = trajectory.error_estimate.unwrap_or(0.0);
+    let estimate = trajectory.quality.error_estimate.unwrap_or(0.0);
     let error = ((found - exact) / exact).abs();
     assert!(error <= tolerance, "{model}: {found} instead of {exact}");
     assert!(
@@ -349,7 +352,7 @@ fn short_visits_to_the_other_side() {
         honest(&model, "horizon 2;", "w", exact);
         let trajectory = simulate(&model, "horizon 2;");
         let error = (end(&trajectory, "w")[0] / exact - 1.0).abs();
-        let estimate = trajectory.error_estimate.unwrap_or(0.0);
+        let estimate = trajectory.quality.error_estimate.unwrap_or(0.0);
         assert!(
             error <= 10.0 * estimate,
             "depth {depth:e}: error {error:e}, estimate {estimate:e}"
@@ -380,7 +383,7 @@ fn ten_surfaces_at_once() {
     for n in [3, 6, 7, 8, 10] {
         let (model, exact) = held_switches(n);
         let trajectory = check(&model, "horizon 3;", "y", exact, 1e-14);
-        assert!(trajectory.events.is_empty() && trajectory.warnings.is_empty());
+        assert!(trajectory.history.events.is_empty() && trajectory.warnings.is_empty());
     }
 }
 
@@ -390,5 +393,5 @@ fn five_thousand_crossings() {
     let end = 10_000.0 * 2.0_f64.sqrt();
     let model = "state x = 1; state v = 0; x' = v; v' = -sign(x);";
     let trajectory = check(model, &format!("horizon {end};"), "x", 1.0, 1e-8);
-    assert_eq!(trajectory.switch_times().len(), 5000);
+    assert_eq!(trajectory.history.switch_times().len(), 5000);
 }

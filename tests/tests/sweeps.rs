@@ -142,7 +142,7 @@ fn a_converter_switches_faster_and_faster_in_frozen_time() {
         let settings = format!("lower timefreezing; method {method};");
         let frozen = run(&converter(&settings), "this");
         assert_eq!(frozen.failure.map(|failure| failure.to_string()), None);
-        let switched: Vec<f64> = (frozen.events.iter())
+        let switched: Vec<f64> = (frozen.history.events.iter())
             .filter(|event| event.kind == EventKind::Relay)
             .map(|event| event.time)
             .collect();
@@ -155,6 +155,7 @@ fn a_converter_switches_faster_and_faster_in_frozen_time() {
         }
         assert!(
             frozen
+                .history
                 .events
                 .iter()
                 .all(|event| event.kind != EventKind::Zeno)

@@ -25,7 +25,7 @@ fn text(fit: &str, statements: &str, horizon: f64) -> String {
 }
 
 fn events(trajectory: &Trajectory) -> Vec<(f64, EventKind)> {
-    let events = trajectory.events.iter();
+    let events = trajectory.history.events.iter();
     events.map(|event| (event.time, event.kind)).collect()
 }
 
@@ -43,6 +43,7 @@ fn assert_events(trajectory: &Trajectory, expected: &[(f64, EventKind)]) {
 fn assert_end(trajectory: &Trajectory, expected: &[f64], accuracy: f64) {
     assert_eq!(trajectory.status, Status::Solved);
     let found: Vec<f64> = trajectory
+        .samples
         .states
         .iter()
         .flat_map(|s| end(trajectory, &s.name))
@@ -188,11 +189,11 @@ fn a_stiff_filter_follows_steps_and_lines() {
             x = next;
         }
         assert_end(&trajectory, &[x, y], 1e-11);
-        assert!(trajectory.stats.newton_iterations > 0);
+        assert!(trajectory.quality.stats.newton_iterations > 0);
         assert!(
-            trajectory.stats.steps < 2000,
+            trajectory.quality.stats.steps < 2000,
             "{} steps",
-            trajectory.stats.steps
+            trajectory.quality.stats.steps
         );
     }
 }
@@ -262,7 +263,7 @@ fn sliding_that_data_makes_repelling_has_several_solutions() {
     let rows = [(0.0, -1.0), (1.0, 1.0)];
     let trajectory = tracked("hold", "state x = 0.5; x' = r*sign(x);", 2.0, &rows);
     assert!(trajectory.failure.is_some());
-    assert_eq!(trajectory.time.last(), Some(&1.0));
+    assert_eq!(trajectory.samples.time.last(), Some(&1.0));
 }
 
 #[test]
@@ -290,7 +291,12 @@ fn an_event_at_a_breakpoint_is_one_event() {
     // x reaches 0 at 0.7, where the rates change: with the new ones it is crossed.
     let rows = [(0.0, 1.0), (0.7, -3.0)];
     let trajectory = tracked("hold", "state x = 0.7; x' = r - 2*step(x);", 0.9, &rows);
-    assert_eq!(trajectory.events.len(), 1, "{:?}", trajectory.events);
+    assert_eq!(
+        trajectory.history.events.len(),
+        1,
+        "{:?}",
+        trajectory.history.events
+    );
     assert_eq!(events(&trajectory)[0].1, Crossing);
 }
 
@@ -342,11 +348,14 @@ fn estimates_of_the_error_are_honest() {
         with_data(&text, &mut data(&ROWS), "run", |compiled| {
             for k in 4..=12 {
                 let mut settings = compiled.settings.clone();
-                settings.tolerance = 10.0_f64.powi(-k);
+                settings.numerics.tolerance = 10.0_f64.powi(-k);
                 let run = simulate::run(&compiled.system, &settings, &Request::default());
                 let error = (end(&run, "x")[0] - exact).abs();
-                let estimate = run.error_estimate.unwrap();
-                assert!(error <= settings.tolerance, "{fit} at 1e-{k}: {error:e}");
+                let estimate = run.quality.error_estimate.unwrap();
+                assert!(
+                    error <= settings.numerics.tolerance,
+                    "{fit} at 1e-{k}: {error:e}"
+                );
                 assert!(
                     error <= 10.0 * estimate + 1e-14,
                     "{fit} at 1e-{k}: {error:e} {estimate:e}"
@@ -365,7 +374,7 @@ fn many_rows_cost_a_step_each() {
     for fit in ["hold", "linear", "cubic"] {
         let trajectory = tracked(fit, "state x = 0; x' = r - x;", 20.0, &rows);
         assert_eq!(trajectory.status, Status::Solved);
-        let steps = trajectory.stats.steps;
+        let steps = trajectory.quality.stats.steps;
         assert!((19_990..=20_020).contains(&steps), "{fit}: {steps} steps");
     }
     // (sin t - cos t + e^{-t})/2, which the spline meets to h^4.

@@ -49,10 +49,14 @@ fn assert_run(
     accuracy: f64,
 ) {
     assert_eq!(found.status, Status::Solved, "{what}: {:?}", found.failure);
-    let same = found.events.len() == events.len()
-        && (found.events.iter().zip(events))
+    let same = found.history.events.len() == events.len()
+        && (found.history.events.iter().zip(events))
             .all(|(a, b)| (a.time - b.0).abs() <= accuracy && a.kind == b.1);
-    assert!(same, "{what}: {:?} instead of {events:?}", found.events);
+    assert!(
+        same,
+        "{what}: {:?} instead of {events:?}",
+        found.history.events
+    );
     let x = end(found, "x")[0];
     assert!(
         (x - state).abs() <= accuracy,
@@ -219,5 +223,9 @@ fn adaptive_steps_end_at_jumps() {
     assert!((x - (0.7 - 0.6 + 0.8 - 0.9)).abs() < 1e-13, "{x}");
     assert!((y - (0.7 - 1.2 + 0.4 - 0.9)).abs() < 1e-13, "{y}");
     // Four pieces take a few steps each.
-    assert!(found.stats.steps < 40, "{}", found.stats.steps);
+    assert!(
+        found.quality.stats.steps < 40,
+        "{}",
+        found.quality.stats.steps
+    );
 }

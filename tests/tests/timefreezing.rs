@@ -76,11 +76,11 @@ fn a_relay_switches_at_the_times_of_its_closed_form() {
     let last = 50.0 - 32.0 * (-0.2 * (4.0 - expected[7])).exp();
     each_way(HEATING, "horizon 4;", |trajectory| {
         assert_near(&times(trajectory, EventKind::Relay), &expected, 1e-9);
-        assert_near(&trajectory.switch_times(), &expected, 1e-9);
+        assert_near(&trajectory.history.switch_times(), &expected, 1e-9);
         assert_near(&end(trajectory, "y"), &[last], 1e-9);
-        assert_eq!(trajectory.time.last(), Some(&4.0));
-        assert_eq!(trajectory.modes[0].mode, "on(heater)");
-        assert_eq!(trajectory.modes[1].mode, "off(heater)");
+        assert_eq!(trajectory.samples.time.last(), Some(&4.0));
+        assert_eq!(trajectory.history.modes[0].mode, "on(heater)");
+        assert_eq!(trajectory.history.modes[1].mode, "off(heater)");
     });
 }
 
@@ -105,14 +105,14 @@ fn a_relay_switches_so_by_events_too() {
 #[test]
 fn values_are_reported_in_physical_time() {
     each_way(HEATING, "horizon 1; output y every 0.25;", |trajectory| {
-        assert_eq!(trajectory.time, [0.0, 0.25, 0.5, 0.75, 1.0]);
+        assert_eq!(trajectory.samples.time, [0.0, 0.25, 0.5, 0.75, 1.0]);
         let switches = 5.0 * (35.0_f64 / 30.0).ln();
         let y = |t: f64| match t < switches {
             true => 50.0 - 35.0 * (-0.2 * t).exp(),
             false => 20.0 * (-0.2 * (t - switches)).exp(),
         };
-        let expected: Vec<f64> = trajectory.time.iter().map(|&t| y(t)).collect();
-        assert_near(&trajectory.states[0].values, &expected, 1e-7);
+        let expected: Vec<f64> = trajectory.samples.time.iter().map(|&t| y(t)).collect();
+        assert_near(&trajectory.samples.states[0].values, &expected, 1e-7);
     });
 }
 
@@ -128,7 +128,7 @@ fn the_certificate_is_that_of_the_elements_that_are_taken() {
         simulate falls of wall { horizon 0.5; lower timefreezing; method fesd; }";
     let found = run(text, "falls");
     assert_eq!(found.status, Status::Solved);
-    let violation = found.certificate.max_violation;
+    let violation = found.quality.certificate.max_violation;
     assert!(violation <= 1e-12, "{violation:e}");
 }
 
@@ -370,18 +370,23 @@ fn jumps_and_frozen_time_agree() {
         let jumps = run(&text, "this");
         assert_eq!(jumps.status, Status::Solved, "{name}: {:?}", jumps.failure);
         each_way(model, &format!("horizon {horizon:?};"), |frozen| {
-            for (a, b) in jumps.states.iter().zip(&frozen.states) {
-                let (a, b) = (a.at(jumps.time.len() - 1), b.at(frozen.time.len() - 1));
+            for (a, b) in jumps.samples.states.iter().zip(&frozen.samples.states) {
+                let (a, b) = (
+                    a.at(jumps.samples.time.len() - 1),
+                    b.at(frozen.samples.time.len() - 1),
+                );
                 assert_near(b, a, 1e-7);
             }
             let kinds = |t: &Trajectory| {
-                t.events
+                t.history
+                    .events
                     .iter()
                     .map(|e| (e.kind, e.surface.clone()))
                     .collect::<Vec<_>>()
             };
             assert_eq!(kinds(frozen), kinds(&jumps), "{name}");
-            let instants = |t: &Trajectory| t.events.iter().map(|e| e.time).collect::<Vec<_>>();
+            let instants =
+                |t: &Trajectory| t.history.events.iter().map(|e| e.time).collect::<Vec<_>>();
             assert_near(&instants(frozen), &instants(&jumps), 1e-7);
         });
     }

@@ -21,7 +21,7 @@ fn solved(model: &str, horizon: f64, method: &str) -> Trajectory {
     let found = run(&text, "this");
     assert_eq!(found.status, Status::Solved, "{method} {:?}", found.failure);
     found.verify().expect("the invariants of `Trajectory`");
-    let violation = found.certificate.max_violation;
+    let violation = found.quality.certificate.max_violation;
     assert!(violation <= 1e-11, "{method} {violation:e}");
     found
 }

@@ -56,7 +56,12 @@ fn a_thrown_ball_slides_along_its_line_and_rests() {
             close(&times(found, EventKind::Jump), &[fall]);
             close(&times(found, EventKind::ContactClose), &[fall]);
             close(&times(found, EventKind::Stick), &[fall + left / 2.0]);
-            let modes: Vec<&str> = found.modes.iter().map(|m| m.mode.as_str()).collect();
+            let modes: Vec<&str> = found
+                .history
+                .modes
+                .iter()
+                .map(|m| m.mode.as_str())
+                .collect();
             assert_eq!(modes, ["open(floor)", "slip(floor)", "stick(floor)"]);
         });
     }

@@ -92,9 +92,14 @@ fn errors_are_reproducible_and_move_the_sharp_state_off_its_surface() {
         solved(&text, "run")
     };
     let (first, second) = (by(1), by(1));
-    assert_eq!(first.states[0].values, second.states[0].values);
+    assert_eq!(
+        first.samples.states[0].values,
+        second.samples.states[0].values
+    );
     // At t = 1/2 x is 0.6 or 0.4: it is zero at 0.9, or 0.1 at 1, where it is thrown to 0 or 0.2.
-    let t: Vec<f64> = (1..=8).map(|seed| by(seed).switch_times()[0]).collect();
+    let t: Vec<f64> = (1..=8)
+        .map(|seed| by(seed).history.switch_times()[0])
+        .collect();
     let is_one = |t: &f64| [0.9, 1.0, 1.2].iter().any(|known| (t - known).abs() < 1e-9);
     assert!(t.iter().all(is_one), "{t:?}");
     assert!(

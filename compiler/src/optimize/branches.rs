@@ -39,8 +39,8 @@ impl<'e> Problem<'e> {
         let mut settings = self.settings.clone();
         settings.horizon = self.at(w).horizon();
         let mut system = solved::system(self, w);
-        system.outputs.clear();
-        system.controls.clear();
+        system.recorded.outputs.clear();
+        system.recorded.controls.clear();
         self.reference_run((&system, w), &settings, limit)
     }
 

@@ -105,7 +105,8 @@ impl Iterate<'_, '_> {
         let value = |var: Var| {
             let is = |e: Expr| e.as_variable() == Some(var);
             let state = frozen.system.states.iter().position(|state| is(state.var));
-            let param = || problem.system.params.iter().find(|param| is(param.var));
+            let params = &problem.system.exogenous.params;
+            let param = || params.iter().find(|param| is(param.var));
             let given = || param().map_or(f64::NAN, |param| param.value);
             state.map_or_else(given, |i| x[i])
         };
@@ -146,6 +147,7 @@ impl Iterate<'_, '_> {
         };
         let contacts = 0..problem.dcs.impacts.len();
         let struck = contacts.filter(|c| w[first + c] > IMPULSE);
-        struck.map(|c| problem.system.laws.len() + c).collect()
+        let n_laws = problem.system.jumps.laws.len();
+        struck.map(|c| n_laws + c).collect()
     }
 }

@@ -181,7 +181,7 @@ impl<'e> Problem<'e> {
             confirmation,
             ..Optimum::default()
         });
-        trajectory.stats.solve_s = seconds;
+        trajectory.quality.stats.solve_s = seconds;
         if solution.is_feasible() {
             let other = in_other_mode.as_ref();
             simulate_again(self, solution, other, limit, &mut trajectory);
@@ -257,16 +257,16 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
         None if settings.takes_impulses() => format!("impact, {formulation}"),
         None => formulation.to_owned(),
     };
-    trajectory.experiment = settings.name.clone();
-    trajectory.model = settings.model.clone();
-    trajectory.kind = Kind::Optimize;
+    trajectory.setup.experiment = settings.name.clone();
+    trajectory.setup.model = settings.model.clone();
+    trajectory.setup.kind = Kind::Optimize;
     trajectory.status = Status::Solved;
     trajectory.objective = solution.objective.is_finite().then_some(solution.objective);
     let method = Method {
         name: "mpcc".into(),
         ..Method::default()
     };
-    trajectory.method = method
+    trajectory.setup.method = method
         .word("scheme", format!("{}({nodes})", family.word()))
         .count("intervals", grid.intervals)
         .count("elements", grid.elements)
@@ -274,18 +274,18 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
         .count("variables", problem.program.n_variables())
         .count("rows", problem.program.n_rows())
         .count("pairs", problem.mpcc.sizes().pairs);
-    trajectory.certificate = Certificate {
+    trajectory.quality.certificate = Certificate {
         stationarity: Stationarity::of(solution.class, solution.b_stationary),
         max_violation: solution.residuals.violation,
     };
-    trajectory.stats = Stats {
+    trajectory.quality.stats = Stats {
         steps: (grid.intervals * grid.elements) as u64,
         newton_iterations: solution.stats.iterations as u64,
         homotopy_steps: solution.stats.relaxed as u64,
         complementarity_residual: solution.residuals.complementarity,
         ..Stats::default()
     };
-    trajectory.skipped = problem.system.skipped.clone();
+    trajectory.setup.skipped = problem.system.provenance.skipped.clone();
 }
 
 /// What a failure of the discretization means for a run.

@@ -27,7 +27,7 @@
 //!     let solved = prepared.solve(&[m], Some(&[x]), last.as_ref(), &limit, &mut ());
 //!     let solved = solved.expect("numbers that they may have");
 //!     assert_eq!(solved.trajectory.status, Status::Solved);
-//!     let u = &solved.trajectory.controls[0];
+//!     let u = &solved.trajectory.samples.controls[0];
 //!     assert!((u.at(0)[0] + m * x).abs() < 1e-9);
 //!     last = Some(solved);
 //! }
@@ -320,7 +320,7 @@ impl Problem<'_> {
     /// Gives the open parameters values, and the ranges of controls the ends that they have with them.
     fn set_parameters(&mut self, values: &[f64], ends: &[MovingEnd<'_>]) -> Result<(), SolveError> {
         for (&place, &value) in self.open.iter().zip(values) {
-            self.system.params[place].value = value;
+            self.system.exogenous.params[place].value = value;
             self.dcs.params[place].value = value;
         }
         self.mpcc.params = fixed_params(&self.dcs);

@@ -54,7 +54,8 @@ impl<'e> Problem<'e> {
             frozen.expect("compilation has checked that the system can be frozen")
         });
         let lowered = frozen.as_ref().map_or(system, |frozen| &frozen.system);
-        let dcs = dcs::lower(lowered, &settings.lowerings).expect("the lowering has been checked");
+        let dcs = dcs::lower(lowered, &settings.numerics.lowerings)
+            .expect("the lowering has been checked");
         let grid = Grid {
             start: 0.0,
             horizon: settings.horizon,

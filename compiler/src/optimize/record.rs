@@ -29,7 +29,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     for (k, j) in layout.all_elements() {
         if j == 1 {
             t = t.max(instant(k - 1));
-            if k > 1 && !system.controls.is_empty() {
+            if k > 1 && !system.recorded.controls.is_empty() {
                 elements.step_controls();
             }
         }

@@ -117,7 +117,7 @@ impl Project {
             model: experiment.model.to_string(),
             doc: doc(experiment.span, &self.sources),
             horizon: settings.horizon,
-            method: settings.method.kind().word(),
+            method: settings.numerics.method.kind().word(),
             parameters: quantities.params.iter().map(of).collect(),
             states: states.map(of).collect(),
             controls: quantities.controls.iter().map(of).collect(),

@@ -115,7 +115,7 @@ pub fn add(
     let Some(seeds) = seeds(settings) else {
         return;
     };
-    let reported = trajectory.states.iter().chain(&trajectory.outputs);
+    let reported = trajectory.samples.states_and_outputs();
     let names: Vec<String> = reported.flat_map(|series| series.entry_names()).collect();
     let count = (seeds.end - seeds.start) as usize;
     let time = instants(settings, names.len() * count);
@@ -127,7 +127,7 @@ pub fn add(
     };
     let work = |seeded: &mut Seeded<'_>| {
         let mut settings = seeded.compiled.settings.clone();
-        settings.sampling = Sampling::At(time.clone());
+        settings.recording.sampling = Sampling::At(time.clone());
         sample(&seeded.run(&settings, &request), &time)
     };
     let samples = over_seeds(source, seeds.clone(), n_threads, work, heard);
@@ -181,7 +181,7 @@ pub fn add(
 fn instants(settings: &Settings<'_>, numbers: usize) -> Vec<f64> {
     let most = (MOST_NUMBERS / numbers.max(1)).clamp(2, INSTANTS);
     let horizon = settings.horizon;
-    match &settings.sampling {
+    match &settings.recording.sampling {
         Sampling::At(instants) if instants.len() <= most => instants.clone(),
         Sampling::Every(period) if horizon / period < (most - 1) as f64 => {
             let inner = (0..).map(|k| k as f64 * period);
@@ -197,17 +197,16 @@ fn instants(settings: &Settings<'_>, numbers: usize) -> Vec<f64> {
 
 /// What a run leaves behind at some instants.
 fn sample(trajectory: &Trajectory, time: &[f64]) -> Sample {
-    let solved = trajectory.status == Status::Solved;
+    let (solved, samples) = (trajectory.status == Status::Solved, &trajectory.samples);
     let row = |&t: &f64| {
-        let place = trajectory.time.partition_point(|&known| known <= t);
+        let place = samples.time.partition_point(|&known| known <= t);
         let place = place.saturating_sub(1);
-        let reported = trajectory.states.iter().chain(&trajectory.outputs);
-        reported
+        (samples.states_and_outputs())
             .flat_map(|series| series.at(place).iter().copied())
             .collect()
     };
     Sample {
-        rows: match solved && !trajectory.time.is_empty() {
+        rows: match solved && !samples.time.is_empty() {
             true => time.iter().map(row).collect(),
             false => Vec::new(),
         },

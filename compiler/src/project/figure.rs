@@ -7,14 +7,14 @@ use crate::expr::{Expr, Var, variables_of};
 use crate::model::Units;
 use crate::report::plot::animation::Animation;
 use crate::report::plot::{Figure, Phase, Surface};
-use crate::report::{Series, Trajectory, refine};
+use crate::report::{Dense, Samples, Series, Trajectory, refine};
 use crate::system::experiment::Plot;
 
 /// The SVG text: what the experiment asks for, or all that is reported.
 pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     let system = &compiled.system;
     let (params, units) = (parameters(compiled), Units::of(&compiled.model));
-    let plot = compiled.settings.figures.plot.as_ref();
+    let plot = compiled.settings.recording.figures.plot.as_ref();
     let sheet = plot.map(|plot| plot.sheet.clone()).unwrap_or_default();
     let (title, width) = (sheet.title.as_deref(), sheet.width);
     if let Some(plot) = plot.filter(|plot| !plot.is_empty()) {
@@ -22,12 +22,13 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         return Figure {
             title,
             width,
-            ..arranged(compiled, plot, &fine, (&units, &params))
+            ..arranged(compiled, plot, (trajectory, &fine), (&units, &params))
         }
         .write();
     }
     // Switching curves are drawn over the states as the system has them.
-    let names = trajectory.states.iter().flat_map(Series::entry_names);
+    let states = trajectory.samples.states.iter();
+    let names = states.flat_map(Series::entry_names);
     let is_whole = names.eq(system.states.iter().map(|state| state.name.clone()));
     let surfaces = match &system.states[..] {
         [x, y] if is_whole => surfaces(compiled, &params, [x.var, y.var]),
@@ -37,14 +38,14 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     Figure {
         title,
         width,
-        ..Figure::of(&fine, &units, surfaces)
+        ..Figure::of(trajectory, &fine, &units, surfaces)
     }
     .write()
 }
 
 /// The SVG text of the animation that the experiment asks for.
 pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<String> {
-    let animation = compiled.settings.figures.animation.as_ref()?;
+    let animation = compiled.settings.recording.figures.animation.as_ref()?;
     let units = Units::of(&compiled.model);
     let shapes = &animation.shapes;
     let series = shapes.iter().map(|shape| Series {
@@ -56,7 +57,7 @@ pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Strin
     let fine = evaluated(compiled, trajectory, series.collect(), exprs);
     let named = shapes.iter().flat_map(|shape| shape.lengths());
     let figure = Animation {
-        trajectory: &fine,
+        samples: &fine,
         kinds: shapes.iter().map(|shape| shape.kind).collect(),
         unit: named.filter_map(|name| units.unit(name)).next(),
         time: units.title("time"),
@@ -67,8 +68,8 @@ pub fn animate(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Strin
     Some(figure.write())
 }
 
-/// The run with what a plot draws as its outputs, and nothing else.
-fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) -> Trajectory {
+/// What a plot draws of a run, as outputs.
+fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) -> Samples {
     let series = plot.drawn().map(|drawn| Series {
         name: drawn.name.clone(),
         shape: drawn.shape.clone(),
@@ -78,31 +79,30 @@ fn drawn<'e>(compiled: &Compiled<'e>, trajectory: &Trajectory, plot: &Plot<'e>) 
     evaluated(compiled, trajectory, series.collect(), exprs)
 }
 
-/// The run with these outputs alone, of which expressions of the model are the entries in order.
+/// These outputs alone of a run, of which expressions of the model are the entries in order.
 fn evaluated<'s, 'e: 's>(
     compiled: &Compiled<'e>,
     trajectory: &Trajectory,
     outputs: Vec<Series>,
     exprs: impl Iterator<Item = &'s Expr<'e>>,
-) -> Trajectory {
+) -> Samples {
     let exprs: Vec<Expr<'_>> = exprs.map(|&e| compiled.system.read(e)).collect();
-    let empty = Trajectory {
-        states: Vec::new(),
+    let samples = Samples {
+        time: trajectory.samples.time.clone(),
         outputs,
-        controls: Vec::new(),
-        ..trajectory.clone()
+        ..Samples::default()
     };
-    refined(compiled, &empty, &exprs)
+    refined(compiled, samples, &trajectory.dense, &exprs)
 }
 
 /// Panels and planes of a plot, with what it draws in order.
 fn arranged<'a, 'e>(
     compiled: &'a Compiled<'e>,
     plot: &Plot<'e>,
-    fine: &'a Trajectory,
+    (trajectory, samples): (&'a Trajectory, &'a Samples),
     (units, params): (&'a Units, &'a HashMap<Var, f64>),
 ) -> Figure<'a> {
-    let mut series = fine.outputs.iter();
+    let mut series = samples.outputs.iter();
     let panels = plot.panels.iter();
     let panels = panels.map(|panel| series.by_ref().take(panel.len()).collect());
     let panels = panels.collect();
@@ -125,7 +125,8 @@ fn arranged<'a, 'e>(
     });
     let phases = phases.collect();
     Figure {
-        trajectory: fine,
+        trajectory,
+        samples,
         units,
         title: None,
         width: None,
@@ -135,39 +136,46 @@ fn arranged<'a, 'e>(
 }
 
 fn parameters(compiled: &Compiled<'_>) -> HashMap<Var, f64> {
-    let params = compiled.system.params.iter();
+    let params = compiled.system.exogenous.params.iter();
     params
         .filter_map(|param| Some((param.var.as_variable()?, param.value)))
         .collect()
 }
 
 /// What the experiment plots, where it says so, at as many instants as its curves need to look smooth.
-pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Trajectory> {
-    let plot = compiled.settings.figures.plot.as_ref();
+pub fn plotted(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Option<Samples> {
+    let plot = compiled.settings.recording.figures.plot.as_ref();
     let plot = plot.filter(|plot| !plot.is_empty())?;
     Some(drawn(compiled, trajectory, plot))
 }
 
-/// The trajectory at as many instants as its curves need to look smooth.
-pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Trajectory {
+/// All that is reported, at as many instants as its curves need to look smooth.
+pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Samples {
     let system = &compiled.system;
-    let states = system.groups.iter().flat_map(|group| &group.entries);
-    let recorded = system.outputs.iter().chain(&system.controls);
+    let (recorded, signals) = (&system.recorded, system.recorded.signals());
+
+    let states = recorded.groups.iter().flat_map(|group| &group.entries);
     let exprs: Vec<Expr<'_>> = states
         .map(|&entry| system.states[entry].var)
-        .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
+        .chain(signals.flat_map(|output| output.exprs.iter().copied()))
         .collect();
-    refined(compiled, trajectory, &exprs)
+    let samples = trajectory.samples.clone();
+    refined(compiled, samples, &trajectory.dense, &exprs)
 }
 
-/// The trajectory at these instants, with the values of what is reported, in time, states and α.
-fn refined(compiled: &Compiled<'_>, trajectory: &Trajectory, exprs: &[Expr<'_>]) -> Trajectory {
+/// The samples where their curves need them, with the values of what is reported, in time, states and α.
+fn refined(
+    compiled: &Compiled<'_>,
+    mut samples: Samples,
+    dense: &Dense,
+    exprs: &[Expr<'_>],
+) -> Samples {
     let system = &compiled.system;
     let params = parameters(compiled);
     // The row of every variable: states, α, then data.
     let state_vars: Vec<Expr<'_>> = system.states.iter().map(|state| state.var).collect();
     let alphas = system.switches.iter().map(|switch| switch.alpha);
-    let data = system.data.iter().map(|data| data.var);
+    let data = system.exogenous.data.iter().map(|data| data.var);
     let rows = state_vars.iter().copied().chain(alphas).chain(data);
     let rows = rows.enumerate();
     let rows: HashMap<Var, usize> = rows
@@ -175,7 +183,7 @@ fn refined(compiled: &Compiled<'_>, trajectory: &Trajectory, exprs: &[Expr<'_>])
         .collect();
     let time = system.time.as_variable();
     let n_states = system.states.len();
-    refine(trajectory, &|t, row| {
+    refine(&mut samples, dense, &|t, row| {
         let mut row = row.to_vec();
         let (x, alpha) = row.split_at_mut(n_states);
         system.see(t, x, alpha);
@@ -185,7 +193,8 @@ fn refined(compiled: &Compiled<'_>, trajectory: &Trajectory, exprs: &[Expr<'_>])
             None => params.get(&var).copied().unwrap_or(f64::NAN),
         };
         exprs.iter().map(|expr| expr.eval(&number)).collect()
-    })
+    });
+    samples
 }
 
 /// The switching functions of two axes alone, where these are the two states of the system.

@@ -47,7 +47,7 @@ pub fn forms(model: &Path, compiled: &Compiled<'_>) -> Vec<Golden> {
         text,
     };
     let system = file("system", Structure(&compiled.system).to_string());
-    let dcs = dcs::lower(&compiled.lowered(), &settings.lowerings).ok();
+    let dcs = dcs::lower(&compiled.lowered(), &settings.numerics.lowerings).ok();
     let dcs = dcs.map(|dcs| {
         let text = match settings.freezes() {
             true => without_numbers(&dcs.to_string()),

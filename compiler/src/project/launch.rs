@@ -26,7 +26,7 @@ pub fn launch(
     watch: &mut dyn Watch,
 ) -> Result<Trajectory, Diagnostics> {
     let mut trajectory = within(project, compiled, request, watch, MAX_DEPTH)?;
-    trajectory.parameters = compiled.parameters();
+    trajectory.setup.parameters = compiled.parameters();
     Ok(trajectory)
 }
 
@@ -137,11 +137,11 @@ fn from_experiment(
         limit: request.limit.clone(),
     };
     let trajectory = within(project, &mut compiled, &request, &mut (), depth)?;
-    match trajectory.time.len() {
+    match trajectory.samples.time.len() {
         // What starts from it is late, too.
         0 | 1 if trajectory.status.is_over() => Ok(Sampled::default()),
         0 | 1 => Err(bad("its run does not leave its start")),
-        _ => Ok(Sampled::of(&trajectory)),
+        _ => Ok(Sampled::of(&trajectory.samples)),
     }
 }
 

@@ -222,7 +222,7 @@ impl Prepared {
     fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         if settings.kicks.is_some() {
-            return Err(NotPrepared::Method(settings.method.kind().word()));
+            return Err(NotPrepared::Method(settings.numerics.method.kind().word()));
         }
         let Opened {
             places,
@@ -296,19 +296,20 @@ impl Prepared {
 impl Ready {
     fn of(system: &System, settings: &Settings, open: &[usize]) -> Result<Self, NotPrepared> {
         let horizon = settings.horizon;
-        match &settings.method {
+        let numerics = &settings.numerics;
+        match &numerics.method {
             Method::Auto | Method::Event(_) => {
                 let limit = Limit::default();
-                let chosen = solver_settings(&settings.method, settings.tolerance, limit);
+                let chosen = solver_settings(&numerics.method, numerics.tolerance, limit);
                 Ok(Ready::Events {
                     system: hybrid::lower_open(system, horizon, open),
                     settings: solver::Settings {
-                        averages: settings.averages,
+                        averages: numerics.averages,
                         ..chosen
                     },
                 })
             }
-            Method::Fesd(_) if system.contacts.is_empty() => Ok(Ready::Elements {
+            Method::Fesd(_) if system.jumps.contacts.is_empty() => Ok(Ready::Elements {
                 system: Arc::new(Compiled::prepared(system, settings, open)),
                 settings: first_elements(settings),
             }),
@@ -316,7 +317,7 @@ impl Ready {
                 system: Arc::new(impulses::prepared(system, settings, open)),
                 grid: impulses::first_grid(settings),
             }),
-            Method::Timestepping(_) if !system.impulsive.is_empty() => Ok(Ready::Steps {
+            Method::Timestepping(_) if !system.jumps.impulsive.is_empty() => Ok(Ready::Steps {
                 bodies: Arc::new(Bodies::new(system, open, Pulses::of(system, horizon))),
                 settings: moreau::first_steps(settings),
             }),
@@ -339,7 +340,7 @@ impl Opened {
     pub fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         if settings.optimize.is_some() || !takes(system, settings, &open_places(compiled)) {
-            return Err(NotPrepared::Method(settings.method.kind().word()));
+            return Err(NotPrepared::Method(settings.numerics.method.kind().word()));
         }
         Opened::inputs(compiled)
     }
@@ -351,21 +352,22 @@ impl Opened {
         let places = open_places(compiled);
         let mut why = hybrid::structural(system);
         if settings.optimize.is_some() {
-            let deciding = dcs::deciding(system, &settings.lowerings);
-            for (why, param) in why.iter_mut().zip(&system.params) {
+            let deciding = dcs::deciding(system, &settings.numerics.lowerings);
+            for (why, param) in why.iter_mut().zip(&system.exogenous.params) {
                 let decides = deciding.contains(&variable(param.var));
                 *why = why.or(decides.then_some(Structural::Regions));
             }
         }
         if let Some((at, why)) = places.iter().find_map(|&at| Some((at, why[at]?))) {
-            return Err(NotPrepared::Structural(system.params[at].name.clone(), why));
+            let name = system.exogenous.params[at].name.clone();
+            return Err(NotPrepared::Structural(name, why));
         }
         if let Some(name) = values.moving_range(&compiled.model) {
             return Err(NotPrepared::Structural(name, Structural::Range));
         }
         let ranges = values.open_ranges(&compiled.model);
         let parameter = |&at: &usize| {
-            let param = &system.params[at];
+            let param = &system.exogenous.params[at];
             let range = ranges[&variable(param.var)];
             Parameter {
                 name: param.name.clone(),
@@ -391,7 +393,7 @@ impl Opened {
 /// The places of the parameters that stay open.
 fn open_places(compiled: &crate::Compiled<'_>) -> Vec<usize> {
     let (system, values) = (&compiled.system, &compiled.settings.values);
-    let params = system.params.iter().enumerate();
+    let params = system.exogenous.params.iter().enumerate();
     let open = params.filter(|(_, param)| values.is_open(param.var));
     open.map(|(at, _)| at).collect()
 }
@@ -552,6 +554,6 @@ fn start(compiled: &crate::Compiled<'_>, open: &[usize]) -> Result<Tape, NotPrep
 
 fn inputs(system: &System, open: &[usize]) -> Vec<Var> {
     open.iter()
-        .map(|&at| variable(system.params[at].var))
+        .map(|&at| variable(system.exogenous.params[at].var))
         .collect()
 }

@@ -83,7 +83,7 @@ impl<'e> Rerun<'e> {
                 let place = starts.iter().position(|state| *state == name)?;
                 // Where it starts outside of its bounds it is refused.
                 let state = system.states.iter().find(|state| state.name == name)?;
-                let mut limits = system.limits.iter();
+                let mut limits = system.recorded.limits.iter();
                 let is_bounded = limits.any(|limit| limit.value == state.var);
                 (!is_bounded).then_some(Change::Initial(place))
             };
@@ -103,7 +103,7 @@ impl<'e> Rerun<'e> {
     /// Lets runs be told at these instants.
     pub fn sampled(mut self, sampling: impl FnOnce(&Settings<'_>) -> Sampling) -> Self {
         let settings = &mut self.compiled.settings;
-        settings.sampling = sampling(settings);
+        settings.recording.sampling = sampling(settings);
         self
     }
 
@@ -163,7 +163,7 @@ impl<'e> Rerun<'e> {
             Work::Events { plan, opened } => {
                 let system = &mut self.compiled.system;
                 for (&place, &value) in opened.places.iter().zip(&open) {
-                    system.params[place].value = value;
+                    system.exogenous.params[place].value = value;
                 }
                 for (state, x0) in system.states.iter_mut().zip(x0) {
                     state.initial = x0;

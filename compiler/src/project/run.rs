@@ -104,7 +104,7 @@ impl Run {
 
     /// What is reported over time, as a table.
     pub fn csv(&self) -> String {
-        csv::write(&self.trajectory)
+        csv::write(&self.trajectory.samples)
     }
 
     /// A short report.
@@ -128,8 +128,8 @@ impl Project {
     /// let run = project.run("short", &options, &mut ()).expect("it compiles");
     /// assert_eq!(run.trajectory.status, Status::Solved);
     /// // A row of values for each instant, and for each state a column.
-    /// let height = &run.trajectory.states[0];
-    /// let last = run.trajectory.time.len() - 1;
+    /// let height = &run.trajectory.samples.states[0];
+    /// let last = run.trajectory.samples.time.len() - 1;
     /// assert_eq!((height.name.as_str(), height.at(last).len()), ("h", 1));
     /// assert!((height.at(last)[0] - (1.0 + 0.5 * 0.25 - 0.25 * 0.25)).abs() < 1e-12);
     /// ```
@@ -155,7 +155,7 @@ impl Project {
     /// });
     /// let run = project.run("long", &options, &mut told).expect("it compiles");
     /// assert_eq!(run.trajectory.status, Status::Canceled);
-    /// assert!(run.trajectory.time.last() > Some(&100.0));
+    /// assert!(run.trajectory.samples.time.last() > Some(&100.0));
     /// ```
     ///
     /// # Errors
@@ -195,7 +195,7 @@ impl Project {
             Ok(trajectory) => trajectory,
             Err(diags) => return Err(Messages::new(diags, asked.sources)),
         };
-        trajectory.stats.compile_s = self.compile_seconds(&clock);
+        trajectory.quality.stats.compile_s = self.compile_seconds(&clock);
         trajectory.warnings.splice(0..0, Warning::all(&diags));
         Ok(Run::new(&compiled, trajectory, options, asked.sources))
     }

@@ -33,7 +33,7 @@ use crate::syntax::{ExperimentKind, Path};
 ///     let values = vec![("k".to_owned(), k)];
 ///     let options = Options { values, ..Options::default() };
 ///     let run = session.run("d", &options, &mut ()).expect("it compiles");
-///     let x = run.trajectory.states[0].values.last();
+///     let x = run.trajectory.samples.states[0].values.last();
 ///     assert!(x.is_some_and(|x| (x - f64::exp(-k)).abs() < 1e-8));
 /// }
 /// assert_eq!(session.kept(), 1);
@@ -191,6 +191,6 @@ fn again(
 ) -> Option<Run> {
     let mut trajectory = rerun.run(&numbers(options), &options.request(), watch)?;
     let compiled = rerun.compiled();
-    trajectory.parameters = compiled.parameters();
+    trajectory.setup.parameters = compiled.parameters();
     Some(Run::new(compiled, trajectory, options, sources.clone()))
 }

@@ -279,7 +279,7 @@ impl<'p> Sweep<'p> {
     /// be about these.
     fn sampling(&self, settings: &Settings<'_>) -> Sampling {
         let horizon = settings.horizon;
-        match (self.expects(), &settings.sampling) {
+        match (self.expects(), &settings.recording.sampling) {
             (false, _) => Sampling::At(vec![horizon]),
             (true, Sampling::At(instants)) if instants.last() != Some(&horizon) => {
                 Sampling::At([&instants[..], &[horizon]].concat())
@@ -355,7 +355,7 @@ impl<'p> Sweep<'p> {
         };
         let settings = &mut compiled.settings;
         if settings.optimize.is_none() {
-            settings.sampling = self.sampling(settings);
+            settings.recording.sampling = self.sampling(settings);
         }
         if let (Some(kicks), Some(seed)) = (&mut settings.kicks, self.seed_of(k)) {
             kicks.seed = seed;

@@ -5,7 +5,7 @@
 //! of the range of its column: where it is, the furthest is kept, and both sides are looked at again (Douglas and Peucker
 //! 1973).
 
-use super::{Series, Trajectory};
+use super::{Dense, Samples, Series};
 
 /// N, with which curves look smooth.
 const PARTS: f64 = 1200.0;
@@ -31,24 +31,20 @@ pub fn instants(from: f64, to: f64, span: f64) -> impl DoubleEndedIterator<Item 
     before.chain([to])
 }
 
-/// The trajectory at the ends of all parts, both ends of every piece among them.
+/// The samples at the ends of all parts, both ends of every piece among them.
 ///
 /// `values` gives all reported states, outputs and controls, entry by entry, from
 /// an instant and the rows of a piece there. Without pieces nothing changes.
-pub fn refine(trajectory: &Trajectory, values: &dyn Fn(f64, &[f64]) -> Vec<f64>) -> Trajectory {
-    let mut fine = trajectory.clone();
-    let (Some(first), Some(last)) = (
-        trajectory.dense.pieces.first(),
-        trajectory.dense.pieces.last(),
-    ) else {
-        return fine;
+pub fn refine(samples: &mut Samples, dense: &Dense, values: &dyn Fn(f64, &[f64]) -> Vec<f64>) {
+    let (Some(first), Some(last)) = (dense.pieces.first(), dense.pieces.last()) else {
+        return;
     };
     let span = last.to - first.from;
     let mut passed = Vec::new();
-    let mut all: Vec<&mut Series> = fine.series_mut().collect();
+    let mut all: Vec<&mut Series> = samples.series_mut().collect();
     all.iter_mut().for_each(|series| series.values.clear());
 
-    for piece in &trajectory.dense.pieces {
+    for piece in &dense.pieces {
         for time in instants(piece.from, piece.to, span) {
             let row = piece.at(time);
             let values = values(time, &row);
@@ -61,13 +57,12 @@ pub fn refine(trajectory: &Trajectory, values: &dyn Fn(f64, &[f64]) -> Vec<f64>)
             }
         }
     }
-    fine.time = passed;
-    fine
+    samples.time = passed;
 }
 
 /// Leaves out rows that straight lines do without, of those that are inside of steps.
-pub(crate) fn thin(trajectory: &mut Trajectory, inside: &[bool]) {
-    let columns: Vec<Column> = (trajectory.series())
+pub(crate) fn thin(samples: &mut Samples, inside: &[bool]) {
+    let columns: Vec<Column> = (samples.series())
         .flat_map(|series| series.columns())
         .filter_map(|(_, values)| Column::new(values))
         .collect();
@@ -77,17 +72,17 @@ pub(crate) fn thin(trajectory: &mut Trajectory, inside: &[bool]) {
     let has_rows = |&[first, last]: &[usize; 2]| last - first > 1;
     let mut open: Vec<[usize; 2]> = pairs.filter(has_rows).collect();
     while let Some([first, last]) = open.pop() {
-        if let Some(k) = furthest(&trajectory.time, &columns, [first, last]) {
+        if let Some(k) = furthest(&samples.time, &columns, [first, last]) {
             kept[k] = true;
             open.extend([[first, k], [k, last]].into_iter().filter(has_rows));
         }
     }
-    keep(trajectory, &kept);
+    keep(samples, &kept);
 }
 
 /// Leaves out the other rows.
-pub(crate) fn keep(trajectory: &mut Trajectory, kept: &[bool]) {
-    for series in trajectory.series_mut() {
+pub(crate) fn keep(samples: &mut Samples, kept: &[bool]) {
+    for series in samples.series_mut() {
         let n = series.n_entries().max(1);
         let mut entry = 0..;
         series
@@ -95,7 +90,7 @@ pub(crate) fn keep(trajectory: &mut Trajectory, kept: &[bool]) {
             .retain(|_| entry.next().is_some_and(|entry: usize| kept[entry / n]));
     }
     let mut row = kept.iter();
-    trajectory.time.retain(|_| row.next() == Some(&true));
+    samples.time.retain(|_| row.next() == Some(&true));
 }
 
 /// Values over time, and how far from them a straight line may be.
@@ -143,8 +138,8 @@ mod tests {
     #[test]
     fn pieces_are_sampled_with_both_ends() {
         let mut trajectory = sample::shapes();
-        trajectory.states.truncate(1);
-        trajectory.outputs = vec![trajectory.states[0].clone()];
+        trajectory.samples.states.truncate(1);
+        trajectory.samples.outputs = vec![trajectory.samples.states[0].clone()];
         let piece = |from: f64, to: f64, coefficients: [f64; 2]| Piece {
             from,
             to,
@@ -154,8 +149,12 @@ mod tests {
         trajectory.dense = Dense {
             pieces: vec![piece(0.0, 0.5, [1.0, 2.0]), piece(0.5, 1.0, [5.0, 0.0])],
         };
-        let fine = refine(&trajectory, &|time, row| vec![row[0], row[0] - time]);
-        assert_eq!(fine.verify(), Ok(()));
+        let (fine, values) = (&mut trajectory.samples, |time, row: &[f64]| {
+            vec![row[0], row[0] - time]
+        });
+        refine(fine, &trajectory.dense, &values);
+        assert_eq!(trajectory.verify(), Ok(()));
+        let fine = &trajectory.samples;
         let half = PARTS as usize / 2;
         assert_eq!(fine.time.len(), 2 * half + 2);
         assert_eq!(fine.time[half..=half + 1], [0.5, 0.5]);
@@ -185,17 +184,20 @@ mod tests {
     #[test]
     fn rows_are_kept_where_the_curve_bends() {
         let mut trajectory = sample::shapes();
-        let (state, n) = (&mut trajectory.states[0], 200);
-        trajectory.time = (0..=n).map(|k| 0.01 * f64::from(k)).collect();
+        let (state, n) = (&mut trajectory.samples.states[0], 200);
+        trajectory.samples.time = (0..=n).map(|k| 0.01 * f64::from(k)).collect();
         let value = |t: &f64| if *t < 1.0 { t * t } else { 1.0 };
-        state.values = trajectory.time.iter().map(value).collect();
-        let exact = trajectory.states[0].values.clone();
-        trajectory.states.truncate(1);
+        state.values = trajectory.samples.time.iter().map(value).collect();
+        let exact = trajectory.samples.states[0].values.clone();
+        trajectory.samples.states.truncate(1);
         let inside: Vec<bool> = (0..=n).map(|k| k % n != 0).collect();
-        let all = trajectory.time.clone();
-        thin(&mut trajectory, &inside);
+        let all = trajectory.samples.time.clone();
+        thin(&mut trajectory.samples, &inside);
         assert_eq!(trajectory.verify(), Ok(()));
-        let (time, values) = (&trajectory.time, &trajectory.states[0].values);
+        let (time, values) = (
+            &trajectory.samples.time,
+            &trajectory.samples.states[0].values,
+        );
         assert!(time.len() > 20 && time.len() < 45, "{} rows", time.len());
         assert_eq!([time[0], time[time.len() - 1]], [0.0, 2.0]);
         assert!(time.iter().filter(|t| **t > 1.005).count() == 1);

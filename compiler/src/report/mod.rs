@@ -43,57 +43,90 @@ use crate::source::Span;
 /// The result of one experiment.
 #[derive(Clone, Debug, Default)]
 pub struct Trajectory {
+    /// What was run.
+    pub setup: Setup,
+    /// How the run ended.
+    pub status: Status,
+    /// Why it did not end as `solved`.
+    pub failure: Option<Failure>,
+    /// Warnings of the run.
+    pub warnings: Vec<Warning>,
+    /// The values at the reported instants.
+    pub samples: Samples,
+    /// Multipliers of the complementarity system, where they were asked for and the method has them.
+    pub multipliers: Option<Multipliers>,
+    /// The solution between the reported instants.
+    pub dense: Dense,
+    /// Events and modes.
+    pub history: History,
+    /// How far it can be trusted, and what it cost.
+    pub quality: Quality,
+    /// Value of the cost of an `optimize`.
+    pub objective: Option<f64>,
+    /// How an optimum was found, and what a simulation says about it; none in a simulation.
+    pub optimum: Option<Optimum>,
+    /// What many runs with other seeds say together, where the experiment asks for them.
+    pub ensemble: Option<Ensemble>,
+}
+
+/// An experiment as it was run.
+#[derive(Clone, Debug, Default)]
+pub struct Setup {
     /// Name of the experiment.
     pub experiment: String,
     /// Name of the model.
     pub model: String,
     /// Simulation or optimal control.
     pub kind: Kind,
-    /// How the run ended.
-    pub status: Status,
-    /// Why it did not end as `solved`.
-    pub failure: Option<Failure>,
     /// The method and the options it ran with.
     pub method: Method,
     /// Parameters of the model with the values it ran with, each of them at one instant; none in solutions of prepared
     /// problems, which take them as arguments.
     pub parameters: Vec<Series>,
-    /// Instants at which values are reported.
+    /// What the experiment did not need.
+    pub skipped: Vec<String>,
+}
+
+/// Values at the instants t_k that are reported: a row of each series per instant.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Samples {
+    /// t_k, which does not decrease; an instant stands twice where something jumps.
     pub time: Vec<f64>,
     /// States, in order of declaration.
+    #[serde(serialize_with = "forms::json::by_name")]
     pub states: Vec<Series>,
     /// Outputs, in order of declaration.
+    #[serde(serialize_with = "forms::json::by_name")]
     pub outputs: Vec<Series>,
     /// Controls, in order of declaration.
+    #[serde(serialize_with = "forms::json::by_name")]
     pub controls: Vec<Series>,
-    /// Multipliers of the complementarity system, where they were asked for and the method has them.
-    pub multipliers: Option<Multipliers>,
-    /// Value of the cost of an `optimize`.
-    pub objective: Option<f64>,
+}
+
+/// The discrete part of a run: what happens at instants, and the modes between them.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct History {
     /// What happened, in order of time.
     pub events: Vec<Event>,
     /// The modes that follow each other.
     pub modes: Vec<ModeInterval>,
     /// Surface names of the switches, in the order of [`ModeInterval::sides`].
+    #[serde(skip)]
     pub switches: Vec<String>,
-    /// The solution between the reported instants.
-    pub dense: Dense,
+    /// Chattering that went on as sliding.
+    #[serde(skip)]
+    pub averaged: Vec<Averaged>,
+}
+
+/// How far a result can be trusted, and what it cost.
+#[derive(Clone, Copy, Debug, Default, serde::Serialize)]
+pub struct Quality {
     /// Estimate of the global error, relative to the magnitude of each state.
     pub error_estimate: Option<f64>,
     /// What it cost.
     pub stats: Stats,
     /// What is known about the result.
     pub certificate: Certificate,
-    /// How an optimum was found, and what a simulation says about it; none in a simulation.
-    pub optimum: Option<Optimum>,
-    /// What many runs with other seeds say together, where the experiment asks for them.
-    pub ensemble: Option<Ensemble>,
-    /// Chattering that went on as sliding.
-    pub averaged: Vec<Averaged>,
-    /// What the experiment did not need.
-    pub skipped: Vec<String>,
-    /// Warnings of the run.
-    pub warnings: Vec<Warning>,
 }
 
 /// Chattering that went on as sliding.
@@ -246,7 +279,7 @@ pub struct ModeInterval {
     /// Regions with indicators that the state slides between, by partition.
     #[serde(skip)]
     pub between: Vec<Vec<String>>,
-    /// The side of every switch, in the order of [`Trajectory::switches`].
+    /// The side of every switch, in the order of [`History::switches`].
     #[serde(skip)]
     pub sides: Vec<Side>,
     /// Contacts of steps of time that are not open, by their index in the system, ascending.
@@ -338,45 +371,34 @@ impl Warning {
     }
 }
 
-impl Trajectory {
-    /// What a run warns of, and why it has ended.
-    pub(crate) fn diagnostics(&self) -> Diagnostics {
-        let mut found = Diagnostics::new();
-        for warning in &self.warnings {
-            found.push(warning.clone());
-        }
-        if let Some(failure) = &self.failure {
-            found.push(failure.clone());
-        }
-        found
+impl Samples {
+    /// All that is reported over time: states, outputs, controls.
+    pub(crate) fn series(&self) -> impl Iterator<Item = &Series> {
+        (self.states.iter().chain(&self.outputs)).chain(&self.controls)
     }
 
-    /// Instants at which the mode changes, the start excluded.
-    pub fn switch_times(&self) -> Vec<f64> {
-        self.modes.iter().skip(1).map(|mode| mode.from).collect()
+    fn series_mut(&mut self) -> impl Iterator<Item = &mut Series> {
+        (self.states.iter_mut().chain(&mut self.outputs)).chain(&mut self.controls)
     }
 
-    /// The mode at `time`; at a change of mode, the one that begins there.
-    pub fn mode_at(&self, time: f64) -> Option<&ModeInterval> {
-        let after = self.modes.partition_point(|mode| mode.from <= time);
-        self.modes.get(after.saturating_sub(1))
+    /// States, then outputs.
+    pub fn states_and_outputs(&self) -> impl Iterator<Item = &Series> + Clone {
+        self.states.iter().chain(&self.outputs)
     }
 
-    /// Every state entry of the system, then every α, at `time`; `None` where the run has no values.
-    ///
-    /// Between points of a method without pieces it is interpolated, without α.
-    pub fn row_at(&self, time: f64) -> Option<Vec<f64>> {
+    /// Number of scalar states that are reported.
+    pub fn n_states(&self) -> usize {
+        self.states.iter().map(Series::n_entries).sum()
+    }
+
+    /// Every entry of a state at `time`, between instants on a straight line; `None` before the first and after the last.
+    fn states_at(&self, time: f64) -> Option<Vec<f64>> {
         let (first, last) = (*self.time.first()?, *self.time.last()?);
-        if let Some(end) = self.dense.pieces.last().map(|piece| piece.to) {
-            return (time <= end).then(|| self.dense.at(time)).flatten();
-        }
         if !(first..=last).contains(&time) {
             return None;
         }
-        let after = self
-            .time
-            .partition_point(|&t| t <= time)
-            .min(self.time.len() - 1);
+        let after = self.time.partition_point(|&t| t <= time);
+        let after = after.min(self.time.len() - 1);
         let before = after.saturating_sub(1);
         let length = self.time[after] - self.time[before];
         let share = if length > 0.0 {
@@ -391,52 +413,87 @@ impl Trajectory {
         Some(self.states.iter().flat_map(between).collect())
     }
 
-    /// All that is reported over time: states, outputs, controls.
-    pub(crate) fn series(&self) -> impl Iterator<Item = &Series> {
-        (self.states.iter().chain(&self.outputs)).chain(&self.controls)
+    fn verify(&self) -> Result<(), String> {
+        if self.time.windows(2).any(|pair| pair[1] < pair[0]) {
+            return Err("time decreases".into());
+        }
+        let is_ragged = |one: &&Series| one.values.len() != self.time.len() * one.n_entries();
+        match self.series().find(is_ragged) {
+            Some(Series { name, .. }) => {
+                Err(format!("`{name}` does not have one value per instant"))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl History {
+    /// Instants at which the mode changes, the start excluded.
+    pub fn switch_times(&self) -> Vec<f64> {
+        self.modes.iter().skip(1).map(|mode| mode.from).collect()
     }
 
-    fn series_mut(&mut self) -> impl Iterator<Item = &mut Series> {
-        (self.states.iter_mut().chain(&mut self.outputs)).chain(&mut self.controls)
+    /// The mode at `time`; at a change of mode, the one that begins there.
+    pub fn mode_at(&self, time: f64) -> Option<&ModeInterval> {
+        let after = self.modes.partition_point(|mode| mode.from <= time);
+        self.modes.get(after.saturating_sub(1))
     }
 
-    /// Number of scalar states that are reported.
-    pub fn n_states(&self) -> usize {
-        self.states.iter().map(Series::n_entries).sum()
+    fn verify(&self) -> Result<(), String> {
+        let mut pairs = self.modes.windows(2);
+        if let Some([before, after]) = pairs.find(|pair| pair[0].to != pair[1].from) {
+            return Err(format!("no mode between {} and {}", before.to, after.from));
+        }
+        let n_switches = self.switches.len();
+        match self.modes.iter().all(|mode| mode.sides.len() == n_switches) {
+            true => Ok(()),
+            false => Err("a mode does not have one side per switch".into()),
+        }
+    }
+}
+
+impl Trajectory {
+    /// What a run warns of, and why it has ended.
+    pub(crate) fn diagnostics(&self) -> Diagnostics {
+        let mut found = Diagnostics::new();
+        for warning in &self.warnings {
+            found.push(warning.clone());
+        }
+        if let Some(failure) = &self.failure {
+            found.push(failure.clone());
+        }
+        found
+    }
+
+    /// Every state entry of the system, then every α, at `time`; `None` where the run has no values.
+    ///
+    /// Between points of a method without pieces it is interpolated, without α.
+    pub fn row_at(&self, time: f64) -> Option<Vec<f64>> {
+        self.samples.time.first()?;
+        if let Some(end) = self.dense.pieces.last().map(|piece| piece.to) {
+            return (time <= end).then(|| self.dense.at(time)).flatten();
+        }
+        self.samples.states_at(time)
     }
 
     /// Checks the invariants of the module and names the first that is broken.
     pub fn verify(&self) -> Result<(), String> {
-        if self.time.windows(2).any(|pair| pair[1] < pair[0]) {
-            return Err("time decreases".into());
-        }
-        for series in self.series() {
-            if series.values.len() != self.time.len() * series.n_entries() {
-                return Err(format!(
-                    "`{}` does not have one value per instant",
-                    series.name
-                ));
-            }
-        }
-        for pair in self.modes.windows(2) {
-            if pair[0].to != pair[1].from {
-                return Err(format!(
-                    "no mode between {} and {}",
-                    pair[0].to, pair[1].from
-                ));
-            }
-        }
-        let n_switches = self.switches.len();
-        if self.modes.iter().any(|mode| mode.sides.len() != n_switches) {
-            return Err("a mode does not have one side per switch".into());
-        }
-        self.dense.verify(n_switches)
+        self.samples.verify()?;
+        self.history.verify()?;
+        self.dense.verify(self.history.switches.len())
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Series;
+    use super::{Series, Trajectory};
+
+    /// It goes from one thread to another, and outlives the model.
+    #[test]
+    fn a_trajectory_is_plain_data() {
+        fn is_plain<T: Send + Sync + 'static>(_: T) {}
+        is_plain(Trajectory::default());
+    }
 
     #[test]
     fn entries_are_named_as_in_the_model() {

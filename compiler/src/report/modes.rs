@@ -1,6 +1,6 @@
 //! Modes in few words, for tables and legends.
 
-use super::{Event, ModeInterval, Side, Trajectory};
+use super::{Event, History, ModeInterval, Side};
 
 /// Names that are listed before the rest is counted.
 const MAX_NAMES: usize = 4;
@@ -24,7 +24,7 @@ impl Side {
     }
 }
 
-impl Trajectory {
+impl History {
     /// The mode in at most about `length` characters: where it has many switches, regions and
     /// sliding surfaces are named and the others counted, but for as many as tell it from other modes of the run that
     /// count the same.
@@ -126,31 +126,31 @@ mod tests {
     #[test]
     fn many_switches_are_counted() {
         let mut trajectory = sample::oscillator();
-        trajectory.switches = (1..=8).map(|k| format!("s[{k}]")).collect();
+        trajectory.history.switches = (1..=8).map(|k| format!("s[{k}]")).collect();
         let mut interval = ModeInterval {
             mode: "above(s[1]), and so on".into(),
             regions: vec!["inside".into()],
             sides: vec![Side::Above; 8],
-            ..trajectory.modes[0].clone()
+            ..trajectory.history.modes[0].clone()
         };
         interval.sides[2] = Side::Sliding;
         interval.sides[3] = Side::Below;
-        let short = |interval: &ModeInterval| trajectory.short_mode(interval, 10);
+        let short = |interval: &ModeInterval| trajectory.history.short_mode(interval, 10);
         insta::assert_snapshot!(short(&interval), @"inside, sliding(s[3]), 1 below, 6 above");
         interval.sides = vec![Side::Sliding; 8];
         insta::assert_snapshot!(short(&interval), @"inside, 8 sliding");
-        assert_eq!(trajectory.short_mode(&interval, 30), interval.mode);
+        assert_eq!(trajectory.history.short_mode(&interval, 30), interval.mode);
     }
 
     #[test]
     fn modes_that_count_the_same_are_told_apart() {
         let mut trajectory = sample::oscillator();
-        trajectory.switches = ["x", "y", "z"].map(str::to_owned).into();
+        trajectory.history.switches = ["x", "y", "z"].map(str::to_owned).into();
         let mode = |name: &str, sides: [Side; 3]| ModeInterval {
             mode: name.into(),
             regions: Vec::new(),
             sides: sides.into(),
-            ..trajectory.modes[0].clone()
+            ..trajectory.history.modes[0].clone()
         };
         let (above, below) = (Side::Above, Side::Below);
         let modes = vec![
@@ -158,9 +158,9 @@ mod tests {
             mode("below(x), above(y), above(z)", [below, above, above]),
             mode("below(x), below(y), above(z)", [below, below, above]),
         ];
-        trajectory.modes = modes;
-        let short: Vec<String> = (trajectory.modes.iter())
-            .map(|interval| trajectory.short_mode(interval, 10))
+        trajectory.history.modes = modes;
+        let short: Vec<String> = (trajectory.history.modes.iter())
+            .map(|interval| trajectory.history.short_mode(interval, 10))
             .collect();
         insta::assert_snapshot!(short.join("\n"), @r"
         1 below, 2 above, above(x)
@@ -172,8 +172,8 @@ mod tests {
     #[test]
     fn a_change_of_many_switches_is_told_by_its_surface() {
         let trajectory = sample::oscillator();
-        let event = &trajectory.events[0];
-        assert_eq!(trajectory.change(event, 40), "inside -> outside");
-        assert_eq!(trajectory.change(event, 10), "below -> above");
+        let event = &trajectory.history.events[0];
+        assert_eq!(trajectory.history.change(event, 40), "inside -> outside");
+        assert_eq!(trajectory.history.change(event, 10), "below -> above");
     }
 }

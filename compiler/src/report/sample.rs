@@ -2,9 +2,18 @@
 
 use super::*;
 
+fn series(name: &str, shape: &[usize], values: &[f64]) -> Series {
+    Series {
+        name: name.into(),
+        shape: shape.to_vec(),
+        values: values.to_vec(),
+    }
+}
+
 /// The unstable oscillator: crosses the unit circle at t = 1.
 pub fn oscillator() -> Trajectory {
     let time = vec![0.0, 1.0, 1.5];
+    let x = [0.36787944117144233, 0.0, 1.0, 0.0, -1.6487212707, 0.25];
     let interval = |from, to, region: &str, side| ModeInterval {
         from,
         to,
@@ -14,10 +23,9 @@ pub fn oscillator() -> Trajectory {
         sides: vec![side],
         contacts: Vec::new(),
     };
-    Trajectory {
+    let setup = Setup {
         experiment: "crossing".into(),
         model: "oscillator".into(),
-        status: Status::Solved,
         method: Method {
             name: "event".into(),
             options: vec![
@@ -25,22 +33,16 @@ pub fn oscillator() -> Trajectory {
                 ("tolerance".into(), MethodOption::Number(1e-10)),
             ],
         },
-        parameters: vec![Series {
-            name: "omega".into(),
-            shape: vec![],
-            values: vec![6.25],
-        }],
-        states: vec![Series {
-            name: "x".into(),
-            shape: vec![2],
-            values: vec![0.36787944117144233, 0.0, 1.0, 0.0, -1.6487212707, 0.25],
-        }],
-        outputs: vec![Series {
-            name: "c".into(),
-            shape: vec![],
-            values: vec![-0.8646647167633873, 0.0, 1.7807818284],
-        }],
+        parameters: vec![series("omega", &[], &[6.25])],
+        ..Setup::default()
+    };
+    let samples = Samples {
+        states: vec![series("x", &[2], &x)],
+        outputs: vec![series("c", &[], &[-0.8646647167633873, 0.0, 1.7807818284])],
         time,
+        ..Samples::default()
+    };
+    let history = History {
         events: vec![Event {
             time: 1.0,
             kind: EventKind::Crossing,
@@ -55,6 +57,9 @@ pub fn oscillator() -> Trajectory {
             interval(1.0, 1.5, "outside", Side::Above),
         ],
         switches: vec!["c".into()],
+        ..History::default()
+    };
+    let quality = Quality {
         error_estimate: Some(1e-11),
         stats: Stats {
             compile_s: 0.002,
@@ -63,6 +68,14 @@ pub fn oscillator() -> Trajectory {
             rhs_evaluations: 204,
             ..Stats::default()
         },
+        ..Quality::default()
+    };
+    Trajectory {
+        setup,
+        status: Status::Solved,
+        samples,
+        history,
+        quality,
         warnings: vec![Warning {
             code: "W0501".into(),
             message: "a bound was left".into(),
@@ -74,20 +87,23 @@ pub fn oscillator() -> Trajectory {
 
 /// A scalar and a matrix state, at two instants.
 pub fn shapes() -> Trajectory {
-    let series = |name: &str, shape: &[usize], values: &[f64]| Series {
-        name: name.into(),
-        shape: shape.to_vec(),
-        values: values.to_vec(),
-    };
-    Trajectory {
+    let setup = Setup {
         experiment: "turn".into(),
         model: "body".into(),
-        status: Status::Solved,
+        ..Setup::default()
+    };
+    let samples = Samples {
         time: vec![0.0, 1.0],
         states: vec![
             series("q", &[], &[1.5, 2.5]),
             series("R", &[2, 2], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]),
         ],
+        ..Samples::default()
+    };
+    Trajectory {
+        setup,
+        status: Status::Solved,
+        samples,
         ..Trajectory::default()
     }
 }

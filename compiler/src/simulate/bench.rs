@@ -92,9 +92,8 @@ impl<'s, 'e> Bench<'s, 'e> {
     pub fn new(system: &'s System<'e>, settings: &Settings<'e>) -> Self {
         let mut settings = settings.clone();
         let takes_jumps = [Lowering::TimeFreezing, Lowering::Impact];
-        settings
-            .lowerings
-            .retain(|lowering| !takes_jumps.contains(lowering));
+        let lowerings = &mut settings.numerics.lowerings;
+        lowerings.retain(|lowering| !takes_jumps.contains(lowering));
         let without_elements = without_elements(system, &settings);
         Bench {
             without_elements,
@@ -105,7 +104,7 @@ impl<'s, 'e> Bench<'s, 'e> {
     /// For runs of the system as the experiment lowers it, which has been checked.
     pub fn lowered(system: &'s System<'e>, settings: &Settings<'e>) -> Self {
         let mut settings = settings.clone();
-        (settings.kicks, settings.averages) = (None, false);
+        (settings.kicks, settings.numerics.averages) = (None, false);
         Bench {
             system,
             settings,
@@ -141,7 +140,7 @@ impl<'s, 'e> Bench<'s, 'e> {
         if let Some(relay) = switches().find(|switch| switch.relay.is_some()) {
             return Some(format!("relay `{}` depends on the past", relay.name));
         }
-        if let Some((name, _)) = self.system.first_jump() {
+        if let Some((name, _)) = self.system.jumps.first_jump() {
             return Some(format!("`{name}` sets states"));
         }
         let is_kept = |switch: &Switch| switch.unilateral || switch.role != Role::Step;
@@ -169,7 +168,7 @@ impl<'s, 'e> Bench<'s, 'e> {
             let mut run = methods::of(&smoothed, &settings, &[]);
             return self.measure(&mut *run, &Problem::of_end(&smoothed, &settings, limit));
         }
-        let (system, name) = (self.system, settings.method.kind().word());
+        let (system, name) = (self.system, settings.numerics.method.kind().word());
         let known = self.plans.iter().position(|(known, _)| *known == name);
         let at = known.unwrap_or_else(|| {
             self.plans.push((name, methods::of(system, &settings, &[])));
@@ -218,18 +217,18 @@ impl Variant {
     /// An experiment with this method in place of its own.
     fn settings<'e>(self, of: &Settings<'e>) -> Settings<'e> {
         let mut settings = of.clone();
-        settings.method = match self {
+        settings.numerics.method = match self {
             Variant::Event {
                 tolerance,
                 more_orders,
             } => {
-                settings.tolerance = tolerance;
-                let mut options = match &of.method {
+                settings.numerics.tolerance = tolerance;
+                let mut options = match &of.numerics.method {
                     Method::Event(options) => options.clone(),
                     _ => EventOptions::default(),
                 };
                 if more_orders > 0 {
-                    let chosen = solver_settings(&of.method, tolerance, Limit::default());
+                    let chosen = solver_settings(&of.numerics.method, tolerance, Limit::default());
                     options.order = Some(chosen.series_order() + more_orders);
                 }
                 Method::Event(options)
@@ -249,11 +248,11 @@ impl Variant {
                 steps,
             }),
             Variant::Smoothing(options) => {
-                settings.tolerance = SMOOTHED_TOLERANCE;
+                settings.numerics.tolerance = SMOOTHED_TOLERANCE;
                 Method::Smoothing(options)
             }
             Variant::Adaptive { tolerance } => {
-                settings.tolerance = tolerance;
+                settings.numerics.tolerance = tolerance;
                 Method::Adaptive
             }
         };
@@ -269,6 +268,6 @@ fn without_elements(system: &System, settings: &Settings) -> Option<String> {
         let name = &system.switches[k].name;
         return Some(format!("`{name}` is read nonlinearly beside {beside}"));
     }
-    let checked = dcs::check(system, &settings.lowerings, true);
+    let checked = dcs::check(system, &settings.numerics.lowerings, true);
     checked.err().map(|error| error.to_string())
 }

@@ -13,7 +13,7 @@ use super::watch::{Progress, Watched};
 use super::{Request, outcome};
 use crate::limit::Limit;
 use crate::project::clock::Instant;
-use crate::report::{Certificate, Failure, Kind, Method, Stats, Status, Trajectory};
+use crate::report::{Certificate, Failure, Method, Quality, Setup, Stats, Status, Trajectory};
 use crate::simulate::outcome::overlooked::{Look, Looking};
 use crate::simulate::record::modes::ModeNames;
 use crate::simulate::record::reported::Reported;
@@ -76,7 +76,7 @@ impl Accuracy {
     /// That of an experiment.
     pub fn of(settings: &Settings) -> Self {
         Accuracy {
-            tolerance: settings.tolerance,
+            tolerance: settings.numerics.tolerance,
             attempt: 1,
             is_finer: false,
         }
@@ -100,14 +100,14 @@ impl Accuracy {
     }
 
     /// A smaller tolerance, where an estimate has shown this one to be too loose.
-    pub fn tightened(self, estimate: &Estimate, settings: &Settings) -> Option<Self> {
+    pub fn tightened(self, estimate: &Estimate, tolerance: f64) -> Option<Self> {
         if !estimate.same_modes {
             return None;
         }
-        let share = if estimate.error > settings.tolerance {
-            0.1 * settings.tolerance / estimate.error
+        let share = if estimate.error > tolerance {
+            0.1 * tolerance / estimate.error
         } else {
-            estimate.touches.share_to_tell(settings.tolerance)?
+            estimate.touches.share_to_tell(tolerance)?
         };
         let again = self.attempt < MAX_ATTEMPTS && self.tolerance > LEAST_TOLERANCE;
         again.then(|| self.next(self.tolerance * share.max(1e-4)))
@@ -197,7 +197,7 @@ pub(super) trait Run<'e> {
         estimate: Option<&Estimate>,
     ) -> Option<Accuracy> {
         let is_open = self.estimator(settings) == Estimator::Tolerance;
-        accuracy.tightened(estimate.filter(|_| is_open)?, settings)
+        accuracy.tightened(estimate.filter(|_| is_open)?, settings.numerics.tolerance)
     }
 
     /// Whether initial states, signals and open parameters are numbers of a run; else they are compiled in.
@@ -251,12 +251,12 @@ pub(super) fn drive<'e>(
         }
     };
     let mut trajectory = assemble(&problem, &ended, recorder);
-    trajectory.method = run.describe(&problem, &ended);
+    trajectory.setup.method = run.describe(&problem, &ended);
     run.tell(&problem, &ended, &mut trajectory);
     if let Some(estimate) = estimate {
         estimate.tell(run.estimator(settings), system, settings, &mut trajectory);
     }
-    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
+    trajectory.quality.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
 }
 
@@ -318,33 +318,33 @@ fn assemble<'e>(
     let failure = ended.failure.clone();
     let failure = failure.or_else(|| outcome::failure(system, &names, outcome, settings));
     let mut trajectory = Trajectory {
-        experiment: settings.name.clone(),
-        model: system.name.clone(),
-        kind: Kind::Simulate,
+        setup: Setup {
+            experiment: settings.name.clone(),
+            model: system.name.clone(),
+            skipped: system.provenance.skipped.clone(),
+            ..Setup::default()
+        },
         status: failure.as_ref().map_or(Status::Solved, Failure::status),
         failure,
-        switches: system
-            .switches
-            .iter()
-            .map(|switch| switch.name.clone())
-            .collect(),
-        stats: Stats {
-            steps: outcome.stats.steps as u64,
-            rhs_evaluations: outcome.stats.rhs_evaluations as u64,
-            newton_iterations: outcome.stats.newton_iterations as u64,
-            factorizations: outcome.stats.factorizations as u64,
-            complementarity_residual: outcome.complementarity,
-            ..Stats::default()
+        quality: Quality {
+            stats: Stats {
+                steps: outcome.stats.steps as u64,
+                rhs_evaluations: outcome.stats.rhs_evaluations as u64,
+                newton_iterations: outcome.stats.newton_iterations as u64,
+                factorizations: outcome.stats.factorizations as u64,
+                complementarity_residual: outcome.complementarity,
+                ..Stats::default()
+            },
+            certificate: Certificate {
+                max_violation: outcome.violation,
+                ..Certificate::default()
+            },
+            ..Quality::default()
         },
-        certificate: Certificate {
-            max_violation: outcome.violation,
-            ..Certificate::default()
-        },
-        skipped: system.skipped.clone(),
-        averaged: outcome::averaged(system, outcome),
         warnings: outcome::warnings(system, outcome),
         ..Trajectory::default()
     };
     recorder.fill(system, &names, outcome, &mut trajectory);
+    trajectory.history.averaged = outcome::averaged(system, outcome);
     trajectory
 }

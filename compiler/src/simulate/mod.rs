@@ -45,6 +45,6 @@ pub fn run_watched(
 ) -> Trajectory {
     let started = Instant::now();
     let mut trajectory = Plan::new(system, settings).run(system, settings, request, watch);
-    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
+    trajectory.quality.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
 }

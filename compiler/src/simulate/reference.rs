@@ -6,7 +6,7 @@ use nsd_solver::fesd::jumps::{Reference, Slip};
 use crate::lowering::dcs::{Impact, SlipLaw};
 use crate::report::Failure;
 use crate::system::System;
-use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
+use crate::system::experiment::{Sampling, Settings};
 
 /// How accurate the run is.
 const TOLERANCE: f64 = 1e-11;
@@ -24,11 +24,9 @@ impl<'e> ReferenceRun<'e> {
     /// What is run for an experiment: its system without outputs, from event to event.
     pub fn asked(system: &System<'e>, settings: &Settings<'e>) -> (System<'e>, Settings<'e>) {
         let mut settings = settings.clone();
-        settings.method = Method::Event(EventOptions::default());
-        settings.sampling = Sampling::Method;
-        settings.tolerance = TOLERANCE;
-        settings.lowerings.clear();
-        (settings.outputs, settings.optimize) = (None, None);
+        settings.simulate_by_events();
+        settings.recording.sampling = Sampling::Method;
+        settings.numerics.tolerance = TOLERANCE;
         (without_outputs(system), settings)
     }
 }
@@ -36,13 +34,13 @@ impl<'e> ReferenceRun<'e> {
 /// A system of which nothing is reported but its states.
 pub(crate) fn without_outputs<'e>(system: &System<'e>) -> System<'e> {
     let mut system = system.clone();
-    system.outputs.clear();
+    system.recorded.outputs.clear();
     system
 }
 
 /// The slip velocities with two entries at a point.
 pub(crate) fn slips(system: &System, time: f64, x: &[f64]) -> Vec<[f64; 2]> {
-    let friction = (system.contacts.iter()).filter_map(|contact| contact.friction.as_ref());
+    let friction = (system.jumps.contacts.iter()).filter_map(|contact| contact.friction.as_ref());
     let mut known = None;
     let slips = friction.map(|friction| &friction.slips);
     slips
@@ -56,7 +54,7 @@ pub(crate) fn slips(system: &System, time: f64, x: &[f64]) -> Vec<[f64; 2]> {
 
 /// The contacts of a system as a solver of programs sees them.
 pub(crate) fn impacts(system: &System, impacts: &[Impact]) -> Vec<jumps::Impact> {
-    let contacts = system.contacts.iter().zip(impacts);
+    let contacts = system.jumps.contacts.iter().zip(impacts);
     let impact = contacts.map(|(contact, impact)| jumps::Impact {
         switch: contact.switch,
         gap: impact.gap,

@@ -42,7 +42,7 @@ fn agrees(compiled: &Compiled<'_>) {
             .iter()
             .zip(at)
             .map(|(state, value)| (state.var, value));
-        let params = system.params.iter().map(|param| (param.var, param.value));
+        let params = system.exogenous.numbers();
         for (var, value) in known.chain(params).chain([(system.time, 0.5)]) {
             values.insert(var.as_variable().unwrap(), value);
         }

@@ -3,7 +3,8 @@
 use std::fmt;
 
 use super::{
-    Body, Contact, Continuity, Coverage, Direction, Impulsive, Law, Partition, Role, Switch, System,
+    Body, Contact, Continuity, Coverage, Direction, Impulsive, Law, Partition, Recorded, Role,
+    Switch, System,
 };
 
 impl fmt::Display for System<'_> {
@@ -39,10 +40,10 @@ impl Printed<'_, '_> {
             false => String::new(),
         };
         writeln!(f, "system {}", system.name)?;
-        for param in &system.params {
+        for param in &system.exogenous.params {
             writeln!(f, "param {}{}", param.name, valued(&param.value))?;
         }
-        for data in &system.data {
+        for data in &system.exogenous.data {
             writeln!(f, "signal {}{}", data.var, valued(&data.text))?;
         }
         for state in &system.states {
@@ -54,22 +55,25 @@ impl Printed<'_, '_> {
         for switch in 0..system.switches.len() {
             self.write_switch(f, switch)?;
         }
-        for law in &system.laws {
+        for law in &system.jumps.laws {
             self.write_law(f, law)?;
         }
-        for body in &system.bodies {
+        for body in &system.jumps.bodies {
             self.write_body(f, body)?;
         }
-        for contact in &system.contacts {
+        for contact in &system.jumps.contacts {
             self.write_contact(f, contact)?;
         }
-        for contact in &system.impulsive {
+        for contact in &system.jumps.impulsive {
             write_impulsive(f, contact)?;
         }
-        for partition in &system.partitions {
+        for partition in &system.coupling.partitions {
             self.write_partition(f, partition)?;
         }
-        for (word, list) in [("output", &system.outputs), ("control", &system.controls)] {
+        let Recorded {
+            outputs, controls, ..
+        } = &system.recorded;
+        for (word, list) in [("output", outputs), ("control", controls)] {
             for output in list {
                 let (name, entries) = (&output.name, listed(&output.exprs));
                 match output.shape[..] {
@@ -81,7 +85,7 @@ impl Printed<'_, '_> {
         if let Some(task) = &system.task {
             task.write(f, all)?;
         }
-        for subsystem in &system.subsystems {
+        for subsystem in &system.coupling.subsystems {
             let alphas = (subsystem.switches.iter()).map(|&k| system.switches[k].alpha);
             let regions = subsystem
                 .regions
@@ -89,7 +93,7 @@ impl Printed<'_, '_> {
                 .unwrap_or_default();
             writeln!(f, "subsystem {}{regions}", listed(alphas))?;
         }
-        for skipped in &system.skipped {
+        for skipped in &system.provenance.skipped {
             writeln!(f, "skipped {skipped}")?;
         }
         Ok(())

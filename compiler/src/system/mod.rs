@@ -84,16 +84,45 @@ pub struct System<'e> {
     pub time: Expr<'e>,
     /// The state that is physical time where that is not [`System::time`].
     pub clock: Option<usize>,
+    /// Parameters and data.
+    pub exogenous: Exogenous<'e>,
+    /// Scalar states x with their rates: those of the model, algebraic ones, and integrals.
+    pub states: Vec<State<'e>>,
+    /// Switches α_i ∈ step(ψ_i).
+    pub switches: Vec<Switch<'e>>,
+    /// Which switches act together.
+    pub coupling: Coupling<'e>,
+    /// What makes states jump.
+    pub jumps: Jumps<'e>,
+    /// What is recorded or watched of a run.
+    pub recorded: Recorded<'e>,
+    /// What is optimized; none in a simulation.
+    pub task: Option<Task<'e>>,
+    /// How it follows from the model.
+    pub provenance: Provenance<'e>,
+}
+
+/// Numbers and functions of time that nothing in the system moves.
+#[derive(Clone, Debug, Default)]
+pub struct Exogenous<'e> {
     /// Scalar parameters p with their values in this experiment.
     pub params: Vec<Param<'e>>,
     /// Functions of time from data that occur.
     pub data: Vec<Data<'e>>,
-    /// Scalar states x with their rates: those of the model, algebraic ones, and integrals.
-    pub states: Vec<State<'e>>,
-    /// The states that are recorded, made up of scalar states.
-    pub groups: Vec<StateGroup>,
-    /// Switches α_i ∈ step(ψ_i).
-    pub switches: Vec<Switch<'e>>,
+}
+
+/// Which switches act together.
+#[derive(Clone, Debug, Default)]
+pub struct Coupling<'e> {
+    /// Named regions by partition.
+    pub partitions: Vec<Partition<'e>>,
+    /// Switches that interact; a partition of all switches, in order of their first member.
+    pub subsystems: Vec<Subsystem>,
+}
+
+/// What makes states jump: laws of their own, and contacts between bodies.
+#[derive(Clone, Debug, Default)]
+pub struct Jumps<'e> {
     /// Laws by which states jump, in order.
     pub laws: Vec<Law<'e>>,
     /// Bodies that have contacts, and others.
@@ -102,18 +131,24 @@ pub struct System<'e> {
     pub contacts: Vec<Contact<'e>>,
     /// Contacts of a method in steps of time, which treats them itself; then there are no others.
     pub impulsive: Vec<Impulsive<'e>>,
-    /// Named regions by partition.
-    pub partitions: Vec<Partition<'e>>,
+}
+
+/// Functions of time, states and α that nothing moves by.
+#[derive(Clone, Debug, Default)]
+pub struct Recorded<'e> {
+    /// The states that are recorded, made up of scalar states.
+    pub groups: Vec<StateGroup>,
     /// What is recorded besides states and controls.
     pub outputs: Vec<Output<'e>>,
     /// Controls that are recorded, as functions of time and state.
     pub controls: Vec<Output<'e>>,
     /// What is watched during a run.
     pub limits: Vec<Limit<'e>>,
-    /// What is optimized; none in a simulation.
-    pub task: Option<Task<'e>>,
-    /// Switches that interact; a partition of all switches, in order of their first member.
-    pub subsystems: Vec<Subsystem>,
+}
+
+/// How a system follows from its model.
+#[derive(Clone, Debug, Default)]
+pub struct Provenance<'e> {
     /// What the model has and this experiment does not need, as the report tells it.
     pub skipped: Vec<String>,
     /// Parts of programs whose convexity was looked at in points only.
@@ -292,9 +327,40 @@ impl System<'_> {
 
     /// True for a constraint of a projection: what keeps it is no contact, so that nothing strikes it.
     pub fn is_projected(&self, switch: usize) -> bool {
-        let struck = self.laws.iter().any(|law| law.strikes == Some(switch));
-        let touched = self.contacts.iter().any(|contact| contact.switch == switch);
-        self.switches[switch].unilateral && !struck && !touched
+        let mut laws = self.jumps.laws.iter();
+        let struck = laws.any(|law| law.strikes == Some(switch));
+        self.switches[switch].unilateral && !struck && !self.jumps.touches(switch)
+    }
+}
+
+impl<'e> Exogenous<'e> {
+    /// Parameters by their numbers.
+    pub fn chosen(&self, places: &[usize]) -> impl Iterator<Item = &Param<'e>> {
+        places.iter().map(|&place| &self.params[place])
+    }
+
+    /// All parameters with their values.
+    pub fn numbers(&self) -> impl Iterator<Item = (Expr<'e>, f64)> {
+        self.params.iter().map(|param| (param.var, param.value))
+    }
+
+    /// The parameter of this name.
+    pub fn named(&self, name: &str) -> Option<&Param<'e>> {
+        self.params.iter().find(|param| param.name == name)
+    }
+}
+
+impl<'e> Recorded<'e> {
+    /// Outputs, then controls.
+    pub fn signals(&self) -> impl Iterator<Item = &Output<'e>> {
+        self.outputs.iter().chain(&self.controls)
+    }
+}
+
+impl Jumps<'_> {
+    /// Whether a switch is that of a contact.
+    pub fn touches(&self, switch: usize) -> bool {
+        self.contacts.iter().any(|contact| contact.switch == switch)
     }
 
     /// The names of the contacts that a name means: of one, or of all features of its gap.

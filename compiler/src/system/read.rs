@@ -96,9 +96,10 @@ impl<'e> System<'e> {
     /// `sign` and `step` of a switching function of the system become its α, so that they have a
     /// value on the surface; other nonsmooth terms stay as they are.
     pub fn read(&self, e: Expr<'e>) -> Expr<'e> {
-        rewrite(self.readings.resolve(e), &mut |e| match compared(e) {
+        let readings = &self.provenance.readings;
+        rewrite(readings.resolve(e), &mut |e| match compared(e) {
             Some((psi, Entry::Condition | Entry::Term)) => {
-                (self.readings.alpha_of(psi)).map_or(e, |alpha| at_alpha(e, alpha))
+                (readings.alpha_of(psi)).map_or(e, |alpha| at_alpha(e, alpha))
             }
             _ => e,
         })
@@ -106,24 +107,24 @@ impl<'e> System<'e> {
 
     /// Whether steep functions have taken the place of switches.
     pub fn is_smoothed(&self) -> bool {
-        self.readings.alphas.len() > self.switches.len()
+        self.provenance.readings.alphas.len() > self.switches.len()
     }
 
     /// The relay that an entry of a named switch stands for.
     pub fn relay_of(&self, entry: Expr<'e>) -> Option<usize> {
-        let alpha = self.readings.named.get(entry.as_variable()?)?;
-        let k = (self.readings.alphas.iter()).position(|other| *other == alpha)?;
+        let alpha = self.provenance.readings.named.get(entry.as_variable()?)?;
+        let k = (self.provenance.readings.alphas.iter()).position(|other| *other == alpha)?;
         self.switches[k].relay.map(|_| k)
     }
 
     /// The switch with the surface ψ = 0, and whether ψ is positive where its α is 0.
     pub fn switch_of(&self, psi: Expr<'e>) -> Option<(usize, bool)> {
         // Nonsmooth terms inside ψ are in α.
-        let psi = rewrite(self.readings.resolve(psi), &mut |e| {
-            let alpha = compared(e).and_then(|(psi, _)| self.readings.alpha_of(psi));
+        let psi = rewrite(self.provenance.readings.resolve(psi), &mut |e| {
+            let alpha = compared(e).and_then(|(psi, _)| self.provenance.readings.alpha_of(psi));
             alpha.map_or(e, |alpha| at_alpha(e, alpha))
         });
-        let found = self.readings.switch_of(psi);
+        let found = self.provenance.readings.switch_of(psi);
         found.filter(|(k, _)| *k < self.switches.len())
     }
 }

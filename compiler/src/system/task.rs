@@ -160,13 +160,13 @@ impl<'e> System<'e> {
 
     /// The values of the parameters at these places.
     pub(crate) fn values_of(&self, places: &[usize]) -> Vec<f64> {
-        let values = places.iter().map(|&place| self.params[place].value);
+        let values = self.exogenous.chosen(places).map(|param| param.value);
         values.collect()
     }
 
     /// The values of some parameters, by place.
     pub(crate) fn params_as_numbers(&self, holds: impl Fn(usize) -> bool) -> Substitution<'e> {
-        let params = self.params.iter().enumerate();
+        let params = self.exogenous.params.iter().enumerate();
         let numbers = params
             .filter(|(place, _)| holds(*place))
             .map(|(_, param)| param);

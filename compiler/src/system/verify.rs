@@ -15,7 +15,8 @@ impl System<'_> {
         verify_terms(self, &alphas)?;
         verify_affine(self, &alphas)?;
         verify_surfaces(self, &alphas)?;
-        if self.partitions.iter().any(|p| !are_weights(p, &alphas)) {
+        let mut partitions = self.coupling.partitions.iter();
+        if partitions.any(|p| !are_weights(p, &alphas)) {
             return Err("the weights of a partition choose no region".into());
         }
         verify_subsystems(self, &alphas)
@@ -34,34 +35,35 @@ pub(super) fn alphas_of(switches: &[Switch<'_>]) -> Vec<Var> {
 fn multi_affine<'s, 'e>(system: &'s System<'e>) -> impl Iterator<Item = (&'s str, Expr<'e>)> {
     let rates = system.states.iter();
     let rates = rates.map(|state| (state.name.as_str(), state.rate));
-    let regions = system.partitions.iter().flat_map(|p| &p.regions);
+    let regions = system.coupling.partitions.iter().flat_map(|p| &p.regions);
     rates.chain(regions.map(|r| (r.name.as_str(), r.weight)))
 }
 
 /// Every expression is smooth, in variables of the system.
 fn verify_terms(system: &System<'_>, alphas: &[Var]) -> Result<(), String> {
-    let recorded = system.outputs.iter().chain(&system.controls);
+    let recorded = system.recorded.signals();
     let recorded = recorded.flat_map(|output: &Output<'_>| &output.exprs);
-    let indicators = system.partitions.iter().flat_map(|p| &p.indicators);
-    let resets = system.laws.iter().flat_map(|law| &law.resets);
+    let partitions = system.coupling.partitions.iter();
+    let indicators = partitions.flat_map(|p| &p.indicators);
+    let resets = system.jumps.laws.iter().flat_map(|law| &law.resets);
     let all: Vec<Expr<'_>> = (multi_affine(system).map(|named| named.1))
         .chain(recorded.chain(indicators).copied())
-        .chain(system.limits.iter().map(|limit| limit.value))
+        .chain(system.recorded.limits.iter().map(|limit| limit.value))
         .chain(system.switches.iter().map(|switch| switch.psi))
         .chain(system.task.iter().flat_map(Task::exprs))
         .chain(resets.map(|reset| reset.1))
-        .chain(system.laws.iter().map(|law| law.guard))
-        .chain(system.contacts.iter().flat_map(Contact::exprs))
-        .chain(system.impulsive.iter().flat_map(Impulsive::exprs))
-        .chain(system.bodies.iter().flat_map(Body::exprs))
+        .chain(system.jumps.laws.iter().map(|law| law.guard))
+        .chain(system.jumps.contacts.iter().flat_map(Contact::exprs))
+        .chain(system.jumps.impulsive.iter().flat_map(Impulsive::exprs))
+        .chain(system.jumps.bodies.iter().flat_map(Body::exprs))
         .collect();
     if all.iter().any(|&e| has_kinks(e)) {
         return Err("a nonsmooth term is left".into());
     }
     let controls = system.task.iter().flat_map(|task| &task.controls);
-    let known: FxHashSet<Var> = (system.params.iter().map(|param| param.var))
+    let known: FxHashSet<Var> = (system.exogenous.params.iter().map(|param| param.var))
         .chain(system.states.iter().map(|state| state.var))
-        .chain(system.data.iter().map(|data| data.var))
+        .chain(system.exogenous.data.iter().map(|data| data.var))
         .chain(controls.map(|u| u.var))
         .chain([system.time])
         .filter_map(Expr::as_variable)
@@ -117,12 +119,12 @@ fn verify_subsystems(system: &System<'_>, alphas: &[Var]) -> Result<(), String> 
     let interacting = subsystems(&rates, alphas);
     let is_inside = |group: &[usize]| {
         let holds = |s: &Subsystem| group.iter().all(|k| s.switches.contains(k));
-        system.subsystems.iter().any(holds)
+        system.coupling.subsystems.iter().any(holds)
     };
     if interacting.iter().any(|group| !is_inside(&group.switches)) {
         return Err("α of different subsystems multiply each other".into());
     }
-    let members = system.subsystems.iter().flat_map(|s| &s.switches);
+    let members = system.coupling.subsystems.iter().flat_map(|s| &s.switches);
     let mut members: Vec<usize> = members.copied().collect();
     members.sort_unstable();
     match members.into_iter().eq(0..system.switches.len()) {

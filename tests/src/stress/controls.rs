@@ -354,9 +354,10 @@ impl Problem {
             let run = optimize::run(system, settings, task, &[], &Request::default(), &mut ());
             let found = run.expect("the problem can be discretized");
             let h = self.horizon / self.intervals as f64;
-            let control = found.system.data.iter().find(|data| data.name == "U");
+            let mut data = found.system.exogenous.data.iter();
+            let control = data.find(|data| data.name == "U");
             let table = &control.expect("controls are functions of time").table;
-            let param = found.system.params.iter().find(|param| param.name == "p");
+            let param = found.system.exogenous.named("p");
             let decided = Decided {
                 controls: (0..self.intervals)
                     .map(|k| table.value((k as f64 + 0.5) * h))

@@ -183,7 +183,7 @@ impl Instance {
             return Err(format!("{:?}", found.trajectory.failure));
         }
         let value = |name: &str| {
-            let param = found.system.params.iter().find(|param| param.name == name);
+            let param = found.system.exogenous.named(name);
             param.map_or(f64::NAN, |param| param.value)
         };
         let objective = found.trajectory.objective.unwrap_or(f64::NAN);

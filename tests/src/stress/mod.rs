@@ -314,7 +314,7 @@ impl Case {
             );
         }
         let error = self.error(trajectory);
-        let estimate = trajectory.error_estimate.unwrap_or(0.0);
+        let estimate = trajectory.quality.error_estimate.unwrap_or(0.0);
         let promised = match self.promise {
             Promise::Grid(steps) => f64::max(10.0 * estimate, 1.0 / steps as f64),
             _ if self.is_optimized() => OF_A_PROGRAM,
@@ -352,7 +352,7 @@ impl Case {
                 });
             }
         }
-        let times = trajectory.switch_times();
+        let times = trajectory.history.switch_times();
         if self.switches.is_some_and(|count| count != times.len()) {
             return f64::INFINITY;
         }

@@ -10,7 +10,7 @@ use super::{BELT, OSCILLATOR, distance, end, simulate};
 
 /// The value of an option that the report shows, zero where it is not shown.
 fn shown(trajectory: &Trajectory, name: &str) -> f64 {
-    let options = &trajectory.method.options;
+    let options = &trajectory.setup.method.options;
     let found = options.iter().find(|(option, _)| option == name);
     match found {
         Some((_, MethodOption::Number(value))) => *value,
@@ -25,7 +25,7 @@ fn elements_are_added_where_there_are_too_few() {
       y' = sign(x) + sign(x - 0.7) + sign(x - 1.2); }";
     let found = simulate(model, "horizon 2; method fesd { steps = 1; elements = 2; }");
     assert_eq!(
-        (found.events.len(), shown(&found, "added_elements")),
+        (found.history.events.len(), shown(&found, "added_elements")),
         (3, 2.0)
     );
     // y = ∫ of -3, -1, 1, 3 over 0.5, 0.7, 0.5, 0.3

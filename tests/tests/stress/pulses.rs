@@ -84,7 +84,7 @@ fn grids_that_miss_a_pulse_say_so() {
                 let error = ((found - 1.0 - area) / (1.0 + area)).abs();
                 let is_known = trajectory.failure.is_some()
                     || !trajectory.warnings.is_empty()
-                    || error <= 10.0 * trajectory.error_estimate.unwrap_or(0.0) + 1e-14;
+                    || error <= 10.0 * trajectory.quality.error_estimate.unwrap_or(0.0) + 1e-14;
                 assert!(is_known, "{model} {experiment}: {found}");
             }
         }

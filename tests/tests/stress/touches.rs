@@ -85,7 +85,7 @@ fn a_touch_in_an_implicit_step_is_told() {
     for tolerance in [5, 8, 10] {
         let experiment = format!("horizon 6; tolerance 1e-{tolerance};");
         let trajectory = simulate(&model(1.0), &experiment);
-        let options = &trajectory.method.options;
+        let options = &trajectory.setup.method.options;
         assert!(options.iter().any(|(name, _)| name == "implicit_order"));
         if tolerance < 10 {
             is_in_doubt(&trajectory, &model(1.0));

@@ -199,7 +199,7 @@ impl From<DiscretizeError> for Refused {
 
 /// The grid of an experiment, and how its program is made on it.
 fn discretization(settings: &Settings<'_>) -> (Grid, discretize::Options) {
-    let (steps, options) = match (&settings.optimize, &settings.method) {
+    let (steps, options) = match (&settings.optimize, &settings.numerics.method) {
         (Some(task), _) => (
             Some(task.discretization.intervals),
             discretize::Options::optimize(task),
@@ -227,17 +227,18 @@ fn lowered(
 ) -> Option<Result<Printed, Refused>> {
     let (system, settings) = (&compiled.lowered(), &compiled.settings);
     if ir == Ir::Tex {
-        let text = dcs::tex(system, &settings.lowerings);
+        let text = dcs::tex(system, &settings.numerics.lowerings);
         let text = text.map_err(|error| diags.push(error)).ok()?;
         return Some(Ok(Printed::of(text)));
     }
-    let dcs = dcs::lower(system, &settings.lowerings);
+    let dcs = dcs::lower(system, &settings.numerics.lowerings);
     let dcs = dcs.map_err(|error| diags.push(error)).ok()?;
     if ir == Ir::Dcs {
         return Some(Ok(Printed::of(dcs)));
     }
     // Of an optimization it is known that a step needs one piece of them.
-    if let Some(data) = system.data.first().filter(|_| settings.optimize.is_none()) {
+    let data = system.exogenous.data.first();
+    if let Some(data) = data.filter(|_| settings.optimize.is_none()) {
         diags.push(ExperimentError::DataInProgram {
             name: data.name.clone(),
             span: settings.span,

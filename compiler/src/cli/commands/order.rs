@@ -126,7 +126,7 @@ impl Forms {
     ) -> Option<Compiled<'e>> {
         let (file, mut clock) = (&project.file, Clock::default());
         let mut compiled = compile(exprs, file, &self.own, overrides, &mut clock, diags);
-        let steps = |compiled: &Compiled| !compiled.system.impulsive.is_empty();
+        let steps = |compiled: &Compiled| !compiled.system.jumps.impulsive.is_empty();
         if compiled.as_ref().is_some_and(steps) {
             compiled = compile(exprs, file, &self.automatic, overrides, &mut clock, diags);
         }
@@ -159,7 +159,7 @@ impl Forms {
 /// Whether states jump or relays switch.
 fn jumps(compiled: &Compiled) -> bool {
     let system = &compiled.system;
-    system.first_jump().is_some() || system.switches.iter().any(|k| k.relay.is_some())
+    system.jumps.first_jump().is_some() || system.switches.iter().any(|k| k.relay.is_some())
 }
 
 /// The table, or CSV in its place, and the figures; whether all could be written.

@@ -152,10 +152,9 @@ fn curves(
             fine
         }
     };
-    let all = [&fine.states, &fine.outputs, &fine.controls];
-    let columns = unique(all.into_iter().flatten().flat_map(Series::columns));
+    let columns = unique(fine.series().flat_map(Series::columns));
     let source = Source {
-        name: fine.experiment,
+        name: trajectory.setup.experiment,
         time: fine.time,
         columns,
         units: Units::of(&compiled.model),

@@ -194,7 +194,7 @@ fn one(
         }
     };
     drop(watching);
-    trajectory.stats.compile_s = project.compile_seconds(clock);
+    trajectory.quality.stats.compile_s = project.compile_seconds(clock);
     tell(&trajectory, project, streams)?;
     trajectory.warnings.splice(0..0, warnings);
     let figures = clock.time("report", || Figures {
@@ -239,11 +239,14 @@ impl<'a> Outputs<'a> {
             self.objects.push_str(&json::write(trajectory));
             self.objects.push('\n');
         }
+        let Trajectory {
+            samples, history, ..
+        } = trajectory;
         let files = [
-            (&args.csv, args.csv.as_ref().map(|_| csv::write(trajectory))),
+            (&args.csv, args.csv.as_ref().map(|_| csv::write(samples))),
             (
                 &args.events,
-                args.events.as_ref().map(|_| csv::events(trajectory)),
+                args.events.as_ref().map(|_| csv::events(history)),
             ),
             (&args.plot, figures.plot),
             (&args.animate, figures.animation),
@@ -262,7 +265,7 @@ impl<'a> Outputs<'a> {
             return path.to_owned();
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let name = format!("{stem}-{}", trajectory.experiment);
+        let name = format!("{stem}-{}", trajectory.setup.experiment);
         match path.extension() {
             Some(extension) => {
                 path.with_file_name(format!("{name}.{}", extension.to_string_lossy()))

@@ -85,7 +85,7 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
 /// A relay depends on the past, which complementarity knows nothing of, and a jump has no rate; one of a contact is
 /// an impulse, where these are taken.
 fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
-    if let Some(law) = system.laws.first().filter(|_| takes != Takes::Jumps) {
+    if let Some(law) = system.jumps.laws.first().filter(|_| takes != Takes::Jumps) {
         return Err(DcsError::Jump {
             name: law.name.clone(),
             help: match (law.strikes, &system.task) {
@@ -102,9 +102,9 @@ fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
         });
     }
     // Laws come first: what is left are contacts.
-    let mut contacts = system.contacts.iter();
+    let mut contacts = system.jumps.contacts.iter();
     let is_poisson = contacts.any(|contact| contact.restitution.newton().is_none());
-    if let Some((name, span)) = system.first_jump().filter(|_| takes == Takes::Rates) {
+    if let Some((name, span)) = system.jumps.first_jump().filter(|_| takes == Takes::Rates) {
         return Err(DcsError::Contact {
             name: name.to_owned(),
             help: match &system.task {
@@ -242,8 +242,8 @@ pub fn choose(system: &System) -> Choice {
 fn unnamed(system: &System) -> Option<String> {
     let is = |of: fn(&Switch) -> bool| system.switches.iter().any(of);
     let reason = if is(|switch| switch.unilateral) {
-        let strikes = system.laws.iter().any(|law| law.strikes.is_some());
-        match system.contacts.is_empty() && !strikes {
+        let strikes = system.jumps.laws.iter().any(|law| law.strikes.is_some());
+        match system.jumps.contacts.is_empty() && !strikes {
             true => "projections are stated by forces",
             false => "contacts are stated by forces",
         }

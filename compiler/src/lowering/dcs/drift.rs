@@ -26,11 +26,11 @@ impl<'e> Dcs<'e> {
     /// The same with c and ν of every contact, behind all other algebraic variables.
     pub fn without_drift(&self, system: &System<'e>) -> (Self, Vec<Kept>) {
         let (mut dcs, exprs) = (self.clone(), self.exprs);
-        let positions: Vec<usize> = (system.bodies.iter())
+        let positions: Vec<usize> = (system.jumps.bodies.iter())
             .flat_map(|body| body.positions.iter().copied())
             .collect();
         let mut kept = Vec::new();
-        for (impact, contact) in self.impacts.iter().zip(&system.contacts) {
+        for (impact, contact) in self.impacts.iter().zip(&system.jumps.contacts) {
             let first = dcs.algebraics.len();
             let [closed, multiplier] = ["closed", "drift"].map(|word| {
                 let var = exprs.variable(&format!("{word}({})", impact.name));

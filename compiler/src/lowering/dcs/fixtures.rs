@@ -2,7 +2,9 @@
 
 use crate::expr::{Expr, Exprs, Substitution};
 use crate::source::Span;
-use crate::system::{Continuity, Coverage, Partition, Region, State, Subsystem, Switch, System};
+use crate::system::{
+    Continuity, Coupling, Coverage, Partition, Region, State, Subsystem, Switch, System,
+};
 
 /// A system, and the rates as the user wrote them with `sign`, `max` and so on.
 pub struct Fixture<'e> {
@@ -118,24 +120,17 @@ impl<'e> Builder<'e> {
                 name: "fixture".to_owned(),
                 time: self.time,
                 clock: None,
-                data: Vec::new(),
-                params: Vec::new(),
+                exogenous: Default::default(),
                 states: states.collect(),
-                groups: Vec::new(),
                 switches: self.switches,
-                laws: Vec::new(),
-                bodies: Vec::new(),
-                contacts: Vec::new(),
-                impulsive: Vec::new(),
-                partitions: self.partitions,
-                outputs: Vec::new(),
-                controls: Vec::new(),
-                subsystems: subsystems.collect(),
-                limits: Vec::new(),
+                coupling: Coupling {
+                    partitions: self.partitions,
+                    subsystems: subsystems.collect(),
+                },
+                jumps: Default::default(),
+                recorded: Default::default(),
                 task: None,
-                skipped: Vec::new(),
-                sampled: Vec::new(),
-                readings: Default::default(),
+                provenance: Default::default(),
             },
         }
     }

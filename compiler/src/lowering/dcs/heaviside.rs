@@ -193,6 +193,7 @@ fn define<'e>(system: &System<'e>, products: Vec<Product<'e>>, dcs: &mut Dcs<'e>
     for product in products {
         let (left, right) = product.factors;
         let subsystem = system
+            .coupling
             .subsystems
             .iter()
             .position(|s| s.switches.contains(&product.switch));

@@ -138,7 +138,7 @@ pub(crate) fn impacts<'e>(
             span: contact.span,
         }
     };
-    system.contacts.iter().map(impact).collect()
+    system.jumps.contacts.iter().map(impact).collect()
 }
 
 impl<'e> Impact<'e> {

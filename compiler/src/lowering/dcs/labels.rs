@@ -90,7 +90,7 @@ pub(crate) fn signed(label: &str, positive: bool) -> String {
 pub(crate) fn prefix(system: &System, word: &str) -> String {
     let head = |name: &str| name.split(['[', '.']).next() == Some(word);
     let states = system.states.iter().map(|state| &state.name);
-    let params = system.params.iter().map(|param| &param.name);
+    let params = system.exogenous.params.iter().map(|param| &param.name);
     let underscore = if states.chain(params).any(|name| head(name)) {
         "_"
     } else {

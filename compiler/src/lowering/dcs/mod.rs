@@ -305,8 +305,8 @@ impl<'e> Dcs<'e> {
                 reason: None,
             },
             time: system.time,
-            data: system.data.iter().map(data).collect(),
-            params: system.params.clone(),
+            data: system.exogenous.data.iter().map(data).collect(),
+            params: system.exogenous.params.clone(),
             states: states.map(state).collect(),
             algebraics: Vec::new(),
             rows: Rows {

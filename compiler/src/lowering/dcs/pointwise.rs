@@ -72,7 +72,7 @@ impl Sides {
 
 /// What regions are compared by, of all partitions.
 pub fn indicators<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
-    let partitions = system.partitions.iter();
+    let partitions = system.coupling.partitions.iter();
     partitions
         .flat_map(|partition| partition.indicators.iter().copied())
         .collect()

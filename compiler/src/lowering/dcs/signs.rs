@@ -38,7 +38,7 @@ pub(crate) struct Row {
 
 /// Refuses the first subsystem with too many regions.
 pub(crate) fn check(system: &System) -> Result<(), DcsError> {
-    let mut subsystems = system.subsystems.iter();
+    let mut subsystems = system.coupling.subsystems.iter();
     subsystems.try_for_each(|subsystem| rows(system, subsystem).map(|_| ()))
 }
 
@@ -53,7 +53,7 @@ pub(crate) fn deciding(system: &System) -> Vec<Var> {
 
 /// The subsystems of several switches.
 pub(crate) fn several<'s>(system: &'s System) -> impl Iterator<Item = &'s Subsystem> {
-    let subsystems = system.subsystems.iter();
+    let subsystems = system.coupling.subsystems.iter();
     subsystems.filter(|subsystem| subsystem.switches.len() > 1)
 }
 
@@ -76,10 +76,10 @@ pub(crate) fn is_named(system: &System, subsystem: &Subsystem) -> bool {
 fn indicated(system: &System, subsystem: &Subsystem) -> Option<usize> {
     let own = |k: &usize| subsystem.switches.contains(k);
     let inside = |&p: &usize| {
-        let partition = &system.partitions[p];
+        let partition = &system.coupling.partitions[p];
         !partition.indicators.is_empty() && partition.switches.iter().all(own)
     };
-    let mut found = (0..system.partitions.len()).filter(inside);
+    let mut found = (0..system.coupling.partitions.len()).filter(inside);
     match (found.next(), found.next()) {
         (Some(partition), None) => Some(partition),
         _ => None,
@@ -101,7 +101,7 @@ pub(crate) fn rows(system: &System, subsystem: &Subsystem) -> Result<Vec<Row>, D
         rows.sort_by_key(|row| row.region);
         return Ok(rows);
     };
-    let partition = &system.partitions[p];
+    let partition = &system.coupling.partitions[p];
     let place = |k: &usize| subsystem.switches.binary_search(k).expect("a member");
     let indicated: Vec<usize> = partition.switches.iter().map(place).collect();
     let others: Vec<usize> = (subsystem.switches.iter().copied())
@@ -199,7 +199,7 @@ fn combinations(
 /// The first partition that is about switches of a subsystem and no others.
 pub(crate) fn partition(system: &System, subsystem: &Subsystem) -> Option<usize> {
     let own = |k: &usize| subsystem.switches.contains(k);
-    let mut partitions = system.partitions.iter();
+    let mut partitions = system.coupling.partitions.iter();
     partitions.position(|p| !p.switches.is_empty() && p.switches.iter().all(own))
 }
 
@@ -213,7 +213,7 @@ fn region(system: &System, subsystem: &Subsystem, signs: &[bool]) -> Option<(usi
             .position(|&k| system.switches[k].alpha.as_variable() == Some(var));
         place.map_or(f64::NAN, |place| f64::from(signs[place]))
     };
-    let regions = &system.partitions[partition].regions;
+    let regions = &system.coupling.partitions[partition].regions;
     let region = regions
         .iter()
         .position(|region| region.weight.eval(&corner) > 0.5)?;
@@ -235,8 +235,8 @@ pub(crate) fn row_name(
         .filter(|&(place, _)| row.region.is_none() || varies(place))
         .map(|(_, (&k, &plus))| signed(&labels[k], plus));
     let region = row.region;
-    let region =
-        region.map(|(partition, region)| system.partitions[partition].regions[region].name.clone());
+    let partitions = &system.coupling.partitions;
+    let region = region.map(|(p, region)| partitions[p].regions[region].name.clone());
     region
         .into_iter()
         .chain(signs)

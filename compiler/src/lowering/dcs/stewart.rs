@@ -42,9 +42,9 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
     let mut taken = HashSet::new();
     let [theta, lambda, mu] = ["theta", "lambda", "mu"].map(|word| labels::prefix(system, word));
 
-    let mut simplices = Vec::with_capacity(system.subsystems.len());
-    let mut multipliers = Vec::with_capacity(system.subsystems.len());
-    for (s, subsystem) in system.subsystems.iter().enumerate() {
+    let mut simplices = Vec::with_capacity(system.coupling.subsystems.len());
+    let mut multipliers = Vec::with_capacity(system.coupling.subsystems.len());
+    for (s, subsystem) in system.coupling.subsystems.iter().enumerate() {
         let rows = rows(system, subsystem)?;
         let names: Vec<String> = (rows.iter())
             .map(|row| row_name(system, subsystem, &rows, row, &labels))
@@ -60,7 +60,7 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
         let theta: Vec<Expr> = theta.map(|name| dcs.algebraic(&name, guess())).collect();
         let lambda = named(&lambda).into_iter();
         let lambda: Vec<Expr> = lambda.map(|name| dcs.multiplier(&name, guess())).collect();
-        let alone = system.subsystems.len() == 1;
+        let alone = system.coupling.subsystems.len() == 1;
         let mu = if alone {
             mu.clone()
         } else {
@@ -88,7 +88,7 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
         .collect();
 
     for (s, (simplex, (lambda, mu))) in simplices.iter().zip(&multipliers).enumerate() {
-        let subsystem = &system.subsystems[s];
+        let subsystem = &system.coupling.subsystems[s];
         let psi: Vec<Expr> = (subsystem.switches.iter())
             .map(|&k| system.switches[k].psi.substitute(&marginals))
             .collect();
@@ -112,7 +112,7 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
 /// The indicator of the region of a row, where it has one.
 fn indicator<'e>(system: &System<'e>, row: &Row) -> Option<Expr<'e>> {
     let (partition, region) = row.region?;
-    system.partitions[partition]
+    system.coupling.partitions[partition]
         .indicators
         .get(region)
         .copied()
@@ -122,7 +122,7 @@ fn indicator<'e>(system: &System<'e>, row: &Row) -> Option<Expr<'e>> {
 /// θ, λ and μ in the order in which [`lower`] declares them: θ_r = Π α or 1-α, μ = min g, λ = g - μ.
 pub(crate) fn rules(system: &System) -> Rules {
     let mut rules = Rules::default();
-    for subsystem in &system.subsystems {
+    for subsystem in &system.coupling.subsystems {
         // `lower` refuses what has too many.
         let rows = rows(system, subsystem).unwrap_or_default();
         let own = |row: &Row| {
@@ -133,7 +133,7 @@ pub(crate) fn rules(system: &System) -> Rules {
         let compared = |row: &Row| {
             let indicator = row.region.filter(|_| !row.indicated.is_empty());
             let indicator = indicator.map(|(partition, region)| {
-                let before = system.partitions[..partition].iter();
+                let before = system.coupling.partitions[..partition].iter();
                 let before: usize = before.map(|partition| partition.indicators.len()).sum();
                 (system.switches.len() + before + region, 1.0)
             });
@@ -285,7 +285,7 @@ impl<'e> Simplex<'e> {
 
 fn subsystem_origin(system: &System, s: usize) -> Origin {
     let switches = || {
-        system.subsystems[s]
+        system.coupling.subsystems[s]
             .switches
             .iter()
             .map(|&k| &system.switches[k])
@@ -301,11 +301,11 @@ fn subsystem_origin(system: &System, s: usize) -> Origin {
 /// A row belongs to the user's region, to its switch where there is only one, else to the subsystem.
 fn origin(system: &System, s: usize, row: &Row) -> Origin {
     let whole = subsystem_origin(system, s);
-    let subsystem = &system.subsystems[s];
+    let subsystem = &system.coupling.subsystems[s];
     match (row.region, subsystem.switches.as_slice()) {
         (Some((partition, region)), _) => Origin {
             cause: Cause::Region { partition, region },
-            span: system.partitions[partition].regions[region].span,
+            span: system.coupling.partitions[partition].regions[region].span,
             ..whole
         },
         (None, &[switch]) => Origin {

@@ -23,7 +23,7 @@ impl<'e> Polynomials<'e> {
             coefficients.extend(c.as_variable());
             c
         };
-        for data in &system.data {
+        for data in &system.exogenous.data {
             let begin = coefficient("begin");
             let c: Vec<Expr<'e>> = (0..data.table.n_coefficients())
                 .map(|_| coefficient("c"))

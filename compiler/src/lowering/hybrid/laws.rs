@@ -56,6 +56,6 @@ pub(crate) fn compile<'e>(
             }),
         }
     };
-    let jumps = system.laws.iter().map(jump);
-    jumps.chain(system.contacts.iter().map(impact)).collect()
+    let (laws, contacts) = (system.jumps.laws.iter(), system.jumps.contacts.iter());
+    laws.map(jump).chain(contacts.map(impact)).collect()
 }

@@ -56,7 +56,7 @@ pub fn lower_open(system: &System, horizon: f64, open: &[usize]) -> Arc<HybridSy
 
 /// The pieces of all data.
 pub(crate) fn data_of(system: &System) -> Vec<Arc<Piecewise>> {
-    let tables = system.data.iter().map(|data| &data.table);
+    let tables = system.exogenous.data.iter().map(|data| &data.table);
     tables.map(|table| table.pieces.clone()).collect()
 }
 
@@ -82,13 +82,14 @@ pub enum Structural {
 
 /// For each parameter, why it may be no input.
 pub fn structural(system: &System) -> Vec<Option<Structural>> {
-    let laws = system.laws.iter().flat_map(|law| {
+    let laws = system.jumps.laws.iter().flat_map(|law| {
         let values = law.resets.iter().map(|&(_, value)| value);
         values.chain([law.guard])
     });
-    let contacts = system.contacts.iter().flat_map(system::Contact::exprs);
-    let impulsive = (system.impulsive.iter()).flat_map(system::Impulsive::exprs);
-    let masses = system.bodies.iter().flat_map(|body| &body.mass).copied();
+    let jumps = &system.jumps;
+    let contacts = jumps.contacts.iter().flat_map(system::Contact::exprs);
+    let impulsive = (jumps.impulsive.iter()).flat_map(system::Impulsive::exprs);
+    let masses = jumps.bodies.iter().flat_map(|body| &body.mass).copied();
     let contacts = contacts.chain(impulsive).chain(masses);
     let all = functions(system).concat().into_iter();
     let all: Vec<Expr> = all.chain(laws).chain(contacts).collect();
@@ -100,7 +101,7 @@ pub fn structural(system: &System) -> Vec<Option<Structural>> {
         var if narrowing.contains(&var) => Some(Structural::Narrow),
         _ => None,
     };
-    system.params.iter().map(why).collect()
+    system.exogenous.params.iter().map(why).collect()
 }
 
 /// The parameters that may be inputs, by their numbers.
@@ -168,8 +169,8 @@ impl<'e> Lowering<'e> {
             inputs.insert(variable(switch.alpha), Input::Alpha(i));
         }
         inputs.extend(sticking.iter().map(|&(i, sigma)| (sigma, Input::Alpha(i))));
-        for (i, &place) in open.iter().enumerate() {
-            inputs.insert(variable(system.params[place].var), Input::Parameter(i));
+        for (i, param) in system.exogenous.chosen(open).enumerate() {
+            inputs.insert(variable(param.var), Input::Parameter(i));
         }
         for (i, &coefficient) in polynomials.coefficients.iter().enumerate() {
             inputs.insert(coefficient, Input::Coefficient(i));
@@ -201,10 +202,7 @@ impl<'e> Lowering<'e> {
         let mut lowered = HybridSystem {
             algebraics: system.algebraic_states(),
             laws: laws::compile(system, &self.inputs, &instead),
-            parameters: open
-                .iter()
-                .map(|&place| system.params[place].value)
-                .collect(),
+            parameters: (system.exogenous.chosen(open)).map(|p| p.value).collect(),
             data: data_of(system),
             ..HybridSystem::default()
         };

@@ -11,7 +11,7 @@ use crate::system::switches::roots;
 
 /// The values of the parameters but those that are open, by their numbers.
 pub(crate) fn numbers<'e>(system: &System<'e>, open: &[usize]) -> Substitution<'e> {
-    let params = system.params.iter().enumerate();
+    let params = system.exogenous.params.iter().enumerate();
     let params = params.filter(|(place, _)| !open.contains(place));
     params
         .map(|(_, param)| (variable(param.var), system.exprs.constant(param.value)))

@@ -209,7 +209,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
         let instants = self.places.iter().map(|place| place.share * horizon);
         let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
         let run = problem.again(w, |runs| {
-            runs.replace_data(problem.system.data.len(), &tables);
+            runs.replace_data(problem.system.exogenous.data.len(), &tables);
             runs.values(&x0, horizon, &instants, limit)
         })?;
         let system = &problem.system;
@@ -259,7 +259,8 @@ impl Known {
             .iter()
             .flat_map(|task| task.params.iter().enumerate())
         {
-            values.set(system.params[free.place].var, w[problem.layout.p(i)]);
+            let param = &system.exogenous.params[free.place];
+            values.set(param.var, w[problem.layout.p(i)]);
         }
         Known { values }
     }
@@ -268,7 +269,7 @@ impl Known {
     fn set(&mut self, system: &System, time: f64, row: &[f64]) {
         let vars = (system.states.iter().map(|state| state.var))
             .chain(system.switches.iter().map(|switch| switch.alpha));
-        let data = (system.data.iter()).map(|data| (data.var, data.table.value(time)));
+        let data = (system.exogenous.data.iter()).map(|data| (data.var, data.table.value(time)));
         let all = vars.zip(row.iter().copied()).chain(data);
         self.values.extend(all.chain([(system.time, time)]));
     }

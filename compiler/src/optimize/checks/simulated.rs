@@ -27,8 +27,8 @@ pub(crate) fn simulate(
     let w = &solution.w;
     let started = Instant::now();
     let run = solved::run(problem, w, limit, |settings| {
-        settings.tolerance = (FINER * settings.tolerance).max(FINEST);
-        settings.sampling = Sampling::Method;
+        settings.numerics.tolerance = (FINER * settings.numerics.tolerance).max(FINEST);
+        settings.recording.sampling = Sampling::Method;
     });
     if let Some(optimum) = &mut trajectory.optimum {
         optimum.check_s = started.elapsed().as_secs_f64();
@@ -37,16 +37,16 @@ pub(crate) fn simulate(
         let warning = unfinished(&problem.settings, run.failure.as_ref());
         return trajectory.warnings.push(warning);
     }
-    let last = run.time.len() - 1;
-    let x = run.states[0].at(last);
+    let last = run.samples.time.len() - 1;
+    let x = run.samples.states[0].at(last);
     let (_, n) = solved::end(problem, x);
     let terminal = solved::terminal_error(problem, w, x);
-    let all = (0..run.time.len()).flat_map(|k| &run.states[0].at(k)[..n]);
+    let all = (0..run.samples.time.len()).flat_map(|k| &run.samples.states[0].at(k)[..n]);
     let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
     let objective = cost(problem, x, w) - solution.objective;
     let relative =
         (terminal / size.max(FEASIBLE)).max(objective.abs() / solution.objective.abs().max(1.0));
-    if relative > problem.settings.tolerance {
+    if relative > problem.settings.numerics.tolerance {
         let message = format!(
             "a simulation with these controls ends {terminal:.1e} away, with an objective that differs by \
              {:.1e}; more `elements` or nodes are more accurate",
@@ -55,7 +55,7 @@ pub(crate) fn simulate(
         let warning = disagrees(&problem.settings, message);
         trajectory.warnings.push(warning);
     }
-    trajectory.error_estimate = Some(relative);
+    trajectory.quality.error_estimate = Some(relative);
     if let Some(optimum) = &mut trajectory.optimum {
         optimum.check = Some(Check {
             terminal_error: terminal,

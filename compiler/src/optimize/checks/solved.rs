@@ -8,7 +8,7 @@ use crate::optimize::Problem;
 use crate::report::Trajectory;
 use crate::simulate::Request;
 use crate::source::table::{Fit, Table};
-use crate::system::experiment::{EventOptions, Method, Settings};
+use crate::system::experiment::Settings;
 use crate::system::task::Shape;
 use crate::system::{StateGroup, System};
 
@@ -20,18 +20,16 @@ pub(crate) fn run<'e>(
     change: impl FnOnce(&mut Settings<'e>),
 ) -> Trajectory {
     let mut system = system(problem, w);
-    system.outputs.clear();
-    system.controls.clear();
-    system.groups = vec![StateGroup {
+    system.recorded.outputs.clear();
+    system.recorded.controls.clear();
+    system.recorded.groups = vec![StateGroup {
         name: "x".into(),
         shape: vec![system.states.len()],
         entries: (0..system.states.len()).collect(),
     }];
     let mut settings = problem.settings.clone();
     settings.horizon = problem.at(w).horizon();
-    settings.method = Method::Event(EventOptions::default());
-    settings.lowerings.clear();
-    (settings.outputs, settings.optimize) = (None, None);
+    settings.simulate_by_events();
     change(&mut settings);
     let request = Request {
         dense: false,
@@ -50,13 +48,13 @@ pub(crate) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
         return system;
     };
     for (i, free) in task.params.iter().enumerate() {
-        system.params[free.place].value = w[layout.p(i)];
+        system.exogenous.params[free.place].value = w[layout.p(i)];
     }
     for free in &task.initial {
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
     for (control, table) in task.controls.iter().zip(tables(problem, w)) {
-        system.data.push(Data {
+        system.exogenous.data.push(Data {
             name: control.name.clone(),
             var: control.var,
             text: format!("{}: {table}", table.fit),
@@ -65,7 +63,7 @@ pub(crate) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
         });
     }
     // Bounds are constraints of the program.
-    system.limits.clear();
+    system.recorded.limits.clear();
     system
 }
 

@@ -7,7 +7,7 @@
 use crate::expr::{Expr, Var};
 use crate::lowering::dcs::solve_pointwise;
 use crate::optimize::Problem;
-use crate::report::{Series, Trajectory};
+use crate::report::{Samples, Series};
 
 /// Values in time to start from, by the names of entries.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,7 +20,7 @@ pub struct Sampled {
 
 impl Sampled {
     /// The states and controls of a run.
-    pub fn of(trajectory: &Trajectory) -> Self {
+    pub fn of(samples: &Samples) -> Self {
         let entries = |series: &Series| {
             let (n, names) = (series.n_entries(), series.entry_names());
             let values = series.values.clone();
@@ -30,9 +30,9 @@ impl Sampled {
             });
             columns.collect::<Vec<_>>()
         };
-        let series = trajectory.states.iter().chain(&trajectory.controls);
+        let series = samples.states.iter().chain(&samples.controls);
         Sampled {
-            time: trajectory.time.clone(),
+            time: samples.time.clone(),
             values: series.flat_map(entries).collect(),
         }
     }
@@ -153,7 +153,7 @@ impl Known<'_, '_> {
                 if Some(other) == time {
                     return share * self.horizon;
                 }
-                let mut params = system.params.iter();
+                let mut params = system.exogenous.params.iter();
                 let param = params.find(|param| param.var.as_variable() == Some(other));
                 param.map_or(f64::NAN, |param| param.value)
             };

@@ -109,7 +109,7 @@ impl Problem<'_> {
 fn is_decided(system: &System, var: Var) -> bool {
     let of_task = |task: &Task<'_>| {
         let controls = task.controls.iter().map(|control| control.var);
-        let params = (task.params.iter()).map(|free| system.params[free.place].var);
+        let params = (task.params.iter()).map(|free| system.exogenous.params[free.place].var);
         let mut all = controls.chain(params);
         all.any(|known| known.as_variable() == Some(var))
     };

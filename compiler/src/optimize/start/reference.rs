@@ -15,7 +15,7 @@ use crate::optimize::checks::solved;
 use crate::optimize::{Problem, Sampled};
 use crate::report::{Dense, Status, Trajectory};
 use crate::simulate::{self, ReferenceRun, Request, impacts};
-use crate::system::experiment::{EventOptions, Method, Sampling};
+use crate::system::experiment::Sampling;
 use crate::system::task::{Control, Shape};
 use crate::system::{Param, State, System};
 
@@ -43,9 +43,9 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
     }
     let mut system = problem.system.clone();
     system.task = None;
-    system.outputs.clear();
+    system.recorded.outputs.clear();
     // Bounds are rows of the program.
-    system.limits.clear();
+    system.recorded.limits.clear();
     for (i, control) in task.controls.iter().enumerate() {
         let values: Vec<f64> = layout
             .control_instants()
@@ -54,7 +54,7 @@ pub(crate) fn warm_start(problem: &Problem, w: &mut [f64], limit: &Limit) -> boo
         if values.iter().any(|value| *value != values[0]) {
             return false;
         }
-        system.params.push(known(control, values[0]));
+        system.exogenous.params.push(known(control, values[0]));
     }
     let reference = problem.constant_run(&system, limit);
     follow(problem, &reference, settings.horizon, w);
@@ -79,22 +79,22 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
     };
     let mut system = frozen.system.clone();
     system.task = None;
-    let (n_params, n_states) = (system.params.len(), system.states.len());
+    let (n_params, n_states) = (system.exogenous.params.len(), system.states.len());
     let clock = system.states[frozen.clock].rate;
     for (i, free) in task.params.iter().enumerate() {
-        system.params[free.place].value = w[layout.p(i)];
+        system.exogenous.params[free.place].value = w[layout.p(i)];
     }
     for free in &task.initial {
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
     let length = problem.at(w).horizon() / layout.steps as f64;
     for k in 1..=layout.steps {
-        system.params.truncate(n_params);
+        system.exogenous.params.truncate(n_params);
         system.states.truncate(n_states);
         for (i, control) in task.controls.iter().enumerate() {
             let to = w[layout.u(k) + i];
             match task.shape {
-                Shape::Constant => system.params.push(known(control, to)),
+                Shape::Constant => system.exogenous.params.push(known(control, to)),
                 // A line in the clock.
                 Shape::Linear => {
                     let from = w[layout.u(k - 1) + i];
@@ -112,7 +112,7 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
         let Some((run, end)) = run(problem, &system, frozen.clock, length, instant, limit) else {
             return false;
         };
-        let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
+        let switches = run.history.switch_times();
         let mut start = 0.0;
         for (j, h) in (1..).zip(cut(0.0, end, &switches, layout.elements)) {
             w[layout.h(k, j)] = h;
@@ -141,11 +141,11 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
     let instants = instants.map(|t| t.min(horizon)).collect();
     let run = solved::run(problem, w, limit, |settings| {
         settings.horizon = horizon;
-        settings.sampling = Sampling::At(instants);
+        settings.recording.sampling = Sampling::At(instants);
     });
-    let states = run.states.first()?;
+    let states = run.samples.states.first()?;
     let entry = |i: usize| {
-        (0..run.time.len())
+        (0..run.samples.time.len())
             .map(|point| states.at(point)[i])
             .collect()
     };
@@ -156,7 +156,7 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
             .enumerate()
             .map(|(i, name)| (name, entry(i)))
             .collect(),
-        time: run.time.clone(),
+        time: run.samples.time.clone(),
     })
 }
 
@@ -252,10 +252,8 @@ fn run<'e>(
     limit: &Limit,
 ) -> Option<(Trajectory, f64)> {
     let mut settings = problem.settings.clone();
-    settings.method = Method::Event(EventOptions::default());
-    settings.sampling = Sampling::Method;
-    settings.lowerings.clear();
-    (settings.outputs, settings.optimize) = (None, None);
+    settings.simulate_by_events();
+    settings.recording.sampling = Sampling::Method;
     LONGER.iter().find_map(|longer| {
         let request = Request {
             dense: true,

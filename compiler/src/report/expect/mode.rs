@@ -57,11 +57,11 @@ pub fn evaluate(
     let Some(instant) = relation::instant(subject, at, &mut diags) else {
         return relation::verdict_of(&diags);
     };
-    let reached = trajectory.modes.last().map_or(0.0, |last| last.to);
+    let reached = trajectory.history.modes.last().map_or(0.0, |last| last.to);
     if instant > reached {
         return failed(format!("the run ended at {}", significant(reached, 12)));
     }
-    let Some(interval) = trajectory.mode_at(instant) else {
+    let Some(interval) = trajectory.history.mode_at(instant) else {
         return failed("no mode".into());
     };
     match holds(subject, mode, interval) {
@@ -139,7 +139,7 @@ fn are_on(
                 span: surface.span,
             }
         };
-        let names = subject.system.contacts_of(&plain(subject, surface));
+        let names = subject.system.jumps.contacts_of(&plain(subject, surface));
         let impulsive = impulsive(subject, &names);
         let is_on: Vec<bool> = match impulsive.is_empty() {
             false => {
@@ -173,7 +173,7 @@ fn contact_is_on(
 ) -> Option<bool> {
     let held = interval.contacts.iter().find(|(k, _)| *k == contact);
     let side = held.map_or(Side::Open, |(_, side)| *side);
-    let is_rough = subject.system.impulsive[contact].friction.is_some();
+    let is_rough = subject.system.jumps.impulsive[contact].friction.is_some();
     match wanted {
         Side::Closed => Some(side != Side::Open),
         Side::Open => Some(side == Side::Open),
@@ -206,14 +206,14 @@ fn switch_is_on(
 
 /// The contacts of steps of time with these names.
 fn impulsive(subject: &Subject<'_, '_>, names: &[&str]) -> Vec<usize> {
-    let contacts = subject.system.impulsive.iter().enumerate();
+    let contacts = subject.system.jumps.impulsive.iter().enumerate();
     let named = contacts.filter(|(_, contact)| names.contains(&contact.name.as_str()));
     named.map(|(k, _)| k).collect()
 }
 
 /// Arguments that are regions with indicators, in order of declaration.
 fn indicated(subject: &Subject<'_, '_>, args: &[Arg]) -> Option<Vec<String>> {
-    let partitions = subject.system.partitions.iter();
+    let partitions = subject.system.coupling.partitions.iter();
     let indicated = partitions.filter(|partition| !partition.indicators.is_empty());
     let regions = indicated.flat_map(|partition| &partition.regions);
     let known: Vec<&str> = regions.map(|region| region.name.as_str()).collect();
@@ -260,7 +260,7 @@ pub fn switches_of(
         help: surfaces(subject),
     };
     let text = plain(subject, surface);
-    let features = subject.system.contacts_of(&text);
+    let features = subject.system.jumps.contacts_of(&text);
     let is_meant = |name: &str| name == text || features.contains(&name);
     let switches = subject.system.switches.iter().enumerate();
     let contacts = switches.filter(|(_, switch)| switch.unilateral && is_meant(&switch.name));
@@ -274,7 +274,7 @@ pub fn switches_of(
         .ok_or_else(unknown)?;
     // Where indicators cross that are not the smallest, nobody looks.
     let is_hidden = |k: usize| {
-        let mut partitions = subject.system.partitions.iter();
+        let mut partitions = subject.system.coupling.partitions.iter();
         partitions.any(|p| !p.indicators.is_empty() && p.switches.contains(&k))
     };
     let switches = value.data.iter().map(|&entry| {
@@ -345,13 +345,13 @@ fn not_a_mode(subject: &Subject<'_, '_>, mode: &syntax::Expr) -> ExpectError {
 fn surfaces(subject: &Subject<'_, '_>) -> String {
     let switches = subject.system.switches.iter().enumerate();
     let indicated = |k: &usize| {
-        let mut partitions = subject.system.partitions.iter();
+        let mut partitions = subject.system.coupling.partitions.iter();
         partitions.any(|p| !p.indicators.is_empty() && p.switches.contains(k))
     };
     // A contact that is the smallest of several stands before them.
     let mut names: Vec<String> = Vec::new();
     for (_, switch) in switches.filter(|(k, _)| !indicated(k)) {
-        let mut features = subject.system.features();
+        let mut features = subject.system.jumps.features();
         let feature = features.find(|(own, _)| *own == switch.name);
         let owner = feature.and_then(|(_, owner)| owner);
         let owner = owner.map(|name| format!("`{name}`"));

@@ -216,7 +216,7 @@ pub fn evaluate(
         };
     }
     let instants: &[f64] = match (sides.left_when, sides.right_when) {
-        (When::Always, _) | (_, When::Always) => &trajectory.time,
+        (When::Always, _) | (_, When::Always) => &trajectory.samples.time,
         _ => &[f64::NAN],
     };
     let mut worst: Option<Miss> = None;
@@ -302,7 +302,7 @@ fn values(
         When::At(instant) => at(subject, trajectory, instant),
         When::Always => at(subject, trajectory, time),
     };
-    let reached = trajectory.time.last().copied().unwrap_or(0.0);
+    let reached = trajectory.samples.time.last().copied().unwrap_or(0.0);
     let point = point.ok_or_else(|| format!("the run ended at {}", significant(reached, 12)))?;
     Ok(side
         .data

@@ -7,7 +7,7 @@ use super::{Subject, as_name, mode};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
 use crate::model::Tensor;
-use crate::report::{EventKind, Trajectory};
+use crate::report::{Event, EventKind, History, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
 use crate::system::Valuation;
 
@@ -66,7 +66,7 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
     /// What a name or call means, where it belongs to the run.
     fn meaning(&self, expr: &syntax::Expr) -> Option<Tensor<'e>> {
         match &expr.kind {
-            ExprKind::Name(name) if name == "switches" => Some(self.list(Trajectory::switch_times)),
+            ExprKind::Name(name) if name == "switches" => Some(self.list(History::switch_times)),
             ExprKind::Name(name) if name == "end" => Some(self.number(self.subject.horizon)),
             ExprKind::Name(name) if name == "order" && self.is_free(name) => {
                 self.has_order.set(true);
@@ -128,19 +128,19 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         };
         let kind = self.kind(kind)?;
         let Some(surface) = surface else {
-            return Ok(self.list(|run| times(run, |event| event.kind == kind)));
+            return Ok(self.list(|history| times(history, |event| event.kind == kind)));
         };
         let text = mode::plain(self.subject, surface);
         let system = self.subject.system;
-        let laws = system.laws.iter().map(|law| law.name.as_str());
+        let laws = system.jumps.laws.iter().map(|law| law.name.as_str());
         let mut names: Vec<&str> = laws.filter(|name| *name == text).collect();
-        names.extend(system.contacts_of(&text));
+        names.extend(system.jumps.contacts_of(&text));
         if names.is_empty() {
             let switches = mode::switches_of(self.subject, surface)?.into_iter();
             names.extend(switches.map(|(k, _)| self.subject.system.switches[k].name.as_str()));
         }
-        Ok(self.list(|run| {
-            times(run, |event| {
+        Ok(self.list(|history| {
+            times(history, |event| {
                 event.kind == kind && names.contains(&event.surface.as_str())
             })
         }))
@@ -163,11 +163,11 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         })
     }
 
-    fn list(&self, of: impl Fn(&Trajectory) -> Vec<f64>) -> Tensor<'e> {
+    fn list(&self, of: impl Fn(&History) -> Vec<f64>) -> Tensor<'e> {
         self.has_list.set(true);
         let numbers = match self.run {
             Run::Unknown => vec![0.0; MANY],
-            Run::Known { trajectory, .. } => of(trajectory),
+            Run::Known { trajectory, .. } => of(&trajectory.history),
         };
         Tensor::vector(
             numbers
@@ -186,7 +186,7 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
     }
 }
 
-fn times(run: &Trajectory, is_wanted: impl Fn(&crate::report::Event) -> bool) -> Vec<f64> {
+fn times(run: &History, is_wanted: impl Fn(&Event) -> bool) -> Vec<f64> {
     run.events
         .iter()
         .filter(|event| is_wanted(event))

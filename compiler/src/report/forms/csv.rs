@@ -2,17 +2,17 @@
 //!
 //! Numbers round-trip. Names that hold a comma, such as `R[1,2]`, are quoted.
 
-use crate::report::{Series, Trajectory};
+use crate::report::{History, Samples, Series};
 
 /// Header `time,x[1],x[2],...` and one line per instant: states, outputs, controls.
-pub fn write(trajectory: &Trajectory) -> String {
-    let columns: Vec<&Series> = trajectory.series().collect();
+pub fn write(samples: &Samples) -> String {
+    let columns: Vec<&Series> = samples.series().collect();
     let mut text = csv::Writer::from_writer(Vec::new());
 
     let names = columns.iter().flat_map(|series| series.entry_names());
     // Writing to memory does not fail and every record has the same length.
     let _ = text.write_record(std::iter::once("time".to_owned()).chain(names));
-    for (k, time) in trajectory.time.iter().enumerate() {
+    for (k, time) in samples.time.iter().enumerate() {
         let values = columns.iter().flat_map(|series| series.at(k));
         // The shortest text that reads back as the same number, with an exponent where it is shorter.
         let record = std::iter::once(time)
@@ -25,10 +25,10 @@ pub fn write(trajectory: &Trajectory) -> String {
 }
 
 /// Header `time,kind,surface,from,to` and one line per event, the modes before and after it.
-pub fn events(trajectory: &Trajectory) -> String {
+pub fn events(history: &History) -> String {
     let mut text = csv::Writer::from_writer(Vec::new());
     let _ = text.write_record(["time", "kind", "surface", "from", "to"]);
-    for event in &trajectory.events {
+    for event in &history.events {
         let time = format!("{:?}", event.time);
         let words = [&*event.surface, &event.from, &event.to];
         let _ = text.write_record([&*time, event.kind.as_str()].into_iter().chain(words));
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn one_column_per_entry_and_one_line_per_instant() {
-        insta::assert_snapshot!(write(&sample::oscillator()), @"
+        insta::assert_snapshot!(write(&sample::oscillator().samples), @"
 time,x[1],x[2],c
 0.0,0.36787944117144233,0.0,-0.8646647167633873
 1.0,1.0,0.0,0.0
@@ -59,9 +59,12 @@ time,x[1],x[2],c
     #[test]
     fn one_line_per_event() {
         let mut trajectory = sample::oscillator();
-        trajectory.events.push(trajectory.events[0].clone());
-        trajectory.events[1].surface = "max(a, b)".to_owned();
-        insta::assert_snapshot!(events(&trajectory), @r#"
+        trajectory
+            .history
+            .events
+            .push(trajectory.history.events[0].clone());
+        trajectory.history.events[1].surface = "max(a, b)".to_owned();
+        insta::assert_snapshot!(events(&trajectory.history), @r#"
 time,kind,surface,from,to
 1.0,crossing,c,inside,outside
 1.0,crossing,"max(a, b)",inside,outside
@@ -70,7 +73,7 @@ time,kind,surface,from,to
 
     #[test]
     fn names_with_commas_are_quoted() {
-        insta::assert_snapshot!(write(&sample::shapes()), @r#"
+        insta::assert_snapshot!(write(&sample::shapes().samples), @r#"
 time,q,"R[1,1]","R[1,2]","R[2,1]","R[2,2]"
 0.0,1.5,1.0,2.0,3.0,4.0
 1.0,2.5,5.0,6.0,7.0,8.0
@@ -82,8 +85,8 @@ time,q,"R[1,1]","R[1,2]","R[2,1]","R[2,2]"
         let mut trajectory = sample::shapes();
         let awkward = [0.1 + 0.2, 1e-300, f64::MAX, -0.0];
         for value in awkward {
-            trajectory.states[0].values[0] = value;
-            let text = write(&trajectory);
+            trajectory.samples.states[0].values[0] = value;
+            let text = write(&trajectory.samples);
             let field = text.lines().nth(1).unwrap().split(',').nth(1).unwrap();
             assert_eq!(field.parse::<f64>().unwrap().to_bits(), value.to_bits());
         }

@@ -7,9 +7,8 @@ use serde::ser::{Serialize, SerializeSeq, Serializer};
 use nsd_solver::optimization::mpcc::Spread;
 
 use crate::report::{
-    Averaged, Bands, Certificate, Check, Confirmation, Ensemble, Event, EventKind, Kind, Method,
-    MethodOption, ModeInterval, Multipliers, Optimum, Series, Stationarity, Stats, Status,
-    Trajectory, Warning,
+    Averaged, Bands, Check, Confirmation, Ensemble, EventKind, History, Kind, Method, MethodOption,
+    Multipliers, Optimum, Quality, Samples, Series, Stationarity, Status, Trajectory, Warning,
 };
 
 /// The object, without a line break.
@@ -69,13 +68,8 @@ struct Run<'a> {
 /// What it gave.
 #[derive(serde::Serialize)]
 struct Values<'a> {
-    time: &'a [f64],
-    #[serde(serialize_with = "by_name")]
-    states: &'a [Series],
-    #[serde(serialize_with = "by_name")]
-    outputs: &'a [Series],
-    #[serde(serialize_with = "by_name")]
-    controls: &'a [Series],
+    #[serde(flatten)]
+    samples: &'a Samples,
     #[serde(skip_serializing_if = "Option::is_none")]
     multipliers: Option<&'a Multipliers>,
     /// States at the last instant.
@@ -87,11 +81,10 @@ struct Values<'a> {
 /// What happened, and how far it can be trusted.
 #[derive(serde::Serialize)]
 struct Account<'a> {
-    events: &'a [Event],
-    modes: &'a [ModeInterval],
-    error_estimate: Option<f64>,
-    stats: &'a Stats,
-    certificate: Certificate,
+    #[serde(flatten)]
+    history: &'a History,
+    #[serde(flatten)]
+    quality: &'a Quality,
     #[serde(skip_serializing_if = "Option::is_none")]
     optimum: Option<&'a Optimum>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -105,38 +98,33 @@ struct Account<'a> {
 
 impl<'a> From<&'a Trajectory> for Object<'a> {
     fn from(trajectory: &'a Trajectory) -> Self {
-        let last = trajectory.time.len().checked_sub(1);
-        let at_end = last.map(|last| at(&trajectory.states, last));
+        let setup = &trajectory.setup;
+        let last = trajectory.samples.time.len().checked_sub(1);
+        let at_end = last.map(|last| at(&trajectory.samples.states, last));
         let failure = trajectory.failure.iter();
         let failure = failure.map(|failure| Warning::of(failure));
         Object {
             run: Run {
-                experiment: &trajectory.experiment,
-                model: &trajectory.model,
-                kind: trajectory.kind,
+                experiment: &setup.experiment,
+                model: &setup.model,
+                kind: setup.kind,
                 status: trajectory.status,
-                method: &trajectory.method,
-                parameters: at(&trajectory.parameters, 0),
+                method: &setup.method,
+                parameters: at(&setup.parameters, 0),
             },
             values: Values {
-                time: &trajectory.time,
-                states: &trajectory.states,
-                outputs: &trajectory.outputs,
-                controls: &trajectory.controls,
+                samples: &trajectory.samples,
                 multipliers: trajectory.multipliers.as_ref(),
                 r#final: at_end.unwrap_or_default(),
                 objective: trajectory.objective,
             },
             account: Account {
-                events: &trajectory.events,
-                modes: &trajectory.modes,
-                error_estimate: trajectory.error_estimate,
-                stats: &trajectory.stats,
-                certificate: trajectory.certificate,
+                history: &trajectory.history,
+                quality: &trajectory.quality,
                 optimum: trajectory.optimum.as_ref(),
                 ensemble: trajectory.ensemble.as_ref(),
-                averaged: &trajectory.averaged,
-                skipped: &trajectory.skipped,
+                averaged: &trajectory.history.averaged,
+                skipped: &setup.skipped,
                 warnings: (trajectory.warnings.iter().cloned())
                     .chain(failure)
                     .collect(),
@@ -280,8 +268,8 @@ mod tests {
     #[test]
     fn what_is_not_finite_is_null() {
         let mut trajectory = sample::oscillator();
-        trajectory.states[0].values[1] = f64::NAN;
-        trajectory.stats.kkt_residual = f64::INFINITY;
+        trajectory.samples.states[0].values[1] = f64::NAN;
+        trajectory.quality.stats.kkt_residual = f64::INFINITY;
         let value: serde_json::Value = serde_json::from_str(&write(&trajectory)).unwrap();
         assert!(value["states"]["x"][0][1].is_null());
         assert!(value["stats"]["kkt_residual"].is_null());

@@ -4,8 +4,8 @@ use std::fmt::{self, Display, Write};
 
 use crate::diagnostics::counted;
 use crate::report::{
-    Bands, Constraint, Event, EventKind, MethodOption, Series, Stationarity, Stats, Status,
-    Trajectory,
+    Bands, Constraint, Event, EventKind, History, MethodOption, Series, Stationarity, Stats,
+    Status, Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
@@ -29,9 +29,7 @@ pub fn write(trajectory: &Trajectory) -> String {
 }
 
 fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    let Trajectory {
-        experiment, model, ..
-    } = trajectory;
+    let (experiment, model) = (&trajectory.setup.experiment, &trajectory.setup.model);
     let status = trajectory.status.as_str();
     writeln!(text, "{experiment} of {model}: {status}")?;
     if let Some(failure) = &trajectory.failure {
@@ -44,12 +42,12 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     free(trajectory, text)?;
     constraints(trajectory, text)?;
     end(trajectory, text)?;
-    events(trajectory, text)?;
-    modes(trajectory, text)?;
+    events(&trajectory.history, text)?;
+    modes(&trajectory.history, text)?;
     origin(trajectory, text)?;
     optimum(trajectory, text)?;
     ensemble(trajectory, text)?;
-    for skipped in &trajectory.skipped {
+    for skipped in &trajectory.setup.skipped {
         writeln!(text, "  skipped {skipped}")?;
     }
     for warning in &trajectory.warnings {
@@ -138,16 +136,16 @@ fn constraints(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
 
 /// The state at the last instant.
 fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    let Some(last) = trajectory.time.len().checked_sub(1) else {
+    let Some(last) = trajectory.samples.time.len().checked_sub(1) else {
         return Ok(());
     };
     let reached = match trajectory.status {
         Status::Solved => "at the end",
         _ => "reached",
     };
-    let time = significant(trajectory.time[last], 12);
+    let time = significant(trajectory.samples.time[last], 12);
     writeln!(text, "\n  {reached}, time = {time}")?;
-    let rows = trajectory.states.iter().chain(&trajectory.outputs);
+    let rows = trajectory.samples.states_and_outputs();
     let width = rows
         .clone()
         .map(|series| chars(&series.name))
@@ -167,28 +165,28 @@ fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     Ok(())
 }
 
-fn events(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    if trajectory.events.is_empty() {
+fn events(history: &History, text: &mut String) -> fmt::Result {
+    if history.events.is_empty() {
         return Ok(());
     }
-    let rows = trajectory.events.iter().take(MAX_ROWS).map(|event| {
+    let rows = history.events.iter().take(MAX_ROWS).map(|event| {
         [
             significant(event.time, 12),
             event.kind.as_str().to_owned(),
             shortened(&event.surface),
-            trajectory.change(event, MAX_MODE),
+            history.change(event, MAX_MODE),
         ]
     });
-    writeln!(text, "\n  {}", counted(trajectory.events.len(), "event"))?;
+    writeln!(text, "\n  {}", counted(history.events.len(), "event"))?;
     table(text, ["time", "kind", "surface", "mode"], rows.collect())?;
-    rest(text, trajectory.events.len())?;
-    sliding_modes(trajectory, text)
+    rest(text, history.events.len())?;
+    sliding_modes(history, text)
 }
 
 /// Where nonlinear switches had several ways to go on.
-fn sliding_modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+fn sliding_modes(history: &History, text: &mut String) -> fmt::Result {
     let told = |event: &&Event| matches!(event.kind, EventKind::Fold | EventKind::Branch);
-    let shown = trajectory.events.iter().take(MAX_ROWS).filter(told);
+    let shown = history.events.iter().take(MAX_ROWS).filter(told);
     let rows: Vec<[String; 5]> = shown
         .flat_map(|event| {
             event.sliding.iter().map(|mode| {
@@ -217,8 +215,8 @@ fn sliding_modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     table(text, ["time", "switch", "value", "S", ""], rows)
 }
 
-fn modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    let modes = &trajectory.modes;
+fn modes(history: &History, text: &mut String) -> fmt::Result {
+    let modes = &history.modes;
     if modes.is_empty() || modes.iter().all(|interval| interval.mode.is_empty()) {
         return Ok(());
     }
@@ -226,7 +224,7 @@ fn modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         [
             significant(interval.from, 6),
             significant(interval.to, 6),
-            trajectory.short_mode(interval, MAX_MODE),
+            history.short_mode(interval, MAX_MODE),
         ]
     });
     writeln!(text, "\n  {}", counted(modes.len(), "mode interval"))?;
@@ -236,7 +234,7 @@ fn modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
 
 /// Where the numbers came from.
 fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    let method = &trajectory.method;
+    let method = &trajectory.setup.method;
     write!(text, "\n  method {}", method.name)?;
     for (name, value) in &method.options {
         match value {
@@ -245,8 +243,8 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         }
     }
     writeln!(text)?;
-    match trajectory.error_estimate {
-        Some(_) if trajectory.stats.steps == 0 => {}
+    match trajectory.quality.error_estimate {
+        Some(_) if trajectory.quality.stats.steps == 0 => {}
         Some(_) | None if trajectory.optimum.is_some() => {}
         Some(error) => writeln!(
             text,
@@ -259,7 +257,7 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         rhs_evaluations,
         newton_iterations,
         ..
-    } = trajectory.stats;
+    } = trajectory.quality.stats;
     write!(text, "  {}", counted(steps as usize, "step"))?;
     for (count, what) in [
         (rhs_evaluations, "evaluation"),
@@ -269,7 +267,7 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
             write!(text, ", {}", counted(count as usize, what))?;
         }
     }
-    let seconds = trajectory.stats.solve_s;
+    let seconds = trajectory.quality.stats.solve_s;
     writeln!(text, ", {}", duration(seconds))
 }
 
@@ -316,7 +314,7 @@ fn optimum(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     let Some(optimum) = &trajectory.optimum else {
         return Ok(());
     };
-    let certificate = &trajectory.certificate;
+    let certificate = &trajectory.quality.certificate;
     match certificate.stationarity {
         Stationarity::None => writeln!(text, "  certificate: none")?,
         class => write!(text, "  certificate: {}-stationary", class.as_str())?,
@@ -491,10 +489,10 @@ crossing of oscillator: solved
     #[test]
     fn long_tables_and_vectors_are_cut() {
         let mut trajectory = sample::oscillator();
-        trajectory.events = vec![trajectory.events[0].clone(); 20];
-        trajectory.modes.clear();
-        trajectory.states[0].shape = vec![12];
-        trajectory.states[0].values = vec![1.0; 36];
+        trajectory.history.events = vec![trajectory.history.events[0].clone(); 20];
+        trajectory.history.modes.clear();
+        trajectory.samples.states[0].shape = vec![12];
+        trajectory.samples.states[0].values = vec![1.0; 36];
         insta::assert_snapshot!(write(&trajectory), @"
 crossing of oscillator: solved
 
@@ -528,7 +526,7 @@ crossing of oscillator: solved
     #[test]
     fn long_names_of_surfaces_are_cut() {
         let mut trajectory = sample::oscillator();
-        trajectory.events[0].surface = format!("max({})", "ä + ".repeat(100));
+        trajectory.history.events[0].surface = format!("max({})", "ä + ".repeat(100));
         let text = write(&trajectory);
         let longest = text.lines().map(|line| line.chars().count()).max();
         assert!(longest.is_some_and(|longest| longest < 120), "{text}");

@@ -17,7 +17,7 @@
 
 use std::fmt::Write;
 
-use super::{Kind, Trajectory};
+use super::{Kind, Setup, Trajectory};
 
 /// Estimates of errors are right to about this factor (chosen by trial).
 const SAFETY: f64 = 10.0;
@@ -46,7 +46,7 @@ struct Kept {
 /// The text of a file for this run, of an experiment with this `tolerance`: lines of the one that is there stay where
 /// they hold.
 pub fn renewed(kept: Option<&str>, trajectory: &Trajectory, tolerance: f64) -> String {
-    let header = header(trajectory);
+    let header = header(&trajectory.setup);
     let mut kept = kept.map_or_else(Vec::new, |text| parsed(text, &header));
     let mut text = format!("{header}\n");
     let mut keep = |line: &str, number: Option<&Line>| {
@@ -86,10 +86,8 @@ pub fn renewed(kept: Option<&str>, trajectory: &Trajectory, tolerance: f64) -> S
     text
 }
 
-fn header(trajectory: &Trajectory) -> String {
-    let Trajectory {
-        experiment, model, ..
-    } = trajectory;
+fn header(setup: &Setup) -> String {
+    let (experiment, model) = (&setup.experiment, &setup.model);
     format!("// Numbers of {experiment} of {model}. Tolerances are yours to change.")
 }
 
@@ -103,9 +101,9 @@ fn holds(line: &Line, value: f64) -> bool {
 
 /// All numbers, in the order of the file.
 fn numbers(trajectory: &Trajectory, tolerance: f64) -> Vec<Line> {
-    let estimate = trajectory.error_estimate.unwrap_or(0.0);
+    let estimate = trajectory.quality.error_estimate.unwrap_or(0.0);
     let objective = tolerance.max(CLOSEST);
-    let close = match trajectory.kind {
+    let close = match trajectory.setup.kind {
         Kind::Simulate => tolerance.max(SAFETY * estimate).max(CLOSEST),
         Kind::Optimize => objective.sqrt(),
     };
@@ -126,14 +124,14 @@ fn numbers(trajectory: &Trajectory, tolerance: f64) -> Vec<Line> {
     if let Some(value) = trajectory.objective {
         add("objective".into(), value, objective * value.abs().max(1.0));
     }
-    let Some(last) = trajectory.time.len().checked_sub(1) else {
+    let Some(last) = trajectory.samples.time.len().checked_sub(1) else {
         return lines;
     };
-    let length = trajectory.time[last] - trajectory.time[0];
-    if trajectory.kind == Kind::Optimize {
-        add("end".into(), trajectory.time[last], close * length);
+    let length = trajectory.samples.time[last] - trajectory.samples.time[0];
+    if trajectory.setup.kind == Kind::Optimize {
+        add("end".into(), trajectory.samples.time[last], close * length);
     }
-    for state in &trajectory.states {
+    for state in &trajectory.samples.states {
         let values = state.values.iter().filter(|value| value.is_finite());
         let size = values.fold(0.0, |size: f64, value| size.max(value.abs()));
         for (name, &value) in state.entry_names().into_iter().zip(state.at(last)) {
@@ -141,7 +139,7 @@ fn numbers(trajectory: &Trajectory, tolerance: f64) -> Vec<Line> {
         }
     }
     let mut known: Vec<(String, usize)> = Vec::new();
-    for event in &trajectory.events {
+    for event in &trajectory.history.events {
         let name = format!("{} of {}", event.kind.as_str(), event.surface);
         let place = known.iter().position(|(other, _)| *other == name);
         let place = place.unwrap_or_else(|| {

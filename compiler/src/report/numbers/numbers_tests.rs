@@ -19,7 +19,7 @@ fn every_number_has_a_tolerance() {
 #[test]
 fn a_tolerance_is_ten_estimates_where_that_is_more() {
     let mut trajectory = sample::oscillator();
-    trajectory.error_estimate = Some(3e-5);
+    trajectory.quality.error_estimate = Some(3e-5);
     let text = renewed(None, &trajectory, TOLERANCE);
     assert!(text.contains("x[2] at end = 0.25 within 5e-4"), "{text}");
 }
@@ -28,11 +28,11 @@ fn a_tolerance_is_ten_estimates_where_that_is_more() {
 fn what_is_close_enough_stays_as_it_is_written() {
     let mut trajectory = sample::oscillator();
     let text = renewed(None, &trajectory, TOLERANCE);
-    trajectory.states[0].values[5] += 1.9e-8;
-    trajectory.events[0].time -= 1.9e-8;
+    trajectory.samples.states[0].values[5] += 1.9e-8;
+    trajectory.history.events[0].time -= 1.9e-8;
     assert_eq!(renewed(Some(&text), &trajectory, TOLERANCE), text);
 
-    trajectory.states[0].values[5] += 2e-8;
+    trajectory.samples.states[0].values[5] += 2e-8;
     let moved = renewed(Some(&text), &trajectory, TOLERANCE);
     assert_eq!(
         difference::lines(&text, &moved)
@@ -54,9 +54,9 @@ fn tolerances_and_comments_of_the_user_are_kept() {
         "x[2] at end = 0.25 within 2e-8",
         "// Ill-conditioned.\nx[2] at end = 0.25 within 1e-3  // by hand",
     );
-    trajectory.states[0].values[5] += 9e-4;
+    trajectory.samples.states[0].values[5] += 9e-4;
     assert_eq!(renewed(Some(&edited), &trajectory, TOLERANCE), edited);
-    trajectory.states[0].values[5] += 2e-4;
+    trajectory.samples.states[0].values[5] += 2e-4;
     assert_ne!(renewed(Some(&edited), &trajectory, TOLERANCE), edited);
 }
 
@@ -65,9 +65,9 @@ fn another_status_an_event_more_and_what_is_no_number_differ() {
     let text = renewed(None, &sample::oscillator(), TOLERANCE);
     let changes: [fn(&mut Trajectory); 4] = [
         |run| run.status = Status::TimeLimit,
-        |run| run.events.push(run.events[0].clone()),
-        |run| run.events.clear(),
-        |run| run.states[0].values[4] = f64::NAN,
+        |run| run.history.events.push(run.history.events[0].clone()),
+        |run| run.history.events.clear(),
+        |run| run.samples.states[0].values[4] = f64::NAN,
     ];
     for change in changes {
         let mut trajectory = sample::oscillator();
@@ -81,27 +81,27 @@ fn another_status_an_event_more_and_what_is_no_number_differ() {
 #[test]
 fn events_of_a_name_agree_in_their_order() {
     let mut trajectory = sample::oscillator();
-    let crossing = trajectory.events[0].clone();
+    let crossing = trajectory.history.events[0].clone();
     let event = |time: f64| Event {
         time,
         ..crossing.clone()
     };
-    trajectory.events = vec![event(0.25), event(0.75)];
+    trajectory.history.events = vec![event(0.25), event(0.75)];
     let text = renewed(None, &trajectory, TOLERANCE);
     // One that comes first moves the other ones up.
     let first = event(0.125);
-    trajectory.events.insert(0, first);
+    trajectory.history.events.insert(0, first);
     assert_ne!(renewed(Some(&text), &trajectory, TOLERANCE), text);
-    trajectory.events.remove(0);
-    trajectory.events[1].kind = EventKind::EnterSliding;
+    trajectory.history.events.remove(0);
+    trajectory.history.events[1].kind = EventKind::EnterSliding;
     assert_ne!(renewed(Some(&text), &trajectory, TOLERANCE), text);
 }
 
 #[test]
 fn of_many_events_the_first_are_kept() {
     let mut trajectory = sample::oscillator();
-    let event = trajectory.events[0].clone();
-    trajectory.events = vec![event; 100];
+    let event = trajectory.history.events[0].clone();
+    trajectory.history.events = vec![event; 100];
     let text = renewed(None, &trajectory, TOLERANCE);
     assert_eq!(text.matches("crossing of c").count(), 20);
 }

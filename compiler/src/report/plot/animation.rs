@@ -13,7 +13,7 @@ use super::frame::{FOOT, Frame, MARGIN, left_space};
 use super::marks::LINES;
 use super::{TIME_TICKS, TITLE, TITLE_SIZE, time_axis};
 use crate::report::curve::thin;
-use crate::report::{Series, Trajectory};
+use crate::report::{Samples, Series};
 use crate::system::experiment::DrawingKind;
 
 /// The largest frame, from left to right and from the bottom to the top.
@@ -34,7 +34,7 @@ const FAINT: f64 = 0.5;
 /// Shapes over time.
 pub struct Animation<'a> {
     /// The run at as many instants as its curves need, with the numbers of each shape as an output.
-    pub trajectory: &'a Trajectory,
+    pub samples: &'a Samples,
     /// What they mean, shape by shape.
     pub kinds: Vec<DrawingKind>,
     /// The unit of coordinates.
@@ -63,9 +63,9 @@ struct Moving {
 impl Animation<'_> {
     /// The SVG text.
     pub fn write(&self) -> String {
-        let outputs = self.trajectory.outputs.iter();
+        let outputs = self.samples.outputs.iter();
         let shapes = self.kinds.iter().zip(outputs);
-        let shapes = shapes.map(|(&kind, series)| Moving::new(kind, series, &self.trajectory.time));
+        let shapes = shapes.map(|(&kind, series)| Moving::new(kind, series, &self.samples.time));
         let shapes: Vec<Moving> = shapes.collect();
         let [x, y] = axes(&shapes);
         let scale = (LARGEST[0] / (x.hi - x.lo)).min(LARGEST[1] / (y.hi - y.lo));
@@ -75,7 +75,7 @@ impl Animation<'_> {
         let title = if self.title.is_some() { TITLE } else { 0.0 };
         let frame = Frame::new(x, y, (left, MARGIN + title), (wide, high));
         let bar = frame.y.start + FOOT + MARGIN;
-        let time = time_axis(self.trajectory).placed(left, left + wide);
+        let time = time_axis(&self.samples.time).placed(left, left + wide);
         let bar = Frame {
             x: time,
             y: Axis::new(0.0, 1.0).placed(bar + BAR, bar),
@@ -296,15 +296,15 @@ fn followed(time: Vec<f64>, rows: &[Vec<f64>]) -> (Vec<f64>, Vec<Vec<f64>>) {
     let inside: Vec<bool> = (0..rows.len())
         .map(|k| k > 0 && k + 1 < rows.len())
         .collect();
-    let mut trajectory = Trajectory {
+    let mut samples = Samples {
         time,
         outputs: vec![numbers],
-        ..Trajectory::default()
+        ..Samples::default()
     };
-    thin(&mut trajectory, &inside);
-    let rows = trajectory.outputs[0].values.chunks(n.max(1));
+    thin(&mut samples, &inside);
+    let rows = samples.outputs[0].values.chunks(n.max(1));
     let rows = rows.map(<[f64]>::to_vec).collect();
-    (trajectory.time, rows)
+    (samples.time, rows)
 }
 
 /// Axes around all shapes.

@@ -5,7 +5,7 @@ use plotters::style::RGBColor;
 use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
 use super::frame::swatch;
 use super::panel::{SHADES, SINGLE, pale};
-use crate::report::{Ensemble, EventKind, Trajectory};
+use crate::report::{Ensemble, EventKind, History};
 
 /// Lines on the pale bands, distinct to colour-blind readers (Okabe and Ito).
 pub const LINES: [RGBColor; 4] = [
@@ -37,9 +37,9 @@ pub struct Bands {
 
 impl Bands {
     /// Colours for the modes that last longest; none if there is nothing to tell apart.
-    pub fn new(trajectory: &Trajectory) -> Self {
+    pub fn new(history: &History) -> Self {
         let mut modes: Vec<(String, f64)> = Vec::new();
-        for interval in &trajectory.modes {
+        for interval in &history.modes {
             let duration = interval.to - interval.from;
             match modes.iter_mut().find(|(name, _)| *name == interval.mode) {
                 Some((_, total)) => *total += duration,
@@ -147,15 +147,12 @@ const ROW: f64 = TEXT_SIZE + 5.0;
 
 impl Legend {
     /// The legend of modes and events.
-    pub fn new(trajectory: &Trajectory, bands: &Bands) -> Self {
+    pub fn new(history: &History, bands: &Bands) -> Self {
         let mut entries: Vec<(Entry, String)> = Vec::new();
         for (name, color) in &bands.named {
-            let interval = trajectory
-                .modes
-                .iter()
-                .find(|interval| interval.mode == *name);
+            let interval = history.modes.iter().find(|interval| interval.mode == *name);
             let name = interval.map_or(String::new(), |interval| {
-                trajectory.short_mode(interval, MAX_NAME)
+                history.short_mode(interval, MAX_NAME)
             });
             entries.push((Entry::Band(*color), shortened(&name)));
         }
@@ -165,7 +162,7 @@ impl Legend {
             n => entries.push((Entry::Band(OTHER), format!("{n} other modes"))),
         }
         for kind in EventKind::ALL {
-            if trajectory.events.iter().any(|event| event.kind == kind) {
+            if history.events.iter().any(|event| event.kind == kind) {
                 entries.push((Entry::Event(kind), kind.as_str().replace('_', " ")));
             }
         }

@@ -27,7 +27,7 @@ use self::frame::{FOOT, Frame, MARGIN};
 use self::marks::{Bands, Legend};
 use self::panel::Panel;
 use crate::model::Units;
-use crate::report::{Series, Trajectory};
+use crate::report::{History, Samples, Series, Trajectory};
 
 /// Width of the panels of curves.
 const WIDTH: f64 = 400.0;
@@ -72,8 +72,10 @@ pub struct Phase<'a> {
 
 /// What is drawn of a run: curves over time, panel by panel, and phase planes on their right.
 pub struct Figure<'a> {
-    /// The run at as many instants as its curves need to be smooth, its modes and its events.
+    /// The run, with its modes and its events.
     pub trajectory: &'a Trajectory,
+    /// It at as many instants as its curves need to be smooth.
+    pub samples: &'a Samples,
     /// Units of what is drawn.
     pub units: &'a Units,
     /// What stands above.
@@ -103,22 +105,24 @@ impl<'a> Figure<'a> {
     /// A panel for each state, output and control, and the phase plane of a run with two states.
     pub fn of(
         trajectory: &'a Trajectory,
+        samples: &'a Samples,
         units: &'a Units,
         surfaces: Vec<Surface<'a>>,
     ) -> Figure<'a> {
-        let entries = trajectory.states.iter().flat_map(Series::columns);
+        let entries = samples.states.iter().flat_map(Series::columns);
         let axes: Result<[_; 2], _> = entries.collect::<Vec<_>>().try_into();
-        let axes = axes.ok().filter(|_| trajectory.time.len() > 1);
+        let axes = axes.ok().filter(|_| samples.time.len() > 1);
         Figure {
             trajectory,
+            samples,
             units,
             title: None,
             width: None,
-            panels: panel::arrange(trajectory),
+            panels: panel::arrange(samples),
             phases: match axes {
                 Some(axes) => vec![Phase {
                     axes,
-                    is_of_one: trajectory.states.len() == 1,
+                    is_of_one: samples.states.len() == 1,
                     surfaces,
                 }],
                 None => Vec::new(),
@@ -128,20 +132,18 @@ impl<'a> Figure<'a> {
 
     /// The SVG text.
     pub fn write(&self) -> String {
-        let Figure {
-            trajectory, units, ..
-        } = self;
-        let many = trajectory.ensemble.as_ref();
+        let (history, units) = (&self.trajectory.history, self.units);
+        let many = self.trajectory.ensemble.as_ref();
         let panels = self.panels.iter();
         let panels = panels.map(|group| Panel::new(group, units, many));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();
-        let bands = Bands::new(trajectory);
+        let bands = Bands::new(history);
         let legend = match many {
             _ if panels.is_empty() => Legend::default(),
             Some(ensemble) => {
                 Legend::of_ensemble(ensemble, panels.iter().any(Panel::has_quantiles))
             }
-            None => Legend::new(trajectory, &bands),
+            None => Legend::new(history, &bands),
         };
         let share = self.share(&panels);
         let size = (PHASE * share, self.height(panels.len(), share));
@@ -151,6 +153,7 @@ impl<'a> Figure<'a> {
         let layout = self.layout((&panels, &planes), &legend, share);
         let (top, bottom) = layout.vertical;
         let sheet = (layout.width, bottom + FOOT + MARGIN);
+        let time = &self.samples.time;
         Canvas::svg_of_width(self.width, sheet, |canvas| {
             if let Some(title) = self.title {
                 let place = (0.5 * layout.width, 0.5 * (MARGIN + TITLE));
@@ -160,7 +163,7 @@ impl<'a> Figure<'a> {
                 self.draw_panels(canvas, &panels, (&legend, &bands), &layout);
             }
             for (plane, left) in planes.iter().zip(&layout.planes) {
-                plane.draw(canvas, trajectory, *left, (top, bottom));
+                plane.draw(canvas, (time, history), *left, (top, bottom));
             }
         })
     }
@@ -230,25 +233,26 @@ impl<'a> Figure<'a> {
         (legend, bands): (&Legend, &Bands),
         layout: &Layout,
     ) {
-        let trajectory = self.trajectory;
+        let (history, instants) = (&self.trajectory.history, &self.samples.time);
+        let many = self.trajectory.ensemble.as_ref();
         let [left, right] = layout.panels;
         let (top, bottom) = layout.vertical;
         let beside = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
         let width = right - left + beside;
         legend.draw(canvas, (left, MARGIN + self.title_height()), width);
-        let time = time_axis(trajectory).placed(left, right);
+        let time = time_axis(instants).placed(left, right);
         for (k, panel) in panels.iter().enumerate() {
             let y = top + k as f64 * (layout.height + GAP);
             let frame = panel.frame(&time, (y, y + layout.height));
             // Modes and events are those of one of many runs.
-            if trajectory.ensemble.is_none() {
-                draw_bands(canvas, trajectory, bands, &frame);
-                draw_event_lines(canvas, trajectory, &frame);
+            if many.is_none() {
+                draw_bands(canvas, history, bands, &frame);
+                draw_event_lines(canvas, history, &frame);
             }
-            panel.draw(canvas, trajectory, &frame);
+            panel.draw(canvas, instants, many, &frame);
         }
-        if trajectory.ensemble.is_none() {
-            draw_event_marks(canvas, trajectory, &time, top - STRIP / 2.0);
+        if many.is_none() {
+            draw_event_marks(canvas, history, &time, top - STRIP / 2.0);
         }
         let whole = Frame {
             y: Axis::new(0.0, 1.0).placed(bottom, top),
@@ -276,8 +280,8 @@ fn end_of_panels(panels: &[Panel], wide: f64) -> f64 {
 }
 
 /// From the first to the last instant, without margins.
-fn time_axis(trajectory: &Trajectory) -> Axis {
-    match (trajectory.time.first(), trajectory.time.last()) {
+fn time_axis(time: &[f64]) -> Axis {
+    match (time.first(), time.last()) {
         (Some(&first), Some(&last)) if last > first => Axis::new(first, last),
         (Some(&only), _) => Axis::new(only, only + 1.0),
         _ => Axis::new(0.0, 1.0),
@@ -285,10 +289,10 @@ fn time_axis(trajectory: &Trajectory) -> Axis {
 }
 
 /// One rectangle per mode; intervals too short to see are left to their neighbours.
-fn draw_bands(canvas: &Canvas<'_>, trajectory: &Trajectory, bands: &Bands, frame: &Frame) {
+fn draw_bands(canvas: &Canvas<'_>, history: &History, bands: &Bands, frame: &Frame) {
     let (time, [bottom, top]) = (&frame.x, frame.y.ends());
     let mut from = time.start;
-    for interval in &trajectory.modes {
+    for interval in &history.modes {
         let to = time.at(interval.to.min(time.hi));
         if to - from < 0.25 {
             continue;
@@ -300,12 +304,12 @@ fn draw_bands(canvas: &Canvas<'_>, trajectory: &Trajectory, bands: &Bands, frame
     }
 }
 
-fn draw_event_lines(canvas: &Canvas<'_>, trajectory: &Trajectory, frame: &Frame) {
-    if trajectory.events.len() > MAX_EVENT_LINES {
+fn draw_event_lines(canvas: &Canvas<'_>, history: &History, frame: &Frame) {
+    if history.events.len() > MAX_EVENT_LINES {
         return;
     }
     let grey = plotters::style::RGBColor(150, 150, 150);
-    let mut places: Vec<f64> = places(trajectory, &frame.x)
+    let mut places: Vec<f64> = places(history, &frame.x)
         .into_iter()
         .map(|(x, _)| x)
         .collect();
@@ -315,8 +319,8 @@ fn draw_event_lines(canvas: &Canvas<'_>, trajectory: &Trajectory, frame: &Frame)
     }
 }
 
-fn draw_event_marks(canvas: &Canvas<'_>, trajectory: &Trajectory, time: &Axis, y: f64) {
-    let mut places = places(trajectory, time);
+fn draw_event_marks(canvas: &Canvas<'_>, history: &History, time: &Axis, y: f64) {
+    let mut places = places(history, time);
     let is_crowded = places.len() > MAX_EVENT_MARKS;
     if is_crowded {
         places.dedup_by(|next, kept| next.0 - kept.0 < 5.0);
@@ -328,9 +332,9 @@ fn draw_event_marks(canvas: &Canvas<'_>, trajectory: &Trajectory, time: &Axis, y
 }
 
 /// Where events are marked: those of one kind at one place once.
-fn places(trajectory: &Trajectory, time: &Axis) -> Vec<(f64, super::EventKind)> {
+fn places(history: &History, time: &Axis) -> Vec<(f64, super::EventKind)> {
     let mut places: Vec<(f64, super::EventKind)> = Vec::new();
-    for event in &trajectory.events {
+    for event in &history.events {
         let x = time.at(event.time);
         let same = |(other, kind): &(f64, _)| (x - other).abs() < 0.3 && *kind == event.kind;
         let inside = (time.lo..=time.hi).contains(&event.time);
@@ -348,7 +352,7 @@ mod tests {
     use crate::report::{Series, Trajectory, sample};
 
     fn write(trajectory: &Trajectory, surfaces: Vec<Surface<'_>>) -> String {
-        Figure::of(trajectory, &Units::default(), surfaces).write()
+        Figure::of(trajectory, &trajectory.samples, &Units::default(), surfaces).write()
     }
 
     fn count(svg: &str, part: &str) -> usize {
@@ -375,7 +379,7 @@ mod tests {
     #[test]
     fn states_of_a_part_have_scales_of_their_own() {
         let mut trajectory = sample::oscillator();
-        let [x] = &trajectory.states[..] else {
+        let [x] = &trajectory.samples.states[..] else {
             panic!("one vector")
         };
         let columns: Vec<_> = x.columns().map(|(_, values)| values).collect();
@@ -385,7 +389,7 @@ mod tests {
                 shape: Vec::new(),
                 values: values.clone(),
             });
-            trajectory.states = states.collect();
+            trajectory.samples.states = states.collect();
             write(&trajectory, Vec::new())
         };
         let of_part = named(["b[1].x", "b[1].v"]);
@@ -408,7 +412,7 @@ mod tests {
             sides: Vec::new(),
             contacts: Vec::new(),
         };
-        trajectory.modes = (0..50).map(interval).collect();
+        trajectory.history.modes = (0..50).map(interval).collect();
         let svg = write(&trajectory, Vec::new());
         assert_eq!(count(&svg, "<text"), few + 6);
         assert!(svg.contains("45 other modes"));
@@ -417,8 +421,8 @@ mod tests {
     #[test]
     fn values_that_are_not_finite_interrupt_a_curve() {
         let mut trajectory = sample::oscillator();
-        trajectory.states[0].values[2] = f64::NAN;
-        trajectory.outputs[0].values = vec![f64::INFINITY; 3];
+        trajectory.samples.states[0].values[2] = f64::NAN;
+        trajectory.samples.outputs[0].values = vec![f64::INFINITY; 3];
         let svg = write(&trajectory, Vec::new());
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
     }

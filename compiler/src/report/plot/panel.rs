@@ -7,7 +7,7 @@ use super::canvas::{Align, Canvas, Point, Stroke, TEXT_SIZE, mixed, shade, wides
 use super::frame::{Frame, MARGIN, left_space};
 use super::marks::LINES;
 use crate::model::Units;
-use crate::report::{Ensemble, Series, Trajectory};
+use crate::report::{Ensemble, Samples, Series};
 
 /// Panels before scalar quantities share one.
 const MAX_PANELS: usize = 8;
@@ -48,14 +48,10 @@ struct Curve {
 }
 
 /// One panel per state, output and control; scalars share panels when there are many.
-pub fn arrange(trajectory: &Trajectory) -> Vec<Vec<&Series>> {
-    let groups = [
-        &trajectory.states,
-        &trajectory.outputs,
-        &trajectory.controls,
-    ];
-    if trajectory.series().count() <= MAX_PANELS {
-        return trajectory.series().map(|series| vec![series]).collect();
+pub fn arrange(samples: &Samples) -> Vec<Vec<&Series>> {
+    let groups = [&samples.states, &samples.outputs, &samples.controls];
+    if samples.series().count() <= MAX_PANELS {
+        return samples.series().map(|series| vec![series]).collect();
     }
     let mut panels: Vec<Vec<&Series>> = Vec::new();
     for group in groups {
@@ -143,20 +139,25 @@ impl Panel {
     }
 
     /// Draws curves, frame, ticks and names.
-    pub fn draw(&self, canvas: &Canvas<'_>, trajectory: &Trajectory, frame: &Frame) {
+    pub fn draw(
+        &self,
+        canvas: &Canvas<'_>,
+        instants: &[f64],
+        many: Option<&Ensemble>,
+        frame: &Frame,
+    ) {
         let Frame { x: time, y: axis } = frame;
         if axis.lo < 0.0 && axis.hi > 0.0 {
             let faint = RGBColor(190, 190, 190);
             canvas.line(&frame.horizontal(axis.at(0.0)), Stroke(0.5, faint));
         }
         let width = if self.curves.len() > 8 { 0.8 } else { 1.3 };
-        let many = trajectory.ensemble.as_ref();
         let width = if many.is_some() { SINGLE } else { width };
         for (curve, many) in self.curves.iter().filter_map(|curve| Some((curve, many?))) {
             curve.draw_quantiles(canvas, &many.time, frame);
         }
         for curve in &self.curves {
-            let values = trajectory.time.iter().zip(&curve.values);
+            let values = instants.iter().zip(&curve.values);
             let points = values.map(|(&t, &value)| (time.at(t), axis.at(value)));
             canvas.line(&interrupted(points), Stroke(width, curve.color));
         }

@@ -7,7 +7,7 @@ use super::contour::zero_set;
 use super::frame::{Frame, left_space};
 use super::marks::{self, CURVE, LINES, Legend};
 use crate::model::Units;
-use crate::report::Trajectory;
+use crate::report::History;
 
 /// Dash patterns that tell switching curves apart.
 const DASHES: [(f64, f64); 4] = [(1e9, 0.0), (5.0, 3.0), (1.5, 2.0), (9.0, 3.0)];
@@ -67,7 +67,7 @@ impl Plane {
     pub fn draw(
         &self,
         canvas: &Canvas<'_>,
-        trajectory: &Trajectory,
+        (time, history): (&[f64], &History),
         left: f64,
         (top, bottom): (f64, f64),
     ) {
@@ -87,10 +87,7 @@ impl Plane {
         let mut points: Vec<Point> = Vec::with_capacity(xs.len());
         for (k, place) in xs.iter().zip(ys).map(|(&u, &v)| at((u, v))).enumerate() {
             let jumps = |last: &Point| (last.0 - place.0).hypot(last.1 - place.1) > 0.5;
-            if k > 0
-                && trajectory.time[k] == trajectory.time[k - 1]
-                && points.last().is_some_and(jumps)
-            {
+            if k > 0 && time[k] == time[k - 1] && points.last().is_some_and(jumps) {
                 points.push((f64::NAN, f64::NAN));
             }
             points.push(place);
@@ -98,9 +95,9 @@ impl Plane {
         canvas.line(&points, Stroke(1.3, LINES[0]));
         arrows(canvas, &points);
 
-        if trajectory.events.len() <= super::MAX_EVENT_LINES {
-            for event in &trajectory.events {
-                let k = trajectory.time.partition_point(|&t| t < event.time);
+        if history.events.len() <= super::MAX_EVENT_LINES {
+            for event in &history.events {
+                let k = time.partition_point(|&t| t < event.time);
                 if let (Some(&u), Some(&v)) = (xs.get(k), ys.get(k)) {
                     canvas.disc(at((u, v)), 2.3, INK);
                 }

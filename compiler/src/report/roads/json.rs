@@ -11,8 +11,9 @@ pub fn roads(all: &Roads) -> String {
     let road = |road: &Road| {
         let mut object = run(&road.name, &road.run);
         object["doubt"] = json!(road.doubt());
-        object["events"] = json!(road.run.as_ref().ok().map(|run| run.events.len()));
-        object["error_estimate"] = json!(road.run.as_ref().ok().and_then(|run| run.error_estimate));
+        let own = road.run.as_ref().ok();
+        object["events"] = json!(own.map(|run| run.history.events.len()));
+        object["error_estimate"] = json!(own.and_then(|run| run.quality.error_estimate));
         object
     };
     let n = all.roads.len();
@@ -47,13 +48,13 @@ pub fn optima(all: &Optima) -> String {
         let mut object = run(&found.name, &found.run);
         let own = found.run.as_ref().ok();
         object["objective"] = json!(own.and_then(|run| run.objective));
-        object["stationarity"] = json!(own.map(|run| run.certificate.stationarity));
-        object["simulation_error"] = json!(own.and_then(|run| run.error_estimate));
+        object["stationarity"] = json!(own.map(|run| run.quality.certificate.stationarity));
+        object["simulation_error"] = json!(own.and_then(|run| run.quality.error_estimate));
         object["from_best"] = json!(found.resumed.as_ref().map(|resumed| json!({
             "is_same_point": resumed.is_same_point,
             "status": resumed.run.status,
             "objective": resumed.run.objective,
-            "stationarity": resumed.run.certificate.stationarity,
+            "stationarity": resumed.run.quality.certificate.stationarity,
         })));
         let is_wrong = matches!(all.verdict(number), Verdict::Differs(_));
         object["is_explained"] = json!(!is_wrong);
@@ -82,6 +83,6 @@ fn run(name: &str, run: &Result<Box<Trajectory>, Refusal>) -> Value {
         "code": refusal.map(|refusal| &refusal.codes),
         "reason": refusal.map(|refusal| &refusal.reason),
         "residual": run.map(|run| Road::residual(run)),
-        "solve_s": run.map(|run| run.stats.solve_s),
+        "solve_s": run.map(|run| run.quality.stats.solve_s),
     })
 }

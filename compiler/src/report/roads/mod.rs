@@ -105,7 +105,7 @@ impl Difference {
 impl Road {
     /// By how much rows of the system are missed at most, by the run's own account.
     fn residual(run: &Trajectory) -> f64 {
-        run.certificate.max_violation.max(0.0)
+        run.quality.certificate.max_violation.max(0.0)
     }
 
     /// The run, where it came to the end of the horizon.
@@ -135,7 +135,7 @@ impl Road {
         if self.misses() {
             return Some("misses its own equations");
         }
-        let estimate = run.error_estimate.unwrap_or(0.0);
+        let estimate = run.quality.error_estimate.unwrap_or(0.0);
         is_above(estimate, most).then_some("estimates that it is far off")
     }
 }
@@ -155,7 +155,7 @@ impl Roads {
             return None;
         }
         let (a, b) = (roads[0].solved()?, roads[1].solved()?);
-        let estimates = [a, b].map(|run| run.error_estimate.unwrap_or(0.0));
+        let estimates = [a, b].map(|run| run.quality.error_estimate.unwrap_or(0.0));
         let estimated = SAFETY * estimates.iter().sum::<f64>();
         let allowed = match vouch {
             true => self.tolerance + estimated.min(MOST),
@@ -212,7 +212,7 @@ impl Roads {
         let run = |road: usize| self.roads[road].run.as_deref().ok();
         let pair = run(0).zip(run(other));
         pair.is_some_and(|(written, other)| {
-            let (written, other) = (&written.method, &other.method);
+            let (written, other) = (&written.setup.method, &other.setup.method);
             written.name == other.name && written.lowering() == other.lowering()
         })
     }
@@ -234,14 +234,14 @@ impl Roads {
 
 /// Whether the method of a run does not look for instants of events.
 fn is_blind(run: &Trajectory) -> bool {
-    let method = MethodKind::named(&run.method.name);
+    let method = MethodKind::named(&run.setup.method.name);
     method.is_some_and(|method| !method.locates())
 }
 
 /// The largest difference of the last states, each relative to the largest value of its state in either run.
 fn end(a: &Trajectory, b: &Trajectory) -> f64 {
     let mut largest: f64 = 0.0;
-    for (a, b) in a.states.iter().zip(&b.states) {
+    for (a, b) in a.samples.states.iter().zip(&b.samples.states) {
         let values = a.values.iter().chain(&b.values);
         let size = values.fold(LEAST_SIZE, |size, value| size.max(value.abs()));
         let last = |series: &Series| {
@@ -263,7 +263,7 @@ fn end(a: &Trajectory, b: &Trajectory) -> f64 {
 /// The largest difference of states at instants that both runs report, relative to the largest value of its state in
 /// either; next to an event both may be on different sides of it, up to `window` as a share of the horizon.
 fn along(a: &Trajectory, b: &Trajectory, window: f64) -> f64 {
-    let horizon = a.time.last().copied().unwrap_or(0.0);
+    let horizon = a.samples.time.last().copied().unwrap_or(0.0);
     let events: Vec<f64> = (happened(a).chain(happened(b)))
         .map(|event| event.time)
         .collect();
@@ -274,16 +274,17 @@ fn along(a: &Trajectory, b: &Trajectory, window: f64) -> f64 {
     };
     let mut common: Vec<(usize, usize)> = Vec::new();
     let mut other = 0;
-    for (k, &time) in a.time.iter().enumerate() {
-        let before = b.time[other..].partition_point(|t| *t < time - SAME_INSTANT * horizon);
+    for (k, &time) in a.samples.time.iter().enumerate() {
+        let before =
+            b.samples.time[other..].partition_point(|t| *t < time - SAME_INSTANT * horizon);
         other += before;
         let is_same = |t: &&f64| (**t - time).abs() <= SAME_INSTANT * horizon;
-        if b.time.get(other).filter(is_same).is_some() && !is_next(time) {
+        if b.samples.time.get(other).filter(is_same).is_some() && !is_next(time) {
             common.push((k, other));
         }
     }
     let mut largest: f64 = 0.0;
-    for (a, b) in a.states.iter().zip(&b.states) {
+    for (a, b) in a.samples.states.iter().zip(&b.samples.states) {
         let values = a.values.iter().chain(&b.values);
         let size = values.fold(LEAST_SIZE, |size, value| size.max(value.abs()));
         for &(k, other) in &common {
@@ -302,7 +303,7 @@ fn along(a: &Trajectory, b: &Trajectory, window: f64) -> f64 {
 /// When something happens in one of two runs first and nothing in the other one, up to `window` as a share of the
 /// horizon. Events that accumulate end where their limit is known well enough, which is not the same in all runs.
 fn alone(a: &Trajectory, b: &Trajectory, window: f64) -> Option<f64> {
-    let horizon = a.time.last().copied().unwrap_or(0.0);
+    let horizon = a.samples.time.last().copied().unwrap_or(0.0);
     let of = |run: &Trajectory| -> Vec<f64> { happened(run).map(|event| event.time).collect() };
     let all = [of(a), of(b)];
     let is_near =
@@ -321,6 +322,7 @@ fn alone(a: &Trajectory, b: &Trajectory, window: f64) -> Option<f64> {
 /// Whether an instant is within the last part of a run of events that accumulate.
 fn accumulates(run: &Trajectory, time: f64) -> bool {
     let limits = run
+        .history
         .events
         .iter()
         .filter(|event| event.kind == EventKind::Zeno);
@@ -334,7 +336,7 @@ fn accumulates(run: &Trajectory, time: f64) -> bool {
 
 /// What happens in a run, whatever its method has to say about choices.
 fn happened(run: &Trajectory) -> impl Iterator<Item = &Event> {
-    let events = run.events.iter();
+    let events = run.history.events.iter();
     events.filter(|event| event.kind != EventKind::Branch)
 }
 
@@ -354,7 +356,7 @@ fn times(a: &Trajectory, b: &Trajectory) -> Option<f64> {
     if kinds(&events) != kinds(&others) {
         return None;
     }
-    let horizon = a.time.last()? - a.time.first()?;
+    let horizon = a.samples.time.last()? - a.samples.time.first()?;
     let pairs = events.iter().zip(&others);
     Some(pairs.fold(0.0, |largest: f64, (a, b)| {
         largest.max((a.1 - b.1).abs() / horizon)

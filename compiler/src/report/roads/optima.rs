@@ -71,7 +71,7 @@ pub enum Verdict {
 /// Whether a point satisfies its program.
 pub fn is_feasible(run: &Trajectory) -> bool {
     let has_result = matches!(run.status, Status::Solved | Status::NumericalFailure);
-    has_result && run.objective.is_some() && run.certificate.max_violation <= FEASIBLE
+    has_result && run.objective.is_some() && run.quality.certificate.max_violation <= FEASIBLE
 }
 
 impl Optima {
@@ -160,7 +160,7 @@ impl Optima {
     pub fn elsewhere(&self) -> Vec<usize> {
         let is_elsewhere = |number: &usize| {
             let run = self.found[*number].run.as_ref().ok();
-            let error = run.and_then(|run| run.error_estimate);
+            let error = run.and_then(|run| run.quality.error_estimate);
             error.is_some_and(|error| error > ELSEWHERE)
         };
         (0..self.found.len()).filter(is_elsewhere).collect()

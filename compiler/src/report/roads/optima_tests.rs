@@ -3,15 +3,14 @@ use super::{Found, Optima, Refusal, Resumed, optima_json, optima_text};
 use crate::report::{Certificate, Kind, Stationarity, Status, Trajectory, sample};
 
 fn optimum(objective: f64) -> Trajectory {
-    Trajectory {
-        kind: Kind::Optimize,
-        objective: Some(objective),
-        certificate: Certificate {
-            stationarity: Stationarity::S,
-            max_violation: 1e-12,
-        },
-        ..sample::oscillator()
-    }
+    let mut trajectory = sample::oscillator();
+    trajectory.setup.kind = Kind::Optimize;
+    trajectory.objective = Some(objective);
+    trajectory.quality.certificate = Certificate {
+        stationarity: Stationarity::S,
+        max_violation: 1e-12,
+    };
+    trajectory
 }
 
 /// The objectives of lowerings, from their own starts and from the best point, which is that of the first one.
@@ -63,10 +62,10 @@ fn another_objective_at_the_same_point_is_one() {
 fn no_feasible_point_is_one_too() {
     let mut all = optima(&[[2.0, 2.0], [2.0, 2.0]]);
     let resumed = all.found[1].resumed.as_mut().expect("it is there");
-    resumed.run.certificate.max_violation = 1e-3;
+    resumed.run.quality.certificate.max_violation = 1e-3;
     assert_eq!(all.verdict(1), Verdict::Differs(f64::INFINITY));
     let resumed = all.found[1].resumed.as_mut().expect("it is there");
-    resumed.run.certificate.max_violation = 0.0;
+    resumed.run.quality.certificate.max_violation = 0.0;
     resumed.run.status = Status::LocallyInfeasible;
     assert!(!all.agree());
 }
@@ -85,7 +84,7 @@ fn a_simulation_that_ends_elsewhere_is_told_and_no_contradiction() {
     let mut all = optima(&[[2.0, 2.0], [2.0, 2.0]]);
     assert!(!optima_text(&all).contains("elsewhere"));
     if let Ok(run) = &mut all.found[1].run {
-        run.error_estimate = Some(0.1);
+        run.quality.error_estimate = Some(0.1);
     }
     assert_eq!(all.elsewhere(), [1]);
     assert!(optima_text(&all).contains("controls of 2 end elsewhere"));

@@ -43,7 +43,7 @@ fn write(all: &Optima, text: &mut String) -> fmt::Result {
             }
             Ok(run) => run,
         };
-        let by_events = run.error_estimate;
+        let by_events = run.quality.error_estimate;
         let by_events = by_events.map_or("-".to_owned(), |error| format!("{error:.1e}"));
         let again = match &found.resumed {
             Some(resumed) => objective(&resumed.run),
@@ -53,10 +53,10 @@ fn write(all: &Optima, text: &mut String) -> fmt::Result {
             text,
             "{:>17}  {:>5}  {:>16}  {:>8.1e}  {by_events:>9}  {again:>16}  {:>9}{}",
             run.status.as_str(),
-            run.certificate.stationarity.as_str(),
+            run.quality.certificate.stationarity.as_str(),
             objective(run),
             Road::residual(run),
-            duration(run.stats.solve_s),
+            duration(run.quality.stats.solve_s),
             mark(all, number)
         )?;
         if let Some(failure) = &run.failure {

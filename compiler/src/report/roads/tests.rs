@@ -4,19 +4,19 @@ use crate::report::{Method, MethodOption, Status, sample};
 /// The sample trajectory as it is, another time, and with this added to the first entry of its last state.
 fn roads(error: f64, estimate: Option<f64>) -> Roads {
     let mut other = sample::oscillator();
-    let last = other.states[0].values.len() - 2;
-    other.states[0].values[last] += error;
-    other.error_estimate = estimate;
+    let last = other.samples.states[0].values.len() - 2;
+    other.samples.states[0].values[last] += error;
+    other.quality.error_estimate = estimate;
     let ways = [("event", ""), ("fesd", "stewart"), ("fesd", "step")];
     let runs = [sample::oscillator(), sample::oscillator(), other];
     let roads = ways.iter().zip(runs).map(|((name, lowering), mut run)| {
         let lowering = MethodOption::Text((*lowering).to_owned());
-        run.method = Method {
+        run.setup.method = Method {
             name: (*name).to_owned(),
             options: vec![("lowering".to_owned(), lowering)],
         };
         Road {
-            name: format!("{name} {}", run.method.lowering().unwrap_or_default()),
+            name: format!("{name} {}", run.setup.method.lowering().unwrap_or_default()),
             run: Ok(Box::new(run)),
         }
     });
@@ -101,11 +101,11 @@ fn one_road_alone_is_enough_where_no_other_takes_the_experiment() {
 fn a_method_does_not_confirm_itself() {
     let mut roads = roads(0.0, None);
     let written = roads.roads[0].run.as_ref().expect("a run");
-    let mut method = written.method.clone();
+    let mut method = written.setup.method.clone();
     let order = ("order".to_owned(), MethodOption::Number(12.0));
     method.options.push(order);
     if let Ok(run) = &mut roads.roads[1].run {
-        run.method = method;
+        run.setup.method = method;
     }
     assert_eq!(roads.n_confirming(), 1);
     assert!(roads.agree());
@@ -124,7 +124,7 @@ fn a_method_does_not_confirm_itself() {
 fn a_run_that_misses_its_own_equations_is_wrong() {
     let mut roads = roads(0.0, None);
     if let Ok(run) = &mut roads.roads[2].run {
-        run.certificate.max_violation = 0.34;
+        run.quality.certificate.max_violation = 0.34;
     }
     assert!(!roads.agree());
     assert!(text(&roads).contains("2 roads agree, 1 misses its own equations"));
@@ -134,13 +134,13 @@ fn a_run_that_misses_its_own_equations_is_wrong() {
 fn the_way_counts_as_the_end_does() {
     let mut roads = roads(0.0, None);
     if let Ok(run) = &mut roads.roads[2].run {
-        run.time.insert(1, 0.5);
-        run.states[0].values.splice(2..2, [0.7, 0.1]);
+        run.samples.time.insert(1, 0.5);
+        run.samples.states[0].values.splice(2..2, [0.7, 0.1]);
     }
     assert!(roads.agree(), "there is no such instant in the others");
     if let Ok(run) = &mut roads.roads[1].run {
-        run.time.insert(1, 0.5);
-        run.states[0].values.splice(2..2, [0.2, 0.1]);
+        run.samples.time.insert(1, 0.5);
+        run.samples.states[0].values.splice(2..2, [0.2, 0.1]);
     }
     assert_eq!(roads.disagreements(), [(1, 2)]);
 }
@@ -157,10 +157,10 @@ fn one_pair_differs() {
 fn events_of_other_kinds_have_no_difference_in_time() {
     let mut roads = roads(0.0, None);
     if let Ok(run) = &mut roads.roads[1].run {
-        run.events[0].time += 0.15;
+        run.history.events[0].time += 0.15;
     }
     if let Ok(run) = &mut roads.roads[2].run {
-        run.events.clear();
+        run.history.events.clear();
     }
     let times = |a, b| {
         roads
@@ -173,7 +173,7 @@ fn events_of_other_kinds_have_no_difference_in_time() {
     assert_eq!(roads.disagreements(), [(0, 1), (0, 2), (1, 2)]);
     roads.roads.remove(2);
     if let Ok(run) = &mut roads.roads[1].run {
-        run.method.name = "timestepping".to_owned();
+        run.setup.method.name = "timestepping".to_owned();
     }
     assert!(roads.agree(), "its events are known to a step only");
 }
@@ -183,10 +183,10 @@ fn events_that_differ_stand_side_by_side() {
     let mut roads = roads(0.0, None);
     assert!(!text(&roads).contains("not the same"));
     if let Ok(run) = &mut roads.roads[1].run {
-        run.events[0].time += 0.15;
+        run.history.events[0].time += 0.15;
     }
     if let Ok(run) = &mut roads.roads[2].run {
-        run.events.clear();
+        run.history.events.clear();
     }
     let shown = text(&roads);
     let (_, shown) = shown

@@ -33,15 +33,15 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
         match &road.run {
             Err(refusal) => writeln!(text, "{:>17}  {refusal}", "not applicable")?,
             Ok(run) => {
-                let estimate = run.error_estimate;
+                let estimate = run.quality.error_estimate;
                 let estimate = estimate.map_or("-".to_owned(), |error| format!("{error:.1e}"));
                 writeln!(
                     text,
                     "{:>17}  {:>6}  {:>9.1e}  {estimate:>9}  {:>9}",
                     run.status.as_str(),
-                    run.events.len(),
+                    run.history.events.len(),
                     Road::residual(run),
-                    duration(run.stats.solve_s)
+                    duration(run.quality.stats.solve_s)
                 )?;
                 if let Some(failure) = &run.failure {
                     writeln!(text, "     {:width$}  {failure}", "")?;

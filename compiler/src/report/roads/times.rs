@@ -54,7 +54,7 @@ fn rows(all: &Roads, solved: &[usize]) -> Vec<Row> {
         let Some(run) = all.roads[road].sound() else {
             continue;
         };
-        horizon = horizon.max(run.time.last().copied().unwrap_or(0.0));
+        horizon = horizon.max(run.samples.time.last().copied().unwrap_or(0.0));
         for event in happened(run) {
             let name = format!("{} of {}", event.kind.as_str(), event.surface);
             let number = rows.iter().filter(|(row, _)| row.name == name);

@@ -36,7 +36,7 @@ pub(super) enum Estimator {
 impl Estimator {
     /// That of finite elements, which are on a grid where they are told how many steps to take.
     pub fn of_elements(settings: &Settings) -> Self {
-        match settings.method.has_steps() {
+        match settings.numerics.method.has_steps() {
             false => Estimator::Tolerance,
             true => Estimator::Grid,
         }
@@ -113,17 +113,17 @@ impl Estimate {
             Estimator::Grid => self.judge_grid(settings, trajectory),
             Estimator::Steps => self.judge_steps(settings, trajectory),
         }
-        let warning = self.touches.warning(system, settings.tolerance);
+        let warning = self.touches.warning(system, settings.numerics.tolerance);
         let is_told = self.same_modes && trajectory.failure.is_none();
         trajectory.warnings.extend(warning.filter(|_| is_told));
     }
 
     /// Whether a tolerance is kept.
     fn judge(&self, settings: &Settings, trajectory: &mut Trajectory) {
-        trajectory.error_estimate = Some(self.error + self.touches.error);
+        trajectory.quality.error_estimate = Some(self.error + self.touches.error);
         let warning = if !self.same_modes {
             let parts = self.parted.map_or(String::new(), |time| {
-                let mut modes = trajectory.modes.iter();
+                let mut modes = trajectory.history.modes.iter();
                 let before = modes.find(|mode| mode.from < time && time <= mode.to);
                 let mode = before.map_or(String::new(), |mode| format!(", behind `{}`", mode.mode));
                 format!(" from t = {time} on{mode}")
@@ -132,7 +132,7 @@ impl Estimate {
                 "a more accurate run goes through other modes{parts}; the result may depend on the tolerance"
             );
             Some(("W0701", message))
-        } else if self.error > settings.tolerance.max(ROUNDING) {
+        } else if self.error > settings.numerics.tolerance.max(ROUNDING) {
             let message = format!(
                 "the estimated error {:.1e} is above the tolerance",
                 self.error
@@ -153,7 +153,7 @@ impl Estimate {
     /// What a grid of the user's choice is worth: no warning for what it was chosen for, but none that
     /// is too coarse to show what the model does passes for a solution.
     fn judge_grid(&self, settings: &Settings, trajectory: &mut Trajectory) {
-        trajectory.error_estimate = Some(self.error);
+        trajectory.quality.error_estimate = Some(self.error);
         if trajectory.failure.is_some() || self.same_modes && self.error <= COARSE {
             return;
         }
@@ -170,7 +170,7 @@ impl Estimate {
     /// large as a state is no solution.
     fn judge_steps(&self, settings: &Settings, trajectory: &mut Trajectory) {
         let error = 2.0 * self.error;
-        trajectory.error_estimate = Some(error);
+        trajectory.quality.error_estimate = Some(error);
         if error > 1.0 {
             trajectory.warnings.push(Warning {
                 code: "W0702".into(),

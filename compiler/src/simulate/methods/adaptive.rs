@@ -58,7 +58,7 @@ impl<'e> Run<'e> for Adaptive {
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
-        Method::of(MethodKind::Adaptive).number("tolerance", problem.settings.tolerance)
+        Method::of(MethodKind::Adaptive).number("tolerance", problem.settings.numerics.tolerance)
     }
 
     fn estimator(&self, _: &Settings<'e>) -> Estimator {
@@ -82,7 +82,7 @@ impl<'e> Run<'e> for Adaptive {
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
         // The sides at the points say which modes there are; no instant was looked for.
-        trajectory.events.clear();
+        trajectory.history.events.clear();
         if !problem.system.switches.is_empty() {
             trajectory.warnings.push(Warning {
                 code: "W0708".into(),
@@ -138,7 +138,8 @@ impl<'e> Inputs<'e> {
         vars.extend(system.states.iter().map(|state| variable(state.var)));
         vars.extend(system.switches.iter().map(|switch| variable(switch.alpha)));
         vars.extend(&coefficients);
-        vars.extend(open.iter().map(|&place| variable(system.params[place].var)));
+        let params = system.exogenous.chosen(open);
+        vars.extend(params.map(|param| variable(param.var)));
         Inputs {
             vars,
             numbers,

@@ -20,7 +20,8 @@ pub(crate) fn warning(
     trajectory: &Trajectory,
 ) -> Option<Warning> {
     let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); outcome.x.len()];
-    for (group, series) in system.groups.iter().zip(&trajectory.states) {
+    let groups = system.recorded.groups.iter();
+    for (group, series) in groups.zip(&trajectory.samples.states) {
         for row in series.values.chunks_exact(group.entries.len().max(1)) {
             for (&entry, &x) in group.entries.iter().zip(row) {
                 let (low, high) = &mut ranges[entry];

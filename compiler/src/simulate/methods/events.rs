@@ -41,14 +41,14 @@ impl Events {
 
     /// A simulator with these settings, and the present data and values of the open parameters.
     fn ready(&mut self, problem: &Problem, accuracy: Accuracy) -> &mut Simulator {
-        let settings = problem.settings;
+        let (settings, limit) = (problem.settings, problem.limit.clone());
         let chosen = solver::Settings {
             kicks: settings
                 .kicks
                 .as_ref()
                 .map(|kicks| kicks.kicks(problem.system)),
-            averages: settings.averages,
-            ..solver_settings(&settings.method, accuracy.tolerance, problem.limit.clone())
+            averages: settings.numerics.averages,
+            ..solver_settings(&settings.numerics.method, accuracy.tolerance, limit)
         };
         let mut simulator = renewed(&mut self.coarse, &self.hybrid, chosen);
         if accuracy.is_finer {
@@ -62,7 +62,7 @@ impl Events {
         let open = self
             .open
             .iter()
-            .map(|&place| problem.system.params[place].value);
+            .map(|&place| problem.system.exogenous.params[place].value);
         simulator.set_parameters(&open.collect::<Vec<f64>>());
         simulator.set_data(0, &hybrid::data_of(problem.system));
         simulator
@@ -82,15 +82,15 @@ impl<'e> Run<'e> for Events {
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, ended: &Ended) -> Method {
-        let settings = problem.settings;
-        let mut method = match &settings.method {
+        let numerics = &problem.settings.numerics;
+        let mut method = match &numerics.method {
             experiment::Method::Smoothing(options) => smoothed::method(options),
             _ => Method::of(MethodKind::Event),
         };
         let Some(run) = &self.coarse else {
             return method;
         };
-        method = (method.count("order", run.order())).number("tolerance", settings.tolerance);
+        method = (method.count("order", run.order())).number("tolerance", numerics.tolerance);
         match ended.outcome.stats.implicit_steps {
             0 => method,
             _ => method.count("implicit_order", run.implicit_order()),
@@ -110,7 +110,7 @@ impl<'e> Run<'e> for Events {
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
-        if let experiment::Method::Smoothing(options) = &problem.settings.method {
+        if let experiment::Method::Smoothing(options) = &problem.settings.numerics.method {
             let warning = smoothed::warning(problem.system, options, problem.settings.span);
             trajectory.warnings.extend(warning);
         }

@@ -57,13 +57,14 @@ struct Made {
 
 impl Made {
     fn of(system: &System, settings: &Settings) -> Self {
+        let data = system.exogenous.data.iter();
         Made {
             x0: system.states.iter().map(|state| state.initial).collect(),
-            params: system.params.iter().map(|param| param.value).collect(),
-            tables: system.data.iter().map(|data| data.table.clone()).collect(),
+            params: system.exogenous.numbers().map(|(_, p)| p).collect(),
+            tables: data.map(|data| data.table.clone()).collect(),
             horizon: settings.horizon,
-            method: Some(settings.method.kind()),
-            lowerings: settings.lowerings.clone(),
+            method: Some(settings.numerics.method.kind()),
+            lowerings: settings.numerics.lowerings.clone(),
         }
     }
 
@@ -190,14 +191,14 @@ pub(crate) fn of<'e>(
     open: &[usize],
 ) -> Box<dyn Run<'e> + 'e> {
     assert!(
-        system.impulsive.is_empty() || settings.steps_through_contacts(),
+        system.jumps.impulsive.is_empty() || settings.steps_through_contacts(),
         "contacts without forces are for steps of time"
     );
     // Without contacts there are no impulses to take.
-    let impulses = settings.takes_impulses() && !system.contacts.is_empty();
-    match settings.method {
+    let impulses = settings.takes_impulses() && !system.jumps.contacts.is_empty();
+    match settings.numerics.method {
         Method::Adaptive => Box::new(Adaptive::new(system, settings)),
-        Method::Timestepping(_) if !system.impulsive.is_empty() => {
+        Method::Timestepping(_) if !system.jumps.impulsive.is_empty() => {
             Box::new(Contacts::new(system, settings, open))
         }
         Method::Timestepping(_) => Box::new(Stepping::new(system, settings, open)),
@@ -216,18 +217,19 @@ pub(crate) fn of<'e>(
 /// not decide which regions there are. Steps through contacts have no regions; others have the instants at which switches of
 /// time change compiled in, and none selects among the sliding modes of nonlinear switches.
 pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
-    let without = system.contacts.is_empty() && system.impulsive.is_empty();
-    let by_elements = match settings.method {
+    let without = system.jumps.contacts.is_empty() && system.jumps.impulsive.is_empty();
+    let by_elements = match settings.numerics.method {
         Method::Auto | Method::Event(_) => return !settings.freezes(),
         Method::Fesd(_) => without || settings.takes_impulses(),
-        Method::Timestepping(_) if !system.impulsive.is_empty() => return true,
+        Method::Timestepping(_) if !system.jumps.impulsive.is_empty() => return true,
         Method::Timestepping(_) => {
             without && system.first_nonlinear().is_none() && system.leading().is_empty()
         }
         _ => false,
     };
-    let deciding = deciding(system, &settings.lowerings);
-    let mut open = open.iter().map(|&place| variable(system.params[place].var));
+    let deciding = deciding(system, &settings.numerics.lowerings);
+    let open = system.exogenous.chosen(open);
+    let mut open = open.map(|param| variable(param.var));
     by_elements && !settings.freezes() && open.all(|var| !deciding.contains(&var))
 }
 
@@ -271,13 +273,13 @@ mod tests {
                 let mut plan = Plan::of_method(&system, settings, &[0]);
                 run(&mut plan, &system, settings);
                 for (mu, q) in [(0.2, 0.5), (0.9, -1.0)] {
-                    system.params[0].value = mu;
+                    system.exogenous.params[0].value = mu;
                     system.states[0].initial = q;
                     let known = system.exprs.n_nodes();
                     let found = run(&mut plan, &system, settings);
                     assert_eq!(system.exprs.n_nodes(), known, "{method} compiles");
                     let fresh = run(&mut Plan::new(&system, settings), &system, settings);
-                    for (found, fresh) in found.states.iter().zip(&fresh.states) {
+                    for (found, fresh) in found.samples.states.iter().zip(&fresh.samples.states) {
                         let [found, fresh] = [found, fresh].map(|x| x.values.last().copied());
                         let apart = found.zip(fresh).map(|(a, b)| (a - b).abs());
                         assert!(apart.is_some_and(|apart| apart <= 1e-11), "{method}");
@@ -309,7 +311,10 @@ mod tests {
             let mut plan = Plan::of_method(&system, settings, &open);
             run(&mut plan, &system, settings);
             for (g, e, q) in [(9.0, 0.4, 1.0), (8.0, 0.6, 0.8)] {
-                (system.params[0].value, system.params[1].value) = (g, e);
+                (
+                    system.exogenous.params[0].value,
+                    system.exogenous.params[1].value,
+                ) = (g, e);
                 system.states[0].initial = q;
                 let known = system.exprs.n_nodes();
                 let found = run(&mut plan, &system, settings);
@@ -317,7 +322,8 @@ mod tests {
                 let fresh = Plan::of_method(&system, settings, &open);
                 let fresh = run(&mut { fresh }, &system, settings);
                 let [found, fresh] = [found, fresh].map(|run| {
-                    run.states
+                    run.samples
+                        .states
                         .iter()
                         .map(|x| x.values.clone())
                         .collect::<Vec<_>>()
@@ -348,7 +354,7 @@ mod tests {
             with_last(&text, |compiled| {
                 let (mut system, settings) = (compiled.system.clone(), &compiled.settings);
                 let place = |name: &str| {
-                    let mut params = system.params.iter();
+                    let mut params = system.exogenous.params.iter();
                     params
                         .position(|param| param.name == name)
                         .expect("it is one")
@@ -358,11 +364,14 @@ mod tests {
                 assert_eq!(takes(&system, settings, &[low]), takes_low);
                 let mut plan = Plan::of_method(&system, settings, &[low]);
                 for value in [1.0, 0.5, 2.5].into_iter().filter(|_| takes_low) {
-                    system.params[low].value = value;
+                    system.exogenous.params[low].value = value;
                     let found = run(&mut plan, &system, settings);
                     let (first, second) = (value / 3.0, (2.0 - value).max(0.0) / 2.0);
                     let exact = value.max(2.0) + 1.5 - first - second;
-                    let apart = found.states[0].values.last().map(|x| (x - exact).abs());
+                    let apart = found.samples.states[0]
+                        .values
+                        .last()
+                        .map(|x| (x - exact).abs());
                     assert!(
                         apart.is_some_and(|apart| apart <= 1e-9),
                         "{value}: {apart:?}"

@@ -44,7 +44,7 @@ pub(crate) struct Limits<'s, 'e> {
 
 impl<'s, 'e> Limits<'s, 'e> {
     pub(crate) fn new(system: &'s System<'e>, tolerance: f64, reported: &Reported) -> Self {
-        let limits = &system.limits;
+        let limits = &system.recorded.limits;
         let tape = reported.limits.clone();
         let mut inputs = vec![0.0; tape.n_inputs()];
         let parameters: Vec<f64> = reported.parameters(system).collect();
@@ -60,7 +60,7 @@ impl<'s, 'e> Limits<'s, 'e> {
             values: vec![0.0; tape.n_outputs()],
             inputs,
             tape,
-            data: &system.data,
+            data: &system.exogenous.data,
             shifted: Vec::new(),
         }
     }
@@ -155,6 +155,7 @@ fn place(system: &System, limit: &Limit) -> Option<usize> {
 /// What limits are about that are no states, in order.
 pub(crate) fn evaluated<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
     let evaluated = system
+        .recorded
         .limits
         .iter()
         .filter(|limit| place(system, limit).is_none());
@@ -165,8 +166,8 @@ pub(crate) fn evaluated<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
 pub(crate) fn tape_of<'e>(system: &System<'e>, open: &[usize], exprs: &[Expr<'e>]) -> Tape {
     let states = system.states.iter().map(|state| state.var);
     let alphas = system.switches.iter().map(|switch| switch.alpha);
-    let data = system.data.iter().map(|data| data.var);
-    let open_params = open.iter().map(|&place| system.params[place].var);
+    let data = system.exogenous.data.iter().map(|data| data.var);
+    let open_params = open.iter().map(|&place| system.exogenous.params[place].var);
     let inputs = [system.time].into_iter().chain(states).chain(alphas);
     let inputs = inputs.chain(data).chain(open_params);
     let inputs: Vec<_> = inputs.map(variable).collect();

@@ -169,7 +169,7 @@ fn many(events: f64) -> String {
 
 /// How far ahead of where it ended a run looked: a step of its grid, or what is left of those that became ever shorter.
 fn ahead(settings: &Settings) -> f64 {
-    let steps = match &settings.method {
+    let steps = match &settings.numerics.method {
         Method::Fesd(options) => options.steps,
         Method::Timestepping(options) => Some(options.steps),
         _ => None,
@@ -234,7 +234,7 @@ pub(super) fn of_start(system: &System, status: &Status) -> Failure {
 
 /// Programs whose convexity is not proven.
 pub fn sampled(system: &System) -> impl Iterator<Item = Warning> {
-    system.sampled.iter().map(|&span| Warning {
+    system.provenance.sampled.iter().map(|&span| Warning {
         code: "W0714".into(),
         message: "a program was found convex at sample points only".into(),
         span: Some(span),
@@ -431,7 +431,7 @@ pub(super) fn labels(system: &System, switches: &[usize]) -> Vec<LabeledSpan> {
 
 /// Whether one of these is the gap or a slip velocity of a contact.
 fn are_contacts(system: &System, switches: &[usize]) -> bool {
-    let is_gap = |i: usize| system.contacts.iter().any(|contact| contact.switch == i);
+    let is_gap = |i: usize| system.jumps.touches(i);
     let mut switches = switches.iter();
     switches.any(|&i| is_gap(i) || system.switches[i].slip_of.is_some())
 }

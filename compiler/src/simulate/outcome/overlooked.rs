@@ -49,7 +49,7 @@ impl<'s, 'e> Look<'s, 'e> {
         let sizes = [system.states.len(), system.switches.len()];
         let overlooked = reported.hiding.as_ref().map(|hiding| {
             let (functions, tape) = (hiding.functions.clone(), hiding.tape.clone());
-            Overlooked::new(functions, tape, sizes, settings.tolerance)
+            Overlooked::new(functions, tape, sizes, settings.numerics.tolerance)
         });
         Look {
             system,
@@ -60,7 +60,7 @@ impl<'s, 'e> Look<'s, 'e> {
 
     pub fn at(&mut self, segment: &Segment) {
         if let Some(overlooked) = &mut self.overlooked {
-            let data = &self.system.data;
+            let data = &self.system.exogenous.data;
             overlooked.look(segment, |time, values| {
                 let data = data.iter().map(|data| data.table.piece(time).value(time));
                 let known = data.chain(self.parameters.iter().copied());

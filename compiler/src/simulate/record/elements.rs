@@ -85,7 +85,7 @@ impl<'s, 'e> Elements<'s, 'e> {
             mut coefficients,
             ..
         } = found;
-        for data in &system.data {
+        for data in &system.exogenous.data {
             let known = data.table.piece(0.5 * (from + to)).around(from);
             let rest = n_coefficients.saturating_sub(known.len());
             coefficients.extend(known.into_iter().take(n_coefficients));
@@ -121,11 +121,12 @@ impl<'s, 'e> Elements<'s, 'e> {
             pieces: self.pieces,
         };
         let (n, m) = (self.system.states.len(), self.system.switches.len());
-        let mut points = match settings.sampling {
+        let sampling = &settings.recording.sampling;
+        let mut points = match sampling {
             Sampling::Method | Sampling::Curve => self.points,
             // A run without a first element has its start alone.
             _ if dense.pieces.is_empty() => self.points,
-            _ => sampled(&dense, &settings.sampling, horizon, (n, m), self.points),
+            _ => sampled(&dense, sampling, horizon, (n, m), self.points),
         };
         points.end(self.system);
         recorded(

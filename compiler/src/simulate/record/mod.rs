@@ -13,7 +13,9 @@ use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::hybrid::{Outcome, Side, Status};
 use nsd_solver::selector::Decision;
 
-use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory, curve};
+use crate::report::{
+    self, EventKind, History, ModeInterval, Piece, Samples, Series, Trajectory, curve,
+};
 use crate::simulate::outcome::limits::Limits;
 use crate::simulate::record::modes::ModeNames;
 use crate::simulate::record::points::{Behind, Points, is_one_instant, tidy};
@@ -74,7 +76,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
         let (n, m) = (system.states.len(), system.switches.len());
         Recorder {
             system,
-            sampling: settings.sampling.clone(),
+            sampling: settings.recording.sampling.clone(),
             sampled: 0,
             record: Record {
                 horizon: settings.horizon,
@@ -193,7 +195,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             && jumps_last
             && let Some(last) = self.pieces.last().map(|piece| piece.to)
         {
-            let piece = pieces::of_instant(last, outcome, &self.system.data);
+            let piece = pieces::of_instant(last, outcome, &self.system.exogenous.data);
             self.pieces.push(piece);
         }
         let divided: &[Piece] = match self.sampling {
@@ -207,9 +209,10 @@ impl<'s, 'e> Recorder<'s, 'e> {
             alphas,
             ..
         } = &self.record.points;
-        for group in &system.groups {
+        let mut samples = Samples::default();
+        for group in &system.recorded.groups {
             let rows = states.chunks(system.states.len().max(1));
-            trajectory.states.push(Series {
+            samples.states.push(Series {
                 name: group.name.clone(),
                 shape: group.shape.clone(),
                 values: rows
@@ -217,20 +220,20 @@ impl<'s, 'e> Recorder<'s, 'e> {
                     .collect(),
             });
         }
-        [trajectory.outputs, trajectory.controls] =
-            self.reported.series(system, [times, states, alphas]);
+        [samples.outputs, samples.controls] = self.reported.series(system, [times, states, alphas]);
         trajectory.warnings.extend(self.limits.warnings());
-        self.name_modes(names, outcome, trajectory);
-        trajectory.time = self.record.points.times;
+        trajectory.history = self.history(names, outcome);
+        samples.time = self.record.points.times;
         if !rows.is_empty() {
-            tidy(trajectory, &rows);
+            tidy(&mut samples, &rows);
         }
+        trajectory.samples = samples;
         if self.dense {
             trajectory.dense.pieces = self.pieces;
         }
     }
 
-    fn name_modes(&self, names: &ModeNames, outcome: &Outcome, trajectory: &mut Trajectory) {
+    fn history(&self, names: &ModeNames, outcome: &Outcome) -> History {
         let changes: Vec<(&Change, Vec<modes::Change>)> = (self.record.changes.iter())
             .map(|change| (change, names.decided(&change.1, &change.2, &change.3)))
             .filter(|(_, what)| !what.is_empty())
@@ -258,20 +261,17 @@ impl<'s, 'e> Recorder<'s, 'e> {
         let sides = [first]
             .into_iter()
             .chain(changes.iter().map(|((_, _, to, _), _)| &to[..]));
-        trajectory.modes = starts
-            .zip(ends)
-            .zip(sides)
+        let mut modes: Vec<ModeInterval> = (starts.zip(ends).zip(sides))
             .map(|((from, to), sides)| interval(from, to, sides))
             .collect();
         // A run that does not get away from its start has no mode.
         if outcome.time == 0.0 && self.record.changes.is_empty() {
-            trajectory.modes.clear();
+            modes.clear();
         }
+        let mut events = Vec::new();
         for ((time, from, to, _), what) in changes {
             while let Some(jump) = jumps.next_if(|jump| jump.time <= *time) {
-                trajectory
-                    .events
-                    .extend(jump.events(names, &names.mode(from)));
+                events.extend(jump.events(names, &names.mode(from)));
             }
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
             let limit = self.record.accumulations.contains(time);
@@ -282,7 +282,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
                 ended.extend(ends.then(|| change.surface.clone()));
                 let limit = ends.then_some(EventKind::Zeno);
                 for kind in [Some(change.kind), limit].into_iter().flatten() {
-                    trajectory.events.push(report::Event {
+                    events.push(report::Event {
                         time: *time,
                         kind,
                         surface: change.surface.clone(),
@@ -294,11 +294,15 @@ impl<'s, 'e> Recorder<'s, 'e> {
                 }
             }
         }
-        let last = trajectory.modes.last().map(|mode| mode.mode.clone());
-        let last = last.unwrap_or_default();
-        trajectory
-            .events
-            .extend(jumps.flat_map(|jump| jump.events(names, &last)));
+        let last = modes.last().map_or("", |mode| &mode.mode);
+        events.extend(jumps.flat_map(|jump| jump.events(names, last)));
+        let switches = self.system.switches.iter();
+        History {
+            events,
+            modes,
+            switches: switches.map(|switch| switch.name.clone()).collect(),
+            averaged: Vec::new(),
+        }
     }
 }
 
@@ -337,19 +341,15 @@ pub(crate) fn recorded(
         ..Record::default()
     };
     let reported = Arc::new(Reported::new(system, open));
+    let tolerance = settings.numerics.tolerance;
     let recorder = Recorder {
         record,
         pieces,
         x,
         alpha,
-        ..Recorder::new(system, settings, settings.tolerance, true, reported)
+        ..Recorder::new(system, settings, tolerance, true, reported)
     };
-    let mut trajectory = Trajectory {
-        switches: (system.switches.iter())
-            .map(|switch| switch.name.clone())
-            .collect(),
-        ..Trajectory::default()
-    };
+    let mut trajectory = Trajectory::default();
     recorder.fill(system, &names, &outcome, &mut trajectory);
     trajectory
 }
@@ -362,7 +362,7 @@ impl Observer for Recorder<'_, '_> {
         let has_rows_inside = self.sampling == Sampling::Curve
             && curve::is_divided(segment.length, self.record.horizon);
         if self.dense || has_rows_inside {
-            let mut piece = pieces::of_segment(segment, end, &self.system.data);
+            let mut piece = pieces::of_segment(segment, end, &self.system.exogenous.data);
             // Pieces of a run are without gaps.
             let last = self.pieces.last();
             piece.from = last.map_or(piece.from, |last| piece.from.max(last.to));

@@ -34,12 +34,13 @@ impl<'s, 'e> ModeNames<'s, 'e> {
     pub(crate) fn new(system: &'s System<'e>) -> Self {
         let shown = |i: &usize| {
             system
+                .coupling
                 .partitions
                 .iter()
                 .any(|partition| partition.switches.contains(i))
         };
         let partition_of = |i: usize| {
-            let mut partitions = system.partitions.iter();
+            let mut partitions = system.coupling.partitions.iter();
             partitions.position(|p| !p.indicators.is_empty() && p.switches.contains(&i))
         };
         let watched = only_watched(system);
@@ -62,7 +63,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
             Side::Slide => true,
             side => (side == Side::Plus) == on,
         };
-        let regions = self.system.partitions[partition].regions.iter();
+        let regions = self.system.coupling.partitions[partition].regions.iter();
         let present = regions.filter(|region| region.literals.iter().flatten().all(fits));
         present.map(|region| region.name.as_str()).collect()
     }
@@ -70,7 +71,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
     /// What changes between two modes: nothing where only indicators of other regions than the present ones cross.
     pub(crate) fn changes(&self, from: &[Side], to: &[Side]) -> Vec<Change> {
         let mut found = Vec::new();
-        let mut told = vec![false; self.system.partitions.len()];
+        let mut told = vec![false; self.system.coupling.partitions.len()];
         for (i, switch) in self.system.switches.iter().enumerate() {
             let kind = match switch.slip_of {
                 _ if switch.role == Role::Equation => continue,
@@ -97,7 +98,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
             if before == after || std::mem::replace(&mut told[partition], true) {
                 continue;
             }
-            let regions = self.system.partitions[partition].regions.iter();
+            let regions = self.system.coupling.partitions[partition].regions.iter();
             let names = regions.map(|region| region.name.as_str());
             let met = names.filter(|name| before.contains(name) || after.contains(name));
             found.push(Change {
@@ -186,6 +187,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         };
         let regions = self
             .system
+            .coupling
             .partitions
             .iter()
             .flat_map(|partition| &partition.regions);
@@ -197,7 +199,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
     /// The regions with indicators that the state slides between, by partition.
     pub(crate) fn sliding_between(&self, sides: &[Side]) -> Vec<Vec<&'s str>> {
-        let partitions = self.system.partitions.iter().enumerate();
+        let partitions = self.system.coupling.partitions.iter().enumerate();
         let indicated = partitions.filter(|(_, partition)| !partition.indicators.is_empty());
         let sets = indicated.map(|(p, _)| self.between(p, sides));
         sets.filter(|set| set.len() > 1).collect()
@@ -336,17 +338,18 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
 /// Switches that occur in guards and resets of laws only.
 fn only_watched(system: &System) -> Vec<bool> {
-    if system.first_jump().is_none() {
+    if system.jumps.first_jump().is_none() {
         return vec![false; system.switches.len()];
     }
-    let recorded = system.outputs.iter().chain(&system.controls);
+    let recorded = system.recorded.signals();
     let regions = system
+        .coupling
         .partitions
         .iter()
         .flat_map(|partition| &partition.regions);
     let used: Vec<Expr> = (system.states.iter().map(|state| state.rate))
         .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
-        .chain(system.limits.iter().map(|limit| limit.value))
+        .chain(system.recorded.limits.iter().map(|limit| limit.value))
         .chain(regions.map(|region| region.weight))
         .chain(system.switches.iter().map(|switch| switch.psi))
         .collect();
@@ -360,12 +363,12 @@ fn only_watched(system: &System) -> Vec<bool> {
 
 /// A law by its index: jumps come first, then contacts.
 pub(crate) fn law_of<'s>(system: &'s System, law: usize) -> (&'s str, Span) {
-    match law.checked_sub(system.laws.len()) {
+    match law.checked_sub(system.jumps.laws.len()) {
         Some(contact) => {
-            let contact = &system.contacts[contact];
+            let contact = &system.jumps.contacts[contact];
             (&contact.name, contact.span)
         }
-        None => (&system.laws[law].name, system.laws[law].span),
+        None => (&system.jumps.laws[law].name, system.jumps.laws[law].span),
     }
 }
 

@@ -3,7 +3,7 @@
 //! At an instant t at which a mode changes, data step or the state is kicked, a column g has the values g(t⁻), in the row
 //! that ends a step, and g(t⁺), in a row behind it. Where no column jumps the second row says nothing, and is left out.
 
-use crate::report::{self, EventKind, Piece, Trajectory, curve};
+use crate::report::{self, EventKind, Piece, Samples, curve};
 use crate::simulate::record::modes::ModeNames;
 use crate::system::System;
 
@@ -196,12 +196,12 @@ impl Points {
 }
 
 /// Leaves out rows behind others where nothing jumps, and those inside of steps that straight lines do without.
-pub(super) fn tidy(trajectory: &mut Trajectory, rows: &[Row]) {
+pub(super) fn tidy(samples: &mut Samples, rows: &[Row]) {
     let mut kept: Vec<bool> = (rows.iter())
         .map(|row| *row != Row::Behind { is_certain: false })
         .collect();
     if kept.contains(&false) {
-        for (_, values) in trajectory.series().flat_map(|series| series.columns()) {
+        for (_, values) in samples.series().flat_map(|series| series.columns()) {
             let finite = values.iter().filter(|value| value.is_finite());
             let size = finite.fold(0.0, |size: f64, value| size.max(value.abs()));
             for (k, kept) in kept.iter_mut().enumerate().skip(1) {
@@ -210,11 +210,11 @@ pub(super) fn tidy(trajectory: &mut Trajectory, rows: &[Row]) {
                 *kept |= is_more || before.is_nan() != here.is_nan();
             }
         }
-        curve::keep(trajectory, &kept);
+        curve::keep(samples, &kept);
     }
     let rows = rows.iter().zip(kept).filter(|(_, kept)| *kept);
     let inside: Vec<bool> = rows.map(|(row, _)| *row == Row::Inside).collect();
     if inside.contains(&true) {
-        curve::thin(trajectory, &inside);
+        curve::thin(samples, &inside);
     }
 }

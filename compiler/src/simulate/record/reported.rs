@@ -27,10 +27,11 @@ impl Reported {
     pub fn new(system: &System, open: &[usize]) -> Self {
         let numbers = numbers(system, open);
         let mut inputs: Vec<Var> = vec![variable(system.time)];
-        inputs.extend(system.data.iter().map(|data| variable(data.var)));
+        inputs.extend(system.exogenous.data.iter().map(|data| variable(data.var)));
         inputs.extend(system.states.iter().map(|state| variable(state.var)));
         inputs.extend(system.switches.iter().map(|switch| variable(switch.alpha)));
-        inputs.extend(open.iter().map(|&place| variable(system.params[place].var)));
+        let params = system.exogenous.chosen(open);
+        inputs.extend(params.map(|param| variable(param.var)));
         let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
         let vanishing = Vanishing::of(system, &numbers.apply(&switching));
         let tape = |exprs: Vec<Expr>| {
@@ -38,7 +39,7 @@ impl Reported {
             expr::compile(&inputs, &exprs)
                 .expect("what is reported is smooth in time, data, states and α")
         };
-        let outputs = system.outputs.iter().chain(&system.controls);
+        let outputs = system.recorded.signals();
         Reported {
             outputs: tape(
                 outputs
@@ -59,7 +60,7 @@ impl Reported {
 
     /// The values of the open parameters.
     pub fn parameters(&self, system: &System) -> impl Iterator<Item = f64> {
-        self.open.iter().map(|&place| system.params[place].value)
+        (system.exogenous.chosen(&self.open)).map(|param| param.value)
     }
 
     /// Outputs and controls at points, with times, states and α one after another. Of two points at one instant, the first
@@ -74,7 +75,7 @@ impl Reported {
         // Structure of arrays: one row per input, one column per point.
         let mut table = times.to_vec();
         let is_first = |k: usize| times.get(k + 1) == Some(&times[k]);
-        for data in &system.data {
+        for data in &system.exogenous.data {
             let value = |(k, &t): (usize, &f64)| match is_first(k) {
                 true => data.table.before(t),
                 false => data.table.value(t),
@@ -103,6 +104,7 @@ impl Reported {
                 values: values.map(|(o, k)| columns[o * points + k]).collect(),
             }
         };
-        [&system.outputs, &system.controls].map(|outputs| outputs.iter().map(&mut series).collect())
+        [&system.recorded.outputs, &system.recorded.controls]
+            .map(|outputs| outputs.iter().map(&mut series).collect())
     }
 }

@@ -18,7 +18,7 @@ use crate::expr::{Expr, Substitution, Var};
 use crate::model::Data;
 use crate::source::Span;
 use crate::source::table::{Fit, Table};
-use crate::system::{State, Subsystem, System};
+use crate::system::{Coupling, Jumps, State, Subsystem, System};
 
 /// The system with data in place of the switches of time with which others jump. Where these have no end of changes
 /// within the horizon it is what it was.
@@ -47,7 +47,7 @@ pub(crate) fn scheduled<'e>(system: &System<'e>, horizon: f64) -> System<'e> {
             span: Span::default(),
         };
         steps.push((switch, variable(system.switches[switch].alpha), data.var));
-        scheduled.data.push(data);
+        scheduled.exogenous.data.push(data);
     }
     // A switch keeps its own α, by which it is told.
     let all: Substitution<'e> = steps
@@ -60,14 +60,14 @@ pub(crate) fn scheduled<'e>(system: &System<'e>, horizon: f64) -> System<'e> {
     for switch in &mut scheduled.switches {
         switch.psi = switch.psi.substitute(&all);
     }
-    for partition in &mut scheduled.partitions {
+    for partition in &mut scheduled.coupling.partitions {
         partition.indicators.clear();
     }
     let rates: Vec<Expr<'e>> = scheduled.states.iter().map(|state| state.rate).collect();
     let alphas: Vec<Var> = (scheduled.switches.iter())
         .map(|switch| variable(switch.alpha))
         .collect();
-    scheduled.subsystems = crate::system::subsystems(&rates, &alphas);
+    scheduled.coupling.subsystems = crate::system::subsystems(&rates, &alphas);
     scheduled
 }
 
@@ -133,11 +133,11 @@ fn changes(system: &System, horizon: f64) -> Option<Changes> {
             .iter()
             .map(|&k| system.switches[k].clone())
             .collect(),
-        subsystems: (0..switches.len()).map(alone).collect(),
-        partitions: Vec::new(),
-        laws: Vec::new(),
-        contacts: Vec::new(),
-        bodies: Vec::new(),
+        coupling: Coupling {
+            partitions: Vec::new(),
+            subsystems: (0..switches.len()).map(alone).collect(),
+        },
+        jumps: Jumps::default(),
         ..system.clone()
     };
     let mut simulator = Simulator::new(hybrid::lower_over(&alone, horizon), Settings::default());

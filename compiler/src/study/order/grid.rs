@@ -137,7 +137,7 @@ impl Road {
     /// What is run of it; `steps` are as for `sweeps`.
     pub fn sweeps(self, settings: &Settings, steps: usize) -> Vec<Sweep> {
         let coarsest = coarsest(steps);
-        let elements = match settings.method {
+        let elements = match settings.numerics.method {
             Method::Fesd(options) => options.elements,
             _ => FesdOptions::default().elements,
         };
@@ -205,7 +205,7 @@ fn smoothing((member, &law): (usize, &Law<'static>)) -> Sweep {
 /// [`sweeps`].
 pub fn own(settings: &Settings, steps: usize) -> Option<Sweep> {
     let coarsest = coarsest(steps);
-    match settings.method {
+    match settings.numerics.method {
         Method::Fesd(options) => {
             let sweep = || elements(settings, coarsest, options.scheme, options.elements, (1, 0));
             options.steps.map(|_| sweep())
@@ -223,7 +223,7 @@ fn coarsest(steps: usize) -> usize {
 
 /// All schemes, and the one that the experiment asks for.
 fn fesd(settings: &Settings, coarsest: usize) -> Vec<Sweep> {
-    let own = match settings.method {
+    let own = match settings.numerics.method {
         Method::Fesd(options) => Some(options),
         _ => None,
     };

@@ -203,7 +203,7 @@ pub fn of_method(
     let takes_jumps = settings.freezes() || settings.takes_impulses();
     if let Some(reason) = bench
         .without_elements()
-        .filter(|_| settings.method.kind().needs_dcs() && !takes_jumps)
+        .filter(|_| settings.numerics.method.kind().needs_dcs() && !takes_jumps)
     {
         return Err(format!(
             "the order of this lowering is not measured: {reason}"
@@ -244,7 +244,7 @@ pub fn of_method(
 
 /// Contacts of steps of time are in no other method.
 fn has_switches_alone(compiled: &Compiled<'_>) -> Result<(), String> {
-    match compiled.system.impulsive.is_empty() {
+    match compiled.system.jumps.impulsive.is_empty() {
         true => Ok(()),
         false => Err("steps of time with contacts are not compared with other methods".into()),
     }

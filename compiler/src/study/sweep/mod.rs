@@ -48,7 +48,7 @@ impl Row {
     /// What a run came to, and how many expectations it misses; one that fails has no end.
     pub fn of(run: &Trajectory, missed: Option<usize>) -> Self {
         let ends = matches!(run.status, Status::Solved | Status::Feasible);
-        let last = run.time.len().checked_sub(1).filter(|_| ends);
+        let last = run.samples.time.len().checked_sub(1).filter(|_| ends);
         let entries = |last: usize| {
             reported(run)
                 .flat_map(move |series| series.at(last))
@@ -64,8 +64,8 @@ impl Row {
             code: failure.or_else(warning),
             end: last.into_iter().flat_map(entries).collect(),
             objective: run.objective.filter(|_| ends),
-            events: run.events.len(),
-            error_estimate: run.error_estimate.filter(|_| ends),
+            events: run.history.events.len(),
+            error_estimate: run.quality.error_estimate.filter(|_| ends),
             missed: missed.filter(|_| ends),
         }
     }
@@ -73,7 +73,7 @@ impl Row {
 
 /// What has values at the end.
 fn reported(run: &Trajectory) -> impl Iterator<Item = &Series> {
-    run.states.iter().chain(&run.outputs)
+    run.samples.states.iter().chain(&run.samples.outputs)
 }
 
 /// The names of what [`Row::end`] holds.

@@ -31,8 +31,9 @@ fn freed(system: &System, task: &Task) -> Vec<Var> {
 
 /// What is decided, by kind: controls, free parameters, free initial values; and what changes at any time as these do.
 fn decided(system: &System, task: &Task) -> [(&'static str, Vec<Var>); 4] {
-    let params = task.params.iter().map(|p| system.params[p.place].var);
-    let data = system.data.iter().map(|data| data.var);
+    let all = &system.exogenous.params;
+    let params = task.params.iter().map(|p| all[p.place].var);
+    let data = system.exogenous.data.iter().map(|data| data.var);
     [
         ("controls", vars(task.controls.iter().map(|u| u.var))),
         ("free parameters", vars(params)),

@@ -29,7 +29,7 @@ struct Rubbing<'s, 'e> {
 
 /// Warns of contacts of points whose directions are none.
 pub(super) fn check(system: &System<'_>, start: &Start, diags: &mut Diagnostics) {
-    let contacts = system.contacts.iter().filter_map(|contact| {
+    let contacts = system.jumps.contacts.iter().filter_map(|contact| {
         let friction = contact.friction.as_ref()?;
         Some(Rubbing {
             name: &contact.name,
@@ -38,7 +38,7 @@ pub(super) fn check(system: &System<'_>, start: &Start, diags: &mut Diagnostics)
             span: contact.span,
         })
     });
-    let impulsive = system.impulsive.iter().filter_map(|contact| {
+    let impulsive = system.jumps.impulsive.iter().filter_map(|contact| {
         let (_, slips) = contact.friction.as_ref()?;
         Some(Rubbing {
             name: &contact.name,
@@ -74,7 +74,7 @@ impl<'s, 'e> Places<'s, 'e> {
         let states = system.states.iter().enumerate();
         let of = states.filter_map(|(place, state)| Some((state.var.as_variable()?, place)));
         let mut body_of = FxHashMap::default();
-        for (b, body) in system.bodies.iter().enumerate() {
+        for (b, body) in system.jumps.bodies.iter().enumerate() {
             let own = body.positions.iter().chain(&body.velocities);
             body_of.extend(own.map(|&place| (place, b)));
         }
@@ -92,7 +92,7 @@ impl<'s, 'e> Places<'s, 'e> {
         let mut own = occurring.filter_map(|var| self.body_of.get(self.of.get(&var)?));
         let first = own.next()?;
         let is_alone = own.all(|body| body == first);
-        let body = &self.system.bodies[*first];
+        let body = &self.system.jumps.bodies[*first];
         let n = body.velocities.len();
         let is_number = (0..n * n).all(|k| match k / n == k % n {
             true => body.mass[k] == body.mass[0],

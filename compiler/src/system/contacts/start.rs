@@ -59,12 +59,12 @@ impl Start {
 impl<'e> System<'e> {
     /// Says what is wrong, and what may become so.
     pub(crate) fn check_start(&self, diags: &mut Diagnostics) {
-        if self.contacts.is_empty() && self.impulsive.is_empty() {
+        if self.jumps.contacts.is_empty() && self.jumps.impulsive.is_empty() {
             return;
         }
         let start = self.start();
-        let named = (self.contacts.iter()).map(|c| (&c.name, c.gap, c.span));
-        let impulsive = (self.impulsive.iter()).map(|c| (&c.name, c.gap, c.span));
+        let named = (self.jumps.contacts.iter()).map(|c| (&c.name, c.gap, c.span));
+        let impulsive = (self.jumps.impulsive.iter()).map(|c| (&c.name, c.gap, c.span));
         for (name, gap, span) in named.chain(impulsive) {
             let gap = start.gap(gap);
             if gap < 0.0 {
@@ -74,12 +74,12 @@ impl<'e> System<'e> {
         }
         self.check_coefficients(&start, diags);
         let closed = |contact: &&Contact<'e>| start.gap(contact.gap) == 0.0;
-        let closed: Vec<&Contact<'e>> = self.contacts.iter().filter(closed).collect();
+        let closed: Vec<&Contact<'e>> = self.jumps.contacts.iter().filter(closed).collect();
         if let Some(error) = self.dependent(&start, &closed) {
             diags.push(error);
         }
         directions::check(self, &start, diags);
-        for contact in &self.contacts {
+        for contact in &self.jumps.contacts {
             let Some(friction) = &contact.friction else {
                 continue;
             };
@@ -99,14 +99,14 @@ impl<'e> System<'e> {
     /// 0 <= e <= 1 and 0 <= μ where parameters alone decide: those that stay open when a system is lowered have values now.
     fn check_coefficients(&self, start: &Start, diags: &mut Diagnostics) {
         let is_param = |var: &Var| {
-            let mut params = self.params.iter();
+            let mut params = self.exogenous.params.iter();
             params.any(|param| param.var.as_variable() == Some(*var))
         };
         let value = |e: Expr<'e>| match variables_of(&[e]).iter().all(is_param) {
             true => start.value(e),
             false => f64::NAN,
         };
-        for contact in &self.contacts {
+        for contact in &self.jumps.contacts {
             let e = value(contact.restitution.coefficient);
             let friction = contact.friction.as_ref();
             let friction = friction.map(|friction| value(friction.coefficient));
@@ -124,7 +124,7 @@ impl<'e> System<'e> {
     }
 
     fn start(&self) -> Start {
-        let params = self.params.iter().enumerate();
+        let params = self.exogenous.params.iter().enumerate();
         let params = params.filter(|(place, _)| !self.is_free(*place));
         let params = params.map(|(_, param)| (param.var, param.value));
         let states = self.states.iter().map(|state| (state.var, state.initial));

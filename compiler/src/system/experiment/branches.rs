@@ -18,7 +18,7 @@ impl Settings<'_> {
     pub fn refuses_branches(&self, system: &System) -> Option<ExperimentError> {
         let mut k = system.first_nonlinear()?;
         let mut nonlinear = (k..system.switches.len()).filter(|&k| system.switches[k].is_nonlinear);
-        let method = self.method.kind();
+        let method = self.numerics.method.kind();
         let by_elements = method == MethodKind::Fesd;
         let is_optimized = self.optimize.is_some();
         let mut beside = None;
@@ -62,7 +62,7 @@ pub fn beside_branches(system: &System) -> Option<(&'static str, Span)> {
         let var = data.var.as_variable();
         var.is_some_and(|var| inside.contains(&var))
     };
-    let data = || system.data.iter().find(is_watched);
+    let data = || system.exogenous.data.iter().find(is_watched);
     beside_forces(system)
         .or_else(|| Some(("switches on signals from tables and `floor`", data()?.span)))
 }

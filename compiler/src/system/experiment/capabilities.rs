@@ -103,10 +103,11 @@ impl Feature {
                 Some((contact.name.clone(), contact.span))
             }
             (Feature::Jumps, Seen::System(system)) => {
-                let (name, span) = match system.impulsive.is_empty() {
-                    true => system.first_jump()?,
+                let (name, span) = match system.jumps.impulsive.is_empty() {
+                    true => system.jumps.first_jump()?,
                     // Contacts are a matter of the method.
                     false => system
+                        .jumps
                         .laws
                         .first()
                         .map(|law| (law.name.as_str(), law.span))?,
@@ -187,7 +188,7 @@ impl<'e> Settings<'e> {
     /// The first thing that the method does not take.
     fn refused(&self, seen: &Seen<'_, '_>) -> Option<ExperimentError> {
         let mut forms = [Lowering::TimeFreezing, Lowering::Impact].into_iter();
-        if let Some(form) = forms.find(|form| self.lowerings.contains(form)) {
+        if let Some(form) = forms.find(|form| self.numerics.lowerings.contains(form)) {
             // What else they do not take is refused with them.
             let (_, span) = Feature::Poisson.place(seen, self.span)?;
             return Some(ExperimentError::Lowering {
@@ -197,7 +198,7 @@ impl<'e> Settings<'e> {
                 span,
             });
         }
-        let method = self.method.kind();
+        let method = self.numerics.method.kind();
         let all = Feature::ALL.into_iter();
         let mut open = all.filter(|feature| !method.takes(*feature));
         open.find_map(|feature| feature.error(method, feature.place(seen, self.span)?))

@@ -40,7 +40,7 @@ pub use optimize::{
 pub use perturb::Perturbation;
 pub use plot::{Drawn, Figures, Plot, Sheet};
 use reader::Reader;
-pub use settings::{Kept, Sampling, Settings};
+pub use settings::{Kept, Numerics, Recording, Sampling, Settings};
 use statements::Statements;
 
 /// The settings of an experiment of `model`; `None` after an error.
@@ -82,15 +82,13 @@ pub fn evaluate<'e>(
         name: experiment.name.name.clone(),
         model: model.name.clone(),
         horizon: horizon?,
-        tolerance: statements.tolerance,
-        method: statements.method,
-        lowerings: statements.lowerings,
-        outputs: statements.outputs,
-        sampling: statements.sampling,
-        figures: statements.figures,
+        numerics: Numerics {
+            averages: statements.averages.is_some(),
+            ..statements.numerics
+        },
+        recording: statements.recording,
         optimize,
         kicks: statements.kicks,
-        averages: statements.averages.is_some(),
         runs: statements.runs.map(|(n, _)| n),
         expects: statements.expects,
         span: experiment.span,

@@ -104,8 +104,8 @@ impl Settings<'_> {
         let mut switches = system.switches.iter();
         // A state on the wrong side of a constraint is none that the model has.
         let is_kept = switches.any(|switch| switch.unilateral || switch.role != Role::Step);
-        let what = if !self.method.kind().takes(Feature::Perturbations) {
-            format!("`method {}`", self.method.kind().word())
+        let what = if !self.numerics.method.kind().takes(Feature::Perturbations) {
+            format!("`method {}`", self.numerics.method.kind().word())
         } else if self.freezes() {
             "`lower timefreezing`".to_owned()
         } else if is_kept {

@@ -2,7 +2,7 @@
 
 use rustc_hash::FxHashMap;
 
-use super::method::{Lowering, Method};
+use super::method::{EventOptions, Lowering, Method};
 use super::optimize::Optimize;
 use super::perturb::Perturbation;
 use super::plot::Figures;
@@ -21,22 +21,12 @@ pub struct Settings<'e> {
     pub model: String,
     /// End time, or a guess of it; the run starts at 0.
     pub horizon: f64,
-    /// Aim for the global error of every reported state, relative to its largest magnitude.
-    pub tolerance: f64,
-    /// The method with its options.
-    pub method: Method<'e>,
-    /// Lowerings asked for by name; empty for the default.
-    pub lowerings: Vec<Lowering>,
-    /// What to keep; `None` for all states and outputs.
-    pub outputs: Option<Vec<Kept<'e>>>,
-    /// When outputs are recorded.
-    pub sampling: Sampling,
-    /// What figures show.
-    pub figures: Figures<'e>,
+    /// How it is run.
+    pub numerics: Numerics<'e>,
+    /// What is told of it.
+    pub recording: Recording<'e>,
     /// What is optimized; `None` for a simulation.
     pub optimize: Option<Optimize<'e>>,
-    /// Whether chattering that fades and never ends goes on as sliding.
-    pub averages: bool,
     /// Random vectors that are added to the state; none where nothing disturbs it.
     pub kicks: Option<Perturbation>,
     /// How often the experiment is run, with other random vectors each time; none for once.
@@ -51,15 +41,39 @@ pub struct Settings<'e> {
     pub(crate) sliding: FxHashMap<usize, Sliding>,
 }
 
+/// How an experiment is run.
+#[derive(Clone, Debug)]
+pub struct Numerics<'e> {
+    /// Aim for the global error of every reported state, relative to its largest magnitude.
+    pub tolerance: f64,
+    /// The method with its options.
+    pub method: Method<'e>,
+    /// Lowerings asked for by name; empty for the default.
+    pub lowerings: Vec<Lowering>,
+    /// Whether chattering that fades and never ends goes on as sliding.
+    pub averages: bool,
+}
+
+/// What is told of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Recording<'e> {
+    /// What to keep; `None` for all states and outputs.
+    pub outputs: Option<Vec<Kept<'e>>>,
+    /// When outputs are recorded.
+    pub sampling: Sampling,
+    /// What figures show.
+    pub figures: Figures<'e>,
+}
+
 impl Settings<'_> {
     /// Whether time stands still where states jump.
     pub fn freezes(&self) -> bool {
-        self.lowerings.contains(&Lowering::TimeFreezing)
+        self.numerics.lowerings.contains(&Lowering::TimeFreezing)
     }
 
     /// Whether contacts give impulses where finite elements meet.
     pub fn takes_impulses(&self) -> bool {
-        self.lowerings.contains(&Lowering::Impact)
+        self.numerics.lowerings.contains(&Lowering::Impact)
     }
 
     /// What the motion of a frozen system is measured in: the time of a run, or of a control interval.
@@ -72,14 +86,21 @@ impl Settings<'_> {
 
     /// Lets rows follow the curves where the experiment does not say when there are any.
     pub fn follow_curves(&mut self) {
-        if self.sampling == Sampling::Method {
-            self.sampling = Sampling::Curve;
+        if self.recording.sampling == Sampling::Method {
+            self.recording.sampling = Sampling::Curve;
         }
+    }
+
+    /// Makes it a simulation by events of all states and outputs.
+    pub(crate) fn simulate_by_events(&mut self) {
+        self.numerics.method = Method::Event(EventOptions::default());
+        self.numerics.lowerings.clear();
+        (self.recording.outputs, self.optimize) = (None, None);
     }
 
     /// Whether contacts are a matter of the method, which takes them in steps of time.
     pub fn steps_through_contacts(&self) -> bool {
-        self.optimize.is_none() && matches!(self.method, Method::Timestepping(_))
+        self.optimize.is_none() && matches!(self.numerics.method, Method::Timestepping(_))
     }
 }
 
@@ -99,9 +120,10 @@ pub struct Kept<'e> {
 }
 
 /// When outputs are recorded.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum Sampling {
     /// At the method's own points.
+    #[default]
     Method,
     /// At these, and between them where straight lines from row to row would not follow the curves.
     Curve,

@@ -3,12 +3,12 @@
 use super::animation::Animation;
 use super::capabilities::Feature;
 use super::error::ExperimentError;
-use super::method::{self, Lowering, Method};
+use super::method::{self, Method};
 use super::optimize::Draft;
 use super::perturb::Perturbation;
-use super::plot::{Figures, Plot};
+use super::plot::Plot;
 use super::reader::Reader;
-use super::settings::{Kept, Sampling};
+use super::settings::{Kept, Numerics, Recording, Sampling};
 use super::with;
 use crate::expr::Expr;
 use crate::model::{Model, TargetKind};
@@ -29,12 +29,8 @@ pub(crate) struct Statements<'m, 'e> {
     /// Of an optimization, what only that has.
     pub draft: Option<Draft<'m, 'e>>,
     pub horizon: Option<(Option<f64>, Span)>,
-    pub tolerance: f64,
-    pub method: Method<'e>,
-    pub lowerings: Vec<Lowering>,
-    pub outputs: Option<Vec<Kept<'e>>>,
-    pub sampling: Sampling,
-    pub figures: Figures<'e>,
+    pub numerics: Numerics<'e>,
+    pub recording: Recording<'e>,
     pub kicks: Option<Perturbation>,
     pub runs: Option<(usize, Span)>,
     pub averages: Option<Span>,
@@ -51,12 +47,13 @@ impl<'m, 'e> Statements<'m, 'e> {
         Statements {
             draft,
             horizon: None,
-            tolerance,
-            method: Method::Auto,
-            lowerings: Vec::new(),
-            outputs: None,
-            sampling: Sampling::Method,
-            figures: Figures::default(),
+            numerics: Numerics {
+                tolerance,
+                method: Method::Auto,
+                lowerings: Vec::new(),
+                averages: false,
+            },
+            recording: Recording::default(),
             kicks: None,
             runs: None,
             averages: None,
@@ -76,39 +73,39 @@ impl<'m, 'e> Statements<'m, 'e> {
                 reader.once("`tolerance`", span);
                 let fits = |x| 0.0 < x && x < 1.0;
                 let number = reader.within("the tolerance", value, "between 0 and 1", fits);
-                self.tolerance = number.unwrap_or(self.tolerance);
+                self.numerics.tolerance = number.unwrap_or(self.numerics.tolerance);
             }
             SettingKind::Method { name, options } => {
                 reader.once("`method`", span);
                 if let Some(draft) = &mut self.draft {
                     draft.method(reader, name, options);
                 } else if let Some(chosen) = method::method(reader, name, options) {
-                    self.method = chosen;
+                    self.numerics.method = chosen;
                 }
             }
             SettingKind::Lower(names) => {
                 let named = names
                     .iter()
                     .filter_map(|name| method::lowering(reader, name));
-                self.lowerings.extend(named);
+                self.numerics.lowerings.extend(named);
             }
             SettingKind::Output { paths, when } => {
                 reader.once("`output`", span);
                 if !paths.is_empty() {
                     let kept = paths.iter().filter_map(|path| Kept::read(reader, path));
-                    self.outputs = Some(kept.collect());
+                    self.recording.outputs = Some(kept.collect());
                 }
                 let end = self.horizon.and_then(|(end, _)| end);
                 let sampling = Sampling::read(reader, when, end);
-                self.sampling = sampling.unwrap_or(Sampling::Method);
+                self.recording.sampling = sampling.unwrap_or(Sampling::Method);
             }
             SettingKind::Plot(items) => {
                 reader.once("`plot`", span);
-                self.figures.plot = Some(Plot::read(reader, items));
+                self.recording.figures.plot = Some(Plot::read(reader, items));
             }
             SettingKind::Animate(items) => {
                 reader.once("`animate`", span);
-                self.figures.animation = Animation::read(reader, items);
+                self.recording.figures.animation = Animation::read(reader, items);
             }
             kind => self.of_one_kind(reader, kind, span),
         }
@@ -185,7 +182,7 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some((_, span)) = (self.runs).filter(|_| !experiment.settings.iter().any(disturbs)) {
             reader.error(ExperimentError::SameRuns { span });
         }
-        let averages = self.method.kind().takes(Feature::Averages);
+        let averages = self.numerics.method.kind().takes(Feature::Averages);
         if let Some(span) = self.averages.filter(|_| !averages) {
             reader.error(ExperimentError::NoChattering { span });
         }

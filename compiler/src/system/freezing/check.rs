@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// Refuses what auxiliary dynamics would change.
 pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
-    if let Some(data) = system.data.first() {
+    if let Some(data) = system.exogenous.data.first() {
         let what = format!("`{}`, which is held or fitted data", data.name);
         return Err(refused(system, what, data.span));
     }
@@ -30,9 +30,9 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
             return Err(refused(system, what, span.unwrap_or_default()));
         }
     }
-    let jumping: Vec<Var> = (system.laws.iter())
+    let jumping: Vec<Var> = (system.jumps.laws.iter())
         .flat_map(|law| law.resets.iter().map(|reset| reset.0))
-        .chain(system.contacts.iter().flat_map(|contact| {
+        .chain(system.jumps.contacts.iter().flat_map(|contact| {
             let tangents = contact.slips().iter().flat_map(|slip| &slip.tangent);
             contact.normal.iter().chain(tangents).map(|d| d.state)
         }))

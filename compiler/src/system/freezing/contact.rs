@@ -62,7 +62,7 @@ impl<'e> Contact<'e> {
 /// All contacts; jumps must be contacts.
 pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, SystemError> {
     let mut found = Vec::new();
-    for (law, jump) in system.laws.iter().enumerate() {
+    for (law, jump) in system.jumps.laws.iter().enumerate() {
         let Some(switch) = jump.strikes else {
             let what = format!("jump `{}`, which is no contact", jump.name);
             return Err(refused(system, what, jump.span));
@@ -73,8 +73,9 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
         contact.restitution = restitution(system, &contact, contact.gain - 1.0)?;
         found.push(contact);
     }
-    for (c, given) in system.contacts.iter().enumerate() {
-        let (law, states) = (system.laws.len() + c, given.normal.iter().map(|d| d.state));
+    let jumps = &system.jumps;
+    for (c, given) in jumps.contacts.iter().enumerate() {
+        let (law, states) = (jumps.laws.len() + c, given.normal.iter().map(|d| d.state));
         let mut contact = contact(system, law, given.switch, states, given.span);
         let newton = (given.restitution.newton()).expect("lowerings take Newton's law alone");
         contact.restitution = restitution(system, &contact, newton)?;
@@ -120,13 +121,13 @@ pub(super) fn refused(system: &System<'_>, what: String, span: Span) -> SystemEr
 /// What takes a system that cannot be frozen.
 fn way(system: &System<'_>) -> &'static str {
     let has_relays = system.switches.iter().any(|switch| switch.relay.is_some());
-    let has_more = has_relays || !system.laws.is_empty();
+    let has_more = has_relays || !system.jumps.laws.is_empty();
     match &system.task {
         None => "`method event` without `lower` runs it",
         Some(_) if has_more => {
             "`optimize` does not take it: run it in a `simulate` experiment without `lower`"
         }
-        Some(_) if system.contacts.is_empty() => {
+        Some(_) if system.jumps.contacts.is_empty() => {
             "leave out `lower timefreezing`: no contact and no relay needs it here"
         }
         Some(_) => "write `lower impact;` instead, which takes contacts in `optimize` as well",
@@ -146,7 +147,7 @@ fn contact<'e>(
     let free = |state: usize| at(system.states[state].rate, closed, 1.0);
     let speed = super::along(system, gap, free);
     // The force of a closed contact is -∂x'/∂α; that of friction has mean zero.
-    let slips = (system.contacts.iter())
+    let slips = (system.jumps.contacts.iter())
         .flat_map(|contact| contact.slips())
         .map(|slip| alpha(system, slip.switch));
     let slips: Vec<_> = slips.collect();

@@ -19,7 +19,7 @@ mod start;
 
 use self::contact::Contact;
 use super::regions::subsystems_of;
-use super::{Partition, Readings, State, Switch, System, SystemError, Task};
+use super::{Partition, Readings, Recorded, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
 use crate::system::switches::affine::at;
@@ -153,7 +153,7 @@ fn lasting_switches<'e>(system: &System<'e>) -> (Vec<Option<usize>>, Vec<Switch<
 
 /// The partitions that no relay decides.
 fn lasting_partitions<'e>(system: &System<'e>, places: &[Option<usize>]) -> Vec<Partition<'e>> {
-    let mut partitions = system.partitions.clone();
+    let mut partitions = system.coupling.partitions.clone();
     partitions.retain(|partition| {
         let weights: Vec<Expr<'e>> = partition.regions.iter().map(|r| r.weight).collect();
         let inside = variables_of(&weights);
@@ -277,14 +277,16 @@ impl<'e> Motion<'_, 'e> {
         }
         whole.time = whole.exprs.variable("tau");
         whole.clock = Some(clock);
-        (whole.switches, whole.partitions) = (self.switches, self.partitions);
+        (whole.switches, whole.coupling.partitions) = (self.switches, self.partitions);
         let rates: Vec<Expr<'e>> = whole.states.iter().map(|state| state.rate).collect();
-        whole.subsystems = subsystems_of(&rates, &alphas_of(&whole.switches), &whole.partitions);
+        let alphas = alphas_of(&whole.switches);
+        whole.coupling.subsystems = subsystems_of(&rates, &alphas, &whole.coupling.partitions);
         // What is recorded, watched and read is that of the original.
-        (whole.outputs, whole.controls, whole.limits) = (Vec::new(), Vec::new(), Vec::new());
-        (whole.groups, whole.skipped) = (Vec::new(), Vec::new());
-        (whole.laws, whole.contacts, whole.bodies) = (Vec::new(), Vec::new(), Vec::new());
-        whole.readings = Readings::default();
+        whole.recorded = Recorded::default();
+        whole.provenance.skipped = Vec::new();
+        (whole.jumps.laws, whole.jumps.contacts, whole.jumps.bodies) =
+            (Vec::new(), Vec::new(), Vec::new());
+        whole.provenance.readings = Readings::default();
         debug_assert_eq!(
             whole.verify(),
             Ok(()),

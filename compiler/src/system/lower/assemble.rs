@@ -4,7 +4,6 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::instance::Instance;
 use super::motion::Motion;
-use super::recorded::Recorded;
 use super::translation::Translation;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
@@ -20,13 +19,16 @@ use crate::system::switches::continuity::Entered;
 use crate::system::switches::switched::Switched;
 use crate::system::switches::{Collected, Switches};
 use crate::system::{
-    Contact, Continuity, Param, Readings, Role, State, Switch, System, SystemError, Task,
+    Contact, Continuity, Coupling, Exogenous, Jumps, Param, Provenance, Readings, Recorded, Role,
+    State, Switch, System, SystemError, Task,
 };
 
 /// All parts of a system in α of collected switches.
 pub(crate) struct Parts<'e> {
     pub motion: Motion<'e>,
     pub recorded: Recorded<'e>,
+    /// α of the switches that expectations name.
+    pub named: Vec<Expr<'e>>,
     pub task: Option<Task<'e>>,
     pub regions: Regions<'e>,
     /// Parts of programs whose convexity was looked at in points only.
@@ -44,7 +46,7 @@ impl<'e> Parts<'e> {
             .chain(motion.exprs())
             .chain(self.recorded.exprs())
             .chain(self.task.iter().flat_map(Task::exprs))
-            .chain(guards.chain(&self.recorded.named).copied())
+            .chain(guards.chain(&self.named).copied())
             .collect();
         let (kept, dropped) = used(&collected.list, &roots);
         let mut switches = kept_switches(collected, &kept, &motion.contacts);
@@ -78,24 +80,29 @@ impl<'e> Parts<'e> {
             name: model.name.clone(),
             time: model.time,
             clock: None,
-            params: params(instance),
+            exogenous: Exogenous {
+                params: params(instance),
+                data: translation.roundings.data,
+            },
             states,
-            groups: self.recorded.groups,
-            subsystems: subsystems_of(&rates, &alphas, &partitions),
-            skipped: skipped(instance, collected, &switches, &motion.laws, dropped),
-            readings: Readings::of(collected, &kept, translation.given, named),
+            coupling: Coupling {
+                subsystems: subsystems_of(&rates, &alphas, &partitions),
+                partitions,
+            },
+            provenance: Provenance {
+                skipped: skipped(instance, collected, &switches, &motion.laws, dropped),
+                sampled: self.sampled,
+                readings: Readings::of(collected, &kept, translation.given, named),
+            },
             switches,
-            laws: finished_laws(instance, collected, motion.laws, &kept),
-            bodies: motion.bodies,
-            contacts: finished_contacts(motion.contacts, &kept),
-            impulsive: motion.impulsive,
-            partitions,
-            outputs: self.recorded.outputs,
-            controls: self.recorded.controls,
-            limits: self.recorded.limits,
+            jumps: Jumps {
+                laws: finished_laws(instance, collected, motion.laws, &kept),
+                bodies: motion.bodies,
+                contacts: finished_contacts(motion.contacts, &kept),
+                impulsive: motion.impulsive,
+            },
+            recorded: self.recorded,
             task: self.task,
-            sampled: self.sampled,
-            data: translation.roundings.data,
         }
     }
 }

@@ -23,9 +23,7 @@ pub(crate) mod translation;
 use self::assemble::Parts;
 use self::instance::Instance;
 use self::motion::Motion;
-use self::recorded::Recorded;
 use self::translation::Translation;
-use super::System;
 use super::algebraic::Implicit;
 use super::algebraic::programs::Programs;
 use super::contacts::kinematics::bodies;
@@ -34,6 +32,7 @@ use super::needs::Extent;
 use super::needs::effort::{check_counts, check_effort, check_entangled};
 use super::regions::partitions::Regions;
 use super::values::rounding::Roundings;
+use super::{Recorded, System};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
 use crate::model::Model;
@@ -71,7 +70,7 @@ pub fn lower<'e>(
     check_entangled(&translation.switches, diags);
     passed(diags)?;
     check_effort(&translation.switches, &motion.rates(), diags);
-    let recorded = Recorded::of(&mut translation);
+    let (recorded, named) = Recorded::of(&mut translation);
     let mut task = task::lower(&mut translation, diags);
     let used = regions.weights.iter().chain(&regions.guards).copied();
     let used: Vec<Expr<'e>> = used.chain(recorded.exprs()).collect();
@@ -89,6 +88,7 @@ pub fn lower<'e>(
     let parts = Parts {
         motion,
         recorded,
+        named,
         task,
         regions,
         sampled,

@@ -7,34 +7,25 @@ use crate::expr::{Expr, variables_of};
 use crate::model::TargetKind;
 use crate::source::Span;
 use crate::system::values::limits::{Allowed, Limit};
-use crate::system::{Output, StateGroup};
-
-/// Functions of time, states and α that nothing moves by.
-pub(crate) struct Recorded<'e> {
-    pub groups: Vec<StateGroup>,
-    pub outputs: Vec<Output<'e>>,
-    pub controls: Vec<Output<'e>>,
-    /// α of the switches that expectations name.
-    pub named: Vec<Expr<'e>>,
-    pub limits: Vec<Limit<'e>>,
-}
+use crate::system::{Output, Recorded, StateGroup};
 
 impl<'e> Recorded<'e> {
-    /// What an experiment records.
-    pub fn of(translation: &mut Translation<'_, 'e>) -> Self {
-        let instance = translation.instance;
+    /// What an experiment records, and α of the switches that expectations name.
+    pub(super) fn of(translation: &mut Translation<'_, 'e>) -> (Self, Vec<Expr<'e>>) {
+        let groups = groups(translation.instance);
         let (outputs, controls) = outputs(translation);
-        Recorded {
-            groups: groups(instance),
+        let named = surfaces::named(translation);
+        let recorded = Recorded {
+            groups,
             outputs,
             controls,
-            named: surfaces::named(translation),
             limits: limits(translation),
-        }
+        };
+        (recorded, named)
     }
 
     /// All its expressions that a run records or watches.
-    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+    pub(super) fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         let outputs = self.outputs.iter().chain(&self.controls);
         let outputs = outputs.flat_map(|output| output.exprs.iter().copied());
         outputs.chain(self.limits.iter().map(|limit| limit.value))
@@ -51,7 +42,7 @@ fn groups(instance: &Instance<'_, '_>) -> Vec<StateGroup> {
             entries: vars.map(|var| instance.places[&var]).collect(),
         }
     };
-    match &instance.settings.outputs {
+    match &instance.settings.recording.outputs {
         None => (instance.model.quantities.states.iter())
             .map(|state| group(&state.name, state.shape.sizes(), &state.vars))
             .collect(),
@@ -75,7 +66,7 @@ fn outputs<'e>(translation: &mut Translation<'_, 'e>) -> (Vec<Output<'e>>, Vec<O
     };
     let model = instance.model;
     let (mut outputs, mut controls) = (Vec::new(), Vec::new());
-    match &instance.settings.outputs {
+    match &instance.settings.recording.outputs {
         None => {
             for y in &model.definitions.outputs {
                 outputs.push(output(

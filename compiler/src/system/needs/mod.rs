@@ -45,8 +45,9 @@ impl<'e> Needs<'e> {
         for (expect, _) in &settings.expects {
             named.expectation(model, expect);
         }
-        let listed = settings.outputs.iter().flatten();
-        let everything = extent == Extent::Whole || settings.outputs.is_none() || named.everything;
+        let outputs = settings.recording.outputs.as_ref();
+        let listed = outputs.into_iter().flatten();
+        let everything = extent == Extent::Whole || outputs.is_none() || named.everything;
         if everything {
             return Needs {
                 entries: vec![true; model.state_vars().count()],
@@ -59,7 +60,7 @@ impl<'e> Needs<'e> {
         let mut closure = Closure::new(model, settings);
         let listed = listed.flat_map(|kept| &kept.entries);
         let listed = listed.chain(&named.exprs).chain(&named.surfaces);
-        for e in listed.copied().chain(settings.figures.entries()) {
+        for e in listed.copied().chain(settings.recording.figures.entries()) {
             closure.reach(e);
         }
         if let Some(task) = &settings.optimize {

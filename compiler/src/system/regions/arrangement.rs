@@ -109,11 +109,11 @@ impl<'e> System<'e> {
         let psi: Vec<Expr> = surfaces.iter().map(|&(_, psi)| psi).collect();
         let occurring = variables_of(&psi);
         let occurs = |place: usize| {
-            let var = self.params[place].var.as_variable();
+            let var = self.exogenous.params[place].var.as_variable();
             var.is_some_and(|var| occurring.contains(&var))
         };
         let params = self.params_as_numbers(|place| occurs(place) && !self.is_free(place));
-        let freed = self.params.iter().enumerate();
+        let freed = self.exogenous.params.iter().enumerate();
         let freed = freed.filter(|(place, _)| self.is_free(*place));
         let freed = freed.map(|(_, param)| (param.var, param.value));
         let states = self
@@ -122,6 +122,7 @@ impl<'e> System<'e> {
             .map(|state| (state.var, state.initial))
             .chain(freed);
         let data = self
+            .exogenous
             .data
             .iter()
             .map(|data| (data.var, data.table.value(0.0)));

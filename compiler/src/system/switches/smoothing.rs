@@ -62,22 +62,20 @@ pub fn smooth<'e>(system: &System<'e>, options: &SmoothingOptions<'e>) -> System
         replaced.collect()
     };
 
-    let mut smoothed = System {
-        outputs: outputs(&system.outputs),
-        controls: outputs(&system.controls),
-        partitions: (system.partitions.iter())
-            .filter_map(|partition| kept(partition, &places))
-            .collect(),
-        ..system.clone()
-    };
+    let mut smoothed = system.clone();
+    smoothed.recorded.outputs = outputs(&system.recorded.outputs);
+    smoothed.recorded.controls = outputs(&system.recorded.controls);
+    smoothed.coupling.partitions = (system.coupling.partitions.iter())
+        .filter_map(|partition| kept(partition, &places))
+        .collect();
     for state in &mut smoothed.states {
         state.rate = replace(state.rate);
     }
-    for limit in &mut smoothed.limits {
+    for limit in &mut smoothed.recorded.limits {
         limit.value = limit.value.substitute(&steep);
     }
     let rates: Vec<Expr<'e>> = smoothed.states.iter().map(|state| state.rate).collect();
-    smoothed.subsystems = subsystems(&rates, &alphas);
+    smoothed.coupling.subsystems = subsystems(&rates, &alphas);
     read(&mut smoothed, &steep, &places, &switches);
     smoothed.switches = switches;
     debug_assert_eq!(
@@ -169,7 +167,7 @@ fn read<'e>(
     places: &[Option<usize>],
     switches: &[Switch<'e>],
 ) {
-    let readings = &mut system.readings;
+    let readings = &mut system.provenance.readings;
     let before = std::mem::take(&mut readings.alphas);
     // Of the switches that stay those in front, of the others those behind.
     readings.alphas = switches.iter().map(|switch| switch.alpha).collect();

@@ -48,7 +48,7 @@ impl System<'_> {
     /// The parameters.
     pub fn parameters(&self) -> Valuation {
         let mut known = Valuation::default();
-        known.extend(self.params.iter().map(|param| (param.var, param.value)));
+        known.extend(self.exogenous.numbers());
         known
     }
 
@@ -56,7 +56,7 @@ impl System<'_> {
     pub fn valuation(&self, time: f64, x: &[f64], alpha: &[f64]) -> Valuation {
         let mut known = self.parameters();
         known.set(self.time, time);
-        let data = self.data.iter();
+        let data = self.exogenous.data.iter();
         known.extend(data.map(|data| (data.var, data.table.value(time))));
         let states = self.states.iter().map(|state| state.var);
         known.extend(states.zip(x.iter().copied()));
@@ -67,7 +67,8 @@ impl System<'_> {
 
     /// Whether data jump at an instant.
     pub fn steps_at(&self, time: f64) -> bool {
-        self.data.iter().any(|data| data.table.steps_at(time))
+        let mut data = self.exogenous.data.iter();
+        data.any(|data| data.table.steps_at(time))
     }
 
     /// Puts the sides of ψ for every α that is not a number, at a point with these states: those of outputs alone, of

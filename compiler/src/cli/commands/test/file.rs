@@ -311,7 +311,8 @@ impl File<'_> {
             .map_err(|error| Outcome::failed(Missed::plain(error.to_string()), Exit::Wrong))?;
         let mut subject = compiled.subject(&project.sources);
         // A free horizon is known by now.
-        if let (Some(_), Some(&end)) = (&compiled.settings.optimize, trajectory.time.last()) {
+        let end = trajectory.samples.time.last();
+        if let (Some(_), Some(&end)) = (&compiled.settings.optimize, end) {
             subject.horizon = end;
         }
         let checks = expect::evaluate(&subject, &expects, &trajectory, &findings);

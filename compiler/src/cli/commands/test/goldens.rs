@@ -94,7 +94,7 @@ pub fn compare(
         let settings = &compiled.settings;
         let path = golden::numbers(model, &settings.name);
         let kept = files::read_if_present(&path)?;
-        let now = numbers::renewed(kept.as_deref(), trajectory, settings.tolerance);
+        let now = numbers::renewed(kept.as_deref(), trajectory, settings.numerics.tolerance);
         let comparison = compared.add(path, kept, now, accept);
         findings.numbers.push(comparison);
     }

@@ -74,7 +74,8 @@ pub fn verify(
         told.push(failure.clone());
     }
     project::print(&told, &project.sources, streams)?;
-    let own = written.run.method.lowering().unwrap_or_default().to_owned();
+    let method = &written.run.setup.method;
+    let own = method.lowering().unwrap_or_default().to_owned();
     let mut all = Optima {
         experiment: experiment.name.name.clone(),
         model: experiment.model.head.name.clone(),
@@ -147,7 +148,7 @@ impl Lowered {
             .is_none_or(|(known, _)| objective < *known)
         {
             self.point = Some((objective, result.point.clone()));
-            self.trajectory = Some(Sampled::of(&result.run));
+            self.trajectory = Some(Sampled::of(&result.run.samples));
         }
     }
 }
@@ -273,14 +274,11 @@ fn solve(
 /// Whether a lowering of jumps and relays finds none.
 fn is_idle(compiled: &Compiled<'_>) -> bool {
     let System {
-        laws,
-        contacts,
-        switches,
-        ..
+        jumps, switches, ..
     } = &compiled.system;
     let settings = &compiled.settings;
     let has_relay = switches.iter().any(|switch| switch.relay.is_some());
-    let has_jumps = !laws.is_empty() || !contacts.is_empty();
+    let has_jumps = !jumps.laws.is_empty() || !jumps.contacts.is_empty();
     settings.freezes() && !has_jumps && !has_relay
-        || settings.takes_impulses() && contacts.is_empty()
+        || settings.takes_impulses() && jumps.contacts.is_empty()
 }

@@ -60,7 +60,7 @@ pub fn verify(
     }
     project::print(&found, &project.sources, streams)?;
     let mut all = vec![Road {
-        name: format!("as written, {}", written.method.name),
+        name: format!("as written, {}", written.setup.method.name),
         run: Ok(Box::new(written)),
     }];
     for (method, lowering) in roads() {
@@ -75,7 +75,7 @@ pub fn verify(
             Ok(Ridden { run, branches: own }) => {
                 let is_known = all.iter().any(|road| {
                     let known = road.run.as_ref();
-                    known.is_ok_and(|known| known.method == run.method)
+                    known.is_ok_and(|known| known.setup.method == run.setup.method)
                 });
                 if is_known {
                     continue;
@@ -132,10 +132,10 @@ fn ride(
     };
     let request = subject.request();
     let settings = &mut compiled.settings;
-    if settings.sampling == Sampling::Method {
-        settings.sampling = Sampling::Every(settings.horizon / INSTANTS);
+    if settings.recording.sampling == Sampling::Method {
+        settings.recording.sampling = Sampling::Every(settings.horizon / INSTANTS);
     }
-    let branches = match &settings.method {
+    let branches = match &settings.numerics.method {
         Method::Event(options) => !options.branch.is_empty(),
         _ => false,
     };

@@ -71,7 +71,7 @@ pub(crate) fn laws<'e>(system: &System<'e>, dcs: &Dcs<'e>, writer: &mut Writer<'
         .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
         .collect();
     let mut lines = Vec::new();
-    for law in &system.laws {
+    for law in &system.jumps.laws {
         let when = match law.strikes {
             Some(switch) => format!(
                 "\\text{{where }} {} = 0 \\text{{ is struck}}",

@@ -108,7 +108,7 @@ impl Pulses {
 /// What may move or make a pulse, time and data among it: all that is inside of a function that can be narrow, together
 /// with these.
 pub(crate) fn narrowing(system: &System) -> FxHashSet<Var> {
-    let data = system.data.iter().map(|data| variable(data.var));
+    let data = system.exogenous.data.iter().map(|data| variable(data.var));
     let moving: FxHashSet<Var> = data.chain([variable(system.time)]).collect();
     let mut found = FxHashSet::default();
     let (mut seen, mut left) = (FxHashSet::default(), functions(system).concat());

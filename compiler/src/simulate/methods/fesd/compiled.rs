@@ -28,7 +28,7 @@ pub(crate) struct Compiled {
 impl Compiled {
     /// A system as an experiment states it, with some parameters open, and the names of its algebraic variables.
     pub fn new(system: &System, settings: &Settings, open: &[usize]) -> (Self, Vec<String>) {
-        let dcs = dcs::lower(system, &settings.lowerings);
+        let dcs = dcs::lower(system, &settings.numerics.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
         let compiled = Compiled {
             complementarity: complementarity_open(system, &dcs, open),
@@ -67,7 +67,7 @@ impl Compiled {
 
     /// Takes the data of a system, and its values of the open parameters.
     pub fn load(&mut self, system: &System) {
-        let params = self.open.iter().map(|&place| system.params[place].value);
+        let params = system.exogenous.chosen(&self.open).map(|param| param.value);
         self.complementarity.parameters = params.collect();
         let data = hybrid::data_of(system);
         self.complementarity.data[..data.len()].clone_from_slice(&data);

@@ -42,7 +42,7 @@ pub(crate) fn complementarity_open<'e>(
 ) -> ComplementaritySystem {
     let exprs = dcs.exprs;
     let numbers = numbers(system, open);
-    let opened = open.iter().map(|&place| &system.params[place]);
+    let opened = open.iter().map(|&place| &system.exogenous.params[place]);
     let opened: Vec<(Var, f64)> = opened
         .map(|param| (variable(param.var), param.value))
         .collect();
@@ -201,7 +201,7 @@ impl<'e> Lowering<'e> {
         let alphas = system.switches.iter().map(|switch| variable(switch.alpha));
         let inputs = self.inputs(&alphas.collect::<Vec<_>>());
         let clock = system.clock.map_or(self.time, |clock| self.states[clock]);
-        let data = system.data.iter().map(|data| variable(data.var));
+        let data = system.exogenous.data.iter().map(|data| variable(data.var));
         let moves: Vec<Var> = [clock].into_iter().chain(data).collect();
         let leading = |switch: usize| {
             let psi = psi[switch].substitute(numbers);
@@ -289,9 +289,9 @@ fn switches_of(system: &System, origin: &Origin) -> Vec<usize> {
             let across = system.switches[switch].across;
             [switch].into_iter().chain(across).collect()
         }
-        Cause::Region { partition, .. } => system.partitions[partition].switches.clone(),
+        Cause::Region { partition, .. } => system.coupling.partitions[partition].switches.clone(),
         Cause::Subsystem(subsystem) | Cause::Product(subsystem) => {
-            system.subsystems[subsystem].switches.clone()
+            system.coupling.subsystems[subsystem].switches.clone()
         }
         Cause::State(_) => Vec::new(),
     }

@@ -132,7 +132,7 @@ impl ByElements {
 
 /// The options of the method.
 pub(crate) fn options<'s>(settings: &'s Settings) -> &'s FesdOptions {
-    match &settings.method {
+    match &settings.numerics.method {
         experiment::Method::Fesd(options) => options,
         _ => panic!("the method has finite elements"),
     }
@@ -213,7 +213,8 @@ impl<'e> Run<'e> for ByElements {
     ) -> Option<Accuracy> {
         // A grid is taken as it is.
         let is_open = options(settings).steps.is_none();
-        let next = accuracy.tightened(estimate.filter(|_| is_open)?, settings)?;
+        let next =
+            accuracy.tightened(estimate.filter(|_| is_open)?, settings.numerics.tolerance)?;
         let tolerance = next.tolerance.max(FINEST);
         (tolerance < accuracy.tolerance).then(|| accuracy.next(tolerance))
     }
@@ -228,7 +229,7 @@ impl<'e> Run<'e> for ByElements {
         } = problem;
         let blurred = blurred::warning(system, &ended.outcome, trajectory);
         trajectory.warnings.extend(blurred);
-        trajectory.certificate.max_violation = -self.left.least_member;
+        trajectory.quality.certificate.max_violation = -self.left.least_member;
         trajectory.multipliers = self.left.multipliers.take();
         let options = options(settings);
         if let Some(steps) = options.steps {
@@ -307,7 +308,7 @@ pub(crate) fn method(
     method = method.word("lowering", lowering);
     match steps {
         Some(steps) => (method.count("steps", steps)).count("elements", options.elements),
-        None => method.number("tolerance", settings.tolerance),
+        None => method.number("tolerance", settings.numerics.tolerance),
     }
 }
 

@@ -34,7 +34,7 @@ impl Stepping {
 
 /// The options of the method.
 pub(in crate::simulate) fn options<'s>(settings: &'s Settings) -> &'s SteppingOptions {
-    match &settings.method {
+    match &settings.numerics.method {
         experiment::Method::Timestepping(options) => options,
         _ => panic!("the method takes steps"),
     }

@@ -89,9 +89,10 @@ impl Function {
         self.inputs[0] = time;
         self.inputs[1..=n].copy_from_slice(x);
         self.inputs[1 + n..1 + n + m].copy_from_slice(alpha);
-        let data = system.data.iter();
+        let data = system.exogenous.data.iter();
         let data = data.map(|data| data.table.piece(piece).value(time));
-        let known = data.chain(self.open.iter().map(|&place| system.params[place].value));
+        let params = system.exogenous.chosen(&self.open);
+        let known = data.chain(params.map(|param| param.value));
         for (value, known) in self.inputs[1 + n + m..].iter_mut().zip(known) {
             *value = known;
         }

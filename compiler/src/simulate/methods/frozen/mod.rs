@@ -126,7 +126,7 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
             let blurred = blurred::warning(problem.system, &ended.outcome, trajectory);
             trajectory.warnings.extend(blurred);
             // As of `method fesd`.
-            trajectory.certificate.max_violation = -self.least_member;
+            trajectory.quality.certificate.max_violation = -self.least_member;
         }
     }
 }
@@ -145,7 +145,7 @@ impl InNumericalTime<'_> {
         accuracy: Accuracy,
     ) -> Simulator {
         let tolerance = accuracy.tolerance;
-        let method = &problem.settings.method;
+        let method = &problem.settings.numerics.method;
         let mut chosen = solver_settings(method, tolerance, problem.limit.clone());
         if accuracy.is_finer {
             let order = Simulator::new(hybrid.clone(), chosen.clone()).order();
@@ -215,10 +215,10 @@ fn penetration(system: &System) -> Option<Failure> {
 
 impl Road {
     fn new(frozen: &Frozen, settings: &Settings) -> Self {
-        if !settings.method.kind().needs_dcs() {
+        if !settings.numerics.method.kind().needs_dcs() {
             return Road::Events(hybrid::lower(&frozen.system));
         }
-        let dcs = dcs::lower(&frozen.system, &settings.lowerings);
+        let dcs = dcs::lower(&frozen.system, &settings.numerics.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
         let complementarity = complementarity(&frozen.system, &dcs);
         Road::Elements(Box::new(complementarity), dcs.lowering.formulation)
@@ -229,7 +229,7 @@ impl Road {
             Road::Events(_) => Method::of(MethodKind::Event)
                 .count("order", order)
                 .word("lowering", "timefreezing")
-                .number("tolerance", settings.tolerance),
+                .number("tolerance", settings.numerics.tolerance),
             Road::Elements(_, formulation) => {
                 let lowering = format!("timefreezing, {formulation}");
                 super::fesd::method(settings, Some(order), &lowering, options(settings).steps)

@@ -198,7 +198,7 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
     /// Why time does not go on where a contact has struck, at a state of the frozen system: its friction is negative,
     /// or closes it whatever pushes, or another one is closed that it acts on, with friction.
     fn refused(&self, x: &[f64]) -> Option<End> {
-        let params = &self.frozen.system.params;
+        let params = &self.frozen.system.exogenous.params;
         let value = |var: Var| match self.state_of.get(&var) {
             Some(&i) => x[i],
             None => {

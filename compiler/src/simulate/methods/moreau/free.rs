@@ -29,7 +29,8 @@ impl Free {
         let states = &inputs.vars[1..=system.states.len()];
         let entries = expr::jacobian(&rates, states).entries;
         let values: Vec<Expr<'e>> = entries.iter().map(|&(.., value)| value).collect();
-        let masses = system.bodies.iter().flat_map(|body| &body.mass).copied();
+        let bodies = system.jumps.bodies.iter();
+        let masses = bodies.flat_map(|body| &body.mass).copied();
         let masses = inputs.numbers.apply(&masses.collect::<Vec<_>>());
         let (jacobian, mass_tape) = (tape(&inputs.vars, &values), tape(&inputs.vars, &masses));
         Free {

@@ -132,7 +132,7 @@ impl<'e> Run<'e> for Contacts {
     /// A share of the largest entry of its vector.
     fn least_sizes(&self, system: &System<'e>, sizes: &[f64]) -> Vec<f64> {
         let mut least = vec![0.0; sizes.len()];
-        for group in &system.groups {
+        for group in &system.recorded.groups {
             let entries = group.entries.iter().map(|&i| sizes[i]);
             let largest = entries.fold(0.0, f64::max);
             for &i in &group.entries {
@@ -184,7 +184,7 @@ pub fn stepper(
 
 /// What a contact has ended a run by.
 fn failure(system: &System, solution: &Solution) -> Option<Failure> {
-    let contact = &system.impulsive[solution.stuck?];
+    let contact = &system.jumps.impulsive[solution.stuck?];
     let time = solution.outcome.time;
     let name = contact.name.clone();
     let label = miette::LabeledSpan::new_with_span(Some(format!("contact `{name}`")), contact.span);

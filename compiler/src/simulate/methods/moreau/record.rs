@@ -49,10 +49,10 @@ pub(crate) fn write(
     end: f64,
     trajectory: &mut Trajectory,
 ) {
-    let whole = trajectory.modes.pop();
-    trajectory.modes.clear();
+    let whole = trajectory.history.modes.pop();
+    trajectory.history.modes.clear();
     let sides = whole.map(|mode| mode.sides).unwrap_or_default();
-    let name = |contact: usize| system.impulsive[contact].name.as_str();
+    let name = |contact: usize| system.jumps.impulsive[contact].name.as_str();
     let mut closed: BTreeMap<usize, Side> = BTreeMap::new();
     let mut from = 0.0;
     let interval = |from: f64, to: f64, closed: &BTreeMap<usize, Side>| {
@@ -90,7 +90,7 @@ pub(crate) fn write(
             Change::Slip => (EventKind::Slip, Side::Slip),
         };
         if after != before && time > from {
-            trajectory.modes.push(interval(from, time, &closed));
+            trajectory.history.modes.push(interval(from, time, &closed));
             from = time;
         }
         match after {
@@ -101,17 +101,17 @@ pub(crate) fn write(
             continue;
         }
         let word = |side: Side| format!("{}({})", side.as_str(), name(contact));
-        trajectory.events.push(report::Event {
+        trajectory.history.events.push(report::Event {
             time,
             kind,
             surface: name(contact).to_owned(),
             from: word(before),
             to: word(after),
-            span: Some(system.impulsive[contact].span),
+            span: Some(system.jumps.impulsive[contact].span),
             sliding: Vec::new(),
         });
     }
-    if end > from || trajectory.modes.is_empty() {
-        trajectory.modes.push(interval(from, end, &closed));
+    if end > from || trajectory.history.modes.is_empty() {
+        trajectory.history.modes.push(interval(from, end, &closed));
     }
 }

@@ -35,7 +35,7 @@ impl Places {
 pub(crate) fn scene<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Scene {
     let n = system.states.len();
     let mut is_velocity = vec![false; n];
-    for &state in system.bodies.iter().flat_map(|body| &body.velocities) {
+    for &state in system.jumps.bodies.iter().flat_map(|body| &body.velocities) {
         is_velocity[state] = true;
     }
     let mut stands_for = FxHashMap::default();
@@ -79,17 +79,17 @@ pub(crate) fn scene<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Scene {
         velocities: body.velocities.clone(),
     };
     Scene {
-        bodies: system.bodies.iter().map(body).collect(),
+        bodies: system.jumps.bodies.iter().map(body).collect(),
         families,
         first_number: places.end(),
         numbers: numbers.values,
-        n_contacts: system.impulsive.len(),
+        n_contacts: system.jumps.impulsive.len(),
     }
 }
 
 /// Gap, restitution, and friction and the entries of the slip velocity of every contact.
 fn groups<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Vec<Vec<Expr<'e>>> {
-    let all: Vec<Expr<'e>> = (system.impulsive.iter())
+    let all: Vec<Expr<'e>> = (system.jumps.impulsive.iter())
         .flat_map(|contact| contact.exprs())
         .collect();
     let mut all = inputs.numbers.apply(&all).into_iter();
@@ -98,7 +98,7 @@ fn groups<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Vec<Vec<Expr<'e>>> {
         let n = 2 + slips.map_or(0, |slips| 1 + slips);
         all.by_ref().take(n).collect()
     };
-    system.impulsive.iter().map(group).collect()
+    system.jumps.impulsive.iter().map(group).collect()
 }
 
 /// Numbers of which equal ones share a place.

@@ -59,7 +59,7 @@ impl<'e> WithImpulses<'e> {
 
 /// The lowering that an experiment asks for.
 fn lowered<'e>(system: &System<'e>, settings: &Settings<'e>) -> Dcs<'e> {
-    let dcs = dcs::lower(system, &settings.lowerings);
+    let dcs = dcs::lower(system, &settings.numerics.lowerings);
     dcs.expect("compilation has checked that the system can be lowered")
 }
 
@@ -184,13 +184,13 @@ impl<'e> Run<'e> for WithImpulses<'e> {
         let error = estimate.map_or(0.0, |estimate| estimate.error);
         let is_unsolved = ended.outcome.status == Status::Unsolved;
         let is_open = options.steps.is_none() && steps(options, accuracy.attempt) < MOST_STEPS;
-        let is_needed = error > settings.tolerance || is_unsolved;
+        let is_needed = error > settings.numerics.tolerance || is_unsolved;
         (is_open && is_needed).then(|| accuracy.next(accuracy.tolerance))
     }
 
     fn tell(&mut self, _: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
         let relaxed = self.coarse.as_ref().map_or(0, |run| run.work.relaxed);
-        trajectory.stats.homotopy_steps = relaxed as u64;
+        trajectory.quality.stats.homotopy_steps = relaxed as u64;
     }
 }
 

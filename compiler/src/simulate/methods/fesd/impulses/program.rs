@@ -45,7 +45,7 @@ pub(crate) fn plain(
         shape: shape(system, &tableau.points(), nodes),
         events: hybrid::lower_open(&without_outputs(system), horizon, open),
         open: open.to_vec(),
-        parameters: system.params.iter().map(|param| param.value).collect(),
+        parameters: system.exogenous.numbers().map(|(_, p)| p).collect(),
         programs: FxHashMap::default(),
     }
 }
@@ -130,7 +130,7 @@ fn nothing(length: Expr<'_>, span: Span) -> Task<'_> {
 
 /// The functions of a system and its lowering at a point, with parameters as inputs.
 fn points<'e>(system: &System<'e>, dcs: &Dcs<'e>) -> Points {
-    let open: Vec<usize> = (0..system.params.len()).collect();
+    let open: Vec<usize> = (0..system.exogenous.params.len()).collect();
     let lowered = complementarity_open(system, dcs, &open);
     Points::new(contacts(system, dcs), lowered, End::new(dcs).equations)
 }
