@@ -54,6 +54,7 @@ use std::sync::Arc;
 
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::fesd;
+use nsd_solver::fesd::SteppingSettings;
 use nsd_solver::fesd::jumps;
 use nsd_solver::fesd::jumps::Grid;
 use nsd_solver::hybrid as solver;
@@ -63,20 +64,20 @@ use nsd_solver::tape::{Scratch, Tape};
 
 use crate::diagnostics::Diagnostics;
 use crate::diagnostics::messages::Messages;
-use crate::expr::{self, Expr, Exprs, Var};
+use crate::expr::{self, Expr, Exprs, Interval, Var};
 use crate::limit::Limit;
 use crate::lowering::hybrid::{Pulses, Structural, variable};
 use crate::lowering::mpcc::Program;
 use crate::lowering::{dcs, hybrid};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
-use crate::simulate::fesd::{Compiled, first_elements, impulses};
+use crate::simulate::fesd::{Compiled, first_elements, impulses, stepping};
 use crate::simulate::moreau::{self, Bodies};
-use crate::simulate::{solver_settings, takes};
+use crate::simulate::{schedule, solver_settings, takes};
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
 use crate::system::System;
-use crate::system::experiment::{Method, Settings};
+use crate::system::experiment::{Method, MethodKind, Settings};
 
 /// An experiment that is ready for runs with other numbers. It is plain data: threads share it.
 #[derive(Clone, Debug)]
@@ -105,8 +106,13 @@ enum Ready {
         system: Arc<jumps::System<Program>>,
         grid: Grid,
     },
-    /// Steps through contacts.
+    /// Steps without contacts.
     Steps {
+        system: Arc<Compiled>,
+        settings: SteppingSettings,
+    },
+    /// Steps through contacts.
+    Bodies {
         bodies: Arc<Bodies>,
         settings: steps::Settings,
     },
@@ -261,7 +267,7 @@ impl Prepared {
     pub fn system(&self) -> Option<&Arc<HybridSystem>> {
         match &self.ready {
             Ready::Events { system, .. } => Some(system),
-            Ready::Elements { .. } | Ready::Impulses { .. } | Ready::Steps { .. } => None,
+            _ => None,
         }
     }
 
@@ -280,8 +286,12 @@ impl Prepared {
                 runs: Box::new(jumps::Simulator::new(jumps::System::clone(system))),
                 grid: *grid,
             },
-            Ready::Steps { bodies, settings } => {
-                Work::Steps(Box::new(bodies.stepper(settings.clone())))
+            Ready::Steps { system, settings } => Work::Steps {
+                system: Box::new(Compiled::clone(system)),
+                settings: settings.clone(),
+            },
+            Ready::Bodies { bodies, settings } => {
+                Work::Bodies(Box::new(bodies.stepper(settings.clone())))
             }
         };
         Runs {
@@ -297,7 +307,7 @@ impl Ready {
     fn of(system: &System, settings: &Settings, open: &[usize]) -> Result<Self, NotPrepared> {
         let horizon = settings.horizon;
         match &settings.method {
-            Method::Auto | Method::Event(_) => {
+            Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
                 let limit = Limit::default();
                 let chosen = solver_settings(&settings.method, settings.tolerance, limit);
                 Ok(Ready::Events {
@@ -316,7 +326,11 @@ impl Ready {
                 system: Arc::new(impulses::prepared(system, settings, open)),
                 grid: impulses::first_grid(settings),
             }),
-            Method::Timestepping(_) if !system.impulsive.is_empty() => Ok(Ready::Steps {
+            Method::Timestepping(_) if system.impulsive.is_empty() => Ok(Ready::Steps {
+                system: Arc::new(stepping::prepared(system, settings, open)),
+                settings: stepping::first_steps(settings),
+            }),
+            Method::Timestepping(_) => Ok(Ready::Bodies {
                 bodies: Arc::new(Bodies::new(system, open, Pulses::of(system, horizon))),
                 settings: moreau::first_steps(settings),
             }),
@@ -337,8 +351,8 @@ pub(crate) struct Opened {
 impl Opened {
     /// Those with which an experiment has been compiled, if one compilation serves all their values.
     pub fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
-        let (system, settings) = (&compiled.system, &compiled.settings);
-        if settings.optimize.is_some() || !takes(system, settings, &open_places(compiled)) {
+        let settings = &compiled.settings;
+        if settings.optimize.is_some() || !takes(settings) {
             return Err(NotPrepared::Method(settings.method.kind().word()));
         }
         Opened::inputs(compiled)
@@ -349,29 +363,18 @@ impl Opened {
         let (system, settings) = (&compiled.system, &compiled.settings);
         let values = &settings.values;
         let places = open_places(compiled);
-        let mut why = hybrid::structural(system);
-        if settings.optimize.is_some() {
-            let deciding = dcs::deciding(system, &settings.lowerings);
-            for (why, param) in why.iter_mut().zip(&system.params) {
-                let decides = deciding.contains(&variable(param.var));
-                *why = why.or(decides.then_some(Structural::Regions));
-            }
-        }
-        if let Some((at, why)) = places.iter().find_map(|&at| Some((at, why[at]?))) {
+        let ranges = values.open_ranges(&compiled.model);
+        let range = |place: usize| ranges[&variable(system.params[place].var)];
+        if let Some((at, why)) = deciding(compiled, &places, range) {
             return Err(NotPrepared::Structural(system.params[at].name.clone(), why));
         }
         if let Some(name) = values.moving_range(&compiled.model) {
             return Err(NotPrepared::Structural(name, Structural::Range));
         }
-        let ranges = values.open_ranges(&compiled.model);
-        let parameter = |&at: &usize| {
-            let param = &system.params[at];
-            let range = ranges[&variable(param.var)];
-            Parameter {
-                name: param.name.clone(),
-                value: param.value,
-                range: [range.low, range.high],
-            }
+        let parameter = |&at: &usize| Parameter {
+            name: system.params[at].name.clone(),
+            value: system.params[at].value,
+            range: [range(at).low, range(at).high],
         };
         Ok(Opened {
             parameters: places.iter().map(parameter).collect(),
@@ -386,6 +389,32 @@ impl Opened {
         (self.start).eval(parameters, &mut initial, &mut self.start.scratch());
         initial
     }
+}
+
+/// The first of some parameters with another value of which the system is another one, and why.
+fn deciding(
+    compiled: &crate::Compiled<'_>,
+    places: &[usize],
+    range: impl Fn(usize) -> Interval,
+) -> Option<(usize, Structural)> {
+    let (system, settings) = (&compiled.system, &compiled.settings);
+    let why = hybrid::structural(system);
+    if let Some(found) = places.iter().find_map(|&at| Some((at, why[at]?))) {
+        return Some(found);
+    }
+    let is_optimal = settings.optimize.is_some();
+    let method = settings.method.kind();
+    if method == MethodKind::Timestepping && !is_optimal {
+        let instants = schedule::deciding(system);
+        let moves = |at: &&usize| instants.contains(&variable(system.params[**at].var));
+        if let Some(&at) = places.iter().find(moves) {
+            return Some((at, Structural::Instants));
+        }
+    }
+    let has_rows = is_optimal || method.needs_dcs() && system.impulsive.is_empty();
+    let open: Vec<(usize, Interval)> = places.iter().map(|&at| (at, range(at))).collect();
+    let at = dcs::first_deciding(system, &settings.lowerings, &open).filter(|_| has_rows)?;
+    Some((at, Structural::Regions))
 }
 
 /// The places of the parameters that stay open.
@@ -415,7 +444,11 @@ enum Work {
         runs: Box<jumps::Simulator<Program>>,
         grid: Grid,
     },
-    Steps(Box<steps::Stepper<moreau::Free>>),
+    Steps {
+        system: Box<Compiled>,
+        settings: SteppingSettings,
+    },
+    Bodies(Box<steps::Stepper<moreau::Free>>),
 }
 
 impl Runs<'_> {
@@ -458,7 +491,11 @@ impl Runs<'_> {
                 runs.run(grid, &self.x0, near, &mut |_| None, observer)
                     .outcome()
             }
-            Work::Steps(stepper) => {
+            Work::Steps { system, settings } => {
+                system.set_parameters(parameters);
+                system.by_steps(settings.clone(), horizon, &self.x0, observer)
+            }
+            Work::Bodies(stepper) => {
                 stepper.free().set_parameters(parameters);
                 let mut observer = moreau::Told::to(observer);
                 let solution = stepper.run(0.0, horizon, &self.x0, &mut observer);

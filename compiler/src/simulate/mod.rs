@@ -19,6 +19,7 @@ mod watch;
 use crate::project::clock::Instant;
 use crate::report::Trajectory;
 pub(crate) use crate::simulate::record::elements::Elements;
+pub(crate) use crate::simulate::record::schedule;
 use crate::system::System;
 use crate::system::experiment::Settings;
 pub use bench::{Bench, End, Variant};
