@@ -192,7 +192,8 @@ fn steps_without_contacts_take_other_numbers() {
     both(TURNS, &["r", "w"], &values);
     let wall = "model m {
         param a = 3; param top = 0.5; state x = 0;
-        project x onto { x <= top } { x' = a*cos(a*time); }
+        project x onto { top - x >= 0; }
+        x' = a*cos(a*time);
     }";
     both(
         wall,
@@ -248,18 +249,18 @@ fn smoothed_switches_take_other_numbers() {
 fn named_regions_take_other_numbers() {
     let quadrants = "model m {
         param a = 1; param b = 0.5; state x[2] = [0, 0];
-        region one where x[1] < a and x[2] < b { x' = [1, 0.5]; }
-        region two where x[1] > a and x[2] < b { x' = [-0.5, 1]; }
+        region one where x[1] < a and x[2] < b { x' = [1, 0.3]; }
+        region two where x[1] > a and x[2] < b { x' = [0.5, 1]; }
         region three where x[1] < a and x[2] > b { x' = [1, -1]; }
-        region four where x[1] > a and x[2] > b { x' = [-1, -0.5]; }
+        region four where x[1] > a and x[2] > b { x' = [0.3, -0.5]; }
     }";
     let nearest = "model m {
         param a = 1; param b = 1.5; state x[2] = [0, 0.2];
-        region left where x[1]^2 + x[2]^2 is smallest { x' = [1, 0.1]; }
-        region right where (x[1] - a)^2 + x[2]^2 is smallest { x' = [0.4, 1]; }
-        region top where x[1]^2 + (x[2] - b)^2 is smallest { x' = [0.2, -0.3]; }
+        region left indicator x[1]^2 + x[2]^2 { x' = [1, 0.1]; }
+        region right indicator (x[1] - a)^2 + x[2]^2 { x' = [0.4, 1]; }
+        region top indicator x[1]^2 + (x[2] - b)^2 { x' = [0.2, -0.3]; }
     }";
-    let values: [&[f64]; 3] = [&[1.0, 0.5], &[0.3, 0.9], &[0.8, 0.1]];
+    let values: [&[f64]; 3] = [&[1.0, 0.5], &[0.3, 0.9], &[0.8, 0.4]];
     for method in [
         "method fesd { steps = 20; }",
         "method timestepping { steps = 100; }",
