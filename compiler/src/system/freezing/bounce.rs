@@ -23,7 +23,7 @@
 //! Nurkanović, Sartor, Albrecht & Diehl 2021 for the idea, with a spring that is the gap itself.
 
 use super::contact::Contact;
-use super::start::Start;
+use super::start::AtStart;
 use crate::expr::Expr;
 use crate::system::{Continuity, State, Switch, System};
 
@@ -46,7 +46,7 @@ pub(super) struct Bounce<'e> {
 pub(super) fn bounce<'e>(
     system: &System<'e>,
     contact: &Contact<'e>,
-    (expected, pace): (f64, f64),
+    (expected, pace): (Expr<'e>, Expr<'e>),
     (rates, forces): (&mut [Expr<'e>], &mut [Expr<'e>]),
 ) -> Bounce<'e> {
     let old = &system.switches[contact.switch];
@@ -94,26 +94,20 @@ pub(super) fn bounce<'e>(
 
 /// The speeds with which contacts are expected to close: that of a free fall from the start, if nothing is faster, and
 /// that of the fastest of all others where nothing moves a contact by itself.
-pub(super) fn speeds<'e>(system: &System<'e>, contacts: &[Contact<'e>], pace: f64) -> Vec<f64> {
-    let start = Start::of(system);
-    let own = |contact: &Contact<'e>| {
-        let fall = (2.0 * start.acceleration(contact.speed).abs() * gap(&start, contact)).sqrt();
-        let known = [start.value(contact.speed).abs(), fall];
+pub(super) fn speeds(contacts: &[AtStart], pace: f64) -> Vec<f64> {
+    let own = |contact: &AtStart| {
+        let fall = (2.0 * contact.acceleration.abs() * contact.gap.abs()).sqrt();
+        let known = [contact.speed.abs(), fall];
         let known = known.into_iter().filter(|speed| speed.is_finite());
         known.fold(0.0, f64::max)
     };
     let own: Vec<f64> = contacts.iter().map(own).collect();
     let fastest = own.iter().copied().fold(0.0, f64::max);
-    let expected = |(contact, &own): (&Contact<'e>, &f64)| match gap(&start, contact) / pace {
+    let expected = |(contact, &own): (&AtStart, &f64)| match contact.gap.abs() / pace {
         _ if own > 0.0 => own,
         _ if fastest > 0.0 => fastest,
         crossing if crossing > 0.0 && crossing.is_finite() => crossing,
         _ => 1.0 / pace,
     };
     contacts.iter().zip(&own).map(expected).collect()
-}
-
-/// The distance at the start.
-fn gap<'e>(start: &Start<'_, 'e>, contact: &Contact<'e>) -> f64 {
-    start.value(contact.gap).abs()
 }

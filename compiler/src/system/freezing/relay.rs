@@ -39,7 +39,7 @@ pub(super) struct Cells<'e> {
 }
 
 /// The cells of relay `k`; their switches are numbered from `first`.
-pub(super) fn cells<'e>(system: &System<'e>, k: usize, pace: f64, first: usize) -> Cells<'e> {
+pub(super) fn cells<'e>(system: &System<'e>, k: usize, pace: Expr<'e>, first: usize) -> Cells<'e> {
     let exprs = system.exprs;
     let switch = &system.switches[k];
     let relay = switch.relay.expect("it is a relay");
