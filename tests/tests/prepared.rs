@@ -482,6 +482,101 @@ fn threads_share_steps_through_contacts() {
     });
 }
 
+/// While a clock stands still: a ball that bounces, a block that slips and comes to rest, and a heater with memory, from
+/// event to event and by elements. Strengths and paces follow from the numbers of a run.
+#[test]
+fn frozen_runs_take_other_numbers() {
+    let thrown = "model m {
+        param mu = 0.6; param u = 2; param floor = 0.1;
+        state q[2] = [0, 0.5]; state v[2] = [u, 0];
+        q' = v;
+        mechanics q, v {
+            mass = eye(2); force = [0, -9.81];
+            contact ground { gap = q[2] - floor; slip = v[1]; restitution = 0; friction = mu; }
+        }
+    }";
+    let heater = "model m {
+        param power = 3; param loss = 1; param start = 0.5;
+        state y = start;
+        switch heats = hysteresis(y, on = 0.3, off = 1, start = 1);
+        y' = power*heats - loss;
+    }";
+    for method in ["tolerance 1e-10;", "method fesd { steps = 20; }"] {
+        let both = |model: &str, horizon: f64, names: &[&str], values: &[&[f64]]| {
+            let settings = format!("horizon {horizon:?}; lower timefreezing; {method}");
+            both_with((model, &settings), horizon, names, values, 1e-9);
+        };
+        let values: [&[f64]; 3] = [&[9.81, 0.5], &[9.0, 0.4], &[4.0, 0.9]];
+        both(BOUNCES, 0.8, &["g", "e"], &values);
+        let values: [&[f64]; 3] = [&[0.6, 2.0, 0.1], &[0.3, 1.5, 0.2], &[0.9, 3.0, 0.05]];
+        both(thrown, 0.8, &["mu", "u", "floor"], &values);
+        let values: [&[f64]; 3] = [&[3.0, 1.0, 0.5], &[2.0, 0.5, 1.2], &[4.0, 2.0, 0.1]];
+        both(heater, 1.5, &["power", "loss", "start"], &values);
+    }
+}
+
+#[test]
+fn threads_share_frozen_runs() {
+    let runs = [
+        [9.81, 0.5, 1.0, 0.7],
+        [9.0, 0.6, 0.8, 1.0],
+        [20.0, 0.3, 0.7, 0.5],
+        [12.0, 0.9, 0.9, 0.6],
+    ];
+    for method in ["tolerance 1e-10;", "method fesd { steps = 20; }"] {
+        let settings = format!("lower timefreezing; {method}");
+        shares(&settings, -1.0, runs, |[g, e, h, horizon]| {
+            let with = format!("with {{ g = {g:?}; e = {e:?}; q = {h:?}; v = -1; }}");
+            let text =
+                format!("{BOUNCES} simulate s of m {{ horizon {horizon:?}; {settings} {with} }}");
+            let fresh = run(&text, "s");
+            ["q", "v"].map(|name| end(&fresh, name)[0])
+        });
+    }
+}
+
+/// A ball below the floor, one that gains by its bounces, and bounces that accumulate.
+#[test]
+fn frozen_runs_say_why_they_end() {
+    let text = format!("{BOUNCES} simulate s of m {{ horizon 2; lower timefreezing; }}");
+    let prepared = prepared(&text, &["g", "e"]).expect("it is prepared");
+    let status = |numbers: &[f64], q: f64| {
+        let outcome = prepared
+            .runs()
+            .run(numbers, Some(&[q, 0.0]), 2.0, &mut Silent);
+        outcome.expect("the numbers are in range").status
+    };
+    assert_eq!(status(&[9.81, 0.5], -0.1), Status::Penetrates { switch: 0 });
+    let beyond = status(&[9.81, 1.5], 1.0);
+    let is_beyond = matches!(beyond, Status::Coefficient { switch: 0, value, .. } if value == 1.5);
+    assert!(is_beyond, "{beyond:?}");
+    assert_eq!(status(&[9.81, 0.5], 1.0), Status::Accumulation);
+}
+
+/// Whether there is a bounce at all, and the thresholds of a memory, are compiled in.
+#[test]
+fn what_is_frozen_for_one_value_is_refused() {
+    let soft = "model m {
+        param p = 0.4; param g = 9.81; state q = 1; state v = 0;
+        q' = v;
+        mechanics q, v { mass = 1; force = -g; contact floor { gap = q; restitution = 1 - p; } }
+    } simulate s of m { horizon 1; lower timefreezing; }";
+    let refused = prepared(soft, &["g", "p"]).expect_err("1 - p may be zero");
+    let is_p = matches!(&refused, NotPrepared::Structural(name, Structural::Frozen) if name == "p");
+    assert!(is_p, "{refused}");
+    for lowering in ["", "lower timefreezing;"] {
+        let heater = format!(
+            "model m {{
+                param low = 0.3; state y = 0.5;
+                switch heats = hysteresis(y, on = low, off = 1, start = 1);
+                y' = 3*heats - 1;
+            }} simulate s of m {{ horizon 1; {lowering} }}"
+        );
+        let refused = prepared(&heater, &["low"]).expect_err("thresholds are numbers");
+        assert!(refused.to_string().contains("low"), "{refused}");
+    }
+}
+
 /// With k = 1 the two branches happen to meet: with another k the state slides, or jumps away.
 #[test]
 fn what_is_continuous_by_chance_is_not_taken_for_granted() {

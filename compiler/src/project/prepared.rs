@@ -72,12 +72,13 @@ use crate::lowering::{dcs, hybrid};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
 use crate::simulate::fesd::{Compiled, first_elements, impulses, stepping};
+use crate::simulate::frozen::{self, Standing};
 use crate::simulate::moreau::{self, Bodies};
 use crate::simulate::{schedule, solver_settings, takes};
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
-use crate::system::System;
-use crate::system::experiment::{Method, MethodKind, Settings};
+use crate::system::experiment::{Feature, Method, MethodKind, Settings};
+use crate::system::{System, freezing};
 
 /// An experiment that is ready for runs with other numbers. It is plain data: threads share it.
 #[derive(Clone, Debug)]
@@ -106,6 +107,8 @@ enum Ready {
         system: Arc<jumps::System<Program>>,
         grid: Grid,
     },
+    /// In numerical time.
+    Frozen(Arc<Standing>),
     /// Steps without contacts.
     Steps {
         system: Arc<Compiled>,
@@ -286,6 +289,10 @@ impl Prepared {
                 runs: Box::new(jumps::Simulator::new(jumps::System::clone(system))),
                 grid: *grid,
             },
+            Ready::Frozen(standing) => Work::Frozen {
+                standing: Box::new(Standing::clone(standing)),
+                kept: None,
+            },
             Ready::Steps { system, settings } => Work::Steps {
                 system: Box::new(Compiled::clone(system)),
                 settings: settings.clone(),
@@ -307,6 +314,9 @@ impl Ready {
     fn of(system: &System, settings: &Settings, open: &[usize]) -> Result<Self, NotPrepared> {
         let horizon = settings.horizon;
         match &settings.method {
+            method if settings.freezes() && method.kind().takes(Feature::TimeFreezing) => Ok(
+                Ready::Frozen(Arc::new(frozen::prepared(system, settings, open))),
+            ),
             Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
                 let limit = Limit::default();
                 let chosen = solver_settings(&settings.method, settings.tolerance, limit);
@@ -411,9 +421,18 @@ fn deciding(
             return Some((at, Structural::Instants));
         }
     }
+    if settings.freezes() && !is_optimal {
+        let found = freezing::first_deciding(system, settings.pace(), places);
+        if let Some(at) = found {
+            return Some((at, Structural::Frozen));
+        }
+    }
     let has_rows = is_optimal || method.needs_dcs() && system.impulsive.is_empty();
+    if !has_rows {
+        return None;
+    }
     let open: Vec<(usize, Interval)> = places.iter().map(|&at| (at, range(at))).collect();
-    let at = dcs::first_deciding(system, &settings.lowerings, &open).filter(|_| has_rows)?;
+    let at = dcs::first_deciding(&compiled.lowered(), &settings.lowerings, &open)?;
     Some((at, Structural::Regions))
 }
 
@@ -443,6 +462,10 @@ enum Work {
     Impulses {
         runs: Box<jumps::Simulator<Program>>,
         grid: Grid,
+    },
+    Frozen {
+        standing: Box<Standing>,
+        kept: Option<Simulator>,
     },
     Steps {
         system: Box<Compiled>,
@@ -490,6 +513,12 @@ impl Runs<'_> {
                 let near = (&reference, &limit);
                 runs.run(grid, &self.x0, near, &mut |_| None, observer)
                     .outcome()
+            }
+            Work::Frozen { standing, kept } => {
+                standing.set_parameters(parameters);
+                let mut observer = observer as &mut dyn Observer;
+                let ran = standing.run(horizon, &self.x0, kept, &mut observer);
+                standing.told(ran)
             }
             Work::Steps { system, settings } => {
                 system.set_parameters(parameters);

@@ -23,6 +23,7 @@ pub(crate) use crate::simulate::record::schedule;
 use crate::system::System;
 use crate::system::experiment::Settings;
 pub use bench::{Bench, End, Variant};
+pub(crate) use methods::frozen;
 pub use methods::{Plan, fesd, moreau};
 pub(crate) use methods::{solver_settings, takes};
 pub use outcome::sampled;

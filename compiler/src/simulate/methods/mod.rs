@@ -5,7 +5,7 @@ mod blurred;
 mod described;
 mod events;
 pub mod fesd;
-mod frozen;
+pub(crate) mod frozen;
 pub mod moreau;
 mod smoothed;
 
@@ -199,7 +199,7 @@ pub(crate) fn of<'e>(
             Box::new(Contacts::new(system, settings, open))
         }
         Method::Timestepping(_) => Box::new(Stepping::new(system, settings, open)),
-        _ if settings.freezes() => Box::new(InNumericalTime::new(system, settings)),
+        _ if settings.freezes() => Box::new(InNumericalTime::new(system, settings, open)),
         Method::Fesd(_) if impulses => Box::new(WithImpulses::new(system, settings, open)),
         Method::Fesd(_) => Box::new(ByElements::new(system, settings, open)),
         Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
@@ -212,8 +212,7 @@ pub(crate) fn of<'e>(
 pub(crate) fn takes(settings: &Settings) -> bool {
     match settings.method {
         Method::Adaptive => false,
-        Method::Timestepping(_) => true,
-        _ => !settings.freezes(),
+        _ => true,
     }
 }
 
@@ -251,6 +250,8 @@ mod tests {
             (BELT, "method timestepping { steps = 200; }"),
             (LED, "method timestepping { steps = 200; }"),
             (THROWN, "method timestepping { steps = 200; }"),
+            (THROWN, "lower timefreezing;"),
+            (THROWN, "lower timefreezing; method fesd { steps = 20; }"),
         ] {
             let text = format!("model m {{ {model} }} simulate o of m {{ horizon 1.5; {method} }}");
             with_last(&text, |compiled| {
