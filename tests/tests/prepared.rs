@@ -236,6 +236,29 @@ fn threads_share_steps_without_contacts() {
     });
 }
 
+/// Steps of an adaptive method that looks for no switch, and a state that is kicked.
+#[test]
+fn adaptive_steps_and_kicks_take_other_numbers() {
+    let values: [&[f64]; 3] = [&[2.0], &[3.0], &[1.7]];
+    let settings = "horizon 0.9; method adaptive;";
+    let passes = LED.replace("then -1", "then 0.5");
+    both_with((&passes, settings), 0.9, &["k"], &values, 1e-11);
+    let smooth = "model m { param p = 2; state x = 1/p; x' = -p*x + sin(p*time); }";
+    let values: [&[f64]; 3] = [&[2.0], &[0.7], &[5.0]];
+    both_with((smooth, settings), 0.9, &["p"], &values, 1e-11);
+    let settings = "horizon 0.9; tolerance 1e-10; perturb every 0.2 by gauss(0.1) seed 3;";
+    both_with((smooth, settings), 0.9, &["p"], &values, 1e-9);
+    let refused = prepared(
+        &format!("{LED} simulate s of m {{ horizon 1; method adaptive; }}"),
+        &["t0"],
+    );
+    let refused = refused.expect_err("it moves an instant");
+    assert!(
+        matches!(refused, NotPrepared::Structural(_, Structural::Instants)),
+        "{refused}"
+    );
+}
+
 /// Steep functions in place of switches.
 #[test]
 fn smoothed_switches_take_other_numbers() {
@@ -520,7 +543,7 @@ fn threads_share_frozen_runs() {
     let runs = [
         [9.81, 0.5, 1.0, 0.7],
         [9.0, 0.6, 0.8, 1.0],
-        [20.0, 0.3, 0.7, 0.5],
+        [20.0, 0.3, 0.7, 0.4],
         [12.0, 0.9, 0.9, 0.6],
     ];
     for method in ["tolerance 1e-10;", "method fesd { steps = 20; }"] {
@@ -620,10 +643,11 @@ fn what_cannot_stay_open_is_refused() {
     assert!(
         matches!(refused(&plain, &["z"]), NotPrepared::Structural(name, Structural::Zero) if name == "z")
     );
-    let adaptive = format!("{model} simulate s of m {{ horizon 1; method adaptive; }}");
+    let optimal = "model m { param p = 2; state x = 1; control u in [-1, 1]; x' = u - p; }
+        optimize s of m { horizon 1; intervals 2; minimize final(x); }";
     assert!(matches!(
-        refused(&adaptive, &["p"]),
-        NotPrepared::Method("adaptive")
+        refused(optimal, &["p"]),
+        NotPrepared::Optimal(name) if name == "s"
     ));
     let horizon = format!("{model} simulate s of m {{ horizon p; }}");
     let NotPrepared::NotCompiled(diags) = refused(&horizon, &["p"]) else {

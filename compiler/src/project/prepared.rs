@@ -1,12 +1,13 @@
-//! An experiment that is compiled once and runs many times, from event to event, by finite elements or in steps of time
-//! through contacts, with other parameters and initial values.
+//! An experiment that is compiled once and runs many times, by any method, with other parameters and initial values.
 //!
 //! What the parameters that stay open reach is compiled as functions of them: other parameters, initial values, rates,
 //! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out,
 //! and a sign turns sides of surfaces round.
 //!
-//! Refused are adaptive steps, smoothed switches, steps of time without contacts, frozen contacts and kicks: their runs have
-//! numbers compiled in.
+//! Refused are, by their names, parameters with another value of which the system may be another one: those that are zero,
+//! in an exponent, or may make a function of time narrow; where elements or steps run, those that decide within their range
+//! which named regions there are, or when switches of time change with which others jump; where time is frozen, those that
+//! decide which contacts bounce, or whether one can be frozen at all.
 //!
 //! Runs give what the solver knows: steps and events to an observer, the end, and why it is one. Outputs, bounds of states,
 //! expectations and the second run that estimates the error are those of [`crate::simulate::run`].
@@ -52,6 +53,7 @@
 
 use std::sync::Arc;
 
+use nsd_solver::adaptive as extrapolation;
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::fesd;
 use nsd_solver::fesd::SteppingSettings;
@@ -71,10 +73,11 @@ use crate::lowering::mpcc::Program;
 use crate::lowering::{dcs, hybrid};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
+use crate::simulate::adaptive::{self, Jumping};
 use crate::simulate::fesd::{Compiled, first_elements, impulses, stepping};
 use crate::simulate::frozen::{self, Standing};
 use crate::simulate::moreau::{self, Bodies};
-use crate::simulate::{schedule, solver_settings, takes};
+use crate::simulate::{schedule, solver_settings};
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
 use crate::system::experiment::{Feature, Method, MethodKind, Settings};
@@ -109,6 +112,11 @@ enum Ready {
     },
     /// In numerical time.
     Frozen(Arc<Standing>),
+    /// As if there were no switches.
+    Adaptive {
+        field: Arc<Jumping>,
+        settings: extrapolation::Settings,
+    },
     /// Steps without contacts.
     Steps {
         system: Arc<Compiled>,
@@ -152,9 +160,9 @@ pub enum NotPrepared {
     /// This is no name of a parameter, or of an entry of one.
     #[error("`{0}` is no parameter")]
     NoParameter(String),
-    /// No run of its method takes other numbers.
-    #[error("`{0}` runs with numbers that are compiled in")]
-    Method(&'static str),
+    /// It is no simulation.
+    #[error("`{0}` is an optimal control problem, which `prepare_optimal` prepares")]
+    Optimal(String),
     /// Another value of this parameter is another system.
     #[error("`{0}` {1}: it has to be compiled for each of its values")]
     Structural(String, Structural),
@@ -230,9 +238,6 @@ impl Prepared {
     /// An experiment that has been compiled with open parameters.
     fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        if settings.kicks.is_some() {
-            return Err(NotPrepared::Method(settings.method.kind().word()));
-        }
         let Opened {
             places,
             parameters,
@@ -240,7 +245,7 @@ impl Prepared {
         } = Opened::of(compiled)?;
         Ok(Prepared {
             start: Arc::new(start),
-            ready: Ready::of(system, settings, &places)?,
+            ready: Ready::of(system, settings, &places),
             horizon: settings.horizon,
             parameters,
             states: system
@@ -293,6 +298,10 @@ impl Prepared {
                 standing: Box::new(Standing::clone(standing)),
                 kept: None,
             },
+            Ready::Adaptive { field, settings } => Work::Adaptive {
+                field: Box::new(Jumping::clone(field)),
+                settings: settings.clone(),
+            },
             Ready::Steps { system, settings } => Work::Steps {
                 system: Box::new(Compiled::clone(system)),
                 settings: settings.clone(),
@@ -311,40 +320,45 @@ impl Prepared {
 }
 
 impl Ready {
-    fn of(system: &System, settings: &Settings, open: &[usize]) -> Result<Self, NotPrepared> {
+    fn of(system: &System, settings: &Settings, open: &[usize]) -> Self {
         let horizon = settings.horizon;
         match &settings.method {
-            method if settings.freezes() && method.kind().takes(Feature::TimeFreezing) => Ok(
-                Ready::Frozen(Arc::new(frozen::prepared(system, settings, open))),
-            ),
+            method if settings.freezes() && method.kind().takes(Feature::TimeFreezing) => {
+                Ready::Frozen(Arc::new(frozen::prepared(system, settings, open)))
+            }
             Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
                 let limit = Limit::default();
                 let chosen = solver_settings(&settings.method, settings.tolerance, limit);
-                Ok(Ready::Events {
+                let kicks = settings.kicks.as_ref();
+                Ready::Events {
                     system: hybrid::lower_open(system, horizon, open),
                     settings: solver::Settings {
+                        kicks: kicks.map(|kicks| kicks.kicks(system)),
                         averages: settings.averages,
                         ..chosen
                     },
-                })
+                }
             }
-            Method::Fesd(_) if system.contacts.is_empty() => Ok(Ready::Elements {
+            Method::Fesd(_) if system.contacts.is_empty() => Ready::Elements {
                 system: Arc::new(Compiled::prepared(system, settings, open)),
                 settings: first_elements(settings),
-            }),
-            Method::Fesd(_) => Ok(Ready::Impulses {
+            },
+            Method::Fesd(_) => Ready::Impulses {
                 system: Arc::new(impulses::prepared(system, settings, open)),
                 grid: impulses::first_grid(settings),
-            }),
-            Method::Timestepping(_) if system.impulsive.is_empty() => Ok(Ready::Steps {
+            },
+            Method::Timestepping(_) if system.impulsive.is_empty() => Ready::Steps {
                 system: Arc::new(stepping::prepared(system, settings, open)),
                 settings: stepping::first_steps(settings),
-            }),
-            Method::Timestepping(_) => Ok(Ready::Bodies {
+            },
+            Method::Timestepping(_) => Ready::Bodies {
                 bodies: Arc::new(Bodies::new(system, open, Pulses::of(system, horizon))),
                 settings: moreau::first_steps(settings),
-            }),
-            other => Err(NotPrepared::Method(other.kind().word())),
+            },
+            Method::Adaptive => Ready::Adaptive {
+                field: Arc::new(adaptive::prepared(system, settings, open)),
+                settings: adaptive::first_settings(settings),
+            },
         }
     }
 }
@@ -362,10 +376,10 @@ impl Opened {
     /// Those with which an experiment has been compiled, if one compilation serves all their values.
     pub fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let settings = &compiled.settings;
-        if settings.optimize.is_some() || !takes(settings) {
-            return Err(NotPrepared::Method(settings.method.kind().word()));
+        match settings.optimize {
+            None => Opened::inputs(compiled),
+            Some(_) => Err(NotPrepared::Optimal(settings.name.clone())),
         }
-        Opened::inputs(compiled)
     }
 
     /// Those with which an experiment has been compiled, if no other value of theirs is another system.
@@ -414,7 +428,7 @@ fn deciding(
     }
     let is_optimal = settings.optimize.is_some();
     let method = settings.method.kind();
-    if method == MethodKind::Timestepping && !is_optimal {
+    if matches!(method, MethodKind::Timestepping | MethodKind::Adaptive) && !is_optimal {
         let instants = schedule::deciding(system);
         let moves = |at: &&usize| instants.contains(&variable(system.params[**at].var));
         if let Some(&at) = places.iter().find(moves) {
@@ -466,6 +480,10 @@ enum Work {
     Frozen {
         standing: Box<Standing>,
         kept: Option<Simulator>,
+    },
+    Adaptive {
+        field: Box<Jumping>,
+        settings: extrapolation::Settings,
     },
     Steps {
         system: Box<Compiled>,
@@ -519,6 +537,12 @@ impl Runs<'_> {
                 let mut observer = observer as &mut dyn Observer;
                 let ran = standing.run(horizon, &self.x0, kept, &mut observer);
                 standing.told(ran)
+            }
+            Work::Adaptive { field, settings } => {
+                field.set_parameters(parameters);
+                let field = Jumping::clone(field);
+                let mut simulator = extrapolation::Simulator::new(field, settings.clone());
+                simulator.run(0.0, horizon, &self.x0, observer)
             }
             Work::Steps { system, settings } => {
                 system.set_parameters(parameters);

@@ -1,6 +1,6 @@
 //! The method of an experiment, with what is compiled of its system before it runs.
 
-mod adaptive;
+pub(crate) mod adaptive;
 mod blurred;
 mod described;
 mod events;
@@ -194,7 +194,7 @@ pub(crate) fn of<'e>(
     // Without contacts there are no impulses to take.
     let impulses = settings.takes_impulses() && !system.contacts.is_empty();
     match settings.method {
-        Method::Adaptive => Box::new(Adaptive::new(system, settings)),
+        Method::Adaptive => Box::new(Adaptive::new(system, settings, open)),
         Method::Timestepping(_) if !system.impulsive.is_empty() => {
             Box::new(Contacts::new(system, settings, open))
         }
@@ -205,14 +205,6 @@ pub(crate) fn of<'e>(
         Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
             Box::new(Events::new(system, settings, open))
         }
-    }
-}
-
-/// Whether runs by the method of an experiment take other values of parameters and of initial states.
-pub(crate) fn takes(settings: &Settings) -> bool {
-    match settings.method {
-        Method::Adaptive => false,
-        _ => true,
     }
 }
 
@@ -249,6 +241,7 @@ mod tests {
             (BELT, "method fesd;"),
             (BELT, "method timestepping { steps = 200; }"),
             (LED, "method timestepping { steps = 200; }"),
+            (LED, "method adaptive;"),
             (THROWN, "method timestepping { steps = 200; }"),
             (THROWN, "lower timefreezing;"),
             (THROWN, "lower timefreezing; method fesd { steps = 20; }"),

@@ -42,18 +42,17 @@ pub(super) struct Bounce<'e> {
     pub strength: Expr<'e>,
 }
 
-/// Adds the force of a contact to the forces, and lets the rates stand still while it acts.
+/// Adds the force of a contact to the forces, and lets the rates stand still while it acts; its measures are a and δ.
 pub(super) fn bounce<'e>(
     system: &System<'e>,
     contact: &Contact<'e>,
-    (expected, pace): (Expr<'e>, Expr<'e>),
+    [a, delta]: [Expr<'e>; 2],
     (rates, forces): (&mut [Expr<'e>], &mut [Expr<'e>]),
 ) -> Bounce<'e> {
     let old = &system.switches[contact.switch];
     let name = format!("depth[{}]", old.name);
     let p = system.exprs.variable(&name);
     let e = contact.restitution;
-    let a = (1.0 + e) * expected / (SHARE * pace);
     let apart = old.alpha;
     for rate in rates.iter_mut() {
         *rate = apart * *rate;
@@ -71,7 +70,6 @@ pub(super) fn bounce<'e>(
         }
     }
     let square = (1.0 + e).powi(2) * contact.speed.powi(2) - (4.0 * e * (1.0 + e) * a) * p;
-    let delta = ROUNDED * expected;
     let r = (square.powi(2) + delta.powi(4)).sqrt().sqrt();
     let slope = ((1.0 + e).powi(2) * contact.speed + (1.0 - e) * r) / (2.0 * e * (1.0 + e));
     Bounce {
@@ -90,6 +88,12 @@ pub(super) fn bounce<'e>(
         },
         strength: a / contact.gain,
     }
+}
+
+/// a and δ of a contact with a restitution that is expected to close with a speed.
+pub(super) fn measures(e: f64, expected: f64, pace: f64) -> [f64; 2] {
+    let a = (1.0 + e) * expected / (SHARE * pace);
+    [a, ROUNDED * expected]
 }
 
 /// The speeds with which contacts are expected to close: that of a free fall from the start, if nothing is faster, and

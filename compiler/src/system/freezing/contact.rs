@@ -53,6 +53,11 @@ impl<'e> Contact<'e> {
             .is_some_and(|e| e <= ROUNDING)
     }
 
+    /// How many numbers of a run it has.
+    pub fn n_measures(&self) -> usize {
+        if self.is_inelastic() { 1 } else { 2 }
+    }
+
     /// The entries of its slip velocity, none where it is smooth.
     pub fn slips(&self) -> &[Slip<'e>] {
         self.friction

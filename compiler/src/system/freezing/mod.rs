@@ -151,11 +151,12 @@ fn frozen<'e>(
     let start = Start::of(system, &contacts, &relays);
     let params: Vec<f64> = system.params.iter().map(|param| param.value).collect();
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let names = contacts
-        .iter()
-        .map(|contact| &system.switches[contact.switch].name);
-    let names = names.map(|name| format!("measure[{name}]"));
-    let names = [String::from("pace")].into_iter().chain(names);
+    let names = contacts.iter().flat_map(|contact| {
+        let name = &system.switches[contact.switch].name;
+        let own = ["strength", "rounding"].map(|of| format!("{of}[{name}]"));
+        own.into_iter().take(contact.n_measures())
+    });
+    let names = [String::from("speed[memory]")].into_iter().chain(names);
     let values = start.measures(&params, &x0, pace).inputs;
     let measures = names.zip(values).map(|(name, value)| measure(name, value));
     let (measures, params): (Vec<Expr<'e>>, Vec<Option<Param<'e>>>) = measures.unzip();
@@ -165,7 +166,7 @@ fn frozen<'e>(
     let (places, switches) = lasting_switches(system);
     let mut motion = Motion {
         system,
-        pace: measures[0],
+        speed: measures[0],
         params: params.into_iter().flatten().collect(),
         n_states,
         rates: free_rates(system, &contacts),
@@ -243,7 +244,8 @@ fn lasting_partitions<'e>(system: &System<'e>, places: &[Option<usize>]) -> Vec<
 struct Motion<'s, 'e> {
     /// The original.
     system: &'s System<'e>,
-    pace: Expr<'e>,
+    /// How fast memories move.
+    speed: Expr<'e>,
     /// Measures that are parameters.
     params: Vec<Param<'e>>,
     n_states: usize,
@@ -258,7 +260,7 @@ struct Motion<'s, 'e> {
 impl<'e> Motion<'_, 'e> {
     /// A relay becomes a memory.
     fn relay(&mut self, k: usize) -> Memory {
-        let cells = relay::cells(self.system, k, self.pace, self.switches.len());
+        let cells = relay::cells(self.system, k, self.speed, self.switches.len());
         let read = alpha(self.system, k);
         for rate in &mut self.rates {
             *rate = at(*rate, read, 0.0) * cells.off + at(*rate, read, 1.0) * cells.on;
@@ -273,8 +275,12 @@ impl<'e> Motion<'_, 'e> {
     /// Contacts become forces.
     fn contacts(&mut self, contacts: &[Contact<'e>], measures: &[Expr<'e>]) -> Vec<Impact<'e>> {
         let mut forces = vec![self.system.exprs.constant(0.0); self.rates.len()];
-        let contacts = contacts.iter().zip(measures);
-        let impacts = contacts.map(|(contact, &own)| self.contact(contact, own, &mut forces));
+        let mut left = measures;
+        let impacts = contacts.iter().map(|contact| {
+            let (own, others) = left.split_at(contact.n_measures());
+            left = others;
+            self.contact(contact, own, &mut forces)
+        });
         let impacts = impacts.collect();
         for (rate, force) in self.rates.iter_mut().zip(forces) {
             *rate = *rate + force;
@@ -282,22 +288,22 @@ impl<'e> Motion<'_, 'e> {
         impacts
     }
 
-    /// Adds the force of a contact with its measure.
+    /// Adds the force of a contact with its measures.
     fn contact(
         &mut self,
         contact: &Contact<'e>,
-        measure: Expr<'e>,
+        measures: &[Expr<'e>],
         forces: &mut [Expr<'e>],
     ) -> Impact<'e> {
-        let (system, pace, switch) = (self.system, self.pace, self.switches.len());
+        let (system, switch) = (self.system, self.switches.len());
         let motion = (&mut self.rates[..], forces);
         let (strength, rest) = if contact.is_inelastic() {
-            let rest = rest::rest(system, contact, measure, motion);
+            let rest = rest::rest(system, contact, measures[0], motion);
             self.switches.extend(rest.switches);
             let (speed, cone) = (switch + 1, rest.cone);
-            (measure, Some(Rest { speed, cone }))
+            (measures[0], Some(Rest { speed, cone }))
         } else {
-            let bounce = bounce::bounce(system, contact, (measure, pace), motion);
+            let bounce = bounce::bounce(system, contact, [measures[0], measures[1]], motion);
             self.switches.push(bounce.switch);
             self.added.push(bounce.state);
             (bounce.strength, None)

@@ -7,7 +7,7 @@ use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
 use super::contact::Contact;
-use super::{along, alpha, bounce, rest};
+use super::{along, alpha, bounce, relay, rest};
 use crate::expr::{self, Expr, Var, variables_of};
 use crate::system::System;
 use crate::system::switches::affine::at;
@@ -53,7 +53,8 @@ pub(super) struct AtStart {
 /// Numbers of a run.
 #[derive(Clone, Debug)]
 pub struct Measures {
-    /// The pace, and of every contact the speed with which it is expected to close, or of an inelastic one its force.
+    /// How fast memories move, and of every contact as many numbers as it has: how strong it is, and of one that bounces the
+    /// speed below which it is rounded.
     pub inputs: Vec<f64>,
     /// What relays remember at the start, 0 or 1.
     pub memories: Vec<f64>,
@@ -81,12 +82,12 @@ impl Start {
         let inputs = variables_of(&outputs);
         let given = |var: &Var| known.get(var).copied().unwrap_or(Given::Number(0.0));
         let tape = expr::compile(&inputs, &outputs);
-        let relay = |&k: &usize| system.switches[k].relay.expect("it is a relay").start;
+        let start = |&k: &usize| system.switches[k].relay.expect("it is a relay").start;
         Start {
             given: inputs.iter().map(given).collect(),
             tape: tape.expect("a verified system holds smooth functions only"),
             inelastic: contacts.iter().map(Contact::is_inelastic).collect(),
-            on: relays.iter().map(relay).collect(),
+            on: relays.iter().map(start).collect(),
         }
     }
 
@@ -115,9 +116,9 @@ impl Start {
         });
         let contacts: Vec<AtStart> = contacts.collect();
         let speeds = bounce::speeds(&contacts, pace).into_iter().zip(&contacts);
-        let measured = speeds.map(|(speed, contact)| match contact.is_inelastic {
-            true => rest::strength(contact, pace),
-            false => speed,
+        let measured = speeds.flat_map(|(speed, contact)| match contact.is_inelastic {
+            true => vec![rest::strength(contact, pace)],
+            false => bounce::measures(contact.restitution, speed, pace).to_vec(),
         });
         let relays = of_relays.as_chunks().0.iter().zip(&self.on);
         let memories = relays.map(|(&[off, on], &start)| match start {
@@ -129,7 +130,7 @@ impl Start {
         let mut all = contacts.iter().enumerate();
         let unlike = all.find(|(_, contact)| !contact.is_inelastic && !bounces(contact));
         Measures {
-            inputs: [pace].into_iter().chain(measured).collect(),
+            inputs: [relay::speed(pace)].into_iter().chain(measured).collect(),
             memories: memories.collect(),
             below: contacts.iter().position(|contact| contact.gap < -ROUNDING),
             restitution: unlike.map(|(k, contact)| (k, contact.restitution)),
