@@ -505,8 +505,9 @@ fn threads_share_steps_through_contacts() {
     });
 }
 
-/// While a clock stands still: a ball that bounces, a block that slips and comes to rest, and a heater with memory, from
-/// event to event and by elements. Strengths and paces follow from the numbers of a run.
+/// While a clock stands still: a ball that bounces, one that slips in a plane as it does, a block that slips and comes to
+/// rest, and a heater with memory, from event to event and by elements. Strengths and paces follow from the numbers of a
+/// run.
 #[test]
 fn frozen_runs_take_other_numbers() {
     let thrown = "model m {
@@ -516,6 +517,15 @@ fn frozen_runs_take_other_numbers() {
         mechanics q, v {
             mass = eye(2); force = [0, -9.81];
             contact ground { gap = q[2] - floor; slip = v[1]; restitution = 0; friction = mu; }
+        }
+    }";
+    let in_space = "model m {
+        param mu = 0.2; param e = 0.5; param u = 2;
+        state q[3] = [0, 0, 1]; state v[3] = [u, 1, 0];
+        q' = v;
+        mechanics q, v {
+            mass = eye(3); force = [0, 0, -10];
+            contact floor { gap = q[3]; slip = [v[1], v[2]]; restitution = e; friction = mu; }
         }
     }";
     let heater = "model m {
@@ -533,6 +543,8 @@ fn frozen_runs_take_other_numbers() {
         both(BOUNCES, 0.8, &["g", "e"], &values);
         let values: [&[f64]; 3] = [&[0.6, 2.0, 0.1], &[0.3, 1.5, 0.2], &[0.9, 3.0, 0.05]];
         both(thrown, 0.8, &["mu", "u", "floor"], &values);
+        let values: [&[f64]; 3] = [&[0.2, 0.5, 2.0], &[0.1, 0.4, 1.0], &[0.3, 0.6, 3.0]];
+        both(in_space, 0.8, &["mu", "e", "u"], &values);
         let values: [&[f64]; 3] = [&[3.0, 1.0, 0.5], &[2.0, 0.5, 1.2], &[4.0, 2.0, 0.1]];
         both(heater, 1.5, &["power", "loss", "start"], &values);
     }
