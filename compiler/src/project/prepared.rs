@@ -296,7 +296,7 @@ impl Prepared {
             },
             Ready::Frozen(standing) => Work::Frozen {
                 standing: Box::new(Standing::clone(standing)),
-                kept: None,
+                kept: Box::default(),
             },
             Ready::Adaptive { field, settings } => Work::Adaptive {
                 field: Box::new(Jumping::clone(field)),
@@ -479,7 +479,7 @@ enum Work {
     },
     Frozen {
         standing: Box<Standing>,
-        kept: Option<Simulator>,
+        kept: Box<Option<Simulator>>,
     },
     Adaptive {
         field: Box<Jumping>,
