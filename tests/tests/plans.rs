@@ -5,12 +5,14 @@ use nsdc::report::{Status, Trajectory};
 use nsdc::simulate::{self, Plan, Request};
 
 /// Settings of an experiment, for each method, with a model that it takes.
-const METHODS: [(&str, &str); 10] = [
+const METHODS: [(&str, &str); 12] = [
     (SWITCH, ""),
     (SWITCH, "method fesd;"),
     (SWITCH, "method fesd { steps = 20; }"),
     (SWITCH, "method timestepping { steps = 200; }"),
+    (LED, "method timestepping { steps = 200; }"),
     (SWITCH, "method adaptive;"),
+    (LED, "method adaptive;"),
     (SWITCH, "method smoothing;"),
     (BALL, "method timestepping { steps = 200; }"),
     (BALL, "method fesd; lower timefreezing;"),
@@ -22,6 +24,12 @@ const METHODS: [(&str, &str); 10] = [
 ];
 
 const SWITCH: &str = "model m { param k = 2; state x = 1; state y = 0; x' = 1; y' = sign(x) + k; }";
+
+/// A threshold that jumps with time.
+const LED: &str = "model m {
+    param k = 2; state x = 1;
+    x' = if x > (if time > 0.4 then 2.7 else 2.2) then 0.5 else k;
+}";
 
 const BALL: &str = "model m {
     param k = 9.81; state x = 1; state y = 0;

@@ -141,18 +141,20 @@ fn surfaces_and_laws_follow() {
     );
 }
 
+/// A block on a belt, and what climbs a threshold that jumps with time.
+const BELT: &str = "model m {
+    param mu = 0.6; param speed = 0.3;
+    state q = 0; state v = 0;
+    q' = v; v' = -q - mu*sign(v - speed);
+}";
+const LED: &str = "model m {
+    param k = 2; param t0 = 0.4; state x = 0;
+    x' = if x > (if time > t0 then 0.7 else 0.5) then -1 else k;
+}";
+
 /// By finite elements: a switch, one of time that another contains, and a nonlinear one.
 #[test]
 fn finite_elements_take_other_numbers() {
-    let belt = "model m {
-        param mu = 0.6; param speed = 0.3;
-        state q = 0; state v = 0;
-        q' = v; v' = -q - mu*sign(v - speed);
-    }";
-    let led = "model m {
-        param k = 2; state x = 0;
-        x' = if x > (if time > 0.4 then 0.7 else 0.5) then -1 else k;
-    }";
     let hidden = "model m {
         param b = 1; state x = 0.9; state y = 0.05;
         switch s = sign(y) sliding nonlinear;
@@ -165,11 +167,174 @@ fn finite_elements_take_other_numbers() {
         let within = if method == steps { 1e-5 } else { 1e-8 };
         let values: [&[f64]; 3] = [&[0.6, 0.3], &[0.2, 0.5], &[0.9, 0.1]];
         let names = ["mu", "speed"];
-        both_with((belt, &settings(4.0)), 4.0, &names, &values, within);
+        both_with((BELT, &settings(4.0)), 4.0, &names, &values, within);
         let values: [&[f64]; 3] = [&[2.0], &[3.0], &[1.7]];
-        both_with((led, &settings(0.9)), 0.9, &["k"], &values, within);
+        both_with((LED, &settings(0.9)), 0.9, &["k"], &values, within);
         let values: [&[f64]; 3] = [&[1.0], &[1.1], &[0.9]];
         both_with((hidden, &settings(1.2)), 1.2, &["b"], &values, within);
+    }
+}
+
+/// In steps of one length: without a switch, with friction, regions, a wall, and a threshold that jumps with time, whose
+/// instants are data.
+#[test]
+fn steps_without_contacts_take_other_numbers() {
+    let settings = "horizon 2; method timestepping { steps = 150; }";
+    let both = |model: &str, names: &[&str], values: &[&[f64]]| {
+        both_with((model, settings), 2.0, names, values, 1e-11);
+    };
+    let smooth = "model m { param p = 2; state x = 1/p; x' = -p*x + sin(p*time); }";
+    both(smooth, &["p"], &[&[2.0], &[0.7], &[5.0]]);
+    let values: [&[f64]; 3] = [&[0.6, 0.3], &[0.2, 0.5], &[0.9, 0.1]];
+    both(BELT, &["mu", "speed"], &values);
+    both(LED, &["k"], &[&[2.0], &[3.0], &[1.7]]);
+    let values: [&[f64]; 3] = [&[1.0, 2.0], &[1.4, 0.5], &[0.3, 3.0]];
+    both(TURNS, &["r", "w"], &values);
+    let wall = "model m {
+        param a = 3; param top = 0.5; state x = 0;
+        project x onto { top - x >= 0; }
+        x' = a*cos(a*time);
+    }";
+    both(
+        wall,
+        &["a", "top"],
+        &[&[3.0, 0.5], &[4.0, 0.2], &[2.0, 0.9]],
+    );
+    let text = format!("{LED} simulate s of m {{ {settings} }}");
+    let refused = prepared(&text, &["t0"]).expect_err("it moves an instant");
+    let is_instant =
+        matches!(&refused, NotPrepared::Structural(name, Structural::Instants) if name == "t0");
+    assert!(is_instant, "{refused}");
+}
+
+/// A circle inside of which the rate is another one.
+const TURNS: &str = "model m {
+    param r = 1; param w = 2; state x[2] = [0.4, 0];
+    region inside where norm(x) < r { x' = [1, w; -w, 1]*x; }
+    region outside where norm(x) > r { x' = [1, -w; w, 1]*x; }
+}";
+
+/// Shorter runs of a schedule of time are those of the longer one.
+#[test]
+fn threads_share_steps_without_contacts() {
+    let steps = "method timestepping { steps = 120; }";
+    let text = format!("{LED} simulate s of m {{ horizon 1.5; {steps} }}");
+    let prepared = prepared(&text, &["k"]).expect("it is prepared");
+    let check = |numbers: &[[f64; 3]]| {
+        let mut own = prepared.runs();
+        for &[k, x, horizon] in numbers {
+            let found = own.run(&[k], Some(&[x]), horizon, &mut Silent);
+            let with = format!("with {{ k = {k:?}; x = {x:?}; }}");
+            let fresh = format!("{LED} simulate s of m {{ horizon {horizon:?}; {steps} {with} }}");
+            let exact = end(&run(&fresh, "s"), "x");
+            assert_near(&found.expect("the numbers are in range").x, &exact, 1e-11);
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| check(&[[2.0, 0.1, 1.5], [1.0, 0.3, 0.35], [3.0, 0.0, 0.9]]));
+        scope.spawn(|| check(&[[0.5, 0.6, 1.2], [4.0, 0.8, 0.5]]));
+    });
+}
+
+/// Steps of an adaptive method that looks for no switch, and a state that is kicked.
+#[test]
+fn adaptive_steps_and_kicks_take_other_numbers() {
+    let values: [&[f64]; 3] = [&[2.0], &[3.0], &[1.7]];
+    let settings = "horizon 0.9; method adaptive;";
+    let passes = LED.replace("then -1", "then 0.5");
+    both_with((&passes, settings), 0.9, &["k"], &values, 1e-11);
+    let smooth = "model m { param p = 2; state x = 1/p; x' = -p*x + sin(p*time); }";
+    let values: [&[f64]; 3] = [&[2.0], &[0.7], &[5.0]];
+    both_with((smooth, settings), 0.9, &["p"], &values, 1e-11);
+    let settings = "horizon 0.9; tolerance 1e-10; perturb every 0.2 by gauss(0.1) seed 3;";
+    both_with((smooth, settings), 0.9, &["p"], &values, 1e-9);
+    let refused = prepared(
+        &format!("{LED} simulate s of m {{ horizon 1; method adaptive; }}"),
+        &["t0"],
+    );
+    let refused = refused.expect_err("it moves an instant");
+    assert!(
+        matches!(refused, NotPrepared::Structural(_, Structural::Instants)),
+        "{refused}"
+    );
+}
+
+/// Steep functions in place of switches.
+#[test]
+fn smoothed_switches_take_other_numbers() {
+    let settings = "horizon 4; tolerance 1e-10; method smoothing { epsilon = 1e-2; }";
+    let values: [&[f64]; 3] = [&[0.6, 0.3], &[0.2, 0.5], &[0.9, 0.1]];
+    both_with((BELT, settings), 4.0, &["mu", "speed"], &values, 1e-8);
+}
+
+/// Regions with names, and those of the smallest indicator: by elements and in steps.
+#[test]
+fn named_regions_take_other_numbers() {
+    let quadrants = "model m {
+        param a = 1; param b = 0.5; state x[2] = [0, 0];
+        region one where x[1] < a and x[2] < b { x' = [1, 0.3]; }
+        region two where x[1] > a and x[2] < b { x' = [0.5, 1]; }
+        region three where x[1] < a and x[2] > b { x' = [1, -1]; }
+        region four where x[1] > a and x[2] > b { x' = [0.3, -0.5]; }
+    }";
+    let nearest = "model m {
+        param a = 1; param b = 1.5; state x[2] = [0, 0.2];
+        region left indicator x[1]^2 + x[2]^2 { x' = [1, 0.1]; }
+        region right indicator (x[1] - a)^2 + x[2]^2 { x' = [0.4, 1]; }
+        region top indicator x[1]^2 + (x[2] - b)^2 { x' = [0.2, -0.3]; }
+    }";
+    let values: [&[f64]; 3] = [&[1.0, 0.5], &[0.3, 0.9], &[0.8, 0.4]];
+    for method in [
+        "method fesd { steps = 20; }",
+        "method timestepping { steps = 100; }",
+    ] {
+        let settings = format!("horizon 1.5; {method}");
+        both_with((quadrants, &settings), 1.5, &["a", "b"], &values, 1e-11);
+    }
+    for method in [
+        "method fesd { steps = 20; }",
+        "method timestepping { steps = 100; }",
+    ] {
+        let settings = format!("horizon 1.5; {method}");
+        let values: [&[f64]; 3] = [&[1.0, 1.5], &[0.6, 1.1], &[1.4, 0.8]];
+        both_with((nearest, &settings), 1.5, &["a", "b"], &values, 1e-11);
+    }
+}
+
+/// Which sides of two thresholds occur together is for the range of one to say; without names there are products of all
+/// sides, in whatever order the thresholds are.
+#[test]
+fn thresholds_that_may_change_places_are_refused() {
+    let settings = "horizon 1.5; method fesd { steps = 12; }";
+    let named = |range: &str| {
+        format!(
+            "model m {{
+                param low {range} = 1; param k = 1; state x = 0;
+                region a where x < low {{ x' = 3*k; }}
+                region b where x > low and x < 2 {{ x' = 2*k; }}
+                region c where x > low and x > 2 {{ x' = k; }}
+            }}"
+        )
+    };
+    let text = format!("{} simulate s of m {{ {settings} }}", named(""));
+    let refused = prepared(&text, &["k", "low"]).expect_err("low may be above 2");
+    let is_low =
+        matches!(&refused, NotPrepared::Structural(name, Structural::Regions) if name == "low");
+    assert!(is_low, "{refused}");
+    let values: [&[f64]; 3] = [&[1.0, 1.0], &[1.3, 0.5], &[1.1, 1.8]];
+    let within = named("in [0.2, 1.9]");
+    both_with((&within, settings), 1.5, &["k", "low"], &values, 1e-11);
+    let nested = "model m {
+        param low = 1; state x = 0;
+        x' = if x > low then (if x > 2 then 1 else 2) else 3;
+    }";
+    let text = format!("{nested} simulate s of m {{ {settings} }}");
+    let prepared = prepared(&text, &["low"]).expect("all sides have a product");
+    for low in [1.0_f64, 0.5, 2.5] {
+        let found = prepared.runs().run(&[low], None, 1.5, &mut Silent);
+        let found = found.expect("it is in range");
+        let (first, second) = (low / 3.0, (2.0 - low).max(0.0) / 2.0);
+        assert_near(&found.x, &[low.max(2.0) + 1.5 - first - second], 1e-9);
     }
 }
 
@@ -340,6 +505,113 @@ fn threads_share_steps_through_contacts() {
     });
 }
 
+/// While a clock stands still: a ball that bounces, one that slips in a plane as it does, a block that slips and comes to
+/// rest, and a heater with memory, from event to event and by elements. Strengths and paces follow from the numbers of a
+/// run.
+#[test]
+fn frozen_runs_take_other_numbers() {
+    let thrown = "model m {
+        param mu = 0.6; param u = 2; param floor = 0.1;
+        state q[2] = [0, 0.5]; state v[2] = [u, 0];
+        q' = v;
+        mechanics q, v {
+            mass = eye(2); force = [0, -9.81];
+            contact ground { gap = q[2] - floor; slip = v[1]; restitution = 0; friction = mu; }
+        }
+    }";
+    let in_space = "model m {
+        param mu = 0.2; param e = 0.5; param u = 2;
+        state q[3] = [0, 0, 1]; state v[3] = [u, 1, 0];
+        q' = v;
+        mechanics q, v {
+            mass = eye(3); force = [0, 0, -10];
+            contact floor { gap = q[3]; slip = [v[1], v[2]]; restitution = e; friction = mu; }
+        }
+    }";
+    let heater = "model m {
+        param power = 3; param loss = 1; param start = 0.5;
+        state y = start;
+        switch heats = hysteresis(y, on = 0.3, off = 1, start = 1);
+        y' = power*heats - loss;
+    }";
+    for method in ["tolerance 1e-10;", "method fesd { steps = 20; }"] {
+        let both = |model: &str, horizon: f64, names: &[&str], values: &[&[f64]]| {
+            let settings = format!("horizon {horizon:?}; lower timefreezing; {method}");
+            both_with((model, &settings), horizon, names, values, 1e-9);
+        };
+        let values: [&[f64]; 3] = [&[9.81, 0.5], &[9.0, 0.4], &[4.0, 0.9]];
+        both(BOUNCES, 0.8, &["g", "e"], &values);
+        let values: [&[f64]; 3] = [&[0.6, 2.0, 0.1], &[0.3, 1.5, 0.2], &[0.9, 3.0, 0.05]];
+        both(thrown, 0.8, &["mu", "u", "floor"], &values);
+        let values: [&[f64]; 3] = [&[0.2, 0.5, 2.0], &[0.1, 0.4, 1.0], &[0.3, 0.6, 3.0]];
+        both(in_space, 0.8, &["mu", "e", "u"], &values);
+        let values: [&[f64]; 3] = [&[3.0, 1.0, 0.5], &[2.0, 0.5, 1.2], &[4.0, 2.0, 0.1]];
+        both(heater, 1.5, &["power", "loss", "start"], &values);
+    }
+}
+
+#[test]
+fn threads_share_frozen_runs() {
+    let runs = [
+        [9.81, 0.5, 1.0, 0.7],
+        [9.0, 0.6, 0.8, 1.0],
+        [20.0, 0.3, 0.7, 0.4],
+        [12.0, 0.9, 0.9, 0.6],
+    ];
+    for method in ["tolerance 1e-10;", "method fesd { steps = 20; }"] {
+        let settings = format!("lower timefreezing; {method}");
+        shares(&settings, -1.0, runs, |[g, e, h, horizon]| {
+            let with = format!("with {{ g = {g:?}; e = {e:?}; q = {h:?}; v = -1; }}");
+            let text =
+                format!("{BOUNCES} simulate s of m {{ horizon {horizon:?}; {settings} {with} }}");
+            let fresh = run(&text, "s");
+            ["q", "v"].map(|name| end(&fresh, name)[0])
+        });
+    }
+}
+
+/// A ball below the floor, one that gains by its bounces, and bounces that accumulate.
+#[test]
+fn frozen_runs_say_why_they_end() {
+    let text = format!("{BOUNCES} simulate s of m {{ horizon 2; lower timefreezing; }}");
+    let prepared = prepared(&text, &["g", "e"]).expect("it is prepared");
+    let status = |numbers: &[f64], q: f64| {
+        let outcome = prepared
+            .runs()
+            .run(numbers, Some(&[q, 0.0]), 2.0, &mut Silent);
+        outcome.expect("the numbers are in range").status
+    };
+    assert_eq!(status(&[9.81, 0.5], -0.1), Status::Penetrates { switch: 0 });
+    let beyond = status(&[9.81, 1.5], 1.0);
+    let is_beyond = matches!(beyond, Status::Coefficient { switch: 0, value, .. } if value == 1.5);
+    assert!(is_beyond, "{beyond:?}");
+    assert_eq!(status(&[9.81, 0.5], 1.0), Status::Accumulation);
+}
+
+/// Whether there is a bounce at all, and the thresholds of a memory, are compiled in.
+#[test]
+fn what_is_frozen_for_one_value_is_refused() {
+    let soft = "model m {
+        param p = 0.4; param g = 9.81; state q = 1; state v = 0;
+        q' = v;
+        mechanics q, v { mass = 1; force = -g; contact floor { gap = q; restitution = 1 - p; } }
+    } simulate s of m { horizon 1; lower timefreezing; }";
+    let refused = prepared(soft, &["g", "p"]).expect_err("1 - p may be zero");
+    let is_p = matches!(&refused, NotPrepared::Structural(name, Structural::Frozen) if name == "p");
+    assert!(is_p, "{refused}");
+    for lowering in ["", "lower timefreezing;"] {
+        let heater = format!(
+            "model m {{
+                param low = 0.3; state y = 0.5;
+                switch heats = hysteresis(y, on = low, off = 1, start = 1);
+                y' = 3*heats - 1;
+            }} simulate s of m {{ horizon 1; {lowering} }}"
+        );
+        let refused = prepared(&heater, &["low"]).expect_err("thresholds are numbers");
+        assert!(refused.to_string().contains("low"), "{refused}");
+    }
+}
+
 /// With k = 1 the two branches happen to meet: with another k the state slides, or jumps away.
 #[test]
 fn what_is_continuous_by_chance_is_not_taken_for_granted() {
@@ -383,10 +655,11 @@ fn what_cannot_stay_open_is_refused() {
     assert!(
         matches!(refused(&plain, &["z"]), NotPrepared::Structural(name, Structural::Zero) if name == "z")
     );
-    let steps = format!("{model} simulate s of m {{ horizon 1; method timestepping; }}");
+    let optimal = "model m { param p = 2; state x = 1; control u in [-1, 1]; x' = u - p; }
+        optimize s of m { horizon 1; intervals 2; minimize final(x); }";
     assert!(matches!(
-        refused(&steps, &["p"]),
-        NotPrepared::Method("timestepping")
+        refused(optimal, &["p"]),
+        NotPrepared::Optimal(name) if name == "s"
     ));
     let horizon = format!("{model} simulate s of m {{ horizon p; }}");
     let NotPrepared::NotCompiled(diags) = refused(&horizon, &["p"]) else {

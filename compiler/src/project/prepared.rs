@@ -1,12 +1,13 @@
-//! An experiment that is compiled once and runs many times, from event to event, by finite elements or in steps of time
-//! through contacts, with other parameters and initial values.
+//! An experiment that is compiled once and runs many times, by any method, with other parameters and initial values.
 //!
 //! What the parameters that stay open reach is compiled as functions of them: other parameters, initial values, rates,
 //! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out,
 //! and a sign turns sides of surfaces round.
 //!
-//! Refused are adaptive steps, smoothed switches, steps of time without contacts, frozen contacts and kicks: their runs have
-//! numbers compiled in.
+//! Refused are, by their names, parameters with another value of which the system may be another one: those that are zero,
+//! in an exponent, or may make a function of time narrow; where elements or steps run, those that decide within their range
+//! which named regions there are, or when switches of time change with which others jump; where time is frozen, those that
+//! decide which contacts bounce, or whether one can be frozen at all.
 //!
 //! Runs give what the solver knows: steps and events to an observer, the end, and why it is one. Outputs, bounds of states,
 //! expectations and the second run that estimates the error are those of [`crate::simulate::run`].
@@ -52,8 +53,10 @@
 
 use std::sync::Arc;
 
+use nsd_solver::adaptive as extrapolation;
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::fesd;
+use nsd_solver::fesd::SteppingSettings;
 use nsd_solver::fesd::jumps;
 use nsd_solver::fesd::jumps::Grid;
 use nsd_solver::hybrid as solver;
@@ -63,20 +66,22 @@ use nsd_solver::tape::{Scratch, Tape};
 
 use crate::diagnostics::Diagnostics;
 use crate::diagnostics::messages::Messages;
-use crate::expr::{self, Expr, Exprs, Var};
+use crate::expr::{self, Expr, Exprs, Interval, Var};
 use crate::limit::Limit;
 use crate::lowering::hybrid::{Pulses, Structural, variable};
 use crate::lowering::mpcc::Program;
 use crate::lowering::{dcs, hybrid};
 use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
-use crate::simulate::fesd::{Compiled, first_elements, impulses};
+use crate::simulate::adaptive::{self, Jumping};
+use crate::simulate::fesd::{Compiled, first_elements, impulses, stepping};
+use crate::simulate::frozen::{self, Standing};
 use crate::simulate::moreau::{self, Bodies};
-use crate::simulate::{solver_settings, takes};
+use crate::simulate::{schedule, solver_settings};
 use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
-use crate::system::System;
-use crate::system::experiment::{Method, Settings};
+use crate::system::experiment::{Feature, Method, MethodKind, Settings};
+use crate::system::{System, freezing};
 
 /// An experiment that is ready for runs with other numbers. It is plain data: threads share it.
 #[derive(Clone, Debug)]
@@ -105,8 +110,20 @@ enum Ready {
         system: Arc<jumps::System<Program>>,
         grid: Grid,
     },
-    /// Steps through contacts.
+    /// In numerical time.
+    Frozen(Arc<Standing>),
+    /// As if there were no switches.
+    Adaptive {
+        field: Arc<Jumping>,
+        settings: extrapolation::Settings,
+    },
+    /// Steps without contacts.
     Steps {
+        system: Arc<Compiled>,
+        settings: SteppingSettings,
+    },
+    /// Steps through contacts.
+    Bodies {
         bodies: Arc<Bodies>,
         settings: steps::Settings,
     },
@@ -143,9 +160,9 @@ pub enum NotPrepared {
     /// This is no name of a parameter, or of an entry of one.
     #[error("`{0}` is no parameter")]
     NoParameter(String),
-    /// No run of its method takes other numbers.
-    #[error("`{0}` runs with numbers that are compiled in")]
-    Method(&'static str),
+    /// It is no simulation.
+    #[error("`{0}` is an optimal control problem, which `prepare_optimal` prepares")]
+    Optimal(String),
     /// Another value of this parameter is another system.
     #[error("`{0}` {1}: it has to be compiled for each of its values")]
     Structural(String, Structural),
@@ -221,9 +238,6 @@ impl Prepared {
     /// An experiment that has been compiled with open parameters.
     fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        if settings.kicks.is_some() {
-            return Err(NotPrepared::Method(settings.numerics.method.kind().word()));
-        }
         let Opened {
             places,
             parameters,
@@ -231,7 +245,7 @@ impl Prepared {
         } = Opened::of(compiled)?;
         Ok(Prepared {
             start: Arc::new(start),
-            ready: Ready::of(system, settings, &places)?,
+            ready: Ready::of(system, settings, &places),
             horizon: settings.horizon,
             parameters,
             states: system
@@ -261,7 +275,7 @@ impl Prepared {
     pub fn system(&self) -> Option<&Arc<HybridSystem>> {
         match &self.ready {
             Ready::Events { system, .. } => Some(system),
-            Ready::Elements { .. } | Ready::Impulses { .. } | Ready::Steps { .. } => None,
+            _ => None,
         }
     }
 
@@ -280,8 +294,20 @@ impl Prepared {
                 runs: Box::new(jumps::Simulator::new(jumps::System::clone(system))),
                 grid: *grid,
             },
-            Ready::Steps { bodies, settings } => {
-                Work::Steps(Box::new(bodies.stepper(settings.clone())))
+            Ready::Frozen(standing) => Work::Frozen {
+                standing: Box::new(Standing::clone(standing)),
+                kept: Box::default(),
+            },
+            Ready::Adaptive { field, settings } => Work::Adaptive {
+                field: Box::new(Jumping::clone(field)),
+                settings: settings.clone(),
+            },
+            Ready::Steps { system, settings } => Work::Steps {
+                system: Box::new(Compiled::clone(system)),
+                settings: settings.clone(),
+            },
+            Ready::Bodies { bodies, settings } => {
+                Work::Bodies(Box::new(bodies.stepper(settings.clone())))
             }
         };
         Runs {
@@ -294,34 +320,49 @@ impl Prepared {
 }
 
 impl Ready {
-    fn of(system: &System, settings: &Settings, open: &[usize]) -> Result<Self, NotPrepared> {
+    fn of(system: &System, settings: &Settings, open: &[usize]) -> Self {
         let horizon = settings.horizon;
-        let numerics = &settings.numerics;
-        match &numerics.method {
-            Method::Auto | Method::Event(_) => {
+        match &settings.numerics.method {
+            method if settings.freezes() && method.kind().takes(Feature::TimeFreezing) => {
+                Ready::Frozen(Arc::new(frozen::prepared(system, settings, open)))
+            }
+            Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
                 let limit = Limit::default();
-                let chosen = solver_settings(&numerics.method, numerics.tolerance, limit);
-                Ok(Ready::Events {
+                let chosen = solver_settings(
+                    &settings.numerics.method,
+                    settings.numerics.tolerance,
+                    limit,
+                );
+                let kicks = settings.kicks.as_ref();
+                Ready::Events {
                     system: hybrid::lower_open(system, horizon, open),
                     settings: solver::Settings {
-                        averages: numerics.averages,
+                        kicks: kicks.map(|kicks| kicks.kicks(system)),
+                        averages: settings.numerics.averages,
                         ..chosen
                     },
-                })
+                }
             }
-            Method::Fesd(_) if system.jumps.contacts.is_empty() => Ok(Ready::Elements {
+            Method::Fesd(_) if system.jumps.contacts.is_empty() => Ready::Elements {
                 system: Arc::new(Compiled::prepared(system, settings, open)),
                 settings: first_elements(settings),
-            }),
-            Method::Fesd(_) => Ok(Ready::Impulses {
+            },
+            Method::Fesd(_) => Ready::Impulses {
                 system: Arc::new(impulses::prepared(system, settings, open)),
                 grid: impulses::first_grid(settings),
-            }),
-            Method::Timestepping(_) if !system.jumps.impulsive.is_empty() => Ok(Ready::Steps {
+            },
+            Method::Timestepping(_) if system.jumps.impulsive.is_empty() => Ready::Steps {
+                system: Arc::new(stepping::prepared(system, settings, open)),
+                settings: stepping::first_steps(settings),
+            },
+            Method::Timestepping(_) => Ready::Bodies {
                 bodies: Arc::new(Bodies::new(system, open, Pulses::of(system, horizon))),
                 settings: moreau::first_steps(settings),
-            }),
-            other => Err(NotPrepared::Method(other.kind().word())),
+            },
+            Method::Adaptive => Ready::Adaptive {
+                field: Arc::new(adaptive::prepared(system, settings, open)),
+                settings: adaptive::first_settings(settings),
+            },
         }
     }
 }
@@ -338,11 +379,11 @@ pub(crate) struct Opened {
 impl Opened {
     /// Those with which an experiment has been compiled, if one compilation serves all their values.
     pub fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
-        let (system, settings) = (&compiled.system, &compiled.settings);
-        if settings.optimize.is_some() || !takes(system, settings, &open_places(compiled)) {
-            return Err(NotPrepared::Method(settings.numerics.method.kind().word()));
+        let settings = &compiled.settings;
+        match settings.optimize {
+            None => Opened::inputs(compiled),
+            Some(_) => Err(NotPrepared::Optimal(settings.name.clone())),
         }
-        Opened::inputs(compiled)
     }
 
     /// Those with which an experiment has been compiled, if no other value of theirs is another system.
@@ -350,30 +391,21 @@ impl Opened {
         let (system, settings) = (&compiled.system, &compiled.settings);
         let values = &settings.values;
         let places = open_places(compiled);
-        let mut why = hybrid::structural(system);
-        if settings.optimize.is_some() {
-            let deciding = dcs::deciding(system, &settings.numerics.lowerings);
-            for (why, param) in why.iter_mut().zip(&system.exogenous.params) {
-                let decides = deciding.contains(&variable(param.var));
-                *why = why.or(decides.then_some(Structural::Regions));
-            }
-        }
-        if let Some((at, why)) = places.iter().find_map(|&at| Some((at, why[at]?))) {
-            let name = system.exogenous.params[at].name.clone();
-            return Err(NotPrepared::Structural(name, why));
+        let ranges = values.open_ranges(&compiled.model);
+        let range = |place: usize| ranges[&variable(system.exogenous.params[place].var)];
+        if let Some((at, why)) = deciding(compiled, &places, range) {
+            return Err(NotPrepared::Structural(
+                system.exogenous.params[at].name.clone(),
+                why,
+            ));
         }
         if let Some(name) = values.moving_range(&compiled.model) {
             return Err(NotPrepared::Structural(name, Structural::Range));
         }
-        let ranges = values.open_ranges(&compiled.model);
-        let parameter = |&at: &usize| {
-            let param = &system.exogenous.params[at];
-            let range = ranges[&variable(param.var)];
-            Parameter {
-                name: param.name.clone(),
-                value: param.value,
-                range: [range.low, range.high],
-            }
+        let parameter = |&at: &usize| Parameter {
+            name: system.exogenous.params[at].name.clone(),
+            value: system.exogenous.params[at].value,
+            range: [range(at).low, range(at).high],
         };
         Ok(Opened {
             parameters: places.iter().map(parameter).collect(),
@@ -388,6 +420,41 @@ impl Opened {
         (self.start).eval(parameters, &mut initial, &mut self.start.scratch());
         initial
     }
+}
+
+/// The first of some parameters with another value of which the system is another one, and why.
+fn deciding(
+    compiled: &crate::Compiled<'_>,
+    places: &[usize],
+    range: impl Fn(usize) -> Interval,
+) -> Option<(usize, Structural)> {
+    let (system, settings) = (&compiled.system, &compiled.settings);
+    let why = hybrid::structural(system);
+    if let Some(found) = places.iter().find_map(|&at| Some((at, why[at]?))) {
+        return Some(found);
+    }
+    let is_optimal = settings.optimize.is_some();
+    let method = settings.numerics.method.kind();
+    if matches!(method, MethodKind::Timestepping | MethodKind::Adaptive) && !is_optimal {
+        let instants = schedule::deciding(system);
+        let moves = |at: &&usize| instants.contains(&variable(system.exogenous.params[**at].var));
+        if let Some(&at) = places.iter().find(moves) {
+            return Some((at, Structural::Instants));
+        }
+    }
+    if settings.freezes() && !is_optimal {
+        let found = freezing::first_deciding(system, settings.pace(), places);
+        if let Some(at) = found {
+            return Some((at, Structural::Frozen));
+        }
+    }
+    let has_rows = is_optimal || method.needs_dcs() && system.jumps.impulsive.is_empty();
+    if !has_rows {
+        return None;
+    }
+    let open: Vec<(usize, Interval)> = places.iter().map(|&at| (at, range(at))).collect();
+    let at = dcs::first_deciding(&compiled.lowered(), &settings.numerics.lowerings, &open)?;
+    Some((at, Structural::Regions))
 }
 
 /// The places of the parameters that stay open.
@@ -417,7 +484,19 @@ enum Work {
         runs: Box<jumps::Simulator<Program>>,
         grid: Grid,
     },
-    Steps(Box<steps::Stepper<moreau::Free>>),
+    Frozen {
+        standing: Box<Standing>,
+        kept: Box<Option<Simulator>>,
+    },
+    Adaptive {
+        field: Box<Jumping>,
+        settings: extrapolation::Settings,
+    },
+    Steps {
+        system: Box<Compiled>,
+        settings: SteppingSettings,
+    },
+    Bodies(Box<steps::Stepper<moreau::Free>>),
 }
 
 impl Runs<'_> {
@@ -460,7 +539,23 @@ impl Runs<'_> {
                 runs.run(grid, &self.x0, near, &mut |_| None, observer)
                     .outcome()
             }
-            Work::Steps(stepper) => {
+            Work::Frozen { standing, kept } => {
+                standing.set_parameters(parameters);
+                let mut observer = observer as &mut dyn Observer;
+                let ran = standing.run(horizon, &self.x0, kept, &mut observer);
+                standing.told(ran)
+            }
+            Work::Adaptive { field, settings } => {
+                field.set_parameters(parameters);
+                let field = Jumping::clone(field);
+                let mut simulator = extrapolation::Simulator::new(field, settings.clone());
+                simulator.run(0.0, horizon, &self.x0, observer)
+            }
+            Work::Steps { system, settings } => {
+                system.set_parameters(parameters);
+                system.by_steps(settings.clone(), horizon, &self.x0, observer)
+            }
+            Work::Bodies(stepper) => {
                 stepper.free().set_parameters(parameters);
                 let mut observer = moreau::Told::to(observer);
                 let solution = stepper.run(0.0, horizon, &self.x0, &mut observer);

@@ -3,7 +3,7 @@
 //! Stewart's where it is small: one switch per subsystem, or disjoint regions of the user's; else step, which stays
 //! regular where several surfaces slide at once and Stewart's θ is not unique.
 
-use crate::expr::{Substitution, Var};
+use crate::expr::{Interval, Substitution};
 use crate::system::experiment::{Lowering, POISSON};
 use crate::system::switches::roots::Vanishing;
 use crate::system::{Role, Switch, System};
@@ -259,16 +259,20 @@ fn unnamed(system: &System) -> Option<String> {
     Some(reason.to_owned())
 }
 
-/// What decides by its values how a system is lowered, parameters among it. The step formulation has a product for every
-/// combination of sides, also for those that cannot happen.
-pub(crate) fn deciding(system: &System, lowerings: &[Lowering]) -> Vec<Var> {
+/// The first of some parameters, by their numbers, whose value decides within its range how a system is lowered. The step
+/// formulation has a product for every combination of sides, also for those that cannot happen.
+pub(crate) fn first_deciding(
+    system: &System,
+    lowerings: &[Lowering],
+    open: &[(usize, Interval)],
+) -> Option<usize> {
     let is_nameless = |subsystem| signs::partition(system, subsystem).is_none();
     let is_step = match asked(lowerings) {
         Some(formulation) => formulation == Formulation::Step,
         None => unnamed(system).is_some() || signs::several(system).any(is_nameless),
     };
     match is_step {
-        true => Vec::new(),
-        false => signs::deciding(system),
+        true => None,
+        false => signs::first_deciding(system, open),
     }
 }

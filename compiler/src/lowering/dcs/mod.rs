@@ -38,7 +38,7 @@ mod tests;
 use std::fmt;
 use std::sync::Arc;
 
-pub(crate) use auto::deciding;
+pub(crate) use auto::first_deciding;
 pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
 pub use drift::Kept;

@@ -6,13 +6,12 @@
 //!
 //! Regions with indicators are rows as they are: what their switches compare is in the indicators.
 
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::{Expr, Interval, variables_of};
 use crate::system::regions::arrangement::{Side, Sides};
 use crate::system::{Subsystem, System};
 
 use super::DcsError;
 use super::labels::signed;
-use super::pointwise::indicators;
 
 /// No subsystem has more regions,
 const MAX_REGIONS: usize = 1 << 10;
@@ -42,13 +41,25 @@ pub(crate) fn check(system: &System) -> Result<(), DcsError> {
     subsystems.try_for_each(|subsystem| rows(system, subsystem).map(|_| ()))
 }
 
-/// What decides by its values which combinations of sides are regions, parameters among it: what several ψ of a subsystem
-/// contain, and what regions compare.
-pub(crate) fn deciding(system: &System) -> Vec<Var> {
-    let switches = several(system).flat_map(|subsystem| &subsystem.switches);
-    let psi = switches.map(|&k| system.switches[k].psi);
-    let compared: Vec<Expr> = psi.chain(indicators(system)).collect();
-    variables_of(&compared)
+/// The first of some parameters, by their numbers, with which within its range other combinations of sides are regions.
+pub(crate) fn first_deciding(system: &System, open: &[(usize, Interval)]) -> Option<usize> {
+    several(system).find_map(|subsystem| {
+        let switches = subsystem.switches.iter();
+        let psi: Vec<Expr> = switches.map(|&k| system.switches[k].psi).collect();
+        let inside = variables_of(&psi);
+        let occurs = |place: usize| {
+            let var = system.exogenous.params[place].var.as_variable();
+            var.is_some_and(|var| inside.contains(&var))
+        };
+        let open = open.iter().filter(|(place, _)| occurs(*place));
+        let open: Vec<(usize, Interval)> = open.copied().collect();
+        let known = rows(system, subsystem).ok()?;
+        let differs = |n: &usize| {
+            let found = rows_over(system, subsystem, &open[..*n]).ok();
+            found.as_ref() != Some(&known)
+        };
+        (1..=open.len()).find(differs).map(|n| open[n - 1].0)
+    })
 }
 
 /// The subsystems of several switches.
@@ -88,9 +99,18 @@ fn indicated(system: &System, subsystem: &Subsystem) -> Option<usize> {
 
 /// The rows that can be reached: region by region where they are the user's, the last switch changing fastest.
 pub(crate) fn rows(system: &System, subsystem: &Subsystem) -> Result<Vec<Row>, DcsError> {
+    rows_over(system, subsystem, &[])
+}
+
+/// Those that can be reached with some value of parameters within their ranges.
+fn rows_over(
+    system: &System,
+    subsystem: &Subsystem,
+    open: &[(usize, Interval)],
+) -> Result<Vec<Row>, DcsError> {
     let Some(p) = indicated(system, subsystem) else {
         let all: Vec<usize> = (0..subsystem.switches.len()).collect();
-        let rows = combinations(system, subsystem, &subsystem.switches)?;
+        let rows = combinations(system, subsystem, &subsystem.switches, open)?;
         let rows = rows.into_iter().map(|signs| Row {
             region: region(system, subsystem, &signs),
             signs,
@@ -107,7 +127,7 @@ pub(crate) fn rows(system: &System, subsystem: &Subsystem) -> Result<Vec<Row>, D
     let others: Vec<usize> = (subsystem.switches.iter().copied())
         .filter(|k| !partition.switches.contains(k))
         .collect();
-    let combinations = combinations(system, subsystem, &others)?;
+    let combinations = combinations(system, subsystem, &others, open)?;
     let mut rows = Vec::new();
     for (r, region) in partition.regions.iter().enumerate() {
         let literals = region.literals.as_deref().unwrap_or_default();
@@ -160,6 +180,7 @@ fn combinations(
     system: &System,
     subsystem: &Subsystem,
     switches: &[usize],
+    open: &[(usize, Interval)],
 ) -> Result<Vec<Vec<bool>>, DcsError> {
     let count = switches.len();
     match count {
@@ -167,9 +188,18 @@ fn combinations(
         1 => return Ok(vec![vec![false], vec![true]]),
         _ => {}
     }
-    let arrangement = system.arrangement(switches);
+    let is_open = |place: usize| open.iter().any(|(known, _)| *known == place);
+    let arrangement = system.arrangement(switches, is_open);
     let most = most_regions(system, subsystem);
-    let mut combinations = vec![arrangement.all()];
+    let within = |sides: Sides, (place, range): &(usize, Interval)| {
+        arrangement.between(
+            &sides,
+            system.exogenous.params[*place].var,
+            range.low,
+            range.high,
+        )
+    };
+    let mut combinations = vec![open.iter().fold(arrangement.all(), within)];
     for place in 0..count {
         // What fails or takes too long is not left out; neither is one that can only be touched.
         let side = |sides: &Sides, above: bool| {

@@ -78,6 +78,12 @@ pub enum Structural {
     /// It may decide which combinations of the sides of switches there are.
     #[error("decides which regions there are")]
     Regions,
+    /// It decides how contacts are frozen.
+    #[error("decides how impacts become motion")]
+    Frozen,
+    /// It decides when switches of time change, which is data of a run in steps.
+    #[error("decides when switches of time change")]
+    Instants,
 }
 
 /// For each parameter, why it may be no input.

@@ -15,10 +15,11 @@ use nsd_solver::hybrid::Side;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::limit::Limit;
 use crate::report::{Method, Trajectory, Warning};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
 use crate::simulate::estimate::{Estimate, Estimator};
-use crate::simulate::record::schedule::scheduled;
+use crate::simulate::record::schedule::{follows_data, scheduled};
 use crate::system::System;
 use crate::system::experiment::{MethodKind, Settings};
 use crate::system::switches::roots::Vanishing;
@@ -26,16 +27,41 @@ use crate::system::switches::roots::Vanishing;
 /// A system as if it had no switches.
 pub(crate) struct Adaptive {
     field: Jumping,
+    /// The parameters that stay open, by their numbers.
+    open: Vec<usize>,
+    /// Whether data decide when switches of time change, which is data itself.
+    follows_data: bool,
 }
 
 impl Adaptive {
-    /// Compiles a system.
-    pub fn new(system: &System, settings: &Settings) -> Self {
-        let pulses = Pulses::of(system, settings.horizon);
-        let stepping = scheduled(system, settings.horizon);
+    /// Compiles a system, with some parameters open, by their numbers; none that moves a switch of time which leads.
+    pub fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
         Adaptive {
-            field: Jumping::new(&stepping, pulses),
+            field: prepared(system, settings, open),
+            open: open.to_vec(),
+            follows_data: follows_data(system),
         }
+    }
+}
+
+/// A system for runs to the horizon, or to an earlier one.
+pub(crate) fn prepared(system: &System, settings: &Settings, open: &[usize]) -> Jumping {
+    let pulses = Pulses::of(system, settings.horizon);
+    let stepping = scheduled(system, settings.horizon);
+    Jumping::of(&stepping, &Inputs::new(&stepping, open), pulses)
+}
+
+/// The settings of the first run of an experiment.
+pub(crate) fn first_settings(settings: &Settings) -> adaptive::Settings {
+    settings_of(Accuracy::of(settings), Limit::default())
+}
+
+fn settings_of(accuracy: Accuracy, limit: Limit) -> adaptive::Settings {
+    let refinement = if accuracy.is_finer { REFINEMENT } else { 1.0 };
+    adaptive::Settings {
+        tolerance: refinement * accuracy.tolerance,
+        limit,
+        ..adaptive::Settings::default()
     }
 }
 
@@ -46,15 +72,17 @@ impl<'e> Run<'e> for Adaptive {
         accuracy: Accuracy,
         mut observer: &mut dyn Observer,
     ) -> Ended {
-        let refinement = if accuracy.is_finer { REFINEMENT } else { 1.0 };
-        let settings = adaptive::Settings {
-            tolerance: refinement * accuracy.tolerance,
-            limit: problem.limit.clone(),
-            ..adaptive::Settings::default()
-        };
-        let mut simulator = Simulator::new(self.field.clone(), settings);
+        let (system, field) = (problem.system, &mut self.field);
+        field.set_parameters(&system.values_of(&self.open));
+        field.set_data(&data_of(system));
+        let settings = settings_of(accuracy, problem.limit.clone());
+        let mut simulator = Simulator::new(field.clone(), settings);
         let horizon = problem.settings.horizon;
         Ended::by(simulator.run(0.0, horizon, &problem.x0, &mut observer))
+    }
+
+    fn takes_numbers(&self) -> bool {
+        !self.follows_data
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
@@ -158,11 +186,6 @@ impl<'e> Inputs<'e> {
 
 impl Jumping {
     /// Lets no step pass over the pulses.
-    pub(crate) fn new(system: &System, pulses: Pulses) -> Self {
-        Self::of(system, &Inputs::new(system, &[]), pulses)
-    }
-
-    /// The same with inputs that are known.
     pub(crate) fn of<'e>(system: &System<'e>, inputs: &Inputs<'e>, pulses: Pulses) -> Self {
         let numbers = &inputs.numbers;
         let rates: Vec<Expr> = system.states.iter().map(|state| state.rate).collect();
@@ -207,9 +230,9 @@ impl Jumping {
         self.inputs[first..].copy_from_slice(values);
     }
 
-    /// Takes other data, of the same fits.
-    pub(crate) fn set_data(&mut self, data: Vec<Arc<Piecewise>>) {
-        self.data = data;
+    /// Takes other data, of the same fits; those behind them stay.
+    pub(crate) fn set_data(&mut self, data: &[Arc<Piecewise>]) {
+        self.data[..data.len()].clone_from_slice(data);
     }
 
     /// All inputs at a point; α where f has one.

@@ -118,7 +118,7 @@ impl<'e> Run<'e> for Events {
 }
 
 /// A simulator with these settings: the last one, if it had the same but for its time.
-fn renewed<'s>(
+pub(super) fn renewed<'s>(
     last: &'s mut Option<Simulator>,
     hybrid: &Arc<HybridSystem>,
     settings: solver::Settings,

@@ -1,11 +1,11 @@
 //! The method of an experiment, with what is compiled of its system before it runs.
 
-mod adaptive;
+pub(crate) mod adaptive;
 mod blurred;
 mod described;
 mod events;
 pub mod fesd;
-mod frozen;
+pub(crate) mod frozen;
 pub mod moreau;
 mod smoothed;
 
@@ -26,8 +26,6 @@ use super::driver::{self, Accuracy, Problem, Run};
 use super::reference::slips;
 use super::{Progress, ReferenceRun, Request, outcome};
 use crate::limit::Limit;
-use crate::lowering::dcs::deciding;
-use crate::lowering::hybrid::variable;
 use crate::report::Trajectory;
 use crate::simulate::record::modes::ModeNames;
 use crate::simulate::record::reported::Reported;
@@ -57,11 +55,20 @@ struct Made {
 
 impl Made {
     fn of(system: &System, settings: &Settings) -> Self {
-        let data = system.exogenous.data.iter();
         Made {
             x0: system.states.iter().map(|state| state.initial).collect(),
-            params: system.exogenous.numbers().map(|(_, p)| p).collect(),
-            tables: data.map(|data| data.table.clone()).collect(),
+            params: system
+                .exogenous
+                .params
+                .iter()
+                .map(|param| param.value)
+                .collect(),
+            tables: system
+                .exogenous
+                .data
+                .iter()
+                .map(|data| data.table.clone())
+                .collect(),
             horizon: settings.horizon,
             method: Some(settings.numerics.method.kind()),
             lowerings: settings.numerics.lowerings.clone(),
@@ -197,12 +204,12 @@ pub(crate) fn of<'e>(
     // Without contacts there are no impulses to take.
     let impulses = settings.takes_impulses() && !system.jumps.contacts.is_empty();
     match settings.numerics.method {
-        Method::Adaptive => Box::new(Adaptive::new(system, settings)),
+        Method::Adaptive => Box::new(Adaptive::new(system, settings, open)),
         Method::Timestepping(_) if !system.jumps.impulsive.is_empty() => {
             Box::new(Contacts::new(system, settings, open))
         }
         Method::Timestepping(_) => Box::new(Stepping::new(system, settings, open)),
-        _ if settings.freezes() => Box::new(InNumericalTime::new(system, settings)),
+        _ if settings.freezes() => Box::new(InNumericalTime::new(system, settings, open)),
         Method::Fesd(_) if impulses => Box::new(WithImpulses::new(system, settings, open)),
         Method::Fesd(_) => Box::new(ByElements::new(system, settings, open)),
         Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
@@ -211,31 +218,9 @@ pub(crate) fn of<'e>(
     }
 }
 
-/// Whether runs by the method of an experiment take other values of parameters, by their numbers, and of initial states.
-///
-/// From event to event they do unless time stands still at impacts. Finite elements and steps do besides where values do
-/// not decide which regions there are. Steps through contacts have no regions; others have the instants at which switches of
-/// time change compiled in, and none selects among the sliding modes of nonlinear switches.
-pub(crate) fn takes(system: &System, settings: &Settings, open: &[usize]) -> bool {
-    let without = system.jumps.contacts.is_empty() && system.jumps.impulsive.is_empty();
-    let by_elements = match settings.numerics.method {
-        Method::Auto | Method::Event(_) => return !settings.freezes(),
-        Method::Fesd(_) => without || settings.takes_impulses(),
-        Method::Timestepping(_) if !system.jumps.impulsive.is_empty() => return true,
-        Method::Timestepping(_) => {
-            without && system.first_nonlinear().is_none() && system.leading().is_empty()
-        }
-        _ => false,
-    };
-    let deciding = deciding(system, &settings.numerics.lowerings);
-    let open = system.exogenous.chosen(open);
-    let mut open = open.map(|param| variable(param.var));
-    by_elements && !settings.freezes() && open.all(|var| !deciding.contains(&var))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Plan, takes};
+    use super::Plan;
     use crate::report::Trajectory;
     use crate::simulate::Request;
     use crate::system::System;
@@ -249,6 +234,8 @@ mod tests {
     /// A block on a belt.
     const BELT: &str =
         "param mu = 0.6; state q = 0; state v = 1; q' = v; v' = -q - mu*sign(v - 0.3);";
+    /// A threshold that jumps with time.
+    const LED: &str = "param mu = 0.6; state q = 0; q' = if q > (if time > 0.4 then 0.7 else 0.5) then -mu else mu;";
     /// A block that is thrown.
     const THROWN: &str = "param mu = 0.6; state q[2] = [0, 0.3]; state v[2] = [2, 0]; q' = v;
         mechanics q, v {
@@ -263,13 +250,16 @@ mod tests {
         for (model, method) in [
             (BELT, "method fesd;"),
             (BELT, "method timestepping { steps = 200; }"),
+            (LED, "method timestepping { steps = 200; }"),
+            (LED, "method adaptive;"),
             (THROWN, "method timestepping { steps = 200; }"),
+            (THROWN, "lower timefreezing;"),
+            (THROWN, "lower timefreezing; method fesd { steps = 20; }"),
         ] {
             let text = format!("model m {{ {model} }} simulate o of m {{ horizon 1.5; {method} }}");
             with_last(&text, |compiled| {
                 let settings = &compiled.settings;
                 let mut system = compiled.system.clone();
-                assert!(takes(&system, settings, &[0]));
                 let mut plan = Plan::of_method(&system, settings, &[0]);
                 run(&mut plan, &system, settings);
                 for (mu, q) in [(0.2, 0.5), (0.9, -1.0)] {
@@ -307,7 +297,6 @@ mod tests {
         with_last(text, |compiled| {
             let (settings, open) = (&compiled.settings, [0, 1]);
             let mut system = compiled.system.clone();
-            assert!(takes(&system, settings, &open));
             let mut plan = Plan::of_method(&system, settings, &open);
             run(&mut plan, &system, settings);
             for (g, e, q) in [(9.0, 0.4, 1.0), (8.0, 0.6, 0.8)] {
@@ -336,48 +325,5 @@ mod tests {
                 assert!(height.is_some_and(|error| error <= 1e-9), "{height:?}");
             }
         });
-    }
-
-    /// Which sides of two switches have a common region is decided by values, where regions have names; the step formulation
-    /// has products of all sides, in whatever order the thresholds are.
-    #[test]
-    fn thresholds_of_named_regions_are_compiled_in() {
-        let named = "region a where x < low { x' = 3*k; }
-                     region b where x > low and x < 2 { x' = 2*k; }
-                     region c where x > low and x > 2 { x' = k; }";
-        let nested = "x' = k*(if x > low then (if x > 2 then 1 else 2) else 3);";
-        for (rates, takes_low) in [(named, false), (nested, true)] {
-            let text = format!(
-                "model m {{ param low = 1; param k = 1; state x = 0; {rates} }}
-                 simulate o of m {{ horizon 1.5; method fesd; }}"
-            );
-            with_last(&text, |compiled| {
-                let (mut system, settings) = (compiled.system.clone(), &compiled.settings);
-                let place = |name: &str| {
-                    let mut params = system.exogenous.params.iter();
-                    params
-                        .position(|param| param.name == name)
-                        .expect("it is one")
-                };
-                let [low, k] = ["low", "k"].map(place);
-                assert!(takes(&system, settings, &[k]));
-                assert_eq!(takes(&system, settings, &[low]), takes_low);
-                let mut plan = Plan::of_method(&system, settings, &[low]);
-                for value in [1.0, 0.5, 2.5].into_iter().filter(|_| takes_low) {
-                    system.exogenous.params[low].value = value;
-                    let found = run(&mut plan, &system, settings);
-                    let (first, second) = (value / 3.0, (2.0 - value).max(0.0) / 2.0);
-                    let exact = value.max(2.0) + 1.5 - first - second;
-                    let apart = found.samples.states[0]
-                        .values
-                        .last()
-                        .map(|x| (x - exact).abs());
-                    assert!(
-                        apart.is_some_and(|apart| apart <= 1e-9),
-                        "{value}: {apart:?}"
-                    );
-                }
-            });
-        }
     }
 }

@@ -14,7 +14,7 @@ use crate::lowering::hybrid::variable;
 use nsd_solver::event::{Event, Observer, Segment, Simulator};
 use nsd_solver::hybrid::{Settings, Side, Status};
 
-use crate::expr::{Expr, Substitution, Var};
+use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::Data;
 use crate::source::Span;
 use crate::source::table::{Fit, Table};
@@ -69,6 +69,23 @@ pub(crate) fn scheduled<'e>(system: &System<'e>, horizon: f64) -> System<'e> {
         .collect();
     scheduled.coupling.subsystems = crate::system::subsystems(&rates, &alphas);
     scheduled
+}
+
+/// What decides when switches of time change with which others jump; nothing where none do.
+pub(crate) fn deciding(system: &System) -> Vec<Var> {
+    if system.leading().is_empty() {
+        return Vec::new();
+    }
+    let switches = system.switches.iter().zip(system.timed());
+    let timed = switches.filter(|(_, timed)| *timed);
+    variables_of(&timed.map(|(switch, _)| switch.psi).collect::<Vec<_>>())
+}
+
+/// Whether data decide it.
+pub(crate) fn follows_data(system: &System) -> bool {
+    let deciding = deciding(system);
+    let mut data = system.exogenous.data.iter();
+    data.any(|data| deciding.contains(&variable(data.var)))
 }
 
 fn alone(switch: usize) -> Subsystem {

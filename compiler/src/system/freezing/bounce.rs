@@ -23,7 +23,7 @@
 //! Nurkanović, Sartor, Albrecht & Diehl 2021 for the idea, with a spring that is the gap itself.
 
 use super::contact::Contact;
-use super::start::Start;
+use super::start::AtStart;
 use crate::expr::Expr;
 use crate::system::{Continuity, State, Switch, System};
 
@@ -42,18 +42,17 @@ pub(super) struct Bounce<'e> {
     pub strength: Expr<'e>,
 }
 
-/// Adds the force of a contact to the forces, and lets the rates stand still while it acts.
+/// Adds the force of a contact to the forces, and lets the rates stand still while it acts; its measures are a and δ.
 pub(super) fn bounce<'e>(
     system: &System<'e>,
     contact: &Contact<'e>,
-    (expected, pace): (f64, f64),
+    [a, delta]: [Expr<'e>; 2],
     (rates, forces): (&mut [Expr<'e>], &mut [Expr<'e>]),
 ) -> Bounce<'e> {
     let old = &system.switches[contact.switch];
     let name = format!("depth[{}]", old.name);
     let p = system.exprs.variable(&name);
     let e = contact.restitution;
-    let a = (1.0 + e) * expected / (SHARE * pace);
     let apart = old.alpha;
     for rate in rates.iter_mut() {
         *rate = apart * *rate;
@@ -71,7 +70,6 @@ pub(super) fn bounce<'e>(
         }
     }
     let square = (1.0 + e).powi(2) * contact.speed.powi(2) - (4.0 * e * (1.0 + e) * a) * p;
-    let delta = ROUNDED * expected;
     let r = (square.powi(2) + delta.powi(4)).sqrt().sqrt();
     let slope = ((1.0 + e).powi(2) * contact.speed + (1.0 - e) * r) / (2.0 * e * (1.0 + e));
     Bounce {
@@ -92,28 +90,28 @@ pub(super) fn bounce<'e>(
     }
 }
 
+/// a and δ of a contact with a restitution that is expected to close with a speed.
+pub(super) fn measures(e: f64, expected: f64, pace: f64) -> [f64; 2] {
+    let a = (1.0 + e) * expected / (SHARE * pace);
+    [a, ROUNDED * expected]
+}
+
 /// The speeds with which contacts are expected to close: that of a free fall from the start, if nothing is faster, and
 /// that of the fastest of all others where nothing moves a contact by itself.
-pub(super) fn speeds<'e>(system: &System<'e>, contacts: &[Contact<'e>], pace: f64) -> Vec<f64> {
-    let start = Start::of(system);
-    let own = |contact: &Contact<'e>| {
-        let fall = (2.0 * start.acceleration(contact.speed).abs() * gap(&start, contact)).sqrt();
-        let known = [start.value(contact.speed).abs(), fall];
+pub(super) fn speeds(contacts: &[AtStart], pace: f64) -> Vec<f64> {
+    let own = |contact: &AtStart| {
+        let fall = (2.0 * contact.acceleration.abs() * contact.gap.abs()).sqrt();
+        let known = [contact.speed.abs(), fall];
         let known = known.into_iter().filter(|speed| speed.is_finite());
         known.fold(0.0, f64::max)
     };
     let own: Vec<f64> = contacts.iter().map(own).collect();
     let fastest = own.iter().copied().fold(0.0, f64::max);
-    let expected = |(contact, &own): (&Contact<'e>, &f64)| match gap(&start, contact) / pace {
+    let expected = |(contact, &own): (&AtStart, &f64)| match contact.gap.abs() / pace {
         _ if own > 0.0 => own,
         _ if fastest > 0.0 => fastest,
         crossing if crossing > 0.0 && crossing.is_finite() => crossing,
         _ => 1.0 / pace,
     };
     contacts.iter().zip(&own).map(expected).collect()
-}
-
-/// The distance at the start.
-fn gap<'e>(start: &Start<'_, 'e>, contact: &Contact<'e>) -> f64 {
-    start.value(contact.gap).abs()
 }

@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use super::contact::{Contact, Slip, refused};
-use super::{Meeting, alpha, fixed, slope};
+use super::{Meeting, Numbers, alpha, slope};
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::switches::affine::at;
 use crate::system::verify::alphas_of;
@@ -102,15 +102,18 @@ pub(super) fn distinct<'e>(
 
 /// Whether friction in two directions may turn a slip velocity while it slows it down: J_tᵀM⁻¹J_t is no multiple of the
 /// identity.
-fn turns(system: &System<'_>, contact: &Contact<'_>) -> bool {
+fn turns<'e>(system: &System<'e>, contact: &Contact<'e>, numbers: &Numbers<'e>) -> bool {
     let [first, second] = contact.slips() else {
         return false;
     };
-    let numbers = fixed(system);
-    let entry = |row: &Slip<'_>, column: &Slip<'_>| {
+    let entry = |row: &Slip<'e>, column: &Slip<'e>| {
         let terms = column.tangent.iter();
         let terms = terms.map(|&(state, push)| slope(system, row.velocity, state) * push);
-        let entry = system.exprs.sum(terms).substitute(&numbers).as_constant();
+        let entry = system
+            .exprs
+            .sum(terms)
+            .substitute(&numbers.fixed)
+            .as_constant();
         entry.unwrap_or(f64::NAN)
     };
     let (x, y, mixed) = (
@@ -128,12 +131,12 @@ fn turns(system: &System<'_>, contact: &Contact<'_>) -> bool {
 pub(super) fn together<'e>(
     system: &System<'e>,
     contacts: &[Contact<'e>],
+    numbers: &Numbers<'e>,
 ) -> Result<Meeting, SystemError> {
-    let numbers = fixed(system);
     let effect = |on: &Contact<'e>, terms: &[(usize, Expr<'e>)]| {
         let terms = terms.iter().copied();
         let effects = terms.map(|(state, push)| slope(system, on.speed, state) * push);
-        system.exprs.sum(effects).substitute(&numbers)
+        system.exprs.sum(effects).substitute(&numbers.fixed)
     };
     let tangents = |by: &Contact<'e>| {
         let tangents = by.slips().iter().map(|slip| slip.tangent.clone());
@@ -146,12 +149,15 @@ pub(super) fn together<'e>(
     let acts =
         |by: &Contact<'e>, on: &Contact<'e>| !effect(on, &by.normal).is_zero() || rubs(by, on);
     let mut meeting = Meeting {
-        is_open: (contacts.iter()).any(|contact| rubs(contact, contact) || turns(system, contact)),
+        is_open: (contacts.iter())
+            .any(|contact| rubs(contact, contact) || turns(system, contact, numbers)),
         rough: Vec::new(),
     };
     for (j, second) in contacts.iter().enumerate() {
         for (i, first) in contacts[..j].iter().enumerate() {
-            let apart = (first.gap + second.gap).substitute(&numbers).as_constant();
+            let apart = (first.gap + second.gap)
+                .substitute(&numbers.fixed)
+                .as_constant();
             let never = apart.is_some_and(|sum| sum > 0.0);
             if never || !acts(first, second) && !acts(second, first) {
                 continue;

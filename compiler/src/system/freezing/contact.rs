@@ -1,7 +1,7 @@
 //! The contacts of a system: those between bodies, and the jumps that are some.
 
-use super::{alpha, fixed, slope};
-use crate::expr::Expr;
+use super::{Numbers, alpha, slope};
+use crate::expr::{Expr, Var};
 use crate::source::Span;
 use crate::system::switches::affine::at;
 use crate::system::{self, System, SystemError};
@@ -22,8 +22,8 @@ pub(super) struct Contact<'e> {
     pub normal: Vec<(usize, Expr<'e>)>,
     /// G = J_nᵀM⁻¹J_n
     pub gain: Expr<'e>,
-    /// e
-    pub restitution: f64,
+    /// e, a number or a parameter that stays open.
+    pub restitution: Expr<'e>,
     pub friction: Option<Friction<'e>>,
     pub span: Span,
 }
@@ -48,7 +48,14 @@ pub(super) struct Slip<'e> {
 impl<'e> Contact<'e> {
     /// Whether bodies stay where they meet.
     pub fn is_inelastic(&self) -> bool {
-        self.restitution <= ROUNDING
+        self.restitution
+            .as_constant()
+            .is_some_and(|e| e <= ROUNDING)
+    }
+
+    /// How many numbers of a run it has.
+    pub fn n_measures(&self) -> usize {
+        if self.is_inelastic() { 1 } else { 2 }
     }
 
     /// The entries of its slip velocity, none where it is smooth.
@@ -60,7 +67,10 @@ impl<'e> Contact<'e> {
 }
 
 /// All contacts; jumps must be contacts.
-pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, SystemError> {
+pub(super) fn contacts<'e>(
+    system: &System<'e>,
+    numbers: &Numbers<'e>,
+) -> Result<Vec<Contact<'e>>, SystemError> {
     let mut found = Vec::new();
     for (law, jump) in system.jumps.laws.iter().enumerate() {
         let Some(switch) = jump.strikes else {
@@ -70,7 +80,7 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
         let states = jump.resets.iter().map(|reset| reset.0);
         let mut contact = contact(system, law, switch, states, jump.span);
         // A jump by -ċ d has e = ∇ċ·d - 1.
-        contact.restitution = restitution(system, &contact, contact.gain - 1.0)?;
+        contact.restitution = restitution(system, &contact, contact.gain - 1.0, numbers)?;
         found.push(contact);
     }
     let jumps = &system.jumps;
@@ -78,12 +88,12 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
         let (law, states) = (jumps.laws.len() + c, given.normal.iter().map(|d| d.state));
         let mut contact = contact(system, law, given.switch, states, given.span);
         let newton = (given.restitution.newton()).expect("lowerings take Newton's law alone");
-        contact.restitution = restitution(system, &contact, newton)?;
+        contact.restitution = restitution(system, &contact, newton, numbers)?;
         contact.friction = given.friction.as_ref().map(|friction| Friction {
             coefficient: friction.coefficient,
             slips: friction.slips.iter().map(slip).collect(),
         });
-        if !contact.is_inelastic() && friction_pushes(system, &contact) {
+        if !contact.is_inelastic() && friction_pushes(system, &contact, numbers) {
             let name = &given.name;
             let what =
                 format!("contact `{name}`, which bounces, and whose friction acts on its gap");
@@ -104,11 +114,11 @@ fn slip<'e>(slip: &system::Slip<'e>) -> Slip<'e> {
 
 /// Whether J_nᵀM⁻¹J_t is not zero: then how fast a gap opens depends on friction, all of which the law of the impact
 /// takes at the end of it.
-fn friction_pushes(system: &System<'_>, contact: &Contact<'_>) -> bool {
+fn friction_pushes<'e>(system: &System<'e>, contact: &Contact<'e>, numbers: &Numbers<'e>) -> bool {
     contact.slips().iter().any(|slip| {
         let effects = slip.tangent.iter();
         let effects = effects.map(|&(state, push)| slope(system, contact.speed, state) * push);
-        let effect = system.exprs.sum(effects).substitute(&fixed(system));
+        let effect = system.exprs.sum(effects).substitute(&numbers.fixed);
         !effect.is_zero()
     })
 }
@@ -168,22 +178,25 @@ fn contact<'e>(
         speed,
         gain: system.exprs.sum(gain),
         normal,
-        restitution: 0.0,
+        restitution: system.exprs.constant(0.0),
         friction: None,
         span,
     }
 }
 
-/// e as a number.
+/// e as a number, or a parameter that stays open.
 fn restitution<'e>(
     system: &System<'e>,
     contact: &Contact<'e>,
     e: Expr<'e>,
-) -> Result<f64, SystemError> {
-    let number = e.substitute(&fixed(system)).as_constant();
-    number.ok_or_else(|| {
-        let name = &system.switches[contact.switch].name;
-        let what = format!("contact `{name}`, whose restitution is no number");
-        refused(system, what, contact.span)
-    })
+    numbers: &Numbers<'e>,
+) -> Result<Expr<'e>, SystemError> {
+    let e = e.substitute(&numbers.fixed);
+    let is_open = |var: Var| numbers.open.contains(&var);
+    if e.as_constant().is_some() || e.as_variable().is_some_and(is_open) {
+        return Ok(e);
+    }
+    let name = &system.switches[contact.switch].name;
+    let what = format!("contact `{name}`, whose restitution is no number");
+    Err(refused(system, what, contact.span))
 }

@@ -18,8 +18,9 @@ mod rest;
 mod start;
 
 use self::contact::Contact;
+pub use self::start::{Measures, Start};
 use super::regions::subsystems_of;
-use super::{Partition, Readings, Recorded, State, Switch, System, SystemError, Task};
+use super::{Param, Partition, Readings, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
 use crate::system::switches::affine::at;
@@ -42,6 +43,8 @@ pub struct Frozen<'e> {
     pub contacts: Vec<Impact<'e>>,
     /// What contacts do to each other.
     pub meeting: Meeting,
+    /// How runs start.
+    pub start: Start,
 }
 
 /// Whether what forces do to velocities while the clock stands still is the law of the impact.
@@ -90,26 +93,94 @@ pub struct Rest<'e> {
 
 /// The frozen system; what moves while the clock stands still takes a share of `pace`, a time.
 pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemError> {
+    let as_numbers = |_: String, value: f64| (system.exprs.constant(value), None);
+    frozen(system, pace, &Numbers::of(system, &[]), as_numbers)
+}
+
+/// The same for runs with other values of some parameters, by their numbers, from any start and with any pace: the
+/// [`Measures`] of a run are parameters behind those of the system.
+pub fn freeze_open<'e>(
+    system: &System<'e>,
+    pace: f64,
+    open: &[usize],
+) -> Result<Frozen<'e>, SystemError> {
+    let as_params = |name: String, value: f64| {
+        let var = system.exprs.variable(&name);
+        (var, Some(Param { name, var, value }))
+    };
+    frozen(system, pace, &Numbers::of(system, open), as_params)
+}
+
+/// The first of some parameters, by their numbers, with another value of which a system may be frozen into another one.
+pub fn first_deciding(system: &System<'_>, pace: f64, open: &[usize]) -> Option<usize> {
+    let is_other = |n: &usize| freeze_open(system, pace, &open[..*n]).is_err();
+    (1..=open.len()).find(is_other).map(|n| open[n - 1])
+}
+
+/// What numbers are known, and what stays open.
+struct Numbers<'e> {
+    /// Parameters that are neither optimized nor open.
+    fixed: Substitution<'e>,
+    open: Vec<Var>,
+}
+
+impl<'e> Numbers<'e> {
+    fn of(system: &System<'e>, open: &[usize]) -> Self {
+        let is_fixed = |place: usize| !system.is_free(place) && !open.contains(&place);
+        let vars = open.iter().map(|&place| system.exogenous.params[place].var);
+        Numbers {
+            fixed: system.params_as_numbers(is_fixed),
+            open: vars.filter_map(|var| var.as_variable()).collect(),
+        }
+    }
+}
+
+/// The frozen system with measures as `measure` has them, by name and value.
+fn frozen<'e>(
+    system: &System<'e>,
+    pace: f64,
+    numbers: &Numbers<'e>,
+    measure: impl Fn(String, f64) -> (Expr<'e>, Option<Param<'e>>),
+) -> Result<Frozen<'e>, SystemError> {
     check::check(system)?;
-    let contacts = contact::contacts(system)?;
+    let contacts = contact::contacts(system, numbers)?;
     check::distinct(system, &contacts)?;
-    let meeting = check::together(system, &contacts)?;
+    let meeting = check::together(system, &contacts, numbers)?;
+    let relays = (0..system.switches.len()).filter(|&k| system.switches[k].relay.is_some());
+    let relays: Vec<usize> = relays.collect();
+    let start = Start::of(system, &contacts, &relays);
+    let params: Vec<f64> = system
+        .exogenous
+        .params
+        .iter()
+        .map(|param| param.value)
+        .collect();
+    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    let names = contacts.iter().flat_map(|contact| {
+        let name = &system.switches[contact.switch].name;
+        let own = ["strength", "rounding"].map(|of| format!("{of}[{name}]"));
+        own.into_iter().take(contact.n_measures())
+    });
+    let names = [String::from("speed[memory]")].into_iter().chain(names);
+    let values = start.measures(&params, &x0, pace).inputs;
+    let measures = names.zip(values).map(|(name, value)| measure(name, value));
+    let (measures, params): (Vec<Expr<'e>>, Vec<Option<Param<'e>>>) = measures.unzip();
     // Integrals of a cost stay behind all other states.
     let integrals = system.task.as_ref().map_or(0, |task| task.integrals);
     let n_states = system.states.len() - integrals;
     let (places, switches) = lasting_switches(system);
     let mut motion = Motion {
         system,
-        pace,
+        speed: measures[0],
+        params: params.into_iter().flatten().collect(),
         n_states,
         rates: free_rates(system, &contacts),
         partitions: lasting_partitions(system, &places),
         switches,
         added: Vec::new(),
     };
-    let relays = (0..system.switches.len()).filter(|&k| system.switches[k].relay.is_some());
-    let relays: Vec<Memory> = relays.map(|k| motion.relay(k)).collect();
-    let contacts = motion.contacts(&contacts);
+    let relays: Vec<Memory> = relays.into_iter().map(|k| motion.relay(k)).collect();
+    let contacts = motion.contacts(&contacts, &measures[1..]);
     Ok(Frozen {
         system: motion.finished(&relays),
         n_states,
@@ -118,6 +189,7 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
         relays,
         contacts,
         meeting,
+        start,
     })
 }
 
@@ -177,7 +249,10 @@ fn lasting_partitions<'e>(system: &System<'e>, places: &[Option<usize>]) -> Vec<
 struct Motion<'s, 'e> {
     /// The original.
     system: &'s System<'e>,
-    pace: f64,
+    /// How fast memories move.
+    speed: Expr<'e>,
+    /// Measures that are parameters.
+    params: Vec<Param<'e>>,
     n_states: usize,
     /// Of the states of the original, and of the clock.
     rates: Vec<Expr<'e>>,
@@ -190,7 +265,7 @@ struct Motion<'s, 'e> {
 impl<'e> Motion<'_, 'e> {
     /// A relay becomes a memory.
     fn relay(&mut self, k: usize) -> Memory {
-        let cells = relay::cells(self.system, k, self.pace, self.switches.len());
+        let cells = relay::cells(self.system, k, self.speed, self.switches.len());
         let read = alpha(self.system, k);
         for rate in &mut self.rates {
             *rate = at(*rate, read, 0.0) * cells.off + at(*rate, read, 1.0) * cells.on;
@@ -203,11 +278,14 @@ impl<'e> Motion<'_, 'e> {
     }
 
     /// Contacts become forces.
-    fn contacts(&mut self, contacts: &[Contact<'e>]) -> Vec<Impact<'e>> {
-        let speeds = bounce::speeds(self.system, contacts, self.pace);
+    fn contacts(&mut self, contacts: &[Contact<'e>], measures: &[Expr<'e>]) -> Vec<Impact<'e>> {
         let mut forces = vec![self.system.exprs.constant(0.0); self.rates.len()];
-        let contacts = contacts.iter().zip(speeds);
-        let impacts = contacts.map(|(contact, speed)| self.contact(contact, speed, &mut forces));
+        let mut left = measures;
+        let impacts = contacts.iter().map(|contact| {
+            let (own, others) = left.split_at(contact.n_measures());
+            left = others;
+            self.contact(contact, own, &mut forces)
+        });
         let impacts = impacts.collect();
         for (rate, force) in self.rates.iter_mut().zip(forces) {
             *rate = *rate + force;
@@ -215,23 +293,22 @@ impl<'e> Motion<'_, 'e> {
         impacts
     }
 
-    /// Adds the force of a contact that is expected to close with a speed.
+    /// Adds the force of a contact with its measures.
     fn contact(
         &mut self,
         contact: &Contact<'e>,
-        expected: f64,
+        measures: &[Expr<'e>],
         forces: &mut [Expr<'e>],
     ) -> Impact<'e> {
-        let (system, pace, switch) = (self.system, self.pace, self.switches.len());
+        let (system, switch) = (self.system, self.switches.len());
         let motion = (&mut self.rates[..], forces);
         let (strength, rest) = if contact.is_inelastic() {
-            let rest = rest::rest(system, contact, pace, motion);
+            let rest = rest::rest(system, contact, measures[0], motion);
             self.switches.extend(rest.switches);
             let (speed, cone) = (switch + 1, rest.cone);
-            let strength = system.exprs.constant(rest.strength);
-            (strength, Some(Rest { speed, cone }))
+            (measures[0], Some(Rest { speed, cone }))
         } else {
-            let bounce = bounce::bounce(system, contact, (expected, pace), motion);
+            let bounce = bounce::bounce(system, contact, [measures[0], measures[1]], motion);
             self.switches.push(bounce.switch);
             self.added.push(bounce.state);
             (bounce.strength, None)
@@ -271,6 +348,7 @@ impl<'e> Motion<'_, 'e> {
             span: Span::default(),
         });
         whole.states.extend(self.added);
+        whole.exogenous.params.extend(self.params);
         whole.states.extend(last);
         for partition in self.partitions.iter_mut().filter(|p| p.states.is_empty()) {
             partition.states = (0..whole.states.len()).collect();
@@ -279,11 +357,18 @@ impl<'e> Motion<'_, 'e> {
         whole.clock = Some(clock);
         (whole.switches, whole.coupling.partitions) = (self.switches, self.partitions);
         let rates: Vec<Expr<'e>> = whole.states.iter().map(|state| state.rate).collect();
-        let alphas = alphas_of(&whole.switches);
-        whole.coupling.subsystems = subsystems_of(&rates, &alphas, &whole.coupling.partitions);
+        whole.coupling.subsystems = subsystems_of(
+            &rates,
+            &alphas_of(&whole.switches),
+            &whole.coupling.partitions,
+        );
         // What is recorded, watched and read is that of the original.
-        whole.recorded = Recorded::default();
-        whole.provenance.skipped = Vec::new();
+        (
+            whole.recorded.outputs,
+            whole.recorded.controls,
+            whole.recorded.limits,
+        ) = (Vec::new(), Vec::new(), Vec::new());
+        (whole.recorded.groups, whole.provenance.skipped) = (Vec::new(), Vec::new());
         (whole.jumps.laws, whole.jumps.contacts, whole.jumps.bodies) =
             (Vec::new(), Vec::new(), Vec::new());
         whole.provenance.readings = Readings::default();
@@ -315,14 +400,4 @@ fn along<'e>(system: &System<'e>, e: Expr<'e>, rate: impl Fn(usize) -> Expr<'e>)
     let by_state = states.map(|(state, slope)| slope * rate(state));
     let by_time = system.time.as_variable().map(|time| e.diff(time));
     system.exprs.sum(by_state.chain(by_time))
-}
-
-/// Parameters as numbers, free ones at their guesses.
-fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
-    system.params_as_numbers(|_| true)
-}
-
-/// Parameters that are not free as numbers.
-fn fixed<'e>(system: &System<'e>) -> Substitution<'e> {
-    system.params_as_numbers(|place| !system.is_free(place))
 }

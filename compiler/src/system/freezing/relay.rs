@@ -38,8 +38,13 @@ pub(super) struct Cells<'e> {
     pub on: Expr<'e>,
 }
 
-/// The cells of relay `k`; their switches are numbered from `first`.
-pub(super) fn cells<'e>(system: &System<'e>, k: usize, pace: f64, first: usize) -> Cells<'e> {
+/// How fast memories move.
+pub(super) fn speed(pace: f64) -> f64 {
+    1.0 / (SHARE * pace)
+}
+
+/// The cells of relay `k`, the memory of which moves with a speed; their switches are numbered from `first`.
+pub(super) fn cells<'e>(system: &System<'e>, k: usize, speed: Expr<'e>, first: usize) -> Cells<'e> {
     let exprs = system.exprs;
     let switch = &system.switches[k];
     let relay = switch.relay.expect("it is a relay");
@@ -77,7 +82,6 @@ pub(super) fn cells<'e>(system: &System<'e>, k: usize, pace: f64, first: usize) 
         square / (1.0 + square)
     };
     let (still, moving) = (share(0.0), share(1.0));
-    let speed = 1.0 / (SHARE * pace);
     let memory = State {
         name: format!("memory[{}]", switch.name),
         var: w,

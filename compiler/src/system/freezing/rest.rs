@@ -17,7 +17,7 @@
 
 use super::contact::{Contact, Friction, Slip};
 use super::slope;
-use super::start::Start;
+use super::start::AtStart;
 use crate::expr::Expr;
 use crate::system::{Continuity, Switch, System};
 
@@ -28,17 +28,15 @@ const STRENGTH: f64 = 9.0;
 pub(super) struct Rest<'e> {
     /// Of the gap, and of its rate.
     pub switches: [Switch<'e>; 2],
-    /// a
-    pub strength: f64,
     /// J_nᵀM⁻¹(J_n ∓ μ J_t), or of two directions J_nᵀM⁻¹J_n - μ |J_nᵀM⁻¹J_t|.
     pub cone: Vec<Expr<'e>>,
 }
 
-/// Adds the auxiliary forces of a contact to the forces, and slows down the rates.
+/// Adds the auxiliary forces of a contact, with their strength a, to the forces, and slows down the rates.
 pub(super) fn rest<'e>(
     system: &System<'e>,
     contact: &Contact<'e>,
-    pace: f64,
+    strength: Expr<'e>,
     (rates, forces): (&mut [Expr<'e>], &mut [Expr<'e>]),
 ) -> Rest<'e> {
     let exprs = system.exprs;
@@ -46,7 +44,6 @@ pub(super) fn rest<'e>(
     let name = format!("speed[{}]", old.name);
     let (apart, leaves) = (old.alpha, exprs.variable(&format!("alpha[{name}]")));
     let free = apart + leaves - apart * leaves;
-    let strength = strength(system, contact, pace);
     for rate in rates.iter_mut() {
         *rate = free * *rate;
     }
@@ -77,7 +74,6 @@ pub(super) fn rest<'e>(
             switch(old.name.clone(), apart, contact.gap),
             switch(name, leaves, contact.speed),
         ],
-        strength,
         cone,
     }
 }
@@ -103,14 +99,13 @@ fn edge<'e>(system: &System<'e>, contact: &Contact<'e>, friction: &Friction<'e>)
 }
 
 /// a, so that a G is well above accelerations at the start.
-fn strength(system: &System<'_>, contact: &Contact<'_>, pace: f64) -> f64 {
-    let start = Start::of(system);
+pub(super) fn strength(contact: &AtStart, pace: f64) -> f64 {
     let known = [
-        STRENGTH * start.acceleration(contact.speed).abs(),
-        start.value(contact.speed).abs() / pace,
+        STRENGTH * contact.acceleration.abs(),
+        contact.speed.abs() / pace,
         1.0 / (pace * pace),
     ];
     let known = known.into_iter().filter(|number| number.is_finite());
-    let gain = start.value(contact.gain);
+    let gain = contact.gain;
     known.fold(0.0, f64::max) / if gain > 0.0 { gain } else { 1.0 }
 }

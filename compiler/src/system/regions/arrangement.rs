@@ -99,8 +99,13 @@ impl<'e> Switch<'e> {
 }
 
 impl<'e> System<'e> {
-    /// The arrangement of the surfaces of some switches, in ascending order, at the initial point.
-    pub fn arrangement(&self, switches: &[usize]) -> Arrangement<'e> {
+    /// The arrangement of the surfaces of some switches, in ascending order, at the initial point; parameters that are open,
+    /// by their numbers, are coordinates.
+    pub fn arrangement(
+        &self,
+        switches: &[usize],
+        is_open: impl Fn(usize) -> bool,
+    ) -> Arrangement<'e> {
         let surfaces = switches.iter().filter_map(|&k| {
             let switch = &self.switches[k];
             Some((switch.alpha.as_variable()?, switch.surface()))
@@ -112,9 +117,10 @@ impl<'e> System<'e> {
             let var = self.exogenous.params[place].var.as_variable();
             var.is_some_and(|var| occurring.contains(&var))
         };
-        let params = self.params_as_numbers(|place| occurs(place) && !self.is_free(place));
+        let is_free = |place: usize| self.is_free(place) || is_open(place);
+        let params = self.params_as_numbers(|place| occurs(place) && !is_free(place));
         let freed = self.exogenous.params.iter().enumerate();
-        let freed = freed.filter(|(place, _)| self.is_free(*place));
+        let freed = freed.filter(|(place, _)| is_free(*place));
         let freed = freed.map(|(_, param)| (param.var, param.value));
         let states = self
             .states

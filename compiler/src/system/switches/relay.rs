@@ -117,7 +117,7 @@ pub(crate) fn declare(translation: &mut Translation<'_, '_>) -> Vec<Declared> {
     relays
 }
 
-/// Says what the relays watch and how they start; each may read those before it.
+/// Says what the relays watch and how they start, which are numbers; each may read those before it.
 pub(crate) fn finish(
     translation: &mut Translation<'_, '_>,
     relays: &[Declared],
@@ -129,6 +129,14 @@ pub(crate) fn finish(
         let SwitchKind::Relay(thresholds) = &switch.kind else {
             continue;
         };
+        let start = thresholds.start.as_deref().unwrap_or_default();
+        let numbers = [&thresholds.on[..], &thresholds.off, start].concat();
+        let values = instance.values();
+        if let Some(free) = values.free.first_in(&numbers) {
+            let what = format!("the relay `{}`", switch.name);
+            diags.push(values.depends_on_free(instance.model, what, free, switch.span));
+            continue;
+        }
         let y = translation.in_alphas(switch.psi[relay.entry], switch.span);
         let sampler = translation.sampler();
         let at_start = sampler.eval(y, &sampler.start());

@@ -12,6 +12,10 @@ const MAX_DERIVATIVES: usize = 6;
 /// A rate that changes with u by less than this share of friction does not.
 const ROUNDING: f64 = 1e-12;
 
+/// By how much parameters are moved at most, as a share of them, and multiples of what modulo 1 says by how much of it.
+const NEARBY: f64 = 0.1;
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
 /// Inputs behind those of the full functions that branches have.
 const BRANCH: usize = 2;
 
@@ -214,6 +218,13 @@ impl<'s> Active<'s> {
             return Vec::new();
         }
         let mut active = Self::start(system, fixed);
+        // What cancels does so for all parameters: with others near those of a run it shows as a number.
+        let first = active.inputs.len() - system.parameters.len();
+        let parameters = active.inputs[first..].iter_mut().zip(&system.parameters);
+        for (i, (input, value)) in parameters.enumerate() {
+            let share = (GOLDEN * (1 + i) as f64).fract();
+            *input = Sum::number(value * (1.0 + NEARBY * share));
+        }
         let mut is_free = active.is_free(fixed);
         for z in system.discs.iter().flat_map(Disc::own) {
             is_free[system.input_of(z)] = false;

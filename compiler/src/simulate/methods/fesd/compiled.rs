@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use nsd_solver::event;
-use nsd_solver::fesd::{self, ComplementaritySystem, Library, Simulator, Solution};
-use nsd_solver::hybrid::HybridSystem;
+use nsd_solver::fesd::{
+    self, ComplementaritySystem, Library, Simulator, Solution, Stepper, SteppingSettings,
+};
+use nsd_solver::hybrid::{HybridSystem, Outcome};
 
 use super::complementarity::complementarity_open;
 use crate::lowering::hybrid::Pulses;
@@ -105,6 +107,23 @@ impl Compiled {
         drop(simulator);
         self.library = library;
         ran
+    }
+
+    /// A run in steps of one length, with a number of nodes that has been checked.
+    pub fn by_steps(
+        &mut self,
+        settings: SteppingSettings,
+        horizon: f64,
+        x0: &[f64],
+        observer: &mut impl event::Observer,
+    ) -> Outcome {
+        let library = std::mem::take(&mut self.library);
+        let stepper = Stepper::new(&self.complementarity, settings);
+        let stepper = stepper.expect("the number of nodes has been checked");
+        let mut stepper = stepper.knowing(library);
+        let outcome = stepper.run(0.0, horizon, x0, observer);
+        self.library = stepper.library().clone();
+        outcome
     }
 }
 

@@ -1,35 +1,40 @@
 //! `method timestepping`: the complementarity system in steps of one length, without switch detection.
 
 use nsd_solver::event::Observer;
-use nsd_solver::fesd::{Stepper, SteppingSettings};
+use nsd_solver::fesd::SteppingSettings;
 
 use super::Compiled;
+use crate::limit::Limit;
 use crate::lowering::hybrid::Pulses;
 use crate::report::{Method, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
-use crate::simulate::record::schedule::scheduled;
+use crate::simulate::record::schedule::{follows_data, scheduled};
 use crate::system::System;
 use crate::system::experiment::{self, MethodKind, Settings, SteppingOptions};
 
 /// A complementarity system that is stepped.
 pub(in crate::simulate) struct Stepping {
     compiled: Compiled,
-    /// Whether switches of time are data, which other parameters or another horizon would change.
-    is_scheduled: bool,
+    /// Whether data decide when switches of time change, which is data itself.
+    follows_data: bool,
     pulses: Pulses,
 }
 
 impl Stepping {
-    /// Compiles a system, with some parameters open, by their numbers; none where switches of time lead.
+    /// Compiles a system, with some parameters open, by their numbers; none that moves a switch of time which leads.
     pub fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
-        let scheduled = scheduled(system, settings.horizon);
         Stepping {
-            compiled: Compiled::new(&scheduled, settings, open).0,
-            is_scheduled: !system.leading().is_empty(),
+            compiled: prepared(system, settings, open),
+            follows_data: follows_data(system),
             pulses: Pulses::of(system, settings.horizon),
         }
     }
+}
+
+/// A system for runs in steps to the horizon, or to an earlier one.
+pub(crate) fn prepared(system: &System, settings: &Settings, open: &[usize]) -> Compiled {
+    Compiled::new(&scheduled(system, settings.horizon), settings, open).0
 }
 
 /// The options of the method.
@@ -46,6 +51,21 @@ pub(in crate::simulate) fn steps(settings: &Settings, accuracy: Accuracy) -> usi
     refinement * options(settings).steps
 }
 
+/// The steps of the first run of an experiment.
+pub(crate) fn first_steps(settings: &Settings) -> SteppingSettings {
+    settings_of(settings, Accuracy::of(settings), Limit::default())
+}
+
+fn settings_of(settings: &Settings, accuracy: Accuracy, limit: Limit) -> SteppingSettings {
+    let (family, nodes) = options(settings).scheme();
+    SteppingSettings {
+        family,
+        nodes,
+        steps: steps(settings, accuracy),
+        limit,
+    }
+}
+
 impl<'e> Run<'e> for Stepping {
     fn march(
         &mut self,
@@ -53,22 +73,10 @@ impl<'e> Run<'e> for Stepping {
         accuracy: Accuracy,
         mut observer: &mut dyn Observer,
     ) -> Ended {
-        let (family, nodes) = options(problem.settings).scheme();
-        let settings = SteppingSettings {
-            family,
-            nodes,
-            steps: steps(problem.settings, accuracy),
-            limit: problem.limit.clone(),
-        };
+        let settings = settings_of(problem.settings, accuracy, problem.limit.clone());
         self.compiled.load(problem.system);
-        let library = std::mem::take(&mut self.compiled.library);
-        let stepper = Stepper::new(&self.compiled.complementarity, settings);
-        let stepper = stepper.expect("the number of nodes has been checked");
-        let mut stepper = stepper.knowing(library);
-        let horizon = problem.settings.horizon;
-        let outcome = stepper.run(0.0, horizon, &problem.x0, &mut observer);
-        self.compiled.library = stepper.library().clone();
-        Ended::by(outcome)
+        let (horizon, x0) = (problem.settings.horizon, &problem.x0);
+        Ended::by((self.compiled).by_steps(settings, horizon, x0, &mut observer))
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
@@ -89,7 +97,7 @@ impl<'e> Run<'e> for Stepping {
     }
 
     fn takes_numbers(&self) -> bool {
-        !self.is_scheduled
+        !self.follows_data
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {

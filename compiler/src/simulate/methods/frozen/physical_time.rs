@@ -8,18 +8,15 @@ use std::ops::ControlFlow;
 use nsd_solver::event::{Clock, Clocked, Event, Observer, Segment};
 use nsd_solver::expansion::Polynomials;
 use nsd_solver::fesd;
-use nsd_solver::hybrid::{Outcome, Side, Status};
-
-use rustc_hash::FxHashMap;
+use nsd_solver::hybrid::{Coefficient, Outcome, Side, Status};
 
 use super::stretch::{Lasting, Stretched};
-use crate::expr::Var;
-use crate::system::freezing::{Frozen, Rest};
+use super::way::Way;
 
 /// Bounces this close, relative to the horizon, that become ever closer are on their way to a Zeno point.
 const DENSE: f64 = 1e-6;
 /// A gap is closed below this.
-const CLOSED: f64 = 1e-8;
+pub(super) const CLOSED: f64 = 1e-8;
 /// How much the ratio of successive intervals may still change where they are.
 const SETTLED: f64 = 0.1;
 /// Velocities behind an impact differ from those of its law by less, relative to the largest state.
@@ -34,18 +31,51 @@ pub(crate) enum End {
     Closed,
     /// Friction of a contact, by its switch in the frozen system, is stronger than what opens it.
     Locked(usize),
-    /// The friction of a contact, by its switch in the frozen system, is negative.
-    Negative(usize, f64),
+    /// A coefficient of a contact, by its switch in the frozen system, is one that no contact has.
+    Outside(usize, Coefficient, f64),
+    /// A contact, by its switch in the frozen system, is below its surface at the start.
+    Below(usize),
     /// The velocities behind an impact are not those of its law.
     Unlawful,
+}
+
+impl End {
+    /// The same of contacts as in a run of the original.
+    pub fn status(self, way: &Way) -> Status {
+        let original = |frozen: usize| {
+            let mut contacts = way.contacts.iter();
+            let contact = contacts.find(|contact| contact.switch == frozen);
+            contact.expect("it is one of a contact").contact
+        };
+        match self {
+            End::Limit(_) | End::Closed => Status::Accumulation,
+            End::Unlawful => Status::Undetermined {
+                switches: way.contacts.iter().map(|contact| contact.contact).collect(),
+            },
+            End::Locked(contact) => Status::Painleve {
+                switch: original(contact),
+            },
+            End::Below(contact) => Status::Penetrates {
+                switch: original(contact),
+            },
+            End::Outside(contact, coefficient, value) => Status::Coefficient {
+                switch: original(contact),
+                coefficient,
+                value,
+            },
+        }
+    }
 }
 
 /// States behind an impact at an instant by its law, none where there is no impact.
 pub(crate) type Law<'l> = dyn FnMut(f64, &[f64]) -> Option<Vec<f64>> + 'l;
 
 /// Passes on a run in numerical time as one in physical time.
-pub(crate) struct PhysicalTime<'t, 'e> {
-    frozen: &'t Frozen<'e>,
+pub(super) struct PhysicalTime<'t> {
+    way: &'t Way,
+    /// The values of the open parameters of the frozen system, and its initial state.
+    parameters: &'t [f64],
+    x0: &'t [f64],
     /// Who is told; nobody, where a run only shows the clock.
     observer: Option<&'t mut dyn Observer>,
     clock: Clock,
@@ -59,8 +89,6 @@ pub(crate) struct PhysicalTime<'t, 'e> {
     impacts: Impacts,
     /// The contacts that last.
     lasting: Vec<Lasting>,
-    /// Places of the states of the frozen system.
-    state_of: FxHashMap<Var, usize>,
     /// Set when time does not go on.
     end: Option<End>,
     /// The law of impacts, where the frozen system may do something else.
@@ -80,11 +108,11 @@ struct Impacts {
 
 impl Impacts {
     /// Notes the contacts that act while the clock stands still.
-    fn act(&mut self, frozen: &Frozen, sides: &[Side]) {
-        for contact in &frozen.contacts {
-            let comes = |rest: &Rest| sides[rest.speed] == Side::Minus;
+    fn act(&mut self, way: &Way, sides: &[Side]) {
+        for contact in &way.contacts {
+            let comes = |speed: usize| sides[speed] == Side::Minus;
             let closed = sides[contact.switch] == Side::Minus;
-            let acts = closed && contact.rest.as_ref().is_none_or(comes);
+            let acts = closed && contact.speed.is_none_or(comes);
             if acts && !self.fired.contains(&contact.law) {
                 self.fired.push(contact.law);
             }
@@ -92,10 +120,10 @@ impl Impacts {
     }
 
     /// Takes note of the bounces that have ended at an instant, and sees where they would accumulate.
-    fn count(&mut self, frozen: &Frozen, t: f64, horizon: f64) -> Option<End> {
+    fn count(&mut self, way: &Way, t: f64, horizon: f64) -> Option<End> {
         let mut end = None;
-        for (contact, times) in frozen.contacts.iter().zip(&mut self.bounces) {
-            if contact.rest.is_some() || !self.fired.contains(&contact.law) {
+        for (contact, times) in way.contacts.iter().zip(&mut self.bounces) {
+            if contact.speed.is_some() || !self.fired.contains(&contact.law) {
                 continue;
             }
             times.push(t);
@@ -141,30 +169,30 @@ impl Polynomials for InPhysicalTime<'_> {
     }
 }
 
-impl<'t, 'e> PhysicalTime<'t, 'e> {
+impl<'t> PhysicalTime<'t> {
     pub fn new(
-        frozen: &'t Frozen<'e>,
+        way: &'t Way,
+        (x0, parameters): (&'t [f64], &'t [f64]),
         clock: Clock,
         observer: Option<&'t mut dyn Observer>,
     ) -> Self {
         PhysicalTime {
-            frozen,
+            way,
+            parameters,
+            x0,
             observer,
             clock,
             t: 0.0,
             sides: Vec::new(),
-            next: vec![Side::Plus; frozen.places.len()],
-            x: vec![0.0; frozen.n_states],
+            next: vec![Side::Plus; way.places.len()],
+            x: vec![0.0; way.n_states],
             impacts: Impacts {
                 before: None,
                 fired: Vec::new(),
                 accumulates: false,
-                bounces: vec![Vec::new(); frozen.contacts.len()],
+                bounces: vec![Vec::new(); way.contacts.len()],
             },
             lasting: Vec::new(),
-            state_of: (frozen.system.states.iter().enumerate())
-                .filter_map(|(i, state)| Some((state.var.as_variable()?, i)))
-                .collect(),
             end: None,
             law: None,
         }
@@ -172,63 +200,55 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
 
     /// The sides of the original where a run is in these, with this state.
     fn read(&mut self, sides: &[Side], x: &[f64]) {
-        for (next, place) in self.next.iter_mut().zip(&self.frozen.places) {
+        for (next, place) in self.next.iter_mut().zip(&self.way.places) {
             *next = place.map_or(Side::Plus, |place| sides[place]);
         }
-        for memory in &self.frozen.relays {
+        for memory in &self.way.relays {
             self.next[memory.relay] = Side::of(x[memory.state] - 0.5);
         }
         self.lasting.clear();
-        for contact in &self.frozen.contacts {
-            let lasts = |rest: &&Rest| sides[rest.speed] == Side::Slide;
-            let rest = contact.rest.as_ref().filter(lasts);
-            let Some(rest) = rest else {
-                continue;
-            };
+        let lasts = |speed: Option<usize>| speed.filter(|&speed| sides[speed] == Side::Slide);
+        let resting = self.way.contacts.iter();
+        let mut resting = resting
+            .filter_map(|contact| Some((contact, lasts(contact.speed)?)))
+            .peekable();
+        if resting.peek().is_none() {
+            return;
+        }
+        let seen = self.way.look(x, self.parameters);
+        for (contact, speed) in resting {
             self.next[contact.contact] = Side::Slide;
-            self.lasting
-                .extend(contact.strength.as_constant().map(|strength| Lasting {
-                    contact: contact.contact,
-                    speed: rest.speed,
-                    strength,
-                }));
+            self.lasting.push(Lasting {
+                contact: contact.contact,
+                speed,
+                strength: seen.strength(contact),
+            });
         }
     }
 
     /// Why time does not go on where a contact has struck, at a state of the frozen system: its friction is negative,
     /// or closes it whatever pushes, or another one is closed that it acts on, with friction.
     fn refused(&self, x: &[f64]) -> Option<End> {
-        let params = &self.frozen.system.exogenous.params;
-        let value = |var: Var| match self.state_of.get(&var) {
-            Some(&i) => x[i],
-            None => {
-                let param = params.iter().find(|p| p.var.as_variable() == Some(var));
-                param.map_or(f64::NAN, |param| param.value)
-            }
-        };
-        let strikes = |contact: usize| {
-            self.impacts
-                .fired
-                .contains(&self.frozen.contacts[contact].law)
-        };
-        let is_closed = |contact: usize| {
-            let switch = self.frozen.contacts[contact].switch;
-            self.frozen.system.switches[switch].psi.eval(&value) <= CLOSED
-        };
-        let mut rough = self.frozen.meeting.rough.iter();
+        let contacts = &self.way.contacts;
+        let seen = self.way.look(x, self.parameters);
+        let strikes = |contact: usize| self.impacts.fired.contains(&contacts[contact].law);
+        let is_closed = |contact: usize| seen.is_closed(&contacts[contact]);
+        let mut rough = self.way.meeting.rough.iter();
         if rough.any(|&[a, b]| strikes(a) && is_closed(b) || strikes(b) && is_closed(a)) {
             return Some(End::Unlawful);
         }
-        let contacts = self.frozen.contacts.iter();
-        let mut struck = contacts.filter(|contact| self.impacts.fired.contains(&contact.law));
+        let mut struck = contacts
+            .iter()
+            .filter(|contact| self.impacts.fired.contains(&contact.law));
         struck.find_map(|contact| {
-            let friction = contact.friction.map(|friction| friction.eval(&value));
-            if let Some(friction) = friction.filter(|friction| *friction < 0.0) {
-                return Some(End::Negative(contact.switch, friction));
+            if let Some(friction) = seen.friction(contact).filter(|friction| *friction < 0.0) {
+                return Some(End::Outside(
+                    contact.switch,
+                    Coefficient::Friction,
+                    friction,
+                ));
             }
-            let rest = contact.rest.as_ref()?;
-            let opens = rest.cone.iter().all(|e| e.eval(&value) > 0.0);
-            (!opens).then_some(End::Locked(contact.switch))
+            (!seen.opens(contact)).then_some(End::Locked(contact.switch))
         })
     }
 
@@ -238,8 +258,8 @@ impl<'t, 'e> PhysicalTime<'t, 'e> {
         let before = self.impacts.before.take();
         if self.sides.is_empty() {
             self.sides.clone_from(&self.next);
-            for memory in &self.frozen.relays {
-                let start = self.frozen.system.states[memory.state].initial;
+            for memory in &self.way.relays {
+                let start = self.x0[memory.state];
                 self.sides[memory.relay] = Side::of(start - 0.5);
             }
         }
@@ -291,15 +311,15 @@ fn accumulation(times: &[f64]) -> Option<(f64, f64)> {
     settles.then(|| (third, d + third * ratio / (1.0 - ratio)))
 }
 
-impl Observer for PhysicalTime<'_, '_> {
+impl Observer for PhysicalTime<'_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
-        let n = self.frozen.n_states;
+        let n = self.way.n_states;
         let Some(advance) = self.clock.advance(segment) else {
             if self.impacts.before.is_none() {
                 segment.state(0.0, &mut self.x);
                 self.impacts.before = Some(self.x.clone());
             }
-            self.impacts.act(self.frozen, segment.sides);
+            self.impacts.act(self.way, segment.sides);
             self.end = self.refused(segment.end);
             if self.end.is_some() {
                 return ControlFlow::Break(());
@@ -311,9 +331,9 @@ impl Observer for PhysicalTime<'_, '_> {
             return ControlFlow::Continue(());
         }
         self.impacts.fired.sort_unstable();
-        let limit = self.impacts.count(self.frozen, self.t, horizon);
+        let limit = self.impacts.count(self.way, self.t, horizon);
         self.end = limit.or(self.end);
-        let mut elastic = (self.frozen.contacts.iter()).filter(|contact| contact.rest.is_none());
+        let mut elastic = (self.way.contacts.iter()).filter(|contact| contact.speed.is_none());
         if elastic.any(|contact| segment.sides[contact.switch] == Side::Slide) {
             self.end = self.end.or(Some(End::Closed));
         }
@@ -335,7 +355,7 @@ impl Observer for PhysicalTime<'_, '_> {
                 length = length.next_up();
             }
         }
-        let (inner, places) = (segment.polynomials(), &self.frozen.places[..]);
+        let (inner, places) = (segment.polynomials(), &self.way.places[..]);
         let of_frozen = segment.unobserved();
         let is_blind = |i: &usize| places[*i].is_some_and(|place| of_frozen.contains(&place));
         let blind: Vec<usize> = (0..places.len()).filter(is_blind).collect();
@@ -370,31 +390,31 @@ impl Observer for PhysicalTime<'_, '_> {
     }
 }
 
-impl fesd::Observer for PhysicalTime<'_, '_> {}
+impl fesd::Observer for PhysicalTime<'_> {}
 
 /// Runs to the numerical time at which the clock is at the horizon, as long as impacts obey the law; `run` gets the end,
-/// the start and what observes it.
+/// the start and what observes it. The start is a state and the values of open parameters.
 ///
 /// The outcome is that of the original, but for a status that is not `Solved`, whose switches are those of the frozen
 /// system.
-pub(crate) fn drive(
-    frozen: &Frozen,
+pub(super) fn drive(
+    way: &Way,
+    start: (&[f64], &[f64]),
     horizon: f64,
     observer: &mut dyn Observer,
     law: Option<Box<Law>>,
     mut run: impl FnMut(f64, &[f64], &mut Clocked<PhysicalTime>) -> Outcome,
 ) -> (Outcome, Option<End>) {
     let clock = Clock {
-        state: frozen.clock,
+        state: way.clock,
         horizon,
     };
-    let states = &frozen.system.states;
-    let x: Vec<f64> = states.iter().map(|state| state.initial).collect();
-    let probe = || PhysicalTime::new(frozen, clock, None);
-    let end = clock.numerical_time(probe, |end, physical| run(end, &x, physical));
-    let mut physical = clock.watch(PhysicalTime::new(frozen, clock, Some(observer)));
+    let (x, _) = start;
+    let probe = || PhysicalTime::new(way, start, clock, None);
+    let end = clock.numerical_time(probe, |end, physical| run(end, x, physical));
+    let mut physical = clock.watch(PhysicalTime::new(way, start, clock, Some(observer)));
     physical.observer.law = law;
-    let mut outcome = run(end, &x, &mut physical);
+    let mut outcome = run(end, x, &mut physical);
     let mut physical = physical.observer;
     if outcome.status == Status::Solved && clock.is_missed(&outcome.x) {
         physical.end = Some(End::Closed);
@@ -409,13 +429,13 @@ pub(crate) fn drive(
 
 /// The outcome in physical time, of the states and switches of the original.
 fn to_physical_time(physical: &mut PhysicalTime, outcome: Outcome) -> Outcome {
-    let n = physical.frozen.n_states;
+    let n = physical.way.n_states;
     let first = |values: &[f64]| values.iter().take(n).copied().collect();
     if physical.sides.is_empty() {
         physical.read(&outcome.sides, &outcome.x);
         physical.sides.clone_from(&physical.next);
     }
-    let places = physical.frozen.places.iter().zip(&physical.sides);
+    let places = physical.way.places.iter().zip(&physical.sides);
     let alpha = |(place, side): (&Option<usize>, &Side)| {
         place.map_or(0.5 + 0.5 * side.sign(), |place| outcome.alpha[place])
     };

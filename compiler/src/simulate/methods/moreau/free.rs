@@ -51,7 +51,7 @@ impl Free {
 
     /// Takes the data of a system, of the same fits.
     pub(crate) fn set_data(&mut self, system: &System) {
-        self.field.set_data(data_of(system));
+        self.field.set_data(&data_of(system));
     }
 }
 

@@ -1,15 +1,14 @@
 //! Ranges that hold free parameters -> constraints.
 //!
 //! Where p is free, `control u in [-p, p]` says -p <= u <= p at the ends of control intervals, `state x in [0, p]`
-//! 0 <= x <= p at all nodes, and `param q in [0, 1] = 2*p` 0 <= 2 p <= 1. Finite sets and thresholds of relays are
-//! numbers. Where p is an input of runs, the range of a control is one of its variable, whose ends are numbers of a run.
+//! 0 <= x <= p at all nodes, and `param q in [0, 1] = 2*p` 0 <= 2 p <= 1. Finite sets are numbers. Where p is an input of runs, the range of a control is one of its variable, whose ends are numbers of a run.
 
 use nsd_solver::integrate::tableau::Family;
 
 use super::super::reader::Reader;
 use super::{At, Draft, Shape};
 use crate::expr::Expr;
-use crate::model::{Domain, Quantity, SwitchKind};
+use crate::model::{Domain, Quantity};
 use crate::syntax::Relation;
 
 impl<'e> Draft<'_, 'e> {
@@ -36,17 +35,6 @@ impl<'e> Draft<'_, 'e> {
                 for (k, &var) in quantity.vars.iter().enumerate() {
                     self.range(reader, (kind, quantity), (k, var), instants);
                 }
-            }
-        }
-        for switch in &model.switches {
-            let SwitchKind::Relay(thresholds) = &switch.kind else {
-                continue;
-            };
-            let start = thresholds.start.as_deref().unwrap_or_default();
-            let numbers = [&thresholds.on[..], &thresholds.off, start].concat();
-            if let Some(free) = reader.values.free.first_in(&numbers) {
-                let what = format!("the relay `{}`", switch.name);
-                reader.error((reader.values).depends_on_free(model, what, free, switch.span));
             }
         }
     }

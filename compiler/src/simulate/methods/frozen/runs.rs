@@ -1,0 +1,280 @@
+//! Runs of a frozen system that is plain data: with other parameters, from other starts and to other horizons.
+
+use std::sync::Arc;
+
+use nsd_solver::event::{Observer, Simulator};
+use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library};
+use nsd_solver::hybrid as solver;
+use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome, Side};
+
+use super::law::impact;
+use super::physical_time::{End, Law, drive};
+use super::way::Way;
+use crate::limit::Limit;
+use crate::lowering::dcs::Formulation;
+use crate::lowering::{dcs, hybrid};
+use crate::simulate::driver::Accuracy;
+use crate::simulate::methods::events::{finer, renewed, solver_settings};
+use crate::simulate::methods::fesd::complementarity_open;
+use crate::simulate::methods::fesd::{grid, options};
+use crate::system::System;
+use crate::system::experiment::Settings;
+use crate::system::freezing::{Frozen, Measures, Start};
+
+/// A frozen system, and how it is run.
+#[derive(Clone, Debug)]
+pub(crate) struct Standing {
+    way: Way,
+    start: Start,
+    road: Road,
+    /// The system with jumps, which impacts are compared with where forces may make another one of them.
+    jumping: Option<Arc<HybridSystem>>,
+    /// The values of all parameters of the original.
+    params: Vec<f64>,
+    /// Those that stay open, by their numbers; the measures of a run are open parameters behind them.
+    open: Vec<usize>,
+    /// What states behind those of the original start with.
+    behind: Vec<f64>,
+}
+
+/// By what it is run.
+#[derive(Clone, Debug)]
+enum Road {
+    Events {
+        hybrid: Arc<HybridSystem>,
+        settings: Box<solver::Settings>,
+    },
+    Elements {
+        complementarity: Box<ComplementaritySystem>,
+        formulation: Formulation,
+        settings: elements::Settings,
+        /// What runs have made of its functions.
+        library: Library,
+    },
+}
+
+/// A run in physical time.
+pub(crate) struct Ran {
+    pub outcome: Outcome,
+    pub(super) end: Option<End>,
+    /// Order of the method, and the least member of a pair of complementarity.
+    pub order: usize,
+    pub least_member: f64,
+}
+
+impl Standing {
+    /// Compiles what a system was frozen into, with parameters open as they were then, by their numbers.
+    pub(super) fn new(
+        system: &System<'_>,
+        frozen: &Frozen<'_>,
+        settings: &Settings<'_>,
+        open: &[usize],
+    ) -> Self {
+        let measures = system.exogenous.params.len()..frozen.system.exogenous.params.len();
+        let inputs: Vec<usize> = open.iter().copied().chain(measures).collect();
+        let behind = frozen.system.states[frozen.n_states..].iter();
+        let mut standing = Standing {
+            way: Way::new(frozen, &inputs),
+            start: frozen.start.clone(),
+            road: Road::new(&frozen.system, settings, &inputs),
+            jumping: (frozen.meeting.is_open).then(|| hybrid::lower_at(system, open)),
+            params: system
+                .exogenous
+                .params
+                .iter()
+                .map(|param| param.value)
+                .collect(),
+            open: open.to_vec(),
+            behind: behind.map(|state| state.initial).collect(),
+        };
+        standing.choose(settings, Accuracy::of(settings), Limit::default());
+        standing
+    }
+
+    /// Gives the open parameters other values.
+    pub fn set_parameters(&mut self, values: &[f64]) {
+        for (&place, &value) in self.open.iter().zip(values) {
+            self.params[place] = value;
+        }
+    }
+
+    /// Takes the accuracy of a run, and when it stops.
+    pub(super) fn choose(&mut self, settings: &Settings<'_>, accuracy: Accuracy, limit: Limit) {
+        // Gaps stand still at zero while contacts act on each other: these are closed.
+        let contacts = self.way.contacts.iter();
+        let below: Vec<usize> = contacts.map(|contact| contact.switch).collect();
+        match &mut self.road {
+            Road::Events {
+                hybrid,
+                settings: own,
+            } => {
+                let tolerance = accuracy.tolerance;
+                let mut chosen = solver_settings(&settings.numerics.method, tolerance, limit);
+                if accuracy.is_finer {
+                    let order = Simulator::new(hybrid.clone(), chosen.clone()).order();
+                    chosen = finer(&chosen, order, tolerance);
+                }
+                **own = solver::Settings { below, ..chosen };
+            }
+            Road::Elements { settings: own, .. } => {
+                let options = options(settings);
+                *own = elements::Settings {
+                    below,
+                    limit,
+                    grid: grid(options, accuracy),
+                    ..elements::Settings::new(options.scheme.0, options.scheme.1)
+                };
+            }
+        }
+    }
+
+    /// The state of the frozen system from which the original starts at x0.
+    fn from(&self, x0: &[f64], measures: &Measures) -> Vec<f64> {
+        let mut x = [x0, &self.behind].concat();
+        for (memory, &start) in self.way.relays.iter().zip(&measures.memories) {
+            x[memory.state] = start;
+        }
+        x
+    }
+
+    /// Why there is no run with these measures.
+    fn refused(&self, measures: &Measures) -> Option<End> {
+        let switch = |contact: usize| self.way.contacts[contact].switch;
+        let below = measures.below.map(|k| End::Below(switch(k)));
+        let unlike = || {
+            let (k, e) = measures.restitution?;
+            Some(End::Outside(switch(k), Coefficient::Restitution, e))
+        };
+        below.or_else(unlike)
+    }
+
+    /// A run until the clock has reached a horizon; `kept` is the last one from event to event.
+    pub fn run(
+        &mut self,
+        horizon: f64,
+        x0: &[f64],
+        kept: &mut Option<Simulator>,
+        observer: &mut dyn Observer,
+    ) -> Ran {
+        let measures = self.start.measures(&self.params, x0, horizon);
+        if let Some(end) = self.refused(&measures) {
+            let sides = vec![Side::Plus; self.way.places.len()];
+            return Ran {
+                outcome: Outcome::at(end.status(&self.way), 0.0, x0.to_vec(), sides),
+                end: Some(end),
+                order: 0,
+                least_member: 0.0,
+            };
+        }
+        let x = self.from(x0, &measures);
+        let open: Vec<f64> = self.open.iter().map(|&place| self.params[place]).collect();
+        let law = self.jumping.clone().map(|jumping| -> Box<Law> {
+            let mut simulator = Simulator::new(jumping, Default::default());
+            simulator.set_parameters(&open);
+            Box::new(move |t: f64, x: &[f64]| impact(&mut simulator, horizon, t, x))
+        });
+        let parameters = [&open[..], &measures.inputs].concat();
+        let start = (&x[..], &parameters[..]);
+        let (mut order, mut least_member) = (0, 0.0_f64);
+        let (outcome, end) = match &mut self.road {
+            Road::Events { hybrid, settings } => {
+                let simulator = renewed(kept, hybrid, settings.as_ref().clone());
+                simulator.set_parameters(&parameters);
+                order = simulator.order();
+                drive(
+                    &self.way,
+                    start,
+                    horizon,
+                    observer,
+                    law,
+                    |end, x, physical| simulator.run(0.0, end, x, physical),
+                )
+            }
+            Road::Elements {
+                complementarity,
+                settings,
+                library,
+                ..
+            } => {
+                complementarity.parameters.copy_from_slice(&parameters);
+                drive(
+                    &self.way,
+                    start,
+                    horizon,
+                    observer,
+                    law,
+                    |end, x, physical| {
+                        let settings = elements::Settings {
+                            grid: longer(settings.grid, end / horizon),
+                            ..settings.clone()
+                        };
+                        let simulator = elements::Simulator::new(complementarity, settings);
+                        let simulator = simulator.expect("the number of nodes has been checked");
+                        let mut simulator = simulator.knowing(std::mem::take(library));
+                        let solution = simulator.run(0.0, end, x, physical);
+                        *library = simulator.library().clone();
+                        least_member = least_member.min(solution.least_member);
+                        order = simulator.order();
+                        solution.outcome
+                    },
+                )
+            }
+        };
+        Ran {
+            outcome,
+            end,
+            order,
+            least_member,
+        }
+    }
+
+    /// How switches are stated for elements.
+    pub(super) fn formulation(&self) -> Option<Formulation> {
+        match &self.road {
+            Road::Events { .. } => None,
+            Road::Elements { formulation, .. } => Some(*formulation),
+        }
+    }
+
+    /// How a run has ended, of the contacts of the original; other switches are those of the frozen system.
+    pub fn told(&self, ran: Ran) -> Outcome {
+        match ran.end {
+            Some(end) => Outcome {
+                status: end.status(&self.way),
+                ..ran.outcome
+            },
+            None => ran.outcome,
+        }
+    }
+}
+
+impl Road {
+    fn new(frozen: &System<'_>, settings: &Settings<'_>, open: &[usize]) -> Self {
+        if !settings.numerics.method.kind().needs_dcs() {
+            return Road::Events {
+                hybrid: hybrid::lower_at(frozen, open),
+                settings: Box::default(),
+            };
+        }
+        let dcs = dcs::lower(frozen, &settings.numerics.lowerings);
+        let dcs = dcs.expect("compilation has checked that the system can be lowered");
+        let (family, nodes) = options(settings).scheme;
+        Road::Elements {
+            complementarity: Box::new(complementarity_open(frozen, &dcs, open)),
+            formulation: dcs.lowering.formulation,
+            settings: elements::Settings::new(family, nodes),
+            library: Library::default(),
+        }
+    }
+}
+
+/// The grid of a numerical time, which is so many times the horizon: steps keep their length.
+fn longer(grid: Grid, share: f64) -> Grid {
+    match grid {
+        Grid::Steps { steps, elements } => Grid::Steps {
+            steps: (steps as f64 * share - 1e-9).ceil().max(1.0) as usize,
+            elements,
+        },
+        adaptive => adaptive,
+    }
+}
