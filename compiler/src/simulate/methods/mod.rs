@@ -235,9 +235,9 @@ mod tests {
     const BELT: &str =
         "param mu = 0.6; state q = 0; state v = 1; q' = v; v' = -q - mu*sign(v - 0.3);";
     /// A threshold that jumps with time.
-    const LED: &str = "param mu = 0.6; state q = 0; q' = if q > (if time > 0.4 then 0.7 else 0.5) then -mu else mu;";
+    const LED: &str = "param mu = 0.6; state q = 0; q' = if q > (if time > 0.4 then 0.7 else 0.5) then 0.5*mu else mu;";
     /// A block that is thrown.
-    const THROWN: &str = "param mu = 0.6; state q[2] = [0, 0.3]; state v[2] = [2, 0]; q' = v;
+    const THROWN: &str = "param mu = 0.6; state q[2] = [0, 3]; state v[2] = [2, 0]; q' = v;
         mechanics q, v {
             mass = 1; force = [0, -9.81];
             contact floor { gap = q[2]; slip = v[1]; restitution = 0.5; friction = mu; }
