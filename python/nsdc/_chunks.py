@@ -105,7 +105,10 @@ class Folder:
         self._path.mkdir(parents=True, exist_ok=True)
         told = self._path / "sweep.json"
         if told.exists():
-            known = json.loads(told.read_text(encoding="utf-8"))["key"]
+            try:
+                known = json.loads(told.read_text(encoding="utf-8"))["key"]
+            except (ValueError, KeyError, TypeError):
+                raise ValueError(f"checkpoint: `{told}` is not that of a sweep") from None
             if known != key:
                 raise ValueError(f"checkpoint: `{path}` has chunks of another sweep")
         else:

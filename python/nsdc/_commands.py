@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import os
 import re
 import tempfile
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class CommandError(RuntimeError):
-    """A command has ended with an exit code that is no success; `text` is what it has printed."""
+    """A command has nothing to say but what is wrong: `code` is its exit code, `text` what it has printed."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(code, text)
@@ -39,6 +40,9 @@ class Emitted(str):
         made.ir = ir
         return made
 
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        return str(self), self.ir
+
     def _repr_latex_(self) -> str | None:
         """What a notebook typesets; none of other forms."""
         if self.ir != "tex":
@@ -49,14 +53,19 @@ class Emitted(str):
 
 
 class Report(str):
-    """What a command prints, with its figures by name; the first one shows itself in a notebook."""
+    """What a command prints, with its figures by name, which show themselves in a notebook."""
 
     figures: dict[str, Figure]
+    #: Whether the exit code of the command was that of success.
+    ok: bool
 
-    def __new__(cls, text: str, figures: dict[str, Figure]) -> Report:
+    def __new__(cls, text: str, figures: dict[str, Figure], ok: bool) -> Report:
         made = super().__new__(cls, text)
-        made.figures = figures
+        made.figures, made.ok = figures, ok
         return made
+
+    def __getnewargs__(self) -> tuple[str, dict[str, Figure], bool]:  # type: ignore[override]
+        return str(self), self.figures, self.ok
 
     def __repr__(self) -> str:
         return str(self)
@@ -82,18 +91,25 @@ def report(file: File, name: str, *args: str, plot: str | None = None) -> Report
             raise CommandError(code, err.decode(errors="replace").replace(f"{folder}/", ""))
         figures = {path.stem: path.read_text(encoding="utf-8") for path in sorted(place.glob("*.svg"))}
         drawn_figures = {stem: Figure(svg) for stem, svg in figures.items()}
-        return Report(out.decode(errors="replace"), drawn_figures)
+        return Report(out.decode(errors="replace"), drawn_figures, code == 0)
 
 
 def _written(file: File, folder: Path) -> Path:
-    """The path of a file for commands: that of the disk, or a copy in a folder."""
-    if file._is_disk and not file._is_pickled:
-        return Path(file.path)
+    """The path of a copy of a file, as it was read, with what it uses, in a folder."""
+    # Folders above it stay within.
+    inner = folder.joinpath(*["_"] * 16)
+
+    def place(name: str) -> Path:
+        path = Path(os.path.normpath(inner / name.lstrip("/")))
+        if not path.is_relative_to(folder) or path == inner:
+            raise ValueError(f"`{name}` is no name of a file beside others")
+        return path
+
     for name, content in file._project.files():
-        place = folder / name.lstrip("/")
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(content)
-    return folder / file.path.lstrip("/")
+        path = place(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return place(file.path)
 
 
 def order(experiment: Experiment, *options: str) -> Report:
@@ -109,6 +125,6 @@ def modes(
     return report(experiment.file, "modes", experiment.name, *ranges, *options, plot="modes.svg")
 
 
-def verify(experiment: Experiment, *options: str) -> str:
-    """`nsdc verify`: whether all methods and lowerings agree on it."""
-    return command(experiment.file, "verify", experiment.name, *options)
+def verify(experiment: Experiment, *options: str) -> Report:
+    """`nsdc verify`: whether all methods and lowerings agree on it; `ok` says so."""
+    return report(experiment.file, "verify", experiment.name, *options)

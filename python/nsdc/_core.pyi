@@ -81,6 +81,7 @@ class Project:
         threads: int | None,
         heard: Callable[[int], None] | None,
     ) -> Rows: ...
+    def refuse(self, experiment: str, asked: Asked, points: Points) -> None: ...
     def draw_sweep(
         self,
         experiment: str,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -12,13 +13,15 @@ from numpy.typing import ArrayLike
 
 from . import _core, _sweep
 from ._commands import Emitted, command
-from ._quantities import Quantities, Quantity, given
+from ._quantities import Quantities, Quantity, count, finite, given
 from ._result import Result
 
 if TYPE_CHECKING:
     from ._file import File
     from ._sweep import Sweep
 
+#: What else runs and sweeps take by name.
+KEYWORDS = ("params", "settings", "time_limit", "multipliers", "outputs", "zip", "threads", "seed", "on", "chunk")
 #: The settings that a run takes by name, with the words of the language.
 SETTINGS = {
     "method": "method",
@@ -118,32 +121,39 @@ class Experiment:
 
     def _asked(
         self,
-        params: Mapping[str, ArrayLike] | None,
-        values: Mapping[str, Any],
+        values: Iterable[tuple[str, Any]],
+        settings: Mapping[str, Any],
         time_limit: float | None,
     ) -> _core.Asked:
-        """What is asked of a run by name: settings, and values."""
-        values = dict(values)
-        settings = [
-            (name, _words(name, values.pop(name)))
-            for name in SETTINGS
-            if values.get(name) is not None and name not in self._known
-        ]
-        for name in SETTINGS:
-            if name not in self._known:
-                values.pop(name, None)
-        if time_limit is not None and not 0 <= time_limit < float("inf"):
-            raise ValueError(f"time_limit: {time_limit} is no time in seconds")
-        both = sorted(set(values) & set(params or {}))
-        if both:
-            raise TypeError(f"`{both[0]}` is given twice")
-        found = given(self._known, {**values, **(params or {})})
-        return {"values": found, "settings": settings, "time_limit": time_limit}
+        """What is asked of a run by name: values, and settings, which are also those among the values that are no names."""
+        words, rest = dict(settings), []
+        for name, value in values:
+            if name in SETTINGS and name not in self._known:
+                if name in words:
+                    raise TypeError(f"`{name}` is given twice")
+                words[name] = value
+            else:
+                rest.append((name, value))
+        for name in words:
+            if name not in SETTINGS:
+                raise TypeError(f"`{name}` is no setting; there are {', '.join(SETTINGS)}")
+        if time_limit is not None:
+            (time_limit,) = finite("time_limit", time_limit, ()).tolist()
+            if time_limit < 0:
+                raise ValueError(f"time_limit: {time_limit} is no time in seconds")
+        given_settings = [(name, _words(name, value)) for name, value in words.items() if value is not None]
+        known = [*SETTINGS, *KEYWORDS]
+        return {
+            "values": given(self._known, rest, known),
+            "settings": given_settings,
+            "time_limit": time_limit,
+        }
 
     def run(
         self,
         *,
         params: Mapping[str, ArrayLike] | None = None,
+        settings: Mapping[str, Any] | None = None,
         time_limit: float | None = None,
         multipliers: bool = False,
         **values: Any,
@@ -152,16 +162,17 @@ class Experiment:
 
         Keywords are names of parameters, initial values and inputs, with numbers or arrays of their shapes, and the settings
         `method` ("event", "fesd { steps = 20; }"), `horizon`, `tolerance` and `every`, with numbers or with words of the
-        language. `params` takes names that are no keywords, such as `motor.k` or `x[2]`. `time_limit` is in seconds.
+        language. `params` takes names that are no keywords, such as `motor.k` or `x[2]`, and `settings` those that are also
+        names of the model. `time_limit` is in seconds.
         With `multipliers`, the result keeps those of the method.
 
-        What it is compiled to is kept: further runs of the thread with values on the same sides of zero compile nothing. What
-        comes of a run depends on its own values alone.
+        What a simulation is compiled to is kept: further runs of the thread with the same settings and values on the same
+        sides of zero compile nothing. What comes of a run depends on its own values alone.
 
         A run that fails is a result whose `status` says so. `ModelError` where the experiment does not compile, `TypeError`
         for unknown names and for what is no number, `ValueError` for wrong shapes and for numbers that are not finite.
         """
-        asked = self._asked(params, values, time_limit)
+        asked = self._asked(_both(values, params), settings or {}, time_limit)
         # A figure of an optimum has what was solved.
         is_drawn = self.kind == "optimize"
         run = self.file._project.run(self.name, asked, multipliers, is_drawn)
@@ -176,7 +187,8 @@ class Experiment:
         self,
         *,
         params: Mapping[str, ArrayLike] | None = None,
-        outputs: list[str] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        outputs: Sequence[str] | None = None,
         zip: bool = False,
         threads: int | None = None,
         seed: int | None = None,
@@ -201,17 +213,25 @@ class Experiment:
 
         Runs that fail are rows. Ctrl-C keeps what is finished.
         """
-        axes, rest = _sweep.split(self._known, {**values, **(params or {})}, SETTINGS)
-        asked = self._asked(None, rest, time_limit)
-        plan = _sweep.Plan(self, asked, axes, zip, seed)
-        engine = _sweep.Engine(threads=threads, on=on, chunk=chunk, progress=progress)
+        known = [*SETTINGS, *KEYWORDS]
+        axes, rest = _sweep.split(self._known, _both(values, params), known)
+        asked = self._asked(rest, settings or {}, time_limit)
+        plan = _sweep.Plan(self, asked, axes, zip, count("seed", seed, 0))
+        engine = _sweep.Engine(
+            threads=count("threads", threads, 1),
+            on=on,
+            chunk=count("chunk", chunk, 1),
+            progress=progress,
+        )
         return plan.run(engine, outputs, checkpoint)
 
-    def emit(self, ir: str = "system", **values: Any) -> Emitted:
+    def emit(
+        self, ir: str = "system", *, params: Mapping[str, ArrayLike] | None = None, **values: Any
+    ) -> Emitted:
         """A form of the lowering, as `nsdc emit --ir` prints it: `system`, `dcs`, `mpcc`, `nl`, .., or `tex`, which a notebook
-        shows as mathematics."""
-        asked = self._asked(None, values, None)
-        sets = [f"--set={name}={value!r}" for name, value in asked["values"]]
+        shows as mathematics; with values of parameters and initial values."""
+        found = given(self._known, _both(values, params))
+        sets = [f"--set={name}={value!r}" for name, value in found]
         text = command(self.file, "emit", self.name, f"--ir={ir}", *sets)
         return Emitted(text, ir)
 
@@ -219,12 +239,21 @@ class Experiment:
         return f"<{self.kind} {self.name} of {self.model}>"
 
     def _repr_html_(self) -> str:
-        parts = [f"<b>{self.kind} {self.name} of {self.model}</b>"]
-        parts += [f"<p>{self.doc}</p>"] if self.doc else []
+        parts = [f"<b>{html.escape(f'{self.kind} {self.name} of {self.model}')}</b>"]
+        parts += [f"<p>{html.escape(self.doc)}</p>"] if self.doc else []
         for title in ("parameters", "states", "controls", "inputs", "outputs"):
             quantities: Quantities = getattr(self, title)
             parts += [f"<div>{title}{quantities._repr_html_()}</div>"] if quantities else []
         return "".join(parts)
+
+
+def _both(
+    values: Mapping[str, Any], params: Mapping[str, Any] | None
+) -> list[tuple[str, Any]]:
+    """What is given by keywords, and by names."""
+    if params is not None and not isinstance(params, Mapping):
+        raise TypeError(f"params: expected values by name, got {params!r}")
+    return [*values.items(), *(params or {}).items()]
 
 
 def _words(name: str, value: Any) -> str:

@@ -6,6 +6,7 @@ import difflib
 import html
 import os
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from . import _core
@@ -31,12 +32,11 @@ class File:
         #: Its path, or its name.
         self.path = path
         self._is_disk = is_disk
-        self._is_pickled = bool(files) and is_disk
         self._project = _core.Project(path, files, is_disk)
         self._experiments: dict[str, Experiment] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return File, (self.path, self._project.files(), self._is_disk)
+        return _restored, (self.path, tuple(self._project.files()), self._is_disk)
 
     @property
     def models(self) -> list[str]:
@@ -81,6 +81,12 @@ class File:
         told = f"<pre>{html.escape(text)}</pre>" if text else ""
         rows = "".join(f"<li>{html.escape(name)}</li>" for name in self)
         return f"<b>{html.escape(self.path)}</b><ul>{rows}</ul>{told}"
+
+
+@lru_cache(maxsize=16)
+def _restored(path: str, files: tuple[tuple[str, bytes], ...], is_disk: bool) -> File:
+    """A file that was pickled: once for all copies in a process, as those of the tasks of a worker."""
+    return File(path, list(files), is_disk)
 
 
 def load(path: str | os.PathLike[str]) -> File:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import html
 import math
+import operator
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 #: `x[1]`, `A[1,2]`: what it is an entry of, and its indices from 1.
 ENTRY = re.compile(r"^(?P<base>.*)\[(?P<indices>[0-9, ]+)\]$")
@@ -90,7 +91,9 @@ def _quantity(one: dict[str, Any]) -> Quantity:
     def shaped(values: list[float | None], missing: float) -> Any:
         """What is not finite is null in JSON, and nothing is known of some."""
         flat = [missing if value is None else value for value in values]
-        return shaped_like(np.array(flat, dtype=float), shape) if flat else None
+        found = np.array(flat, dtype=float)
+        found.flags.writeable = False
+        return shaped_like(found, shape) if flat else None
 
     value = shaped(one["value"], math.nan)
     bounds = (shaped(one["low"], -math.inf), shaped(one["high"], math.inf))
@@ -105,9 +108,10 @@ def shaped_like(
     return float(flat[0]) if not shape else flat.reshape(shape)
 
 
-def unknown(name: str, known: list[str]) -> TypeError:
+def unknown(name: str, known: Iterable[str], settings: Iterable[str] = ()) -> TypeError:
     """That a name is none of those that are known."""
-    close = difflib.get_close_matches(name, known, n=1)
+    known, all_known = list(known), [*known, *settings]
+    close = difflib.get_close_matches(name, all_known, n=1)
     help = f"did you mean `{close[0]}`?" if close else f"there are {', '.join(known) or 'none'}"
     return TypeError(f"`{name}` is no parameter, initial value or input; {help}")
 
@@ -131,6 +135,8 @@ def real(name: str, value: Any) -> NDArray[np.float64]:
     """An array of floating-point numbers; `TypeError` where it is none."""
     if value is None or isinstance(value, (str, bytes)):
         raise TypeError(f"{name}: expected a number, got {value!r}")
+    if np.ma.is_masked(value):
+        raise TypeError(f"{name}: expected numbers, got some that are masked")
     try:
         found = np.asarray(value)
     except ValueError:
@@ -141,25 +147,43 @@ def real(name: str, value: Any) -> NDArray[np.float64]:
 
 
 def given(
-    known: Mapping[str, Quantity], values: Mapping[str, ArrayLike]
+    known: Mapping[str, Quantity], values: Iterable[tuple[str, Any]], settings: Iterable[str] = ()
 ) -> list[tuple[str, float]]:
-    """Values by the names of entries, of values by the names of quantities or of entries."""
-    found: list[tuple[str, float]] = []
-    for name, value in values.items():
+    """Values by the names of entries, of values by the names of quantities or of entries, each of which is given once."""
+    found: dict[str, float] = {}
+    for name, value in values:
         quantity = known.get(name)
-        if quantity is not None:
-            numbers = finite(name, value, quantity.shape)
-            found.extend(zip(quantity.entries, numbers.tolist()))
+        if quantity is None:
+            pairs = [(entry(known, name, settings), float(finite(name, value, ())[0]))]
+        elif type(value) is float and not quantity.shape and math.isfinite(value):
+            pairs = [(name, value)]
         else:
-            found.append((entry(known, name), float(finite(name, value, ())[0])))
-    return found
+            pairs = list(zip(quantity.entries, finite(name, value, quantity.shape).tolist()))
+        for one, number in pairs:
+            if one in found:
+                raise TypeError(f"`{one}` is given twice")
+            found[one] = number
+    return list(found.items())
 
 
-def entry(known: Mapping[str, Quantity], name: str) -> str:
+def entry(known: Mapping[str, Quantity], name: str, settings: Iterable[str] = ()) -> str:
     """The name of an entry as it stands in the language; `TypeError` where there is none of that name."""
     match = ENTRY.match(name)
     quantity = known.get(match["base"]) if match else None
     plain = re.sub(r"\s", "", name)
     if quantity is None or plain not in quantity.entries:
-        raise unknown(name, list(known))
+        raise unknown(name, known, settings)
     return plain
+
+
+def count(name: str, value: Any, least: int) -> int | None:
+    """A whole number from some least one on, or none; `TypeError` and `ValueError` name the argument."""
+    if value is None:
+        return None
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name}: expected a whole number, got {value!r}") from None
+    if number < least:
+        raise ValueError(f"{name}: expected {least} or more, got {number}")
+    return number

@@ -166,6 +166,13 @@ class Result:
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
 
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def keys(self) -> list[str]:
+        """The names, so that `dict(result)` has all values."""
+        return self.names
+
     def __contains__(self, name: object) -> bool:
         return name in self._values
 
@@ -380,8 +387,14 @@ class Result:
         elif path.suffix == ".mat":
             import scipy.io
 
-            named = {name.replace(".", "_"): values for name, values in self._values.items()}
-            scipy.io.savemat(path, {"time": self.time, **named})
+            # MATLAB has names of letters, digits and underscores, which begin with a letter.
+            named = {"time": self.time}
+            for name, values in self._values.items():
+                plain = re.sub(r"\W", "_", name).lstrip("_") or "x"
+                while plain in named:
+                    plain += "_"
+                named[plain] = values
+            scipy.io.savemat(path, named)
         else:
             known = ".json, .csv, .svg, .parquet, .nc or .mat"
             raise ValueError(f"a result is written as {known}, not as `{path.suffix}`")

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import html
+import json
 import math
-import pickle
+import re
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from . import _core
 from ._chunks import Folder, Rows, in_chunks
 from ._figure import Figure
 from ._progress import Bar
-from ._quantities import Quantity, entry, finite, real, unknown
+from ._quantities import Quantity, entry, finite, real
 
 if TYPE_CHECKING:
     import pandas
@@ -40,28 +41,33 @@ class Engine:
 
 
 def split(
-    known: Mapping[str, Quantity], values: Mapping[str, ArrayLike], settings: Iterable[str]
-) -> tuple[dict[str, NDArray[np.float64]], dict[str, ArrayLike]]:
+    known: Mapping[str, Quantity], values: Iterable[tuple[str, Any]], settings: Iterable[str]
+) -> tuple[dict[str, NDArray[np.float64]], list[tuple[str, Any]]]:
     """Axes by the names of entries, and what holds in every run."""
     axes: dict[str, NDArray[np.float64]] = {}
-    rest: dict[str, ArrayLike] = {}
-    for name, value in values.items():
+    rest: list[tuple[str, Any]] = []
+    for name, value in values:
         quantity = known.get(name)
         if quantity is None and name in settings:
-            rest[name] = value
+            rest.append((name, value))
             continue
         numbers = real(name, value)
-        if quantity is not None and numbers.ndim == len(quantity.shape):
-            rest[name] = value
-        elif quantity is not None and quantity.shape:
-            entries = ", ".join(quantity.entries[:2])
-            raise ValueError(f"{name}: axes are entries, as in `params={{\"{quantity.entries[0]}\": ..}}` for {entries}, ..")
-        elif quantity is None and numbers.ndim == 0:
-            rest[name] = value
-        else:
-            axes[name if quantity is not None else entry(known, name)] = _axis(name, numbers)
+        if quantity is not None and quantity.shape and numbers.ndim != len(quantity.shape):
+            one = quantity.entries[0]
+            raise ValueError(f'{name}: axes are entries, as in `params={{"{one}": ..}}`')
+        if numbers.ndim == len(quantity.shape if quantity is not None else ()):
+            rest.append((name, value))
+            continue
+        own = name if quantity is not None else entry(known, name, settings)
+        if own in axes:
+            raise TypeError(f"`{own}` is given twice")
+        axes[own] = _axis(name, numbers)
     if not axes:
         raise TypeError("a sweep needs an axis: a list or an array in place of a number")
+    twice = axes.keys() & {re.sub(r"\s", "", name) for name, _ in rest}
+    twice |= {own for own in axes for name, _ in rest if own.startswith(f"{name}[")}
+    if twice:
+        raise TypeError(f"`{min(twice)}` is given twice")
     return axes, rest
 
 
@@ -100,8 +106,13 @@ class Plan:
 
     def points(self, first: int, last: int) -> _core.Points:
         """Some points by their numbers."""
-        axes = [(name, values.tolist()) for name, values in self.axes.items()]
-        return {"axes": axes, "zip": self.is_zipped, "first": first, "last": last, "seed": self.seed}
+        seed, part = self.seed, slice(None)
+        if self.is_zipped or len(self.axes) == 1:
+            # Rows depend on their own values alone: others need not be sent.
+            seed = None if seed is None else seed + first
+            part, first, last = slice(first, last), 0, last - first
+        axes = [(name, values[part].tolist()) for name, values in self.axes.items()]
+        return {"axes": axes, "zip": self.is_zipped, "first": first, "last": last, "seed": seed}
 
     def rows(
         self, first: int, last: int, threads: int | None, heard: Callable[[int], None] | None
@@ -114,48 +125,64 @@ class Plan:
     @cached_property
     def key(self) -> str:
         """What all rows depend on, as a number of 256 bits."""
-        file = self.experiment.file
-        told = (sorted(file._project.files()), self.experiment.name, self.asked["values"])
-        told += (self.asked["settings"], self.points(0, 0), self.outputs)  # type: ignore[assignment]
-        return hashlib.sha256(pickle.dumps(told, protocol=4)).hexdigest()
+
+        def hashed(content: bytes) -> str:
+            return hashlib.sha256(content).hexdigest()
+
+        told = {
+            "version": _core.__version__,
+            "files": sorted((name, hashed(text)) for name, text in self.experiment.file._project.files()),
+            "experiment": self.experiment.name,
+            "asked": self.asked,
+            "axes": [(name, hashed(values.tobytes())) for name, values in self.axes.items()],
+            "zip": self.is_zipped,
+            "seed": self.seed,
+            "outputs": self.outputs,
+        }
+        return hashed(json.dumps(told, sort_keys=True).encode())
 
     def run(
         self,
         engine: Engine,
-        outputs: list[str] | None,
+        outputs: Sequence[str] | None,
         checkpoint: str | PathLike[str] | None,
     ) -> Sweep:
         """All points."""
         if self.is_zipped and len({len(values) for values in self.axes.values()}) > 1:
             lengths = ", ".join(f"{name} has {len(values)}" for name, values in self.axes.items())
             raise ValueError(f"zip takes axes of one length, but {lengths}")
-        if engine.threads is not None and engine.threads < 1:
-            raise ValueError(f"threads: expected 1 or more, got {engine.threads}")
-        if engine.chunk is not None and engine.chunk < 1:
-            raise ValueError(f"chunk: expected 1 or more, got {engine.chunk}")
         plan = self._keeping(outputs)
         count = math.prod(plan.shape)
         bar = Bar(self.experiment.name, count, engine.progress)
-        if engine.on is None and checkpoint is None:
-            rows = plan.rows(0, count, engine.threads, bar.show)
-        else:
-            folder = None if checkpoint is None else Folder(checkpoint, plan.key)
-            rows = in_chunks(plan, count, engine, folder, bar)
-        bar.end()
+        try:
+            if engine.on is None and checkpoint is None:
+                rows = plan.rows(0, count, engine.threads, bar.show)
+            else:
+                folder = None if checkpoint is None else Folder(checkpoint, plan.key)
+                rows = in_chunks(plan, count, engine, folder, bar)
+        finally:
+            bar.end()
+        if np.all(rows.status == "refused"):
+            # What is wrong with all points is told once, with its place.
+            project, name = self.experiment.file._project, self.experiment.name
+            project.refuse(name, self.asked, plan.points(0, count))
         if rows.is_interrupted:
             done = sum(status != "" for status in rows.status)
             warnings.warn(f"the sweep was interrupted after {done} of {count} runs", stacklevel=3)
         return Sweep(plan, rows)
 
-    def _keeping(self, outputs: list[str] | None) -> Plan:
+    def _keeping(self, outputs: Sequence[str] | None) -> Plan:
         """With the names of what is kept, which are known."""
         if outputs is None:
             return self
-        known = [*self.experiment.states, *self.experiment.outputs]
-        for name in outputs:
-            if name.split("[")[0] not in known:
-                raise unknown(name, known)
-        return replace(self, outputs=tuple(outputs))
+        if isinstance(outputs, str):
+            raise TypeError(f"outputs: expected a list of names, got {outputs!r}")
+        known = {**self.experiment.states, **self.experiment.outputs}
+        names = [re.sub(r"\s", "", name) for name in outputs]
+        for name in names:
+            if name not in known:
+                entry(known, name)
+        return replace(self, outputs=tuple(names))
 
 
 class Sweep:
@@ -190,6 +217,12 @@ class Sweep:
     def names(self) -> list[str]:
         """The entries of which there are values at the end."""
         return list(self._rows.names)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows.names)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._rows.names
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """The values at the end of a state or output, or of an entry: the shape of the sweep, and that of the quantity behind
@@ -266,16 +299,21 @@ class Sweep:
         return {name: values.reshape(-1) for name, values in zip(axes, grid)}
 
     def _columns(self) -> dict[str, NDArray[Any]]:
-        """What is known of each run, run by run; values at the end have the names of their entries."""
+        """What is known of each run, run by run; a name that an axis or one of these columns has gets ` at end`."""
         rows = self._rows
-        ends = {_at_end(name, self.axes): rows.ends[:, k] for k, name in enumerate(rows.names)}
-        told: dict[str, NDArray[Any]] = {"status": rows.status, "code": rows.codes, **ends}
+        told: dict[str, NDArray[Any]] = {"status": rows.status, "code": rows.codes}
+        behind: dict[str, NDArray[Any]] = {}
         if not np.all(np.isnan(rows.objectives)):
-            told["objective"] = rows.objectives
-        told |= {"events": rows.events, "error_estimate": rows.error_estimates}
+            behind["objective"] = rows.objectives
+        behind |= {"events": rows.events, "error_estimate": rows.error_estimates}
         if not np.all(rows.missed == -1):
-            told["missed"] = rows.missed
-        return told
+            behind["missed"] = rows.missed
+        taken = {*self.axes, *told, *behind}
+        for k, name in enumerate(rows.names):
+            told[f"{name} at end" if name in taken else name] = rows.ends[:, k]
+        # An axis keeps its name.
+        all_told = {**told, **behind}
+        return {f"{name} of run" if name in self.axes else name: of for name, of in all_told.items()}
 
     def to_pandas(self) -> pandas.DataFrame:
         """A row for each run: axes, `status`, `code`, values at the end, `events`, `error_estimate`."""
@@ -320,8 +358,3 @@ class Sweep:
     def _repr_html_(self) -> str:
         figure = self.plot().svg if len(self.shape) <= 2 else ""
         return f"<div>{figure}<pre>{html.escape(repr(self))}</pre></div>"
-
-
-def _at_end(name: str, axes: Iterable[str]) -> str:
-    """An axis may be an initial value of the same name."""
-    return f"{name} at end" if name in axes else name

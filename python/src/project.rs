@@ -170,6 +170,19 @@ impl Project {
         drawn.map_err(|messages| model_error(&messages))
     }
 
+    /// Raises what is wrong with the first point of a grid, where it does not compile.
+    fn refuse(
+        &self,
+        py: Python<'_>,
+        experiment: &str,
+        asked: Asked,
+        points: Points,
+    ) -> PyResult<()> {
+        let (grid, options) = (points.grid()?, asked.replacing());
+        let found = py.detach(|| self.project.sweep(experiment, &options, grid)?.check());
+        found.map_err(|messages| model_error(&messages))
+    }
+
     /// The figure of a sweep with these columns, as SVG.
     fn draw_sweep(
         &self,
@@ -214,11 +227,7 @@ impl Project {
             let sweep = sweep.within(time).canceled_by(&interrupt.cancel);
             let sweep = sweep.seeded(points.seed);
             let mut tell = interrupt.telling(heard.as_ref());
-            let rows = sweep.rows(points.first..points.last, threads, &mut tell);
-            match sweep.refused(&rows) {
-                Some(messages) => Err(messages),
-                None => Ok(rows),
-            }
+            Ok(sweep.rows(points.first..points.last, threads, &mut tell))
         });
         let done: Result<_, Messages> = done;
         let rows = done.map_err(|messages| model_error(&messages))?;

@@ -1,6 +1,8 @@
 //! What came of a run.
 
-use nsdc::report::Series;
+use std::collections::HashMap;
+
+use nsdc::report::{Piece, Series};
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
@@ -23,6 +25,25 @@ impl Run {
     /// The trajectory.
     pub fn trajectory(&self) -> &nsdc::report::Trajectory {
         &self.run.trajectory
+    }
+
+    /// The states before a jump at the first instant, as a piece of no length.
+    fn before_start(&self) -> Option<Piece> {
+        let (samples, dense) = (&self.run.trajectory.samples, &self.run.trajectory.dense);
+        let start = dense.pieces.first()?.from;
+        if !samples.time.starts_with(&[start, start]) {
+            return None;
+        }
+        let first = samples.states.iter();
+        let first = first.flat_map(|series| series.entry_names().into_iter().zip(series.at(0)));
+        let first: HashMap<String, f64> = first.map(|(name, &value)| (name, value)).collect();
+        let values = self.run.states.iter().map(|name| first.get(name).copied());
+        Some(Piece {
+            from: start,
+            to: start,
+            n_coefficients: 1,
+            coefficients: values.collect::<Option<_>>()?,
+        })
     }
 
     fn named(&self, kind: &str) -> PyResult<&[Series]> {
@@ -113,7 +134,12 @@ impl Run {
         Bound<'py, PyArray1<i64>>,
         Bound<'py, PyArray1<f64>>,
     ) {
-        let (pieces, names) = (&self.run.trajectory.dense.pieces, &self.run.states);
+        let names = &self.run.states;
+        let before = self.before_start();
+        let pieces: Vec<&Piece> = before
+            .iter()
+            .chain(&self.run.trajectory.dense.pieces)
+            .collect();
         let ends = [
             pieces.iter().map(|piece| piece.from).collect(),
             pieces.iter().map(|piece| piece.to).collect(),

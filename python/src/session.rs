@@ -11,8 +11,8 @@ use self_cell::self_cell;
 
 /// Projects of which a thread keeps what it has compiled.
 const MOST: usize = 8;
-/// Experiments of a project that are kept, each with its settings and the sides of zero of its values.
-const MOST_KEPT: usize = 64;
+/// Expressions of a project with which it is compiled anew: those of what is not kept any more are among them.
+const MOST_NODES: usize = 4_000_000;
 
 struct Ground {
     exprs: Exprs,
@@ -46,7 +46,7 @@ pub fn run(
     // It is not there while it runs: handlers of signals may run other experiments.
     let mut compiled = taken(project);
     let found = compiled.with_dependent_mut(|_, session| session.run(experiment, options, watch));
-    if compiled.with_dependent(|_, session| session.kept()) < MOST_KEPT {
+    if compiled.borrow_owner().exprs.n_nodes() < MOST_NODES {
         COMPILED.with_borrow_mut(|all| {
             all.push(compiled);
             if all.len() > MOST {

@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from models import BELT
+from models import BALL, BELT
 
 import nsdc
 
@@ -45,6 +45,13 @@ def test_failed_runs_are_rows(client) -> None:
     grows = nsdc.loads("model m { state x = 1; x' = x^2; } simulate s of m { horizon 2; }")["s"]
     x = np.linspace(0.1, 1, 10)
     assert same(grows.sweep(x=x, on=client, chunk=3), grows.sweep(x=x))
+
+
+def test_a_first_row_that_is_refused_is_a_row(client) -> None:
+    ball = nsdc.loads(BALL)["falls"]
+    for chunk in (None, 1, 2):
+        found = ball.sweep(e=[3, 0.5, 0.6], on=client, chunk=chunk)
+        assert found.status.tolist() == ["refused", "solved", "solved"]
 
 
 def test_a_lost_worker_loses_nothing(client) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -25,6 +26,12 @@ from models import BALL, BELT, EXAMPLES
         ({"q": np.inf}, ValueError, "q: inf is not finite"),
         ({"g": np.zeros((300, 300))}, ValueError, "g: expected a number"),
         ({"g": 1, "params": {"g": 2}}, TypeError, "`g` is given twice"),
+        ({"horison": 3}, TypeError, "did you mean `horizon`"),
+        ({"settings": {"metod": "event"}}, TypeError, "no setting"),
+        ({"horizon": 1, "settings": {"horizon": 2}}, TypeError, "`horizon` is given twice"),
+        ({"params": [("g", 1)]}, TypeError, "params: expected"),
+        ({"g": np.ma.masked_array(1.0, mask=True)}, TypeError, "g: .* masked"),
+        ({"time_limit": "5"}, TypeError, "time_limit: expected a number"),
         ({"horizon": np.nan}, ValueError, "horizon: nan is not finite"),
         ({"horizon": [1, 2]}, TypeError, "horizon: expected a number"),
         ({"time_limit": -1}, ValueError, "time_limit"),
@@ -45,6 +52,18 @@ def test_shapes_are_checked(belt: nsdc.Experiment) -> None:
     whole = belt.run(x=np.array([0.5, -1.0]))
     entries = belt.run(params={"x[1]": 0.5, "x[ 2 ]": -1})
     assert whole["x"].tolist() == entries["x"].tolist()
+
+
+def test_entries_are_given_once(belt: nsdc.Experiment) -> None:
+    for params in ({"x[1]": 5}, {"x[1]": 5, "x[ 1]": 6}):
+        with pytest.raises(TypeError, match=r"`x\[1\]` is given twice"):
+            belt.run(params=params, **({"x": [1, 2]} if len(params) == 1 else {}))
+
+
+def test_settings_can_be_given_beside_names_of_the_model() -> None:
+    text = "model m { param horizon = 1; state method = 1; method' = -horizon; } simulate s of m { horizon 1; }"
+    result = nsdc.loads(text)["s"].run(horizon=3, method=2, settings={"horizon": 0.5})
+    assert abs(result.end["method"] - 0.5) < 1e-12 and result.time[-1] == 0.5
 
 
 def test_mistakes_of_models_have_places() -> None:
@@ -81,20 +100,26 @@ def test_runs_depend_on_their_own_values_alone() -> None:
     """Whatever was run before, and in whatever order: the very same numbers."""
     rng = np.random.default_rng(5)
     for text, name, draws in (
-        (BALL, "falls", {"g": (1, 20), "e": (0.1, 0.9), "q": (0.1, 2)}),
+        # Some are refused.
+        (BALL, "falls", {"g": (1, 20), "e": (0.1, 1.5), "q": (0.1, 2)}),
         (BELT, "pulls", {"mu": (-1, 1), "speed": (-0.5, 0.5)}),
     ):
         points = [{k: rng.uniform(*span) for k, span in draws.items()} for _ in range(6)]
         points += [{**points[0], list(draws)[0]: 0.0}, {list(draws)[0]: points[1][list(draws)[0]]}]
-        runs = [[nsdc.loads(text)[name].run(**point) for point in points]]
+
+        def told(file: nsdc.File, point: dict) -> object:
+            try:
+                result = file[name].run(**point)
+            except nsdc.ModelError as error:
+                return error.code
+            return result.time.tolist(), [result[one].tolist() for one in result]
+
+        alone = [told(nsdc.loads(text), point) for point in points]
         for order in (range(len(points)), reversed(range(len(points)))):
             file = nsdc.loads(text)
-            found = {k: file[name].run(**points[k]) for k in order}
-            runs.append([found[k] for k in range(len(points))])
-        for alone, *others in zip(*runs):
-            for other in others:
-                assert alone.time.tolist() == other.time.tolist()
-                assert all(alone[one].tolist() == other[one].tolist() for one in alone)
+            found = {k: told(file, points[k]) for k in order}
+            assert [found[k] for k in range(len(points))] == alone
+        assert ("E0504" in alone) == (text == BALL)
 
 
 def test_open_parameters_have_the_result_of_compiled_ones() -> None:
@@ -111,6 +136,13 @@ def test_forms_and_commands_are_shown(ball: nsdc.Experiment) -> None:
     assert "v" in ball.emit("system") and ball.emit()._repr_latex_() is None
     tex = ball.emit("tex")
     assert tex._repr_latex_().startswith("$$")
+    assert pickle.loads(pickle.dumps(tex)).ir == "tex"
+    above = "use ../parts/decay.{decay}; simulate s of decay { horizon 1; }"
+    parts = {"../parts/decay.nsd": "model decay { state x = 1; x' = -x; }"}
+    file = nsdc.loads(above, "main.nsd", files=parts)
+    assert "der(x)" in file["s"].emit()
+    report = nsdc.verify(file["s"])
+    assert report.ok and "roads agree" in report and pickle.loads(pickle.dumps(report)) == report
 
 
 def test_names_are_helped() -> None:

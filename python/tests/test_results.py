@@ -99,6 +99,14 @@ def test_what_is_outside_of_a_run_is_not_known(ball: nsdc.Experiment) -> None:
         none.at(0.5, 0, "right")
 
 
+def test_both_sides_of_a_jump_at_the_start_are_known() -> None:
+    text = """model m { state x = 1; state n = 0; x' = 1; n' = 0; jump j when x >= 1 { x := 0; n := n + 1; } }
+    simulate s of m { horizon 0.5; }"""
+    result = nsdc.loads(text)["s"].run()
+    assert [float(result(0.0, side=side)["x"]) for side in ("left", "right")] == [1.0, 0.0]
+    assert result["x"][:2].tolist() == [1.0, 0.0]
+
+
 def test_a_failed_run_is_a_result() -> None:
     grows = nsdc.loads("model m { state x = 1; x' = x^2; } simulate s of m { horizon 2; }")["s"]
     result = grows.run()

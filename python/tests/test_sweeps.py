@@ -68,6 +68,28 @@ def test_failed_runs_are_rows() -> None:
     assert refused.status.tolist() == ["solved", "refused"] and refused.codes[1] == "E0504"
 
 
+def test_rows_depend_on_their_own_values_alone() -> None:
+    """Whatever else is on the axis, what is refused among it."""
+    ball = nsdc.loads(BALL)["falls"]
+    whole = ball.sweep(e=[3.0, 0.9, 0.3, 0.0, 0.7])
+    assert whole.status.tolist() == ["refused"] + 4 * ["solved"]
+    for k, e in enumerate(whole.axes["e"]):
+        if k:
+            assert ball.sweep(e=[e])["v"][0] == whole["v"][k]
+    with pytest.raises(nsdc.ModelError, match="E0504"):
+        ball.sweep(e=[3.0, 4.0])
+
+
+def test_names_of_columns_are_kept_apart() -> None:
+    text = "model m { param status = 1; state events = 1; events' = -status; } simulate s of m { horizon 1; }"
+    sweep = nsdc.loads(text)["s"].sweep(status=[1.0, 2.0])
+    table = sweep.to_pandas()
+    assert table["status"].tolist() == [1, 2] and table["status of run"].tolist() == 2 * ["solved"]
+    assert table["events"].tolist() == [0, 0] and np.allclose(table["events at end"], [0, -1])
+    assert sweep.to_xarray()["events at end"].dims == ("status",)
+    assert list(sweep) == ["events"] and "events" in sweep
+
+
 def test_settings_hold_in_every_run(decay: nsdc.Experiment) -> None:
     sweep = decay.sweep(k=[1.0, 2.0], horizon=0.5, method="fesd")
     assert np.abs(sweep["x"] - np.exp(-0.5 * np.array([1, 2]))).max() < 1e-8
@@ -99,6 +121,13 @@ def test_seeds_belong_to_rows() -> None:
         ({"y": [[1, 2]]}, ValueError, r"axes are entries"),
         ({"k": [1, 2], "x": [1], "zip": True}, ValueError, "one length"),
         ({"k": [1], "outputs": ["z"]}, TypeError, "z"),
+        ({"k": [1], "outputs": ["y[7]"]}, TypeError, "y"),
+        ({"k": [1], "outputs": "x"}, TypeError, "outputs: expected a list"),
+        ({"k": [1, 2], "params": {"k": 3}}, TypeError, "`k` is given twice"),
+        ({"k": [1, 2], "params": {"k": [3]}}, TypeError, "`k` is given twice"),
+        ({"c": [1, 2], "params": {"c[1]": [3]}}, TypeError, "given twice"),
+        ({"k": [1], "seed": 1.5}, TypeError, "seed: expected a whole number"),
+        ({"k": [1], "threads": "2"}, TypeError, "threads: expected a whole number"),
         ({"k": [1], "threads": 0}, ValueError, "threads"),
         ({"k": [1], "chunk": 0}, ValueError, "chunk"),
         ({"k": np.ones(4000), "x": np.ones(4000)}, ValueError, "too large"),
@@ -134,5 +163,9 @@ def test_a_sweep_goes_on_where_it_stopped(decay: nsdc.Experiment, tmp_path, monk
     second = decay.sweep(k=k, chunk=7, checkpoint=tmp_path)
     assert computed == [(0, 7), (7, 14), (14, 21), (21, 28), (28, 35), (35, 40)]
     assert second["x"].tolist() == whole["x"].tolist() and second.status.tolist() == whole.status.tolist()
-    with pytest.raises(ValueError, match="another sweep"):
-        decay.sweep(k=k[:-1], checkpoint=tmp_path)
+    for other in ({"k": k[:-1]}, {"k": k, "time_limit": 5}, {"k": k, "outputs": ["x"]}):
+        with pytest.raises(ValueError, match="another sweep"):
+            decay.sweep(**other, checkpoint=tmp_path)
+    (tmp_path / "sweep.json").write_text("")
+    with pytest.raises(ValueError, match="sweep.json"):
+        decay.sweep(k=k, checkpoint=tmp_path)

@@ -27,7 +27,7 @@ pub struct Description {
     pub doc: Option<String>,
     /// The end of the run; of a free horizon, its guess.
     pub horizon: f64,
-    /// The method, `event`.
+    /// The method, `auto` where the experiment leaves the choice.
     pub method: &'static str,
     /// Parameters, in order of declaration, those of parts among them.
     pub parameters: Vec<Described>,

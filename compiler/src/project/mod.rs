@@ -9,6 +9,7 @@ pub mod golden;
 pub mod launch;
 pub mod prepared;
 pub(crate) mod rerun;
+mod reruns;
 pub mod run;
 pub mod session;
 pub mod sweep;

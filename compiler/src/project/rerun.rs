@@ -30,6 +30,15 @@ enum Change {
     Initial(usize),
 }
 
+/// Why an experiment has to be compiled for each value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum NoRerun {
+    /// It does not compile at these values, or not without a warning, or others on their sides of zero are another system.
+    Here,
+    /// Whatever the values are.
+    Ever,
+}
+
 /// An experiment that has been compiled once, for one thread.
 pub(crate) struct Rerun<'e> {
     compiled: Compiled<'e>,
@@ -50,30 +59,33 @@ enum Work<'e> {
 
 impl<'e> Rerun<'e> {
     /// Compiles an experiment of a project of which parameters and initial values, by their names as they stand in `with`,
-    /// change from run to run, or stay as they are for none; `states` are the entries of all states. None where it has to be
-    /// compiled for each of their values.
+    /// change from run to run, or stay as they are for none; `states` are the entries of all states.
+    ///
+    /// # Errors
+    ///
+    /// Where it has to be compiled for each of their values.
     pub fn new(
         exprs: &'e Exprs,
         project: &Project,
         source: Source<'_>,
         names: &[Option<Path>],
         states: &[String],
-    ) -> Option<Self> {
+    ) -> Result<Self, NoRerun> {
         let is_state = |path: &&Path| states.contains(&path.to_string());
         let open = names.iter().flatten().filter(|path| !is_state(path));
         let open: Vec<Path> = open.cloned().collect();
-        let compiled = without_warnings(exprs, source, &open)?;
+        let compiled = without_warnings(exprs, source, &open).ok_or(NoRerun::Here)?;
         let system = &compiled.system;
         // A relay starts, and what equations solve for is guessed, where the experiment itself starts.
         let is_fixed = system.switches.iter().any(|switch| switch.relay.is_some())
             || !system.algebraic_states().is_empty();
         if is_fixed {
-            return None;
+            return Err(NoRerun::Ever);
         }
-        let work = Work::of(project, &compiled)?;
+        let work = Work::of(project, &compiled).ok_or(NoRerun::Here)?;
         let parameters = work.parameters();
         if parameters.len() != open.len() {
-            return None;
+            return Err(NoRerun::Ever);
         }
         let starts = work.states(system);
         let change = |path: &Path| {
@@ -93,8 +105,9 @@ impl<'e> Rerun<'e> {
             Some(name) => change(name).map(Some),
             None => Some(None),
         });
-        Some(Rerun {
-            changes: changes.collect::<Option<_>>()?,
+        let changes: Option<_> = changes.collect();
+        Ok(Rerun {
+            changes: changes.ok_or(NoRerun::Ever)?,
             compiled,
             work,
         })
@@ -126,6 +139,14 @@ impl<'e> Rerun<'e> {
     /// The experiment.
     pub fn compiled(&self) -> &Compiled<'e> {
         &self.compiled
+    }
+
+    /// The value with which one of the names was compiled; none of an initial value, and of what stays as it is.
+    pub fn value(&self, name: usize) -> Option<f64> {
+        match self.changes[name]? {
+            Change::Parameter(at) => Some(self.work.parameters()[at].value),
+            Change::Initial(_) => None,
+        }
     }
 
     /// Whether parameters may have these values, in the order of the names.

@@ -223,8 +223,7 @@ impl Project {
         }
     }
 
-    /// Compiles an experiment once, for many runs from event to event or by finite elements with other values of the
-    /// parameters that are `open`.
+    /// Compiles a simulation once, for many runs with other values of the parameters that are `open`.
     ///
     /// ```
     /// use nsdc::Project;

@@ -13,17 +13,16 @@ use crate::expr::Exprs;
 use crate::limit::{Cancel, Limit};
 use crate::model::Units;
 use crate::project::clock::Clock;
-use crate::project::ensemble::Source;
 use crate::project::launch::launch;
-use crate::project::rerun::Rerun;
+use crate::project::reruns::Reruns;
 use crate::project::run::Options;
 use crate::project::{Project, bindings};
 use crate::report::expect::{self, Findings, Verdict};
 use crate::report::{Trajectory, Warning};
 use crate::simulate::Request;
 use crate::source::SourceMap;
-use crate::study::sweep::{Grid, Like, Points, Row, Table, columns, over};
-use crate::syntax::{Bind, Expect, Experiment, ExperimentSetting, ExprKind, Path, SettingKind};
+use crate::study::sweep::{Grid, Points, Row, Table, columns, over};
+use crate::syntax::{Bind, Expect, Experiment, ExperimentSetting, ExprKind, SettingKind};
 use crate::system::experiment::{Sampling, Settings};
 use crate::{Compiled, check_names, compile};
 
@@ -194,8 +193,34 @@ impl<'p> Sweep<'p> {
         let mut begun = rows.rows.iter().flatten().peekable();
         begun.peek()?;
         let none = begun.all(|row| row.status.is_none());
-        let found = none.then(|| self.trajectory((0, &self.grid.point(0))))?;
-        Some(Messages::new(found.err()?, self.sources.clone()))
+        none.then(|| self.check().err())?
+    }
+
+    /// Compiles the experiment at the first point.
+    ///
+    /// # Errors
+    ///
+    /// Where it does not compile.
+    pub fn check(&self) -> Result<(), Messages> {
+        let compiled = self
+            .compiled(&Exprs::new(), &self.grid.point(0))
+            .map(|_| ());
+        compiled.map_err(|diags| Messages::new(diags, self.sources.clone()))
+    }
+
+    /// The experiment at a point, with the warnings of its compilation.
+    fn compiled<'e>(
+        &self,
+        exprs: &'e Exprs,
+        point: &[f64],
+    ) -> Result<(Compiled<'e>, Diagnostics), Diagnostics> {
+        let (overrides, mut diags) = (self.at(point), Diagnostics::new());
+        let (file, clock) = (&self.project.file, &mut Clock::default());
+        let compiled = compile(exprs, file, &self.experiment, &overrides, clock, &mut diags);
+        match compiled.filter(|_| !diags.has_errors()) {
+            Some(compiled) => Ok((compiled, diags)),
+            None => Err(diags),
+        }
     }
 
     /// The overrides of a point.
@@ -211,22 +236,13 @@ impl<'p> Sweep<'p> {
     /// Runs what one thread gets to. What can be compiled once is, for every side of zero that values are on; other points
     /// are compiled one by one.
     fn share(&self, points: Points<'_>, names: &OnceLock<Vec<String>>) {
-        let exprs = Exprs::new();
-        let likes: Vec<Like> = self.grid.axes().iter().map(Like::of).collect();
-        let mut compiled: Vec<(Vec<f64>, Option<Rerun>)> = Vec::new();
+        let (exprs, project) = (Exprs::new(), self.project);
+        let binds = [self.overrides.clone(), self.axes.clone()];
+        let (experiment, states) = (self.experiment.clone(), self.states.clone());
+        let mut reruns = Reruns::new(&exprs, project, experiment, binds, states);
         points.each(|(k, point)| {
-            let first = likes
-                .iter()
-                .zip(point)
-                .map(|(like, value)| like.first(*value));
-            let first: Vec<f64> = first.collect();
-            let known = compiled.iter().position(|(known, _)| *known == first);
-            let known = known.unwrap_or_else(|| {
-                let rerun = self.rerun(&exprs, &first);
-                compiled.push((first, rerun));
-                compiled.len() - 1
-            });
-            let found = (compiled[known].1.as_mut()).and_then(|rerun| {
+            let rerun = reruns.of(point, |new| Some(new.sampled(|s| self.sampling(s))));
+            let found = rerun.and_then(|rerun| {
                 rerun.seed(self.seed_of(k));
                 let run = rerun.run(point, &self.request(rerun.compiled()), &mut ())?;
                 let missed = self.missed(rerun.compiled(), &run);
@@ -259,22 +275,6 @@ impl<'p> Sweep<'p> {
         }
     }
 
-    /// The experiment for all values on the sides of zero of those of a point.
-    fn rerun<'e>(&self, exprs: &'e Exprs, point: &[f64]) -> Option<Rerun<'e>> {
-        let overrides = self.at(point);
-        let source = Source {
-            file: &self.project.file,
-            experiment: &self.experiment,
-            overrides: &overrides,
-        };
-        // All points with this one have the zeros of it.
-        let axes = self.axes.iter().zip(point);
-        let names = axes.map(|(axis, value)| (*value != 0.0).then(|| axis.target.clone()));
-        let names: Vec<Option<Path>> = names.collect();
-        let rerun = Rerun::new(exprs, self.project, source, &names, &self.states)?;
-        Some(rerun.sampled(|settings| self.sampling(settings)))
-    }
-
     /// When a run is told: at its end, and where there are expectations at all instants of the experiment, since they may
     /// be about these.
     fn sampling(&self, settings: &Settings<'_>) -> Sampling {
@@ -305,18 +305,8 @@ impl<'p> Sweep<'p> {
 
     /// Mistakes in expectations, as far as a point shows them.
     fn mistakes(&self, point: &[f64]) -> Option<Diagnostics> {
-        let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
-        let (file, clock) = (&self.project.file, &mut Clock::default());
-        let overrides = self.at(point);
-        let compiled = compile(
-            &exprs,
-            file,
-            &self.experiment,
-            &overrides,
-            clock,
-            &mut diags,
-        );
-        let compiled = compiled.filter(|_| !diags.has_errors())?;
+        let exprs = Exprs::new();
+        let (compiled, _) = self.compiled(&exprs, point).ok()?;
         let mut found = Diagnostics::new();
         let subject = compiled.subject(&self.sources);
         expect::check(&subject, &compiled.settings.expects, &mut found);
@@ -339,20 +329,8 @@ impl<'p> Sweep<'p> {
         &self,
         (k, point): (usize, &[f64]),
     ) -> Result<(Trajectory, Option<usize>), Diagnostics> {
-        let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
-        let (file, clock) = (&self.project.file, &mut Clock::default());
-        let overrides = self.at(point);
-        let compiled = compile(
-            &exprs,
-            file,
-            &self.experiment,
-            &overrides,
-            clock,
-            &mut diags,
-        );
-        let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
-            return Err(diags);
-        };
+        let exprs = Exprs::new();
+        let (mut compiled, diags) = self.compiled(&exprs, point)?;
         let settings = &mut compiled.settings;
         if settings.optimize.is_none() {
             settings.recording.sampling = self.sampling(settings);

@@ -44,9 +44,10 @@ pub fn refine(samples: &mut Samples, dense: &Dense, values: &dyn Fn(f64, &[f64])
     let mut all: Vec<&mut Series> = samples.series_mut().collect();
     all.iter_mut().for_each(|series| series.values.clear());
 
+    let mut row = vec![0.0; first.n_rows()];
     for piece in &dense.pieces {
         for time in instants(piece.from, piece.to, span) {
-            let row = piece.at(time);
+            piece.read(time, &mut row);
             let values = values(time, &row);
             let mut entries = values.into_iter();
             passed.push(time);

@@ -31,11 +31,24 @@ impl Piece {
 
     /// Values of all rows at `time`.
     pub fn at(&self, time: f64) -> Vec<f64> {
+        let mut values = vec![0.0; self.n_rows()];
+        self.read(time, &mut values);
+        values
+    }
+
+    /// The same of the first rows, by Horner's scheme, in which no row waits for another.
+    pub fn read(&self, time: f64, values: &mut [f64]) {
         let s = time - self.from;
-        let horner = |row: &[f64]| row.iter().rev().fold(0.0, |sum, c| sum * s + c);
-        match self.n_coefficients {
-            0 => Vec::new(),
-            n => self.coefficients.chunks(n).map(horner).collect(),
+        values.fill(0.0);
+        for k in (0..self.n_coefficients).rev() {
+            let terms = self
+                .coefficients
+                .iter()
+                .skip(k)
+                .step_by(self.n_coefficients);
+            for (value, c) in values.iter_mut().zip(terms) {
+                *value = *value * s + c;
+            }
         }
     }
 }

@@ -45,7 +45,8 @@ impl PartialEq for Cancel {
 }
 
 impl Cancel {
-    /// One that asks, too, wherever work looks at it: often, and on every thread that works.
+    /// One that asks, too, wherever work looks at it: that is often, in the midst of steps, and on every thread that works at
+    /// once, so that who is asked has to answer soon and wait for nobody.
     ///
     /// ```
     /// use std::sync::atomic::{AtomicUsize, Ordering};

@@ -112,9 +112,10 @@ pub fn share_out<T: Send>(
         loop {
             match found.recv_timeout(ASK) {
                 Ok((number, result)) => heard(number, result),
-                Err(RecvTimeoutError::Timeout) => _ = stop.is_canceled(),
+                Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
+            stop.is_canceled();
         }
     });
 }
@@ -174,6 +175,22 @@ mod tests {
             heard.push((k, result))
         });
         assert_eq!(heard, [(0, 10), (1, 11), (2, 12)]);
+    }
+
+    /// Somebody who only knows on the thread of the caller is asked there, however soon results follow each other.
+    #[test]
+    fn the_caller_is_asked() {
+        let caller = thread::current().id();
+        let stop = Cancel::asking(move || thread::current().id() == caller);
+        let work = |share: Share<'_, ()>| {
+            while let Some(k) = share.next() {
+                share.finish(k, ());
+                thread::yield_now();
+            }
+        };
+        let count = 10_000_000;
+        let found = in_order(count, 2, &stop, work, &mut |_| {});
+        assert!(found.iter().flatten().count() < count);
     }
 
     /// What is begun is finished, and no other is begun.

@@ -168,11 +168,11 @@ impl Points {
         let is_inside = |(t, piece): &(f64, &Piece)| piece.from < *t && *t < piece.to;
         let mut parts = parts.filter(is_inside).peekable();
         let mut behind = points.behind.iter().peekable();
-        let mut rows = Vec::new();
+        let (mut rows, mut row) = (Vec::new(), vec![0.0; n + m]);
         for (k, &t) in points.times.iter().enumerate() {
             while let Some((at, piece)) = parts.next_if(|(at, _)| *at < t) {
-                let mut row = piece.at(at);
-                let (x, alpha) = row[..n + m].split_at_mut(n);
+                piece.read(at, &mut row);
+                let (x, alpha) = row.split_at_mut(n);
                 system.see(at, x, alpha);
                 self.push(at, x, alpha);
                 rows.push(Row::Inside);

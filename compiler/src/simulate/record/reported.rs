@@ -72,23 +72,23 @@ impl Reported {
     ) -> [Vec<Series>; 2] {
         let n_entries = self.outputs.n_outputs();
         let (points, n, m) = (times.len(), system.states.len(), system.switches.len());
-        // Structure of arrays: one row per input, one column per point.
-        let mut table = times.to_vec();
-        let is_first = |k: usize| times.get(k + 1) == Some(&times[k]);
-        for data in &system.exogenous.data {
-            let value = |(k, &t): (usize, &f64)| match is_first(k) {
-                true => data.table.before(t),
-                false => data.table.value(t),
-            };
-            table.extend(times.iter().enumerate().map(value));
-        }
-        table.extend((0..n).flat_map(|i| (0..points).map(move |k| states[k * n + i])));
-        table.extend((0..m).flat_map(|i| (0..points).map(move |k| alphas[k * m + i])));
-        for value in self.parameters(system) {
-            table.extend(std::iter::repeat_n(value, points));
-        }
         let mut columns = vec![0.0; n_entries * points];
         if n_entries > 0 {
+            // Structure of arrays: one row per input, one column per point.
+            let mut table = times.to_vec();
+            let is_first = |k: usize| times.get(k + 1) == Some(&times[k]);
+            for data in &system.exogenous.data {
+                let value = |(k, &t): (usize, &f64)| match is_first(k) {
+                    true => data.table.before(t),
+                    false => data.table.value(t),
+                };
+                table.extend(times.iter().enumerate().map(value));
+            }
+            table.extend((0..n).flat_map(|i| (0..points).map(move |k| states[k * n + i])));
+            table.extend((0..m).flat_map(|i| (0..points).map(move |k| alphas[k * m + i])));
+            for value in self.parameters(system) {
+                table.extend(std::iter::repeat_n(value, points));
+            }
             let scratch = &mut self.outputs.lane_scratch();
             self.outputs
                 .eval_many(&table, &mut columns, points, scratch);

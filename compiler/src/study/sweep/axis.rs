@@ -1,7 +1,5 @@
 //! The values that a sweep goes through: `mu=0.1:0.5:41` and `k=[1,2,4]`.
 
-use std::cmp::Ordering;
-
 /// Most runs of one sweep, whose rows are kept in memory.
 const MOST: usize = 10_000_000;
 
@@ -12,31 +10,6 @@ pub struct Axis {
     pub name: String,
     /// At least one, and all finite.
     pub values: Vec<f64>,
-}
-
-/// The first value of an axis on either side of zero, and zero: one for all values there.
-pub struct Like([f64; 3]);
-
-impl Like {
-    /// Those of an axis.
-    pub fn of(axis: &Axis) -> Self {
-        let first = |side: Ordering| {
-            let mut values = axis.values.iter();
-            let found = values.find(|value| value.partial_cmp(&&0.0) == Some(side));
-            found.copied().unwrap_or(0.0)
-        };
-        Like([Ordering::Less, Ordering::Equal, Ordering::Greater].map(first))
-    }
-
-    /// The first value on the side of another.
-    pub fn first(&self, value: f64) -> f64 {
-        let [below, zero, above] = self.0;
-        match value.partial_cmp(&0.0) {
-            Some(Ordering::Less) => below,
-            Some(Ordering::Greater) => above,
-            _ => zero,
-        }
-    }
 }
 
 /// Axes, and how their values are combined.

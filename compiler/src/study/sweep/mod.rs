@@ -10,7 +10,7 @@ mod table;
 
 use std::ops::Range;
 
-pub use axis::{Axis, Grid, Like, SweepError};
+pub use axis::{Axis, Grid, SweepError};
 pub use table::Table;
 
 use crate::limit::Cancel;

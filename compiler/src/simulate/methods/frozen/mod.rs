@@ -18,9 +18,9 @@ use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
 use crate::simulate::outcome;
 use crate::simulate::record::modes::ModeNames;
-use crate::system::System;
 use crate::system::experiment::{MethodKind, Settings};
-use crate::system::freezing::{Frozen, freeze_open};
+use crate::system::freezing::{Frozen, freeze, freeze_open};
+use crate::system::{System, SystemError};
 
 /// A system in numerical time.
 pub(crate) struct InNumericalTime<'e> {
@@ -42,19 +42,23 @@ pub(crate) fn prepared<'e>(
     settings: &Settings<'e>,
     open: &[usize],
 ) -> Standing {
-    let frozen = frozen(system, settings, open);
+    let frozen = checked(freeze_open(system, settings.pace(), open));
     Standing::new(system, &frozen, settings, open)
 }
 
-fn frozen<'e>(system: &System<'e>, settings: &Settings<'e>, open: &[usize]) -> Frozen<'e> {
-    let frozen = freeze_open(system, settings.pace(), open);
+fn checked<'e>(frozen: Result<Frozen<'e>, SystemError>) -> Frozen<'e> {
     frozen.expect("compilation has checked that the system can be frozen")
 }
 
 impl<'e> InNumericalTime<'e> {
-    /// Freezes and compiles a system, with some parameters open, by their numbers.
+    /// Freezes and compiles a system, with some parameters open, by their numbers. Where none is, the equations of elements
+    /// have numbers for its measures: more of them are eliminated then.
     pub fn new(system: &System<'e>, settings: &Settings<'e>, open: &[usize]) -> Self {
-        let frozen = frozen(system, settings, open);
+        let (by_elements, pace) = (settings.numerics.method.kind().needs_dcs(), settings.pace());
+        let frozen = checked(match by_elements && open.is_empty() {
+            true => freeze(system, pace),
+            false => freeze_open(system, pace, open),
+        });
         InNumericalTime {
             standing: Standing::new(system, &frozen, settings, open),
             system: frozen.system,
@@ -150,7 +154,7 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
     }
 
     fn takes_numbers(&self) -> bool {
-        true
+        self.standing.takes_measures()
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {

@@ -70,12 +70,19 @@ impl End {
 /// States behind an impact at an instant by its law, none where there is no impact.
 pub(crate) type Law<'l> = dyn FnMut(f64, &[f64]) -> Option<Vec<f64>> + 'l;
 
+/// Where a run of the frozen system begins.
+#[derive(Clone, Copy)]
+pub(super) struct Begin<'t> {
+    /// Its state.
+    pub x: &'t [f64],
+    /// The values of its open parameters.
+    pub parameters: &'t [f64],
+}
+
 /// Passes on a run in numerical time as one in physical time.
 pub(super) struct PhysicalTime<'t> {
     way: &'t Way,
-    /// The values of the open parameters of the frozen system, and its initial state.
-    parameters: &'t [f64],
-    x0: &'t [f64],
+    begin: Begin<'t>,
     /// Who is told; nobody, where a run only shows the clock.
     observer: Option<&'t mut dyn Observer>,
     clock: Clock,
@@ -172,14 +179,13 @@ impl Polynomials for InPhysicalTime<'_> {
 impl<'t> PhysicalTime<'t> {
     pub fn new(
         way: &'t Way,
-        (x0, parameters): (&'t [f64], &'t [f64]),
+        begin: Begin<'t>,
         clock: Clock,
         observer: Option<&'t mut dyn Observer>,
     ) -> Self {
         PhysicalTime {
             way,
-            parameters,
-            x0,
+            begin,
             observer,
             clock,
             t: 0.0,
@@ -215,7 +221,7 @@ impl<'t> PhysicalTime<'t> {
         if resting.peek().is_none() {
             return;
         }
-        let seen = self.way.look(x, self.parameters);
+        let seen = self.way.look(x, self.begin.parameters);
         for (contact, speed) in resting {
             self.next[contact.contact] = Side::Slide;
             self.lasting.push(Lasting {
@@ -230,7 +236,7 @@ impl<'t> PhysicalTime<'t> {
     /// or closes it whatever pushes, or another one is closed that it acts on, with friction.
     fn refused(&self, x: &[f64]) -> Option<End> {
         let contacts = &self.way.contacts;
-        let seen = self.way.look(x, self.parameters);
+        let seen = self.way.look(x, self.begin.parameters);
         let strikes = |contact: usize| self.impacts.fired.contains(&contacts[contact].law);
         let is_closed = |contact: usize| seen.is_closed(&contacts[contact]);
         let mut rough = self.way.meeting.rough.iter();
@@ -259,7 +265,7 @@ impl<'t> PhysicalTime<'t> {
         if self.sides.is_empty() {
             self.sides.clone_from(&self.next);
             for memory in &self.way.relays {
-                let start = self.x0[memory.state];
+                let start = self.begin.x[memory.state];
                 self.sides[memory.relay] = Side::of(start - 0.5);
             }
         }
@@ -393,13 +399,13 @@ impl Observer for PhysicalTime<'_> {
 impl fesd::Observer for PhysicalTime<'_> {}
 
 /// Runs to the numerical time at which the clock is at the horizon, as long as impacts obey the law; `run` gets the end,
-/// the start and what observes it. The start is a state and the values of open parameters.
+/// the state where it begins and what observes it.
 ///
 /// The outcome is that of the original, but for a status that is not `Solved`, whose switches are those of the frozen
 /// system.
 pub(super) fn drive(
     way: &Way,
-    start: (&[f64], &[f64]),
+    begin: Begin<'_>,
     horizon: f64,
     observer: &mut dyn Observer,
     law: Option<Box<Law>>,
@@ -409,10 +415,10 @@ pub(super) fn drive(
         state: way.clock,
         horizon,
     };
-    let (x, _) = start;
-    let probe = || PhysicalTime::new(way, start, clock, None);
+    let x = begin.x;
+    let probe = || PhysicalTime::new(way, begin, clock, None);
     let end = clock.numerical_time(probe, |end, physical| run(end, x, physical));
-    let mut physical = clock.watch(PhysicalTime::new(way, start, clock, Some(observer)));
+    let mut physical = clock.watch(PhysicalTime::new(way, begin, clock, Some(observer)));
     physical.observer.law = law;
     let mut outcome = run(end, x, &mut physical);
     let mut physical = physical.observer;

@@ -8,7 +8,7 @@ use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome, Side};
 
 use super::law::impact;
-use super::physical_time::{End, Law, drive};
+use super::physical_time::{Begin, End, Law, drive};
 use super::way::Way;
 use crate::limit::Limit;
 use crate::lowering::dcs::Formulation;
@@ -31,8 +31,10 @@ pub(crate) struct Standing {
     jumping: Option<Arc<HybridSystem>>,
     /// The values of all parameters of the original.
     params: Vec<f64>,
-    /// Those that stay open, by their numbers; the measures of a run are open parameters behind them.
+    /// Those that stay open, by their numbers.
     open: Vec<usize>,
+    /// How many measures of a run are open parameters behind them: all, or none, which are numbers then.
+    n_measures: usize,
     /// What states behind those of the original start with.
     behind: Vec<f64>,
 }
@@ -85,10 +87,16 @@ impl Standing {
                 .map(|param| param.value)
                 .collect(),
             open: open.to_vec(),
+            n_measures: inputs.len() - open.len(),
             behind: behind.map(|state| state.initial).collect(),
         };
         standing.choose(settings, Accuracy::of(settings), Limit::default());
         standing
+    }
+
+    /// Whether runs may have other starts and horizons than what was frozen.
+    pub fn takes_measures(&self) -> bool {
+        self.n_measures > 0
     }
 
     /// Gives the open parameters other values.
@@ -137,15 +145,22 @@ impl Standing {
         x
     }
 
-    /// Why there is no run with these measures.
-    fn refused(&self, measures: &Measures) -> Option<End> {
+    /// A run that ends where it begins, where there is none with these measures.
+    fn refused(&self, measures: &Measures, x0: &[f64]) -> Option<Ran> {
         let switch = |contact: usize| self.way.contacts[contact].switch;
         let below = measures.below.map(|k| End::Below(switch(k)));
         let unlike = || {
             let (k, e) = measures.restitution?;
             Some(End::Outside(switch(k), Coefficient::Restitution, e))
         };
-        below.or_else(unlike)
+        let end = below.or_else(unlike)?;
+        let sides = vec![Side::Plus; self.way.places.len()];
+        Some(Ran {
+            outcome: Outcome::at(end.status(&self.way), 0.0, x0.to_vec(), sides),
+            end: Some(end),
+            order: 0,
+            least_member: 0.0,
+        })
     }
 
     /// A run until the clock has reached a horizon; `kept` is the last one from event to event.
@@ -157,14 +172,8 @@ impl Standing {
         observer: &mut dyn Observer,
     ) -> Ran {
         let measures = self.start.measures(&self.params, x0, horizon);
-        if let Some(end) = self.refused(&measures) {
-            let sides = vec![Side::Plus; self.way.places.len()];
-            return Ran {
-                outcome: Outcome::at(end.status(&self.way), 0.0, x0.to_vec(), sides),
-                end: Some(end),
-                order: 0,
-                least_member: 0.0,
-            };
+        if let Some(ran) = self.refused(&measures, x0) {
+            return ran;
         }
         let x = self.from(x0, &measures);
         let open: Vec<f64> = self.open.iter().map(|&place| self.params[place]).collect();
@@ -173,8 +182,11 @@ impl Standing {
             simulator.set_parameters(&open);
             Box::new(move |t: f64, x: &[f64]| impact(&mut simulator, horizon, t, x))
         });
-        let parameters = [&open[..], &measures.inputs].concat();
-        let start = (&x[..], &parameters[..]);
+        let parameters = [&open[..], &measures.inputs[..self.n_measures]].concat();
+        let begin = Begin {
+            x: &x,
+            parameters: &parameters,
+        };
         let (mut order, mut least_member) = (0, 0.0_f64);
         let (outcome, end) = match &mut self.road {
             Road::Events { hybrid, settings } => {
@@ -183,7 +195,7 @@ impl Standing {
                 order = simulator.order();
                 drive(
                     &self.way,
-                    start,
+                    begin,
                     horizon,
                     observer,
                     law,
@@ -199,7 +211,7 @@ impl Standing {
                 complementarity.parameters.copy_from_slice(&parameters);
                 drive(
                     &self.way,
-                    start,
+                    begin,
                     horizon,
                     observer,
                     law,
