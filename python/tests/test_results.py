@@ -16,8 +16,8 @@ import nsdc
 
 from models import EXAMPLES
 
-#: These take minutes each.
-LONG = {"ball_pile", "box", "friction_chain", "place_disc", "throw_and_catch"}
+#: These take long.
+LONG = {"around_ellipse", "ball_pile", "box", "friction_chain", "place_disc", "tanks", "throw_and_catch"}
 
 
 def command(*args: str) -> str:

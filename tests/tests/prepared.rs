@@ -710,6 +710,8 @@ fn numbers_outside_of_what_was_prepared_are_refused() {
         let refused = runs.run(&[-1.0], None, horizon, &mut Silent);
         assert!(matches!(refused, Err(NotRun::Horizon { .. })), "{horizon}");
     }
+    let refused = runs.run(&[-1.0], Some(&[f64::INFINITY]), 1.0, &mut Silent);
+    assert!(matches!(refused, Err(NotRun::Start { .. })));
     assert!(runs.run(&[-0.5], Some(&[2.0]), 0.5, &mut Silent).is_ok());
 }
 

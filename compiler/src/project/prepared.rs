@@ -192,6 +192,14 @@ pub enum NotRun {
         /// Its value.
         value: f64,
     },
+    /// An initial value is no number.
+    #[error("`{state}` = {value} is no number to start from")]
+    Start {
+        /// The state.
+        state: String,
+        /// Its value.
+        value: f64,
+    },
     /// Behind the end of the experiment nobody has looked where functions of time are narrow.
     #[error("a horizon of {horizon} is not within 0 and {longest}, that of the experiment")]
     Horizon {
@@ -574,6 +582,10 @@ impl Runs<'_> {
         check_parameters(known, parameters)?;
         if let Some(x0) = x0 {
             check_count(x0.len(), states.len(), "states")?;
+            if let Some((name, &value)) = states.iter().zip(x0).find(|(_, x)| !x.is_finite()) {
+                let state = name.clone();
+                return Err(NotRun::Start { state, value });
+            }
         }
         match 0.0 < horizon && horizon <= *longest {
             true => Ok(()),
