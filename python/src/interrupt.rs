@@ -2,9 +2,10 @@
 
 use std::sync::{Arc, Mutex};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nsdc::limit::Cancel;
+use nsdc::project::clock::Instant;
 use pyo3::prelude::*;
 
 /// How long signals wait at most before somebody looks.

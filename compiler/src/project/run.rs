@@ -71,6 +71,10 @@ pub struct Run {
 
 impl Run {
     /// What came of an experiment with these settings.
+    #[cfg_attr(
+        not(feature = "plots"),
+        expect(unused_variables, reason = "nothing is drawn")
+    )]
     pub(crate) fn new(
         compiled: &Compiled<'_>,
         trajectory: Trajectory,

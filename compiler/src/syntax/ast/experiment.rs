@@ -130,7 +130,6 @@ pub enum SettingKind {
     Bad,
 }
 
-#[cfg(feature = "cli")]
 impl SettingKind {
     /// Whether it takes the place of another one of the same experiment.
     pub(crate) fn replaces(&self, old: &SettingKind) -> bool {

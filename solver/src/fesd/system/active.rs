@@ -239,7 +239,9 @@ impl<'s> Active<'s> {
             let factor = |sum: &&Sum| active.sums.factor(sum, system.input_of(z));
             let mut factors = read.iter().map(factor);
             // Where the others have no value, nobody knows.
-            factors.any(|factor| factor.is_none_or(|c| !(c.abs() <= ROUNDING * disc.friction)))
+            factors.any(|factor| {
+                factor.is_none_or(|c| c.is_nan() || c.abs() > ROUNDING * disc.friction)
+            })
         };
         let is_idle = |disc: &&Disc| !disc.alphas.iter().any(|&z| is_read(disc, z));
         system.discs.iter().filter(is_idle).copied().collect()
