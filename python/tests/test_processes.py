@@ -70,7 +70,7 @@ def test_threads_run_at_the_same_time() -> None:
     "call",
     [
         f"nsdc.loads({ENDLESS!r})['s'].run()",
-        f"nsdc.loads({ENDLESS!r})['s'].run(method='fesd {{ steps = 1000000; }}')",
+        f"nsdc.loads({ENDLESS!r})['s'].run(method='fesd {{ steps = 1000000; }}', horizon=1e5)",
         f"nsdc.loads({ENDLESS!r})['s'].run(method='adaptive')",
         f"nsdc.load({str(EXAMPLES / 'sliding_ocp.nsd')!r})",
     ],
@@ -81,6 +81,8 @@ def test_an_interrupt_ends_a_run(call: str) -> None:
         call = f"""[e.run() for _ in range(10000) for e in {call}.experiments.values()]"""
     code = f"""
 import nsdc, time, threading, os, signal
+# Jobs in the background ignore it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 def stop():
     time.sleep(1.0)
     global sent
@@ -98,8 +100,11 @@ except KeyboardInterrupt:
     assert told.stdout.startswith("interrupted"), told.stderr[-2000:]
 
 
-def test_an_interrupted_sweep_keeps_what_is_finished() -> None:
+def test_an_interrupted_sweep_keeps_what_is_finished(request: pytest.FixtureRequest) -> None:
     belt = nsdc.loads(BELT)["pulls"]
+    # Jobs in the background ignore it.
+    known = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, known))
 
     def stop() -> None:
         time.sleep(0.5)
