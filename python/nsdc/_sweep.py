@@ -348,7 +348,8 @@ class Sweep:
             raise ValueError("a figure has one axis or two")
         ends = (rows.names, rows.ends.reshape(-1).tolist(), rows.objectives.tolist())
         project, name = plan.experiment.file._project, plan.experiment.name
-        return Figure(project.draw_sweep(name, plan.asked, plan.points(0, 0), ends))
+        points = plan.points(0, len(rows.status))
+        return Figure(project.draw_sweep(name, plan.asked, points, ends))
 
     def __repr__(self) -> str:
         solved = int(np.sum(self._rows.status == "solved"))

@@ -40,6 +40,8 @@ def test_values_side_by_side(decay: nsdc.Experiment) -> None:
     assert sweep.names == ["twice"] and sweep.shape == (3,)
     assert np.abs(sweep["twice"] - 2 * x * np.exp(-k)).max() < 1e-8
     assert sweep.to_xarray()["k"].dims == ("run",)
+    for one in (sweep, decay.sweep(k=k)):
+        assert one._repr_html_().count("<svg") == 1 and "3 of 3" in one._repr_html_()
 
 
 def test_rows_are_those_of_runs_and_of_any_number_of_threads() -> None:
