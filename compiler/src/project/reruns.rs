@@ -120,7 +120,12 @@ impl<'e> Reruns<'e> {
             (Base::Opposite, _) => own?.value(k).map(|own| own.abs().copysign(value)),
             (Base::Ones, _) => Some(value.signum()),
         };
-        if base == Base::Opposite && own.is_none() {
+        // Where all are on the sides of their own values, the opposites are these again.
+        let turns = |own: &Rerun<'e>| {
+            let mut signs = values.iter().enumerate();
+            signs.any(|(k, value)| own.value(k).is_some_and(|own| own * value < 0.0))
+        };
+        if base == Base::Opposite && !own.is_some_and(turns) {
             return Err(NoRerun::Here);
         }
         let mut overrides = self.overrides.clone();

@@ -57,12 +57,7 @@ impl Made {
     fn of(system: &System, settings: &Settings) -> Self {
         Made {
             x0: system.states.iter().map(|state| state.initial).collect(),
-            params: system
-                .exogenous
-                .params
-                .iter()
-                .map(|param| param.value)
-                .collect(),
+            params: system.exogenous.numbers().map(|(_, p)| p).collect(),
             tables: system
                 .exogenous
                 .data

@@ -20,7 +20,7 @@ mod start;
 use self::contact::Contact;
 pub use self::start::{Measures, Start};
 use super::regions::subsystems_of;
-use super::{Param, Partition, Readings, State, Switch, System, SystemError, Task};
+use super::{Param, Partition, Readings, Recorded, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
 use crate::system::switches::affine::at;
@@ -149,12 +149,7 @@ fn frozen<'e>(
     let relays = (0..system.switches.len()).filter(|&k| system.switches[k].relay.is_some());
     let relays: Vec<usize> = relays.collect();
     let start = Start::of(system, &contacts, &relays);
-    let params: Vec<f64> = system
-        .exogenous
-        .params
-        .iter()
-        .map(|param| param.value)
-        .collect();
+    let params: Vec<f64> = system.exogenous.numbers().map(|(_, p)| p).collect();
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let names = contacts.iter().flat_map(|contact| {
         let name = &system.switches[contact.switch].name;
@@ -363,12 +358,8 @@ impl<'e> Motion<'_, 'e> {
             &whole.coupling.partitions,
         );
         // What is recorded, watched and read is that of the original.
-        (
-            whole.recorded.outputs,
-            whole.recorded.controls,
-            whole.recorded.limits,
-        ) = (Vec::new(), Vec::new(), Vec::new());
-        (whole.recorded.groups, whole.provenance.skipped) = (Vec::new(), Vec::new());
+        whole.recorded = Recorded::default();
+        whole.provenance.skipped = Vec::new();
         (whole.jumps.laws, whole.jumps.contacts, whole.jumps.bodies) =
             (Vec::new(), Vec::new(), Vec::new());
         whole.provenance.readings = Readings::default();

@@ -79,6 +79,9 @@ pub(super) struct Begin<'t> {
     pub parameters: &'t [f64],
 }
 
+/// A run in numerical time to an end, from a state.
+pub(super) type Numerical<'r> = dyn FnMut(f64, &[f64], &mut Clocked<PhysicalTime>) -> Outcome + 'r;
+
 /// Passes on a run in numerical time as one in physical time.
 pub(super) struct PhysicalTime<'t> {
     way: &'t Way,
@@ -409,7 +412,7 @@ pub(super) fn drive(
     horizon: f64,
     observer: &mut dyn Observer,
     law: Option<Box<Law>>,
-    mut run: impl FnMut(f64, &[f64], &mut Clocked<PhysicalTime>) -> Outcome,
+    run: &mut Numerical,
 ) -> (Outcome, Option<End>) {
     let clock = Clock {
         state: way.clock,

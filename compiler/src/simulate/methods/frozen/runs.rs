@@ -8,7 +8,7 @@ use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome, Side};
 
 use super::law::impact;
-use super::physical_time::{Begin, End, Law, drive};
+use super::physical_time::{Begin, End, Law, Numerical, drive};
 use super::way::Way;
 use crate::limit::Limit;
 use crate::lowering::dcs::Formulation;
@@ -80,12 +80,7 @@ impl Standing {
             start: frozen.start.clone(),
             road: Road::new(&frozen.system, settings, &inputs),
             jumping: (frozen.meeting.is_open).then(|| hybrid::lower_at(system, open)),
-            params: system
-                .exogenous
-                .params
-                .iter()
-                .map(|param| param.value)
-                .collect(),
+            params: system.exogenous.numbers().map(|(_, p)| p).collect(),
             open: open.to_vec(),
             n_measures: inputs.len() - open.len(),
             behind: behind.map(|state| state.initial).collect(),
@@ -188,19 +183,13 @@ impl Standing {
             parameters: &parameters,
         };
         let (mut order, mut least_member) = (0, 0.0_f64);
+        let drive = |run: &mut Numerical| drive(&self.way, begin, horizon, observer, law, run);
         let (outcome, end) = match &mut self.road {
             Road::Events { hybrid, settings } => {
                 let simulator = renewed(kept, hybrid, settings.as_ref().clone());
                 simulator.set_parameters(&parameters);
                 order = simulator.order();
-                drive(
-                    &self.way,
-                    begin,
-                    horizon,
-                    observer,
-                    law,
-                    |end, x, physical| simulator.run(0.0, end, x, physical),
-                )
+                drive(&mut |end, x, physical| simulator.run(0.0, end, x, physical))
             }
             Road::Elements {
                 complementarity,
@@ -209,27 +198,20 @@ impl Standing {
                 ..
             } => {
                 complementarity.parameters.copy_from_slice(&parameters);
-                drive(
-                    &self.way,
-                    begin,
-                    horizon,
-                    observer,
-                    law,
-                    |end, x, physical| {
-                        let settings = elements::Settings {
-                            grid: longer(settings.grid, end / horizon),
-                            ..settings.clone()
-                        };
-                        let simulator = elements::Simulator::new(complementarity, settings);
-                        let simulator = simulator.expect("the number of nodes has been checked");
-                        let mut simulator = simulator.knowing(std::mem::take(library));
-                        let solution = simulator.run(0.0, end, x, physical);
-                        *library = simulator.library().clone();
-                        least_member = least_member.min(solution.least_member);
-                        order = simulator.order();
-                        solution.outcome
-                    },
-                )
+                drive(&mut |end, x, physical| {
+                    let settings = elements::Settings {
+                        grid: longer(settings.grid, end / horizon),
+                        ..settings.clone()
+                    };
+                    let simulator = elements::Simulator::new(complementarity, settings);
+                    let simulator = simulator.expect("the number of nodes has been checked");
+                    let mut simulator = simulator.knowing(std::mem::take(library));
+                    let solution = simulator.run(0.0, end, x, physical);
+                    *library = simulator.library().clone();
+                    least_member = least_member.min(solution.least_member);
+                    order = simulator.order();
+                    solution.outcome
+                })
             }
         };
         Ran {
