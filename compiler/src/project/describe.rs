@@ -2,8 +2,6 @@
 
 use serde::Serialize;
 
-use crate::compile;
-use crate::diagnostics::Diagnostics;
 use crate::diagnostics::messages::Messages;
 use crate::expr::Exprs;
 use crate::model::{Named, Quantity};
@@ -83,18 +81,8 @@ impl Project {
     /// Where there is no such experiment, or it does not compile.
     pub fn describe(&self, experiment: &str) -> Result<Description, Messages> {
         let asked = self.ask(experiment, &[], &[])?;
-        let (exprs, clock, mut diags) = (Exprs::new(), &mut Clock::default(), Diagnostics::new());
-        let compiled = compile(
-            &exprs,
-            &self.file,
-            &asked.experiment,
-            &[],
-            clock,
-            &mut diags,
-        );
-        let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
-            return Err(Messages::new(diags, asked.sources));
-        };
+        let exprs = Exprs::new();
+        let (compiled, _) = asked.compiled(&exprs, &self.file, &mut Clock::default())?;
         let (settings, experiment) = (&compiled.settings, &asked.experiment);
         let quantities = &compiled.model.quantities;
         let of = |quantity: &Quantity<'_>| described(quantity, settings, &self.sources);

@@ -15,7 +15,7 @@ use crate::report::forms::{csv, json, text};
 use crate::report::{Trajectory, Warning};
 use crate::simulate::Request;
 use crate::source::SourceMap;
-use crate::syntax::{Bind, Experiment, Path};
+use crate::syntax::{Bind, Experiment, File, Path};
 use crate::{Compiled, compile};
 
 /// What is asked of a run besides what its experiment says.
@@ -172,27 +172,16 @@ impl Project {
         watch: &mut dyn Watch,
     ) -> Result<Run, Messages> {
         let asked = self.ask(experiment, &options.values, &options.settings)?;
-        let (exprs, mut clock, mut diags) = (Exprs::new(), Clock::default(), Diagnostics::new());
-        let (file, overrides) = (&self.file, &asked.overrides);
-        let compiled = compile(
-            &exprs,
-            file,
-            &asked.experiment,
-            overrides,
-            &mut clock,
-            &mut diags,
-        );
-        let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
-            return Err(Messages::new(diags, asked.sources));
-        };
+        let (exprs, mut clock) = (Exprs::new(), Clock::default());
+        let (mut compiled, diags) = asked.compiled(&exprs, &self.file, &mut clock)?;
         if !options.ends_alone {
             compiled.settings.follow_curves();
         }
         let request = options.request();
         let source = ensemble::Source {
-            file,
+            file: &self.file,
             experiment: &asked.experiment,
-            overrides,
+            overrides: &asked.overrides,
         };
         let found = launch::whole(self, source, &mut compiled, &request, watch);
         let mut trajectory = match found {
@@ -218,13 +207,9 @@ impl Project {
         trajectory: &Trajectory,
     ) -> Result<String, Messages> {
         let asked = self.ask(experiment, &options.values, &options.settings)?;
-        let (exprs, clock, mut diags) = (Exprs::new(), &mut Clock::default(), Diagnostics::new());
-        let (of, overrides) = (&asked.experiment, &asked.overrides);
-        let compiled = compile(&exprs, &self.file, of, overrides, clock, &mut diags);
-        match compiled.filter(|_| !diags.has_errors()) {
-            Some(compiled) => Ok(crate::project::figure::draw(&compiled, trajectory)),
-            None => Err(Messages::new(diags, asked.sources)),
-        }
+        let exprs = Exprs::new();
+        let (compiled, _) = asked.compiled(&exprs, &self.file, &mut Clock::default())?;
+        Ok(crate::project::figure::draw(&compiled, trajectory))
     }
 
     /// Compiles a simulation once, for many runs with other values of the parameters that are `open`.
@@ -275,21 +260,18 @@ impl Project {
     ) -> Result<optimize::Prepared<'e>, PrepareError> {
         let asked = self.ask(experiment, values, &[]);
         let mut asked = asked.map_err(PrepareError::NotCompiled)?;
-        let (clock, mut diags) = (&mut Clock::default(), Diagnostics::new());
-        let mut of = asked.experiment.clone().into_owned();
-        of.open = asked.paths(open)?;
-        let overrides = &asked.overrides;
-        let compiled = compile(exprs, &self.file, &of, overrides, clock, &mut diags);
-        let failed = |diags, sources| PrepareError::NotCompiled(Messages::new(diags, sources));
-        let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
-            return Err(failed(diags, asked.sources));
-        };
+        asked.experiment.to_mut().open = asked.paths(open)?;
+        let compiled = asked.compiled(exprs, &self.file, &mut Clock::default());
+        let (compiled, diags) = compiled.map_err(PrepareError::NotCompiled)?;
         let Some(task) = &compiled.settings.optimize else {
             return Err(PrepareError::NoTask(experiment.to_owned()));
         };
         match launch::sampled(self, task, &Request::default()) {
             Ok(sampled) => optimize::Prepared::new(&compiled, sampled, diags, asked.sources),
-            Err(diags) => Err(failed(diags, asked.sources)),
+            Err(diags) => {
+                let messages = Messages::new(diags, asked.sources);
+                Err(PrepareError::NotCompiled(messages))
+            }
         }
     }
 
@@ -335,6 +317,25 @@ pub(crate) struct Asked<'p> {
 }
 
 impl Asked<'_> {
+    /// It compiled, with the warnings of that.
+    ///
+    /// # Errors
+    ///
+    /// Where it does not compile.
+    pub fn compiled<'e>(
+        &self,
+        exprs: &'e Exprs,
+        file: &File,
+        clock: &mut Clock,
+    ) -> Result<(Compiled<'e>, Diagnostics), Messages> {
+        let (of, overrides, mut diags) = (&self.experiment, &self.overrides, Diagnostics::new());
+        let compiled = compile(exprs, file, of, overrides, clock, &mut diags);
+        match compiled.filter(|_| !diags.has_errors()) {
+            Some(compiled) => Ok((compiled, diags)),
+            None => Err(Messages::new(diags, self.sources.clone())),
+        }
+    }
+
     /// Names of parameters as they stand on the left of `=` in `with`.
     pub fn paths(&mut self, names: &[&str]) -> Result<Vec<Path>, NotPrepared> {
         let paths = names.iter().map(|name| {
