@@ -44,13 +44,14 @@ pub fn refine(samples: &mut Samples, dense: &Dense, values: &dyn Fn(f64, &[f64])
     let mut all: Vec<&mut Series> = samples.series_mut().collect();
     all.iter_mut().for_each(|series| series.values.clear());
 
-    let mut row = vec![0.0; first.n_rows()];
+    let (n_rows, mut rows) = (first.n_rows(), Vec::new());
     for piece in &dense.pieces {
-        for time in instants(piece.from, piece.to, span) {
-            piece.read(time, &mut row);
-            let values = values(time, &row);
-            let mut entries = values.into_iter();
-            passed.push(time);
+        let begun = passed.len();
+        passed.extend(instants(piece.from, piece.to, span));
+        rows.clear();
+        piece.read(&passed[begun..], n_rows, &mut rows);
+        for (k, &time) in passed[begun..].iter().enumerate() {
+            let mut entries = values(time, &rows[k * n_rows..][..n_rows]).into_iter();
             for series in &mut all {
                 series
                     .values

@@ -1,5 +1,8 @@
 //! The solution between the reported instants, as polynomials.
 
+/// Instants at which a polynomial is evaluated at once.
+const LANES: usize = 8;
+
 /// Pieces that follow each other in time; none when a method knows its points only.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Dense {
@@ -31,23 +34,32 @@ impl Piece {
 
     /// Values of all rows at `time`.
     pub fn at(&self, time: f64) -> Vec<f64> {
-        let mut values = vec![0.0; self.n_rows()];
-        self.read(time, &mut values);
+        let mut values = Vec::new();
+        self.read(&[time], self.n_rows(), &mut values);
         values
     }
 
-    /// The same of the first rows, by Horner's scheme, in which no row waits for another.
-    pub fn read(&self, time: f64, values: &mut [f64]) {
-        let s = time - self.from;
-        values.fill(0.0);
-        for k in (0..self.n_coefficients).rev() {
-            let terms = self
-                .coefficients
-                .iter()
-                .skip(k)
-                .step_by(self.n_coefficients);
-            for (value, c) in values.iter_mut().zip(terms) {
-                *value = *value * s + c;
+    /// Adds the values of the first rows at some instants, instant by instant. Horner's scheme takes several instants at
+    /// once, none of which waits for another.
+    pub fn read(&self, times: &[f64], n_rows: usize, values: &mut Vec<f64>) {
+        for times in times.chunks(LANES) {
+            let mut s = [0.0; LANES];
+            for (s, time) in s.iter_mut().zip(times) {
+                *s = time - self.from;
+            }
+            let first = values.len();
+            values.resize(first + n_rows * times.len(), 0.0);
+            let rows = self.coefficients.chunks(self.n_coefficients.max(1));
+            for (at, row) in rows.take(n_rows).enumerate() {
+                let mut sums = [0.0; LANES];
+                for c in row.iter().rev() {
+                    for (sum, s) in sums.iter_mut().zip(&s) {
+                        *sum = *sum * s + c;
+                    }
+                }
+                for (k, sum) in sums.iter().take(times.len()).enumerate() {
+                    values[first + k * n_rows + at] = *sum;
+                }
             }
         }
     }

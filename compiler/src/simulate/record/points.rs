@@ -161,24 +161,25 @@ impl Points {
         }
         let points = std::mem::take(self);
         self.jumps = points.jumps;
-        let parts = pieces.iter().flat_map(|piece| {
-            let instants = curve::instants(piece.from, piece.to, span);
-            instants.map(move |t| (t, piece))
-        });
-        let is_inside = |(t, piece): &(f64, &Piece)| piece.from < *t && *t < piece.to;
-        let mut parts = parts.filter(is_inside).peekable();
+        let (mut instants, mut values) = (Vec::new(), Vec::new());
+        for piece in pieces {
+            let begun = instants.len();
+            let parts = curve::instants(piece.from, piece.to, span);
+            instants.extend(parts.filter(|t| piece.from < *t && *t < piece.to));
+            piece.read(&instants[begun..], n + m, &mut values);
+        }
+        let mut parts = instants.iter().copied().enumerate().peekable();
         let mut behind = points.behind.iter().peekable();
-        let (mut rows, mut row) = (Vec::new(), vec![0.0; n + m]);
+        let mut rows = Vec::new();
         for (k, &t) in points.times.iter().enumerate() {
-            while let Some((at, piece)) = parts.next_if(|(at, _)| *at < t) {
-                piece.read(at, &mut row);
-                let (x, alpha) = row.split_at_mut(n);
+            while let Some((part, at)) = parts.next_if(|(_, at)| *at < t) {
+                let (x, alpha) = values[part * (n + m)..][..n + m].split_at_mut(n);
                 system.see(at, x, alpha);
                 self.push(at, x, alpha);
                 rows.push(Row::Inside);
             }
             // An instant of a step has one row.
-            parts.next_if(|(at, _)| *at == t);
+            parts.next_if(|(_, at)| *at == t);
             self.push(
                 t,
                 &points.states[k * n..][..n],
