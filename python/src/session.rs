@@ -14,14 +14,14 @@ const MOST: usize = 8;
 /// Expressions of a project with which it is compiled anew: those of what is not kept any more are among them.
 const MOST_NODES: usize = 4_000_000;
 
-struct Ground {
+struct Owner {
     exprs: Exprs,
     project: Arc<Project>,
 }
 
 self_cell!(
     struct Compiled {
-        owner: Ground,
+        owner: Owner,
         #[not_covariant]
         dependent: Session,
     }
@@ -64,12 +64,10 @@ fn taken(project: &Arc<Project>) -> Compiled {
         Some(all.remove(place))
     });
     known.unwrap_or_else(|| {
-        let ground = Ground {
+        let owner = Owner {
             exprs: Exprs::new(),
             project: project.clone(),
         };
-        Compiled::new(ground, |ground| {
-            Session::new(&ground.exprs, &ground.project)
-        })
+        Compiled::new(owner, |owner| Session::new(&owner.exprs, &owner.project))
     })
 }

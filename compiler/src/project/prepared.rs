@@ -75,7 +75,7 @@ use crate::project::clock::Clock;
 use crate::project::{Project, bindings};
 use crate::simulate::adaptive::{self, Jumping};
 use crate::simulate::fesd::{Compiled, first_elements, impulses, stepping};
-use crate::simulate::frozen::{self, Standing};
+use crate::simulate::frozen::{self, FrozenRunner};
 use crate::simulate::moreau::{self, Bodies};
 use crate::simulate::{schedule, solver_settings};
 use crate::source::SourceMap;
@@ -111,7 +111,7 @@ enum Ready {
         grid: Grid,
     },
     /// In numerical time.
-    Frozen(Arc<Standing>),
+    Frozen(Arc<FrozenRunner>),
     /// As if there were no switches.
     Adaptive {
         field: Arc<Jumping>,
@@ -302,8 +302,8 @@ impl Prepared {
                 runs: Box::new(jumps::Simulator::new(jumps::System::clone(system))),
                 grid: *grid,
             },
-            Ready::Frozen(standing) => Work::Frozen {
-                standing: Box::new(Standing::clone(standing)),
+            Ready::Frozen(runner) => Work::Frozen {
+                runner: Box::new(FrozenRunner::clone(runner)),
                 kept: Box::default(),
             },
             Ready::Adaptive { field, settings } => Work::Adaptive {
@@ -493,7 +493,7 @@ enum Work {
         grid: Grid,
     },
     Frozen {
-        standing: Box<Standing>,
+        runner: Box<FrozenRunner>,
         kept: Box<Option<Simulator>>,
     },
     Adaptive {
@@ -547,11 +547,11 @@ impl Runs<'_> {
                 runs.run(grid, &self.x0, near, &mut |_| None, observer)
                     .outcome()
             }
-            Work::Frozen { standing, kept } => {
-                standing.set_parameters(parameters);
+            Work::Frozen { runner, kept } => {
+                runner.set_parameters(parameters);
                 let mut observer = observer as &mut dyn Observer;
-                let ran = standing.run(horizon, &self.x0, kept, &mut observer);
-                standing.told(ran)
+                let ran = runner.run(horizon, &self.x0, kept, &mut observer);
+                runner.told(ran)
             }
             Work::Adaptive { field, settings } => {
                 field.set_parameters(parameters);

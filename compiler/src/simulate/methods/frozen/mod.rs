@@ -1,15 +1,15 @@
 //! Runs in numerical time: a system is frozen, run event by event or by finite elements, and told in physical time.
 
+mod back_map;
 mod law;
 mod physical_time;
-mod runs;
+mod runner;
 mod stretch;
-mod way;
 
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::hybrid::Outcome;
 use physical_time::End;
-pub(crate) use runs::Standing;
+pub(crate) use runner::FrozenRunner;
 
 use super::blurred;
 use super::fesd::options;
@@ -26,7 +26,7 @@ use crate::system::{System, SystemError};
 pub(crate) struct InNumericalTime<'e> {
     /// The frozen system, which has the names.
     system: System<'e>,
-    standing: Standing,
+    runner: FrozenRunner,
     /// The last run from event to event.
     kept: Option<Simulator>,
     /// The parameters that stay open, by their numbers.
@@ -41,9 +41,9 @@ pub(crate) fn prepared<'e>(
     system: &System<'e>,
     settings: &Settings<'e>,
     open: &[usize],
-) -> Standing {
+) -> FrozenRunner {
     let frozen = checked(freeze_open(system, settings.pace(), open));
-    Standing::new(system, &frozen, settings, open)
+    FrozenRunner::new(system, &frozen, settings, open)
 }
 
 fn checked<'e>(frozen: Result<Frozen<'e>, SystemError>) -> Frozen<'e> {
@@ -60,7 +60,7 @@ impl<'e> InNumericalTime<'e> {
             false => freeze_open(system, pace, open),
         });
         InNumericalTime {
-            standing: Standing::new(system, &frozen, settings, open),
+            runner: FrozenRunner::new(system, &frozen, settings, open),
             system: frozen.system,
             kept: None,
             open: open.to_vec(),
@@ -121,22 +121,22 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
         accuracy: Accuracy,
         observer: &mut dyn Observer,
     ) -> Ended {
-        let (settings, standing) = (problem.settings, &mut self.standing);
-        standing.set_parameters(&problem.system.values_of(&self.open));
-        standing.choose(settings, accuracy, problem.limit.clone());
-        let ran = standing.run(settings.horizon, &problem.x0, &mut self.kept, observer);
+        let (settings, runner) = (problem.settings, &mut self.runner);
+        runner.set_parameters(&problem.system.values_of(&self.open));
+        runner.choose(settings, accuracy, problem.limit.clone());
+        let run = runner.run(settings.horizon, &problem.x0, &mut self.kept, observer);
         if !accuracy.is_finer {
-            (self.order, self.least_member) = (ran.order, ran.least_member);
+            (self.order, self.least_member) = (run.order, run.least_member);
         }
         Ended {
-            failure: self.failure(settings, &ran.outcome, ran.end),
-            outcome: ran.outcome,
+            failure: self.failure(settings, &run.outcome, run.end),
+            outcome: run.outcome,
         }
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
         let settings = problem.settings;
-        match self.standing.formulation() {
+        match self.runner.formulation() {
             None => Method::of(MethodKind::Event)
                 .count("order", self.order)
                 .word("lowering", "timefreezing")
@@ -154,11 +154,11 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
     }
 
     fn takes_numbers(&self) -> bool {
-        self.standing.takes_measures()
+        self.runner.takes_measures()
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
-        if self.standing.formulation().is_some() {
+        if self.runner.formulation().is_some() {
             let blurred = blurred::warning(problem.system, &ended.outcome, trajectory);
             trajectory.warnings.extend(blurred);
             // As of `method fesd`.

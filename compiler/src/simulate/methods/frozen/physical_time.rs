@@ -10,8 +10,8 @@ use nsd_solver::expansion::Polynomials;
 use nsd_solver::fesd;
 use nsd_solver::hybrid::{Coefficient, Outcome, Side, Status};
 
+use super::back_map::BackMap;
 use super::stretch::{Lasting, Stretched};
-use super::way::Way;
 
 /// Bounces this close, relative to the horizon, that become ever closer are on their way to a Zeno point.
 const DENSE: f64 = 1e-6;
@@ -41,16 +41,16 @@ pub(crate) enum End {
 
 impl End {
     /// The same of contacts as in a run of the original.
-    pub fn status(self, way: &Way) -> Status {
+    pub fn status(self, map: &BackMap) -> Status {
         let original = |frozen: usize| {
-            let mut contacts = way.contacts.iter();
+            let mut contacts = map.contacts.iter();
             let contact = contacts.find(|contact| contact.switch == frozen);
             contact.expect("it is one of a contact").contact
         };
         match self {
             End::Limit(_) | End::Closed => Status::Accumulation,
             End::Unlawful => Status::Undetermined {
-                switches: way.contacts.iter().map(|contact| contact.contact).collect(),
+                switches: map.contacts.iter().map(|contact| contact.contact).collect(),
             },
             End::Locked(contact) => Status::Painleve {
                 switch: original(contact),
@@ -72,7 +72,7 @@ pub(crate) type Law<'l> = dyn FnMut(f64, &[f64]) -> Option<Vec<f64>> + 'l;
 
 /// Where a run of the frozen system begins.
 #[derive(Clone, Copy)]
-pub(super) struct Begin<'t> {
+pub(super) struct InitialPoint<'t> {
     /// Its state.
     pub x: &'t [f64],
     /// The values of its open parameters.
@@ -84,8 +84,8 @@ pub(super) type Numerical<'r> = dyn FnMut(f64, &[f64], &mut Clocked<PhysicalTime
 
 /// Passes on a run in numerical time as one in physical time.
 pub(super) struct PhysicalTime<'t> {
-    way: &'t Way,
-    begin: Begin<'t>,
+    map: &'t BackMap,
+    initial: InitialPoint<'t>,
     /// Who is told; nobody, where a run only shows the clock.
     observer: Option<&'t mut dyn Observer>,
     clock: Clock,
@@ -118,8 +118,8 @@ struct Impacts {
 
 impl Impacts {
     /// Notes the contacts that act while the clock stands still.
-    fn act(&mut self, way: &Way, sides: &[Side]) {
-        for contact in &way.contacts {
+    fn act(&mut self, map: &BackMap, sides: &[Side]) {
+        for contact in &map.contacts {
             let comes = |speed: usize| sides[speed] == Side::Minus;
             let closed = sides[contact.switch] == Side::Minus;
             let acts = closed && contact.speed.is_none_or(comes);
@@ -130,9 +130,9 @@ impl Impacts {
     }
 
     /// Takes note of the bounces that have ended at an instant, and sees where they would accumulate.
-    fn count(&mut self, way: &Way, t: f64, horizon: f64) -> Option<End> {
+    fn count(&mut self, map: &BackMap, t: f64, horizon: f64) -> Option<End> {
         let mut end = None;
-        for (contact, times) in way.contacts.iter().zip(&mut self.bounces) {
+        for (contact, times) in map.contacts.iter().zip(&mut self.bounces) {
             if contact.speed.is_some() || !self.fired.contains(&contact.law) {
                 continue;
             }
@@ -181,25 +181,25 @@ impl Polynomials for InPhysicalTime<'_> {
 
 impl<'t> PhysicalTime<'t> {
     pub fn new(
-        way: &'t Way,
-        begin: Begin<'t>,
+        map: &'t BackMap,
+        initial: InitialPoint<'t>,
         clock: Clock,
         observer: Option<&'t mut dyn Observer>,
     ) -> Self {
         PhysicalTime {
-            way,
-            begin,
+            map,
+            initial,
             observer,
             clock,
             t: 0.0,
             sides: Vec::new(),
-            next: vec![Side::Plus; way.places.len()],
-            x: vec![0.0; way.n_states],
+            next: vec![Side::Plus; map.places.len()],
+            x: vec![0.0; map.n_states],
             impacts: Impacts {
                 before: None,
                 fired: Vec::new(),
                 accumulates: false,
-                bounces: vec![Vec::new(); way.contacts.len()],
+                bounces: vec![Vec::new(); map.contacts.len()],
             },
             lasting: Vec::new(),
             end: None,
@@ -209,22 +209,22 @@ impl<'t> PhysicalTime<'t> {
 
     /// The sides of the original where a run is in these, with this state.
     fn read(&mut self, sides: &[Side], x: &[f64]) {
-        for (next, place) in self.next.iter_mut().zip(&self.way.places) {
+        for (next, place) in self.next.iter_mut().zip(&self.map.places) {
             *next = place.map_or(Side::Plus, |place| sides[place]);
         }
-        for memory in &self.way.relays {
+        for memory in &self.map.relays {
             self.next[memory.relay] = Side::of(x[memory.state] - 0.5);
         }
         self.lasting.clear();
         let lasts = |speed: Option<usize>| speed.filter(|&speed| sides[speed] == Side::Slide);
-        let resting = self.way.contacts.iter();
+        let resting = self.map.contacts.iter();
         let mut resting = resting
             .filter_map(|contact| Some((contact, lasts(contact.speed)?)))
             .peekable();
         if resting.peek().is_none() {
             return;
         }
-        let seen = self.way.look(x, self.begin.parameters);
+        let seen = self.map.look(x, self.initial.parameters);
         for (contact, speed) in resting {
             self.next[contact.contact] = Side::Slide;
             self.lasting.push(Lasting {
@@ -238,11 +238,11 @@ impl<'t> PhysicalTime<'t> {
     /// Why time does not go on where a contact has struck, at a state of the frozen system: its friction is negative,
     /// or closes it whatever pushes, or another one is closed that it acts on, with friction.
     fn refused(&self, x: &[f64]) -> Option<End> {
-        let contacts = &self.way.contacts;
-        let seen = self.way.look(x, self.begin.parameters);
+        let contacts = &self.map.contacts;
+        let seen = self.map.look(x, self.initial.parameters);
         let strikes = |contact: usize| self.impacts.fired.contains(&contacts[contact].law);
         let is_closed = |contact: usize| seen.is_closed(&contacts[contact]);
-        let mut rough = self.way.meeting.rough.iter();
+        let mut rough = self.map.meeting.rough.iter();
         if rough.any(|&[a, b]| strikes(a) && is_closed(b) || strikes(b) && is_closed(a)) {
             return Some(End::Unlawful);
         }
@@ -267,8 +267,8 @@ impl<'t> PhysicalTime<'t> {
         let before = self.impacts.before.take();
         if self.sides.is_empty() {
             self.sides.clone_from(&self.next);
-            for memory in &self.way.relays {
-                let start = self.begin.x[memory.state];
+            for memory in &self.map.relays {
+                let start = self.initial.x[memory.state];
                 self.sides[memory.relay] = Side::of(start - 0.5);
             }
         }
@@ -322,13 +322,13 @@ fn accumulation(times: &[f64]) -> Option<(f64, f64)> {
 
 impl Observer for PhysicalTime<'_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
-        let n = self.way.n_states;
+        let n = self.map.n_states;
         let Some(advance) = self.clock.advance(segment) else {
             if self.impacts.before.is_none() {
                 segment.state(0.0, &mut self.x);
                 self.impacts.before = Some(self.x.clone());
             }
-            self.impacts.act(self.way, segment.sides);
+            self.impacts.act(self.map, segment.sides);
             self.end = self.refused(segment.end);
             if self.end.is_some() {
                 return ControlFlow::Break(());
@@ -340,9 +340,9 @@ impl Observer for PhysicalTime<'_> {
             return ControlFlow::Continue(());
         }
         self.impacts.fired.sort_unstable();
-        let limit = self.impacts.count(self.way, self.t, horizon);
+        let limit = self.impacts.count(self.map, self.t, horizon);
         self.end = limit.or(self.end);
-        let mut elastic = (self.way.contacts.iter()).filter(|contact| contact.speed.is_none());
+        let mut elastic = (self.map.contacts.iter()).filter(|contact| contact.speed.is_none());
         if elastic.any(|contact| segment.sides[contact.switch] == Side::Slide) {
             self.end = self.end.or(Some(End::Closed));
         }
@@ -364,7 +364,7 @@ impl Observer for PhysicalTime<'_> {
                 length = length.next_up();
             }
         }
-        let (inner, places) = (segment.polynomials(), &self.way.places[..]);
+        let (inner, places) = (segment.polynomials(), &self.map.places[..]);
         let of_frozen = segment.unobserved();
         let is_blind = |i: &usize| places[*i].is_some_and(|place| of_frozen.contains(&place));
         let blind: Vec<usize> = (0..places.len()).filter(is_blind).collect();
@@ -407,21 +407,21 @@ impl fesd::Observer for PhysicalTime<'_> {}
 /// The outcome is that of the original, but for a status that is not `Solved`, whose switches are those of the frozen
 /// system.
 pub(super) fn drive(
-    way: &Way,
-    begin: Begin<'_>,
+    map: &BackMap,
+    initial: InitialPoint<'_>,
     horizon: f64,
     observer: &mut dyn Observer,
     law: Option<Box<Law>>,
     run: &mut Numerical,
 ) -> (Outcome, Option<End>) {
     let clock = Clock {
-        state: way.clock,
+        state: map.clock,
         horizon,
     };
-    let x = begin.x;
-    let probe = || PhysicalTime::new(way, begin, clock, None);
+    let x = initial.x;
+    let probe = || PhysicalTime::new(map, initial, clock, None);
     let end = clock.numerical_time(probe, |end, physical| run(end, x, physical));
-    let mut physical = clock.watch(PhysicalTime::new(way, begin, clock, Some(observer)));
+    let mut physical = clock.watch(PhysicalTime::new(map, initial, clock, Some(observer)));
     physical.observer.law = law;
     let mut outcome = run(end, x, &mut physical);
     let mut physical = physical.observer;
@@ -438,13 +438,13 @@ pub(super) fn drive(
 
 /// The outcome in physical time, of the states and switches of the original.
 fn to_physical_time(physical: &mut PhysicalTime, outcome: Outcome) -> Outcome {
-    let n = physical.way.n_states;
+    let n = physical.map.n_states;
     let first = |values: &[f64]| values.iter().take(n).copied().collect();
     if physical.sides.is_empty() {
         physical.read(&outcome.sides, &outcome.x);
         physical.sides.clone_from(&physical.next);
     }
-    let places = physical.way.places.iter().zip(&physical.sides);
+    let places = physical.map.places.iter().zip(&physical.sides);
     let alpha = |(place, side): (&Option<usize>, &Side)| {
         place.map_or(0.5 + 0.5 * side.sign(), |place| outcome.alpha[place])
     };

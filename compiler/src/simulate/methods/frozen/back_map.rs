@@ -11,7 +11,7 @@ use crate::system::freezing::{Frozen, Impact, Meeting, Memory};
 
 /// Where states, switches, relays and contacts of the original are in the frozen system.
 #[derive(Clone, Debug)]
-pub(super) struct Way {
+pub(super) struct BackMap {
     /// Number of states of the original, which come first.
     pub n_states: usize,
     /// The state that is physical time.
@@ -45,7 +45,7 @@ pub(super) struct Struck {
 /// What is seen of contacts at a state.
 pub(super) struct Seen(Vec<f64>);
 
-impl Way {
+impl BackMap {
     /// With some parameters open, by their numbers in the frozen system.
     pub fn new<'e>(frozen: &Frozen<'e>, open: &[usize]) -> Self {
         let system = &frozen.system;
@@ -68,7 +68,7 @@ impl Way {
         let states = system.states.iter().map(|state| state.var);
         let params = open.iter().map(|&place| system.exogenous.params[place].var);
         let inputs: Vec<Var> = states.chain(params).map(variable).collect();
-        Way {
+        BackMap {
             n_states: frozen.n_states,
             clock: frozen.clock,
             places: frozen.places.clone(),

@@ -7,9 +7,9 @@ use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library};
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome, Side};
 
+use super::back_map::BackMap;
 use super::law::impact;
-use super::physical_time::{Begin, End, Law, Numerical, drive};
-use super::way::Way;
+use super::physical_time::{End, InitialPoint, Law, Numerical, drive};
 use crate::limit::Limit;
 use crate::lowering::dcs::Formulation;
 use crate::lowering::{dcs, hybrid};
@@ -23,10 +23,10 @@ use crate::system::freezing::{Frozen, Measures, Start};
 
 /// A frozen system, and how it is run.
 #[derive(Clone, Debug)]
-pub(crate) struct Standing {
-    way: Way,
+pub(crate) struct FrozenRunner {
+    map: BackMap,
     start: Start,
-    road: Road,
+    integrator: Integrator,
     /// The system with jumps, which impacts are compared with where forces may make another one of them.
     jumping: Option<Arc<HybridSystem>>,
     /// The values of all parameters of the original.
@@ -41,7 +41,7 @@ pub(crate) struct Standing {
 
 /// By what it is run.
 #[derive(Clone, Debug)]
-enum Road {
+enum Integrator {
     Events {
         hybrid: Arc<HybridSystem>,
         settings: Box<solver::Settings>,
@@ -56,7 +56,7 @@ enum Road {
 }
 
 /// A run in physical time.
-pub(crate) struct Ran {
+pub(crate) struct PhysicalRun {
     pub outcome: Outcome,
     pub(super) end: Option<End>,
     /// Order of the method, and the least member of a pair of complementarity.
@@ -64,7 +64,7 @@ pub(crate) struct Ran {
     pub least_member: f64,
 }
 
-impl Standing {
+impl FrozenRunner {
     /// Compiles what a system was frozen into, with parameters open as they were then, by their numbers.
     pub(super) fn new(
         system: &System<'_>,
@@ -75,18 +75,18 @@ impl Standing {
         let measures = system.exogenous.params.len()..frozen.system.exogenous.params.len();
         let inputs: Vec<usize> = open.iter().copied().chain(measures).collect();
         let behind = frozen.system.states[frozen.n_states..].iter();
-        let mut standing = Standing {
-            way: Way::new(frozen, &inputs),
+        let mut runner = FrozenRunner {
+            map: BackMap::new(frozen, &inputs),
             start: frozen.start.clone(),
-            road: Road::new(&frozen.system, settings, &inputs),
+            integrator: Integrator::new(&frozen.system, settings, &inputs),
             jumping: (frozen.meeting.is_open).then(|| hybrid::lower_at(system, open)),
             params: system.exogenous.numbers().map(|(_, p)| p).collect(),
             open: open.to_vec(),
             n_measures: inputs.len() - open.len(),
             behind: behind.map(|state| state.initial).collect(),
         };
-        standing.choose(settings, Accuracy::of(settings), Limit::default());
-        standing
+        runner.choose(settings, Accuracy::of(settings), Limit::default());
+        runner
     }
 
     /// Whether runs may have other starts and horizons than what was frozen.
@@ -104,10 +104,10 @@ impl Standing {
     /// Takes the accuracy of a run, and when it stops.
     pub(super) fn choose(&mut self, settings: &Settings<'_>, accuracy: Accuracy, limit: Limit) {
         // Gaps stand still at zero while contacts act on each other: these are closed.
-        let contacts = self.way.contacts.iter();
+        let contacts = self.map.contacts.iter();
         let below: Vec<usize> = contacts.map(|contact| contact.switch).collect();
-        match &mut self.road {
-            Road::Events {
+        match &mut self.integrator {
+            Integrator::Events {
                 hybrid,
                 settings: own,
             } => {
@@ -119,7 +119,7 @@ impl Standing {
                 }
                 **own = solver::Settings { below, ..chosen };
             }
-            Road::Elements { settings: own, .. } => {
+            Integrator::Elements { settings: own, .. } => {
                 let options = options(settings);
                 *own = elements::Settings {
                     below,
@@ -134,24 +134,24 @@ impl Standing {
     /// The state of the frozen system from which the original starts at x0.
     fn from(&self, x0: &[f64], measures: &Measures) -> Vec<f64> {
         let mut x = [x0, &self.behind].concat();
-        for (memory, &start) in self.way.relays.iter().zip(&measures.memories) {
+        for (memory, &start) in self.map.relays.iter().zip(&measures.memories) {
             x[memory.state] = start;
         }
         x
     }
 
     /// A run that ends where it begins, where there is none with these measures.
-    fn refused(&self, measures: &Measures, x0: &[f64]) -> Option<Ran> {
-        let switch = |contact: usize| self.way.contacts[contact].switch;
+    fn refused(&self, measures: &Measures, x0: &[f64]) -> Option<PhysicalRun> {
+        let switch = |contact: usize| self.map.contacts[contact].switch;
         let below = measures.below.map(|k| End::Below(switch(k)));
         let unlike = || {
             let (k, e) = measures.restitution?;
             Some(End::Outside(switch(k), Coefficient::Restitution, e))
         };
         let end = below.or_else(unlike)?;
-        let sides = vec![Side::Plus; self.way.places.len()];
-        Some(Ran {
-            outcome: Outcome::at(end.status(&self.way), 0.0, x0.to_vec(), sides),
+        let sides = vec![Side::Plus; self.map.places.len()];
+        Some(PhysicalRun {
+            outcome: Outcome::at(end.status(&self.map), 0.0, x0.to_vec(), sides),
             end: Some(end),
             order: 0,
             least_member: 0.0,
@@ -165,10 +165,10 @@ impl Standing {
         x0: &[f64],
         kept: &mut Option<Simulator>,
         observer: &mut dyn Observer,
-    ) -> Ran {
+    ) -> PhysicalRun {
         let measures = self.start.measures(&self.params, x0, horizon);
-        if let Some(ran) = self.refused(&measures, x0) {
-            return ran;
+        if let Some(run) = self.refused(&measures, x0) {
+            return run;
         }
         let x = self.from(x0, &measures);
         let open: Vec<f64> = self.open.iter().map(|&place| self.params[place]).collect();
@@ -178,20 +178,20 @@ impl Standing {
             Box::new(move |t: f64, x: &[f64]| impact(&mut simulator, horizon, t, x))
         });
         let parameters = [&open[..], &measures.inputs[..self.n_measures]].concat();
-        let begin = Begin {
+        let initial = InitialPoint {
             x: &x,
             parameters: &parameters,
         };
         let (mut order, mut least_member) = (0, 0.0_f64);
-        let drive = |run: &mut Numerical| drive(&self.way, begin, horizon, observer, law, run);
-        let (outcome, end) = match &mut self.road {
-            Road::Events { hybrid, settings } => {
+        let drive = |run: &mut Numerical| drive(&self.map, initial, horizon, observer, law, run);
+        let (outcome, end) = match &mut self.integrator {
+            Integrator::Events { hybrid, settings } => {
                 let simulator = renewed(kept, hybrid, settings.as_ref().clone());
                 simulator.set_parameters(&parameters);
                 order = simulator.order();
                 drive(&mut |end, x, physical| simulator.run(0.0, end, x, physical))
             }
-            Road::Elements {
+            Integrator::Elements {
                 complementarity,
                 settings,
                 library,
@@ -214,7 +214,7 @@ impl Standing {
                 })
             }
         };
-        Ran {
+        PhysicalRun {
             outcome,
             end,
             order,
@@ -224,28 +224,28 @@ impl Standing {
 
     /// How switches are stated for elements.
     pub(super) fn formulation(&self) -> Option<Formulation> {
-        match &self.road {
-            Road::Events { .. } => None,
-            Road::Elements { formulation, .. } => Some(*formulation),
+        match &self.integrator {
+            Integrator::Events { .. } => None,
+            Integrator::Elements { formulation, .. } => Some(*formulation),
         }
     }
 
     /// How a run has ended, of the contacts of the original; other switches are those of the frozen system.
-    pub fn told(&self, ran: Ran) -> Outcome {
-        match ran.end {
+    pub fn told(&self, run: PhysicalRun) -> Outcome {
+        match run.end {
             Some(end) => Outcome {
-                status: end.status(&self.way),
-                ..ran.outcome
+                status: end.status(&self.map),
+                ..run.outcome
             },
-            None => ran.outcome,
+            None => run.outcome,
         }
     }
 }
 
-impl Road {
+impl Integrator {
     fn new(frozen: &System<'_>, settings: &Settings<'_>, open: &[usize]) -> Self {
         if !settings.numerics.method.kind().needs_dcs() {
-            return Road::Events {
+            return Integrator::Events {
                 hybrid: hybrid::lower_at(frozen, open),
                 settings: Box::default(),
             };
@@ -253,7 +253,7 @@ impl Road {
         let dcs = dcs::lower(frozen, &settings.numerics.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
         let (family, nodes) = options(settings).scheme;
-        Road::Elements {
+        Integrator::Elements {
             complementarity: Box::new(complementarity_open(frozen, &dcs, open)),
             formulation: dcs.lowering.formulation,
             settings: elements::Settings::new(family, nodes),
