@@ -1,14 +1,11 @@
 //! What every [`HybridSystem`] satisfies: whatever one refers to is there, and in order.
 
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
 use super::form::{Argument, Instance};
 use super::system::{Effect, Guard, HybridSystem, Input, Law, SwitchKind};
 use crate::tape::Tape;
 
-/// Why something is no system.
-type Fault = &'static str;
+/// Why something is none of its kind.
+pub type Fault = &'static str;
 
 impl HybridSystem {
     /// Checks that it is one.
@@ -209,8 +206,33 @@ impl Check<'_> {
     }
 }
 
-fn must(holds: bool, fault: Fault) -> Result<(), Fault> {
+/// Nothing where this holds, or the fault.
+///
+/// # Errors
+///
+/// The fault.
+pub fn must(holds: bool, fault: Fault) -> Result<(), Fault> {
     if holds { Ok(()) } else { Err(fault) }
+}
+
+/// Writes a type as its fields, and checks it when it is read; it has `#[serde(remote = "Self")]` and a method `check`.
+#[macro_export]
+macro_rules! checked_when_read {
+    ($type:ty) => {
+        impl serde::Serialize for $type {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                <$type>::serialize(self, serializer)
+            }
+        }
+
+        impl<'de> serde::Deserialize<'de> for $type {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let read = <$type>::deserialize(deserializer)?;
+                read.check().map_err(serde::de::Error::custom)?;
+                Ok(read)
+            }
+        }
+    };
 }
 
 /// Whether these are numbers below n, each larger than the one before.
@@ -218,16 +240,4 @@ fn is_listed(list: &[usize], n: usize) -> bool {
     list.is_sorted_by(|a, b| a < b) && list.last().is_none_or(|last| *last < n)
 }
 
-impl Serialize for HybridSystem {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        HybridSystem::serialize(self, serializer)
-    }
-}
-
-impl<'de> Deserialize<'de> for HybridSystem {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let system = HybridSystem::deserialize(deserializer)?;
-        system.check().map_err(Error::custom)?;
-        Ok(system)
-    }
-}
+crate::checked_when_read!(HybridSystem);

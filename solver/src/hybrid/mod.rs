@@ -1,7 +1,7 @@
 //! A system with switches as plain data, and what describes a run of it.
 
 pub(crate) mod breakpoints;
-pub(crate) mod check;
+pub mod check;
 pub(crate) mod form;
 pub(crate) mod outcome;
 pub(crate) mod piecewise;

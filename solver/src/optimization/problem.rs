@@ -269,6 +269,18 @@ impl Pattern {
         &self.columns[self.starts[row]..self.starts[row + 1]]
     }
 
+    /// Whether this is one of so many rows and columns.
+    pub(crate) fn is_of(&self, n_rows: usize, n_columns: usize) -> bool {
+        let are_starts = self.starts.len() == n_rows + 1
+            && self.starts[0] == 0
+            && self.starts.is_sorted()
+            && self.starts[n_rows] == self.columns.len();
+        let ascends = |row: &[u32]| {
+            row.is_sorted_by(|a, b| a < b) && row.last().is_none_or(|&c| (c as usize) < n_columns)
+        };
+        are_starts && (0..n_rows).all(|row| ascends(self.row(row)))
+    }
+
     /// The number of an entry, if it is there.
     pub fn place(&self, row: usize, column: u32) -> Option<usize> {
         let place = self.row(row).binary_search(&column).ok()?;

@@ -112,6 +112,37 @@ impl Conditions {
         self.steps * self.elements.saturating_sub(1)
     }
 
+    /// Whether all pairs are among so many, and the elements no more than pairs or rows.
+    pub(crate) fn fit(&self, n_pairs: usize, n_rows: usize) -> bool {
+        let Some(n) = self.steps.checked_mul(self.elements) else {
+            return false;
+        };
+        let are_pairs = |first: usize, count: Option<usize>| {
+            let end = count.and_then(|count| first.checked_add(count));
+            end.is_some_and(|end| end <= n_pairs)
+        };
+        let mut groups = self.groups.iter();
+        let fit = groups.all(|group| {
+            let of_members = n.checked_mul(group.members);
+            let count = of_members.and_then(|count| count.checked_mul(group.per_element));
+            let is_whole = group.per_element > 0 && group.continuous.len() <= group.members;
+            is_whole && are_pairs(group.first_pair, count)
+        });
+        let n_members: usize = self.groups.iter().map(|group| group.members).sum();
+        let (impulses, rests) = (self.impulses.iter(), self.rests.iter());
+        let impulses = impulses.map(|impulses| (impulses.first_pair, impulses.gaps.len()));
+        let rests = rests.map(|rests| (rests.first_pair, rests.slips.len()));
+        let mut beginnings = impulses.chain(rests);
+        fit && n <= n_pairs.max(n_rows)
+            && beginnings.all(|(first, count)| are_pairs(first, n.checked_mul(count)))
+            && self
+                .branches
+                .members
+                .iter()
+                .all(|member| *member < n_members)
+            && (self.branches.leave.is_none() || self.steps > 0)
+    }
+
     /// All blocks of conditional rows.
     pub(crate) fn blocks(&self) -> impl Iterator<Item = Rows> + '_ {
         let equal = self.equal.map(|number| Rows {

@@ -9,6 +9,7 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
+use nsd_solver::hybrid::check::{Fault, must};
 use nsd_solver::optimization::kernels::ProgramBuilder;
 use nsd_solver::optimization::problem::{Member, Nlp, Other, Pair, Side, Structure};
 use nsd_solver::optimization::{kernels, problem};
@@ -21,6 +22,7 @@ use crate::expr::{CompileError, Expr, Node};
 
 /// A compiled [`Mpcc`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(remote = "Self")]
 pub struct Program {
     kernels: kernels::Program,
     /// Terms of the objective that only steer.
@@ -280,7 +282,50 @@ impl Pairs<'_> {
     }
 }
 
+nsd_solver::checked_when_read!(Program);
+
 impl Program {
+    /// Checks that all that it refers to is there.
+    ///
+    /// # Errors
+    ///
+    /// What is not.
+    pub fn check(&self) -> Result<(), Fault> {
+        let n_pairs = problem::Mpcc::pairs(&self.kernels).len();
+        let n_rows = self.kernels.n_rows();
+        let mut steering = self.steering.iter();
+        must(
+            steering.all(|term| *term < self.kernels.n_terms()),
+            "what steers is a term of the objective",
+        )?;
+        let n_terms = self.term_variables.len();
+        let mut terms = self.terms.iter().flatten();
+        let are_listed =
+            terms.all(|range| range.start <= range.end && range.end as usize <= n_terms);
+        let n = self.kernels.n_variables();
+        let mut variables = self.term_variables.iter();
+        must(
+            self.terms.len() == n_pairs && are_listed && variables.all(|v| (*v as usize) < n),
+            "every pair has its terms",
+        )?;
+        must(
+            self.conditions.fit(n_pairs, n_rows),
+            "conditions are those of pairs",
+        )?;
+        let mut conditional = self.conditions.blocks();
+        let have_rows = conditional.all(|block| {
+            let first = self.first_rows.get(block.number);
+            let end = first.and_then(|first| first.checked_add(block.rows));
+            end.is_some_and(|end| end <= n_rows)
+        });
+        must(have_rows, "conditional rows are rows")
+    }
+
+    /// How many parameters its functions need at least.
+    pub fn n_parameters(&self) -> usize {
+        self.kernels.n_parameters()
+    }
+
     /// Where a solver starts from.
     pub fn set_start(&mut self, start: &[f64]) {
         self.kernels.set_start(start);

@@ -17,6 +17,7 @@ mod program;
 mod reference;
 mod shape;
 mod simulator;
+mod sound;
 
 use crate::linalg::analyses::Analyses;
 use crate::linalg::largest;

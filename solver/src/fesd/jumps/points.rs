@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{CLOSED, Impact, Lowered, StepStart};
 use crate::fesd::system::ComplementaritySystem;
 use crate::fesd::system::pointwise::{Point, eval};
+use crate::hybrid::check::{Fault, must};
 use crate::linalg::largest;
 use crate::tape::{Scratch, Tape};
 
@@ -26,7 +27,7 @@ pub struct Contacts {
 
 /// The functions of a system with contacts at a point.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(from = "Known", into = "Known")]
+#[serde(try_from = "Known", into = "Known")]
 pub struct Points {
     /// The contacts.
     pub contacts: Contacts,
@@ -57,9 +58,36 @@ impl From<Points> for Known {
     }
 }
 
-impl From<Known> for Points {
-    fn from(known: Known) -> Self {
-        Points::new(known.contacts, known.system, known.continuous)
+impl TryFrom<Known> for Points {
+    type Error = Fault;
+
+    fn try_from(known: Known) -> Result<Self, Fault> {
+        let Known {
+            contacts,
+            system,
+            continuous,
+        } = known;
+        let n_rows = system.full.directional.n_outputs();
+        must(
+            continuous.iter().all(|row| *row < n_rows),
+            "what is continuous satisfies equations",
+        )?;
+        let n_inputs = 1 + system.n_states() + contacts.parameters.len();
+        let laws = &contacts.laws;
+        must(
+            laws.n_inputs() == n_inputs
+                && laws.n_outputs() == 3 * contacts.impacts.len()
+                && contacts.parameters.len() >= system.parameters.len(),
+            "every contact has its laws",
+        )?;
+        let (n_z, n_switches) = (system.n_algebraics(), system.n_switches());
+        let mut impacts = contacts.impacts.iter();
+        let are_there = impacts.all(|impact| {
+            let mut places = impact.places();
+            impact.switch < n_switches && places.all(|place| place < n_z)
+        });
+        must(are_there, "contacts have their switches and variables")?;
+        Ok(Points::new(contacts, system, continuous))
     }
 }
 
@@ -76,6 +104,22 @@ impl Points {
             system,
             continuous,
         }
+    }
+
+    /// Whether the system has so many states, switches and parameters.
+    pub(super) fn has(&self, n_states: usize, n_switches: usize, n_parameters: usize) -> bool {
+        let system = &self.system;
+        [n_states, n_switches, n_parameters]
+            == [
+                system.n_states(),
+                system.n_switches(),
+                system.parameters.len(),
+            ]
+    }
+
+    /// The number of z.
+    pub(super) fn n_algebraics(&self) -> usize {
+        self.system.n_algebraics()
     }
 
     /// Gives all parameters other values.

@@ -9,6 +9,9 @@ pub trait Program: Mpcc {
     /// Gives a variable other bounds; where it is a side of a pair, its lower one has to stay.
     fn bound(&mut self, variable: usize, lower: f64, upper: f64);
 
+    /// How many numbers its functions need at least.
+    fn n_parameters(&self) -> usize;
+
     /// Gives the parameters of the system, and behind them the length of a step, other values.
     fn set_parameters(&mut self, values: &[f64]);
 

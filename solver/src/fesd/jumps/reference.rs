@@ -32,6 +32,20 @@ pub struct Impact {
     pub slip: Option<Slip>,
 }
 
+impl Impact {
+    /// The places of all that it has among z.
+    pub(super) fn places(&self) -> impl Iterator<Item = usize> {
+        let slip = self.slip.iter().flat_map(|slip| match *slip {
+            Slip::Interval(both) => both.to_vec(),
+            Slip::Disc {
+                alphas: [first, second],
+                speed,
+            } => vec![first, second, speed],
+        });
+        [self.gap, self.force].into_iter().chain(slip)
+    }
+}
+
 /// What says how a contact slips where elements meet.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub enum Slip {

@@ -51,6 +51,17 @@ impl Shape {
         }
     }
 
+    /// Whether its elements have so many points, of these nodes, and it is one of so many switches.
+    pub(super) fn fits(&self, n_points: usize, n_nodes: usize, n_switches: usize) -> bool {
+        let mut kinds = self.kinds.iter();
+        let are_there = kinds.all(|kind| match *kind {
+            Kind::Member(other) | Kind::Disc(other) => other < n_switches,
+            Kind::Step | Kind::Force | Kind::Equation => true,
+        });
+        let has_nodes = 0 < n_nodes && n_nodes == self.n_nodes && n_nodes < n_points;
+        has_nodes && n_points == self.nodes.len() && self.kinds.len() == n_switches && are_there
+    }
+
     /// The polynomials and sides of an element with the instants and states of its nodes and ends, and α at its nodes;
     /// `member` is the value of a member of a pair at an instant and a state.
     pub fn element(

@@ -18,9 +18,9 @@ use crate::runtime::limit::Limit;
 const TOLERANCE: f64 = 1e-11;
 
 /// A system with contacts as plain data: its functions at a point, its runs from event to event, and the programs of its
-/// steps. It can be written and read, the same bit for bit in formats that keep numbers.
-/// Its points are checked when they are read, places among variables are not.
+/// steps. It can be written and read, the same bit for bit in formats that keep numbers, and is checked when it is read.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(remote = "Self")]
 pub struct System<P> {
     /// What is known at points.
     pub points: Points,

@@ -1,15 +1,10 @@
 //! What every [`ComplementaritySystem`] satisfies: whatever one refers to is there, and functions fit each other.
 
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
 use super::pointwise::{Rule, Rules};
 use crate::fesd::system::ComplementaritySystem;
 use crate::hybrid::Partials;
+use crate::hybrid::check::{Fault, must};
 use crate::tape::Tape;
-
-/// Why something is no system.
-type Fault = &'static str;
 
 impl ComplementaritySystem {
     /// Checks that it is one.
@@ -140,20 +135,4 @@ impl Rules {
     }
 }
 
-fn must(holds: bool, fault: Fault) -> Result<(), Fault> {
-    if holds { Ok(()) } else { Err(fault) }
-}
-
-impl Serialize for ComplementaritySystem {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        ComplementaritySystem::serialize(self, serializer)
-    }
-}
-
-impl<'de> Deserialize<'de> for ComplementaritySystem {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let system = ComplementaritySystem::deserialize(deserializer)?;
-        system.check().map_err(Error::custom)?;
-        Ok(system)
-    }
-}
+crate::checked_when_read!(ComplementaritySystem);

@@ -5,8 +5,12 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::Block;
+use crate::hybrid::check::{Fault, must};
 use crate::optimization::problem::Pattern;
 use crate::tape::{Derivative, LaneScratch, Tape};
+
+/// Values of a function that is read, at most.
+const MOST_VALUES: usize = 1 << 26;
 
 /// The Jacobian of a block by its variables.
 #[derive(Clone, Debug)]
@@ -85,7 +89,7 @@ impl Inputs {
 
 /// A tape with memory for its evaluation.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(from = "Applied", into = "Applied")]
+#[serde(try_from = "Applied", into = "Applied")]
 struct Function {
     tape: Tape,
     scratch: LaneScratch,
@@ -113,16 +117,27 @@ impl From<Function> for Applied {
     }
 }
 
-impl From<Applied> for Function {
-    fn from(applied: Applied) -> Self {
-        Function {
-            to: applied.to,
-            ..Function::new(applied.tape, applied.n_places)
-        }
+impl TryFrom<Applied> for Function {
+    type Error = Fault;
+
+    fn try_from(Applied { tape, n_places, to }: Applied) -> Result<Self, Fault> {
+        let n_values = n_places.checked_mul(tape.n_outputs().max(1));
+        let are_few = n_values.is_some_and(|n| n <= MOST_VALUES);
+        must(are_few, "a function has too many values")?;
+        let function = Function::new(tape, n_places);
+        Ok(Function { to, ..function })
     }
 }
 
 impl Function {
+    /// Whether it has so many inputs at so many places, and each of its values one of so many places to go to.
+    fn fits(&self, [n_inputs, n_places, n_entries]: [usize; 3]) -> bool {
+        self.tape.n_inputs() == n_inputs
+            && self.n_places == n_places
+            && self.to.len() == self.outputs.len()
+            && self.to.iter().all(|&to| (to as usize) < n_entries)
+    }
+
     fn new(tape: Tape, n_places: usize) -> Self {
         Function {
             scratch: tape.lane_scratch(),
@@ -223,6 +238,42 @@ impl Compiled {
             curvature_at,
             twice,
         }
+    }
+
+    /// How many parameters of the program it needs.
+    pub(crate) fn n_parameters(&self) -> usize {
+        let last = self.inputs.parameters.iter().max();
+        last.map_or(0, |last| *last as usize + 1)
+    }
+
+    /// Whether its values are rows of a program that has so many.
+    pub(crate) fn has_rows_among(&self, n_rows: usize) -> bool {
+        let Range { start, end } = self.rows;
+        start <= end && end <= n_rows && end - start == self.values.outputs.len()
+    }
+
+    /// Whether its functions fit each other, so many variables, and the places of slopes and second derivatives.
+    pub(crate) fn fits(&self, n_variables: usize, [slopes, curvatures]: [usize; 2]) -> bool {
+        let (inputs, values) = (&self.inputs, &self.values);
+        let (n, n_inputs, n_outputs) = (
+            inputs.n_places,
+            values.tape.n_inputs(),
+            values.tape.n_outputs(),
+        );
+        let is_fed = values.n_places == n
+            && inputs.n_weights == n_outputs * n
+            && inputs.values.len() == (n_inputs + n_outputs) * n
+            && inputs.gather.len() + inputs.parameters.len() * n <= n_inputs * n
+            && (inputs.gather.iter()).all(|&variable| (variable as usize) < n_variables);
+        let mut twice = self.twice.iter();
+        is_fed
+            && self.slopes.fits([n_inputs, n, slopes])
+            && self.constant.fits([n_inputs, n, slopes])
+            && (self.curvature).fits([n_inputs + n_outputs, n, curvatures])
+            && twice.all(|&(output, entry)| {
+                let outputs = self.curvature.outputs.len();
+                (output as usize) < outputs && (entry as usize) < curvatures
+            })
     }
 
     pub(crate) fn first_row(&self) -> usize {

@@ -8,6 +8,7 @@
 //! row i · places + p.
 
 mod block;
+mod check;
 
 use std::ops::Range;
 
@@ -59,6 +60,7 @@ pub struct Block {
 /// assert_eq!(program.objective(&[0.0, 2.0]), 1.0);
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(remote = "Self")]
 pub struct Program {
     structure: HeldStructure,
     pairs: Vec<Pair>,

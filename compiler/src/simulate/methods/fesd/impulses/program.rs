@@ -26,6 +26,10 @@ impl jumps::Program for Program {
         self.set_bounds(variable, lower, upper);
     }
 
+    fn n_parameters(&self) -> usize {
+        Program::n_parameters(self)
+    }
+
     fn set_parameters(&mut self, values: &[f64]) {
         Program::set_parameters(self, values);
     }
