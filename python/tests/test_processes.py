@@ -100,14 +100,23 @@ except KeyboardInterrupt:
     assert told.stdout.startswith("interrupted"), told.stderr[-2000:]
 
 
-def test_an_interrupted_sweep_keeps_what_is_finished(request: pytest.FixtureRequest) -> None:
+def test_an_interrupted_sweep_keeps_what_is_finished(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
     belt = nsdc.loads(BELT)["pulls"]
     # Jobs in the background ignore it.
     known = signal.signal(signal.SIGINT, signal.default_int_handler)
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, known))
+    begun = threading.Event()
+
+    def show(_: object, done: int) -> None:
+        if done:
+            begun.set()
+
+    monkeypatch.setattr("nsdc._progress.Bar.show", show)
 
     def stop() -> None:
-        time.sleep(0.5)
+        begun.wait()
         os.kill(os.getpid(), signal.SIGINT)
 
     thread = threading.Thread(target=stop)
