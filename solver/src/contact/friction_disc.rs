@@ -33,11 +33,11 @@ pub(crate) const STOPS: f64 = 100.0;
 /// Speed from rest, as a share of the band below which it is none.
 const DEPARTS: f64 = 0.1;
 
-/// Errors of so many tolerances in a speed turn its direction.
+/// |w| is slow below this many tolerances of the motion of its states: their errors may turn w/|w|.
 const TURNS: f64 = 100.0;
 
-/// Of a speed that errors may turn, what a step does not know.
-const KNOWN: f64 = 1e-4;
+/// Tolerance of a slow w relative to |w|, and so of the angle of w/|w|.
+const DIRECTION_TOLERANCE: f64 = 1e-4;
 
 /// Of the distance in time to the instant of rest, what a step away from it is long.
 const AWAY: f64 = 0.5;
@@ -137,8 +137,8 @@ pub(crate) struct NearRest<'m> {
 }
 
 impl NearRest<'_> {
-    /// A speed that errors may turn.
-    fn lost(&self, bands: &Bands, switch: usize) -> f64 {
+    /// The |w| below which a slip is slow. A band is BAND times the motion of the states of w, unless rounding is more.
+    fn slow_speed(&self, bands: &Bands, switch: usize) -> f64 {
         bands.width[switch] * STOPS.max(TURNS * self.tolerance / BAND)
     }
 
@@ -166,9 +166,9 @@ impl NearRest<'_> {
     /// small next to the states may turn w.
     pub(crate) fn leaves_rest(&self, bands: &Bands, h: f64) -> f64 {
         self.mode.monitored.switches.iter().fold(h, |h, &i| {
-            let lost = self.lost(bands, i);
+            let slow = self.slow_speed(bands, i);
             match self.mode.planes.series(i) {
-                Some([speed, rate, ..]) if *rate > 0.0 && *speed <= lost => {
+                Some([speed, rate, ..]) if *rate > 0.0 && *speed <= slow => {
                     h.min(AWAY * speed / rate)
                 }
                 _ => h,
@@ -176,26 +176,25 @@ impl NearRest<'_> {
         })
     }
 
-    /// A step of h, or a shorter one close to rest: what is small next to the states may turn a w as small as that, and
-    /// a step that takes it for anything comes no closer to rest.
-    pub(crate) fn keeps_directions(&mut self, bands: &mut Bands, h: f64) -> f64 {
-        let mut shorter = h;
-        for i in 0..bands.width.len() {
-            let Some(other) = self
-                .mode
-                .planes
-                .slips_with(i, &self.mode.system, &self.mode.sides)
-            else {
+    /// The step h, or a shorter one with a truncation error of each slow w below DIRECTION_TOLERANCE |w|: the error in
+    /// the angle of w/|w| is the error of w divided by |w|, which no tolerance relative to the states bounds.
+    pub(crate) fn limit_direction_error(&mut self, bands: &mut Bands, h: f64) -> f64 {
+        let mut limited = h;
+        for first in 0..bands.width.len() {
+            let mode = &mut *self.mode;
+            let slips_with = mode.planes.slips_with(first, &mode.system, &mode.sides);
+            let Some(second) = slips_with else {
                 continue;
             };
-            if self.mode.psi(i).hypot(self.mode.psi(other)) <= self.lost(bands, i) {
+            let speed = mode.psi(first).hypot(mode.psi(second));
+            if speed <= self.slow_speed(bands, first) {
                 let mode = &mut *self.mode;
-                Monitor { mode, bands }.expand(i);
-                let tolerance = KNOWN;
-                shorter = StepSize { mode, tolerance }.of_slip([i, other], shorter);
+                Monitor { mode, bands }.expand(first);
+                let tolerance = DIRECTION_TOLERANCE;
+                limited = StepSize { mode, tolerance }.of_slip([first, second], limited);
             }
         }
-        shorter
+        limited
     }
 
     /// Where a step towards w = 0 ends before it gets there; nothing where it does, or goes nowhere else.

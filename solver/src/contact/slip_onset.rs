@@ -296,7 +296,7 @@ impl Onset {
                 continue;
             };
             let meets = mode.system.slip_of(i).is_none_or(|of| group.contains(&of));
-            if meets && rubs(mode, i, &sides) && choice.sides[at] != Side::Slide {
+            if meets && has_friction(mode, i, &sides) && choice.sides[at] != Side::Slide {
                 let entry = |at: usize| 2.0 * choice.alpha[at] - 1.0;
                 let straight = |u: f64| if u.abs() <= STRAIGHT { 0.0 } else { u };
                 found.push(Onset {
@@ -318,8 +318,8 @@ impl Onset {
     }
 }
 
-/// Whether a slip velocity has friction on these sides: of a contact that is closed, or one that rates read.
-fn rubs(mode: &Mode, switch: usize, sides: &[Side]) -> bool {
+/// Whether a slip velocity has friction on these sides: its contact is closed, or, without a contact, rates read its α.
+fn has_friction(mode: &Mode, switch: usize, sides: &[Side]) -> bool {
     match mode.system.slip_of(switch) {
         Some(of) => sides[of] == Side::Slide,
         None => !mode.system.switches[switch].is_free(sides),
@@ -327,8 +327,8 @@ fn rubs(mode: &Mode, switch: usize, sides: &[Side]) -> bool {
 }
 
 impl Stepper {
-    /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
-    /// that is rounding.
+    /// The first step after slip onset, by the series w = τᵐ ρ u of the header. None if there is no onset here, or if
+    /// the series give no step: then x is changed so that w = ε u, with ε as small as rounding, for an ordinary step.
     pub(crate) fn slip_onset_step(
         &mut self,
         mode: &mut Mode,
@@ -338,16 +338,18 @@ impl Stepper {
     ) -> Option<Step> {
         let mut onsets = std::mem::take(&mut state.selection.onsets);
         mode.move_to(&state.point);
-        let (sides, band) = (&state.point.sides, &state.bands.width);
-        onsets.retain(|one| {
-            let rubs = rubs(mode, one.switches[0], sides);
-            let mut slips =
-                |i: usize| sides[i] != Side::Slide && mode.psi(i).abs() <= STOPS * band[i];
-            rubs && one.switches.into_iter().all(&mut slips)
+        // An onset has friction, both switches are off their surfaces, and w = 0 up to rounding.
+        let (sides, width) = (&state.point.sides, &state.bands.width);
+        onsets.retain(|onset| {
+            let has_friction = has_friction(mode, onset.switches[0], sides);
+            let mut starts =
+                |i: usize| sides[i] != Side::Slide && mode.psi(i).abs() <= STOPS * width[i];
+            has_friction && onset.switches.into_iter().all(&mut starts)
         });
         if onsets.is_empty() {
             return None;
         }
+        // The series are those of the sticking mode, α = ½ + ½ u, with another φ.
         Onset::hold(&onsets, mode, &state.point.sides);
         let step = self.step_from_rest(mode, state, &onsets, goal, t1);
         mode.planes.onsets.clear();

@@ -25,11 +25,12 @@ impl BandWidths<'_> {
     /// Below what |ψ| is the surface, where the point is. The switch stands for ψ afterwards.
     pub(crate) fn of(&mut self, switch: usize, state: &State, horizon: f64) -> f64 {
         let rounding = self.rounding(switch, state);
-        self.above(rounding, switch, state, horizon)
+        self.width(rounding, switch, state, horizon)
     }
 
-    /// The same of a ψ that was linearized there, and has this rounding.
-    fn above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
+    /// The same of a ψ that is linearized: max(k · rounding, BAND (Σ |∂ψ/∂x_j| s_j + |∂ψ/∂t| T)), where k, the sizes
+    /// s_j of states and the time T depend on the kind of the switch.
+    fn width(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
         let by_time = self.mode.surfaces.time_gradient(switch).abs();
         let given = |size: f64| BAND * (size + by_time * horizon);
         match self.mode.system.switches[switch].kind {
@@ -100,12 +101,13 @@ impl BandWidths<'_> {
         }
     }
 
-    /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
+    /// Sets of each switch the `width` of the band |ψ| ≤ width that counts as ψ = 0, and its `rounding`: [`LEFT`]
+    /// rounding errors of ψ, below which a surface that has just been left is not found again.
     pub(crate) fn measure(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
         self.mode.move_to(&state.point);
         for &i in switches {
             let rounding = self.rounding(i, state);
-            state.bands.width[i] = self.above(rounding, i, state, horizon);
+            state.bands.width[i] = self.width(rounding, i, state, horizon);
             state.bands.rounding[i] = LEFT * rounding;
         }
     }

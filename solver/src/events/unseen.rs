@@ -206,7 +206,7 @@ impl Unseen {
                 !is_known
             }
             Suspect::Surface(i) => {
-                let psi = mode.surfaces.now(i).examine(input, registers);
+                let psi = mode.surfaces.now(i).enclose(input, registers);
                 let is_off = |psi: &Tame| {
                     let side = Side::of(psi.ball.middle);
                     psi.ball.excludes_zero() && side == mode.sides[i]

@@ -168,7 +168,7 @@ impl Monitor<'_> {
         let all = [Some(switch), mode.system.second(switch)];
         all.into_iter().flatten().any(|i| {
             let (values, reach) = (&mode.memory.values, &mode.monitored.reach);
-            mode.surfaces.stays_away(i, values, reach, h)
+            mode.surfaces.excludes_root(i, values, reach, h)
         })
     }
 

@@ -257,8 +257,9 @@ impl Compiled {
         hiding.any(|step| step.may_hide(&memory.rows, h, n, memory.stride))
     }
 
-    /// Encloses ψ where its inputs are in balls, by their places among the values; none where it is affine.
-    pub(crate) fn examine(
+    /// An enclosure of ψ while each input stays in its ball, and whether ψ is tame there: its value at the middle of
+    /// the balls is typical. `input` gives the ball of a place in `Memory::values`. None if ψ is affine.
+    pub(crate) fn enclose(
         &self,
         input: impl Fn(usize) -> Ball,
         registers: &mut Vec<Tame>,

@@ -155,8 +155,8 @@ impl Sliding {
         self.ties.clear();
         for &switch in switches {
             let before = &switches[..place[switch]];
-            let same = |&&other: &&usize| surfaces.is_same(switch, other);
-            self.ties.push(before.iter().find(same).map(|&other| Tie {
+            let tied = |&&other: &&usize| surfaces.are_redundant(switch, other);
+            self.ties.push(before.iter().find(tied).map(|&other| Tie {
                 switch,
                 other,
                 sign: 1.0,

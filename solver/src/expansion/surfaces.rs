@@ -192,14 +192,16 @@ impl Surfaces {
         self.slot[switch] != switch
     }
 
-    /// True when two switches stand for multiples of one affine function, and one of them for a
-    /// derivative, or are slip velocities with one direction: then keeping one at zero keeps the other there
-    /// too.
-    pub(crate) fn is_same(&self, a: usize, b: usize) -> bool {
+    /// Whether the constraints h_a = 0 and h_b = 0 of two sliding switches are redundant: each implies the other. h is
+    /// ψ, or the derivative of ψ that is constrained at relative degree above one. They are redundant if
+    ///
+    /// ∇h_b = r ∇h_a for two slip velocities, or c_b = r c_a, d_b = r d_a for h = Σ c_j x_j + d t + e of which one is a
+    /// derivative. Both h vanish here, so the constants e need no comparison.
+    pub(crate) fn are_redundant(&self, a: usize, b: usize) -> bool {
         if self.slips[a] && self.slips[b] {
             return are_parallel(self.gradient(a), self.gradient(b));
         }
-        // A force along a surface and one across another are no shares of one force.
+        // Friction and a normal force do not replace each other.
         let is_mixed = self.slips[a] != self.slips[b];
         if is_mixed || !self.is_deep(a) && !self.is_deep(b) {
             return false;
@@ -211,11 +213,11 @@ impl Surfaces {
         let (Some((a, first)), Some((b, second))) = (form(a), form(b)) else {
             return false;
         };
-        let ratio = second / first;
-        let same = |x: f64, y: f64| (x * ratio - y).abs() <= 1e-14 * y.abs();
+        let r = second / first;
+        let is_multiple = |x: f64, y: f64| (r * x - y).abs() <= 1e-14 * y.abs();
         a.terms.len() == b.terms.len()
-            && same(a.time, b.time)
-            && (a.terms.iter().zip(&b.terms)).all(|(x, y)| x.0 == y.0 && same(x.1, y.1))
+            && is_multiple(a.time, b.time)
+            && (a.terms.iter().zip(&b.terms)).all(|(x, y)| x.0 == y.0 && is_multiple(x.1, y.1))
     }
 
     /// What stands for a switch, for the sides inside it.
@@ -335,8 +337,9 @@ impl Surfaces {
         matches!(self.now(switch).form, Form::Affine(_))
     }
 
-    /// True when ψ cannot vanish within a step h in which no state moves by more than its `reach`.
-    pub(crate) fn stays_away(
+    /// Whether ψ has no root within a step h over which state j moves by at most its `reach` R_j:
+    /// |ψ| > Σ |c_j| R_j + |d| h if ψ is affine, else 0 ∉ ψ(t ± h, x ± R) in ball arithmetic.
+    pub(crate) fn excludes_root(
         &mut self,
         switch: usize,
         values: &[f64],
@@ -352,6 +355,8 @@ impl Surfaces {
             }
             Form::Smooth(tapes) => {
                 let n = reach.len();
+                // `values` are t, x, α and numbers. Numbers are constant in a step; the α of a switch that slides does
+                // not change ψ, which is continuous there.
                 for (ball, &slot) in self.registers.balls.iter_mut().zip(&tapes.gather) {
                     let radius = match slot {
                         0 => h,

@@ -173,7 +173,7 @@ impl Folds {
         let of = modes.all[run.place.mode].element.reduced.unknowns[ahead.unknown];
         let key = (run.place.mode, ahead.unknown, ahead.rises);
         let branch = self.branches.remove(&key);
-        let Some(mut branch) = branch.or_else(|| compiled(modes, run, of, ahead.rises)) else {
+        let Some(mut branch) = branch.or_else(|| branch_mode(modes, run, of, ahead.rises)) else {
             return Ok(Reached::Nothing);
         };
         branch.set_numbers(&modes.numbers);
@@ -419,9 +419,11 @@ impl Folds {
     }
 }
 
-/// The functions along a branch by this unknown of the present mode.
-fn compiled(modes: &Modes, run: &Run, unknown: usize, rises: bool) -> Option<Mode> {
-    let reduced = Arc::new(modes.system.branch(&run.place.zeros, unknown, rises)?);
+/// The equations of the header for the present active set, with σ = α if α rises, else -α, and an element for them;
+/// `alpha` is the place of α in z. None if φ contains other unknowns than α.
+fn branch_mode(modes: &Modes, run: &Run, alpha: usize, rises: bool) -> Option<Mode> {
+    let reduced = Arc::new(modes.system.branch(&run.place.zeros, alpha, rises)?);
+    // States are x, t and the time left.
     let (n, n_numbers) = (run.place.x.len() + 2, modes.numbers.len());
     Some(Mode {
         hidden: Hidden::new(n, n_numbers, &reduced),

@@ -35,8 +35,8 @@ pub(crate) enum Verdict {
 /// Below this, relative to the largest value of its pair so far, a member is zero.
 pub(crate) const BAND: f64 = 1e-12;
 
-/// Solutions for w that are this close are one branch.
-const SAME: f64 = 1e-5;
+/// Solutions w, w' of the hidden equations are on one branch if |w_k - w'_k| ≤ SAME_BRANCH (1 + |w_k|).
+const SAME_BRANCH: f64 = 1e-5;
 
 /// Values of the watched members of an element.
 pub(crate) struct Values {
@@ -147,7 +147,7 @@ impl Values {
                 let before = &self.w[(p - 1) * n_w..p * n_w];
                 element.stages.enter(scheme, p, hidden, before);
                 hidden.solve(reduced)?;
-                if !is_same(hidden.w().iter().copied(), w) {
+                if !is_same_branch(hidden.w().iter().copied(), w) {
                     return Err(Unsolved::Diverged);
                 }
             }
@@ -168,7 +168,7 @@ impl Values {
 
     /// Whether w where the element starts is what it was before, after [`Values::evaluate`].
     pub fn starts_at(&self, reduced: &Reduced, w: impl Iterator<Item = f64>) -> bool {
-        !reduced.has_branches || is_same(w, &self.w)
+        !reduced.has_branches || is_same_branch(w, &self.w)
     }
 
     /// w where the element ends, after [`Values::evaluate`].
@@ -298,14 +298,11 @@ impl Values {
     }
 }
 
-/// Whether a solution for w and the first entries of another at one point are one.
-fn is_same(mut a: impl Iterator<Item = f64>, b: &[f64]) -> bool {
-    let mut others = b.iter();
-    a.all(|a| {
-        others
-            .next()
-            .is_none_or(|b| (a - b).abs() <= SAME * (1.0 + a.abs()))
-    })
+/// Whether w = a and w = b at one instant are on the same branch of the hidden equations. Entries of b beyond those of
+/// a are of other instants.
+fn is_same_branch(a: impl Iterator<Item = f64>, b: &[f64]) -> bool {
+    a.zip(b)
+        .all(|(a, b)| (a - b).abs() <= SAME_BRANCH * (1.0 + a.abs()))
 }
 
 /// True when no polynomial with these values comes down to zero: it leaves the middle of its values

@@ -5,7 +5,7 @@
 
 use super::radau::{Implicit, Radau, Shape, Start};
 use super::singular_rates::{outgrows, unseen_roots};
-use super::step::{Step, stuck};
+use super::step::{Step, step_failure};
 use super::stepper::Stepper;
 use super::stiffness::worth;
 use super::watch::{Watch, first_event, is_at_end, met, simultaneous, verify_start};
@@ -71,7 +71,7 @@ impl Stepper {
         (state.scales).measure_held(mode, &state.point, &state.bands, remaining);
         state.point.alpha = alpha;
         if solved.is_err() {
-            return Err(stuck(mode));
+            return Err(step_failure(mode));
         }
         if look {
             let tolerance = self.local_tolerance;

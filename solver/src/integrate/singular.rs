@@ -9,7 +9,7 @@
 //! so short that f changes in it by less than the tolerance of x over h: the error is a fraction of that, since f - f₀
 //! grows like a power of time.
 
-use super::step::{Step, stuck};
+use super::step::{Step, step_failure};
 use super::stepper::Stepper;
 use super::watch::{first_event, simultaneous};
 use crate::event::state::State;
@@ -263,7 +263,7 @@ impl Stepper {
             }
             longest = SHORTER * line.length;
         }
-        Err(stuck(mode))
+        Err(step_failure(mode))
     }
 }
 

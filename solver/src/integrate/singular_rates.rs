@@ -14,7 +14,7 @@
 //! φ₀ is the rate where the switch is on `Slide`, in which there are no roots.
 
 use super::singular::{Line, StraightSteps};
-use super::step::{Step, stuck};
+use super::step::{Step, step_failure};
 use crate::event::state::State;
 use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
@@ -206,7 +206,7 @@ impl<'a> Rest<'a> {
         let mut alpha = state.point.alpha.clone();
         let expanded = Expansion { mode }.around(state.point.t, &state.point.x, &mut alpha);
         if expanded.is_err() {
-            return Err(stuck(mode));
+            return Err(step_failure(mode));
         }
         let is_smooth = Expansion { mode }.cut_short(usize::MAX);
         state.scales.measure(mode, &mut state.bands);
@@ -228,7 +228,7 @@ impl<'a> Rest<'a> {
         let left = t1 - state.point.t;
         let found = StraightSteps { mode }.longest(state, tolerance, left);
         let Some(Line { length, rates, .. }) = found.map(|found| found.line) else {
-            return Err(stuck(mode));
+            return Err(step_failure(mode));
         };
         let ahead = state.point.x.iter().zip(&rates);
         let ahead: Vec<f64> = ahead.map(|(x, f)| x + length * f).collect();

@@ -5,8 +5,8 @@ use crate::expansion::mode::Mode;
 use crate::hybrid::{Role, Status};
 use crate::selector::selection::Fold;
 
-/// α of a sliding mode that is so far outside of [0, 1] is none.
-const ASTRAY: f64 = 0.5;
+/// Newton's method for α of a nonlinear switch has diverged if α is farther than this outside of [0, 1].
+const DIVERGED: f64 = 0.5;
 
 /// An accepted step, whose end is the point of the state.
 #[derive(Default)]
@@ -49,34 +49,35 @@ impl Step {
     }
 }
 
-/// Why no step goes on from here.
-pub(super) fn stuck(mode: &Mode) -> Status {
-    // An α that was not found makes rates infinite, and is not made so by them.
-    let is_lost = |&i: &usize| {
+/// The status of a run in which no step can be taken: f is not finite, or the equations for α or for the algebraic
+/// states are singular.
+pub(super) fn step_failure(mode: &Mode) -> Status {
+    // First α: if Newton's method has diverged, f(x, α) may be infinite for that reason.
+    let has_diverged = |&i: &usize| {
         let alpha = mode.memory.values[1 + mode.n + i];
-        mode.system.switches[i].is_nonlinear && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
+        mode.system.switches[i].is_nonlinear && !(-DIVERGED..=1.0 + DIVERGED).contains(&alpha)
     };
-    let lost: Vec<usize> = mode.sliding.iter().copied().filter(is_lost).collect();
-    if !lost.is_empty() {
-        return Status::SingularSliding { switches: lost };
+    let diverged: Vec<usize> = mode.sliding.iter().copied().filter(has_diverged).collect();
+    if !diverged.is_empty() {
+        return Status::SingularSliding { switches: diverged };
     }
-    let kept = mode.sliding.iter().copied();
-    let kept: Vec<usize> = kept
+    // Switches that are algebraic equations or complementarities.
+    let sliding = mode.sliding.iter().copied();
+    let algebraic: Vec<usize> = sliding
         .filter(|&i| mode.system.role(i) != Role::Step)
         .collect();
-    let states = mode.field.f.iter().enumerate();
-    // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
-    let mut others = states.filter(|(i, _)| !mode.system.is_algebraic(*i));
-    if mode.sliding.is_empty()
-        || others.any(|(_, f)| !f.is_finite())
-        || kept.is_empty() && mode.field.f.iter().any(|f| !f.is_finite())
-    {
+    // An infinite rate of an algebraic state means that its equations are singular.
+    let is_explained = |state: usize| !algebraic.is_empty() && mode.system.is_algebraic(state);
+    let mut rates = mode.field.f.iter().enumerate();
+    if mode.sliding.is_empty() || !rates.all(|(i, f)| f.is_finite() || is_explained(i)) {
         return Status::NotFinite;
     }
-    match kept.is_empty() {
+    match algebraic.is_empty() {
         true => Status::SingularSliding {
             switches: mode.sliding.clone(),
         },
-        false => Status::HighIndex { switches: kept },
+        false => Status::HighIndex {
+            switches: algebraic,
+        },
     }
 }

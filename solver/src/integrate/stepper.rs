@@ -5,7 +5,7 @@ use super::probes::Probes;
 use super::rounding::Rounding;
 use super::singular::{ends_at_root, is_on_root};
 use super::singular_rates::{self, Roots};
-use super::step::{Step, stuck};
+use super::step::{Step, step_failure};
 use super::stiffness::{MOST_NODES, Stiffness, motion};
 use super::watch::{Watch, first_event, is_at_end, met, simultaneous, verify_start};
 use crate::contact::coefficients::Coefficients;
@@ -118,7 +118,7 @@ impl Stepper {
         let (t, x) = (state.point.t, &state.point.x);
         let expanded = Expansion { mode }.around(t, x, &mut state.point.alpha);
         if expanded.is_err() {
-            return Err(stuck(mode));
+            return Err(step_failure(mode));
         }
         state.scales.measure(mode, &mut state.bands);
         (state.scales).measure_held(mode, &state.point, &state.bands, remaining);
@@ -167,7 +167,7 @@ impl Stepper {
             );
         }
         let rests = self.near_rest(mode).comes_to_rest(state);
-        rests.ok_or_else(|| stuck(mode))
+        rests.ok_or_else(|| step_failure(mode))
     }
 
     /// Steps of what slips in two directions, close to rest.
@@ -189,7 +189,7 @@ impl Stepper {
         let h = self
             .rounding
             .step_size(mode, explicit, &mut state.scales, [remaining, longest]);
-        let h = self.near_rest(mode).keeps_directions(&mut state.bands, h);
+        let h = (self.near_rest(mode)).limit_direction_error(&mut state.bands, h);
         let bands = &mut state.bands;
         let h = Monitor { mode, bands }.watch(tolerance, &state.scales, h);
         let h = match self.may_rest {

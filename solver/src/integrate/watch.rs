@@ -1,6 +1,6 @@
 //! Events within a step: the least root of what is monitored, and the switches that it is of.
 
-use super::step::stuck;
+use super::step::step_failure;
 use crate::contact::friction_disc;
 use crate::contact::friction_disc::Disc;
 use crate::event::state::State;
@@ -70,7 +70,7 @@ impl Watch {
                         break;
                     }
                     if singular {
-                        return Err(stuck(mode));
+                        return Err(step_failure(mode));
                     }
                     match self {
                         Watch::Bound(i, limit) => (

@@ -1,4 +1,6 @@
-//! Bodies: their positions, velocities and masses, and how fast they are before and after a step.
+//! Bodies: their positions q, velocities v and masses M, and v before and after a step.
+//!
+//! q' = K v + c,   M v' = f + Σ Jᵀλ
 
 use super::scene::{Body, Free, Scene};
 use crate::contact::coulomb::rows::{Mass, Rows};
@@ -19,13 +21,13 @@ const NONE: usize = usize::MAX;
 /// Positions and velocities of all bodies, K, and M.
 pub(super) struct Bodies {
     of: Vec<Body>,
-    /// States that are velocities, body by body.
+    /// States that are velocities, body by body: v_j is state `velocities[j]`.
     pub velocities: Vec<usize>,
-    /// The velocity that each state is.
+    /// j of each state that is a v_j, else `NONE`.
     number: Vec<usize>,
-    /// (velocity, slope) of every state that is a position.
+    /// Row i of K for each state i that is a position: (j, where K_ij is in `jacobian`).
     kinematics: Vec<Vec<(usize, usize)>>,
-    /// Slopes of K as numbers, and c, where the step is.
+    /// ∂f/∂x by [`Free::slopes`], with K among its entries, and c, both at the middle of the step.
     jacobian: Vec<f64>,
     drift: Vec<f64>,
     pub mass: Mass,
@@ -33,6 +35,7 @@ pub(super) struct Bodies {
 }
 
 impl Bodies {
+    /// Numbers the velocities, and finds the sparsity of K = ∂q'/∂v in that of ∂f/∂x.
     pub fn new(scene: &Scene, free: &impl Free) -> Self {
         let n = free.n_states();
         let (mut velocities, mut number) = (Vec::new(), vec![NONE; n]);
@@ -45,9 +48,9 @@ impl Bodies {
             is_position[state] = true;
         }
         let mut kinematics = vec![Vec::new(); n];
-        for (slope, &(i, j)) in free.slopes().iter().enumerate() {
+        for (entry, &(i, j)) in free.slopes().iter().enumerate() {
             if is_position[i] && number[j] != NONE {
-                kinematics[i].push((number[j], slope));
+                kinematics[i].push((number[j], entry));
             }
         }
         Bodies {

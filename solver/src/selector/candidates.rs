@@ -355,8 +355,8 @@ impl<'m> Zeros<'m> {
     fn tie(&self, switch: usize) -> Option<Tie> {
         let mode = &*self.mode;
         let mut before = self.unknowns.iter().take_while(|&&other| other != switch);
-        let is_same = |&&other: &&usize| mode.surfaces.is_same(switch, other);
-        let other = *before.find(is_same)?;
+        let is_redundant = |&&other: &&usize| mode.surfaces.are_redundant(switch, other);
+        let other = *before.find(is_redundant)?;
         let product = mode.coupling(other, switch) * mode.coupling(other, other);
         let sign = if product < 0.0 { -1.0 } else { 1.0 };
         Some(Tie {

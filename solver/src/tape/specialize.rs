@@ -72,7 +72,7 @@ impl Tape {
         let mut sums: Vec<_> = (0..self.n_inputs).map(|i| input(i, builder)).collect();
         sums.resize(self.n_values, Linear::number(0.0));
         for instruction in &self.values {
-            let made = remake(instruction.op, |slot| &sums[slot as usize], builder);
+            let made = substitute(instruction.op, |slot| &sums[slot as usize], builder);
             for (slot, sum) in [instruction.out, instruction.second].into_iter().zip(made) {
                 if slot != UNUSED {
                     sums[slot as usize] = sum;
@@ -95,8 +95,9 @@ impl Tape {
     }
 }
 
-/// The results of an operation on sums of values.
-pub(super) fn remake<'s>(
+/// Substitutes sums c + Σ c_i v_i for the operands of an operation. The result is a sum if the operation is linear,
+/// else a new value; the second result is that of a pair, sin and cos or sinh and cosh, and 0 without one.
+pub(super) fn substitute<'s>(
     op: Op,
     sum: impl Fn(Slot) -> &'s Linear<Value>,
     builder: &mut TapeBuilder,
@@ -104,6 +105,7 @@ pub(super) fn remake<'s>(
     if let Some(result) = op.linear(|slot| Some(sum(slot))) {
         return [result, Linear::number(0.0)];
     }
+    // All operands before the operation: it borrows the builder, too.
     let operands: Vec<Slot> = op.operands().collect();
     let terms: Vec<Term> = (operands.iter())
         .map(|&slot| sum(slot).term(builder))

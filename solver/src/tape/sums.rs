@@ -5,7 +5,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::builder::{Value, slot};
-use super::specialize::{Linear, remake};
+use super::specialize::{Linear, substitute};
 use super::{Slot, Tape, TapeBuilder};
 
 /// A coefficient below this share of what it is made of is rounding.
@@ -145,7 +145,7 @@ impl Sums {
         makers.sort_unstable();
         for maker in makers {
             let instruction = self.builder.instructions()[maker];
-            let made = remake(instruction.op, |slot| &known[&slot], &mut self.builder);
+            let made = substitute(instruction.op, |slot| &known[&slot], &mut self.builder);
             known.extend(instruction.results().zip(made));
         }
     }

@@ -60,7 +60,12 @@ impl Jacobian {
         self.slopes[entry * scheme.groups + node / WIDTH].as_array()[node % WIDTH]
     }
 
-    /// Factors the Jacobian that has been differentiated, for elements of length h.
+    /// Factors the Jacobian of V - f and r for elements of length h. With X_m = x₀ + h Σ_j a_mj V_j its blocks are
+    ///
+    /// ∂(V_m - f_m)/∂V_j = δ_mj I - h a_mj ∂f_m/∂x,   ∂(V_m - f_m)/∂w_m = -∂f_m/∂w,
+    /// ∂r_m/∂V_j = h a_mj ∂r_m/∂x,   ∂r_m/∂w_m.
+    ///
+    /// ∂(f, r)/∂(t, x, w) are those of the last [`Jacobian::differentiate`].
     pub fn factor(
         &mut self,
         scheme: &Scheme,
@@ -78,20 +83,25 @@ impl Jacobian {
                 self.matrix[place(m * per_node + i) * (size + 1)] = 1.0;
             }
             for (e, &(row, input)) in reduced.equations.slopes.entries.iter().enumerate() {
-                if input == 0 {
-                    continue;
-                }
                 let slope = self.slope(scheme, e, m);
                 let sign = if row < n { -1.0 } else { 1.0 };
-                let start = place(m * per_node + row) * size;
-                if input <= n {
-                    for j in 0..s {
-                        let a = scheme.tableau.a[m * s + j];
-                        let column = place(j * per_node + input - 1);
-                        self.matrix[start + column] += sign * h * a * slope;
+                let row_start = place(m * per_node + row) * size;
+                match input {
+                    // t_m is known.
+                    0 => {}
+                    // X_m depends on V of all nodes.
+                    _ if input <= n => {
+                        for j in 0..s {
+                            let a = scheme.tableau.a[m * s + j];
+                            let column = place(j * per_node + input - 1);
+                            self.matrix[row_start + column] += sign * h * a * slope;
+                        }
                     }
-                } else {
-                    self.matrix[start + place(m * per_node + input - 1)] += sign * slope;
+                    // w_m.
+                    _ => {
+                        let column = place(m * per_node + input - 1);
+                        self.matrix[row_start + column] += sign * slope;
+                    }
                 }
             }
         }
