@@ -155,6 +155,15 @@ class ModelError(Exception):
         return f"<pre>{html.escape(self.rendered)}</pre>"
 
 
+class InternalError(RuntimeError):
+    """A mistake of nsdc itself, as text; models, experiments and results stay as they are.
+
+    >>> import nsdc
+    >>> issubclass(nsdc.InternalError, RuntimeError)
+    True
+    """
+
+
 class RunError(RuntimeError):
     """A run did not end as `solved`; `result` is what it came to."""
 

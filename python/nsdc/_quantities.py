@@ -91,14 +91,19 @@ def _quantity(one: dict[str, Any]) -> Quantity:
     def shaped(values: list[float | None], missing: float) -> Any:
         """What is not finite is null in JSON, and nothing is known of some."""
         flat = [missing if value is None else value for value in values]
-        found = np.array(flat, dtype=float)
-        found.flags.writeable = False
-        return shaped_like(found, shape) if flat else None
+        return shaped_like(fixed(flat), shape) if flat else None
 
     value = shaped(one["value"], math.nan)
     bounds = (shaped(one["low"], -math.inf), shaped(one["high"], math.inf))
     bounds = (-math.inf, math.inf) if bounds[0] is None else bounds
     return Quantity(one["name"], shape, one["unit"], one["doc"], value, bounds)
+
+
+def fixed(values: list[float]) -> NDArray[np.float64]:
+    """A read-only array."""
+    found = np.array(values, dtype=float)
+    found.flags.writeable = False
+    return found
 
 
 def shaped_like(

@@ -6,6 +6,7 @@ import json
 import pickle
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,17 @@ def test_values_are_views(belt: nsdc.Experiment) -> None:
     assert np.array_equal(second, kept)
     with pytest.raises(KeyError, match="x"):
         belt.run()["x[3]"]
+
+
+def test_rows_are_made_when_they_are_read(ball: nsdc.Experiment) -> None:
+    """By whichever thread comes first; the end is that of the rows, whether these have been read or not."""
+    result, other = ball.run(), ball.run()
+    ends = result.end
+    with ThreadPoolExecutor(8) as pool:
+        read = list(pool.map(lambda name: result[name], 4 * result.names))
+    assert all(np.shares_memory(one, result[name]) for one, name in zip(read, 4 * result.names))
+    for name, values in ends.items():
+        assert values == result[name][-1] == other[name][-1] == result.end[name]
 
 
 def test_what_is_outside_of_a_run_is_not_known(ball: nsdc.Experiment) -> None:

@@ -5,7 +5,7 @@
 //! of the range of its column: where it is, the furthest is kept, and both sides are looked at again (Douglas and Peucker
 //! 1973).
 
-use super::{Dense, Samples, Series};
+use crate::report::{Dense, Samples, Series};
 
 /// N, with which curves look smooth.
 const PARTS: f64 = 1200.0;
@@ -45,7 +45,7 @@ pub fn refine(samples: &mut Samples, dense: &Dense, values: &dyn Fn(f64, &[f64])
     all.iter_mut().for_each(|series| series.values.clear());
 
     let (n_rows, mut rows) = (first.n_rows(), Vec::new());
-    for piece in &dense.pieces {
+    for piece in dense.pieces.iter() {
         let begun = passed.len();
         passed.extend(instants(piece.from, piece.to, span));
         rows.clear();
@@ -149,7 +149,7 @@ mod tests {
             coefficients: coefficients.to_vec(),
         };
         trajectory.dense = Dense {
-            pieces: vec![piece(0.0, 0.5, [1.0, 2.0]), piece(0.5, 1.0, [5.0, 0.0])],
+            pieces: vec![piece(0.0, 0.5, [1.0, 2.0]), piece(0.5, 1.0, [5.0, 0.0])].into(),
         };
         let (fine, values) = (&mut trajectory.samples, |time, row: &[f64]| {
             vec![row[0], row[0] - time]
