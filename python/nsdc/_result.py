@@ -30,7 +30,14 @@ if TYPE_CHECKING:
 
 
 class Event(NamedTuple):
-    """Something that happened at an instant."""
+    """Something that happened at an instant.
+
+    >>> import nsdc
+    >>> relay = nsdc.loads("model m { state x = 1; x' = -sign(x); } simulate s of m { horizon 2; }")["s"]
+    >>> (event,) = relay.run().events
+    >>> event.time, event.kind, event.before, event.after
+    (1.0, 'enter_sliding', 'above(x)', 'sliding(x)')
+    """
 
     time: float
     #: `crossing`, `jump`, `stick`, ..
@@ -44,7 +51,15 @@ class Event(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """An interval of time without a change of mode."""
+    """An interval of time without a change of mode.
+
+    >>> import nsdc
+    >>> relay = nsdc.loads("model m { state x = 1; x' = -sign(x); } simulate s of m { horizon 2; }")["s"]
+    >>> for mode in relay.run().modes:
+    ...     print(mode.start, mode.end, mode.mode)
+    0.0 1.0 above(x)
+    1.0 2.0 sliding(x)
+    """
 
     start: float
     end: float
@@ -315,9 +330,19 @@ class Result:
         """What it cost: steps, events, iterations, evaluations, seconds."""
         return dict(self._summary["stats"])
 
-    def _columns(self) -> dict[str, NDArray[np.float64]]:
-        columns = {"time": self.time}
-        for name, values in self._values.items():
+    def _rows(self, at: ArrayLike | None) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+        """Instants and values at them: all that is reported at those of rows, or states at others."""
+        if at is None:
+            return self.time, self._values
+        time = np.asarray(at, dtype=float)
+        if time.ndim != 1:
+            raise ValueError(f"at: expected instants, got an array of shape {time.shape}")
+        return time, self(time)
+
+    def _columns(self, at: ArrayLike | None = None) -> dict[str, NDArray[np.float64]]:
+        time, rows = self._rows(at)
+        columns = {"time": time}
+        for name, values in rows.items():
             flat = values.reshape(len(values), -1)
             names = entries(name, values.shape[1:])
             columns.update(zip(names, flat.T))
@@ -338,33 +363,39 @@ class Result:
         }
         return {name: value for name, value in told.items() if value is not None}
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """A table with a row for each instant, and a column for each entry; units are in `attrs`."""
+    def to_pandas(self, at: ArrayLike | None = None) -> pandas.DataFrame:
+        """A table with a row for each instant, and a column for each entry; units are in `attrs`.
+
+        With `at`, n instants of the run, it has the states there, behind what jumps. `ValueError` outside of the run.
+        """
         import pandas
 
-        columns = self._columns()
+        columns = self._columns(at)
         table = pandas.DataFrame({k: v for k, v in columns.items() if k != "time"})
         table.index = pandas.Index(columns["time"], name="time")
         table.attrs = {**self._attributes(), "units": self._units()}
         return table
 
-    def to_xarray(self) -> xarray.Dataset:
+    def to_xarray(self, at: ArrayLike | None = None) -> xarray.Dataset:
         """A data set over `time`, with units, docs and settings as attributes.
 
-        An instant stands twice where something jumps.
+        An instant stands twice where something jumps. With `at`, n instants of the run, it has the states there, behind what
+        jumps. `ValueError` outside of the run.
         """
         import xarray
 
-        units, docs = self._units(), self._experiment._docs
+        time, rows = self._rows(at)
+        units, docs = self._experiment._units, self._experiment._docs
+        kinds = {name: one.kind for name, one in self._reported.items()}
 
         def variable(name: str, values: NDArray[np.float64]) -> xarray.Variable:
             dims = ["time", *(f"{name}_{k}" for k in range(1, values.ndim))]
-            attrs = {"units": units.get(name), "long_name": docs.get(name), "kind": self._reported[name].kind}
+            attrs = {"units": units.get(name), "long_name": docs.get(name), "kind": kinds.get(name, "states")}
             known = {key: value for key, value in attrs.items() if value is not None}
             return xarray.Variable(dims, values, known)
 
-        variables = {name: variable(name, values) for name, values in self._values.items()}
-        return xarray.Dataset(variables, {"time": self.time}, self._attributes())
+        variables = {name: variable(name, values) for name, values in rows.items()}
+        return xarray.Dataset(variables, {"time": time}, self._attributes())
 
     def to_arrow(self) -> pyarrow.Table:
         """A table of Arrow, whose columns share memory with the result where entries are scalars."""
