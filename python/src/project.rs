@@ -7,7 +7,7 @@ use nsdc::limit::Limit;
 use nsdc::study::sweep::{Axis, Grid, Row};
 use nsdc::sweep::Rows;
 use nsdc::syntax::Item;
-use nsdc::{Options, threads};
+use nsdc::{Numbers, Options, threads};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 
@@ -32,6 +32,10 @@ pub struct Asked {
     values: Vec<(String, f64)>,
     #[pyo3(item("settings"))]
     settings: Vec<(String, String)>,
+    #[pyo3(item("horizon"))]
+    horizon: Option<f64>,
+    #[pyo3(item("tolerance"))]
+    tolerance: Option<f64>,
     #[pyo3(item("time_limit"))]
     time_limit: Option<f64>,
 }
@@ -39,11 +43,16 @@ pub struct Asked {
 impl Asked {
     fn replacing(self) -> Options {
         let Asked {
-            values, settings, ..
+            values,
+            settings,
+            horizon,
+            tolerance,
+            ..
         } = self;
         Options {
             values,
             settings,
+            numbers: Numbers { horizon, tolerance },
             ..Options::default()
         }
     }

@@ -85,7 +85,7 @@ impl Project {
         options: &Options,
         grid: Grid,
     ) -> Result<Sweep<'_>, Messages> {
-        let asked = self.ask(experiment, &options.values, &options.settings)?;
+        let asked = self.ask(experiment, &options.values, &options.words())?;
         let (mut sources, mut diags) = (asked.sources, Diagnostics::new());
         let axes = bindings((&mut sources, &mut diags), "over", &examples(&grid));
         let failed = |diags| Messages::new(diags, sources.clone());
@@ -241,7 +241,7 @@ impl<'p> Sweep<'p> {
         let (experiment, states) = (self.experiment.clone(), self.states.clone());
         let mut reruns = Reruns::new(&exprs, project, experiment, binds, states);
         points.each(|(k, point)| {
-            let rerun = reruns.of(point, |new| Some(new.sampled(|s| self.sampling(s))));
+            let rerun = reruns.of(point, None, |new| Some(new.sampled(|s| self.sampling(s))));
             let found = rerun.and_then(|rerun| {
                 rerun.seed(self.seed_of(k));
                 let run = rerun.run(point, &self.request(rerun.compiled()), &mut ())?;
