@@ -18,7 +18,7 @@ use crate::report::Trajectory;
 use crate::simulate::{Plan, Request};
 use crate::syntax::Path;
 use crate::system::System;
-use crate::system::experiment::{Sampling, Settings};
+use crate::system::experiment::Sampling;
 use crate::system::values::{Values, bounds};
 use crate::{Compiled, compile};
 
@@ -130,10 +130,9 @@ impl<'e> Rerun<'e> {
         })
     }
 
-    /// Lets runs be told at these instants.
-    pub fn sampled(mut self, sampling: impl FnOnce(&Settings<'_>) -> Sampling) -> Self {
-        let settings = &mut self.compiled.settings;
-        settings.recording.sampling = sampling(settings);
+    /// Changes what runs tell.
+    pub fn adapted(mut self, adapt: impl FnOnce(&mut Compiled<'e>)) -> Self {
+        adapt(&mut self.compiled);
         self
     }
 

@@ -134,7 +134,7 @@ fn furthest(time: &[f64], columns: &[Column], [first, last]: [usize; 2]) -> Opti
 
 #[cfg(test)]
 mod tests {
-    use super::{PARTS, instants, refine, thin};
+    use super::{PARTS, Samples, instants, refine, thin};
     use crate::report::{Dense, Piece, sample};
 
     #[test]
@@ -186,10 +186,10 @@ mod tests {
     #[test]
     fn rows_are_kept_where_the_curve_bends() {
         let mut trajectory = sample::shapes();
-        let (state, n) = (&mut trajectory.samples.states[0], 200);
-        trajectory.samples.time = (0..=n).map(|k| 0.01 * f64::from(k)).collect();
+        let (samples, n): (&mut Samples, _) = (&mut trajectory.samples, 200);
+        samples.time = (0..=n).map(|k| 0.01 * f64::from(k)).collect();
         let value = |t: &f64| if *t < 1.0 { t * t } else { 1.0 };
-        state.values = trajectory.samples.time.iter().map(value).collect();
+        samples.states[0].values = samples.time.iter().map(value).collect();
         let exact = trajectory.samples.states[0].values.clone();
         trajectory.samples.states.truncate(1);
         let inside: Vec<bool> = (0..=n).map(|k| k % n != 0).collect();
