@@ -82,7 +82,7 @@ impl Deref for Rows {
 
 impl DerefMut for Rows {
     fn deref_mut(&mut self) -> &mut Samples {
-        let _ = self.deref();
+        let _ = Rows::deref(self);
         self.made.get_mut().expect("they have been made")
     }
 }

@@ -25,17 +25,17 @@ pub(crate) struct Reported {
     pub hiding: Option<Hiding>,
     /// The numbers of the open parameters.
     open: Vec<usize>,
-    /// What is reported, without values.
-    named: Samples,
-    /// The numbers of states whose values are reported, one behind the other.
-    entries: Vec<usize>,
     /// n and m.
     sizes: [usize; 2],
 }
 
-/// What a run knows besides its states and α: the values of open parameters, and data.
+/// What a run knows besides its states and α: what is told of it, the values of open parameters, and data.
 #[derive(Debug)]
 pub(crate) struct Given {
+    /// What is reported, without values.
+    named: Samples,
+    /// The numbers of states whose values are reported, one behind the other.
+    entries: Vec<usize>,
     parameters: Vec<f64>,
     data: Vec<Arc<Table>>,
 }
@@ -57,7 +57,7 @@ impl Reported {
             expr::compile(&inputs, &exprs)
                 .expect("what is reported is smooth in time, data, states and α")
         };
-        let (outputs, groups) = (system.recorded.signals(), system.recorded.groups.iter());
+        let outputs = system.recorded.signals();
         Reported {
             outputs: tape(
                 outputs
@@ -67,8 +67,6 @@ impl Reported {
             limits: tape(evaluated(system)),
             hiding: None,
             open: open.to_vec(),
-            named: named(system),
-            entries: groups.flat_map(|group| group.entries.clone()).collect(),
             sizes: [system.states.len(), system.switches.len()],
         }
     }
@@ -84,10 +82,12 @@ impl Reported {
         (system.exogenous.chosen(&self.open)).map(|param| param.value)
     }
 
-    /// The same, with data.
+    /// The same with data, and with what is told of a system, which may be less than when it was compiled.
     pub fn given(&self, system: &System) -> Given {
-        let data = system.exogenous.data.iter();
+        let (data, groups) = (system.exogenous.data.iter(), system.recorded.groups.iter());
         Given {
+            named: named(system),
+            entries: groups.flat_map(|group| group.entries.clone()).collect(),
             parameters: self.parameters(system).collect(),
             data: data.map(|data| data.table.clone()).collect(),
         }
@@ -103,10 +103,10 @@ impl Reported {
         let n_points = points.times.len();
         let signals = self.signals(points, given);
         let [mut entry, mut signal] = [0; 2];
-        let mut samples = self.named.clone();
+        let mut samples = given.named.clone();
         samples.time = points.times.clone();
         for series in &mut samples.states {
-            let entries = &self.entries[entry..][..series.n_entries()];
+            let entries = &given.entries[entry..][..series.n_entries()];
             entry += entries.len();
             let rows = points.states.chunks(self.sizes[0].max(1));
             series.values = rows
