@@ -158,7 +158,7 @@ impl<'e> Reruns<'e> {
         }
         let own = || self.experiment.clone();
         let experiment = match kept.longest {
-            Some(longest) => Cow::Owned(own().to_horizon(longest)),
+            Some(longest) => Cow::Owned(own().until(longest)),
             None => Cow::Borrowed(&self.experiment),
         };
         let source = Source {

@@ -93,6 +93,8 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::{Course, Rows, Samples};
+    use crate::limit::Cancel;
+    use crate::threads::{Share, in_order};
 
     /// Counts how often its rows are made.
     #[derive(Debug)]
@@ -125,11 +127,13 @@ mod tests {
             (vec![1.0], 0)
         );
         let copy = rows.clone();
-        std::thread::scope(|scope| {
-            for _ in 0..4 {
-                scope.spawn(|| assert_eq!(rows.time.len(), 3));
+        let read = |share: Share<'_, usize>| {
+            while let Some(k) = share.next() {
+                share.finish(k, rows.time.len());
             }
-        });
+        };
+        let lengths = in_order(4, 4, &Cancel::default(), read, &mut |_| {});
+        assert_eq!(lengths, [Some(3); 4]);
         assert_eq!(count.load(Ordering::Relaxed), 1);
         assert_eq!((rows.end().time, rows.clone().time.len()), (vec![1.0], 3));
         let mut copy = copy;

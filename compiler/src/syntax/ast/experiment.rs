@@ -22,7 +22,7 @@ pub struct Experiment {
 
 impl Experiment {
     /// The same with another horizon.
-    pub(crate) fn to_horizon(mut self, horizon: f64) -> Self {
+    pub(crate) fn until(mut self, horizon: f64) -> Self {
         let span = self.name.span;
         let is_other = |one: &ExperimentSetting| !matches!(one.kind, SettingKind::Horizon { .. });
         self.settings.retain(is_other);
