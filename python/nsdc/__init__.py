@@ -15,7 +15,7 @@
 
 from ._commands import CommandError, modes, order, verify
 from ._core import __version__
-from ._errors import Diagnostic, Edit, Fix, ModelError, RunError, Span
+from ._errors import Diagnostic, Edit, Fix, InternalError, ModelError, RunError, Span
 from ._experiment import Experiment
 from ._figure import Figure
 from ._file import File, check, explain, load, loads
@@ -32,6 +32,7 @@ __all__ = [
     "Figure",
     "File",
     "Fix",
+    "InternalError",
     "Mode",
     "ModelError",
     "Quantities",

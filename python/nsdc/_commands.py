@@ -19,7 +19,16 @@ if TYPE_CHECKING:
 
 
 class CommandError(RuntimeError):
-    """A command has nothing to say but what is wrong: `code` is its exit code, `text` what it has printed."""
+    """A command has nothing to say but what is wrong: `code` is its exit code, `text` what it has printed.
+
+    >>> import nsdc
+    >>> rest = nsdc.loads("model rest { state x = 1; x' = 0; } simulate r of rest { horizon 1; }")["r"]
+    >>> try:
+    ...     rest.emit("mosel")
+    ... except nsdc.CommandError as error:
+    ...     print(error.code, "mosel" in error.text)
+    64 True
+    """
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(code, text)
@@ -113,18 +122,50 @@ def _written(file: File, folder: Path) -> Path:
 
 
 def order(experiment: Experiment, *options: str) -> Report:
-    """`nsdc order`: the errors of the methods over their steps, with figures of errors over steps and over time."""
+    """`nsdc order`: the errors of the methods over their steps, with figures of errors over steps and over time.
+
+    `options` are those of the command line. `CommandError` where the experiment does not compile, or has no reference.
+
+    >>> import nsdc
+    >>> text = "model decay { state x = 1; x' = -x; } simulate d of decay { horizon 1; method fesd { steps = 4; } }"
+    >>> report = nsdc.order(nsdc.loads(text)["d"])
+    >>> report.ok, [figure.svg[:4] for figure in report.figures.values()]
+    (True, ['<svg', '<svg'])
+    """
     return report(experiment.file, "order", experiment.name, *options, plot="order")
 
 
 def modes(
     experiment: Experiment, over: Mapping[str, tuple[float, float]], *options: str
 ) -> Report:
-    """`nsdc modes`: the sliding modes of a nonlinear switch over one state or two, with the figure."""
+    """`nsdc modes`: the sliding modes of a nonlinear switch over one state or two, with the figure.
+
+    `over` has the least and the largest value of each by the names of entries, in the units of the states; `options` are
+    those of the command line. `CommandError` where the experiment does not compile, or has no such switch.
+
+    >>> import nsdc
+    >>> file = nsdc.loads('''
+    ...     model hidden {
+    ...       state x = 0.9; state y = 0.05;
+    ...       switch s = sign(y) sliding nonlinear;
+    ...       x' = 2*s^2 - 1; y' = 2*s^2 - s - x;
+    ...     }
+    ...     simulate slides of hidden { horizon 1; }''')
+    >>> report = nsdc.modes(file["slides"], over={"x": (-1, 4)})
+    >>> report.ok, list(report.figures)
+    (True, ['modes'])
+    """
     ranges = [f"--over={name}={low!r}:{high!r}" for name, (low, high) in over.items()]
     return report(experiment.file, "modes", experiment.name, *ranges, *options, plot="modes.svg")
 
 
 def verify(experiment: Experiment, *options: str) -> Report:
-    """`nsdc verify`: whether all methods and lowerings agree on it; `ok` says so."""
+    """`nsdc verify`: whether all methods and lowerings agree on it; `ok` says so.
+
+    `options` are those of the command line. `CommandError` where the experiment does not compile.
+
+    >>> import nsdc
+    >>> nsdc.verify(nsdc.loads("model rest { state x = 1; x' = -x; } simulate r of rest { horizon 1; }")["r"]).ok
+    True
+    """
     return report(experiment.file, "verify", experiment.name, *options)

@@ -13,7 +13,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Span:
-    """A place in a file; lines and columns are counted from 1, bytes of the text from 0."""
+    """A place in a file; lines and columns are counted from 1, bytes of the text from 0.
+
+    >>> import nsdc
+    >>> (error,) = nsdc.check("model fall { state v = 0; v' = -g; }")
+    >>> str(error.span), (error.span.start, error.span.end)
+    ('text.nsd:1:33', (32, 33))
+    """
 
     file: str
     start: int
@@ -29,7 +35,13 @@ class Span:
 
 @dataclass(frozen=True)
 class Edit:
-    """A piece of text in the place of another; of no length where text is inserted."""
+    """A piece of text in the place of another; of no length where text is inserted.
+
+    >>> import nsdc
+    >>> (error,) = nsdc.check("model decay { param rate = 1; state x = 1; x' = -rte*x; }")
+    >>> [(edit.span.column, edit.replacement) for edit in error.fixes[0].edits]
+    [(50, 'rate')]
+    """
 
     span: Span
     replacement: str
@@ -37,7 +49,13 @@ class Edit:
 
 @dataclass(frozen=True)
 class Fix:
-    """Edits that mend what a diagnostic is about."""
+    """Edits that mend what a diagnostic is about.
+
+    >>> import nsdc
+    >>> (error,) = nsdc.check("model decay { param rate = 1; state x = 1; x' = -rte*x; }")
+    >>> len(error.fixes), error.fixes[0].is_safe
+    (1, False)
+    """
 
     title: str
     #: Whether they may be made without being looked at.
@@ -47,7 +65,13 @@ class Fix:
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """An error or a warning, with its place."""
+    """An error or a warning, with its place.
+
+    >>> import nsdc
+    >>> (error,) = nsdc.check("model fall { state v = 0; v' = -g; }")
+    >>> error.code, error.severity, error.message
+    ('E0101', 'error', 'unknown name `g`')
+    """
 
     #: The code that `nsdc.explain` has a page for, such as `E0101`.
     code: str | None
@@ -155,8 +179,26 @@ class ModelError(Exception):
         return f"<pre>{html.escape(self.rendered)}</pre>"
 
 
+class InternalError(RuntimeError):
+    """A mistake of nsdc itself, as text; models, experiments and results stay as they are.
+
+    >>> import nsdc
+    >>> issubclass(nsdc.InternalError, RuntimeError)
+    True
+    """
+
+
 class RunError(RuntimeError):
-    """A run did not end as `solved`; `result` is what it came to."""
+    """A run did not end as `solved`; `result` is what it came to.
+
+    >>> import nsdc
+    >>> grows = nsdc.loads("model m { state x = 1; x' = x^2; } simulate s of m { horizon 2; }")["s"]
+    >>> try:
+    ...     grows.run().raise_for_status()
+    ... except nsdc.RunError as error:
+    ...     print(error.result.status, error.result.time[-1] < 1.001)
+    numerical_failure True
+    """
 
     def __init__(self, result: Result) -> None:
         super().__init__(result)

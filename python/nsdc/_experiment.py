@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: What else runs and sweeps take by name.
 KEYWORDS = ("params", "settings", "time_limit", "multipliers", "outputs", "zip", "threads", "seed", "on", "chunk")
+#: Settings that are numbers of a run where they are given as numbers.
+NUMBERS = ("horizon", "tolerance")
 #: The settings that a run takes by name, with the words of the language.
 SETTINGS = {
     "method": "method",
@@ -141,11 +143,15 @@ class Experiment:
             (time_limit,) = finite("time_limit", time_limit, ()).tolist()
             if time_limit < 0:
                 raise ValueError(f"time_limit: {time_limit} is no time in seconds")
-        given_settings = [(name, _words(name, value)) for name, value in words.items() if value is not None]
-        known = [*SETTINGS, *KEYWORDS]
+        told = {name: _setting(name, value) for name, value in words.items() if value is not None}
+        numbers = {name: one for name, one in told.items() if name in NUMBERS and isinstance(one, float)}
         return {
-            "values": given(self._known, rest, known),
-            "settings": given_settings,
+            "values": given(self._known, rest, [*SETTINGS, *KEYWORDS]),
+            "settings": [
+                (name, f"{SETTINGS[name]} {one}") for name, one in told.items() if name not in numbers
+            ],
+            "horizon": numbers.get("horizon"),
+            "tolerance": numbers.get("tolerance"),
             "time_limit": time_limit,
         }
 
@@ -167,7 +173,7 @@ class Experiment:
         With `multipliers`, the result keeps those of the method.
 
         What a simulation is compiled to is kept: further runs of the thread with the same settings and values on the same
-        sides of zero compile nothing. What comes of a run depends on its own values alone.
+        sides of zero compile nothing, nor do those with another `horizon` or `tolerance` as numbers. What comes of a run depends on its own values alone.
 
         A run that fails is a result whose `status` says so. `ModelError` where the experiment does not compile, `TypeError`
         for unknown names and for what is no number, `ValueError` for wrong shapes and for numbers that are not finite.
@@ -256,13 +262,14 @@ def _both(
     return [*values.items(), *(params or {}).items()]
 
 
-def _words(name: str, value: Any) -> str:
-    """A setting in the words of the language."""
-    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        try:
-            value = float(value)
-        except (TypeError, ValueError):
-            raise TypeError(f"{name}: expected a number or words of the language, got {value!r}") from None
-    if not isinstance(value, str) and not abs(value) < float("inf"):
+def _setting(name: str, value: Any) -> float | str:
+    """A setting as a number, or in the words of the language."""
+    if isinstance(value, str):
+        return value
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}: expected a number or words of the language, got {value!r}") from None
+    if not abs(number) < float("inf"):
         raise ValueError(f"{name}: {value} is not finite")
-    return f"{SETTINGS[name]} {value if isinstance(value, str) else repr(float(value))}"
+    return number

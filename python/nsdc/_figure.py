@@ -7,7 +7,13 @@ from pathlib import Path
 
 
 class Figure:
-    """An SVG text that shows itself in a notebook."""
+    """An SVG text that shows itself in a notebook.
+
+    >>> import nsdc
+    >>> figure = nsdc.loads("model rest { state x = 1; x' = 0; } simulate r of rest { horizon 1; }")["r"].run().plot()
+    >>> figure.svg.startswith("<svg")
+    True
+    """
 
     def __init__(self, svg: str) -> None:
         #: The text.
@@ -17,7 +23,7 @@ class Figure:
         return self.svg
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Writes it to a file `.svg`."""
+        """Writes it to a file `.svg`; `ValueError` for other endings."""
         path = Path(path)
         if path.suffix != ".svg":
             raise ValueError(f"a figure is written as .svg, not as `{path.suffix}`")

@@ -91,7 +91,15 @@ def _restored(path: str, files: tuple[tuple[str, bytes], ...], is_disk: bool) ->
 
 def load(path: str | os.PathLike[str]) -> File:
     """A file of the disk, with what it uses. `OSError` where it cannot be read; what is wrong in it comes with `check` and
-    with runs."""
+    with runs.
+
+    >>> import nsdc, pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "rest.nsd"
+    ...     _ = path.write_text("model rest { state x = 1; x' = 0; } simulate r of rest { horizon 1; }")
+    ...     list(nsdc.load(path))
+    ['r']
+    """
     return File(os.fspath(path), [], True)
 
 
@@ -122,5 +130,10 @@ def check(text: str, name: str = "text.nsd") -> list[Diagnostic]:
 
 
 def explain(code: str) -> str:
-    """The page of a code, with an example and what to do about it. `KeyError` where there is no such code."""
+    """The page of a code, with an example and what to do about it. `KeyError` where there is no such code.
+
+    >>> import nsdc
+    >>> "unknown name" in nsdc.explain("E0101")
+    True
+    """
     return _core.explain(code)

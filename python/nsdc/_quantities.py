@@ -20,7 +20,16 @@ ENTRY = re.compile(r"^(?P<base>.*)\[(?P<indices>[0-9, ]+)\]$")
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter, state, control, input or output of a model."""
+    """A parameter, state, control, input or output of a model.
+
+    >>> import nsdc
+    >>> file = nsdc.loads('''
+    ...     model ball { param g : m/s^2 in [0, 100] = 9.81; state q[2] = [0, 1]; q' = [1, -g]; }
+    ...     simulate falls of ball { horizon 1; }''')
+    >>> q = file["falls"].states["q"]
+    >>> q.shape, q.entries, q.value.tolist()
+    ((2,), ['q[1]', 'q[2]'], [0.0, 1.0])
+    """
 
     name: str
     #: Sizes: none for a scalar, one for a vector, two for a matrix.
@@ -54,7 +63,13 @@ def entries(name: str, shape: tuple[int, ...]) -> list[str]:
 
 
 class Quantities(Mapping[str, Quantity]):
-    """Quantities by their names, in order of declaration; a table in a notebook."""
+    """Quantities by their names, in order of declaration; a table in a notebook.
+
+    >>> import nsdc
+    >>> decay = nsdc.loads("model decay { param k = 2; state x = 1; x' = -k*x; } simulate d of decay { horizon 1; }")["d"]
+    >>> decay.parameters
+    k = 2.
+    """
 
     def __init__(self, described: list[dict[str, Any]]) -> None:
         self._all = {one["name"]: _quantity(one) for one in described}
@@ -91,14 +106,19 @@ def _quantity(one: dict[str, Any]) -> Quantity:
     def shaped(values: list[float | None], missing: float) -> Any:
         """What is not finite is null in JSON, and nothing is known of some."""
         flat = [missing if value is None else value for value in values]
-        found = np.array(flat, dtype=float)
-        found.flags.writeable = False
-        return shaped_like(found, shape) if flat else None
+        return shaped_like(fixed(flat), shape) if flat else None
 
     value = shaped(one["value"], math.nan)
     bounds = (shaped(one["low"], -math.inf), shaped(one["high"], math.inf))
     bounds = (-math.inf, math.inf) if bounds[0] is None else bounds
     return Quantity(one["name"], shape, one["unit"], one["doc"], value, bounds)
+
+
+def fixed(values: list[float]) -> NDArray[np.float64]:
+    """A read-only array."""
+    found = np.array(values, dtype=float)
+    found.flags.writeable = False
+    return found
 
 
 def shaped_like(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 import re
 from collections.abc import Iterator
 from functools import cached_property
@@ -18,7 +19,7 @@ from . import _core
 from ._dense import Dense
 from ._errors import Diagnostic, RunError, diagnostics
 from ._figure import Figure
-from ._quantities import ENTRY, entries, shaped_like
+from ._quantities import ENTRY, entries, fixed, shaped_like
 
 if TYPE_CHECKING:
     import pandas
@@ -27,11 +28,16 @@ if TYPE_CHECKING:
 
     from ._experiment import Experiment
 
-KINDS = ("states", "outputs", "controls")
-
 
 class Event(NamedTuple):
-    """Something that happened at an instant."""
+    """Something that happened at an instant.
+
+    >>> import nsdc
+    >>> relay = nsdc.loads("model m { state x = 1; x' = -sign(x); } simulate s of m { horizon 2; }")["s"]
+    >>> (event,) = relay.run().events
+    >>> event.time, event.kind, event.before, event.after
+    (1.0, 'enter_sliding', 'above(x)', 'sliding(x)')
+    """
 
     time: float
     #: `crossing`, `jump`, `stick`, ..
@@ -45,12 +51,30 @@ class Event(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """An interval of time without a change of mode."""
+    """An interval of time without a change of mode.
+
+    >>> import nsdc
+    >>> relay = nsdc.loads("model m { state x = 1; x' = -sign(x); } simulate s of m { horizon 2; }")["s"]
+    >>> for mode in relay.run().modes:
+    ...     print(mode.start, mode.end, mode.mode)
+    0.0 1.0 above(x)
+    1.0 2.0 sliding(x)
+    """
 
     start: float
     end: float
     #: Regions and sliding surfaces.
     mode: str
+
+
+class Reported(NamedTuple):
+    """A state, output or control of a run."""
+
+    #: `states`, `outputs` or `controls`.
+    kind: str
+    shape: tuple[int, ...]
+    #: Its entries at the last instant; none where there is no instant.
+    end: NDArray[np.float64]
 
 
 class Result:
@@ -104,18 +128,14 @@ class Result:
         return self._of_run().time
 
     @cached_property
-    def _values(self) -> dict[str, NDArray[np.float64]]:
-        run = self._of_run()
-        return {
-            name: run.values(kind, place)
-            for kind in KINDS
-            for place, (name, _) in enumerate(run.names(kind))
-        }
+    def _reported(self) -> dict[str, Reported]:
+        told = self._of_run().end()
+        return {name: Reported(kind, tuple(shape), fixed(end)) for kind, name, shape, end in told}
 
     @cached_property
-    def _kinds(self) -> dict[str, str]:
+    def _values(self) -> dict[str, NDArray[np.float64]]:
         run = self._of_run()
-        return {name: kind for kind in KINDS for name, _ in run.names(kind)}
+        return {name: run.values(place) for place, name in enumerate(self._reported)}
 
     @cached_property
     def _dense(self) -> Dense:
@@ -148,33 +168,34 @@ class Result:
         return self._of_run().csv()
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = ["_summary", "time", "_values", "_kinds", "_dense", "report", "_messages", "_svg"]
+        kept = ["_summary", "time", "_reported", "_values", "_dense", "report", "_messages", "_svg"]
         kept += ["json", "csv"]
         state = {name: getattr(self, name) for name in kept}
         return {**state, "_run": None, "_experiment": self._experiment, "_asked": self._asked}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        for values in [self.time, *self._values.values()]:
+        ends = (one.end for one in self._reported.values())
+        for values in [self.time, *self._values.values(), *ends]:
             values.flags.writeable = False
 
     @property
     def names(self) -> list[str]:
         """What there are values of: states, outputs, controls."""
-        return list(self._values)
+        return list(self._reported)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
+        return iter(self._reported)
 
     def __len__(self) -> int:
-        return len(self._values)
+        return len(self._reported)
 
     def keys(self) -> list[str]:
         """The names, so that `dict(result)` has all values."""
         return self.names
 
     def __contains__(self, name: object) -> bool:
-        return name in self._values
+        return name in self._reported
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """The values of a state, output or control, or of an entry: shape (n,), (n, 3) or (n, 3, 3).
@@ -217,8 +238,9 @@ class Result:
     def end(self) -> dict[str, float | NDArray[np.float64]]:
         """Values at the last instant, by name: floats, or arrays."""
         return {
-            name: shaped_like(values[-1].reshape(-1), values.shape[1:])
-            for name, values in self._values.items()
+            name: shaped_like(one.end, one.shape)
+            for name, one in self._reported.items()
+            if one.end.size == math.prod(one.shape)
         }
 
     @cached_property
@@ -308,16 +330,26 @@ class Result:
         """What it cost: steps, events, iterations, evaluations, seconds."""
         return dict(self._summary["stats"])
 
-    def _columns(self) -> dict[str, NDArray[np.float64]]:
-        columns = {"time": self.time}
-        for name, values in self._values.items():
+    def _rows(self, at: ArrayLike | None) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+        """Instants and values at them: all that is reported at those of rows, or states at others."""
+        if at is None:
+            return self.time, self._values
+        time = np.asarray(at, dtype=float)
+        if time.ndim != 1:
+            raise ValueError(f"at: expected instants, got an array of shape {time.shape}")
+        return time, self(time)
+
+    def _columns(self, at: ArrayLike | None = None) -> dict[str, NDArray[np.float64]]:
+        time, rows = self._rows(at)
+        columns = {"time": time}
+        for name, values in rows.items():
             flat = values.reshape(len(values), -1)
             names = entries(name, values.shape[1:])
             columns.update(zip(names, flat.T))
         return columns
 
     def _units(self) -> dict[str, str]:
-        return {name: unit for name, unit in self._experiment._units.items() if name in self._values}
+        return {name: unit for name, unit in self._experiment._units.items() if name in self._reported}
 
     def _attributes(self) -> dict[str, Any]:
         """Settings and marks of quality, as attributes of other formats."""
@@ -331,33 +363,39 @@ class Result:
         }
         return {name: value for name, value in told.items() if value is not None}
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """A table with a row for each instant, and a column for each entry; units are in `attrs`."""
+    def to_pandas(self, at: ArrayLike | None = None) -> pandas.DataFrame:
+        """A table with a row for each instant, and a column for each entry; units are in `attrs`.
+
+        With `at`, n instants of the run, it has the states there, behind what jumps. `ValueError` outside of the run.
+        """
         import pandas
 
-        columns = self._columns()
+        columns = self._columns(at)
         table = pandas.DataFrame({k: v for k, v in columns.items() if k != "time"})
         table.index = pandas.Index(columns["time"], name="time")
         table.attrs = {**self._attributes(), "units": self._units()}
         return table
 
-    def to_xarray(self) -> xarray.Dataset:
+    def to_xarray(self, at: ArrayLike | None = None) -> xarray.Dataset:
         """A data set over `time`, with units, docs and settings as attributes.
 
-        An instant stands twice where something jumps.
+        An instant stands twice where something jumps. With `at`, n instants of the run, it has the states there, behind what
+        jumps. `ValueError` outside of the run.
         """
         import xarray
 
-        units, docs = self._units(), self._experiment._docs
+        time, rows = self._rows(at)
+        units, docs = self._experiment._units, self._experiment._docs
+        kinds = {name: one.kind for name, one in self._reported.items()}
 
         def variable(name: str, values: NDArray[np.float64]) -> xarray.Variable:
             dims = ["time", *(f"{name}_{k}" for k in range(1, values.ndim))]
-            attrs = {"units": units.get(name), "long_name": docs.get(name), "kind": self._kinds[name]}
+            attrs = {"units": units.get(name), "long_name": docs.get(name), "kind": kinds.get(name, "states")}
             known = {key: value for key, value in attrs.items() if value is not None}
             return xarray.Variable(dims, values, known)
 
-        variables = {name: variable(name, values) for name, values in self._values.items()}
-        return xarray.Dataset(variables, {"time": self.time}, self._attributes())
+        variables = {name: variable(name, values) for name, values in rows.items()}
+        return xarray.Dataset(variables, {"time": time}, self._attributes())
 
     def to_arrow(self) -> pyarrow.Table:
         """A table of Arrow, whose columns share memory with the result where entries are scalars."""

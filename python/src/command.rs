@@ -8,6 +8,8 @@ use nsdc::diagnostics;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 
+use crate::errors::detached;
+
 /// Runs the command line `args`, the name of the program first: the exit code, and what it has written to standard output
 /// and error where that is kept.
 #[pyfunction]
@@ -19,8 +21,8 @@ pub fn main(
     colour: bool,
     progress: bool,
     width: usize,
-) -> (u8, Vec<u8>, Vec<u8>) {
-    py.detach(|| {
+) -> PyResult<(u8, Vec<u8>, Vec<u8>)> {
+    detached(py, || {
         let (mut out, mut err) = (Vec::new(), Vec::new());
         let (mut stdout, mut stderr) = (io::BufWriter::new(io::stdout()), io::stderr());
         let (out_to, err_to): (&mut dyn Write, &mut dyn Write) = match keep {
@@ -50,6 +52,6 @@ pub fn explain(code: &str) -> PyResult<String> {
 /// A panic, for the test that one is an exception.
 #[pyfunction]
 #[pyo3(name = "_panic")]
-pub fn panic() {
-    panic!("on purpose");
+pub fn panic(py: Python<'_>) -> PyResult<()> {
+    detached(py, || panic!("on purpose"))
 }

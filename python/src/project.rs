@@ -7,11 +7,11 @@ use nsdc::limit::Limit;
 use nsdc::study::sweep::{Axis, Grid, Row};
 use nsdc::sweep::Rows;
 use nsdc::syntax::Item;
-use nsdc::{Messages, Options, threads};
+use nsdc::{Numbers, Options, threads};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::errors::{json, model_error};
+use crate::errors::{compiling, detached, model_error, told};
 use crate::interrupt::Interrupt;
 use crate::recorded::Recorded;
 use crate::run::Run;
@@ -32,6 +32,10 @@ pub struct Asked {
     values: Vec<(String, f64)>,
     #[pyo3(item("settings"))]
     settings: Vec<(String, String)>,
+    #[pyo3(item("horizon"))]
+    horizon: Option<f64>,
+    #[pyo3(item("tolerance"))]
+    tolerance: Option<f64>,
     #[pyo3(item("time_limit"))]
     time_limit: Option<f64>,
 }
@@ -39,11 +43,16 @@ pub struct Asked {
 impl Asked {
     fn replacing(self) -> Options {
         let Asked {
-            values, settings, ..
+            values,
+            settings,
+            horizon,
+            tolerance,
+            ..
         } = self;
         Options {
             values,
             settings,
+            numbers: Numbers { horizon, tolerance },
             ..Options::default()
         }
     }
@@ -94,7 +103,7 @@ impl Project {
     ) -> PyResult<Self> {
         let files = Recorded::new(files, disk);
         let read = files.clone();
-        let project = py.detach(|| nsdc::Project::from_files(path, read));
+        let project = detached(py, || nsdc::Project::from_files(path, read))?;
         let project = project.map_err(|error| PyOSError::new_err(error.to_string()))?;
         Ok(Project {
             project: Arc::new(project),
@@ -108,11 +117,8 @@ impl Project {
     }
 
     /// What is wrong with it, as JSON and as a terminal shows it.
-    fn check(&self, py: Python<'_>) -> (String, String) {
-        py.detach(|| {
-            let messages = self.project.check();
-            (json(&messages), messages.render(false, 100))
-        })
+    fn check(&self, py: Python<'_>) -> PyResult<(String, String)> {
+        detached(py, || told(&self.project.check()))
     }
 
     /// The names of its models.
@@ -133,8 +139,7 @@ impl Project {
 
     /// What an experiment is about, as JSON.
     fn describe(&self, py: Python<'_>, experiment: &str) -> PyResult<String> {
-        let found = py.detach(|| self.project.describe(experiment));
-        let found = found.map_err(|messages| model_error(&messages))?;
+        let found = compiling(py, || self.project.describe(experiment))?;
         Ok(serde_json::to_string(&found).unwrap_or_default())
     }
 
@@ -156,7 +161,7 @@ impl Project {
             ..asked.replacing()
         };
         let project = &self.project;
-        let found = py.detach(|| session::run(project, experiment, &options, &mut ()));
+        let found = detached(py, || session::run(project, experiment, &options, &mut ()))?;
         interrupt.check()?;
         found
             .map(Run::from)
@@ -166,8 +171,8 @@ impl Project {
     /// The figure of a run, as SVG.
     fn draw(&self, py: Python<'_>, experiment: &str, asked: Asked, run: &Run) -> PyResult<String> {
         let options = asked.replacing();
-        let drawn = py.detach(|| self.project.draw(experiment, &options, run.trajectory()));
-        drawn.map_err(|messages| model_error(&messages))
+        let trajectory = run.trajectory();
+        compiling(py, || self.project.draw(experiment, &options, trajectory))
     }
 
     /// Raises what is wrong with the first point of a grid, where it does not compile.
@@ -179,8 +184,9 @@ impl Project {
         points: Points,
     ) -> PyResult<()> {
         let (grid, options) = (points.grid()?, asked.replacing());
-        let found = py.detach(|| self.project.sweep(experiment, &options, grid)?.check());
-        found.map_err(|messages| model_error(&messages))
+        compiling(py, || {
+            self.project.sweep(experiment, &options, grid)?.check()
+        })
     }
 
     /// The figure of a sweep with these columns, as SVG.
@@ -194,7 +200,7 @@ impl Project {
     ) -> PyResult<String> {
         let (grid, options) = (points.grid()?, asked.replacing());
         let (columns, ends, objectives) = ends;
-        let drawn = py.detach(|| {
+        compiling(py, || {
             let sweep = self.project.sweep(experiment, &options, grid)?;
             let row = |k: usize| Row {
                 end: ends[k * columns.len()..][..columns.len()].to_vec(),
@@ -203,9 +209,7 @@ impl Project {
             };
             let rows = (0..sweep.grid().len()).map(|k| Some(row(k))).collect();
             Ok(sweep.table(&Rows { rows, columns }).figure())
-        });
-        let drawn: Result<_, Messages> = drawn;
-        drawn.map_err(|messages| model_error(&messages))
+        })
     }
 
     /// Runs an experiment at points of a grid, on some threads or on all cores; `heard` is told how many runs are done.
@@ -222,15 +226,13 @@ impl Project {
         let (interrupt, grid) = (Interrupt::new(), points.grid()?);
         let (time, threads) = (asked.time()?, threads.unwrap_or_else(threads::count));
         let options = asked.replacing();
-        let done = py.detach(|| {
+        let rows = compiling(py, || {
             let sweep = self.project.sweep(experiment, &options, grid)?;
             let sweep = sweep.within(time).canceled_by(&interrupt.cancel);
             let sweep = sweep.seeded(points.seed);
             let mut tell = interrupt.telling(heard.as_ref());
             Ok(sweep.rows(points.first..points.last, threads, &mut tell))
-        });
-        let done: Result<_, Messages> = done;
-        let rows = done.map_err(|messages| model_error(&messages))?;
+        })?;
         sweep::Rows::new(rows, interrupt)
     }
 }

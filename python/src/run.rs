@@ -1,13 +1,12 @@
 //! What came of a run.
 
-use std::collections::HashMap;
-
-use nsdc::report::{Piece, Series};
+use nsdc::report::Samples;
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 
-use crate::{arrays, errors};
+use crate::arrays;
+use crate::errors::{detached, told};
 
 /// What came of a run: numbers that Python sees where they are.
 #[pyclass(frozen, module = "nsdc._core")]
@@ -27,56 +26,32 @@ impl Run {
         &self.run.trajectory
     }
 
-    /// The states before a jump at the first instant, as a piece of no length.
-    fn before_start(&self) -> Option<Piece> {
-        let (samples, dense) = (&self.run.trajectory.samples, &self.run.trajectory.dense);
-        let start = dense.pieces.first()?.from;
-        if !samples.time.starts_with(&[start, start]) {
-            return None;
-        }
-        let first = samples.states.iter();
-        let first = first.flat_map(|series| series.entry_names().into_iter().zip(series.at(0)));
-        let first: HashMap<String, f64> = first.map(|(name, &value)| (name, value)).collect();
-        let values = self.run.states.iter().map(|name| first.get(name).copied());
-        Some(Piece {
-            from: start,
-            to: start,
-            n_coefficients: 1,
-            coefficients: values.collect::<Option<_>>()?,
-        })
-    }
-
-    fn named(&self, kind: &str) -> PyResult<&[Series]> {
-        let trajectory = &self.run.trajectory;
-        match kind {
-            "states" => Ok(&trajectory.samples.states),
-            "outputs" => Ok(&trajectory.samples.outputs),
-            "controls" => Ok(&trajectory.samples.controls),
-            _ => Err(PyKeyError::new_err(kind.to_owned())),
-        }
+    /// The rows, which are made where nobody has read them yet.
+    fn rows(&self) -> &Samples {
+        &self.run.trajectory.samples
     }
 }
 
 #[pymethods]
 impl Run {
     /// All but what has a value at each instant, as JSON.
-    fn summary(&self, py: Python<'_>) -> String {
-        py.detach(|| self.run.summary())
+    fn summary(&self, py: Python<'_>) -> PyResult<String> {
+        detached(py, || self.run.summary())
     }
 
     /// As `nsdc run --json` writes it.
-    fn json(&self, py: Python<'_>) -> String {
-        py.detach(|| self.run.json())
+    fn json(&self, py: Python<'_>) -> PyResult<String> {
+        detached(py, || self.run.json())
     }
 
     /// As `nsdc run --csv` writes it.
-    fn csv(&self, py: Python<'_>) -> String {
-        py.detach(|| self.run.csv())
+    fn csv(&self, py: Python<'_>) -> PyResult<String> {
+        detached(py, || self.run.csv())
     }
 
     /// As `nsdc run` prints it.
-    fn text(&self) -> String {
-        self.run.text()
+    fn text(&self, py: Python<'_>) -> PyResult<String> {
+        detached(py, || self.run.text())
     }
 
     /// How it ended.
@@ -86,39 +61,48 @@ impl Run {
     }
 
     /// What there is to say about it, as JSON and as a terminal shows it.
-    fn messages(&self) -> (String, String) {
-        let messages = self.run.messages();
-        (errors::json(&messages), messages.render(false, 100))
+    fn messages(&self, py: Python<'_>) -> PyResult<(String, String)> {
+        detached(py, || told(&self.run.messages()))
     }
 
-    /// The names and shapes of `states`, `outputs` or `controls`.
-    fn names(&self, kind: &str) -> PyResult<Vec<(String, Vec<usize>)>> {
-        let series = self.named(kind)?.iter();
-        Ok(series
-            .map(|series| (series.name.clone(), series.shape.clone()))
-            .collect())
+    /// The kind, name and shape of each state, output and control, and its entries at the last instant.
+    fn end(&self) -> Vec<(&'static str, String, Vec<usize>, Vec<f64>)> {
+        let Samples {
+            states,
+            outputs,
+            controls,
+            ..
+        } = self.run.trajectory.samples.end();
+        let kinds = [
+            ("states", states),
+            ("outputs", outputs),
+            ("controls", controls),
+        ];
+        let told = kinds.into_iter().flat_map(|(kind, all)| {
+            let all = all.into_iter();
+            all.map(move |one| (kind, one.name, one.shape, one.values))
+        });
+        told.collect()
     }
 
     /// The instants.
     #[getter]
     fn time<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let length = this.get().run.trajectory.samples.time.len();
-        arrays::view(this, &[length], |this| &this.run.trajectory.samples.time)
+        let run = this.get();
+        let length = detached(this.py(), || run.rows().time.len())?;
+        arrays::view(this, &[length], |run| &run.rows().time)
     }
 
-    /// The values of one of `states`, `outputs` or `controls` by its place.
-    fn values<'py>(
-        this: &Bound<'py, Self>,
-        kind: &str,
-        place: usize,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let series = this.get().named(kind)?.get(place);
+    /// The values of what stands at this place among states, outputs and controls.
+    fn values<'py>(this: &Bound<'py, Self>, place: usize) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let run = this.get();
+        let rows = detached(this.py(), || run.rows())?;
+        let series = rows.series().nth(place);
         let series = series.ok_or_else(|| PyKeyError::new_err(place))?;
-        let mut shape = vec![this.get().run.trajectory.samples.time.len()];
-        shape.extend(&series.shape);
-        arrays::view(this, &shape, |this| match this.named(kind) {
-            Ok(all) => &all[place].values,
-            Err(_) => &[],
+        let shape = [&[rows.time.len()], &series.shape[..]].concat();
+        arrays::view(this, &shape, |run| {
+            let series = run.rows().series().nth(place);
+            series.map_or(&[], |series| &series.values)
         })
     }
 
@@ -135,11 +119,7 @@ impl Run {
         Bound<'py, PyArray1<f64>>,
     ) {
         let names = &self.run.states;
-        let before = self.before_start();
-        let pieces: Vec<&Piece> = before
-            .iter()
-            .chain(&self.run.trajectory.dense.pieces)
-            .collect();
+        let pieces = &self.run.trajectory.dense.pieces;
         let ends = [
             pieces.iter().map(|piece| piece.from).collect(),
             pieces.iter().map(|piece| piece.to).collect(),

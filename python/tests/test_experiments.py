@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import doctest
 import json
 import pickle
+from functools import cached_property
+from types import FunctionType
 
 import numpy as np
 import pytest
@@ -122,6 +125,44 @@ def test_runs_depend_on_their_own_values_alone() -> None:
         assert ("E0504" in alone) == (text == BALL)
 
 
+#: A swing that is pushed.
+PUSHED = """model m { param a = 0.5; state x = 1; state v = 0; x' = v; v' = -sin(x) + a*sin(time) - 0.1*sign(v); }
+  simulate s of m { horizon 5; }"""
+
+
+@pytest.mark.parametrize("text", [BELT, PUSHED], ids=["autonomous", "forced"])
+def test_other_horizons_and_tolerances_compile_nothing(text: str) -> None:
+    """And what comes of them does not depend on what was run before."""
+
+    def experiment() -> nsdc.Experiment:
+        return next(iter(nsdc.loads(text).experiments.values()))
+
+    kept, numbers = experiment(), [(7.0, 1e-6), (5.5, 1e-9), (8.0, None), (6.0, 1e-6)]
+    for k, (horizon, tolerance) in enumerate(numbers):
+        found = kept.run(horizon=horizon, tolerance=tolerance)
+        alone = experiment().run(horizon=horizon, tolerance=tolerance)
+        assert (found.stats["compile_s"] == 0) == (k > 0) and alone.stats["compile_s"] > 0
+        assert found.time.tolist() == alone.time.tolist() and found.time[-1] == horizon
+        assert all(found[name].tolist() == alone[name].tolist() for name in found)
+        words = {"horizon": str(horizon), "tolerance": None if tolerance is None else str(tolerance)}
+        compiled = experiment().run(**words)
+        assert all(np.abs(found.end[name] - compiled.end[name]).max() < 1e-5 for name in found)
+    if text == BELT:
+        assert kept.run(horizon=1.0).stats["compile_s"] == kept.run(horizon=100.0).stats["compile_s"] == 0
+    for wrong in ({"horizon": -1.0}, {"tolerance": 2.0}):
+        with pytest.raises(nsdc.ModelError):
+            kept.run(**wrong)
+
+
+def test_instants_that_are_asked_for_are_within_the_horizon() -> None:
+    text = BELT.replace("horizon 20;", "horizon 20; output at [1, 10];")
+    pulls = nsdc.loads(text)["pulls"]
+    assert pulls.run(horizon=15).time.tolist() == [1, 10, 15]
+    with pytest.raises(nsdc.ModelError, match="between 0 and the horizon"):
+        pulls.run(horizon=5)
+    assert pulls.run().time.tolist() == [1, 10, 20]
+
+
 def test_open_parameters_have_the_result_of_compiled_ones() -> None:
     """Two roads: a parameter that stays open, and its number in the text."""
     for mu in (0.2, 0.9):
@@ -170,3 +211,18 @@ def test_notebooks_show_figures(ball: nsdc.Experiment) -> None:
     assert "m/s^2" in ball._repr_html_() and "falls" in ball.file._repr_html_()
     with pytest.raises(ValueError, match="svg"):
         result.plot().save("figure.png")
+
+
+@pytest.mark.parametrize("name", [name for name in nsdc.__all__ if name != "__version__"])
+def test_public_names_have_examples(name: str) -> None:
+    """Which are doctests, so that they run."""
+    public = getattr(nsdc, name)
+    assert doctest.DocTestParser().get_examples(public.__doc__)
+    members = vars(public).items() if isinstance(public, type) else []
+    undescribed = [
+        member
+        for member, value in members
+        if not member.startswith("_") and isinstance(value, (FunctionType, property, cached_property))
+        if not value.__doc__
+    ]
+    assert undescribed == []

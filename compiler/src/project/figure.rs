@@ -159,7 +159,7 @@ pub fn curves(compiled: &Compiled<'_>, trajectory: &Trajectory) -> Samples {
         .map(|&entry| system.states[entry].var)
         .chain(signals.flat_map(|output| output.exprs.iter().copied()))
         .collect();
-    let samples = trajectory.samples.clone();
+    let samples = Samples::clone(&trajectory.samples);
     refined(compiled, samples, &trajectory.dense, &exprs)
 }
 

@@ -8,16 +8,17 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::model::Model;
 use crate::optimize;
-use crate::project::clock::Clock;
+use crate::project::clock::{Clock, Instant};
 use crate::project::ensemble::Source;
 use crate::project::prepared::{Opened, Parameter, check_parameters};
+use crate::project::run::Numbers;
 use crate::project::watch::{Progress, Watch};
 use crate::project::{Project, launch};
 use crate::report::Trajectory;
 use crate::simulate::{Plan, Request};
 use crate::syntax::Path;
 use crate::system::System;
-use crate::system::experiment::{Sampling, Settings};
+use crate::system::experiment::Sampling;
 use crate::system::values::{Values, bounds};
 use crate::{Compiled, compile};
 
@@ -45,6 +46,12 @@ pub(crate) struct Rerun<'e> {
     work: Work<'e>,
     /// None for what stays as it is.
     changes: Vec<Option<Change>>,
+    /// The horizon and the tolerance that it was compiled with.
+    own: [f64; 2],
+    /// The longest horizon that it takes.
+    longest: f64,
+    /// What it has taken to compile, until a run has told it.
+    seconds: f64,
 }
 
 /// What is ready to be run.
@@ -71,6 +78,7 @@ impl<'e> Rerun<'e> {
         names: &[Option<Path>],
         states: &[String],
     ) -> Result<Self, NoRerun> {
+        let started = Instant::now();
         let is_state = |path: &&Path| states.contains(&path.to_string());
         let open = names.iter().flatten().filter(|path| !is_state(path));
         let open: Vec<Path> = open.cloned().collect();
@@ -106,17 +114,25 @@ impl<'e> Rerun<'e> {
             None => Some(None),
         });
         let changes: Option<_> = changes.collect();
+        let settings = &compiled.settings;
+        let takes_all = matches!(&work, Work::Events { plan, .. } if plan.takes_all_horizons());
         Ok(Rerun {
             changes: changes.ok_or(NoRerun::Ever)?,
+            own: [settings.horizon, settings.numerics.tolerance],
+            longest: if takes_all {
+                f64::INFINITY
+            } else {
+                settings.horizon
+            },
             compiled,
             work,
+            seconds: started.elapsed().as_secs_f64(),
         })
     }
 
-    /// Lets runs be told at these instants.
-    pub fn sampled(mut self, sampling: impl FnOnce(&Settings<'_>) -> Sampling) -> Self {
-        let settings = &mut self.compiled.settings;
-        settings.recording.sampling = sampling(settings);
+    /// Changes what runs tell.
+    pub fn adapted(mut self, adapt: impl FnOnce(&mut Compiled<'e>)) -> Self {
+        adapt(&mut self.compiled);
         self
     }
 
@@ -134,6 +150,32 @@ impl<'e> Rerun<'e> {
         if let (Some(kicks), Some(seed)) = (&mut self.compiled.settings.kicks, seed) {
             kicks.seed = seed;
         }
+    }
+
+    /// Runs have this horizon and this tolerance from now on, or those of the experiment. None where it has to be compiled
+    /// for them.
+    pub fn with(&mut self, numbers: Numbers) -> Option<&mut Self> {
+        let settings = &mut self.compiled.settings;
+        let [horizon, tolerance] = self.own;
+        settings.horizon = numbers.horizon.unwrap_or(horizon);
+        settings.numerics.tolerance = numbers.tolerance.unwrap_or(tolerance);
+        let fits = match &settings.recording.sampling {
+            Sampling::At(instants) => instants.iter().all(|t| *t <= settings.horizon),
+            Sampling::Every(_) => settings.horizon <= horizon,
+            Sampling::Method | Sampling::Curve => true,
+        };
+        let fits = fits && numbers.fit() && settings.horizon <= self.longest;
+        fits.then_some(self)
+    }
+
+    /// Whether one compilation serves all horizons.
+    pub fn takes_all_horizons(&self) -> bool {
+        self.longest == f64::INFINITY
+    }
+
+    /// The seconds of its compilation, once; of further runs there are none.
+    pub fn take_seconds(&mut self) -> f64 {
+        std::mem::take(&mut self.seconds)
     }
 
     /// The experiment.

@@ -85,7 +85,7 @@ impl Project {
         options: &Options,
         grid: Grid,
     ) -> Result<Sweep<'_>, Messages> {
-        let asked = self.ask(experiment, &options.values, &options.settings)?;
+        let asked = self.ask(experiment, &options.values, &options.words())?;
         let (mut sources, mut diags) = (asked.sources, Diagnostics::new());
         let axes = bindings((&mut sources, &mut diags), "over", &examples(&grid));
         let failed = |diags| Messages::new(diags, sources.clone());
@@ -241,7 +241,7 @@ impl<'p> Sweep<'p> {
         let (experiment, states) = (self.experiment.clone(), self.states.clone());
         let mut reruns = Reruns::new(&exprs, project, experiment, binds, states);
         points.each(|(k, point)| {
-            let rerun = reruns.of(point, |new| Some(new.sampled(|s| self.sampling(s))));
+            let rerun = reruns.of(point, None, |new| Some(new.adapted(|one| self.adapt(one))));
             let found = rerun.and_then(|rerun| {
                 rerun.seed(self.seed_of(k));
                 let run = rerun.run(point, &self.request(rerun.compiled()), &mut ())?;
@@ -275,6 +275,16 @@ impl<'p> Sweep<'p> {
         }
     }
 
+    /// Lets runs tell what rows have, and keeps the expectations that are about any of them.
+    fn adapt(&self, compiled: &mut Compiled<'_>) {
+        let subject = compiled.subject(&self.sources);
+        let expects = expect::of_any_run(&subject, &compiled.settings.expects);
+        compiled.settings.expects = expects;
+        if compiled.settings.optimize.is_none() {
+            compiled.settings.recording.sampling = self.sampling(&compiled.settings);
+        }
+    }
+
     /// When a run is told: at its end, and where there are expectations at all instants of the experiment, since they may
     /// be about these.
     fn sampling(&self, settings: &Settings<'_>) -> Sampling {
@@ -291,12 +301,12 @@ impl<'p> Sweep<'p> {
     /// How many expectations do not hold in a run, where there are any.
     fn missed(&self, compiled: &Compiled<'_>, run: &Trajectory) -> Option<usize> {
         let subject = compiled.subject(&self.sources);
-        let expects = expect::of_any_run(&subject, &compiled.settings.expects);
+        let expects = &compiled.settings.expects;
         let findings = Findings {
             warnings: run.warnings.iter().map(|w| w.code.clone()).collect(),
             ..Findings::default()
         };
-        let checks = expect::evaluate(&subject, &expects, run, &findings);
+        let checks = expect::evaluate(&subject, expects, run, &findings);
         let missed = checks
             .iter()
             .filter(|check| check.verdict != Verdict::Passed);
@@ -331,10 +341,8 @@ impl<'p> Sweep<'p> {
     ) -> Result<(Trajectory, Option<usize>), Diagnostics> {
         let exprs = Exprs::new();
         let (mut compiled, diags) = self.compiled(&exprs, point)?;
+        self.adapt(&mut compiled);
         let settings = &mut compiled.settings;
-        if settings.optimize.is_none() {
-            settings.recording.sampling = self.sampling(settings);
-        }
         if let (Some(kicks), Some(seed)) = (&mut settings.kicks, self.seed_of(k)) {
             kicks.seed = seed;
         }

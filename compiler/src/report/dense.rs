@@ -1,13 +1,15 @@
 //! The solution between the reported instants, as polynomials.
 
+use std::sync::Arc;
+
 /// Instants at which a polynomial is evaluated at once.
 const LANES: usize = 8;
 
 /// Pieces that follow each other in time; none when a method knows its points only.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Dense {
-    /// The pieces.
-    pub pieces: Vec<Piece>,
+    /// The pieces, from which rows are made, too.
+    pub pieces: Arc<Vec<Piece>>,
 }
 
 /// Polynomials in `t - from` that hold from `from` to `to`.
@@ -87,7 +89,7 @@ impl Dense {
 
 #[cfg(test)]
 mod tests {
-    use super::{Dense, Piece};
+    use super::{Arc, Dense, Piece};
 
     #[test]
     fn the_second_piece_holds_where_two_meet() {
@@ -98,10 +100,10 @@ mod tests {
             coefficients: coefficients.to_vec(),
         };
         let dense = Dense {
-            pieces: vec![
+            pieces: Arc::new(vec![
                 piece(0.0, 1.0, &[0.0, 1.0, 0.0, 0.0]),
                 piece(1.0, 2.0, &[1.0, -1.0, 1.0, 0.0]),
-            ],
+            ]),
         };
         assert_eq!(dense.verify(1), Ok(()));
         assert!(dense.verify(3).is_err());

@@ -9,7 +9,6 @@
 //! - mode intervals follow each other without gap and hold one side per switch;
 //! - pieces follow each other in time and have one number of rows, switches among them.
 
-pub(crate) mod curve;
 mod dense;
 mod ensemble;
 mod event;
@@ -22,6 +21,7 @@ mod optimum;
 #[cfg(feature = "plots")]
 pub mod plot;
 pub mod roads;
+mod rows;
 #[cfg(test)]
 mod sample;
 pub mod sliding;
@@ -29,12 +29,13 @@ mod status;
 
 pub use crate::report::sliding::branches::{Boundary, Change, Map, Sample};
 pub use crate::report::sliding::plane::{Plane, PlaneCurve, words_of};
-pub use curve::refine;
 pub use dense::{Dense, Piece};
 pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
+pub(crate) use rows::{Course, curve};
+pub use rows::{Rows, curve::refine};
 pub use status::{Certificate, Stationarity, Stats, Status};
 
 use crate::diagnostics::Diagnostics;
@@ -52,7 +53,7 @@ pub struct Trajectory {
     /// Warnings of the run.
     pub warnings: Vec<Warning>,
     /// The values at the reported instants.
-    pub samples: Samples,
+    pub samples: Rows,
     /// Multipliers of the complementarity system, where they were asked for and the method has them.
     pub multipliers: Option<Multipliers>,
     /// The solution between the reported instants.
@@ -373,7 +374,7 @@ impl Warning {
 
 impl Samples {
     /// All that is reported over time: states, outputs, controls.
-    pub(crate) fn series(&self) -> impl Iterator<Item = &Series> {
+    pub fn series(&self) -> impl Iterator<Item = &Series> {
         (self.states.iter().chain(&self.outputs)).chain(&self.controls)
     }
 
@@ -411,6 +412,23 @@ impl Samples {
             pairs.map(|(a, b)| a + share * (b - a)).collect::<Vec<_>>()
         };
         Some(self.states.iter().flat_map(between).collect())
+    }
+
+    /// The last row alone; none where there is none.
+    pub(crate) fn last(&self) -> Samples {
+        let last = self.time.len().saturating_sub(1);
+        let of = |series: &Series| Series {
+            name: series.name.clone(),
+            shape: series.shape.clone(),
+            values: series.values[last * series.n_entries()..].to_vec(),
+        };
+        let all = |series: &[Series]| series.iter().map(of).collect();
+        Samples {
+            time: self.time[last..].to_vec(),
+            states: all(&self.states),
+            outputs: all(&self.outputs),
+            controls: all(&self.controls),
+        }
     }
 
     fn verify(&self) -> Result<(), String> {
@@ -469,11 +487,10 @@ impl Trajectory {
     ///
     /// Between points of a method without pieces it is interpolated, without α.
     pub fn row_at(&self, time: f64) -> Option<Vec<f64>> {
-        self.samples.time.first()?;
-        if let Some(end) = self.dense.pieces.last().map(|piece| piece.to) {
-            return (time <= end).then(|| self.dense.at(time)).flatten();
+        match self.dense.pieces.last() {
+            Some(last) => (time <= last.to).then(|| self.dense.at(time)).flatten(),
+            None => self.samples.states_at(time),
         }
-        self.samples.states_at(time)
     }
 
     /// Checks the invariants of the module and names the first that is broken.

@@ -73,7 +73,7 @@ pub fn oscillator() -> Trajectory {
     Trajectory {
         setup,
         status: Status::Solved,
-        samples,
+        samples: samples.into(),
         history,
         quality,
         warnings: vec![Warning {
@@ -103,7 +103,7 @@ pub fn shapes() -> Trajectory {
     Trajectory {
         setup,
         status: Status::Solved,
-        samples,
+        samples: samples.into(),
         ..Trajectory::default()
     }
 }

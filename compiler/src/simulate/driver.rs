@@ -205,6 +205,11 @@ pub(super) trait Run<'e> {
         false
     }
 
+    /// Whether what is compiled serves all horizons; else those up to the one that it was compiled for.
+    fn takes_all_horizons(&self) -> bool {
+        false
+    }
+
     /// Whether it sees by itself where functions of states are narrow.
     fn sees_narrow(&self) -> bool {
         false

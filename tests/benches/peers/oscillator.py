@@ -1,8 +1,11 @@
 """The oscillator, stopped at the circle and started again in the other field."""
 
+from pathlib import Path
+
 import numpy as np
 from measure import PROBLEM, available, measure, powers
 
+EXAMPLE = Path(__file__).parents[3] / "examples" / "oscillator.nsd"
 W, T = 2 * np.pi, PROBLEM["horizon"]
 X0 = PROBLEM["start"]
 FIELDS = [np.array([[1, W], [-W, 1]]), np.array([[1, -W], [W, 1]])]
@@ -76,6 +79,13 @@ def diffsol(method):
     return run
 
 
+def nsdc_run():
+    import nsdc
+
+    crossing = nsdc.load(EXAMPLE)["crossing"]
+    return lambda tolerance: crossing.run(omega=W, tolerance=tolerance).end["x"]
+
+
 for method in ("RK45", "DOP853", "LSODA"):
     measure("scipy", method, powers(3, 13), lambda tolerance: scipy_run(method, tolerance))
 if available("sksundae"):
@@ -84,3 +94,6 @@ if available("sksundae"):
 if available("pydiffsol"):
     for method in ("tsit45", "bdf"):
         measure("diffsol", method, powers(3, 14), diffsol(method))
+if available("nsdc"):
+    # With its estimate of the error, which is a second run.
+    measure("nsdc", "in Python", powers(3, 13), nsdc_run())

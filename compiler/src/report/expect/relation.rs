@@ -302,8 +302,16 @@ fn values(
         When::At(instant) => at(subject, trajectory, instant),
         When::Always => at(subject, trajectory, time),
     };
-    let reached = trajectory.samples.time.last().copied().unwrap_or(0.0);
-    let point = point.ok_or_else(|| format!("the run ended at {}", significant(reached, 12)))?;
+    let reached = || {
+        trajectory
+            .samples
+            .end()
+            .time
+            .first()
+            .copied()
+            .unwrap_or(0.0)
+    };
+    let point = point.ok_or_else(|| format!("the run ended at {}", significant(reached(), 12)))?;
     Ok(side
         .data
         .iter()

@@ -13,22 +13,21 @@ use crate::report::{
 
 /// The object, without a line break.
 pub fn write(trajectory: &Trajectory) -> String {
+    let object = Object {
+        run: trajectory.into(),
+        values: trajectory.into(),
+        account: trajectory.into(),
+    };
     // Names and numbers only: nothing that serialization can refuse.
-    serde_json::to_string(&Object::from(trajectory)).unwrap_or_default()
+    serde_json::to_string(&object).unwrap_or_default()
 }
 
 /// The same without what has a value at each instant.
 pub fn summary(trajectory: &Trajectory) -> String {
-    let Object {
-        run,
-        values,
-        account,
-    } = Object::from(trajectory);
-    let objective = values.objective;
     let summary = Summary {
-        run,
-        objective,
-        account,
+        run: trajectory.into(),
+        objective: trajectory.objective,
+        account: trajectory.into(),
     };
     serde_json::to_string(&summary).unwrap_or_default()
 }
@@ -96,39 +95,48 @@ struct Account<'a> {
     warnings: Vec<Warning>,
 }
 
-impl<'a> From<&'a Trajectory> for Object<'a> {
+impl<'a> From<&'a Trajectory> for Run<'a> {
     fn from(trajectory: &'a Trajectory) -> Self {
         let setup = &trajectory.setup;
-        let last = trajectory.samples.time.len().checked_sub(1);
-        let at_end = last.map(|last| at(&trajectory.samples.states, last));
+        Run {
+            experiment: &setup.experiment,
+            model: &setup.model,
+            kind: setup.kind,
+            status: trajectory.status,
+            method: &setup.method,
+            parameters: at(&setup.parameters, 0),
+        }
+    }
+}
+
+impl<'a> From<&'a Trajectory> for Values<'a> {
+    fn from(trajectory: &'a Trajectory) -> Self {
+        let samples: &Samples = &trajectory.samples;
+        let last = samples.time.len().checked_sub(1);
+        let at_end = last.map(|last| at(&samples.states, last));
+        Values {
+            samples,
+            multipliers: trajectory.multipliers.as_ref(),
+            r#final: at_end.unwrap_or_default(),
+            objective: trajectory.objective,
+        }
+    }
+}
+
+impl<'a> From<&'a Trajectory> for Account<'a> {
+    fn from(trajectory: &'a Trajectory) -> Self {
         let failure = trajectory.failure.iter();
         let failure = failure.map(|failure| Warning::of(failure));
-        Object {
-            run: Run {
-                experiment: &setup.experiment,
-                model: &setup.model,
-                kind: setup.kind,
-                status: trajectory.status,
-                method: &setup.method,
-                parameters: at(&setup.parameters, 0),
-            },
-            values: Values {
-                samples: &trajectory.samples,
-                multipliers: trajectory.multipliers.as_ref(),
-                r#final: at_end.unwrap_or_default(),
-                objective: trajectory.objective,
-            },
-            account: Account {
-                history: &trajectory.history,
-                quality: &trajectory.quality,
-                optimum: trajectory.optimum.as_ref(),
-                ensemble: trajectory.ensemble.as_ref(),
-                averaged: &trajectory.history.averaged,
-                skipped: &setup.skipped,
-                warnings: (trajectory.warnings.iter().cloned())
-                    .chain(failure)
-                    .collect(),
-            },
+        Account {
+            history: &trajectory.history,
+            quality: &trajectory.quality,
+            optimum: trajectory.optimum.as_ref(),
+            ensemble: trajectory.ensemble.as_ref(),
+            averaged: &trajectory.history.averaged,
+            skipped: &trajectory.setup.skipped,
+            warnings: (trajectory.warnings.iter().cloned())
+                .chain(failure)
+                .collect(),
         }
     }
 }

@@ -136,31 +136,24 @@ fn constraints(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
 
 /// The state at the last instant.
 fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    let Some(last) = trajectory.samples.time.len().checked_sub(1) else {
+    let end = trajectory.samples.end();
+    let Some(&time) = end.time.first() else {
         return Ok(());
     };
     let reached = match trajectory.status {
         Status::Solved => "at the end",
         _ => "reached",
     };
-    let time = significant(trajectory.samples.time[last], 12);
+    let time = significant(time, 12);
     writeln!(text, "\n  {reached}, time = {time}")?;
-    let rows = trajectory.samples.states_and_outputs();
+    let rows = end.states_and_outputs();
     let width = rows
         .clone()
         .map(|series| chars(&series.name))
         .max()
         .unwrap_or(0);
     for series in rows {
-        writeln!(
-            text,
-            "    {:width$} = {}",
-            series.name,
-            Value {
-                series,
-                instant: last
-            }
-        )?;
+        writeln!(text, "    {:width$} = {}", series.name, Value(series))?;
     }
     Ok(())
 }
@@ -424,19 +417,16 @@ pub fn significant(number: f64, digits: usize) -> String {
     }
 }
 
-/// The value of a series at an instant: a number, a column or rows of a matrix.
-struct Value<'a> {
-    series: &'a Series,
-    instant: usize,
-}
+/// The value of a series of one instant: a number, a column or rows of a matrix.
+struct Value<'a>(&'a Series);
 
 impl Display for Value<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let entries = self.series.at(self.instant);
-        if self.series.shape.is_empty() {
+        let entries = &self.0.values;
+        if self.0.shape.is_empty() {
             return f.write_str(&significant(entries[0], 12));
         }
-        let n_columns = match self.series.shape[..] {
+        let n_columns = match self.0.shape[..] {
             [_, n] => n,
             _ => usize::MAX,
         };

@@ -14,6 +14,7 @@ use crate::system::System;
 use crate::system::experiment::Settings;
 
 /// The functions of a system that may hide something from a step, of (t, x, α, data, open parameters).
+#[derive(Debug)]
 pub(crate) struct Hiding {
     functions: Vec<Function>,
     tape: Tape,

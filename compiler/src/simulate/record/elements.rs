@@ -2,6 +2,8 @@
 //!
 //! Where states have jumped there are two values at one time.
 
+use std::sync::Arc;
+
 use nsd_solver::fesd::jumps::{self, Kind, Shape};
 use nsd_solver::hybrid::Side;
 
@@ -118,7 +120,7 @@ impl<'s, 'e> Elements<'s, 'e> {
             piece.to = horizon;
         }
         let dense = Dense {
-            pieces: self.pieces,
+            pieces: self.pieces.into(),
         };
         let (n, m) = (self.system.states.len(), self.system.switches.len());
         let sampling = &settings.recording.sampling;
@@ -133,7 +135,7 @@ impl<'s, 'e> Elements<'s, 'e> {
             self.system,
             settings,
             points,
-            dense.pieces,
+            Arc::unwrap_or_clone(dense.pieces),
             &self.sides,
             open,
         )

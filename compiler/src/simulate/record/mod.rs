@@ -1,5 +1,6 @@
 //! Records a run: points, pieces of the dense output, events and modes.
 
+mod course;
 pub(crate) mod elements;
 pub(crate) mod modes;
 pub(crate) mod pieces;
@@ -13,12 +14,11 @@ use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::hybrid::{Outcome, Side, Status};
 use nsd_solver::selector::Decision;
 
-use crate::report::{
-    self, EventKind, History, ModeInterval, Piece, Samples, Series, Trajectory, curve,
-};
+use crate::report::{self, EventKind, History, ModeInterval, Piece, Rows, Trajectory, curve};
 use crate::simulate::outcome::limits::Limits;
+use crate::simulate::record::course::Course;
 use crate::simulate::record::modes::ModeNames;
-use crate::simulate::record::points::{Behind, Points, is_one_instant, tidy};
+use crate::simulate::record::points::{Behind, Points, is_one_instant};
 use crate::simulate::record::reported::Reported;
 use crate::system::System;
 use crate::system::experiment::{Sampling, Settings};
@@ -191,46 +191,46 @@ impl<'s, 'e> Recorder<'s, 'e> {
             self.push(outcome.time);
         }
         self.record.points.end(system);
-        if self.dense
-            && jumps_last
-            && let Some(last) = self.pieces.last().map(|piece| piece.to)
-        {
-            let piece = pieces::of_instant(last, outcome, &self.system.exogenous.data);
-            self.pieces.push(piece);
+        if self.dense {
+            self.add_instants(jumps_last.then_some(outcome));
         }
-        let divided: &[Piece] = match self.sampling {
-            Sampling::Curve => &self.pieces,
-            _ => &[],
-        };
-        let rows = self.record.points.spread(system, divided);
-        let Points {
-            times,
-            states,
-            alphas,
-            ..
-        } = &self.record.points;
-        let mut samples = Samples::default();
-        for group in &system.recorded.groups {
-            let rows = states.chunks(system.states.len().max(1));
-            samples.states.push(Series {
-                name: group.name.clone(),
-                shape: group.shape.clone(),
-                values: rows
-                    .flat_map(|row| group.entries.iter().map(|&entry| row[entry]))
-                    .collect(),
-            });
-        }
-        [samples.outputs, samples.controls] = self.reported.series(system, [times, states, alphas]);
         trajectory.warnings.extend(self.limits.warnings());
         trajectory.history = self.history(names, outcome);
-        samples.time = self.record.points.times;
-        if !rows.is_empty() {
-            tidy(&mut samples, &rows);
-        }
-        trajectory.samples = samples;
+        let pieces = Arc::new(self.pieces);
+        let course = Course {
+            points: self.record.points,
+            pieces: match self.sampling {
+                Sampling::Curve => pieces.clone(),
+                _ => Arc::default(),
+            },
+            given: self.reported.given(system),
+            reported: self.reported,
+        };
+        trajectory.samples = match course.is_whole() {
+            true => Rows::of(course),
+            false => course.seen(&|t, x, alpha| system.see(t, x, alpha)).into(),
+        };
         if self.dense {
-            trajectory.dense.pieces = self.pieces;
+            trajectory.dense.pieces = pieces;
         }
+    }
+
+    /// Adds pieces of no length before what jumps at the first instant, and behind what jumps at the `last` one.
+    fn add_instants(&mut self, last: Option<&Outcome>) {
+        let data = &self.system.exogenous.data;
+        let (Some(from), Some(to)) = (
+            self.pieces.first().map(|piece| piece.from),
+            self.pieces.last().map(|piece| piece.to),
+        ) else {
+            return;
+        };
+        if self.record.points.times.starts_with(&[from, from]) {
+            let (x, alpha) = self.record.points.first([self.x.len(), self.alpha.len()]);
+            let before = pieces::of_instant(from, [x, alpha], data);
+            self.pieces.insert(0, before);
+        }
+        let last = last.map(|last| pieces::of_instant(to, [&last.x, &last.alpha], data));
+        self.pieces.extend(last);
     }
 
     fn history(&self, names: &ModeNames, outcome: &Outcome) -> History {

@@ -1,15 +1,14 @@
 //! The polynomials of a recorded run, piece by piece.
 
 use nsd_solver::event::Segment;
-use nsd_solver::hybrid::Outcome;
 
 use crate::model::Data;
 use crate::report::Piece;
 
-/// The last instant of a run, behind what jumps in it.
-pub(crate) fn of_instant(time: f64, outcome: &Outcome, data: &[Data]) -> Piece {
+/// The first instant of a run before what jumps in it, or the last one behind it, with x and α.
+pub(crate) fn of_instant(time: f64, [x, alpha]: [&[f64]; 2], data: &[Data]) -> Piece {
     let data = data.iter().map(|data| data.table.value(time));
-    let rows = outcome.x.iter().chain(&outcome.alpha).copied();
+    let rows = x.iter().chain(alpha).copied();
     Piece {
         from: time,
         to: time,

@@ -61,6 +61,9 @@ pub(crate) struct Behind {
     pub is_certain: bool,
 }
 
+/// Puts the α of switches that outputs alone look at, at a time and a state.
+pub(super) type See<'s> = dyn Fn(f64, &[f64], &mut [f64]) + 's;
+
 /// What a row of a run is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Row {
@@ -87,6 +90,22 @@ pub(crate) struct Points {
 impl Points {
     pub fn last_instant(&self) -> Option<f64> {
         self.times.last().copied()
+    }
+
+    /// n states and m α of the first point.
+    pub fn first(&self, [n, m]: [usize; 2]) -> (&[f64], &[f64]) {
+        (&self.states[..n], &self.alphas[..m])
+    }
+
+    /// The last point alone, of n states and m α.
+    pub fn last(&self, [n, m]: [usize; 2]) -> Points {
+        let last = self.times.len().saturating_sub(1);
+        Points {
+            times: self.times[last..].to_vec(),
+            states: self.states[last * n..].to_vec(),
+            alphas: self.alphas[last * m..].to_vec(),
+            ..Points::default()
+        }
     }
 
     /// The n states of the last point.
@@ -150,17 +169,28 @@ impl Points {
         behind.chain(jumps).collect()
     }
 
-    /// Adds rows behind points, and those inside of steps, from their polynomials, and says what all rows are; nothing
-    /// where all are points.
-    pub(super) fn spread(&mut self, system: &System, pieces: &[Piece]) -> Vec<Row> {
-        let (n, m) = (system.states.len(), system.switches.len());
+    /// Whether the last row is behind the last point, if it is one.
+    pub(super) fn goes_on_at_end(&self) -> bool {
+        let last = self.times.len().checked_sub(1);
+        self.behind
+            .last()
+            .is_some_and(|(point, _)| Some(*point) == last)
+    }
+
+    /// The points with rows behind them, and with those inside of steps, from polynomials of n states and m α, and what all
+    /// rows are; none where all are points. `see` puts α that are not known.
+    pub(super) fn spread(
+        &self,
+        [n, m]: [usize; 2],
+        pieces: &[Piece],
+        see: &See<'_>,
+    ) -> Option<(Points, Vec<Row>)> {
         let span = self.last_instant().unwrap_or(0.0);
         let mut lengths = pieces.iter().map(|piece| piece.to - piece.from);
         if self.behind.is_empty() && !lengths.any(|length| curve::is_divided(length, span)) {
-            return Vec::new();
+            return None;
         }
-        let points = std::mem::take(self);
-        self.jumps = points.jumps;
+        let mut spread = Points::default();
         let (mut instants, mut values) = (Vec::new(), Vec::new());
         for piece in pieces {
             let begun = instants.len();
@@ -169,30 +199,26 @@ impl Points {
             piece.read(&instants[begun..], n + m, &mut values);
         }
         let mut parts = instants.iter().copied().enumerate().peekable();
-        let mut behind = points.behind.iter().peekable();
+        let mut behind = self.behind.iter().peekable();
         let mut rows = Vec::new();
-        for (k, &t) in points.times.iter().enumerate() {
+        for (k, &t) in self.times.iter().enumerate() {
             while let Some((part, at)) = parts.next_if(|(_, at)| *at < t) {
                 let (x, alpha) = values[part * (n + m)..][..n + m].split_at_mut(n);
-                system.see(at, x, alpha);
-                self.push(at, x, alpha);
+                see(at, x, alpha);
+                spread.push(at, x, alpha);
                 rows.push(Row::Inside);
             }
             // An instant of a step has one row.
             parts.next_if(|(_, at)| *at == t);
-            self.push(
-                t,
-                &points.states[k * n..][..n],
-                &points.alphas[k * m..][..m],
-            );
+            spread.push(t, &self.states[k * n..][..n], &self.alphas[k * m..][..m]);
             rows.push(Row::Point);
             if let Some((_, behind)) = behind.next_if(|(point, _)| *point == k) {
-                self.push(t, &behind.x, &behind.alpha);
+                spread.push(t, &behind.x, &behind.alpha);
                 let is_certain = behind.is_certain;
                 rows.push(Row::Behind { is_certain });
             }
         }
-        rows
+        Some((spread, rows))
     }
 }
 

@@ -1,16 +1,21 @@
 //! Functions that a run is reported by: outputs, controls and limits, compiled once, with parameters that stay open.
 
+use std::sync::Arc;
+
 use nsd_solver::tape::Tape;
 
 use crate::expr::{self, Expr, Var};
 use crate::lowering::hybrid::{numbers, variable};
-use crate::report::Series;
+use crate::report::{Samples, Series};
 use crate::simulate::outcome::limits::evaluated;
 use crate::simulate::outcome::overlooked::Hiding;
+use crate::simulate::record::points::Points;
+use crate::source::table::Table;
+use crate::system::System;
 use crate::system::switches::roots::Vanishing;
-use crate::system::{Output, System};
 
 /// Functions of t, the values of data, x, α and the open parameters.
+#[derive(Debug)]
 pub(crate) struct Reported {
     /// The entries of all outputs, then those of all controls.
     outputs: Tape,
@@ -20,6 +25,19 @@ pub(crate) struct Reported {
     pub hiding: Option<Hiding>,
     /// The numbers of the open parameters.
     open: Vec<usize>,
+    /// n and m.
+    sizes: [usize; 2],
+}
+
+/// What a run knows besides its states and α: what is told of it, the values of open parameters, and data.
+#[derive(Debug)]
+pub(crate) struct Given {
+    /// What is reported, without values.
+    named: Samples,
+    /// The numbers of states whose values are reported, one behind the other.
+    entries: Vec<usize>,
+    parameters: Vec<f64>,
+    data: Vec<Arc<Table>>,
 }
 
 impl Reported {
@@ -49,6 +67,7 @@ impl Reported {
             limits: tape(evaluated(system)),
             hiding: None,
             open: open.to_vec(),
+            sizes: [system.states.len(), system.switches.len()],
         }
     }
 
@@ -63,48 +82,101 @@ impl Reported {
         (system.exogenous.chosen(&self.open)).map(|param| param.value)
     }
 
-    /// Outputs and controls at points, with times, states and α one after another. Of two points at one instant, the first
-    /// is in the limit from before.
-    pub fn series(
-        &self,
-        system: &System,
-        [times, states, alphas]: [&[f64]; 3],
-    ) -> [Vec<Series>; 2] {
-        let n_entries = self.outputs.n_outputs();
-        let (points, n, m) = (times.len(), system.states.len(), system.switches.len());
-        let mut columns = vec![0.0; n_entries * points];
-        if n_entries > 0 {
-            // Structure of arrays: one row per input, one column per point.
-            let mut table = times.to_vec();
-            let is_first = |k: usize| times.get(k + 1) == Some(&times[k]);
-            for data in &system.exogenous.data {
-                let value = |(k, &t): (usize, &f64)| match is_first(k) {
-                    true => data.table.before(t),
-                    false => data.table.value(t),
-                };
-                table.extend(times.iter().enumerate().map(value));
-            }
-            table.extend((0..n).flat_map(|i| (0..points).map(move |k| states[k * n + i])));
-            table.extend((0..m).flat_map(|i| (0..points).map(move |k| alphas[k * m + i])));
-            for value in self.parameters(system) {
-                table.extend(std::iter::repeat_n(value, points));
-            }
-            let scratch = &mut self.outputs.lane_scratch();
-            self.outputs
-                .eval_many(&table, &mut columns, points, scratch);
+    /// The same with data, and with what is told of a system, which may be less than when it was compiled.
+    pub fn given(&self, system: &System) -> Given {
+        let (data, groups) = (system.exogenous.data.iter(), system.recorded.groups.iter());
+        Given {
+            named: named(system),
+            entries: groups.flat_map(|group| group.entries.clone()).collect(),
+            parameters: self.parameters(system).collect(),
+            data: data.map(|data| data.table.clone()).collect(),
         }
-        let mut first = 0;
-        let mut series = |output: &Output| {
-            let entries = first..first + output.exprs.len();
-            first = entries.end;
-            let values = (0..points).flat_map(|k| entries.clone().map(move |o| (o, k)));
-            Series {
-                name: output.name.clone(),
-                shape: output.shape.clone(),
-                values: values.map(|(o, k)| columns[o * points + k]).collect(),
-            }
-        };
-        [&system.recorded.outputs, &system.recorded.controls]
-            .map(|outputs| outputs.iter().map(&mut series).collect())
+    }
+
+    /// How many states and switches there are.
+    pub fn sizes(&self) -> [usize; 2] {
+        self.sizes
+    }
+
+    /// What is reported at points. Of two at one instant, the first is in the limit from before.
+    pub fn at(&self, points: &Points, given: &Given) -> Samples {
+        let n_points = points.times.len();
+        let signals = self.signals(points, given);
+        let [mut entry, mut signal] = [0; 2];
+        let mut samples = given.named.clone();
+        samples.time = points.times.clone();
+        for series in &mut samples.states {
+            let entries = &given.entries[entry..][..series.n_entries()];
+            entry += entries.len();
+            let rows = points.states.chunks(self.sizes[0].max(1));
+            series.values = rows
+                .flat_map(|row| entries.iter().map(|&entry| row[entry]))
+                .collect();
+        }
+        for series in samples.outputs.iter_mut().chain(&mut samples.controls) {
+            let entries = signal..signal + series.n_entries();
+            signal = entries.end;
+            let values = (0..n_points).flat_map(|k| entries.clone().map(move |o| (o, k)));
+            series.values = values.map(|(o, k)| signals[o * n_points + k]).collect();
+        }
+        samples
+    }
+
+    /// The entries of outputs, then of controls, each at all points.
+    fn signals(&self, points: &Points, given: &Given) -> Vec<f64> {
+        let Points {
+            times,
+            states,
+            alphas,
+            ..
+        } = points;
+        let (n_points, [n, m]) = (times.len(), self.sizes);
+        let mut columns = vec![0.0; self.outputs.n_outputs() * n_points];
+        if columns.is_empty() {
+            return columns;
+        }
+        // Structure of arrays: one row per input, one column per point.
+        let mut table = times.clone();
+        let is_first = |k: usize| times.get(k + 1) == Some(&times[k]);
+        for data in &given.data {
+            let value = |(k, &t): (usize, &f64)| match is_first(k) {
+                true => data.before(t),
+                false => data.value(t),
+            };
+            table.extend(times.iter().enumerate().map(value));
+        }
+        table.extend((0..n).flat_map(|i| (0..n_points).map(move |k| states[k * n + i])));
+        table.extend((0..m).flat_map(|i| (0..n_points).map(move |k| alphas[k * m + i])));
+        for &value in &given.parameters {
+            table.extend(std::iter::repeat_n(value, n_points));
+        }
+        let scratch = &mut self.outputs.lane_scratch();
+        self.outputs
+            .eval_many(&table, &mut columns, n_points, scratch);
+        columns
+    }
+}
+
+/// What is reported of a system, without values.
+fn named(system: &System) -> Samples {
+    let series = |name: &str, shape: &[usize]| Series {
+        name: name.to_owned(),
+        shape: shape.to_vec(),
+        values: Vec::new(),
+    };
+    let recorded = &system.recorded;
+    let signals = [&recorded.outputs, &recorded.controls].map(|outputs| {
+        let outputs = outputs.iter();
+        outputs.map(|one| series(&one.name, &one.shape)).collect()
+    });
+    let groups = recorded.groups.iter();
+    let [outputs, controls] = signals;
+    Samples {
+        time: Vec::new(),
+        states: groups
+            .map(|group| series(&group.name, &group.shape))
+            .collect(),
+        outputs,
+        controls,
     }
 }

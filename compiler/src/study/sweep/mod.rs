@@ -14,7 +14,7 @@ pub use axis::{Axis, Grid, SweepError};
 pub use table::Table;
 
 use crate::limit::Cancel;
-use crate::report::{Series, Status, Trajectory, Warning};
+use crate::report::{Samples, Series, Status, Trajectory, Warning};
 use crate::threads::{self, Share};
 
 /// What is kept of one run.
@@ -48,11 +48,10 @@ impl Row {
     /// What a run came to, and how many expectations it misses; one that fails has no end.
     pub fn of(run: &Trajectory, missed: Option<usize>) -> Self {
         let ends = matches!(run.status, Status::Solved | Status::Feasible);
-        let last = run.samples.time.len().checked_sub(1).filter(|_| ends);
-        let entries = |last: usize| {
-            reported(run)
-                .flat_map(move |series| series.at(last))
-                .copied()
+        let last = ends.then(|| run.samples.end());
+        let values = |end: Samples| {
+            let series = end.states.into_iter().chain(end.outputs);
+            series.flat_map(|series| series.values).collect()
         };
         let failure = run
             .failure
@@ -62,7 +61,7 @@ impl Row {
         Row {
             status: Some(run.status),
             code: failure.or_else(warning),
-            end: last.into_iter().flat_map(entries).collect(),
+            end: last.map(values).unwrap_or_default(),
             objective: run.objective.filter(|_| ends),
             events: run.history.events.len(),
             error_estimate: run.quality.error_estimate.filter(|_| ends),
@@ -71,14 +70,11 @@ impl Row {
     }
 }
 
-/// What has values at the end.
-fn reported(run: &Trajectory) -> impl Iterator<Item = &Series> {
-    run.samples.states.iter().chain(&run.samples.outputs)
-}
-
 /// The names of what [`Row::end`] holds.
 pub fn columns(run: &Trajectory) -> Vec<String> {
-    reported(run).flat_map(Series::entry_names).collect()
+    let end = run.samples.end();
+    let series = end.states_and_outputs();
+    series.flat_map(Series::entry_names).collect()
 }
 
 /// Calls `work` with the share of each of up to `n_threads` threads in some points of a grid, by their numbers, until it is

@@ -5,7 +5,7 @@
 //! of the range of its column: where it is, the furthest is kept, and both sides are looked at again (Douglas and Peucker
 //! 1973).
 
-use super::{Dense, Samples, Series};
+use crate::report::{Dense, Samples, Series};
 
 /// N, with which curves look smooth.
 const PARTS: f64 = 1200.0;
@@ -45,7 +45,7 @@ pub fn refine(samples: &mut Samples, dense: &Dense, values: &dyn Fn(f64, &[f64])
     all.iter_mut().for_each(|series| series.values.clear());
 
     let (n_rows, mut rows) = (first.n_rows(), Vec::new());
-    for piece in &dense.pieces {
+    for piece in dense.pieces.iter() {
         let begun = passed.len();
         passed.extend(instants(piece.from, piece.to, span));
         rows.clear();
@@ -134,7 +134,7 @@ fn furthest(time: &[f64], columns: &[Column], [first, last]: [usize; 2]) -> Opti
 
 #[cfg(test)]
 mod tests {
-    use super::{PARTS, instants, refine, thin};
+    use super::{PARTS, Samples, instants, refine, thin};
     use crate::report::{Dense, Piece, sample};
 
     #[test]
@@ -149,7 +149,7 @@ mod tests {
             coefficients: coefficients.to_vec(),
         };
         trajectory.dense = Dense {
-            pieces: vec![piece(0.0, 0.5, [1.0, 2.0]), piece(0.5, 1.0, [5.0, 0.0])],
+            pieces: vec![piece(0.0, 0.5, [1.0, 2.0]), piece(0.5, 1.0, [5.0, 0.0])].into(),
         };
         let (fine, values) = (&mut trajectory.samples, |time, row: &[f64]| {
             vec![row[0], row[0] - time]
@@ -186,10 +186,10 @@ mod tests {
     #[test]
     fn rows_are_kept_where_the_curve_bends() {
         let mut trajectory = sample::shapes();
-        let (state, n) = (&mut trajectory.samples.states[0], 200);
-        trajectory.samples.time = (0..=n).map(|k| 0.01 * f64::from(k)).collect();
+        let (samples, n): (&mut Samples, _) = (&mut trajectory.samples, 200);
+        samples.time = (0..=n).map(|k| 0.01 * f64::from(k)).collect();
         let value = |t: &f64| if *t < 1.0 { t * t } else { 1.0 };
-        state.values = trajectory.samples.time.iter().map(value).collect();
+        samples.states[0].values = samples.time.iter().map(value).collect();
         let exact = trajectory.samples.states[0].values.clone();
         trajectory.samples.states.truncate(1);
         let inside: Vec<bool> = (0..=n).map(|k| k % n != 0).collect();
