@@ -24,7 +24,7 @@ use nsd_solver::integrate::tableau::Family;
 pub use nsd_solver::runtime::{limit, threads};
 
 pub use self::diagnostics::messages::Messages;
-pub use self::project::run::{Numbers, Options, Run};
+pub use self::project::run::{Options, Run};
 pub use self::project::{Project, prepared, session, sweep, watch};
 pub use self::source::files;
 

@@ -11,7 +11,6 @@ __version__: str
 class Asked(TypedDict):
     values: list[tuple[str, float]]
     settings: list[tuple[str, str]]
-    horizon: float | None
     tolerance: float | None
     time_limit: float | None
 

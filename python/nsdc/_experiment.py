@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 #: What else runs and sweeps take by name.
 KEYWORDS = ("params", "settings", "time_limit", "multipliers", "outputs", "zip", "threads", "seed", "on", "chunk")
-#: Settings that are numbers of a run where they are given as numbers.
-NUMBERS = ("horizon", "tolerance")
 #: The settings that a run takes by name, with the words of the language.
 SETTINGS = {
     "method": "method",
@@ -144,14 +142,12 @@ class Experiment:
             if time_limit < 0:
                 raise ValueError(f"time_limit: {time_limit} is no time in seconds")
         told = {name: _setting(name, value) for name, value in words.items() if value is not None}
-        numbers = {name: one for name, one in told.items() if name in NUMBERS and isinstance(one, float)}
+        number = told.get("tolerance")
+        tolerance = told.pop("tolerance") if isinstance(number, float) else None
         return {
             "values": given(self._known, rest, [*SETTINGS, *KEYWORDS]),
-            "settings": [
-                (name, f"{SETTINGS[name]} {one}") for name, one in told.items() if name not in numbers
-            ],
-            "horizon": numbers.get("horizon"),
-            "tolerance": numbers.get("tolerance"),
+            "settings": [(name, f"{SETTINGS[name]} {one}") for name, one in told.items()],
+            "tolerance": tolerance,
             "time_limit": time_limit,
         }
 
@@ -173,7 +169,8 @@ class Experiment:
         With `multipliers`, the result keeps those of the method.
 
         What a simulation is compiled to is kept: further runs of the thread with the same settings and values on the same
-        sides of zero compile nothing, nor do those with another `horizon` or `tolerance` as numbers. What comes of a run depends on its own values alone.
+        sides of zero compile nothing, nor do those with another `tolerance` as a number. What comes of a run depends on its own
+        values alone.
 
         A run that fails is a result whose `status` says so. `ModelError` where the experiment does not compile, `TypeError`
         for unknown names and for what is no number, `ValueError` for wrong shapes and for numbers that are not finite.

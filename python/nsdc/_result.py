@@ -135,7 +135,7 @@ class Result:
     @cached_property
     def _values(self) -> dict[str, NDArray[np.float64]]:
         run = self._of_run()
-        return {name: run.values(place) for place, name in enumerate(self._reported)}
+        return {name: run.values(place) for place, (_, name, *_) in enumerate(run.end())}
 
     @cached_property
     def _dense(self) -> Dense:
@@ -334,7 +334,7 @@ class Result:
         """Instants and values at them: all that is reported at those of rows, or states at others."""
         if at is None:
             return self.time, self._values
-        time = np.asarray(at, dtype=float)
+        time = np.array(at, dtype=float)
         if time.ndim != 1:
             raise ValueError(f"at: expected instants, got an array of shape {time.shape}")
         return time, self(time)

@@ -7,7 +7,7 @@ use nsdc::limit::Limit;
 use nsdc::study::sweep::{Axis, Grid, Row};
 use nsdc::sweep::Rows;
 use nsdc::syntax::Item;
-use nsdc::{Numbers, Options, threads};
+use nsdc::{Options, threads};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 
@@ -32,8 +32,6 @@ pub struct Asked {
     values: Vec<(String, f64)>,
     #[pyo3(item("settings"))]
     settings: Vec<(String, String)>,
-    #[pyo3(item("horizon"))]
-    horizon: Option<f64>,
     #[pyo3(item("tolerance"))]
     tolerance: Option<f64>,
     #[pyo3(item("time_limit"))]
@@ -45,14 +43,13 @@ impl Asked {
         let Asked {
             values,
             settings,
-            horizon,
             tolerance,
             ..
         } = self;
         Options {
             values,
             settings,
-            numbers: Numbers { horizon, tolerance },
+            tolerance,
             ..Options::default()
         }
     }

@@ -66,13 +66,17 @@ impl Run {
     }
 
     /// The kind, name and shape of each state, output and control, and its entries at the last instant.
-    fn end(&self) -> Vec<(&'static str, String, Vec<usize>, Vec<f64>)> {
+    #[expect(
+        clippy::type_complexity,
+        reason = "a kind, a name, a shape and entries"
+    )]
+    fn end(&self, py: Python<'_>) -> PyResult<Vec<(&'static str, String, Vec<usize>, Vec<f64>)>> {
         let Samples {
             states,
             outputs,
             controls,
             ..
-        } = self.run.trajectory.samples.end();
+        } = detached(py, || self.run.trajectory.samples.end())?;
         let kinds = [
             ("states", states),
             ("outputs", outputs),
@@ -82,7 +86,7 @@ impl Run {
             let all = all.into_iter();
             all.map(move |one| (kind, one.name, one.shape, one.values))
         });
-        told.collect()
+        Ok(told.collect())
     }
 
     /// The instants.

@@ -11,14 +11,12 @@ use crate::optimize;
 use crate::project::clock::{Clock, Instant};
 use crate::project::ensemble::Source;
 use crate::project::prepared::{Opened, Parameter, check_parameters};
-use crate::project::run::Numbers;
 use crate::project::watch::{Progress, Watch};
 use crate::project::{Project, launch};
 use crate::report::Trajectory;
 use crate::simulate::{Plan, Request};
 use crate::syntax::Path;
 use crate::system::System;
-use crate::system::experiment::Sampling;
 use crate::system::values::{Values, bounds};
 use crate::{Compiled, compile};
 
@@ -46,10 +44,8 @@ pub(crate) struct Rerun<'e> {
     work: Work<'e>,
     /// None for what stays as it is.
     changes: Vec<Option<Change>>,
-    /// The horizon and the tolerance that it was compiled with.
-    own: [f64; 2],
-    /// The longest horizon that it takes.
-    longest: f64,
+    /// The tolerance of the experiment.
+    own_tolerance: f64,
     /// What it has taken to compile, until a run has told it.
     seconds: f64,
 }
@@ -114,16 +110,9 @@ impl<'e> Rerun<'e> {
             None => Some(None),
         });
         let changes: Option<_> = changes.collect();
-        let settings = &compiled.settings;
-        let takes_all = matches!(&work, Work::Events { plan, .. } if plan.takes_all_horizons());
         Ok(Rerun {
             changes: changes.ok_or(NoRerun::Ever)?,
-            own: [settings.horizon, settings.numerics.tolerance],
-            longest: if takes_all {
-                f64::INFINITY
-            } else {
-                settings.horizon
-            },
+            own_tolerance: compiled.settings.numerics.tolerance,
             compiled,
             work,
             seconds: started.elapsed().as_secs_f64(),
@@ -152,25 +141,11 @@ impl<'e> Rerun<'e> {
         }
     }
 
-    /// Runs have this horizon and this tolerance from now on, or those of the experiment. None where it has to be compiled
-    /// for them.
-    pub fn with(&mut self, numbers: Numbers) -> Option<&mut Self> {
-        let settings = &mut self.compiled.settings;
-        let [horizon, tolerance] = self.own;
-        settings.horizon = numbers.horizon.unwrap_or(horizon);
-        settings.numerics.tolerance = numbers.tolerance.unwrap_or(tolerance);
-        let fits = match &settings.recording.sampling {
-            Sampling::At(instants) => instants.iter().all(|t| *t <= settings.horizon),
-            Sampling::Every(_) => settings.horizon <= horizon,
-            Sampling::Method | Sampling::Curve => true,
-        };
-        let fits = fits && numbers.fit() && settings.horizon <= self.longest;
-        fits.then_some(self)
-    }
-
-    /// Whether one compilation serves all horizons.
-    pub fn takes_all_horizons(&self) -> bool {
-        self.longest == f64::INFINITY
+    /// Runs have this tolerance from now on, or that of the experiment. None where there is no such tolerance.
+    pub fn with_tolerance(&mut self, tolerance: Option<f64>) -> Option<&mut Self> {
+        let tolerance = tolerance.unwrap_or(self.own_tolerance);
+        self.compiled.settings.numerics.tolerance = tolerance;
+        (0.0 < tolerance && tolerance < 1.0).then_some(self)
     }
 
     /// The seconds of its compilation, once; of further runs there are none.

@@ -2,12 +2,9 @@
 //!
 //! A compilation serves all values on the same sides of zero, within the ranges that are declared: a zero takes terms out,
 //! and a sign turns sides of surfaces round. It is made at the experiment's own values; where these are on other sides, at
-//! their opposites, and else at ones. One for a horizon that is given serves all horizons where nothing depends on time, and
-//! else those up to the next power of two, for which it is made: no step of it passes over narrow functions of time.
-//! Which of them a run takes follows from its own values alone, so that what comes of it
+//! their opposites, and else at ones. Which of them a run takes follows from its own values alone, so that what comes of it
 //! does not depend on what was run before.
 
-use std::borrow::Cow;
 use std::cmp::Ordering;
 
 use crate::expr::Exprs;
@@ -45,18 +42,8 @@ pub(crate) struct Reruns<'e> {
 /// Compilations for values on some sides of zero.
 struct Kept<'e> {
     sides: Vec<Option<Ordering>>,
-    /// The horizon to which it is compiled, where that is not the experiment's own.
-    longest: Option<f64>,
     /// At each base, where it was tried.
     at: [Option<Result<Rerun<'e>, NoRerun>>; BASES.len()],
-}
-
-impl Kept<'_> {
-    fn takes_all_horizons(&self) -> bool {
-        let made = self.at.iter().flatten().flatten();
-        let mut made = made.map(Rerun::takes_all_horizons).peekable();
-        made.peek().is_some() && made.all(|takes| takes)
-    }
 }
 
 impl<'e> Reruns<'e> {
@@ -84,32 +71,25 @@ impl<'e> Reruns<'e> {
         self.kept.len()
     }
 
-    /// A compilation that takes these values, in the order of the names, and this horizon, where one is given; `adapted`
-    /// changes a new one. None where the experiment has to be compiled for them.
+    /// A compilation that takes these values, in the order of the names; `adapted` changes a new one. None where the
+    /// experiment has to be compiled for them.
     pub fn of(
         &mut self,
         values: &[f64],
-        horizon: Option<f64>,
         adapted: impl Fn(Rerun<'e>) -> Option<Rerun<'e>>,
     ) -> Option<&mut Rerun<'e>> {
         if values.iter().any(|value| !value.is_finite()) {
             return None;
         }
         let sides = || values.iter().map(|value| value.partial_cmp(&0.0));
-        let longest = horizon.map(|horizon| horizon.log2().ceil().exp2());
-        let serves = |kept: &Kept<'e>| {
-            let takes_it =
-                kept.longest == longest || horizon.is_some() && kept.takes_all_horizons();
-            takes_it && sides().eq(kept.sides.iter().copied())
-        };
-        let place = self.kept.iter().position(serves);
+        let known = self.kept.iter();
+        let place = { known }.position(|kept| sides().eq(kept.sides.iter().copied()));
         let place = place.unwrap_or_else(|| {
             if self.kept.len() == MOST {
                 self.kept.remove(0);
             }
             self.kept.push(Kept {
                 sides: sides().collect(),
-                longest,
                 at: [const { None }; BASES.len()],
             });
             self.kept.len() - 1
@@ -156,14 +136,9 @@ impl<'e> Reruns<'e> {
                 overrides.push(bind);
             }
         }
-        let own = || self.experiment.clone();
-        let experiment = match kept.longest {
-            Some(longest) => Cow::Owned(own().until(longest)),
-            None => Cow::Borrowed(&self.experiment),
-        };
         let source = Source {
             file: &self.project.file,
-            experiment: &experiment,
+            experiment: &self.experiment,
             overrides: &overrides,
         };
         // What is zero stays so.

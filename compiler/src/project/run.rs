@@ -18,23 +18,6 @@ use crate::source::SourceMap;
 use crate::syntax::{Bind, Experiment, File, Path};
 use crate::{Compiled, compile};
 
-/// Settings of an experiment that are numbers of a run; its own where there is none.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Numbers {
-    /// The end of the run.
-    pub horizon: Option<f64>,
-    /// The error that it may have, relative to the size of each state.
-    pub tolerance: Option<f64>,
-}
-
-impl Numbers {
-    /// Whether an experiment may have them.
-    pub(crate) fn fit(&self) -> bool {
-        let fits = |number: Option<f64>, most: f64| number.is_none_or(|x| 0.0 < x && x < most);
-        fits(self.horizon, f64::INFINITY) && fits(self.tolerance, 1.0)
-    }
-}
-
 /// What is asked of a run besides what its experiment says.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -43,9 +26,9 @@ pub struct Options {
     /// Settings in place of those of the experiment: the name that diagnostics show, and the words of the language:
     /// `("horizon", "horizon 2*pi")`.
     pub settings: Vec<(String, String)>,
-    /// The horizon and the tolerance in place of those of the experiment, as numbers: other numbers compile nothing in a
-    /// [`Session`](crate::session::Session).
-    pub numbers: Numbers,
+    /// The error that a run may have, relative to the size of each state, in place of that of the experiment: other ones
+    /// compile nothing in a [`Session`](crate::session::Session).
+    pub tolerance: Option<f64>,
     /// When the run ends, done or not.
     pub limit: Limit,
     /// Whether multipliers are kept, where the method has them.
@@ -61,15 +44,11 @@ pub struct Options {
 }
 
 impl Options {
-    /// Settings in the words of the language, those that are numbers among them.
+    /// Settings in the words of the language, with the tolerance.
     pub(crate) fn words(&self) -> Vec<(String, String)> {
-        let Numbers { horizon, tolerance } = self.numbers;
-        let numbers = [("horizon", horizon), ("tolerance", tolerance)].into_iter();
-        let words = |(name, number): (&str, Option<f64>)| {
-            Some((name.to_owned(), format!("{name} {:?}", number?)))
-        };
-        let numbers = numbers.filter_map(words);
-        self.settings.iter().cloned().chain(numbers).collect()
+        let words = |tolerance| ("tolerance".to_owned(), format!("tolerance {tolerance:?}"));
+        let tolerance = self.tolerance.map(words);
+        self.settings.iter().cloned().chain(tolerance).collect()
     }
 
     /// What a run has to keep for them.

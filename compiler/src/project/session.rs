@@ -17,8 +17,7 @@ use crate::syntax::ExperimentKind;
 const MOST: usize = 16;
 
 /// Runs of the experiments of a project with any values. What a simulation is compiled to serves all values on the same
-/// sides of zero, all tolerances, and all horizons where nothing depends on time, or up to some one: such a run compiles
-/// nothing. What comes of a run depends on its own values alone, whatever
+/// sides of zero and all tolerances: such a run compiles nothing. What comes of a run depends on its own values alone, whatever
 /// was run before.
 ///
 /// ```
@@ -95,14 +94,11 @@ impl<'e> Session<'e> {
         watch: &mut dyn Watch,
     ) -> Result<Run, Messages> {
         let values: Vec<f64> = options.values.iter().map(|(_, value)| *value).collect();
-        let (numbers, parsing) = (
-            options.numbers,
-            self.project.compile_seconds(&Clock::default()),
-        );
+        let parsing = self.project.compile_seconds(&Clock::default());
         let again = self.known(experiment, options).and_then(|kept| {
             let following = |rerun: Rerun<'e>| rerun.following(!options.ends_alone);
-            let rerun = kept.reruns.of(&values, numbers.horizon, following)?;
-            let rerun = rerun.with(numbers)?;
+            let rerun = kept.reruns.of(&values, following)?;
+            let rerun = rerun.with_tolerance(options.tolerance)?;
             let mut trajectory = rerun.run(&values, &options.request(), watch)?;
             let compile_s = match rerun.take_seconds() {
                 0.0 => 0.0,
@@ -142,7 +138,7 @@ impl<'e> Session<'e> {
         let asked = self
             .project
             .ask(experiment, &options.values, &options.settings);
-        let asked = asked.ok().filter(|_| options.numbers.fit())?;
+        let asked = asked.ok()?;
         // An optimum is looked for with all that its experiment says, anew.
         if asked.experiment.kind == ExperimentKind::Optimize {
             return None;

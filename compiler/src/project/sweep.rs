@@ -241,7 +241,7 @@ impl<'p> Sweep<'p> {
         let (experiment, states) = (self.experiment.clone(), self.states.clone());
         let mut reruns = Reruns::new(&exprs, project, experiment, binds, states);
         points.each(|(k, point)| {
-            let rerun = reruns.of(point, None, |new| Some(new.adapted(|one| self.adapt(one))));
+            let rerun = reruns.of(point, |new| Some(new.adapted(|one| self.adapt(one))));
             let found = rerun.and_then(|rerun| {
                 rerun.seed(self.seed_of(k));
                 let run = rerun.run(point, &self.request(rerun.compiled()), &mut ())?;

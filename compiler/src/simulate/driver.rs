@@ -205,11 +205,6 @@ pub(super) trait Run<'e> {
         false
     }
 
-    /// Whether what is compiled serves all horizons; else those up to the one that it was compiled for.
-    fn takes_all_horizons(&self) -> bool {
-        false
-    }
-
     /// Whether it sees by itself where functions of states are narrow.
     fn sees_narrow(&self) -> bool {
         false

@@ -86,8 +86,8 @@ pub enum Structural {
     Instants,
 }
 
-/// All that moves a system: rates, switching functions, laws of jumps, contacts.
-fn moving<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
+/// For each parameter, why it may be no input.
+pub fn structural(system: &System) -> Vec<Option<Structural>> {
     let laws = system.jumps.laws.iter().flat_map(|law| {
         let values = law.resets.iter().map(|&(_, value)| value);
         values.chain([law.guard])
@@ -98,18 +98,7 @@ fn moving<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
     let masses = jumps.bodies.iter().flat_map(|body| &body.mass).copied();
     let contacts = contacts.chain(impulsive).chain(masses);
     let all = functions(system).concat().into_iter();
-    all.chain(laws).chain(contacts).collect()
-}
-
-/// Whether nothing that moves a system depends on time: it is the same for all horizons.
-pub(crate) fn is_autonomous(system: &System) -> bool {
-    system.exogenous.data.is_empty()
-        && !variables_of(&moving(system)).contains(&variable(system.time))
-}
-
-/// For each parameter, why it may be no input.
-pub fn structural(system: &System) -> Vec<Option<Structural>> {
-    let all = moving(system);
+    let all: Vec<Expr> = all.chain(laws).chain(contacts).collect();
     let exponents: FxHashSet<Var> = variables_of(&exponents(&all)).into_iter().collect();
     let narrowing = narrowing(system);
     let why = |param: &system::Param| match variable(param.var) {

@@ -74,8 +74,11 @@ impl Deref for Rows {
 
     fn deref(&self) -> &Samples {
         self.made.get_or_init(|| {
-            let course = self.course().take();
-            course.map_or_else(Samples::default, |course| course.rows())
+            // It is there until its rows are made: should that panic, the next who reads them tries again.
+            let course = self.course().clone();
+            let rows = course.map_or_else(Samples::default, |course| course.rows());
+            self.course().take();
+            rows
         })
     }
 }

@@ -21,8 +21,6 @@ const MORE_ORDERS: usize = 3;
 /// A system as data, and what runs keep of its functions.
 pub(crate) struct Events {
     hybrid: Arc<HybridSystem>,
-    /// Whether nothing that moves the system depends on time.
-    is_autonomous: bool,
     /// The parameters that stay open, by their numbers.
     open: Vec<usize>,
     /// The last runs with the tolerance of an experiment, and with a smaller one.
@@ -35,7 +33,6 @@ impl Events {
     pub fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
         Events {
             hybrid: hybrid::lower_open(system, settings.horizon, open),
-            is_autonomous: hybrid::is_autonomous(system),
             open: open.to_vec(),
             coarse: None,
             fine: None,
@@ -106,10 +103,6 @@ impl<'e> Run<'e> for Events {
 
     fn takes_numbers(&self) -> bool {
         true
-    }
-
-    fn takes_all_horizons(&self) -> bool {
-        self.is_autonomous
     }
 
     fn sees_narrow(&self) -> bool {

@@ -144,18 +144,13 @@ impl<'e> Plan<'e> {
         driver::drive(&mut *self.run, of, &self.reported, request, watch)
     }
 
-    /// Whether it runs to all horizons with what was compiled; else to those up to the one that it was compiled for.
-    pub(crate) fn takes_all_horizons(&self) -> bool {
-        self.run.takes_all_horizons()
-    }
-
     /// Compiles again where what was compiled in is another number now.
     fn renew(&mut self, system: &System<'e>, settings: &Settings<'e>) {
         let now = Made::of(system, settings);
         let serves = self.made.has_params(&now, &self.open)
             && self.made.has_method(&now)
             && match self.run.takes_numbers() {
-                true => self.takes_all_horizons() || now.horizon <= self.made.horizon,
+                true => now.horizon <= self.made.horizon,
                 false => self.made.has_numbers(&now),
             };
         if !serves {

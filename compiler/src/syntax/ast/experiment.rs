@@ -1,6 +1,6 @@
 //! Experiments: `simulate`, `optimize`, their settings and expectations.
 
-use super::{Bind, Domain, Expr, ExprKind, Ident, Path, Row, Setting};
+use super::{Bind, Domain, Expr, Ident, Path, Row, Setting};
 use crate::source::Span;
 
 /// `simulate NAME of MODEL { ... }` or `optimize ...`
@@ -18,25 +18,6 @@ pub struct Experiment {
     pub open: Vec<Path>,
     /// The whole item.
     pub span: Span,
-}
-
-impl Experiment {
-    /// The same with another horizon.
-    pub(crate) fn until(mut self, horizon: f64) -> Self {
-        let span = self.name.span;
-        let is_other = |one: &ExperimentSetting| !matches!(one.kind, SettingKind::Horizon { .. });
-        self.settings.retain(is_other);
-        let kind = SettingKind::Horizon {
-            free: false,
-            range: None,
-            value: Some(Expr {
-                kind: ExprKind::Number(horizon),
-                span,
-            }),
-        };
-        self.settings.push(ExperimentSetting { kind, span });
-        self
-    }
 }
 
 /// Simulation or optimal control.
