@@ -143,7 +143,9 @@ class Experiment:
                 raise ValueError(f"time_limit: {time_limit} is no time in seconds")
         told = {name: _setting(name, value) for name, value in words.items() if value is not None}
         number = told.get("tolerance")
-        tolerance = told.pop("tolerance") if isinstance(number, float) else None
+        tolerance = number if isinstance(number, float) else None
+        if tolerance is not None:
+            del told["tolerance"]
         return {
             "values": given(self._known, rest, [*SETTINGS, *KEYWORDS]),
             "settings": [(name, f"{SETTINGS[name]} {one}") for name, one in told.items()],
