@@ -244,24 +244,26 @@ fn factor<T: Number>(
         if let Some(begins) = entries.iter().position(|v| *v != T::zero()) {
             pivots[begins] = row;
         }
-        let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.norm1()));
+        // Unlike `max`, one instruction each; NaN is passed over by both.
+        let larger = |most: f64, size: f64| if size > most { size } else { most };
+        let sizes = entries.iter().map(|v| v.norm1());
+        let size = sizes.fold(0.0, larger);
         row_scale[row] = size;
-        for (scale, entry) in column_scale.iter_mut().zip(entries) {
-            *scale = scale.max(if size > 0.0 {
-                entry.norm1() / size
-            } else {
-                0.0
-            });
+        if size > 0.0 {
+            for (scale, entry) in column_scale.iter_mut().zip(entries) {
+                *scale = larger(*scale, entry.norm1() / size);
+            }
         }
     }
     let mut end = 0;
     for col in 0..n {
         // Rows from here on begin behind the column. Exchanges of rows before do not change that.
         end = end.max(pivots[col] + 1);
-        let relative = |row: usize| a[row * n + col].norm1() / row_scale[row];
+        let relative = |row: usize| (row, a[row * n + col].norm1() / row_scale[row]);
         let pivot = (col..end)
-            .max_by(|&i, &j| relative(i).total_cmp(&relative(j)))
-            .unwrap_or(col);
+            .map(relative)
+            .max_by(|(_, first), (_, second)| first.total_cmp(second))
+            .map_or(col, |(row, _)| row);
         let value = a[pivot * n + col];
         let inverse = T::one() / value;
         let size = row_scale[pivot] * column_scale[col];
