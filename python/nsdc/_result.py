@@ -6,7 +6,7 @@ import html
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -75,6 +75,15 @@ class Reported(NamedTuple):
     shape: tuple[int, ...]
     #: Its entries at the last instant; none where there is no instant.
     end: NDArray[np.float64]
+
+
+def _columns(rows: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """Columns of a table, one for each entry."""
+    columns: dict[str, NDArray[np.float64]] = {}
+    for name, values in rows.items():
+        flat = values.reshape(len(values), -1)
+        columns.update(zip(entries(name, values.shape[1:]), flat.T))
+    return columns
 
 
 class Result:
@@ -339,17 +348,9 @@ class Result:
             raise ValueError(f"at: expected instants, got an array of shape {time.shape}")
         return time, self(time)
 
-    def _columns(self, at: ArrayLike | None = None) -> dict[str, NDArray[np.float64]]:
-        time, rows = self._rows(at)
-        columns = {"time": time}
-        for name, values in rows.items():
-            flat = values.reshape(len(values), -1)
-            names = entries(name, values.shape[1:])
-            columns.update(zip(names, flat.T))
-        return columns
-
-    def _units(self) -> dict[str, str]:
-        return {name: unit for name, unit in self._experiment._units.items() if name in self._reported}
+    def _units(self, names: Iterable[str]) -> dict[str, str]:
+        units = self._experiment._units
+        return {name: units[name] for name in names if name in units}
 
     def _attributes(self) -> dict[str, Any]:
         """Settings and marks of quality, as attributes of other formats."""
@@ -370,10 +371,9 @@ class Result:
         """
         import pandas
 
-        columns = self._columns(at)
-        table = pandas.DataFrame({k: v for k, v in columns.items() if k != "time"})
-        table.index = pandas.Index(columns["time"], name="time")
-        table.attrs = {**self._attributes(), "units": self._units()}
+        time, rows = self._rows(at)
+        table = pandas.DataFrame(_columns(rows), index=pandas.Index(time, name="time"))
+        table.attrs = {**self._attributes(), "units": self._units(rows)}
         return table
 
     def to_xarray(self, at: ArrayLike | None = None) -> xarray.Dataset:
@@ -402,8 +402,9 @@ class Result:
         import pyarrow
 
         described = {k.encode(): json.dumps(v).encode() for k, v in self._attributes().items()}
-        described[b"units"] = json.dumps(self._units()).encode()
-        return pyarrow.table(self._columns()).replace_schema_metadata(described)
+        described[b"units"] = json.dumps(self._units(self)).encode()
+        columns = {"time": self.time, **_columns(self._values)}
+        return pyarrow.table(columns).replace_schema_metadata(described)
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         return self.to_arrow().__arrow_c_stream__(requested_schema)

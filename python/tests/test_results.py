@@ -200,7 +200,7 @@ def test_states_are_told_at_instants_of_ones_own(ball: nsdc.Experiment) -> None:
     assert table.index.tolist() == data["time"].to_numpy().tolist() == instants.tolist()
     assert np.abs(table["q"].to_numpy() - (1 - instants**2)).max() < 1e-12
     assert np.array_equal(data["q"], table["q"]) and data["q"].attrs["units"] == "m"
-    assert list(table) == list(data) == ["q", "v"]
+    assert list(table) == list(data) == ["q", "v"] and list(table.attrs["units"]) == ["q", "v"]
     for wrong in (2.0, [0.5, 2.0]):
         with pytest.raises(ValueError, match="at: expected|time: the run"):
             result.to_pandas(at=wrong)

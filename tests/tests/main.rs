@@ -16,6 +16,7 @@ mod cones;
 mod contact_properties;
 mod contact_roads;
 mod contacts;
+mod damaged;
 mod ensembles;
 mod errors;
 mod estimates;

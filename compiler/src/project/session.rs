@@ -98,13 +98,13 @@ impl<'e> Session<'e> {
         let again = self.known(experiment, options).and_then(|kept| {
             let following = |rerun: Rerun<'e>| rerun.following(!options.ends_alone);
             let rerun = kept.reruns.of(&values, following)?;
+            let seconds = rerun.take_seconds();
             let rerun = rerun.with_tolerance(options.tolerance)?;
             let mut trajectory = rerun.run(&values, &options.request(), watch)?;
-            let compile_s = match rerun.take_seconds() {
+            trajectory.quality.stats.compile_s = match seconds {
                 0.0 => 0.0,
                 seconds => parsing + seconds,
             };
-            trajectory.quality.stats.compile_s = compile_s;
             trajectory.setup.parameters = rerun.compiled().parameters();
             let sources = kept.sources.clone();
             Some(Run::new(rerun.compiled(), trajectory, options, sources))

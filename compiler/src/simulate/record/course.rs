@@ -45,13 +45,10 @@ impl report::Course for Course {
         self.seen(&|_, _, _| {})
     }
 
-    fn end(&self) -> Samples {
-        match self.points.goes_on_at_end() {
-            // Whether the row behind is one depends on all others.
-            true => self.rows().last(),
-            false => self
-                .reported
-                .at(&self.points.last(self.reported.sizes()), &self.given),
-        }
+    fn end(&self) -> Option<Samples> {
+        // Whether the row behind the last point is one depends on all others.
+        let is_point = !self.points.goes_on_at_end();
+        let last = || self.points.last(self.reported.sizes());
+        is_point.then(|| self.reported.at(&last(), &self.given))
     }
 }

@@ -196,6 +196,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
         }
         trajectory.warnings.extend(self.limits.warnings());
         trajectory.history = self.history(names, outcome);
+        self.record.points.jumps = Vec::new();
         let pieces = Arc::new(self.pieces);
         let course = Course {
             points: self.record.points,

@@ -20,6 +20,7 @@ use nsd_solver::integrate::tableau::Family;
 pub(crate) use compiled::{Compiled, Ran};
 pub use complementarity::complementarity;
 pub(crate) use complementarity::complementarity_open;
+pub use impulses::prepared as with_impulses;
 use turns::{Surfaces, Turned, Turns};
 
 use super::blurred;

@@ -63,12 +63,13 @@ fn lowered<'e>(system: &System<'e>, settings: &Settings<'e>) -> Dcs<'e> {
     dcs.expect("compilation has checked that the system can be lowered")
 }
 
-/// A system for runs of which nothing is made, with some parameters open, by their numbers.
-pub(crate) fn prepared(
-    system: &System,
-    settings: &Settings,
-    open: &[usize],
-) -> jumps::System<Program> {
+/// A system with impulses where elements meet as plain data: all programs of its steps, with some parameters open, by their
+/// numbers. Runs of it make nothing.
+///
+/// # Panics
+///
+/// Where the experiment is not one of `lower impact`.
+pub fn prepared(system: &System, settings: &Settings, open: &[usize]) -> jumps::System<Program> {
     let (dcs, options) = (lowered(system, settings), options(settings));
     let mut plain = program::plain(system, &dcs, (settings.horizon, options), open);
     let mut make = |elements| program::program(system, &dcs, options, elements);
@@ -197,13 +198,9 @@ impl<'e> Run<'e> for WithImpulses<'e> {
 #[cfg(test)]
 mod tests {
     use std::ops::ControlFlow;
-    use std::sync::atomic::AtomicUsize;
-    use std::sync::atomic::Ordering::Relaxed;
 
-    use ciborium::Value;
     use nsd_solver::event::{Event, Observer, Segment};
     use nsd_solver::fesd::jumps;
-    use nsd_solver::runtime::limit::Cancel;
 
     use super::{Simulator, first_grid, prepared};
     use crate::Compiled;
@@ -293,72 +290,6 @@ mod tests {
         let found = run(read);
         assert!(!found.is_empty());
         assert_eq!(found, run(known));
-    }
-
-    /// Every so many of the whole numbers of a system are others: it is refused, or runs to some end.
-    #[test]
-    fn damaged_systems_are_refused_or_run() {
-        with_last(PUSHED, |compiled| {
-            let (system, settings) = (&compiled.system, &compiled.settings);
-            let mut known = prepared(system, settings, &[]);
-            known.programs.retain(|elements, _| *elements == 3);
-            let written = Value::serialized(&known).expect("it can be written");
-            let n = integers(&written);
-            let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-            let (mut refused, mut run) = (0, 0);
-            for (k, at) in (0..n).step_by(n / DAMAGES).enumerate() {
-                let (mut damaged, mut left) = (written.clone(), at);
-                let number = integer(&mut damaged, &mut left).expect("there are so many");
-                let before = i128::from(number.as_integer().expect("it is one"));
-                let others = [before + 1, 0, before + 7, 1 << 40];
-                *number = Value::from(others[k % others.len()] as u64);
-                let Ok(read) = damaged.deserialized::<jumps::System<Program>>() else {
-                    refused += 1;
-                    continue;
-                };
-                run += 1;
-                let looks = AtomicUsize::new(0);
-                let cancel = Cancel::asking(move || looks.fetch_add(1, Relaxed) >= LOOKS);
-                let limit = Limit::default().canceled_by(&cancel);
-                let (mut runs, grid) = (Simulator::new(read), first_grid(settings));
-                let reference = runs.follow(grid.horizon, &x0, &limit);
-                let mut seen = Values(Vec::new());
-                runs.run(grid, &x0, (&reference, &limit), &mut |_| None, &mut seen);
-            }
-            assert!(
-                refused > DAMAGES / 4 && run > DAMAGES / 10,
-                "{refused} and {run}"
-            );
-        });
-    }
-
-    /// Numbers that are damaged, and looks at the limit before a run of what is read is canceled.
-    const DAMAGES: usize = 300;
-    const LOOKS: usize = 1000;
-
-    fn integers(value: &Value) -> usize {
-        match value {
-            Value::Integer(_) => 1,
-            Value::Array(values) => values.iter().map(integers).sum(),
-            Value::Map(entries) => entries.iter().map(|(_, value)| integers(value)).sum(),
-            _ => 0,
-        }
-    }
-
-    /// The whole number that so many are before.
-    fn integer<'v>(value: &'v mut Value, left: &mut usize) -> Option<&'v mut Value> {
-        match value {
-            Value::Integer(_) if *left == 0 => Some(value),
-            Value::Integer(_) => {
-                *left -= 1;
-                None
-            }
-            Value::Array(values) => values.iter_mut().find_map(|value| integer(value, left)),
-            Value::Map(entries) => entries
-                .iter_mut()
-                .find_map(|(_, value)| integer(value, left)),
-            _ => None,
-        }
     }
 
     /// The first step of each of the two runs makes the program of all.
