@@ -148,13 +148,16 @@ def test_other_tolerances_compile_nothing(text: str) -> None:
         assert all(np.abs(found.end[name] - compiled.end[name]).max() < 1e-5 for name in found)
 
 
-def test_a_horizon_that_is_given_is_that_of_the_model() -> None:
-    text = "model m { state x = 0; x' = floor(time/30) - x; output y = floor(time); } simulate s of m { horizon 20; }"
+@pytest.mark.parametrize("rate", ["floor(time/30)", "pulse(time, 50, 0.9)", "mod(time, 40)", "sin(time)", "1"])
+@pytest.mark.parametrize("told", ["", "output every 0.5; "])
+def test_a_horizon_that_is_given_is_that_of_the_model(rate: str, told: str) -> None:
+    text = f"model m {{ state x = 0; x' = {rate} - x; output y = floor(time); }} simulate s of m {{ {told}horizon 20; }}"
     kept = nsdc.loads(text)["s"]
-    for horizon in (20.0, 100.0, 3.0, 5.5):
-        end = kept.run(horizon=horizon).end
-        fresh = nsdc.loads(text.replace("20", str(horizon)))["s"].run().end
-        assert all(end[name] == fresh[name] for name in ("x", "y"))
+    for horizon in (20.0, 100.0, 3.0, 5.5, 49.0):
+        given = kept.run(horizon=horizon)
+        fresh = nsdc.loads(text.replace("horizon 20", f"horizon {horizon}"))["s"].run()
+        assert given.time.tolist() == fresh.time.tolist()
+        assert all(given[name].tolist() == fresh[name].tolist() for name in ("x", "y"))
 
 
 def test_what_is_told_twice_is_told_by_its_name() -> None:
@@ -163,9 +166,8 @@ def test_what_is_told_twice_is_told_by_its_name() -> None:
     assert all(told[name][-1] == told.end[name] for name in ("q", "v"))
 
 
-@pytest.mark.parametrize("text", [BELT])
-def test_settings_without_a_meaning_are_refused(text: str) -> None:
-    kept = next(iter(nsdc.loads(text).experiments.values()))
+def test_settings_without_a_meaning_are_refused() -> None:
+    kept = nsdc.loads(BELT)["pulls"]
     for wrong in ({"horizon": -1.0}, {"tolerance": 2.0}):
         with pytest.raises(nsdc.ModelError):
             kept.run(**wrong)

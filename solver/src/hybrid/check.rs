@@ -215,17 +215,24 @@ pub fn must(holds: bool, fault: Fault) -> Result<(), Fault> {
     if holds { Ok(()) } else { Err(fault) }
 }
 
+/// Whether these are numbers below n, each larger than the one before.
+fn is_listed(list: &[usize], n: usize) -> bool {
+    list.is_sorted_by(|a, b| a < b) && list.last().is_none_or(|last| *last < n)
+}
+
 /// Writes a type as its fields, and checks it when it is read; it has `#[serde(remote = "Self")]` and a method `check`.
 #[macro_export]
 macro_rules! checked_when_read {
-    ($type:ty) => {
-        impl serde::Serialize for $type {
+    ($type:ty $(, $parameter:ident: $bound:path)?) => {
+        impl $(<$parameter: $bound + serde::Serialize>)? serde::Serialize for $type {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 <$type>::serialize(self, serializer)
             }
         }
 
-        impl<'de> serde::Deserialize<'de> for $type {
+        impl<'de $(, $parameter: $bound + serde::Deserialize<'de>)?> serde::Deserialize<'de>
+            for $type
+        {
             fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
                 let read = <$type>::deserialize(deserializer)?;
                 read.check().map_err(serde::de::Error::custom)?;
@@ -233,11 +240,6 @@ macro_rules! checked_when_read {
             }
         }
     };
-}
-
-/// Whether these are numbers below n, each larger than the one before.
-fn is_listed(list: &[usize], n: usize) -> bool {
-    list.is_sorted_by(|a, b| a < b) && list.last().is_none_or(|last| *last < n)
 }
 
 crate::checked_when_read!(HybridSystem);

@@ -93,6 +93,7 @@ impl DerefMut for Rows {
 
 #[cfg(test)]
 mod tests {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -120,6 +121,30 @@ mod tests {
                 ..Samples::default()
             })
         }
+    }
+
+    /// Panics the first time.
+    #[derive(Debug)]
+    struct Panics(AtomicUsize);
+
+    impl Course for Panics {
+        fn rows(&self) -> Samples {
+            let before = self.0.fetch_add(1, Ordering::Relaxed);
+            assert!(before > 0, "on purpose");
+            Counted(Arc::default()).rows()
+        }
+
+        fn end(&self) -> Option<Samples> {
+            None
+        }
+    }
+
+    #[test]
+    fn rows_are_there_behind_a_panic() {
+        let rows = Rows::of(Panics(AtomicUsize::new(0)));
+        let read = AssertUnwindSafe(|| rows.time.len());
+        assert!(catch_unwind(read).is_err());
+        assert_eq!((rows.time.len(), rows.end().time), (3, vec![1.0]));
     }
 
     #[test]

@@ -1,8 +1,5 @@
 //! What every [`System`] satisfies: whatever one refers to is there.
 
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
 use super::{Element, Program, StepProgram, System};
 use crate::hybrid::check::{Fault, must};
 
@@ -83,16 +80,4 @@ impl<P: Program> StepProgram<P> {
     }
 }
 
-impl<P: Serialize> Serialize for System<P> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        System::serialize(self, serializer)
-    }
-}
-
-impl<'de, P: Program + Deserialize<'de>> Deserialize<'de> for System<P> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let system = System::deserialize(deserializer)?;
-        system.check().map_err(Error::custom)?;
-        Ok(system)
-    }
-}
+crate::checked_when_read!(System<P>, P: Program);
