@@ -7,6 +7,7 @@ import pickle
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -43,9 +44,10 @@ def without_seconds(text: str) -> Any:
     ("stem", "name"),
     [(stem, name) for stem, file in FILES.items() for name in file if (stem, name) not in LONG],
 )
-def test_examples_have_the_numbers_of_the_command_line(stem: str, name: str) -> None:
-    experiment = FILES[stem][name]
-    told = without_seconds(command("run", experiment.file.path, name, "--json", "-"))
+def test_examples_have_the_numbers_of_the_command_line(stem: str, name: str, tmp_path: Path) -> None:
+    experiment, figure = FILES[stem][name], tmp_path / "figure.svg"
+    told = without_seconds(command("run", experiment.file.path, name, "--json", "-", "--plot", str(figure)))
+    assert ElementTree.parse(figure).getroot().tag.endswith("svg")
     result = experiment.run()
     assert without_seconds(result.json) == told
     assert result.time.tolist() == told["time"]

@@ -123,6 +123,7 @@ fn solve(mpcc: &Mpcc, mut w: Vec<f64>) -> Vec<f64> {
         }
     }
     let free: Vec<usize> = (0..w.len()).filter(|&i| is_free[i]).collect();
+    let mut upper = DMatrix::zeros(0, 0);
     for _ in 0..8 {
         evaluator.values(&w, &mut values);
         evaluator.jacobian(&w, &mut entries);
@@ -137,19 +138,25 @@ fn solve(mpcc: &Mpcc, mut w: Vec<f64>) -> Vec<f64> {
         }
         let residual = equations.iter().map(|&row| values[row]);
         let residual = DVector::from_iterator(equations.len(), residual);
-        let factors = jacobian.svd(true, true);
-        let smallest = factors.singular_values.min();
-        assert!(
-            smallest > 1e-6,
-            "the rows leave something open: {smallest:e}"
-        );
-        let step = factors
-            .solve(&residual, 0.0)
-            .expect("both factors are there");
+        let factors = jacobian.qr();
+        upper = factors.r();
+        let mut step = residual;
+        factors.q_tr_mul(&mut step);
+        let step = upper
+            .solve_upper_triangular(&step.rows(0, free.len()))
+            .expect("the rows leave nothing open");
         for (&i, step) in free.iter().zip(step.iter()) {
             w[i] -= step;
         }
+        if step.amax() < 1e-14 {
+            break;
+        }
     }
+    let smallest = upper.singular_values().min();
+    assert!(
+        smallest > 1e-6,
+        "the rows leave something open: {smallest:e}"
+    );
     evaluator.values(&w, &mut values);
     let residuals = equations.iter().map(|&row| values[row].abs());
     let smaller = pairs.iter().map(|&(a, b)| values[a].min(values[b]).abs());
