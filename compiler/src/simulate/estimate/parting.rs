@@ -51,7 +51,14 @@ fn groups(one: &[Begins], other: &[Begins], near: f64) -> Option<(usize, usize)>
         (fewest..=lengths.min(both - 1)).map(move |m| (m, both - m))
     });
     let mut pairs = pairs.filter(|&(m, n)| one[m - 1].1 == other[n - 1].1);
-    pairs.next()
+    let (m, n) = pairs.next()?;
+    // Jumps that leave the mode as it is may come behind what changes it in one run, and before it in the other.
+    let with_jumps = |all: &[Begins], fewest: usize, most: usize| {
+        let mode = all[fewest - 1].1;
+        let jumps = all[fewest..most].iter().take_while(|event| event.1 == mode);
+        fewest + jumps.count()
+    };
+    Some((with_jumps(one, m, lengths), with_jumps(other, n, others)))
 }
 
 #[cfg(test)]
@@ -71,6 +78,10 @@ mod tests {
         assert_eq!(parted(&one, &other, 1e-8), None);
         assert_eq!(parted(&one, &[(1.0, BOTH), (2.0, B)], 1e-8), None);
         assert_eq!(parted(&one, &other, 1e-10), Some(1.0));
+        let [jump, behind] = [[(1.0, A), (1.0, BOTH)], [(1.0, BOTH), (1.0 + 1e-12, BOTH)]];
+        assert_eq!(parted(&jump, &behind, 1e-8), None);
+        assert_eq!(parted(&behind, &jump, 1e-8), None);
+        assert_eq!(parted(&jump, &behind, 1e-13), Some(1.0 + 1e-12));
     }
 
     #[test]

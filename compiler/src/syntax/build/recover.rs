@@ -368,7 +368,9 @@ fn explain(
             "a product has a `*`, as in `3*x`; a unit behind a number is a known one, as in `3 m`";
         is_behind_number.then(|| Help::from(text))
     };
-    let help = help(place, failure, found_text, begins).or_else(behind_number);
+    let of_order = || order(failure, found_text, &text[start..]);
+    let help = help(place, failure, found_text, begins);
+    let help = help.or_else(of_order).or_else(behind_number);
     let before = before.map_or("", |before| before.text);
     let expected = expected(failure, before);
     SyntaxError::Expected {
@@ -473,6 +475,19 @@ fn help(place: Place, failure: &Failure, found: &str, begins: bool) -> Option<He
         }
         _ => return None,
     })
+}
+
+/// The form of a statement whose words stand in another order.
+fn order(failure: &Failure, found: &str, statement: &str) -> Option<Help> {
+    let starts = |words: [&str; 2]| {
+        let own = significant(statement, 0).map(|token| token.text);
+        own.take(2).eq(words)
+    };
+    if found == "every" && failure.expects(Rule::kw_when) {
+        return Some("a jump has a guard, `jump NAME when clock >= period { .. }`; `sampler` in `std.control` is one in every period".into());
+    }
+    starts(["expect", "mode"])
+        .then(|| "the instant stands before the mode: `expect mode at 2 is sliding(s);`".into())
 }
 
 /// Where `der(x)` ends, and the state in it: a name, its fields and indices.
