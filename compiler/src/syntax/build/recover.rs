@@ -218,7 +218,7 @@ fn rule_for(
         Place::Options | Place::Mechanics if is_name => Ok(Rule::option),
         Place::Free if is_name => Ok(Rule::free_path),
         Place::Plot => Ok(Rule::plot_panel),
-        Place::Animation if is_name => Ok(Rule::drawing),
+        Place::Animation | Place::Shapes if is_name => Ok(Rule::drawing),
         _ => Err(unknown(reading, place, text, first)),
     }
 }

@@ -4,13 +4,17 @@ use super::error::ExperimentError;
 use super::plot::Sheet;
 use super::reader::{Reader, unknown_choice};
 use crate::expr::Expr;
+use crate::model::expressions::rows::{Loop, Texts};
 use crate::source::Span;
 use crate::syntax::{self, Ident, PlotItem, PlotKind};
 
-/// The words of an animation.
+/// The words of an animation, shapes first.
 const WORDS: [&str; 7] = [
     "disc", "segment", "polygon", "trace", "speed", "title", "width",
 ];
+
+/// Words of shapes.
+const SHAPES: usize = 4;
 
 /// Shapes that move as an experiment asks for it.
 #[derive(Clone, Debug)]
@@ -95,26 +99,45 @@ impl<'e> Animation<'e> {
             speed: 1.0,
             shapes: Vec::new(),
         };
+        animation.add(reader, items, &[]);
+        (!animation.shapes.is_empty()).then_some(animation)
+    }
+
+    /// Adds the members that stand in some loops.
+    fn add(&mut self, reader: &mut Reader<'_, 'e>, items: &[PlotItem], loops: &[Loop<'_>]) {
         for item in items {
             match &item.kind {
+                PlotKind::For(binders, items) => {
+                    self.add(reader, items, &[loops, &[(binders, item.span)]].concat());
+                }
                 PlotKind::Drawing(word, exprs) => match DrawingKind::named(&word.name) {
                     Some(kind) => {
-                        let shape = Drawing::read(reader, (kind, word), exprs, item.span);
-                        animation.shapes.extend(shape);
+                        let values = reader.model.scope.each(loops, exprs, reader.diags);
+                        reader.failed |= values.is_none();
+                        for texts in values.into_iter().flatten() {
+                            let shape = Drawing::read(reader, (kind, word), texts, item.span);
+                            self.shapes.extend(shape);
+                        }
                     }
-                    None if word.name == "speed" => {
+                    None if word.name == "speed" && loops.is_empty() => {
                         reader.once("`speed`", item.span);
-                        animation.speed = speed(reader, exprs, item.span);
+                        self.speed = speed(reader, exprs, item.span);
                     }
-                    None => reader.error(unknown_choice("member of an animation", word, &WORDS)),
+                    None => {
+                        let words = &WORDS[..if loops.is_empty() {
+                            WORDS.len()
+                        } else {
+                            SHAPES
+                        }];
+                        reader.error(unknown_choice("member of an animation", word, words));
+                    }
                 },
                 _ => {
                     let words = ["`title` of `animate`", "`width` of `animate`"];
-                    animation.sheet.read(reader, item, words);
+                    self.sheet.read(reader, item, words);
                 }
             }
         }
-        (!animation.shapes.is_empty()).then_some(animation)
     }
 }
 
@@ -138,14 +161,11 @@ impl<'e> Drawing<'e> {
     fn read(
         reader: &mut Reader<'_, 'e>,
         (kind, word): (DrawingKind, &Ident),
-        exprs: &[syntax::Expr],
+        texts: Texts<'e>,
         span: Span,
     ) -> Option<Self> {
-        let values = exprs.iter();
-        let values = values.map(|expr| reader.model.scope.expr(expr, None, reader.diags));
-        let values: Option<Vec<_>> = values.collect();
-        reader.failed |= values.is_none();
-        let entries = values?.into_iter().flat_map(|value| value.data);
+        let (names, values): (Vec<_>, Vec<_>) = texts.into_iter().unzip();
+        let entries = values.into_iter().flat_map(|value| value.data);
         let entries: Vec<Expr<'e>> = entries.collect();
         if !kind.takes(entries.len()) {
             reader.error(ExperimentError::ShapeNumbers {
@@ -159,7 +179,7 @@ impl<'e> Drawing<'e> {
         Some(Drawing {
             kind,
             entries,
-            names: exprs.iter().map(syntax::Expr::to_string).collect(),
+            names,
         })
     }
 }
