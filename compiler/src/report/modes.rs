@@ -327,7 +327,12 @@ mod tests {
         let mut run = history(&modes.each_ref().map(String::as_str));
         run.modes[1].mode = run.modes[1].mode.replace("below(s[6])", "above(s[6])");
         run.modes.extend(history(&[&mode(6), "inside"]).modes);
-        insta::assert_snapshot!(texts(&run, 10), @"");
+        insta::assert_snapshot!(texts(&run, 10), @r"
+        7 below, above(s[2])
+        6 below, above(s[5], s[6])
+        7 below, above(s[6])
+        inside
+        ");
     }
 
     #[test]

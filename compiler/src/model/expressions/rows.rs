@@ -37,8 +37,11 @@ impl<'e> Scope<'e> {
 /// A loop around expressions.
 pub type Loop<'s> = (&'s [Binder], Span);
 
-/// Values with their texts.
-pub type Texts<'e> = Vec<(String, Tensor<'e>)>;
+/// Values with their texts, and which time of each loop around them it is.
+pub struct Turn<'e> {
+    pub turns: Vec<usize>,
+    pub values: Vec<(String, Tensor<'e>)>,
+}
 
 impl<'e> Scope<'e> {
     /// The values of expressions with their texts, once for all indices of the loops around them; `None` after an error.
@@ -47,10 +50,10 @@ impl<'e> Scope<'e> {
         loops: &[Loop<'_>],
         exprs: &[syntax::Expr],
         diags: &mut Diagnostics,
-    ) -> Option<Vec<Texts<'e>>> {
+    ) -> Option<Vec<Turn<'e>>> {
         let mut found = Vec::new();
         let mut lowering = Lowering::new(self, None, diags);
-        each(&mut lowering, loops, exprs, &mut found).ok()?;
+        each(&mut lowering, loops, exprs, &mut Vec::new(), &mut found).ok()?;
         Some(found)
     }
 }
@@ -59,16 +62,29 @@ fn each<'e>(
     lowering: &mut Lowering<'_, 'e>,
     loops: &[Loop<'_>],
     exprs: &[syntax::Expr],
-    found: &mut Vec<Texts<'e>>,
+    turns: &mut Vec<usize>,
+    found: &mut Vec<Turn<'e>>,
 ) -> Result<(), Reported> {
     if let [(binders, span), inner @ ..] = loops {
-        return lowering.for_each(binders, *span, &mut |lowering| {
-            each(lowering, inner, exprs, found)
+        turns.push(0);
+        let result = lowering.for_each(binders, *span, &mut |lowering| {
+            let result = each(lowering, inner, exprs, turns, found);
+            turns
+                .iter_mut()
+                .last()
+                .into_iter()
+                .for_each(|turn| *turn += 1);
+            result
         });
+        turns.pop();
+        return result;
     }
     let values = lowering.all_numbers(exprs.iter())?;
     let texts = exprs.iter().map(|expr| lowering.names.whole().text(expr));
-    found.push(texts.zip(values).collect());
+    found.push(Turn {
+        turns: turns.clone(),
+        values: texts.zip(values).collect(),
+    });
     Ok(())
 }
 

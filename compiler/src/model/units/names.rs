@@ -133,7 +133,7 @@ fn unknown(name: &str, span: Span) -> UnitError {
             true => format!("a number may have its own, as in `2 {name}`"),
             false => format!("the number is in `{unit}`, too"),
         };
-        format!("declare it in `{unit}`; {number}").into()
+        format!("write `{unit}`; {number}").into()
     });
     let multiplied = || {
         let product = product(name)?;

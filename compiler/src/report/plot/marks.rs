@@ -259,7 +259,7 @@ pub fn end(canvas: &Canvas<'_>, at: Point) {
     canvas.disc(at, 4.0, LINES[0]);
 }
 
-/// The lines of a text that are at most so wide, broken at spaces, and within words where these are wider.
+/// The lines of a text that are at most so wide, broken behind commas or at spaces, and within words where these are wider.
 fn broken(text: &str, width: f64) -> Vec<&str> {
     let mut lines = Vec::new();
     let mut rest = text;
@@ -268,12 +268,15 @@ fn broken(text: &str, width: f64) -> Vec<&str> {
         let fit = ends.take_while(|&end| text_width(&rest[..end], TEXT_SIZE) <= width);
         let first = rest.chars().next().map_or(0, char::len_utf8);
         let fit = fit.last().unwrap_or(first).max(first);
-        let end = match rest[..fit].rfind(' ') {
+        // Between words of a mode first, in all but very short lines.
+        let comma = rest[..fit].rfind(", ").filter(|at| 2 * at >= fit);
+        let space = comma.map(|at| at + 1).or_else(|| rest[..fit].rfind(' '));
+        let end = match space {
             Some(space) if space > 0 => space + 1,
             _ => fit,
         };
         lines.push(rest[..end].trim_end());
-        rest = &rest[end..];
+        rest = rest[end..].trim_start();
     }
     lines.push(rest);
     lines
@@ -295,5 +298,6 @@ mod tests {
         }
         assert_eq!(broken(name, 1000.0), [name]);
         assert_eq!(broken("a b", 8.0), ["a", "b"]);
+        assert_eq!(broken("active(a, v + b)", 68.0), ["active(a,", "v + b)"]);
     }
 }

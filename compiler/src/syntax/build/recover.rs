@@ -479,15 +479,21 @@ fn help(place: Place, failure: &Failure, found: &str, begins: bool) -> Option<He
 
 /// The form of a statement whose words stand in another order.
 fn order(failure: &Failure, found: &str, statement: &str) -> Option<Help> {
-    let starts = |words: [&str; 2]| {
-        let own = significant(statement, 0).map(|token| token.text);
-        own.take(2).eq(words)
-    };
-    if found == "every" && failure.expects(Rule::kw_when) {
-        return Some("a jump has a guard, `jump NAME when clock >= period { .. }`; `sampler` in `std.control` is one in every period".into());
-    }
-    starts(["expect", "mode"])
-        .then(|| "the instant stands before the mode: `expect mode at 2 is sliding(s);`".into())
+    let words: Vec<&str> = (significant(statement, 0).map(|token| token.text))
+        .take(2)
+        .collect();
+    Some(match words[..] {
+        ["output", _] if failure.expects(Rule::kw_every) => {
+            "`output` of an experiment takes names: the model names an expression, `output y = 2*x;`, or `plot` draws it".into()
+        }
+        ["expect", "mode"] => {
+            "the instant stands before the mode: `expect mode at 2 is sliding(s);`".into()
+        }
+        _ if found == "every" && failure.expects(Rule::kw_when) => {
+            "a jump has a guard, `jump NAME when clock >= period { .. }`; `sampler` in `std.control` is one in every period".into()
+        }
+        _ => return None,
+    })
 }
 
 /// Where `der(x)` ends, and the state in it: a name, its fields and indices.

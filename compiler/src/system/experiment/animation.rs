@@ -4,7 +4,8 @@ use super::error::ExperimentError;
 use super::plot::Sheet;
 use super::reader::{Reader, unknown_choice};
 use crate::expr::Expr;
-use crate::model::expressions::rows::{Loop, Texts};
+use crate::model::Tensor;
+use crate::model::expressions::rows::Loop;
 use crate::source::Span;
 use crate::syntax::{self, Ident, PlotItem, PlotKind};
 
@@ -99,24 +100,40 @@ impl<'e> Animation<'e> {
             speed: 1.0,
             shapes: Vec::new(),
         };
-        animation.add(reader, items, &[]);
+        let mut found = Vec::new();
+        animation.add(reader, items, &mut Vec::new(), &mut found);
+        found.sort_by(|(one, _), (other, _)| one.cmp(other));
+        animation.shapes = found.into_iter().map(|(_, shape)| shape).collect();
         (!animation.shapes.is_empty()).then_some(animation)
     }
 
-    /// Adds the members that stand in some loops.
-    fn add(&mut self, reader: &mut Reader<'_, 'e>, items: &[PlotItem], loops: &[Loop<'_>]) {
-        for item in items {
+    /// Adds the members that stand in some loops, which have their places in these; a shape goes with its place, the turn
+    /// of the loop around it, its place in that, and so on.
+    fn add<'s>(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        items: &'s [PlotItem],
+        loops: &mut Vec<(usize, Loop<'s>)>,
+        found: &mut Vec<(Vec<usize>, Drawing<'e>)>,
+    ) {
+        for (place, item) in items.iter().enumerate() {
             match &item.kind {
                 PlotKind::For(binders, items) => {
-                    self.add(reader, items, &[loops, &[(binders, item.span)]].concat());
+                    loops.push((place, (binders, item.span)));
+                    self.add(reader, items, loops, found);
+                    loops.pop();
                 }
                 PlotKind::Drawing(word, exprs) => match DrawingKind::named(&word.name) {
                     Some(kind) => {
-                        let values = reader.model.scope.each(loops, exprs, reader.diags);
-                        reader.failed |= values.is_none();
-                        for texts in values.into_iter().flatten() {
-                            let shape = Drawing::read(reader, (kind, word), texts, item.span);
-                            self.shapes.extend(shape);
+                        let around: Vec<Loop<'_>> = loops.iter().map(|(_, one)| *one).collect();
+                        let all = reader.model.scope.each(&around, exprs, reader.diags);
+                        reader.failed |= all.is_none();
+                        for one in all.into_iter().flatten() {
+                            let outer = loops.iter().zip(&one.turns);
+                            let outer = outer.flat_map(|((place, _), turn)| [*place, *turn]);
+                            let path = outer.chain([place]).collect();
+                            let shape = Drawing::read(reader, (kind, word), one.values, item.span);
+                            found.extend(shape.map(|shape| (path, shape)));
                         }
                     }
                     None if word.name == "speed" && loops.is_empty() => {
@@ -161,10 +178,10 @@ impl<'e> Drawing<'e> {
     fn read(
         reader: &mut Reader<'_, 'e>,
         (kind, word): (DrawingKind, &Ident),
-        texts: Texts<'e>,
+        values: Vec<(String, Tensor<'e>)>,
         span: Span,
     ) -> Option<Self> {
-        let (names, values): (Vec<_>, Vec<_>) = texts.into_iter().unzip();
+        let (names, values): (Vec<_>, Vec<_>) = values.into_iter().unzip();
         let entries = values.into_iter().flat_map(|value| value.data);
         let entries: Vec<Expr<'e>> = entries.collect();
         if !kind.takes(entries.len()) {
