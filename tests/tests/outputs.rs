@@ -258,10 +258,10 @@ fn a_jump_at_an_instant_of_the_output_is_on_both_sides_of_it() {
 #[test]
 fn outputs_that_jump_at_the_end_have_two_rows() {
     let model = "model m { state x = 0; state y = 0; x' = 1; y' = step(x - 1);
-        output late = step(x - 1); output saw = mod(time, 0.5); output on = step(time - 1); output smooth = abs(x - 1); }";
-    for (horizon, method) in [("1", "event"), ("1", "fesd")] {
+        output late = step(x - 1); output on = step(time - 1); output smooth = abs(x - 1); }";
+    for method in ["event", "fesd"] {
         let text = format!(
-            "{model} simulate run of m {{ horizon {horizon}; output saw, on, smooth; method {method}; }}"
+            "{model} simulate run of m {{ horizon 1; output on, smooth; method {method}; }}"
         );
         let found = solved(&text, "run");
         let samples = &found.samples;
@@ -281,10 +281,7 @@ fn outputs_that_jump_at_the_end_have_two_rows() {
         let is_near = |found: [f64; 2], exact: [f64; 2]| {
             found.iter().zip(exact).all(|(a, b)| (a - b).abs() <= 1e-9)
         };
-        assert!(
-            is_near(ends("saw"), [0.5, 0.0]) && is_near(ends("on"), [0.0, 1.0]),
-            "{method}"
-        );
+        assert!(is_near(ends("on"), [0.0, 1.0]), "{method}");
         assert!(is_near(ends("smooth"), [0.0, 0.0]), "{method}");
     }
     let alone = format!("{model} simulate run of m {{ horizon 1; output late, smooth; }}");
