@@ -255,3 +255,33 @@ fn what_is_not_animated_is_refused() {
     assert_eq!((all.status, all.err.as_str()), (0, ""));
     assert!(folder.join("f-bounces.svg").exists() && !folder.join("f-still.svg").exists());
 }
+
+/// Shapes in loops are those that are written one by one, in the order of the indices.
+#[test]
+fn shapes_in_loops_are_drawn_for_every_index() {
+    let model = "model m { param r[2] = [0.1, 0.2]; state q[2, 2] = [0, 0; 1, 0]; for i in 1..2 { q[i, 1]' = i; q[i, 2]' = 0; } }";
+    let draws = |name: &str, shapes: &str| {
+        let folder = folder(name);
+        let text = format!("{model} simulate run of m {{ horizon 1; animate {{ {shapes} }} }}");
+        fs::write(folder.join("m.nsd"), text).expect("the folder is there");
+        let ran = nsdc(&folder, &["run", "m.nsd", "--animate", "-"]);
+        assert_eq!(ran.status, 0, "{}", ran.err);
+        ran.out
+    };
+    let loops = "for i in 1..2 { disc q[i, 1], q[i, 2], r[i]; for j in i..2 { segment i, j, q[j, 1], 0; } }";
+    let written = "disc q[1, 1], q[1, 2], r[1]; segment 1, 1, q[1, 1], 0; segment 1, 2, q[2, 1], 0;
+        disc q[2, 1], q[2, 2], r[2]; segment 2, 2, q[2, 1], 0;";
+    assert_eq!(draws("loops", loops), draws("written", written));
+    let folder = folder("wrong_loops");
+    let text = format!(
+        "{model} simulate run of m {{ horizon 1; animate {{ for i in 1..2 {{ disc q[i, 1], 0, 1; speed 2; title \"a\"; }} }} }}"
+    );
+    fs::write(folder.join("m.nsd"), text).expect("the folder is there");
+    let ran = nsdc(&folder, &["check", "m.nsd"]);
+    assert_eq!(
+        ran.err.matches("unknown member of an animation").count(),
+        2,
+        "{}",
+        ran.err
+    );
+}

@@ -213,7 +213,7 @@ fn a_plot_says_what_a_figure_shows() {
     };
     let svg = drawn("drawn");
     for text in [
-        "2*speed",
+        "2*speed [1/s]",
         "loss",
         "wind",
         "torque",

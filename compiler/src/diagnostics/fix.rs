@@ -99,6 +99,14 @@ impl Help {
         )
     }
 
+    /// The same words, and others behind them.
+    pub fn followed_by(self, more: &str) -> Self {
+        Help {
+            text: format!("{} {more}", self.text).into(),
+            ..self
+        }
+    }
+
     /// The same words with another text that takes the place, where there is one.
     pub fn written(mut self, form: impl FnOnce(&str) -> String) -> Self {
         if let Some((replacement, _)) = &mut self.instead {

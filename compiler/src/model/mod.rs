@@ -475,6 +475,28 @@ pub struct Surface<'e> {
     pub psi: Expr<'e>,
     /// Where it stands.
     pub span: Span,
+    /// Whether these are words for people alone, of a kink that has its formula for a name.
+    pub is_alias: bool,
+}
+
+impl<'e> Surface<'e> {
+    /// A surface with its name.
+    pub(crate) fn new(name: String, psi: Expr<'e>, span: Span) -> Self {
+        Surface {
+            name,
+            psi,
+            span,
+            is_alias: false,
+        }
+    }
+
+    /// The same, as words for people alone.
+    pub(crate) fn alias(self) -> Self {
+        Surface {
+            is_alias: true,
+            ..self
+        }
+    }
 }
 
 /// A floor, of a quotient by a period in `mod` and the like.

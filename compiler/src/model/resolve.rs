@@ -72,7 +72,8 @@ fn resolve_in<'e>(
     let touched = walk(&mut model, &whole, diags);
     let is_connected = connect::connect(&mut model, bound, diags);
     let mut seen = FxHashSet::default();
-    (model.surfaces).retain(|surface| surface.psi.is_zero() || seen.insert(surface.psi));
+    (model.surfaces)
+        .retain(|surface| surface.psi.is_zero() || seen.insert((surface.psi, surface.is_alias)));
     if is_connected && !is_forgiving(&whole) {
         partition::partition(&mut model, &touched, diags);
         algebraic::count(&model, diags);

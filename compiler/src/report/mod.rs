@@ -33,10 +33,13 @@ pub use dense::{Dense, Piece};
 pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
+pub use modes::ModeTexts;
 pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
 pub(crate) use rows::{Course, curve};
 pub use rows::{Rows, curve::refine};
 pub use status::{Certificate, Stationarity, Stats, Status};
+
+use rustc_hash::FxHashMap;
 
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
@@ -114,6 +117,9 @@ pub struct History {
     /// Surface names of the switches, in the order of [`ModeInterval::sides`].
     #[serde(skip)]
     pub switches: Vec<String>,
+    /// Words for people of surfaces that have formulas for names.
+    #[serde(skip)]
+    pub aliases: FxHashMap<String, String>,
     /// Chattering that went on as sliding.
     #[serde(skip)]
     pub averaged: Vec<Averaged>,

@@ -4,7 +4,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::System;
 use super::switches::entries::Entry;
-use crate::expr::{Expr, Substitution, Var, rewrite};
+use crate::expr::{Expr, Substitution, Var, rewrite, variables_of};
 use crate::system::switches::Switches;
 use crate::system::switches::known::Known;
 use crate::system::switches::surface;
@@ -110,11 +110,15 @@ impl<'e> System<'e> {
         self.provenance.readings.alphas.len() > self.switches.len()
     }
 
-    /// The relay that an entry of a named switch stands for.
-    pub fn relay_of(&self, entry: Expr<'e>) -> Option<usize> {
-        let alpha = self.provenance.readings.named.get(entry.as_variable()?)?;
-        let k = (self.provenance.readings.alphas.iter()).position(|other| *other == alpha)?;
-        self.switches[k].relay.map(|_| k)
+    /// The switch that an entry of a named switch stands for, whatever its ψ has become, and whether it is flipped.
+    pub fn named_switch(&self, entry: Expr<'e>) -> Option<(usize, bool)> {
+        let value = self.provenance.readings.named.get(entry.as_variable()?)?;
+        let [alpha] = variables_of(&[value])[..] else {
+            return None;
+        };
+        let mut switches = self.switches.iter();
+        let k = switches.position(|switch| switch.alpha.as_variable() == Some(alpha))?;
+        Some((k, value.eval(&|_| 1.0) < value.eval(&|_| 0.0)))
     }
 
     /// The switch with the surface ψ = 0, and whether ψ is positive where its α is 0.

@@ -17,7 +17,7 @@ use crate::project::{ensemble, figure, launch};
 use crate::report::forms::{csv, json, text};
 use crate::report::{Status, Trajectory, Warning};
 use crate::simulate::Request;
-use crate::syntax::{Bind, Experiment, PlotKind, SettingKind};
+use crate::syntax::{Bind, Experiment, PlotItem, PlotKind, SettingKind};
 use crate::{Compiled, compile};
 
 /// Runs experiments and reports what came out.
@@ -84,12 +84,16 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
 
 /// Whether an experiment says what its animation shows.
 fn is_animated(experiment: &Experiment) -> bool {
-    let settings = experiment.settings.iter();
-    let mut members = settings.flat_map(|setting| match &setting.kind {
-        SettingKind::Animate(items) => &items[..],
-        _ => &[],
-    });
-    members.any(|item| matches!(&item.kind, PlotKind::Drawing(word, _) if word.name != "speed"))
+    fn has_shapes(items: &[PlotItem]) -> bool {
+        items.iter().any(|item| match &item.kind {
+            PlotKind::Drawing(word, _) => word.name != "speed",
+            PlotKind::For(_, items) => has_shapes(items),
+            _ => false,
+        })
+    }
+    let mut settings = experiment.settings.iter();
+    settings
+        .any(|setting| matches!(&setting.kind, SettingKind::Animate(items) if has_shapes(items)))
 }
 
 /// The SVG texts of a run, where they are asked for.

@@ -99,6 +99,12 @@ fn apply<'e>(
                     );
                 }
             }
+            if let ([a, b], [left, right]) = (&call.args[..], values)
+                && let ([x], [y]) = (&left.data[..], &right.data[..])
+                && !check::is_zero_literal(a)
+            {
+                check::record_pair(lowering, (*a, *x), (*b, *y));
+            }
             let function = if call.name == "min" {
                 BinaryFunction::Min
             } else {
@@ -117,7 +123,10 @@ fn apply<'e>(
                 ),
             };
             if let ([x], [lo], [hi]) = (&first.data[..], &lo.data[..], &hi.data[..]) {
-                check::record_bounds(lowering, &call.args, *x, [*lo, *hi]);
+                for (k, bound) in [*lo, *hi].into_iter().enumerate() {
+                    let written = call.args.get(k + 1).map(|arg| (*arg, 1.0));
+                    check::record_bound(lowering, (call.args[0], *x), bound, written);
+                }
             }
             clip(lowering, call, first, lo, hi)
         }
@@ -126,6 +135,13 @@ fn apply<'e>(
                 .get(1)
                 .cloned()
                 .unwrap_or_else(|| Tensor::scalar(lowering.constant(1.0)));
+            if let ([x], [width]) = (&first.data[..], &width.data[..]) {
+                for sign in [-1.0, 1.0] {
+                    let written = call.args.get(1).map(|arg| (*arg, sign));
+                    let value = (call.args[0], *x);
+                    check::record_bound(lowering, value, sign * *width, written);
+                }
+            }
             let clipped = clip(lowering, call, first.clone(), width.map(|w| -w), width)?;
             first.zip(&clipped, |x, c| x - c).ok_or(Reported)
         }

@@ -84,7 +84,7 @@ fn relation<'e>(
         if value == 0.0 && lowering.varies {
             let (_, name) = difference(lowering, (left, a), (right, b));
             let (psi, span) = (change, left.span.to(right.span));
-            lowering.surfaces.push(Surface { name, psi, span });
+            lowering.surfaces.push(Surface::new(name, psi, span));
         }
         return Ok(lowering.constant(if holds { 1.0 } else { 0.0 }));
     }
@@ -94,11 +94,8 @@ fn relation<'e>(
     } else {
         (difference(lowering, (left, a), (right, b)), above)
     };
-    lowering.surfaces.push(Surface {
-        name,
-        psi,
-        span: left.span.to(right.span),
-    });
+    let span = left.span.to(right.span);
+    lowering.surfaces.push(Surface::new(name, psi, span));
     Ok(if above { psi.step() } else { 1.0 - psi.step() })
 }
 
@@ -135,7 +132,7 @@ pub(crate) fn record_zeros<'e>(
     if lowering.varies && value.data.iter().any(|psi| psi.is_zero()) {
         let (name, psi) = (lowering.names.whole().text(arg), lowering.constant(0.0));
         let span = arg.span;
-        lowering.surfaces.push(Surface { name, psi, span });
+        lowering.surfaces.push(Surface::new(name, psi, span));
     }
 }
 
@@ -171,47 +168,62 @@ pub(crate) fn record_surfaces<'e>(
                 }
             },
         };
-        lowering.surfaces.push(Surface {
-            name,
-            psi,
-            span: arg.span,
-        });
+        let formula = psi.to_string();
+        let is_shorter = formula.len() < name.len();
+        let surface = Surface::new(name, psi, arg.span);
+        lowering.surfaces.push(surface);
+        if is_shorter {
+            (lowering.surfaces).push(Surface::new(formula, psi, arg.span).alias());
+        }
     }
 }
 
-/// Remembers how the switching functions of a value between bounds are written, where the value itself is made of
-/// kinks: what these stand for says less than their words.
-pub(crate) fn record_bounds<'e>(
+/// Remembers how the kinks between two values are written.
+pub(crate) fn record_pair<'e>(
     lowering: &mut Lowering<'_, 'e>,
-    args: &[&syntax::Expr],
-    x: Expr<'e>,
-    bounds: [Expr<'e>; 2],
+    left: (&syntax::Expr, Expr<'e>),
+    right: (&syntax::Expr, Expr<'e>),
 ) {
-    if !has_kinks(x) {
-        return;
+    let ((psi, name), span) = (difference(lowering, left, right), left.0.span);
+    if psi.as_constant().is_none() {
+        (lowering.surfaces).push(Surface::new(name, psi, span).alias());
     }
-    let value = lowering.names.whole().at_level(args[0], Level::Sum);
-    for (k, bound) in bounds.into_iter().enumerate() {
-        let (sign, text) = match (bound.as_constant(), args.get(k + 1)) {
-            (Some(number), _) if number.is_infinite() => continue,
-            (Some(number), _) if number < 0.0 => ("+", (-number).to_string()),
-            (Some(number), _) => ("-", number.to_string()),
-            (None, Some(arg)) => match &arg.kind {
-                ExprKind::Negate(arg) => {
-                    ("+", lowering.names.whole().at_level(arg, Level::Product))
-                }
-                _ => ("-", lowering.names.whole().at_level(arg, Level::Product)),
-            },
-            (None, None) => continue,
-        };
-        let name = match text.as_str() {
-            "0" => value.clone(),
-            text => format!("{value} {sign} {text}"),
-        };
-        let (psi, span) = (x - bound, args[0].span);
-        if !psi.cancels() {
-            lowering.surfaces.push(Surface { name, psi, span });
+}
+
+/// Remembers how the surface x = bound of a value between bounds is written, its bound as it is or with the other sign. That is its name where x itself is made of
+/// kinks: what these stand for says less than their words.
+pub(crate) fn record_bound<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    (value, x): (&syntax::Expr, Expr<'e>),
+    bound: Expr<'e>,
+    written: Option<(&syntax::Expr, f64)>,
+) {
+    let (sign, text) = match (bound.as_constant(), written) {
+        (Some(number), _) if number.is_infinite() => return,
+        (Some(number), _) => (number, number.abs().to_string()),
+        (None, Some((written, sign))) => {
+            let (sign, written) = match &written.kind {
+                ExprKind::Negate(inner) => (-sign, &**inner),
+                _ => (sign, written),
+            };
+            let words = lowering.names.whole();
+            (sign, words.at_level(written, Level::Product))
         }
+        (None, None) => return,
+    };
+    let words = lowering.names.whole().at_level(value, Level::Sum);
+    let name = match text.as_str() {
+        "0" => words,
+        text => format!("{words} {} {text}", if sign < 0.0 { "+" } else { "-" }),
+    };
+    let psi = x - bound;
+    if !psi.cancels() {
+        let surface = Surface::new(name, psi, value.span);
+        (lowering.surfaces).push(if has_kinks(x) {
+            surface
+        } else {
+            surface.alias()
+        });
     }
 }
 

@@ -99,8 +99,7 @@ fn pulse<'e>(
             1 => name.clone(),
             _ => ahead.shape.entry_name(&format!("({name})"), position),
         };
-        let span = call.span;
-        lowering.surfaces.push(Surface { name, psi, span });
+        (lowering.surfaces).push(Surface::new(name, psi, call.span));
     }
     Ok(ahead.map(Expr::step))
 }

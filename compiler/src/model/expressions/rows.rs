@@ -4,9 +4,9 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Hook, Reported, Scope};
-use crate::model::{ModelError, Shape};
+use crate::model::{ModelError, Shape, Tensor};
 use crate::source::Span;
-use crate::syntax::{Relation, Row};
+use crate::syntax::{self, Binder, Relation, Row};
 
 /// `a <= b <= c`, one entry of it.
 #[derive(Clone, Debug)]
@@ -32,6 +32,60 @@ impl<'e> Scope<'e> {
         all(&mut lowering, rows, &mut found).ok()?;
         Some(found)
     }
+}
+
+/// A loop around expressions.
+pub type Loop<'s> = (&'s [Binder], Span);
+
+/// Values with their texts, and which time of each loop around them it is.
+pub struct Turn<'e> {
+    pub turns: Vec<usize>,
+    pub values: Vec<(String, Tensor<'e>)>,
+}
+
+impl<'e> Scope<'e> {
+    /// The values of expressions with their texts, once for all indices of the loops around them; `None` after an error.
+    pub fn each(
+        &self,
+        loops: &[Loop<'_>],
+        exprs: &[syntax::Expr],
+        diags: &mut Diagnostics,
+    ) -> Option<Vec<Turn<'e>>> {
+        let mut found = Vec::new();
+        let mut lowering = Lowering::new(self, None, diags);
+        each(&mut lowering, loops, exprs, &mut Vec::new(), &mut found).ok()?;
+        Some(found)
+    }
+}
+
+fn each<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    loops: &[Loop<'_>],
+    exprs: &[syntax::Expr],
+    turns: &mut Vec<usize>,
+    found: &mut Vec<Turn<'e>>,
+) -> Result<(), Reported> {
+    if let [(binders, span), inner @ ..] = loops {
+        turns.push(0);
+        let result = lowering.for_each(binders, *span, &mut |lowering| {
+            let result = each(lowering, inner, exprs, turns, found);
+            turns
+                .iter_mut()
+                .last()
+                .into_iter()
+                .for_each(|turn| *turn += 1);
+            result
+        });
+        turns.pop();
+        return result;
+    }
+    let values = lowering.all_numbers(exprs.iter())?;
+    let texts = exprs.iter().map(|expr| lowering.names.whole().text(expr));
+    found.push(Turn {
+        turns: turns.clone(),
+        values: texts.zip(values).collect(),
+    });
+    Ok(())
 }
 
 /// The comparisons of all rows, added to those found.
@@ -63,7 +117,7 @@ pub(crate) fn all<'e>(
 /// Members of one shape; scalars are compared with every entry.
 fn relation<'e>(
     lowering: &mut Lowering<'_, 'e>,
-    members: Vec<&crate::syntax::Expr>,
+    members: Vec<&syntax::Expr>,
     relations: &[Relation],
     span: Span,
     found: &mut Vec<Comparison<'e>>,

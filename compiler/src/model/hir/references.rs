@@ -5,7 +5,7 @@ use super::reserved::{VALUES, is_function, is_kept};
 use super::{File, Global, Model, Reference, References, local_lets};
 use crate::syntax::{
     Arg, Bind, Binder, Contact, Domain, Expect, ExpectWhen, Experiment, Expr, ExprKind, Function,
-    OutputWhen, ProgramKind, RegionGuard, Row, Setting, SettingKind, Stmt,
+    OutputWhen, PlotItem, PlotKind, ProgramKind, RegionGuard, Row, Setting, SettingKind, Stmt,
 };
 
 pub(super) struct Resolver<'r, 'f> {
@@ -206,6 +206,15 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
+    fn plot_items(&mut self, items: &'f [PlotItem]) {
+        for item in items {
+            self.exprs(item.kind.exprs());
+            if let PlotKind::For(binders, items) = &item.kind {
+                self.under(binders, |r| r.plot_items(items));
+            }
+        }
+    }
+
     /// The settings of an experiment that say something in units.
     pub fn experiment(&mut self, experiment: &'f Experiment) {
         for setting in &experiment.settings {
@@ -218,7 +227,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
                 } => self.expr(instants),
                 SettingKind::Perturb { every, .. } => self.expr(every),
                 SettingKind::Plot(items) | SettingKind::Animate(items) => {
-                    self.exprs(items.iter().flat_map(|item| item.kind.exprs()));
+                    self.plot_items(items);
                 }
                 SettingKind::Expect(Expect::Mode { at, .. }) => self.expr(at),
                 SettingKind::Expect(Expect::Relation(relation)) => {

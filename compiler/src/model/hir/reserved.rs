@@ -102,6 +102,32 @@ pub(crate) fn closest<'c>(name: &str, candidates: impl Iterator<Item = &'c str>)
         .map(|(_, candidate)| candidate.to_owned())
 }
 
+/// Names that are listed before the rest is counted.
+const MAX_NAMES: usize = 12;
+
+/// `did you mean ..` for an error in a place where these names are all, and which they are.
+pub(crate) fn one_of<'c>(
+    name: &str,
+    place: &str,
+    candidates: impl Iterator<Item = &'c str>,
+) -> Option<Help> {
+    let mut names: Vec<&str> = candidates.collect();
+    names.sort_unstable();
+    let shown: Vec<String> = (names.iter().take(MAX_NAMES))
+        .map(|name| format!("`{name}`"))
+        .collect();
+    let others = match names.len().saturating_sub(MAX_NAMES) {
+        0 => String::new(),
+        1 => " and 1 other".to_owned(),
+        n => format!(" and {n} others"),
+    };
+    let list = format!("{place} {}{others}", shown.join(", "));
+    match did_you_mean(name, names.iter().copied()) {
+        Some(help) => Some(help.followed_by(&list)),
+        None => (!names.is_empty()).then(|| list.into()),
+    }
+}
+
 /// `did you mean ..` for an error.
 pub(crate) fn did_you_mean<'c>(
     name: &str,

@@ -17,7 +17,7 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var};
 use crate::model::expressions::Lowering;
 use crate::model::hir::Definition;
-use crate::model::hir::reserved::did_you_mean;
+use crate::model::hir::reserved::one_of;
 use crate::model::{GivenError, ModelError, Shape, Target, TargetKind, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, Bind, DeclKind, Domain, ExprKind, Sliding};
@@ -233,9 +233,11 @@ impl<'e> Binding<'_, 'e> {
         let head = &bind.target.head;
         if !scope.names.contains_key(&head.name) {
             if !scope.forgiving {
-                let help = did_you_mean(&head.name, scope.own_names());
+                let model = inner.instance.names.item.name.name.clone();
+                let place = format!("`{model}` takes");
+                let help = one_of(&head.name, &place, scope.given_names());
                 self.diags.push(ModelError::NotInModel {
-                    model: inner.instance.names.item.name.name.clone(),
+                    model,
                     name: head.name.clone(),
                     span: head.span,
                     help,

@@ -6,7 +6,7 @@ use super::lookup::member;
 use super::scope::{Meaning, Reported, Scope, Value};
 use crate::model::ModelError;
 use crate::model::expressions::Lowering;
-use crate::model::hir::reserved::did_you_mean;
+use crate::model::hir::reserved::{did_you_mean, one_of};
 use crate::syntax::{Expr, ExprKind, Ident};
 
 #[inline(never)]
@@ -125,7 +125,8 @@ pub(crate) fn own<'e, 'm>(
         Some(meaning) => Ok(meaning),
         None if part.forgiving => Err(Reported),
         None => {
-            let help = did_you_mean(&field.name, part.own_names());
+            let place = format!("`{name}` has");
+            let help = one_of(&field.name, &place, part.own_names());
             lowering.error(ModelError::NoField {
                 name: name.to_owned(),
                 field: field.name.clone(),

@@ -158,6 +158,28 @@ impl<'e> Scope<'e> {
         self.names.keys().map(String::as_str)
     }
 
+    /// Those of them that braces may give.
+    pub(crate) fn given_names(&self) -> impl Iterator<Item = &str> {
+        let is_given = |meaning: &Meaning| match meaning {
+            Meaning::Value(_, kind) => matches!(
+                kind,
+                TargetKind::Const
+                    | TargetKind::Param(_)
+                    | TargetKind::State(_)
+                    | TargetKind::Algebraic(_)
+                    | TargetKind::Control(_)
+                    | TargetKind::Input(_)
+            ),
+            Meaning::Part(_) | Meaning::Parts(_) => true,
+            _ => false,
+        };
+        let given = self
+            .names
+            .iter()
+            .filter(move |(_, meaning)| is_given(meaning));
+        given.map(|(name, _)| name.as_str())
+    }
+
     /// All names that have a meaning in the model.
     pub(crate) fn declared_names(&self) -> impl Iterator<Item = &str> {
         self.own_names()

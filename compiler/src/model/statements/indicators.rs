@@ -102,11 +102,8 @@ fn tournament<'e>(model: &mut Model<'e>, regions: &[usize], indicators: &[Expr<'
         let beats = psi.step();
         let region = &model.statements.regions[regions[k]];
         let name = local(&region.name);
-        model.surfaces.push(Surface {
-            name: format!("{names} | {name}"),
-            psi,
-            span: region.guard_span,
-        });
+        let (words, span) = (format!("{names} | {name}"), region.guard_span);
+        model.surfaces.push(Surface::new(words, psi, span));
         for &earlier in &regions[..k] {
             let guard = &mut model.statements.regions[earlier].guard;
             *guard = *guard * (1.0 - beats);

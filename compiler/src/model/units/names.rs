@@ -2,6 +2,7 @@
 
 use super::dimension::{Dimension, Ratio, UNITS};
 use super::error::UnitError;
+use super::literal::is_unit;
 use crate::diagnostics::{Applicability, Diagnostics, Help};
 use crate::model::hir::reserved::did_you_mean;
 use crate::source::Span;
@@ -108,7 +109,7 @@ fn read_factor(factor: &UnitFactor, diags: &mut Diagnostics) -> Option<Dimension
             diags.push(UnitError::UnknownUnit {
                 name: value.to_string(),
                 span: factor.span,
-                help: "`1` stands for a pure number; no value is ever converted".into(),
+                help: "`1` stands for a pure number; a factor stands in the number".into(),
             });
             None
         }
@@ -128,7 +129,11 @@ fn read_factor(factor: &UnitFactor, diags: &mut Diagnostics) -> Option<Dimension
 
 fn unknown(name: &str, span: Span) -> UnitError {
     let converted = coherent(name).map(|unit| {
-        format!("no value is ever converted: write `{unit}`, and the number in `{unit}`").into()
+        let number = match is_unit(name) {
+            true => format!("a number may have its own, as in `2 {name}`"),
+            false => format!("the number is in `{unit}`, too"),
+        };
+        format!("write `{unit}`; {number}").into()
     });
     let multiplied = || {
         let product = product(name)?;

@@ -258,7 +258,12 @@ impl<'f> Checker<'f, '_> {
                         self.dims.expr(expr);
                     }
                 }
-                SettingKind::Animate(items) => self.animation(items),
+                SettingKind::Animate(items) => {
+                    let mut lengths = Vec::new();
+                    self.shapes(items, &mut lengths);
+                    self.dims
+                        .agree("the coordinates of this animation", lengths);
+                }
                 SettingKind::Expect(expect) => self.expectation(expect, time),
                 _ => {}
             }
@@ -266,9 +271,11 @@ impl<'f> Checker<'f, '_> {
     }
 
     /// Coordinates and lengths of shapes have one unit; the speed and the angle of a disc are pure numbers.
-    fn animation(&mut self, items: &'f [PlotItem]) {
-        let mut lengths = Vec::new();
+    fn shapes(&mut self, items: &'f [PlotItem], lengths: &mut Vec<&'f Expr>) {
         for item in items {
+            if let PlotKind::For(_, items) = &item.kind {
+                self.shapes(items, lengths);
+            }
             let exprs = item.kind.exprs();
             let word = match &item.kind {
                 PlotKind::Drawing(word, _) => word.name.as_str(),
@@ -289,8 +296,6 @@ impl<'f> Checker<'f, '_> {
                 _ => lengths.extend(exprs),
             }
         }
-        self.dims
-            .agree("the coordinates of this animation", lengths);
     }
 
     fn expectation(&mut self, expect: &'f Expect, time: Dim) {

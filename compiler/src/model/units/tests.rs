@@ -194,10 +194,10 @@ fn refuses_what_does_not_fit() {
     E0231: the branches of this `if` do not have one unit: the first is in m, another in m/s | q: this is in m | v: this is in m/s | a factor in s is missing, or one of the units is wrong
     ");
     assert_snapshot!(falling("param a : mm = 1; param b : 1000*m = 1; param c : foo = 1; param d : min; param e : n = 1; param f : m^0.123456789;"), @r"
-    E0230: `mm` is not a coherent SI unit | mm: not a unit | no value is ever converted: write `m`, and the number in `m`
-    E0230: `1000` is not a coherent SI unit | 1000: not a unit | `1` stands for a pure number; no value is ever converted
+    E0230: `mm` is not a coherent SI unit | mm: not a unit | write `m`; a number may have its own, as in `2 mm`
+    E0230: `1000` is not a coherent SI unit | 1000: not a unit | `1` stands for a pure number; a factor stands in the number
     E0230: `foo` is not a coherent SI unit | foo: not a unit | units are made of kg, m, s, A, K, mol, cd, rad, N, J, W, Pa, V, Ohm, F, H, C, ..
-    E0230: `min` is not a coherent SI unit | min: not a unit | no value is ever converted: write `s`, and the number in `s`
+    E0230: `min` is not a coherent SI unit | min: not a unit | write `s`; a number may have its own, as in `2 min`
     E0230: `n` is not a coherent SI unit | n: not a unit | did you mean `N`?
     E0230: the exponent of a unit must be a small whole number or a fraction | m^0.123456789: no such power | write `m^2`, `s^-1` or `m^(1/2)`
     ");

@@ -278,8 +278,11 @@ pub fn switches_of(
         partitions.any(|p| !p.indicators.is_empty() && p.switches.contains(&k))
     };
     let switches = value.data.iter().map(|&entry| {
-        if let Some(relay) = subject.system.relay_of(entry) {
-            return Ok((relay, false));
+        let named = subject.system.named_switch(entry);
+        if let Some((k, _)) = named
+            && subject.system.switches[k].relay.is_some()
+        {
+            return Ok((k, false));
         }
         let psi = psi_of_named(subject, entry).unwrap_or(entry);
         let found = subject
@@ -287,7 +290,7 @@ pub fn switches_of(
             .switch_of(psi)
             .filter(|&(k, _)| !is_hidden(k));
         let found = found.or_else(|| Some((member(subject, entry)?, false)));
-        found.ok_or_else(unknown)
+        found.or(named).ok_or_else(unknown)
     });
     switches.collect()
 }

@@ -4,15 +4,15 @@ use std::fmt::{self, Display, Write};
 
 use crate::diagnostics::counted;
 use crate::report::{
-    Bands, Constraint, Event, EventKind, History, MethodOption, Series, Stationarity, Stats,
-    Status, Trajectory,
+    Bands, Constraint, Event, EventKind, History, MethodOption, ModeTexts, Series, Stationarity,
+    Stats, Status, Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
 const MAX_ROWS: usize = 12;
-/// Characters of a mode before its switches are counted instead of named.
+/// Characters of a mode before its switches are named by what they do.
 const MAX_MODE: usize = 60;
-/// Characters of a switching function without a name before the rest is left out.
+/// Characters of a switching function without a name before its middle is left out.
 const MAX_NAME: usize = 60;
 /// Entries of a vector before the rest is left out.
 const MAX_ENTRIES: usize = 8;
@@ -162,16 +162,33 @@ fn events(history: &History, text: &mut String) -> fmt::Result {
     if history.events.is_empty() {
         return Ok(());
     }
+    let texts = ModeTexts::new(history, MAX_MODE);
     let rows = history.events.iter().take(MAX_ROWS).map(|event| {
         [
             significant(event.time, 12),
             event.kind.as_str().to_owned(),
-            shortened(&event.surface),
-            history.change(event, MAX_MODE),
+            shortened(history.surface(&event.surface)),
+            texts.change(event),
         ]
     });
+    let mut rows: Vec<_> = rows.collect();
     writeln!(text, "\n  {}", counted(history.events.len(), "event"))?;
-    table(text, ["time", "kind", "surface", "mode"], rows.collect())?;
+    match rows.iter().all(|[.., change]| change.is_empty()) {
+        true => {
+            let rows = rows
+                .into_iter()
+                .map(|[time, kind, surface, _]| [time, kind, surface]);
+            table(text, ["time", "kind", "surface"], rows.collect())?;
+        }
+        false => {
+            for [.., change] in &mut rows {
+                if change.is_empty() {
+                    "unchanged".clone_into(change);
+                }
+            }
+            table(text, ["time", "kind", "surface", "mode"], rows)?;
+        }
+    }
     rest(text, history.events.len())?;
     sliding_modes(history, text)
 }
@@ -190,7 +207,7 @@ fn sliding_modes(history: &History, text: &mut String) -> fmt::Result {
                 };
                 [
                     significant(event.time, 12),
-                    shortened(&event.surface),
+                    shortened(history.surface(&event.surface)),
                     significant(mode.value, 8),
                     significant(mode.stability, 4),
                     match mode.taken {
@@ -213,11 +230,12 @@ fn modes(history: &History, text: &mut String) -> fmt::Result {
     if modes.is_empty() || modes.iter().all(|interval| interval.mode.is_empty()) {
         return Ok(());
     }
+    let texts = ModeTexts::new(history, MAX_MODE);
     let rows = modes.iter().take(MAX_ROWS).map(|interval| {
         [
             significant(interval.from, 6),
             significant(interval.to, 6),
-            history.short_mode(interval, MAX_MODE),
+            texts.text(&interval.mode),
         ]
     });
     writeln!(text, "\n  {}", counted(modes.len(), "mode interval"))?;
@@ -385,11 +403,19 @@ fn chars(text: &str) -> usize {
     text.chars().count()
 }
 
-/// The beginning of a long name.
+/// The beginning and the end of a long name.
 fn shortened(name: &str) -> String {
-    match name.char_indices().nth(MAX_NAME) {
-        Some((end, _)) => format!("{}..", &name[..end]),
-        None => name.to_owned(),
+    let place = |n: usize| name.char_indices().nth(n).map_or(0, |(at, _)| at);
+    match chars(name).checked_sub(MAX_NAME) {
+        None | Some(0) => name.to_owned(),
+        Some(excess) => {
+            let half = MAX_NAME / 2;
+            format!(
+                "{}..{}",
+                &name[..place(half)],
+                &name[place(half + excess)..]
+            )
+        }
     }
 }
 
@@ -520,7 +546,7 @@ crossing of oscillator: solved
         let text = write(&trajectory);
         let longest = text.lines().map(|line| line.chars().count()).max();
         assert!(longest.is_some_and(|longest| longest < 120), "{text}");
-        assert!(text.contains("ä + ä + .."), "{text}");
+        assert!(text.contains("ä + ä .. ä + ä"), "{text}");
     }
 
     #[test]

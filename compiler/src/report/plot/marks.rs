@@ -2,10 +2,10 @@
 
 use plotters::style::RGBColor;
 
-use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
+use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width, widest};
 use super::frame::swatch;
 use super::panel::{SHADES, SINGLE, pale};
-use crate::report::{Ensemble, EventKind, History};
+use crate::report::{Ensemble, EventKind, History, ModeTexts};
 
 /// Lines on the pale bands, distinct to colour-blind readers (Okabe and Ito).
 pub const LINES: [RGBColor; 4] = [
@@ -24,8 +24,8 @@ const BANDS: [RGBColor; 5] = [
 ];
 /// The band of all modes without a colour of their own.
 const OTHER: RGBColor = RGBColor(236, 236, 236);
-/// Characters of a name in the legend.
-const MAX_NAME: usize = 44;
+/// Characters of a mode in the legend before its switches are named by what they do.
+const MAX_MODE: usize = 44;
 
 /// Which colour the band of each mode has.
 pub struct Bands {
@@ -149,12 +149,9 @@ impl Legend {
     /// The legend of modes and events.
     pub fn new(history: &History, bands: &Bands) -> Self {
         let mut entries: Vec<(Entry, String)> = Vec::new();
+        let texts = ModeTexts::new(history, MAX_MODE);
         for (name, color) in &bands.named {
-            let interval = history.modes.iter().find(|interval| interval.mode == *name);
-            let name = interval.map_or(String::new(), |interval| {
-                history.short_mode(interval, MAX_NAME)
-            });
-            entries.push((Entry::Band(*color), shortened(&name)));
+            entries.push((Entry::Band(*color), texts.text(name)));
         }
         match bands.n_others {
             0 => {}
@@ -193,25 +190,21 @@ impl Legend {
             (Entry::End, "end".to_owned()),
         ];
         for (name, dash) in curves {
-            entries.push((
-                Entry::Curve { dash: *dash },
-                shortened(&format!("{name} = 0")),
-            ));
+            entries.push((Entry::Curve { dash: *dash }, format!("{name} = 0")));
         }
         Legend { entries }
     }
 
     /// How high it is when it may be `width` wide.
     pub fn height(&self, width: f64) -> f64 {
-        match self.layout(width).last() {
-            Some((_, y)) => y + ROW,
-            None => 0.0,
-        }
+        let ends = self.layout(width).into_iter();
+        ends.map(|((_, y), lines)| y + ROW * lines.len() as f64)
+            .fold(0.0, f64::max)
     }
 
     /// Draws it with its upper left corner at `corner`.
     pub fn draw(&self, canvas: &Canvas<'_>, corner: Point, width: f64) {
-        for ((entry, name), (x, y)) in self.entries.iter().zip(self.layout(width)) {
+        for ((entry, _), ((x, y), lines)) in self.entries.iter().zip(self.layout(width)) {
             let (x, y) = (corner.0 + x, corner.1 + y + ROW / 2.0);
             let middle = (x + SAMPLE / 2.0, y);
             match entry {
@@ -227,23 +220,28 @@ impl Legend {
                 Entry::Start => start(canvas, middle),
                 Entry::End => end(canvas, middle),
             }
-            canvas.text((x + SAMPLE + 4.0, y), name, Align::Left, INK);
+            for (k, line) in lines.iter().enumerate() {
+                let place = (x + SAMPLE + 4.0, y + k as f64 * ROW);
+                canvas.text(place, line, Align::Left, INK);
+            }
         }
     }
 
-    /// The corner of every entry; a row is broken when it is full.
-    fn layout(&self, width: f64) -> Vec<Point> {
-        let (mut x, mut y) = (0.0, 0.0);
-        let mut corners = Vec::new();
+    /// The corner and the lines of every entry; a row is broken when it is full, and a name that is wider than one.
+    fn layout(&self, width: f64) -> Vec<(Point, Vec<&str>)> {
+        let (mut x, mut y, mut high) = (0.0, 0.0, 0.0);
+        let mut places = Vec::new();
         for (_, name) in &self.entries {
-            let needed = SAMPLE + 4.0 + text_width(name, TEXT_SIZE);
+            let lines = broken(name, width - SAMPLE - 4.0);
+            let needed = SAMPLE + 4.0 + widest(lines.iter().copied());
             if x > 0.0 && x + needed > width {
-                (x, y) = (0.0, y + ROW);
+                (x, y, high) = (0.0, y + high, 0.0);
             }
-            corners.push((x, y));
+            high = ROW.max(high).max(ROW * lines.len() as f64);
+            places.push(((x, y), lines));
             x += needed + 14.0;
         }
-        corners
+        places
     }
 }
 
@@ -261,9 +259,45 @@ pub fn end(canvas: &Canvas<'_>, at: Point) {
     canvas.disc(at, 4.0, LINES[0]);
 }
 
-fn shortened(name: &str) -> String {
-    if name.chars().count() <= MAX_NAME {
-        return name.to_owned();
+/// The lines of a text that are at most so wide, broken behind commas or at spaces, and within words where these are wider.
+fn broken(text: &str, width: f64) -> Vec<&str> {
+    let mut lines = Vec::new();
+    let mut rest = text;
+    while text_width(rest, TEXT_SIZE) > width {
+        let ends = rest.char_indices().map(|(at, c)| at + c.len_utf8());
+        let fit = ends.take_while(|&end| text_width(&rest[..end], TEXT_SIZE) <= width);
+        let first = rest.chars().next().map_or(0, char::len_utf8);
+        let fit = fit.last().unwrap_or(first).max(first);
+        // Between words of a mode first, in all but very short lines.
+        let comma = rest[..fit].rfind(", ").filter(|at| 2 * at >= fit);
+        let space = comma.map(|at| at + 1).or_else(|| rest[..fit].rfind(' '));
+        let end = match space {
+            Some(space) if space > 0 => space + 1,
+            _ => fit,
+        };
+        lines.push(rest[..end].trim_end());
+        rest = rest[end..].trim_start();
     }
-    name.chars().take(MAX_NAME - 1).chain(['…']).collect()
+    lines.push(rest);
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{TEXT_SIZE, broken, text_width};
+
+    #[test]
+    fn wide_names_are_broken_and_lose_nothing() {
+        let name = "below((q - [1, -1])[1]), above(a_name_without_any_space_in_it)";
+        for width in [5.0, 60.0, 150.0, 1000.0] {
+            let lines = broken(name, width);
+            let is_narrow = |line: &&str| text_width(line, TEXT_SIZE) <= width.max(9.0);
+            assert!(lines.iter().all(is_narrow), "{lines:?}");
+            let without = |text: &str| text.replace(' ', "");
+            assert_eq!(without(&lines.concat()), without(name));
+        }
+        assert_eq!(broken(name, 1000.0), [name]);
+        assert_eq!(broken("a b", 8.0), ["a", "b"]);
+        assert_eq!(broken("active(a, v + b)", 68.0), ["active(a,", "v + b)"]);
+    }
 }

@@ -326,8 +326,14 @@ fn draw_event_marks(canvas: &Canvas<'_>, history: &History, time: &Axis, y: f64)
         places.dedup_by(|next, kept| next.0 - kept.0 < 5.0);
     }
     let size = if is_crowded { 2.2 } else { 3.2 };
+    // Kinds of one instant stand side by side.
+    let mut last = (f64::NEG_INFINITY, 0.0);
     for (x, kind) in places {
-        marks::mark(canvas, kind, (x, y), size);
+        last = match x - last.0 < 0.3 {
+            true => (last.0, last.1 + 2.0 * size),
+            false => (x, 0.0),
+        };
+        marks::mark(canvas, kind, (x + last.1, y), size);
     }
 }
 

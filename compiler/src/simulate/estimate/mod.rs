@@ -9,6 +9,7 @@ use nsd_solver::hybrid::{Outcome, Status};
 pub use comparison::Comparison;
 pub use touches::{Touch, Touches};
 
+use crate::report::forms::text::significant;
 use crate::report::{Failure, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::Settings;
@@ -126,7 +127,7 @@ impl Estimate {
                 let mut modes = trajectory.history.modes.iter();
                 let before = modes.find(|mode| mode.from < time && time <= mode.to);
                 let mode = before.map_or(String::new(), |mode| format!(", behind `{}`", mode.mode));
-                format!(" from t = {time} on{mode}")
+                format!(" from t = {} on{mode}", significant(time, 12))
             });
             let message = format!(
                 "a more accurate run goes through other modes{parts}; the result may depend on the tolerance"

@@ -35,7 +35,7 @@ pub(super) fn parted(mut one: &[Begins], mut other: &[Begins], near: f64) -> Opt
         } else {
             return Some(a.0.min(b.0));
         };
-        (one, other) = (&one[m..], &other[n..]);
+        (one, other) = (behind(one, m, near), behind(other, n, near));
     }
 }
 
@@ -52,6 +52,15 @@ fn groups(one: &[Begins], other: &[Begins], near: f64) -> Option<(usize, usize)>
     });
     let mut pairs = pairs.filter(|&(m, n)| one[m - 1].1 == other[n - 1].1);
     pairs.next()
+}
+
+/// A sequence behind its first n events, and behind jumps at their instant that leave the mode as it is: these may come
+/// before what changes it in one run, with it or behind it in the other.
+fn behind<'a, 'r>(all: &'a [Begins<'r>], n: usize, near: f64) -> &'a [Begins<'r>] {
+    let (first, last) = (all[0].0, all[n - 1].1);
+    let rest = &all[n..];
+    let is_jump = |event: &&Begins| event.0 - first <= near && event.1 == last;
+    &rest[rest.iter().take_while(is_jump).count()..]
 }
 
 #[cfg(test)]
@@ -71,6 +80,12 @@ mod tests {
         assert_eq!(parted(&one, &other, 1e-8), None);
         assert_eq!(parted(&one, &[(1.0, BOTH), (2.0, B)], 1e-8), None);
         assert_eq!(parted(&one, &other, 1e-10), Some(1.0));
+        let [jump, behind]: [[Begins; 2]; 2] =
+            [[(1.0, A), (1.0, BOTH)], [(1.0, BOTH), (1.0 + 1e-12, BOTH)]];
+        assert_eq!(parted(&jump, &behind, 1e-8), None);
+        assert_eq!(parted(&behind, &jump, 1e-8), None);
+        assert_eq!(parted(&jump[1..], &behind, 1e-8), None);
+        assert_eq!(parted(&jump[1..], &behind, 1e-13), Some(1.0 + 1e-12));
     }
 
     #[test]

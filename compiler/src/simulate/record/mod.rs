@@ -302,6 +302,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             events,
             modes,
             switches: switches.map(|switch| switch.name.clone()).collect(),
+            aliases: self.system.provenance.aliases.clone(),
             averaged: Vec::new(),
         }
     }

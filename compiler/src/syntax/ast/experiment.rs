@@ -1,6 +1,6 @@
 //! Experiments: `simulate`, `optimize`, their settings and expectations.
 
-use super::{Bind, Domain, Expr, Ident, Path, Row, Setting};
+use super::{Bind, Binder, Domain, Expr, Ident, Path, Row, Setting};
 use crate::source::Span;
 
 /// `simulate NAME of MODEL { ... }` or `optimize ...`
@@ -190,6 +190,8 @@ pub enum PlotKind {
     Phase(Box<[Expr; 2]>),
     /// `disc q, r;`, `speed 0.5;`: a word of an animation with its numbers
     Drawing(Ident, Vec<Expr>),
+    /// `for i in 1..n { disc q[i], r; }`
+    For(Vec<Binder>, Vec<PlotItem>),
     /// `title "Fall";`
     Title(String),
     /// `width 8 cm;`
@@ -199,12 +201,12 @@ pub enum PlotKind {
 }
 
 impl PlotKind {
-    /// What it draws.
+    /// What it draws itself.
     pub fn exprs(&self) -> &[Expr] {
         match self {
             PlotKind::Panel(exprs) | PlotKind::Drawing(_, exprs) => exprs,
             PlotKind::Phase(axes) => &axes[..],
-            PlotKind::Title(_) | PlotKind::Width(..) | PlotKind::Bad => &[],
+            PlotKind::For(..) | PlotKind::Title(_) | PlotKind::Width(..) | PlotKind::Bad => &[],
         }
     }
 }

@@ -5,7 +5,7 @@ use pest::iterators::Pair;
 
 use super::expression::{expr, path};
 use super::reading::{Parts, Reading, parts};
-use super::statement::{bind, binds, domain, interval, members, options, row, rows};
+use super::statement::{bind, binders, binds, domain, interval, members, options, row, rows};
 use super::words::Place;
 use crate::source::Span;
 use crate::syntax::ast::*;
@@ -190,6 +190,10 @@ fn plot_item(reading: &mut Reading, pair: Pair<Rule>) -> PlotItem {
         Rule::plot_phase => {
             let axes = [(); 2].map(|()| expr(reading, parts.one(Rule::expr)));
             PlotKind::Phase(Box::new(axes))
+        }
+        Rule::drawing_for => {
+            let binders = binders(reading, &mut parts);
+            PlotKind::For(binders, plot_items(reading, parts, Place::Shapes))
         }
         Rule::drawing => {
             let word = reading.ident(parts.one(Rule::name));

@@ -218,7 +218,7 @@ fn rule_for(
         Place::Options | Place::Mechanics if is_name => Ok(Rule::option),
         Place::Free if is_name => Ok(Rule::free_path),
         Place::Plot => Ok(Rule::plot_panel),
-        Place::Animation if is_name => Ok(Rule::drawing),
+        Place::Animation | Place::Shapes if is_name => Ok(Rule::drawing),
         _ => Err(unknown(reading, place, text, first)),
     }
 }
@@ -368,7 +368,9 @@ fn explain(
             "a product has a `*`, as in `3*x`; a unit behind a number is a known one, as in `3 m`";
         is_behind_number.then(|| Help::from(text))
     };
-    let help = help(place, failure, found_text, begins).or_else(behind_number);
+    let of_order = || order(failure, found_text, &text[start..]);
+    let help = help(place, failure, found_text, begins);
+    let help = help.or_else(of_order).or_else(behind_number);
     let before = before.map_or("", |before| before.text);
     let expected = expected(failure, before);
     SyntaxError::Expected {
@@ -470,6 +472,25 @@ fn help(place: Place, failure: &Failure, found: &str, begins: bool) -> Option<He
         }
         _ if failure.expects(Rule::kw_else) && failure.after_operand() => {
             "every `if` has a `then` and an `else`".into()
+        }
+        _ => return None,
+    })
+}
+
+/// The form of a statement whose words stand in another order.
+fn order(failure: &Failure, found: &str, statement: &str) -> Option<Help> {
+    let words: Vec<&str> = (significant(statement, 0).map(|token| token.text))
+        .take(2)
+        .collect();
+    Some(match words[..] {
+        ["output", _] if failure.expects(Rule::kw_every) => {
+            "`output` of an experiment takes names: the model names an expression, `output y = 2*x;`, or `plot` draws it".into()
+        }
+        ["expect", "mode"] => {
+            "the instant stands before the mode: `expect mode at 2 is sliding(s);`".into()
+        }
+        _ if found == "every" && failure.expects(Rule::kw_when) => {
+            "a jump has a guard, `jump NAME when clock >= period { .. }`; `sampler` in `std.control` is one in every period".into()
         }
         _ => return None,
     })

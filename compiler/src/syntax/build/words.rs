@@ -31,6 +31,8 @@ pub enum Place {
     Plot,
     /// What an `animate` draws.
     Animation,
+    /// Shapes in a loop of an `animate`.
+    Shapes,
 }
 
 /// Words that cannot be names.
@@ -99,7 +101,11 @@ const EXPERIMENT: Starts = &[
     ("expect", Rule::expect),
 ];
 
-const ANIMATION: Starts = &[("title", Rule::plot_title), ("width", Rule::plot_width)];
+const ANIMATION: Starts = &[
+    ("title", Rule::plot_title),
+    ("width", Rule::plot_width),
+    ("for", Rule::drawing_for),
+];
 
 const PLOT: Starts = &[
     ("phase", Rule::plot_phase),
@@ -118,6 +124,7 @@ pub fn starts(place: Place) -> Starts {
         Place::Guess => &[("from", Rule::guess_from)],
         Place::Plot => PLOT,
         Place::Animation => ANIMATION,
+        Place::Shapes => &[("for", Rule::drawing_for)],
         Place::Binds | Place::Resets | Place::Options | Place::Free => &[],
     }
 }
@@ -135,6 +142,7 @@ pub fn member(place: Place) -> &'static str {
         Place::Free => "freed parameter",
         Place::Plot => "member of a plot",
         Place::Animation => "member of an animation",
+        Place::Shapes => "shape of an animation",
     }
 }
 

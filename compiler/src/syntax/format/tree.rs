@@ -201,6 +201,7 @@ fn is_member(rule: Rule) -> bool {
             | plot_title
             | plot_width
             | animate
+            | drawing_for
             | drawing
             | value
     )

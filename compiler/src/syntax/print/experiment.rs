@@ -109,6 +109,12 @@ impl Printer {
             PlotKind::Panel(exprs) => self.line(format!("{};", list(exprs))),
             PlotKind::Phase(axes) => self.line(phase(axes)),
             PlotKind::Drawing(word, exprs) => self.line(format!("{} {};", word.name, list(exprs))),
+            PlotKind::For(binders, items) => {
+                self.plot(
+                    &format!("for {}", super::expression::binders(binders)),
+                    items,
+                );
+            }
             PlotKind::Title(title) => self.line(format!("title \"{title}\";")),
             PlotKind::Width(number, unit) => {
                 self.line(format!("width {number} {};", unit.as_str()));

@@ -4,13 +4,18 @@ use super::error::ExperimentError;
 use super::plot::Sheet;
 use super::reader::{Reader, unknown_choice};
 use crate::expr::Expr;
+use crate::model::Tensor;
+use crate::model::expressions::rows::Loop;
 use crate::source::Span;
 use crate::syntax::{self, Ident, PlotItem, PlotKind};
 
-/// The words of an animation.
+/// The words of an animation, shapes first.
 const WORDS: [&str; 7] = [
     "disc", "segment", "polygon", "trace", "speed", "title", "width",
 ];
+
+/// Words of shapes.
+const SHAPES: usize = 4;
 
 /// Shapes that move as an experiment asks for it.
 #[derive(Clone, Debug)]
@@ -95,26 +100,61 @@ impl<'e> Animation<'e> {
             speed: 1.0,
             shapes: Vec::new(),
         };
-        for item in items {
+        let mut found = Vec::new();
+        animation.add(reader, items, &mut Vec::new(), &mut found);
+        found.sort_by(|(one, _), (other, _)| one.cmp(other));
+        animation.shapes = found.into_iter().map(|(_, shape)| shape).collect();
+        (!animation.shapes.is_empty()).then_some(animation)
+    }
+
+    /// Adds the members that stand in some loops, which have their places in these; a shape goes with its place, the turn
+    /// of the loop around it, its place in that, and so on.
+    fn add<'s>(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        items: &'s [PlotItem],
+        loops: &mut Vec<(usize, Loop<'s>)>,
+        found: &mut Vec<(Vec<usize>, Drawing<'e>)>,
+    ) {
+        for (place, item) in items.iter().enumerate() {
             match &item.kind {
+                PlotKind::For(binders, items) => {
+                    loops.push((place, (binders, item.span)));
+                    self.add(reader, items, loops, found);
+                    loops.pop();
+                }
                 PlotKind::Drawing(word, exprs) => match DrawingKind::named(&word.name) {
                     Some(kind) => {
-                        let shape = Drawing::read(reader, (kind, word), exprs, item.span);
-                        animation.shapes.extend(shape);
+                        let around: Vec<Loop<'_>> = loops.iter().map(|(_, one)| *one).collect();
+                        let all = reader.model.scope.each(&around, exprs, reader.diags);
+                        reader.failed |= all.is_none();
+                        for one in all.into_iter().flatten() {
+                            let outer = loops.iter().zip(&one.turns);
+                            let outer = outer.flat_map(|((place, _), turn)| [*place, *turn]);
+                            let path = outer.chain([place]).collect();
+                            let shape = Drawing::read(reader, (kind, word), one.values, item.span);
+                            found.extend(shape.map(|shape| (path, shape)));
+                        }
                     }
-                    None if word.name == "speed" => {
+                    None if word.name == "speed" && loops.is_empty() => {
                         reader.once("`speed`", item.span);
-                        animation.speed = speed(reader, exprs, item.span);
+                        self.speed = speed(reader, exprs, item.span);
                     }
-                    None => reader.error(unknown_choice("member of an animation", word, &WORDS)),
+                    None => {
+                        let words = &WORDS[..if loops.is_empty() {
+                            WORDS.len()
+                        } else {
+                            SHAPES
+                        }];
+                        reader.error(unknown_choice("member of an animation", word, words));
+                    }
                 },
                 _ => {
                     let words = ["`title` of `animate`", "`width` of `animate`"];
-                    animation.sheet.read(reader, item, words);
+                    self.sheet.read(reader, item, words);
                 }
             }
         }
-        (!animation.shapes.is_empty()).then_some(animation)
     }
 }
 
@@ -138,14 +178,11 @@ impl<'e> Drawing<'e> {
     fn read(
         reader: &mut Reader<'_, 'e>,
         (kind, word): (DrawingKind, &Ident),
-        exprs: &[syntax::Expr],
+        values: Vec<(String, Tensor<'e>)>,
         span: Span,
     ) -> Option<Self> {
-        let values = exprs.iter();
-        let values = values.map(|expr| reader.model.scope.expr(expr, None, reader.diags));
-        let values: Option<Vec<_>> = values.collect();
-        reader.failed |= values.is_none();
-        let entries = values?.into_iter().flat_map(|value| value.data);
+        let (names, values): (Vec<_>, Vec<_>) = values.into_iter().unzip();
+        let entries = values.into_iter().flat_map(|value| value.data);
         let entries: Vec<Expr<'e>> = entries.collect();
         if !kind.takes(entries.len()) {
             reader.error(ExperimentError::ShapeNumbers {
@@ -159,7 +196,7 @@ impl<'e> Drawing<'e> {
         Some(Drawing {
             kind,
             entries,
-            names: exprs.iter().map(syntax::Expr::to_string).collect(),
+            names,
         })
     }
 }

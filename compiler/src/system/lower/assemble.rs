@@ -29,6 +29,8 @@ pub(crate) struct Parts<'e> {
     pub recorded: Recorded<'e>,
     /// α of the switches that expectations name.
     pub named: Vec<Expr<'e>>,
+    /// Words for people by the names of surfaces.
+    pub aliases: FxHashMap<String, String>,
     pub task: Option<Task<'e>>,
     pub regions: Regions<'e>,
     /// Parts of programs whose convexity was looked at in points only.
@@ -92,6 +94,7 @@ impl<'e> Parts<'e> {
             provenance: Provenance {
                 skipped: skipped(instance, collected, &switches, &motion.laws, dropped),
                 sampled: self.sampled,
+                aliases: self.aliases,
                 readings: Readings::of(collected, &kept, translation.given, named),
             },
             switches,

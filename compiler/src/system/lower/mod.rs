@@ -71,6 +71,7 @@ pub fn lower<'e>(
     passed(diags)?;
     check_effort(&translation.switches, &motion.rates(), diags);
     let (recorded, named) = Recorded::of(&mut translation);
+    let aliases = surfaces::aliases(&mut translation);
     let mut task = task::lower(&mut translation, diags);
     let used = regions.weights.iter().chain(&regions.guards).copied();
     let used: Vec<Expr<'e>> = used.chain(recorded.exprs()).collect();
@@ -89,6 +90,7 @@ pub fn lower<'e>(
         motion,
         recorded,
         named,
+        aliases,
         task,
         regions,
         sampled,

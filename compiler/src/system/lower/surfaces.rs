@@ -49,7 +49,7 @@ fn split<'m, 'e>(
         variables_of(&[psi]).iter().all(|var| !named.contains(var))
     };
     let surfaces = instance.model.surfaces.iter();
-    let kept = surfaces.filter(|surface| instance.needs.holds_all(surface.psi));
+    let kept = surfaces.filter(|s| !s.is_alias && instance.needs.holds_all(s.psi));
     kept.partition(is_direct)
 }
 
@@ -122,6 +122,27 @@ pub(crate) fn named<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Expr<'e>> 
         Some(instance.model.exprs.expr(alpha))
     };
     instance.needs.surfaces.iter().filter_map(alpha).collect()
+}
+
+/// Words for switches that have formulas for names, where they are no longer than these: ψ in the order in which it is
+/// compared. What would stand for two switches is left out.
+pub(crate) fn aliases<'e>(translation: &mut Translation<'_, 'e>) -> FxHashMap<String, String> {
+    let instance = translation.instance;
+    let surfaces = instance.model.surfaces.iter();
+    let kept = surfaces.filter(|s| s.is_alias && instance.needs.holds_all(s.psi));
+    let mut found: FxHashMap<String, String> = FxHashMap::default();
+    let mut seen: FxHashSet<&str> = FxHashSet::default();
+    for surface in kept {
+        let psi = translation.replace(surface.psi, surface.span);
+        if let Some((k, false)) = translation.switches.find(psi) {
+            let name = translation.switches.name_of(k);
+            let is_short = surface.name.chars().count() <= name.chars().count();
+            if is_short && !found.contains_key(&name) && seen.insert(&surface.name) {
+                found.insert(name, surface.name.clone());
+            }
+        }
+    }
+    found
 }
 
 /// Says what is wrong with switching functions that are none.

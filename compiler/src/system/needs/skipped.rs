@@ -39,7 +39,7 @@ pub(crate) fn describe<'e>(
     let others = model
         .surfaces
         .iter()
-        .filter(|surface| !needs.holds_all(surface.psi));
+        .filter(|surface| !surface.is_alias && !needs.holds_all(surface.psi));
     let others = others.map(|surface| (surface.name.clone(), surface.psi));
     let relays = model
         .switches
