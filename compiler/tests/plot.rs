@@ -215,7 +215,7 @@ fn a_plot_says_what_a_figure_shows() {
     for text in [
         "2*speed [1/s]",
         "loss",
-        "wind",
+        "wind [s]",
         "torque",
         "time [s]",
         "speed [1/s]",

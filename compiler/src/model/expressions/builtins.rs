@@ -114,43 +114,53 @@ fn apply<'e>(
         }
         "cbrt" | "log2" | "log10" | "exp2" | "hypot" => composed(lowering, call, values),
         "atan2" => fold(lowering, call, values, BinaryFunction::Atan2),
-        "sat" | "clamp" => {
-            let (lo, hi) = match values.get(1..) {
-                Some([lo, hi]) => (lo.clone(), hi.clone()),
-                _ => (
-                    Tensor::scalar(lowering.constant(-1.0)),
-                    Tensor::scalar(lowering.constant(1.0)),
-                ),
-            };
-            if let ([x], [lo], [hi]) = (&first.data[..], &lo.data[..], &hi.data[..]) {
-                for (k, bound) in [*lo, *hi].into_iter().enumerate() {
-                    let written = call.args.get(k + 1).map(|arg| (*arg, 1.0));
-                    check::record_bound(lowering, (call.args[0], *x), bound, written);
-                }
-            }
-            clip(lowering, call, first, lo, hi)
-        }
-        "deadzone" => {
-            let width = values
-                .get(1)
-                .cloned()
-                .unwrap_or_else(|| Tensor::scalar(lowering.constant(1.0)));
-            if let ([x], [width]) = (&first.data[..], &width.data[..]) {
-                for sign in [-1.0, 1.0] {
-                    let written = call.args.get(1).map(|arg| (*arg, sign));
-                    let value = (call.args[0], *x);
-                    check::record_bound(lowering, value, sign * *width, written);
-                }
-            }
-            let clipped = clip(lowering, call, first.clone(), width.map(|w| -w), width)?;
-            first.zip(&clipped, |x, c| x - c).ok_or(Reported)
-        }
+        "sat" | "clamp" => clamp(lowering, call, values),
+        "deadzone" => dead_zone(lowering, call, values),
         "sum" => Ok(Tensor::scalar(
             lowering.names.scope.exprs.sum(first.data.iter().copied()),
         )),
         "len" => length(lowering, call, &first),
         _ => of_arrays(lowering, call, &first, &values[1..]),
     }
+}
+
+/// A value between bounds, -1 and 1 where none are given.
+fn clamp<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    values: &[Tensor<'e>],
+) -> Result<Tensor<'e>, Reported> {
+    let one = |sign: f64| Tensor::scalar(lowering.constant(sign));
+    let (lo, hi) = match values.get(1..) {
+        Some([lo, hi]) => (lo.clone(), hi.clone()),
+        _ => (one(-1.0), one(1.0)),
+    };
+    if let ([x], [lo], [hi]) = (&values[0].data[..], &lo.data[..], &hi.data[..]) {
+        for (k, bound) in [*lo, *hi].into_iter().enumerate() {
+            let written = call.args.get(k + 1).map(|arg| (*arg, 1.0));
+            check::record_bound(lowering, (call.args[0], *x), bound, written);
+        }
+    }
+    clip(lowering, call, values[0].clone(), lo, hi)
+}
+
+/// x - sat(x, -w, w) with a width w, 1 where none is given.
+fn dead_zone<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    values: &[Tensor<'e>],
+) -> Result<Tensor<'e>, Reported> {
+    let first = &values[0];
+    let one = || Tensor::scalar(lowering.constant(1.0));
+    let width = values.get(1).cloned().unwrap_or_else(one);
+    if let ([x], [width]) = (&first.data[..], &width.data[..]) {
+        for sign in [-1.0, 1.0] {
+            let written = call.args.get(1).map(|arg| (*arg, sign));
+            check::record_bound(lowering, (call.args[0], *x), sign * *width, written);
+        }
+    }
+    let clipped = clip(lowering, call, first.clone(), width.map(|w| -w), width)?;
+    first.zip(&clipped, |x, c| x - c).ok_or(Reported)
 }
 
 /// Functions of numbers that are made of others.

@@ -190,8 +190,8 @@ pub(crate) fn record_pair<'e>(
     }
 }
 
-/// Remembers how the surface x = bound of a value between bounds is written, its bound as it is or with the other sign. That is its name where x itself is made of
-/// kinks: what these stand for says less than their words.
+/// Remembers how the surface x = bound of a value between bounds is written, its bound as it is or with the other sign. That
+/// is its name where x itself is made of kinks: what these stand for says less than their words.
 pub(crate) fn record_bound<'e>(
     lowering: &mut Lowering<'_, 'e>,
     (value, x): (&syntax::Expr, Expr<'e>),
