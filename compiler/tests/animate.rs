@@ -272,6 +272,28 @@ fn shapes_in_loops_are_drawn_for_every_index() {
     let written = "disc q[1, 1], q[1, 2], r[1]; segment 1, 1, q[1, 1], 0; segment 1, 2, q[2, 1], 0;
         disc q[2, 1], q[2, 2], r[2]; segment 2, 2, q[2, 1], 0;";
     assert_eq!(draws("loops", loops), draws("written", written));
+    for (shapes, told) in [
+        (
+            "for i in 2..1 { disc q[1, 1], i, 1; }",
+            "nothing is animated",
+        ),
+        (
+            "for i in 1..300, j in 1..300 { disc i, j, 1; }",
+            "90000 turns",
+        ),
+        ("for i in 1..n { } disc 0, 0, 1;", "unknown name `n`"),
+    ] {
+        let folder = folder("loops_without_shapes");
+        let text = format!("{model} simulate run of m {{ horizon 1; animate {{ {shapes} }} }}");
+        fs::write(folder.join("m.nsd"), text).expect("the folder is there");
+        let ran = nsdc(&folder, &["run", "m.nsd", "--animate", "f.svg"]);
+        assert_eq!(
+            (ran.status, ran.err.matches(told).count()),
+            (1, 1),
+            "{}",
+            ran.err
+        );
+    }
     let folder = folder("wrong_loops");
     let text = format!(
         "{model} simulate run of m {{ horizon 1; animate {{ for i in 1..2 {{ disc q[i, 1], 0, 1; speed 2; title \"a\"; }} }} }}"

@@ -213,9 +213,9 @@ fn a_plot_says_what_a_figure_shows() {
     };
     let svg = drawn("drawn");
     for text in [
-        "2*speed [1/s]",
+        "2*speed",
         "loss",
-        "wind [s]",
+        "wind",
         "torque",
         "time [s]",
         "speed [1/s]",

@@ -254,49 +254,6 @@ fn a_jump_at_an_instant_of_the_output_is_on_both_sides_of_it() {
     assert_eq!(found.samples.states[0].values, [0.0, 0.5, 1.0, 10.0]);
 }
 
-/// At the end of a run, outputs have both values over what is known to jump there without looking for a mode.
-#[test]
-fn outputs_that_jump_at_the_end_have_two_rows() {
-    let model = "model m { state x = 0; state y = 0; x' = 1; y' = step(x - 1);
-        output late = step(x - 1); output on = step(time - 1); output smooth = abs(x - 1); }";
-    for method in ["event", "fesd"] {
-        let text = format!(
-            "{model} simulate run of m {{ horizon 1; output on, smooth; method {method}; }}"
-        );
-        let found = solved(&text, "run");
-        let samples = &found.samples;
-        assert!(
-            samples.time.ends_with(&[1.0, 1.0]),
-            "{method}: {:?}",
-            samples.time
-        );
-        let ends = |name: &str| {
-            let mut outputs = samples.outputs.iter();
-            let output = outputs.find(|output| output.name == name).expect(name);
-            let [.., before, behind] = output.values[..] else {
-                panic!("{name}")
-            };
-            [before, behind]
-        };
-        let is_near = |found: [f64; 2], exact: [f64; 2]| {
-            found.iter().zip(exact).all(|(a, b)| (a - b).abs() <= 1e-9)
-        };
-        assert!(is_near(ends("on"), [0.0, 1.0]), "{method}");
-        assert!(is_near(ends("smooth"), [0.0, 0.0]), "{method}");
-    }
-    let alone = format!("{model} simulate run of m {{ horizon 1; output late, smooth; }}");
-    let late = &solved(&alone, "run").samples;
-    assert!(late.time.ends_with(&[1.0, 1.0]), "{:?}", late.time);
-    // What a rate depends on is not looked for behind the end, and what does not jump has one row.
-    for names in ["late, y", "smooth"] {
-        let text = format!("{model} simulate run of m {{ horizon 1; output {names}; }}");
-        assert!(
-            !solved(&text, "run").samples.time.ends_with(&[1.0, 1.0]),
-            "{names}"
-        );
-    }
-}
-
 /// What is infinite at some points, by an overflow, is no bound that is infinite.
 #[test]
 fn what_overflows_at_some_states_keeps_its_switch() {

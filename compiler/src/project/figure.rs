@@ -13,11 +13,8 @@ use crate::system::experiment::Plot;
 /// The SVG text: what the experiment asks for, or all that is reported.
 pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
     let system = &compiled.system;
-    let (params, mut units) = (parameters(compiled), Units::shown(&compiled.model));
+    let (params, units) = (parameters(compiled), Units::of(&compiled.model));
     let plot = compiled.settings.recording.figures.plot.as_ref();
-    for drawn in plot.iter().flat_map(|plot| plot.drawn()) {
-        units.infer(&drawn.name, &drawn.entries);
-    }
     let sheet = plot.map(|plot| plot.sheet.clone()).unwrap_or_default();
     let (title, width) = (sheet.title.as_deref(), sheet.width);
     if let Some(plot) = plot.filter(|plot| !plot.is_empty()) {

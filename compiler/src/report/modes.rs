@@ -94,10 +94,10 @@ impl<'h> ModeTexts<'h> {
         if let Some(text) = self.named(&own) {
             return text;
         }
-        let mut text = counted(&own);
+        let mut text = self.counted(&own);
         let is_twin = |other: &&Vec<&str>| {
             let other: Vec<&str> = other.iter().filter(telling).copied().collect();
-            own != other && counted(&other) == text
+            own != other && self.counted(&other) == text
         };
         let mut twins: Vec<_> = self.modes.iter().filter(is_twin).collect();
         for word in &own {
@@ -122,7 +122,7 @@ impl<'h> ModeTexts<'h> {
                     .iter()
                     .filter(|word| !other.contains(word) && is_told(word));
                 let own: Vec<&str> = own.copied().collect();
-                self.named(&own).unwrap_or_else(|| counted(&own))
+                self.named(&own).unwrap_or_else(|| self.counted(&own))
             };
             let [from, to] = [text(&from, &to), text(&to, &from)];
             match from.is_empty() {
@@ -152,6 +152,27 @@ impl<'h> ModeTexts<'h> {
         });
         let text = groups.collect::<Vec<_>>().join(", ");
         (text.chars().count() <= MAX_LINES * self.length).then_some(text)
+    }
+
+    /// The words of a mode with many switches: a few of one kind, and numbers of others.
+    fn counted(&self, words: &[&str]) -> String {
+        let text = |(kind, names): (Option<&str>, Vec<&str>)| match kind {
+            Some(kind) if names.len() > MAX_NAMES => format!("{} {kind}", names.len()),
+            Some(kind)
+                if names
+                    .iter()
+                    .any(|name| self.history.aliases.contains_key(*name)) =>
+            {
+                let told = names
+                    .iter()
+                    .map(|name| self.told(&format!("{kind}({name})")));
+                told.collect::<Vec<_>>().join(", ")
+            }
+            Some(kind) => format!("{kind}({})", names.join(", ")),
+            None => names.join(", "),
+        };
+        let texts = groups(words).into_iter().map(text);
+        texts.collect::<Vec<_>>().join(", ")
     }
 
     /// `above(x - b)`, as `x above b` where a kink has its words for people.
@@ -184,20 +205,6 @@ fn groups<'w>(words: &[&'w str]) -> Vec<(Option<&'w str>, Vec<&'w str>)> {
         }
     }
     groups
-}
-
-/// The words of a mode with many switches: names of a few of one kind, and numbers of others.
-fn counted(words: &[&str]) -> String {
-    let text = |(kind, names): (Option<&str>, Vec<&str>)| match kind {
-        Some(kind) if names.len() > MAX_NAMES => format!("{} {kind}", names.len()),
-        Some(kind) => format!("{kind}({})", names.join(", ")),
-        None => names.join(", "),
-    };
-    groups(words)
-        .into_iter()
-        .map(text)
-        .collect::<Vec<_>>()
-        .join(", ")
 }
 
 /// `above` and `x` of `above(x)`.

@@ -157,7 +157,7 @@ fn curves(
         name: trajectory.setup.experiment,
         time: fine.time,
         columns,
-        units: Units::shown(&compiled.model),
+        units: Units::of(&compiled.model),
         is_measured: false,
     };
     Ok(Some((source, trajectory.status)))

@@ -41,8 +41,7 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Wrong);
     }
     if args.animate.is_some() && !experiments.iter().any(is_animated) {
-        let hint = "say what moves in the experiment, as `animate { disc q[1], q[2], r; }`";
-        writeln!(streams.err, "error: nothing is animated: {hint}")?;
+        not_animated(streams)?;
         return Ok(Exit::Wrong);
     }
 
@@ -94,6 +93,11 @@ fn is_animated(experiment: &Experiment) -> bool {
     let mut settings = experiment.settings.iter();
     settings
         .any(|setting| matches!(&setting.kind, SettingKind::Animate(items) if has_shapes(items)))
+}
+
+fn not_animated(streams: &mut Streams<'_>) -> io::Result<()> {
+    let hint = "say what moves in the experiment, as `animate { disc q[1], q[2], r; }`";
+    writeln!(streams.err, "error: nothing is animated: {hint}")
 }
 
 /// The SVG texts of a run, where they are asked for.
@@ -156,6 +160,11 @@ fn one(
     let Some((mut compiled, warnings)) = compiled else {
         return Ok(None);
     };
+    let has_shapes = compiled.settings.recording.figures.animation.is_some();
+    if args.animate.is_some() && is_animated(experiment) && !has_shapes {
+        not_animated(streams)?;
+        return Ok(None);
+    }
     // A report has no rows.
     if args.csv.is_some() || args.json.is_some() {
         compiled.settings.follow_curves();

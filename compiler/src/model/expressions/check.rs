@@ -169,7 +169,7 @@ pub(crate) fn record_surfaces<'e>(
             },
         };
         let formula = psi.to_string();
-        let is_shorter = formula.len() < name.len();
+        let is_shorter = 2 * formula.chars().count() < name.chars().count();
         let surface = Surface::new(name, psi, arg.span);
         lowering.surfaces.push(surface);
         if is_shorter {

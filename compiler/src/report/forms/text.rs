@@ -407,7 +407,7 @@ fn chars(text: &str) -> usize {
 fn shortened(name: &str) -> String {
     let place = |n: usize| name.char_indices().nth(n).map_or(0, |(at, _)| at);
     match chars(name).checked_sub(MAX_NAME) {
-        None | Some(0) => name.to_owned(),
+        None | Some(0..=2) => name.to_owned(),
         Some(excess) => {
             let half = MAX_NAME / 2;
             format!(

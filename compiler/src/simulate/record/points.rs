@@ -145,21 +145,20 @@ impl Points {
         }
     }
 
-    /// Goes on from the last point where data step at it, or switches that move no state.
+    /// Goes on from the last point where data step at it.
     pub(super) fn end(&mut self, system: &System) {
-        let Some(time) = self.last_instant() else {
+        if !self
+            .last_instant()
+            .is_some_and(|last| system.steps_at(last))
+        {
             return;
-        };
-        let x = self.last_state(system.states.len()).to_vec();
-        let mut alpha = self.alphas[self.alphas.len() - system.switches.len()..].to_vec();
-        if system.go_on(time, SAME_INSTANT * time, (&x, &mut alpha)) || system.steps_at(time) {
-            let is_certain = false;
-            self.go_on(Behind {
-                x,
-                alpha,
-                is_certain,
-            });
         }
+        let alphas = self.alphas.len() - system.switches.len();
+        self.go_on(Behind {
+            x: self.last_state(system.states.len()).to_vec(),
+            alpha: self.alphas[alphas..].to_vec(),
+            is_certain: false,
+        });
     }
 
     /// The instants at which something may jump, and whether it does so for certain.

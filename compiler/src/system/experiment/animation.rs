@@ -60,6 +60,9 @@ impl Drawing<'_> {
     }
 }
 
+/// Shapes of one loop.
+const MOST_SHAPES: usize = 2000;
+
 impl DrawingKind {
     fn named(word: &str) -> Option<Self> {
         Some(match word {
@@ -120,7 +123,9 @@ impl<'e> Animation<'e> {
             match &item.kind {
                 PlotKind::For(binders, items) => {
                     loops.push((place, (binders, item.span)));
-                    self.add(reader, items, loops, found);
+                    if reader.turns(loops).is_some_and(|turns| turns > 0) {
+                        self.add(reader, items, loops, found);
+                    }
                     loops.pop();
                 }
                 PlotKind::Drawing(word, exprs) => match DrawingKind::named(&word.name) {
@@ -133,7 +138,10 @@ impl<'e> Animation<'e> {
                             let outer = outer.flat_map(|((place, _), turn)| [*place, *turn]);
                             let path = outer.chain([place]).collect();
                             let shape = Drawing::read(reader, (kind, word), one.values, item.span);
-                            found.extend(shape.map(|shape| (path, shape)));
+                            let Some(shape) = shape else {
+                                break;
+                            };
+                            found.push((path, shape));
                         }
                     }
                     None if word.name == "speed" && loops.is_empty() => {
@@ -155,6 +163,21 @@ impl<'e> Animation<'e> {
                 }
             }
         }
+    }
+}
+
+impl Reader<'_, '_> {
+    /// How many turns loops have together; none where that cannot be told, or is more than a picture shows.
+    fn turns(&mut self, loops: &[(usize, Loop<'_>)]) -> Option<usize> {
+        let around: Vec<Loop<'_>> = loops.iter().map(|(_, one)| *one).collect();
+        let turns = self.model.scope.each(&around, &[], self.diags);
+        self.failed |= turns.is_none();
+        let (count, span) = (turns?.len(), around.last()?.1);
+        if count > MOST_SHAPES {
+            self.error(ExperimentError::ManyShapes { count, span });
+            return None;
+        }
+        Some(count)
     }
 }
 

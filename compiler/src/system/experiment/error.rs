@@ -468,6 +468,18 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A loop over more shapes than a picture shows.
+    #[error("a loop of an animation has {count} turns")]
+    #[diagnostic(
+        code(E0530),
+        help("draw some of them: a picture has 2000 shapes of a loop at most")
+    )]
+    ManyShapes {
+        count: usize,
+        #[label("too many")]
+        span: Span,
+    },
+
     /// A way through chattering, of a method that does not meet it.
     #[error("`on chattering` is of `method event`")]
     #[diagnostic(

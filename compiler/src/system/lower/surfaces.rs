@@ -125,7 +125,7 @@ pub(crate) fn named<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Expr<'e>> 
 }
 
 /// Words for switches that have formulas for names, where they are no longer than these: ψ in the order in which it is
-/// compared. What would stand for two switches is left out.
+/// compared. What somebody has named keeps its name, and what would stand for two switches is left out.
 pub(crate) fn aliases<'e>(translation: &mut Translation<'_, 'e>) -> FxHashMap<String, String> {
     let instance = translation.instance;
     let surfaces = instance.model.surfaces.iter();
@@ -137,7 +137,8 @@ pub(crate) fn aliases<'e>(translation: &mut Translation<'_, 'e>) -> FxHashMap<St
         if let Some((k, false)) = translation.switches.find(psi) {
             let name = translation.switches.name_of(k);
             let is_short = surface.name.chars().count() <= name.chars().count();
-            if is_short && !found.contains_key(&name) && seen.insert(&surface.name) {
+            let is_formula = name.contains([' ', '*', '/', '^', '(', '-']);
+            if is_formula && is_short && !found.contains_key(&name) && seen.insert(&surface.name) {
                 found.insert(name, surface.name.clone());
             }
         }

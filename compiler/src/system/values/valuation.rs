@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Var, variables_of};
-use crate::system::{Role, System};
+use crate::system::System;
 
 /// Variables with their numbers.
 #[derive(Clone, Debug, Default)]
@@ -69,44 +69,6 @@ impl System<'_> {
     pub fn steps_at(&self, time: f64) -> bool {
         let mut data = self.exogenous.data.iter();
         data.any(|data| data.table.steps_at(time))
-    }
-
-    /// Takes α from an instant to so little behind it, where its side is known without looking for a mode: of switches of
-    /// time, and of those that move no state. True where one changes.
-    pub fn go_on(&self, time: f64, little: f64, (x, alpha): (&[f64], &mut [f64])) -> bool {
-        let known = self.valuation(time, x, alpha);
-        let ahead = self.states.iter().zip(x);
-        let ahead: Vec<f64> = ahead
-            .map(|(state, x)| x + little * known.value(state.rate))
-            .collect();
-        let mut known = self.valuation(time + little, &ahead, alpha);
-        let rates = self.states.iter().map(|state| state.rate);
-        let moving = variables_of(&rates.collect::<Vec<_>>());
-        let is_given = |var: &Var| {
-            !self
-                .states
-                .iter()
-                .any(|x| x.var.as_variable() == Some(*var))
-        };
-        let mut changes = false;
-        for (switch, alpha) in self.switches.iter().zip(alpha) {
-            let is_idle = switch
-                .alpha
-                .as_variable()
-                .is_some_and(|var| !moving.contains(&var));
-            let is_step = switch.role == Role::Step && switch.slip_of.is_none();
-            let is_plain = is_step && switch.relay.is_none() && !switch.unilateral;
-            let is_sure = is_idle || variables_of(&[switch.psi]).iter().all(is_given);
-            let psi = known.value(switch.psi);
-            let opposite = 1.0 - *alpha;
-            if is_plain && is_sure && psi * (opposite - 0.5) > 0.0 && (opposite - 0.5).abs() == 0.5
-            {
-                *alpha = opposite;
-                known.set(switch.alpha, opposite);
-                changes = true;
-            }
-        }
-        changes
     }
 
     /// Puts the sides of ψ for every α that is not a number, at a point with these states: those of outputs alone, of
