@@ -123,7 +123,7 @@ impl<'e> Animation<'e> {
             match &item.kind {
                 PlotKind::For(binders, items) => {
                     loops.push((place, (binders, item.span)));
-                    if reader.turns(loops).is_some_and(|turns| turns > 0) {
+                    if turns(reader, loops).is_some_and(|turns| turns > 0) {
                         self.add(reader, items, loops, found);
                     }
                     loops.pop();
@@ -166,19 +166,17 @@ impl<'e> Animation<'e> {
     }
 }
 
-impl Reader<'_, '_> {
-    /// How many turns loops have together; none where that cannot be told, or is more than a picture shows.
-    fn turns(&mut self, loops: &[(usize, Loop<'_>)]) -> Option<usize> {
-        let around: Vec<Loop<'_>> = loops.iter().map(|(_, one)| *one).collect();
-        let turns = self.model.scope.each(&around, &[], self.diags);
-        self.failed |= turns.is_none();
-        let (count, span) = (turns?.len(), around.last()?.1);
-        if count > MOST_SHAPES {
-            self.error(ExperimentError::ManyShapes { count, span });
-            return None;
-        }
-        Some(count)
+/// How many turns loops have together; none where that cannot be told, or is more than a picture shows.
+fn turns(reader: &mut Reader<'_, '_>, loops: &[(usize, Loop<'_>)]) -> Option<usize> {
+    let around: Vec<Loop<'_>> = loops.iter().map(|(_, one)| *one).collect();
+    let turns = reader.model.scope.each(&around, &[], reader.diags);
+    reader.failed |= turns.is_none();
+    let (count, span) = (turns?.len(), around.last()?.1);
+    if count > MOST_SHAPES {
+        reader.error(ExperimentError::ManyShapes { count, span });
+        return None;
     }
+    Some(count)
 }
 
 /// Seconds of the model in a second: one positive number.
