@@ -475,7 +475,7 @@ pub struct Surface<'e> {
     pub psi: Expr<'e>,
     /// Where it stands.
     pub span: Span,
-    /// Whether these are words for people alone, of a kink that has its formula for a name.
+    /// Whether the name is a text that figures and tables show alone: no switch, golden or JSON has it.
     pub is_alias: bool,
 }
 
@@ -490,7 +490,7 @@ impl<'e> Surface<'e> {
         }
     }
 
-    /// The same, as words for people alone.
+    /// The same with a name that figures and tables show alone.
     pub(crate) fn alias(self) -> Self {
         Surface {
             is_alias: true,

@@ -39,6 +39,8 @@ pub(crate) use rows::{Course, curve};
 pub use rows::{Rows, curve::refine};
 pub use status::{Certificate, Stationarity, Stats, Status};
 
+use std::sync::Arc;
+
 use rustc_hash::FxHashMap;
 
 use crate::diagnostics::Diagnostics;
@@ -117,9 +119,9 @@ pub struct History {
     /// Surface names of the switches, in the order of [`ModeInterval::sides`].
     #[serde(skip)]
     pub switches: Vec<String>,
-    /// Words for people of surfaces that have formulas for names.
+    /// Texts of switching functions that figures and tables show, by the names of surfaces.
     #[serde(skip)]
-    pub aliases: FxHashMap<String, String>,
+    pub aliases: Arc<FxHashMap<String, String>>,
     /// Chattering that went on as sliding.
     #[serde(skip)]
     pub averaged: Vec<Averaged>,

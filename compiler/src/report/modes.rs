@@ -58,7 +58,7 @@ pub struct ModeTexts<'h> {
 }
 
 impl History {
-    /// The name of a surface for people.
+    /// The text of a surface in figures and tables.
     pub fn surface<'h>(&'h self, name: &'h str) -> &'h str {
         self.aliases.get(name).map_or(name, String::as_str)
     }
@@ -145,34 +145,33 @@ impl<'h> ModeTexts<'h> {
         if text.chars().count() <= self.length {
             return Some(text);
         }
-        let told: Vec<&str> = told.iter().map(String::as_str).collect();
-        let groups = groups(&told).into_iter().map(|(kind, names)| match kind {
-            Some(kind) => format!("{kind}({})", names.join(", ")),
-            None => names.join(", "),
-        });
-        let text = groups.collect::<Vec<_>>().join(", ");
+        let text = self.grouped(own);
         (text.chars().count() <= MAX_LINES * self.length).then_some(text)
+    }
+
+    /// All words, those of one kind together: `above(a, c)`.
+    fn grouped(&self, words: &[&str]) -> String {
+        let told: Vec<String> = words.iter().map(|word| self.told(word)).collect();
+        let told: Vec<&str> = told.iter().map(String::as_str).collect();
+        let text = |(kind, words): (Option<&str>, Vec<&str>)| match kind {
+            Some(kind) => {
+                let names = words.iter().filter_map(|word| Some(parsed(word)?.1));
+                format!("{kind}({})", names.collect::<Vec<_>>().join(", "))
+            }
+            None => words.join(", "),
+        };
+        let texts: Vec<String> = by_kind(&told).into_iter().map(text).collect();
+        texts.join(", ")
     }
 
     /// The words of a mode with many switches: a few of one kind, and numbers of others.
     fn counted(&self, words: &[&str]) -> String {
-        let text = |(kind, names): (Option<&str>, Vec<&str>)| match kind {
-            Some(kind) if names.len() > MAX_NAMES => format!("{} {kind}", names.len()),
-            Some(kind)
-                if names
-                    .iter()
-                    .any(|name| self.history.aliases.contains_key(*name)) =>
-            {
-                let told = names
-                    .iter()
-                    .map(|name| self.told(&format!("{kind}({name})")));
-                told.collect::<Vec<_>>().join(", ")
-            }
-            Some(kind) => format!("{kind}({})", names.join(", ")),
-            None => names.join(", "),
+        let text = |(kind, words): (Option<&str>, Vec<&str>)| match kind {
+            Some(kind) if words.len() > MAX_NAMES => format!("{} {kind}", words.len()),
+            _ => self.grouped(&words),
         };
-        let texts = groups(words).into_iter().map(text);
-        texts.collect::<Vec<_>>().join(", ")
+        let texts: Vec<String> = by_kind(words).into_iter().map(text).collect();
+        texts.join(", ")
     }
 
     /// `above(x - b)`, as `x above b` where a kink has its words for people.
@@ -191,17 +190,14 @@ impl<'h> ModeTexts<'h> {
     }
 }
 
-/// Words by what they say of a switch, those that say one thing together; others stand alone.
-fn groups<'w>(words: &[&'w str]) -> Vec<(Option<&'w str>, Vec<&'w str>)> {
+/// Words by what they say of a switch; of regions, and of kinks in their own words, it is nothing.
+fn by_kind<'w>(words: &[&'w str]) -> Vec<(Option<&'w str>, Vec<&'w str>)> {
     let mut groups: Vec<(Option<&str>, Vec<&str>)> = Vec::new();
     for word in words {
-        let (kind, name) = match parsed(word) {
-            Some((kind, name)) => (Some(kind), name),
-            None => (None, *word),
-        };
+        let kind = parsed(word).map(|(kind, _)| kind);
         match groups.iter_mut().find(|(other, _)| *other == kind) {
-            Some((_, names)) => names.push(name),
-            None => groups.push((kind, vec![name])),
+            Some((_, words)) => words.push(word),
+            None => groups.push((kind, vec![word])),
         }
     }
     groups
@@ -252,6 +248,8 @@ fn outside(text: &str) -> impl Iterator<Item = (usize, &str)> {
 
 #[cfg(test)]
 mod tests {
+    use rustc_hash::FxHashMap;
+
     use super::ModeTexts;
     use crate::report::{Event, History, ModeInterval, sample};
 
@@ -302,7 +300,8 @@ mod tests {
         run.aliases = aliases
             .map(|(name, words)| (name.to_owned(), words.to_owned()))
             .into_iter()
-            .collect();
+            .collect::<FxHashMap<_, _>>()
+            .into();
         insta::assert_snapshot!(texts(&run, 40), @r"
         law[1, 2] - c.y above c.hi, on(r)
         law[1, 2] - c.y below c.hi, on(s)

@@ -69,6 +69,8 @@ pub use needs::Extent;
 pub use read::Readings;
 pub use task::Task;
 
+use std::sync::Arc;
+
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Exprs, Var, variables_of};
@@ -155,8 +157,8 @@ pub struct Provenance<'e> {
     pub skipped: Vec<String>,
     /// Parts of programs whose convexity was looked at in points only.
     pub sampled: Vec<Span>,
-    /// Words for people of switches that have formulas for names.
-    pub aliases: FxHashMap<String, String>,
+    /// Texts of switching functions that figures and tables show, by the names of switches.
+    pub aliases: Arc<FxHashMap<String, String>>,
     /// What other expressions of the model mean here.
     pub readings: Readings<'e>,
 }

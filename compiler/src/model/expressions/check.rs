@@ -168,14 +168,12 @@ pub(crate) fn record_surfaces<'e>(
                 }
             },
         };
-        let formula = psi.to_string();
         // `q[1] - 1` says more than `(q - [1, -1])[1]`.
-        let is_entry = value.shape != Shape::Scalar && name.starts_with('(');
-        let is_better = is_entry && formula.chars().count() < name.chars().count();
-        lowering.surfaces.push(Surface::new(name, psi, arg.span));
-        if is_better {
-            (lowering.surfaces).push(Surface::new(formula, psi, arg.span).alias());
+        if value.shape != Shape::Scalar && name.starts_with('(') {
+            let formula = Surface::new(psi.to_string(), psi, arg.span);
+            lowering.surfaces.push(formula.alias());
         }
+        lowering.surfaces.push(Surface::new(name, psi, arg.span));
     }
 }
 

@@ -37,9 +37,11 @@ impl<'e> Scope<'e> {
 /// A loop around expressions.
 pub type Loop<'s> = (&'s [Binder], Span);
 
-/// Values with their texts, and which time of each loop around them it is.
+/// One turn of loops: the values of expressions in it.
 pub struct Turn<'e> {
+    /// The number of the turn of each loop, the outer one first.
     pub turns: Vec<usize>,
+    /// Values, with the expressions as they are written.
     pub values: Vec<(String, Tensor<'e>)>,
 }
 
@@ -69,11 +71,9 @@ fn each<'e>(
         turns.push(0);
         let result = lowering.for_each(binders, *span, &mut |lowering| {
             let result = each(lowering, inner, exprs, turns, found);
-            turns
-                .iter_mut()
-                .last()
-                .into_iter()
-                .for_each(|turn| *turn += 1);
+            if let Some(turn) = turns.last_mut() {
+                *turn += 1;
+            }
             result
         });
         turns.pop();

@@ -43,6 +43,8 @@ const TIME_TICKS: usize = 6;
 const MAX_EVENT_LINES: usize = 150;
 /// Events before their marks would cover each other.
 const MAX_EVENT_MARKS: usize = 50;
+/// Pixels between events that no eye tells apart.
+const ONE_INSTANT: f64 = 0.3;
 /// Side of the phase plane.
 const PHASE: f64 = 270.0;
 
@@ -327,13 +329,13 @@ fn draw_event_marks(canvas: &Canvas<'_>, history: &History, time: &Axis, y: f64)
     }
     let size = if is_crowded { 2.2 } else { 3.2 };
     // Kinds of one instant stand side by side.
-    let mut last = (f64::NEG_INFINITY, 0.0);
+    let (mut instant, mut shift) = (f64::NEG_INFINITY, 0.0);
     for (x, kind) in places {
-        last = match x - last.0 < 0.3 {
-            true => (last.0, last.1 + 2.0 * size),
-            false => (x, 0.0),
-        };
-        marks::mark(canvas, kind, (x + last.1, y), size);
+        match x - instant < ONE_INSTANT {
+            true => shift += 2.0 * size,
+            false => (instant, shift) = (x, 0.0),
+        }
+        marks::mark(canvas, kind, (x + shift, y), size);
     }
 }
 

@@ -149,11 +149,12 @@ impl<'e> Animation<'e> {
                         self.speed = speed(reader, exprs, item.span);
                     }
                     None => {
-                        let words = &WORDS[..if loops.is_empty() {
+                        let known = if loops.is_empty() {
                             WORDS.len()
                         } else {
                             SHAPES
-                        }];
+                        };
+                        let words = &WORDS[..known];
                         reader.error(unknown_choice("member of an animation", word, words));
                     }
                 },

@@ -469,10 +469,10 @@ pub enum ExperimentError {
     },
 
     /// A loop over more shapes than a picture shows.
-    #[error("a loop of an animation has {count} turns")]
+    #[error("loops of an animation have {count} turns")]
     #[diagnostic(
         code(E0530),
-        help("draw some of them: a picture has 2000 shapes of a loop at most")
+        help("draw some of them: loops in each other have 2000 turns at most")
     )]
     ManyShapes {
         count: usize,

@@ -29,7 +29,7 @@ pub(crate) struct Parts<'e> {
     pub recorded: Recorded<'e>,
     /// α of the switches that expectations name.
     pub named: Vec<Expr<'e>>,
-    /// Words for people by the names of surfaces.
+    /// Texts of switching functions that figures and tables show, by the names of switches.
     pub aliases: FxHashMap<String, String>,
     pub task: Option<Task<'e>>,
     pub regions: Regions<'e>,
@@ -94,7 +94,7 @@ impl<'e> Parts<'e> {
             provenance: Provenance {
                 skipped: skipped(instance, collected, &switches, &motion.laws, dropped),
                 sampled: self.sampled,
-                aliases: self.aliases,
+                aliases: self.aliases.into(),
                 readings: Readings::of(collected, &kept, translation.given, named),
             },
             switches,

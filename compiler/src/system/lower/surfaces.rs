@@ -124,8 +124,8 @@ pub(crate) fn named<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Expr<'e>> 
     instance.needs.surfaces.iter().filter_map(alpha).collect()
 }
 
-/// Words for switches that have formulas for names, where they are no longer than these: ψ in the order in which it is
-/// compared. What somebody has named keeps its name, and what would stand for two switches is left out.
+/// Texts of switching functions as the model compares the two sides of them, `x - bound`, by the names of switches that have
+/// no statement of their own, where these are not shorter. A text of two switches is that of the first.
 pub(crate) fn aliases<'e>(translation: &mut Translation<'_, 'e>) -> FxHashMap<String, String> {
     let instance = translation.instance;
     let surfaces = instance.model.surfaces.iter();
@@ -135,10 +135,12 @@ pub(crate) fn aliases<'e>(translation: &mut Translation<'_, 'e>) -> FxHashMap<St
     for surface in kept {
         let psi = translation.replace(surface.psi, surface.span);
         if let Some((k, false)) = translation.switches.find(psi) {
+            let switch = &translation.switches.list[k];
+            let is_declared = !switch.named.is_empty() || switch.relay.is_some();
             let name = translation.switches.name_of(k);
             let is_short = surface.name.chars().count() <= name.chars().count();
-            let is_formula = name.contains([' ', '*', '/', '^', '(', '-']);
-            if is_formula && is_short && !found.contains_key(&name) && seen.insert(&surface.name) {
+            if !is_declared && is_short && !found.contains_key(&name) && seen.insert(&surface.name)
+            {
                 found.insert(name, surface.name.clone());
             }
         }
