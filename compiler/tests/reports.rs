@@ -98,3 +98,34 @@ fn a_contact_is_named_once() {
             1e-6)` does, or end the horizon before
     ");
 }
+
+/// Kinks on the surfaces of switches that have a statement take nothing from their names, those of entries neither.
+#[test]
+fn switches_with_a_statement_keep_their_names() {
+    let folder = folder("names_of_switches");
+    let text = "model m {
+        state x = 0; state v = 0; state w = 2;
+        switch far_from_the_wall = step([x - w, 2*x - w]);
+        switch belt_is_slipping = sign(v - w);
+        switch heater_of_the_room = hysteresis(x, on = 1.5, off = 1);
+        let kinks = max(v, w) + max(x, w) + max(2*x, w) + max(x, 1.5) + max(v - x, 1);
+        x' = 1; v' = 2 - 0.1*belt_is_slipping;
+        w' = 0.1*far_from_the_wall[1] + 0.01*far_from_the_wall[2] + 0.01*heater_of_the_room + 0.001*kinks;
+    }
+    simulate s of m { horizon 4; output x, v, w; }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["run", "m.nsd"]);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    for name in [
+        "above(far_from_the_wall[1])",
+        "above(far_from_the_wall[2])",
+        "above(belt_is_slipping)",
+        "on(heater_of_the_room)",
+        "v - x above 1",
+    ] {
+        assert!(ran.out.contains(name), "{name}: {}", ran.out);
+    }
+    for words in ["x above w", "v above w", "x - w", "v - w"] {
+        assert!(!ran.out.contains(words), "{words}: {}", ran.out);
+    }
+}
