@@ -40,6 +40,7 @@ mod impulses;
 mod impulses_space;
 mod impulses_space_optimal;
 mod indicators;
+mod interval_lengths;
 mod jumps;
 mod lifting_off;
 mod mixed;

@@ -177,6 +177,12 @@ fn from(
     watch: &mut dyn Watch,
 ) -> Option<Solution> {
     let mut w = point.to_vec();
+    let (ends, steps) = (problem.at(point).ends(), problem.layout.steps);
+    for k in 1..=steps {
+        if let Some(share) = problem.layout.decided.share(k) {
+            w[share] = (ends[k] - ends[k - 1]) / ends[steps] * steps as f64;
+        }
+    }
     let starts = match problem.frozen {
         Some(_) => reference::in_numerical_time(problem, &mut w, limit),
         None => reference::in_modes(problem, &problem.simulated(&w, limit), &mut w),

@@ -4,11 +4,11 @@
 //! a program are not in it.
 
 use super::solved;
-use crate::expr::{Evaluator, Expr, Var};
+use crate::expr::{Evaluator, Var};
 use crate::limit::Limit;
 use crate::optimize::Problem;
 use crate::system::experiment::At;
-use crate::system::task::Shape;
+use crate::system::task::{Lengths, Shape};
 use crate::system::{System, Valuation};
 
 /// What is free in a task.
@@ -26,6 +26,14 @@ pub(crate) struct Quantity {
     pub is_control: bool,
 }
 
+/// What a constraint is about.
+enum Asked<'e> {
+    /// A function of states, controls and time.
+    Value(Evaluator<'e>),
+    /// Σ s_k of the lengths of control intervals as shares of T/N.
+    Lengths,
+}
+
 /// lower <= value <= upper at an instant.
 struct Row {
     /// The number of what is asked.
@@ -39,10 +47,10 @@ struct Row {
 /// An instant at which something is asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Place {
-    /// As a share of the horizon.
-    share: f64,
     /// The interval that it is in or ends.
     k: usize,
+    /// As a share of it.
+    share: f64,
 }
 
 /// The objective and the constraints for certain values of the free quantities.
@@ -66,7 +74,7 @@ pub(crate) struct Reduced<'r, 'e> {
     cost: Evaluator<'e>,
     places: Vec<Place>,
     /// What constraints are about.
-    asked: Vec<Evaluator<'e>>,
+    asked: Vec<Asked<'e>>,
     rows: Vec<Row>,
     /// The rows at each place.
     at_place: Vec<Vec<usize>>,
@@ -99,32 +107,29 @@ impl<'r, 'e> Reduced<'r, 'e> {
         let Some(task) = &self.problem.system.task else {
             return;
         };
-        let horizon = self.problem.at(w).horizon();
+        let edges = self.problem.at(w).ends();
         let mut ends: Vec<Place> = Vec::new();
         let mut nodes: Vec<Place> = Vec::new();
         for (k, j) in layout.all_elements() {
             let before: f64 = (1..j).map(|j| w[layout.h(k, j)].max(0.0)).sum();
-            let start = (k - 1) as f64 / layout.steps as f64 + before / horizon;
-            let h = w[layout.h(k, j)].max(0.0) / horizon;
+            let (h, length) = (w[layout.h(k, j)].max(0.0), edges[k] - edges[k - 1]);
             let place = |c: f64| Place {
-                share: start + c * h,
                 k,
+                share: ((before + c * h) / length).min(1.0),
             };
             nodes.extend(layout.points[1..=layout.nodes].iter().map(|&c| place(c)));
             ends.push(place(1.0));
         }
-        let interval = |k: usize| Place {
-            share: k as f64 / layout.steps as f64,
-            k,
-        };
-        let start = Place { share: 0.0, k: 1 };
+        let interval = |k: usize| Place { k, share: 1.0 };
+        let start = Place { k: 1, share: 0.0 };
         // A clock in numerical time has no lengths of physical time.
         let is_frozen = self.problem.frozen.is_some();
         for row in &task.rows {
             let places = match row.at {
                 At::Start => vec![start],
                 At::End => {
-                    self.push(row.value, (row.lower, row.upper), [None]);
+                    let value = Asked::Value(Evaluator::new(row.value));
+                    self.push(value, (row.lower, row.upper), [None]);
                     continue;
                 }
                 At::Intervals => (1..=layout.steps).map(interval).collect(),
@@ -133,19 +138,32 @@ impl<'r, 'e> Reduced<'r, 'e> {
                 At::Nodes => nodes.clone(),
             };
             self.push(
-                row.value,
+                Asked::Value(Evaluator::new(row.value)),
                 (row.lower, row.upper),
                 places.into_iter().map(Some),
             );
         }
-        for bound in task.bounds.iter().filter(|_| !is_frozen) {
+        for bound in &task.bounds {
             let state = self.problem.system.states[bound.place].var;
-            let places = nodes.iter().copied().map(Some);
-            self.push(state, (bound.lower, bound.upper), places);
+            let places: Vec<Place> = match is_frozen {
+                true => (1..=layout.steps).map(interval).collect(),
+                false => nodes.clone(),
+            };
+            let places = places.into_iter().map(Some);
+            let value = Asked::Value(Evaluator::new(state));
+            self.push(value, (bound.lower, bound.upper), places);
+        }
+        // Lengths that are chosen are shares of what they add up to.
+        if task.lengths == Lengths::Free {
+            let all = layout.steps as f64;
+            self.push(Asked::Lengths, (all, all), [None]);
         }
         // Instants are met in order.
         let mut order: Vec<usize> = (0..self.places.len()).collect();
-        order.sort_by(|&a, &b| self.places[a].share.total_cmp(&self.places[b].share));
+        order.sort_by(|&a, &b| {
+            let [a, b] = [a, b].map(|i| self.places[i]);
+            a.k.cmp(&b.k).then(a.share.total_cmp(&b.share))
+        });
         let mut number = vec![0; order.len()];
         for (new, &old) in order.iter().enumerate() {
             number[old] = new;
@@ -163,11 +181,11 @@ impl<'r, 'e> Reduced<'r, 'e> {
     /// Asks for a value at places; none is the end of the horizon.
     fn push(
         &mut self,
-        value: Expr<'e>,
+        value: Asked<'e>,
         (lower, upper): (f64, f64),
         places: impl IntoIterator<Item = Option<Place>>,
     ) {
-        self.asked.push(Evaluator::new(value));
+        self.asked.push(value);
         for place in places {
             let at = place.map(|place| {
                 let known = self.places.iter().rposition(|known| *known == place);
@@ -206,8 +224,15 @@ impl<'r, 'e> Reduced<'r, 'e> {
         let horizon = problem.at(w).horizon();
         let tables = solved::tables(problem, w);
         let x0 = initial(problem, w);
-        let instants = self.places.iter().map(|place| place.share * horizon);
-        let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
+        let ends = problem.at(w).ends();
+        let instants = self.places.iter().map(|place| {
+            let [from, to] = [place.k - 1, place.k].map(|k| ends[k]);
+            match place.share {
+                1.0 => to,
+                share => (from + share * (to - from)).min(to),
+            }
+        });
+        let instants: Vec<f64> = instants.collect();
         let run = problem.again(w, |runs| {
             runs.replace_data(problem.system.exogenous.data.len(), &tables);
             runs.values(&x0, horizon, &instants, limit)
@@ -218,7 +243,10 @@ impl<'r, 'e> Reduced<'r, 'e> {
         known.decide(problem, w, problem.layout.steps, 1.0);
         let cost = self.cost.eval(&|var| known.value(var));
         let mut rows = vec![f64::NAN; self.rows.len()];
-        let value = |row: &Row, known: &Known| self.asked[row.value].eval(&|var| known.value(var));
+        let value = |row: &Row, known: &Known| match &self.asked[row.value] {
+            Asked::Value(value) => value.eval(&|var| known.value(var)),
+            Asked::Lengths => problem.at(w).shares().iter().flatten().sum(),
+        };
         for (i, row) in self
             .rows
             .iter()
@@ -229,8 +257,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
         }
         for (at, place) in self.places.iter().enumerate() {
             known.set(system, instants[at], &run.at[at]);
-            let share = place.share * problem.layout.steps as f64 - (place.k - 1) as f64;
-            known.decide(problem, w, place.k, share);
+            known.decide(problem, w, place.k, place.share);
             for &i in &self.at_place[at] {
                 rows[i] = value(&self.rows[i], &known);
             }
@@ -330,6 +357,8 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
         .map(|free| layout.before(1, 1) + free.place);
     found.extend(initial.map(|index| (index, w[index].abs())));
     found.extend(layout.horizon().map(|index| (index, w[index].abs())));
+    let shares = (1..=layout.steps).filter_map(|k| layout.decided.share(k));
+    found.extend(shares.map(|index| (index, w[index].abs())));
     let quantity = |(i, (index, largest)): (usize, (usize, f64))| {
         let range = bounds[index].upper - bounds[index].lower;
         let largest = if largest > 0.0 { largest } else { 1.0 };

@@ -111,23 +111,7 @@ impl<'e> Reader<'_, 'e> {
         match *numbers {
             [number] if fits(number) => Some(number),
             _ => {
-                let found = numbers
-                    .iter()
-                    .map(f64::to_string)
-                    .collect::<Vec<_>>()
-                    .join(", ");
-                let found = if numbers.len() == 1 {
-                    found
-                } else {
-                    format!("[{found}]")
-                };
-                let (what, expected) = (what.to_owned(), expected.to_owned());
-                self.error(ExperimentError::OutOfRange {
-                    what,
-                    expected,
-                    found,
-                    span: value.span,
-                });
+                self.error(out_of_range(what, value, numbers, expected));
                 None
             }
         }
@@ -160,6 +144,26 @@ impl<'e> Reader<'_, 'e> {
                 });
             }
         }
+    }
+}
+
+/// Numbers that a setting does not take.
+pub(crate) fn out_of_range(
+    what: &str,
+    value: &syntax::Expr,
+    numbers: &[f64],
+    expected: &str,
+) -> ExperimentError {
+    let found: Vec<String> = numbers.iter().map(f64::to_string).collect();
+    let found = match &found[..] {
+        [found] => found.clone(),
+        _ => format!("[{}]", found.join(", ")),
+    };
+    ExperimentError::OutOfRange {
+        what: what.to_owned(),
+        expected: expected.to_owned(),
+        found,
+        span: value.span,
     }
 }
 

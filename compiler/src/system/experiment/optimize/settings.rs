@@ -6,10 +6,10 @@ use rustc_hash::FxHashSet;
 
 use super::super::error::ExperimentError;
 use super::super::method::MethodKind;
-use super::super::reader::{Reader, unknown_choice};
+use super::super::reader::{Reader, out_of_range, unknown_choice};
 use super::super::{fesd, with};
 use super::goal::Words;
-use super::{At, Cost, Discretization, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
+use super::{At, Cost, Discretization, Freed, Lengths, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
 use crate::model::{Comparison, Domain, Model, Quantity, TargetKind};
 use crate::source::Span;
@@ -84,6 +84,7 @@ impl<'m, 'e> Draft<'m, 'e> {
                 elements: 2,
                 scheme: (Family::RadauIia, 3),
                 controls: Shape::Constant,
+                lengths: Lengths::Equal,
             },
             horizon: None,
             cost: None,
@@ -106,6 +107,12 @@ impl<'m, 'e> Draft<'m, 'e> {
         horizon: Option<f64>,
     ) {
         match kind {
+            SettingKind::FreeIntervals(value) => {
+                reader.once("`intervals`", span);
+                let count = reader.count("`intervals`", value, MOST_INTERVALS);
+                self.discretization.intervals = count.unwrap_or(1);
+                self.discretization.lengths = Lengths::Free;
+            }
             SettingKind::Value { name, value } => self.value(reader, name, value, span),
             SettingKind::SubjectTo { rows, at } => {
                 let at = at
@@ -322,8 +329,9 @@ impl<'m, 'e> Draft<'m, 'e> {
         match name.name.as_str() {
             "intervals" => {
                 reader.once("`intervals`", span);
-                let count = reader.count("`intervals`", value, MOST_INTERVALS);
-                grid.intervals = count.unwrap_or(grid.intervals);
+                if let Some((count, lengths)) = intervals(reader, value) {
+                    (grid.intervals, grid.lengths) = (count, lengths);
+                }
             }
             "elements" => {
                 reader.once("`elements`", span);
@@ -429,6 +437,27 @@ impl<'m, 'e> Draft<'m, 'e> {
             options: self.options,
         })
     }
+}
+
+/// A number of equal control intervals, or a list of their lengths.
+fn intervals(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(usize, Lengths)> {
+    let numbers = reader.numbers("`intervals`", value)?;
+    if numbers.len() == 1 && !matches!(value.kind, syntax::ExprKind::Matrix(_)) {
+        let count = reader.count("`intervals`", value, MOST_INTERVALS)?;
+        return Some((count, Lengths::Equal));
+    }
+    let longest = numbers.iter().copied().fold(0.0, f64::max);
+    let shortest = longest / MOST_INTERVALS;
+    let fits = |length: &f64| *length > 0.0 && (shortest..=longest).contains(length);
+    let is_list = (1.0..=MOST_INTERVALS).contains(&(numbers.len() as f64));
+    if !is_list || !longest.is_finite() || !numbers.iter().all(fits) {
+        let expected = format!(
+            "up to {MOST_INTERVALS} positive lengths, the longest at most {MOST_INTERVALS} times the shortest"
+        );
+        reader.error(out_of_range("`intervals`", value, &numbers, &expected));
+        return None;
+    }
+    Some((numbers.len(), Lengths::Given(numbers)))
 }
 
 fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
