@@ -25,6 +25,8 @@ mod work;
 #[cfg(test)]
 mod tests;
 
+use std::cmp::Ordering;
+
 use crate::optimization::ipm;
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
@@ -218,7 +220,7 @@ impl Work<'_> {
             patience,
             ..
         } = *self.options;
-        match best.is_stationary() {
+        match best.is_solved() {
             // What a start that is trusted leads to says nothing about other ways.
             _ if index == 0 => wanted == 0,
             true => effort > wanted,
@@ -262,19 +264,12 @@ impl Work<'_> {
                     others: 0,
                 };
             }
-            let moved: Vec<f64> = best.point.w.iter().zip(step).map(|(w, d)| w + d).collect();
-            let guess = Guess {
-                y: best.point.y.clone(),
-                w: moved,
-            };
-            let zeros = choose(lifted, &guess.w);
-            let gain = 1e-10 * best.objective.abs().max(1.0);
-            match polish(lifted, &guess, &zeros, Goal::Solution, self) {
-                Ok(next) if next.objective < best.objective - gain => {
+            match self.leave(lifted, &best, step) {
+                Some(next) => {
                     self.stats.switches += 1;
                     best = next;
                 }
-                _ => {
+                None => {
                     return Candidate {
                         best,
                         certificate,
@@ -334,6 +329,7 @@ impl Work<'_> {
     }
 
     fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {
+        let status = candidate.status();
         let Candidate {
             best,
             certificate,
@@ -347,15 +343,7 @@ impl Work<'_> {
         let mut w = best.point.w;
         w.truncate(n);
         Solution {
-            status: match certificate.class {
-                Class::None if best.objective < UNBOUNDED => Status::Unbounded,
-                Class::None => Status::Feasible,
-                _ if best.falling.is_some() => Status::Feasible,
-                Class::S => Status::Solved,
-                Class::M if certificate.b_stationary.is_none() => Status::Solved,
-                _ if certificate.b_stationary == Some(true) => Status::Solved,
-                _ => Status::Feasible,
-            },
+            status,
             w,
             objective: best.objective,
             residuals: best.residuals,
@@ -432,16 +420,39 @@ enum Elsewhere {
 }
 
 impl Candidate {
-    fn is_stationary(&self) -> bool {
-        self.certificate.class != Class::None
+    /// How a run ends here.
+    fn status(&self) -> Status {
+        let Certificate {
+            class,
+            b_stationary,
+            ..
+        } = self.certificate;
+        match class {
+            Class::None if self.best.objective < UNBOUNDED => Status::Unbounded,
+            Class::None => Status::Feasible,
+            _ if self.best.falling.is_some() => Status::Feasible,
+            Class::S => Status::Solved,
+            Class::M if b_stationary.is_none() => Status::Solved,
+            _ if b_stationary == Some(true) => Status::Solved,
+            _ => Status::Feasible,
+        }
     }
 
-    /// Whether this is to be preferred: stationary points to others, then by the objective.
+    /// Whether nothing speaks against it being a minimum.
+    fn is_solved(&self) -> bool {
+        self.status() == Status::Solved
+    }
+
+    /// Whether this is to be preferred: solutions to others, stationary points to what is none, then by the objective.
     fn is_better(&self, other: &Candidate) -> bool {
-        match (self.is_stationary(), other.is_stationary()) {
-            (true, false) => true,
-            (false, true) => false,
-            _ => self.best.objective < other.best.objective,
+        let rank = |candidate: &Candidate| {
+            let is_stationary = candidate.certificate.class != Class::None;
+            (candidate.is_solved(), is_stationary)
+        };
+        match rank(self).cmp(&rank(other)) {
+            Ordering::Greater => true,
+            Ordering::Less => false,
+            Ordering::Equal => self.best.objective < other.best.objective,
         }
     }
 }
