@@ -125,3 +125,19 @@ fn lists_are_of_lengths() {
         assert_eq!(with(&format!("intervals {list}")), none, "{list}");
     }
 }
+
+/// A car whose turbo triples its acceleration from 15 m/s on, until it is below 10: 150 m from rest to rest. With turbo: 3 s
+/// to 15 m/s, 2/3 s to 25 m/s, 1 s down to 10 m/s and 2 s to rest are 63 + 1/3 m, and the rest is driven at 25 m/s.
+#[test]
+fn a_turbo_with_memory_is_on_from_the_first_instant_to_the_last() {
+    let found = solved(
+        "state q = 0; state v in [-25, 25] = 0; control u in [-5, 5] = 0;
+         switch turbo = hysteresis(v, on = 15, off = 10, start = 0);
+         q' = v; v' = (1 + 2*turbo)*u;",
+        "horizon free in [1, 100] = 20; intervals 10 free; elements 3; scheme radau_iia(2); lower timefreezing;
+         minimize final(time); final { q = 150; v = 0; }
+         guess { u = 5*sign(9 - time); }",
+    );
+    let least = 3.0 + 2.0 / 3.0 + 1.0 + 2.0 + (150.0 - 190.0 / 3.0) / 25.0;
+    costs(&found, least, 1e-7);
+}

@@ -36,6 +36,7 @@ mod hidden_optimal;
 mod hidden_roads;
 mod hybrid;
 mod identities;
+mod idle;
 mod impulses;
 mod impulses_space;
 mod impulses_space_optimal;

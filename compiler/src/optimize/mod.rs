@@ -189,8 +189,14 @@ impl<'e> Problem<'e> {
         trajectory.failure = failure::of(self, solution)
             .or(in_other_mode)
             .or(checks::simulated::confirmation(self, &trajectory));
-        if let Some(failure) = &trajectory.failure {
-            trajectory.status = failure.status();
+        match &trajectory.failure {
+            Some(failure) => trajectory.status = failure.status(),
+            // Where there is a failure or a better minimum, another guess is advised already.
+            None if elsewhere.is_none() => {
+                let left = checks::idle::left_alone(self, &trajectory, &solution.w, limit);
+                trajectory.warnings.extend(left);
+            }
+            None => {}
         }
         Solved {
             point: self.point(&solution.w),

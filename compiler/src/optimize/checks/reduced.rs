@@ -64,6 +64,8 @@ pub(crate) struct Values {
     pub end: Vec<f64>,
     /// Steps of the simulation.
     pub steps: usize,
+    /// Its events.
+    pub events: usize,
 }
 
 /// The problem in free quantities.
@@ -216,6 +218,17 @@ impl<'r, 'e> Reduced<'r, 'e> {
     /// A run with the free quantities of a point; none where it does not reach the end in the time that is left, or where
     /// something is not finite.
     pub fn at(&mut self, w: &[f64]) -> Option<Values> {
+        self.run(w, initial(self.problem, w))
+    }
+
+    /// The same with an initial value that differs by so much.
+    pub fn at_from(&mut self, w: &[f64], (place, change): (usize, f64)) -> Option<Values> {
+        let mut x0 = initial(self.problem, w);
+        x0[place] += change;
+        self.run(w, x0)
+    }
+
+    fn run(&mut self, w: &[f64], x0: Vec<f64>) -> Option<Values> {
         let problem = self.problem;
         let limit = &self.limit;
         if limit.is_over() {
@@ -223,7 +236,6 @@ impl<'r, 'e> Reduced<'r, 'e> {
         }
         let horizon = problem.at(w).horizon();
         let tables = solved::tables(problem, w);
-        let x0 = initial(problem, w);
         let ends = problem.at(w).ends();
         let instants = self.places.iter().map(|place| {
             let [from, to] = [place.k - 1, place.k].map(|k| ends[k]);
@@ -268,6 +280,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
             rows,
             end: run.end,
             steps: run.steps,
+            events: run.events,
         })
     }
 }
