@@ -5,6 +5,7 @@ use nsd_solver::optimization::mpcc::{Class, Solution, Status};
 use nsd_solver::optimization::problem::{Mpcc, Nlp, Pair, Side};
 
 use super::Problem;
+use crate::diagnostics::counted;
 use crate::lowering::discretize::DiscretizeError;
 use crate::lowering::mpcc::Source;
 use crate::report::{Failure, Stationarity};
@@ -173,9 +174,8 @@ fn weak(problem: &Problem, solution: &Solution) -> Failure {
     Failure::Weak {
         class: Stationarity::of(solution.class, solution.b_stationary).as_str(),
         missing: format!(
-            "S or B is missing: of {} complementarities with both members zero {} have a multiplier of the wrong sign, and \
-             {descent}",
-            solution.biactive.len(),
+            "S or B is missing: {} with both members zero, {} of them with a multiplier of the wrong sign; {descent}",
+            counted(solution.biactive.len(), "pair"),
             wrong.len()
         ),
         lines: match spans.is_empty() {
@@ -290,7 +290,7 @@ mod tests {
                 assert_eq!(code, "E0735");
                 assert!(message.contains(&format!("{name}-stationary")), "{message}");
                 assert!(
-                    message.contains("1 have a multiplier of the wrong sign"),
+                    message.contains("1 pair with both members zero, 1 of them with a"),
                     "{message}"
                 );
                 assert!(message.contains("falls to first order"), "{message}");
@@ -298,7 +298,10 @@ mod tests {
             let (code, message) = failure(Class::C, None, [1.0, 1.0]);
             assert_eq!(code, "E0735");
             assert!(message.contains("met its limit"), "{message}");
-            assert!(message.contains(" 0 have a multiplier"), "{message}");
+            assert!(
+                message.contains(" 0 of them with a multiplier"),
+                "{message}"
+            );
             assert_eq!(failure(Class::None, None, [0.0; 2]).0, "E0717");
         });
     }

@@ -28,6 +28,7 @@ mod tests;
 use std::cmp::Ordering;
 
 use crate::optimization::ipm;
+use crate::optimization::mpcc::branch::leave::BOXES;
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
@@ -183,7 +184,7 @@ impl Work<'_> {
             };
             let zeros = choose(lifted, start);
             if let Ok(polished) = polish(lifted, &guess, &zeros, Goal::Solution, self) {
-                best = Some(self.improve(lifted, polished));
+                best = Some(self.improve(lifted, polished, &[]));
             }
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
@@ -194,7 +195,7 @@ impl Work<'_> {
             self.stats.restarts = index;
             match way.follow(lifted, start, self) {
                 Ok(polished) => {
-                    let candidate = self.improve(lifted, polished);
+                    let candidate = self.improve(lifted, polished, &[]);
                     if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
                         best = Some(candidate);
                     }
@@ -207,7 +208,15 @@ impl Work<'_> {
             }
         }
         match best {
-            Some(best) => self.feasible(lifted, best),
+            Some(mut best) => {
+                if !best.is_solved() && best.certificate.descent.is_some() {
+                    let left = self.improve(lifted, best.best.clone(), &BOXES);
+                    if left.is_better(&best) {
+                        best = left;
+                    }
+                }
+                self.feasible(lifted, best)
+            }
             None => self.dead_end(lifted, end.expect("one way was tried")),
         }
     }
@@ -228,8 +237,8 @@ impl Work<'_> {
         }
     }
 
-    /// Takes better branches as long as the certificate finds them.
-    fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Candidate {
+    /// Takes better branches as long as the certificate finds them, or what is better in boxes of these widths.
+    fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished, boxes: &[f64]) -> Candidate {
         let mut known: Option<Certificate> = None;
         loop {
             lifted.settle(Some(&best.zeros));
@@ -264,7 +273,7 @@ impl Work<'_> {
                     others: 0,
                 };
             }
-            match self.leave(lifted, &best, step) {
+            match self.leave(lifted, &best, step, boxes) {
                 Some(next) => {
                     self.stats.switches += 1;
                     best = next;

@@ -2,8 +2,9 @@
 //!
 //! The direction says which members are zero behind it, and the solution of that branch is what is wanted. An
 //! interior-point method does not go downhill from where it starts, though, and may end at a worse solution, or where the
-//! branch is infeasible. Then the branch is solved in boxes around the point, the largest first, as in the steps of a
-//! trust-region method (Leyffer and Munson 2007): small ones hold nothing but what the direction promises.
+//! branch is infeasible. Where no other way leads to a solution, the branch is solved in boxes around the point then, the
+//! largest first, as in the steps of a trust-region method (Leyffer and Munson 2007): small ones hold nothing but what the
+//! direction promises.
 
 use super::choose;
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
@@ -11,17 +12,18 @@ use crate::optimization::mpcc::lift::Lifted;
 use crate::optimization::mpcc::work::Work;
 
 /// Half of the width of the boxes, relative to max(1, |w_i|).
-const BOXES: [f64; 3] = [1e-1, 1e-2, 1e-3];
+pub const BOXES: [f64; 3] = [1e-1, 1e-2, 1e-3];
 /// What an objective is lower by where that is not rounding, relative to max(1, |f|).
 const GAIN: f64 = 1e-10;
 
 impl Work<'_> {
-    /// A better point, from a step along a direction of descent.
+    /// A better point, from a step along a direction of descent, in its branch or in boxes of these widths.
     pub fn leave(
         &mut self,
         lifted: &mut Lifted<'_>,
         best: &Polished,
         step: &[f64],
+        boxes: &[f64],
     ) -> Option<Polished> {
         let moved = best.point.w.iter().zip(step).map(|(w, d)| w + d);
         let guess = Guess {
@@ -30,7 +32,7 @@ impl Work<'_> {
         };
         let zeros = choose(lifted, &guess.w);
         let below = best.objective - GAIN * best.objective.abs().max(1.0);
-        let boxes = BOXES.map(|reach| Goal::Within(below, reach));
+        let boxes = boxes.iter().map(|&reach| Goal::Within(below, reach));
         let mut goals = [Goal::Solution].into_iter().chain(boxes);
         goals.find_map(|goal| {
             if self.is_over() {
@@ -44,6 +46,7 @@ impl Work<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::BOXES;
     use crate::optimization::mpcc::Options;
     use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
     use crate::optimization::mpcc::certificate::Residuals;
@@ -112,7 +115,7 @@ mod tests {
             is_optimal: true,
             falling: None,
         };
-        let better = work.leave(&mut lifted, &known, &[1e-4, 0.0]);
+        let better = work.leave(&mut lifted, &known, &[1e-4, 0.0], &[]);
         let better = better.expect("there is a better point");
         assert!(
             (better.objective - 1.0).abs() < 1e-9,
@@ -128,6 +131,9 @@ mod tests {
             },
             ..known
         };
-        assert!(work.leave(&mut lifted, &best, &[1e-4, 0.0]).is_none());
+        assert!(
+            work.leave(&mut lifted, &best, &[1e-4, 0.0], &BOXES)
+                .is_none()
+        );
     }
 }
