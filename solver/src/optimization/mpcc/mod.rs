@@ -209,7 +209,8 @@ impl Work<'_> {
         }
         match best {
             Some(mut best) => {
-                if !best.is_solved() && best.certificate.descent.is_some() {
+                let is_wanted = self.options.effort > 0 && !best.is_solved();
+                if is_wanted && best.certificate.descent.is_some() {
                     let left = self.improve(lifted, best.best.clone(), &BOXES);
                     if left.is_better(&best) {
                         best = left;
@@ -229,7 +230,7 @@ impl Work<'_> {
             patience,
             ..
         } = *self.options;
-        match best.is_solved() {
+        match best.is_stationary() {
             // What a start that is trusted leads to says nothing about other ways.
             _ if index == 0 => wanted == 0,
             true => effort > wanted,
@@ -447,6 +448,10 @@ impl Candidate {
         }
     }
 
+    fn is_stationary(&self) -> bool {
+        self.certificate.class != Class::None
+    }
+
     /// Whether nothing speaks against it being a minimum.
     fn is_solved(&self) -> bool {
         self.status() == Status::Solved
@@ -454,10 +459,7 @@ impl Candidate {
 
     /// Whether this is to be preferred: solutions to others, stationary points to what is none, then by the objective.
     fn is_better(&self, other: &Candidate) -> bool {
-        let rank = |candidate: &Candidate| {
-            let is_stationary = candidate.certificate.class != Class::None;
-            (candidate.is_solved(), is_stationary)
-        };
+        let rank = |candidate: &Candidate| (candidate.is_solved(), candidate.is_stationary());
         match rank(self).cmp(&rank(other)) {
             Ordering::Greater => true,
             Ordering::Less => false,
