@@ -34,8 +34,8 @@ pub(crate) struct Formals<'p, 'e> {
     node: Expr<'e>,
     /// k - 1, a formal argument.
     pub before: Expr<'e>,
-    /// s, a formal argument.
-    share: Expr<'e>,
+    /// s, a formal argument, where steps are not equal.
+    share: Option<Expr<'e>>,
     /// Functions of time as polynomials.
     data: Data<'p, 'e>,
     /// Linear controls at the end of a step, formal arguments; at its start they are those of the system.
@@ -64,7 +64,7 @@ impl<'p, 'e> Formals<'p, 'e> {
                 _ => exprs.constant(grid.horizon),
             },
             before: exprs.variable("before"),
-            share: exprs.variable("s"),
+            share: (layout.decided.share(1)).map(|_| exprs.variable("s")),
             data: Data::of(dcs, grid),
             next: controls.map(|u| exprs.variable(&u.name)).collect(),
         }
@@ -73,10 +73,7 @@ impl<'p, 'e> Formals<'p, 'e> {
     /// T/N, times s where steps are not equal.
     pub fn step(&self) -> Expr<'e> {
         let mean = self.horizon / self.grid.steps as f64;
-        match self.layout.decided.share(1) {
-            Some(_) => self.share * mean,
-            None => mean,
-        }
+        self.share.map_or(mean, |share| share * mean)
     }
 
     /// Binds what the length of a step is made of: T and s.
@@ -86,8 +83,8 @@ impl<'p, 'e> Formals<'p, 'e> {
         step: impl Fn([usize; N]) -> usize,
     ) -> Builder<N> {
         let block = self.with_horizon(block);
-        match self.layout.decided.share(1) {
-            Some(_) => block.variable(self.share, |place| {
+        match self.share {
+            Some(share) => block.variable(share, |place| {
                 let share = self.layout.decided.share(step(place));
                 share.expect("all steps have one")
             }),
