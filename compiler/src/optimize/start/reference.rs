@@ -88,10 +88,14 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
     let ends = problem.at(w).ends();
+    let mean = problem.at(w).horizon() / layout.steps as f64;
     for k in 1..=layout.steps {
         system.exogenous.params.truncate(n_params);
         system.states.truncate(n_states);
-        let (instant, length) = (ends[k], ends[k] - ends[k - 1]);
+        let (instant, length) = match layout.decided.share(k) {
+            Some(_) => (ends[k], ends[k] - ends[k - 1]),
+            None => (k as f64 * mean, mean),
+        };
         for (i, control) in task.controls.iter().enumerate() {
             let to = w[layout.u(k) + i];
             match task.shape {
@@ -136,7 +140,11 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
     let nodes = layout.points[1..].iter();
     let elements = layout.all_elements();
     let instants = elements.flat_map(|element| nodes.clone().map(move |c| (element, *c)));
-    let instants = instants.map(|(element, c)| problem.at(w).share(element, c) * horizon);
+    let length = horizon / (layout.steps * layout.elements) as f64;
+    let instants = instants.map(|((k, j), c)| match layout.decided.share(k) {
+        Some(_) => problem.at(w).share((k, j), c) * horizon,
+        None => (layout.element(k, j) as f64 + c) * length,
+    });
     let instants = [0.0].into_iter().chain(instants);
     let instants = instants.map(|t| t.min(horizon)).collect();
     let run = solved::run(problem, w, limit, |settings| {
