@@ -58,17 +58,26 @@ fn what_may_rest_is_not_named() {
     }
 }
 
-/// A state that no switch leads to is not left alone by it, and neither is one that controls move.
+/// A state that controls get to without a switch is not left alone by one, though they do not move it: u*y is 0.
 #[test]
 fn what_no_switch_moves_is_not_named() {
     let found = solved_optimum(
-        "model m { state x = 3; state y = 1; control u in [-1, 1] = 0; x' = u + abs(x); y' = -y; }
+        "model m { state x = 1; state y = 0; state z = 1; control u in [-1, 1] = 0; x' = u*y; y' = 0; z' = -abs(z); }
          optimize o of m { horizon 1; intervals 2; scheme radau_iia(2);
-           minimize final(x^2) + final(y^2) + integral(u^2); }",
+           minimize final(x^2) + integral(u^2); }",
         "o",
     );
     assert!(found.history.events.is_empty());
     assert_eq!(left_alone(&found), None);
+}
+
+/// Controls with finite sets of values have no small changes, and so nothing shows what they do not move.
+#[test]
+fn controls_without_small_changes_are_not_judged() {
+    let text = discs(4.0, "final((x[2] - 3)^2)", "");
+    let rest = solved_optimum(&text.replace("in [-5, 5]", "in {-5, 0, 5}"), "o");
+    assert!(rest.history.events.is_empty());
+    assert_eq!(left_alone(&rest), None);
 }
 
 /// What ends otherwise is advised otherwise.

@@ -114,13 +114,21 @@ fn lists_are_of_lengths() {
         assert_eq!(with(&format!("intervals {list}")), ["E0504"], "{list}");
     }
     assert_eq!(with("intervals [p, 2]"), ["E0527"]);
-    let straight = "intervals [1, 2]; controls linear";
-    assert_eq!(with(straight), ["E0523"]);
+    for list in ["[1, 2]", "2 free"] {
+        let straight = format!("intervals {list}; controls linear");
+        assert_eq!(with(&straight), ["E0523"], "{list}");
+    }
+    // Equal lengths are those that a number says, one among them.
+    for list in ["[2, 2]", "[3]", "2*[3]", "1 free"] {
+        let none: [&str; 0] = [];
+        let straight = format!("intervals {list}; controls linear");
+        assert_eq!(with(&straight), none, "{list}");
+    }
     assert_eq!(
         of("simulate s of m { horizon 1; with { u = 1; } intervals 2 free; }"),
         ["E0509"]
     );
-    for list in ["[1e308, 1e308]", "[1e-300, 2e-300]", "[3]", "2*[1, 2]"] {
+    for list in ["[1e308, 1e308]", "[1e-300, 2e-300]", "2*[1, 2]"] {
         let none: [&str; 0] = [];
         assert_eq!(with(&format!("intervals {list}")), none, "{list}");
     }

@@ -22,6 +22,10 @@ const WRONG: f64 = 1e-6;
 /// Violations below this share of the largest one are left out.
 const SHARE: f64 = 1e-2;
 
+/// What is said of a stationary point that is no minimum.
+const CURVES_DOWN: &str = "a feasible point was reached that is stationary and no minimum: the objective curves down there \
+                           along the constraints, and no lower point was found";
+
 /// Why there is no solution; `None` where there is one.
 pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> {
     let span = problem.settings.span;
@@ -134,10 +138,9 @@ fn not_shown(solution: &Solution) -> Option<&'static str> {
             Some("a feasible point was reached where a derivative is not finite")
         }
         Class::None => Some("a feasible point was reached that was not shown to be stationary"),
-        _ if solution.b_stationary == Some(true) => Some(
-            "a feasible point was reached that is stationary and no minimum: the objective curves down there along the \
-             constraints, and no lower point was found",
-        ),
+        // Points of these classes are solutions where nothing is seen to curve down.
+        Class::M if solution.b_stationary.is_none() => Some(CURVES_DOWN),
+        _ if solution.b_stationary == Some(true) => Some(CURVES_DOWN),
         _ => None,
     }
 }
@@ -303,6 +306,12 @@ mod tests {
                 "{message}"
             );
             assert_eq!(failure(Class::None, None, [0.0; 2]).0, "E0717");
+            // Without curvature these would be solutions.
+            for (class, b_stationary) in [(Class::M, None), (Class::C, Some(true))] {
+                let (code, message) = failure(class, b_stationary, [-1.0, 0.0]);
+                assert_eq!(code, "E0717");
+                assert!(message.contains("curves down"), "{message}");
+            }
         });
     }
 }

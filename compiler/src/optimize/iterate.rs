@@ -47,27 +47,31 @@ impl Iterate<'_, '_> {
     pub fn ends(&self) -> Vec<f64> {
         let (steps, horizon) = (self.problem.layout.steps, self.horizon());
         let shares = self.shares();
+        let all: f64 = shares.iter().flatten().sum();
+        let mut before = 0.0;
         let end = |k: usize| match &shares {
             _ if k == steps => horizon,
             None => horizon * k as f64 / steps as f64,
             Some(shares) => {
-                let before: f64 = shares[..k].iter().sum();
-                horizon * before / shares.iter().sum::<f64>()
+                let end = horizon * before / all;
+                before += shares[k];
+                end
             }
         };
         (0..=steps).map(end).collect()
     }
 
-    /// A point of an element, where those of an interval are equal, as a share of the horizon.
-    pub fn share(&self, (k, j): (usize, usize), c: f64) -> f64 {
+    /// Points of elements, where those of an interval are equal, as shares of the horizon.
+    pub fn places(&self) -> impl Fn((usize, usize), f64) -> f64 + use<> {
         let layout = &self.problem.layout;
         let (steps, elements) = (layout.steps, layout.elements);
-        match layout.decided.share(k) {
+        let horizon = self.horizon();
+        let ends = self.shares().map(|_| self.ends());
+        move |(k, j), c| match &ends {
             None => (((k - 1) * elements + j - 1) as f64 + c) / (steps * elements) as f64,
-            Some(_) => {
-                let ends = self.ends();
+            Some(ends) => {
                 let share = ((j - 1) as f64 + c) / elements as f64;
-                (ends[k - 1] + share * (ends[k] - ends[k - 1])) / self.horizon()
+                (ends[k - 1] + share * (ends[k] - ends[k - 1])) / horizon
             }
         }
     }

@@ -191,8 +191,9 @@ impl<'e> Problem<'e> {
             .or(checks::simulated::confirmation(self, &trajectory));
         match &trajectory.failure {
             Some(failure) => trajectory.status = failure.status(),
-            // Where there is a failure or a better minimum, another guess is advised already.
-            None if elsewhere.is_none() => {
+            // Where there is a failure or a better minimum, another guess is advised already; one solution after another is
+            // not looked at.
+            None if elsewhere.is_none() && !begin.is_solved_before => {
                 let left = checks::idle::left_alone(self, &trajectory, &solution.w, limit);
                 trajectory.warnings.extend(left);
             }

@@ -426,7 +426,7 @@ pub enum Failure {
     #[diagnostic(
         code(E0735),
         help(
-            "try another `guess` or several `starts`, which may end where the choice of mode does not matter; a mode with more `elements` has more choices"
+            "try another `guess` or several `starts`, which may end where the choice of mode does not matter"
         )
     )]
     Weak {

@@ -11,6 +11,28 @@ use crate::system::experiment::At;
 use crate::system::task::{Lengths, Shape};
 use crate::system::{System, Valuation};
 
+/// Simulations are made as long as they take fewer steps than this, times the number of states.
+const MAX_EFFORT: usize = 200_000;
+/// Lengths add up where their sum is off by no more than this share of it.
+const BALANCED: f64 = 1e-14;
+/// Lengths that are in their ranges reach their ends by this factor.
+const LARGEST_FACTOR: f64 = Lengths::FREE[1] / Lengths::FREE[0];
+
+/// What a quantity is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A control, by its number, in an interval.
+    Control(usize),
+    /// A parameter, by its place.
+    Param(usize),
+    /// An initial value, by the place of its state.
+    Initial(usize),
+    /// T.
+    Horizon,
+    /// The length of a control interval as a share of T/N.
+    Length,
+}
+
 /// What is free in a task.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Quantity {
@@ -22,8 +44,8 @@ pub(crate) struct Quantity {
     pub upper: f64,
     /// What its changes are measured by.
     pub size: f64,
-    /// Whether it is a control in an interval.
-    pub is_control: bool,
+    /// What it is.
+    pub kind: Kind,
 }
 
 /// What a constraint is about.
@@ -70,7 +92,8 @@ pub(crate) struct Values {
 
 /// The problem in free quantities.
 pub(crate) struct Reduced<'r, 'e> {
-    problem: &'r Problem<'e>,
+    /// With its program.
+    pub problem: &'r Problem<'e>,
     /// What is free.
     pub quantities: Vec<Quantity>,
     cost: Evaluator<'e>,
@@ -82,6 +105,35 @@ pub(crate) struct Reduced<'r, 'e> {
     at_place: Vec<Vec<usize>>,
     /// When no more runs begin, and those that go on end.
     pub limit: Limit,
+}
+
+impl Problem<'_> {
+    /// Brings lengths of control intervals that are chosen to their sum, by one factor and within their ranges.
+    pub(crate) fn balance(&self, w: &mut [f64]) {
+        let (task, steps) = (self.system.task.as_ref(), self.layout.steps);
+        if task.is_none_or(|task| task.lengths != Lengths::Free) {
+            return;
+        }
+        let bounds = self.mpcc.bounds();
+        let lengths = (1..=steps).filter_map(|k| self.layout.decided.share(k));
+        let lengths: Vec<(usize, f64)> = lengths.map(|index| (index, w[index])).collect();
+        let missing = |w: &[f64]| {
+            let all: f64 = lengths.iter().map(|&(index, _)| w[index]).sum();
+            steps as f64 - all
+        };
+        let [mut low, mut high] = [0.0, LARGEST_FACTOR];
+        while missing(w).abs() > BALANCED * steps as f64 && high - low > f64::EPSILON * high {
+            let factor = 0.5 * (low + high);
+            for &(index, length) in &lengths {
+                let value = factor * length;
+                w[index] = value.max(bounds[index].lower).min(bounds[index].upper);
+            }
+            match missing(w) > 0.0 {
+                true => low = factor,
+                false => high = factor,
+            }
+        }
+    }
 }
 
 impl<'r, 'e> Reduced<'r, 'e> {
@@ -203,6 +255,17 @@ impl<'r, 'e> Reduced<'r, 'e> {
                 at,
             });
         }
+    }
+
+    /// Whether so many runs of so many steps take too long.
+    pub fn is_too_much(&self, runs: usize, steps: usize) -> bool {
+        runs * steps * self.problem.system.states.len() > MAX_EFFORT
+    }
+
+    /// Whether anything but ranges constrains: lengths can be brought to their sum.
+    pub fn is_constrained(&self) -> bool {
+        let is_row = |row: &Row| !matches!(self.asked[row.value], Asked::Lengths);
+        self.rows.iter().any(is_row)
     }
 
     /// The bounds of the rows.
@@ -355,24 +418,25 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
     let one_of = |allowed: &Option<crate::system::Allowed>| {
         matches!(allowed, Some(crate::system::Allowed::OneOf(_)))
     };
-    let mut found: Vec<(usize, f64)> = Vec::new();
+    let mut found: Vec<(Kind, usize, f64)> = Vec::new();
     let controls = task.controls.iter().enumerate();
     for (i, _) in controls.filter(|(_, control)| !one_of(&control.allowed)) {
         let all = || layout.control_instants().map(|(k, _)| layout.u(k) + i);
         let largest = all().fold(0.0, |m: f64, index| m.max(w[index].abs()));
-        found.extend(all().map(|index| (index, largest)));
+        found.extend(all().map(|index| (Kind::Control(i), index, largest)));
     }
-    let n_controls = found.len();
-    found.extend((0..task.params.len()).map(|i| (layout.p(i), w[layout.p(i)].abs())));
-    let initial = task
-        .initial
-        .iter()
-        .map(|free| layout.before(1, 1) + free.place);
-    found.extend(initial.map(|index| (index, w[index].abs())));
-    found.extend(layout.horizon().map(|index| (index, w[index].abs())));
-    let shares = (1..=layout.steps).filter_map(|k| layout.decided.share(k));
-    found.extend(shares.map(|index| (index, w[index].abs())));
-    let quantity = |(i, (index, largest)): (usize, (usize, f64))| {
+    let params = task.params.iter().enumerate();
+    let params = params.map(|(i, free)| (Kind::Param(free.place), layout.p(i)));
+    let initial = task.initial.iter().map(|free| {
+        let index = layout.before(1, 1) + free.place;
+        (Kind::Initial(free.place), index)
+    });
+    let horizon = layout.horizon().map(|index| (Kind::Horizon, index));
+    let lengths = (1..=layout.steps).filter_map(|k| layout.decided.share(k));
+    let lengths = lengths.map(|index| (Kind::Length, index));
+    let others = params.chain(initial).chain(horizon).chain(lengths);
+    found.extend(others.map(|(kind, index)| (kind, index, w[index].abs())));
+    let quantity = |(kind, index, largest): (Kind, usize, f64)| {
         let range = bounds[index].upper - bounds[index].lower;
         let largest = if largest > 0.0 { largest } else { 1.0 };
         Quantity {
@@ -383,10 +447,10 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
                 true => 0.5 * range,
                 false => largest,
             },
-            is_control: i < n_controls,
+            kind,
         }
     };
-    let quantities = found.into_iter().enumerate().map(quantity);
+    let quantities = found.into_iter().map(quantity);
     quantities.filter(|q| q.lower < q.upper).collect()
 }
 

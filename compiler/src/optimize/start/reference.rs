@@ -141,8 +141,9 @@ pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Samp
     let elements = layout.all_elements();
     let instants = elements.flat_map(|element| nodes.clone().map(move |c| (element, *c)));
     let length = horizon / (layout.steps * layout.elements) as f64;
+    let place = problem.at(w).places();
     let instants = instants.map(|((k, j), c)| match layout.decided.share(k) {
-        Some(_) => problem.at(w).share((k, j), c) * horizon,
+        Some(_) => place((k, j), c) * horizon,
         None => (layout.element(k, j) as f64 + c) * length,
     });
     let instants = [0.0].into_iter().chain(instants);

@@ -28,7 +28,7 @@ mod tests;
 use std::cmp::Ordering;
 
 use crate::optimization::ipm;
-use crate::optimization::mpcc::branch::leave::BOXES;
+use crate::optimization::mpcc::branch::leave::{BOXES, gain};
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
@@ -208,17 +208,32 @@ impl Work<'_> {
             }
         }
         match best {
-            Some(mut best) => {
-                let is_wanted = self.options.effort > 0 && !best.is_solved();
-                if is_wanted && best.certificate.descent.is_some() {
-                    let left = self.improve(lifted, best.best.clone(), &BOXES);
-                    if left.is_better(&best) {
-                        best = left;
-                    }
-                }
+            Some(best) => {
+                let best = match best.is_solved() {
+                    true => best,
+                    false => self.beyond(lifted, best),
+                };
                 self.feasible(lifted, best)
             }
             None => self.dead_end(lifted, end.expect("one way was tried")),
+        }
+    }
+
+    /// What is better than a point that is no solution, in boxes along its direction of descent.
+    fn beyond(&mut self, lifted: &mut Lifted<'_>, best: Candidate) -> Candidate {
+        let is_wanted = self.options.effort > 0 && !self.is_over();
+        let Some(step) = best.certificate.descent.as_ref().filter(|_| is_wanted) else {
+            return best;
+        };
+        lifted.settle(Some(&best.best.zeros));
+        let Some(next) = self.leave(lifted, &best.best, step, &BOXES) else {
+            return best;
+        };
+        self.stats.switches += 1;
+        let next = self.improve(lifted, next, &BOXES);
+        match next.is_better(&best) {
+            true => next,
+            false => best,
         }
     }
 
@@ -458,12 +473,19 @@ impl Candidate {
     }
 
     /// Whether this is to be preferred: solutions to others, stationary points to what is none, then by the objective.
+    ///
+    /// Where the objective is the same, a search for descent that met its limit says nothing against one that found it.
     fn is_better(&self, other: &Candidate) -> bool {
         let rank = |candidate: &Candidate| (candidate.is_solved(), candidate.is_stationary());
+        let [found, known] = [self, other].map(|candidate| candidate.best.objective);
+        let is_open = self.certificate.b_stationary.is_none();
+        if is_open && other.certificate.descent.is_some() && (found - known).abs() <= gain(known) {
+            return false;
+        }
         match rank(self).cmp(&rank(other)) {
             Ordering::Greater => true,
             Ordering::Less => false,
-            Ordering::Equal => self.best.objective < other.best.objective,
+            Ordering::Equal => found < known,
         }
     }
 }

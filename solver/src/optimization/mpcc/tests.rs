@@ -10,6 +10,7 @@ use super::{
 use crate::optimization::ipm::Progress;
 use crate::optimization::problem::Side;
 use crate::optimization::quadratic::{Function, Quadratic};
+use crate::runtime::limit::{Cancel, Limit};
 
 const INFINITY: f64 = f64::INFINITY;
 
@@ -434,5 +435,40 @@ fn multipliers_that_are_the_only_ones_are_told_from_others() {
             assert!((other.rows.iter().sum::<f64>() - 2.0).abs() < 1e-7);
             assert!((other.lower[1] - 2.0).abs() < 1e-7);
         }
+    }
+}
+
+/// Cancels at the first stationary point.
+struct Content(Cancel);
+
+impl Observer for Content {
+    fn stationary(&mut self, _: f64, _: Class) {
+        self.0.cancel();
+    }
+}
+
+/// 1000 - x falls with x where -y <= -c x² and y <= -c x² let it be zero alone: descent to first order leads nowhere. That it
+/// was found is known when the run is canceled there, too.
+#[test]
+fn what_descends_does_so_when_canceled() {
+    let curve = |sign: f64| Function::default().linear(2, sign).product(0, 0, 8.1e7);
+    let rows = vec![(curve(-1.0), -INFINITY, 0.0), (curve(1.0), -INFINITY, 0.0)];
+    let objective = Function::default()
+        .linear(0, -1.0)
+        .linear(1, 0.01)
+        .constant(1000.0);
+    let mut problem = pair(Quadratic::new(3, objective, rows)).bound(2, -INFINITY, INFINITY);
+    for is_heard in [false, true] {
+        let cancel = Cancel::default();
+        let options = Options {
+            limit: match is_heard {
+                true => Limit::default().canceled_by(&cancel),
+                false => Limit::default(),
+            },
+            ..Options::default()
+        };
+        let ended = solve_observed(&mut problem, &[0.0; 3], &options, &mut Content(cancel));
+        assert_eq!(ended.status, Status::Feasible, "{ended:?}");
+        assert_eq!(ended.b_stationary, Some(false), "{ended:?}");
     }
 }

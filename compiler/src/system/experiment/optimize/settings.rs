@@ -11,7 +11,7 @@ use super::super::{fesd, with};
 use super::goal::Words;
 use super::{At, Cost, Discretization, Freed, Lengths, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
-use crate::model::{Comparison, Domain, Model, Quantity, TargetKind};
+use crate::model::{self, Comparison, Domain, Model, Quantity, TargetKind};
 use crate::source::Span;
 use crate::syntax::{self, GuessSource, Ident, Path, Relation, Row, Setting, SettingKind};
 
@@ -111,7 +111,10 @@ impl<'m, 'e> Draft<'m, 'e> {
                 reader.once("`intervals`", span);
                 let count = reader.count("`intervals`", value, MOST_INTERVALS);
                 self.discretization.intervals = count.unwrap_or(1);
-                self.discretization.lengths = Lengths::Free;
+                self.discretization.lengths = match count {
+                    Some(2..) => Lengths::Free,
+                    _ => Lengths::Equal,
+                };
             }
             SettingKind::Value { name, value } => self.value(reader, name, value, span),
             SettingKind::SubjectTo { rows, at } => {
@@ -441,15 +444,16 @@ impl<'m, 'e> Draft<'m, 'e> {
 
 /// A number of equal control intervals, or a list of their lengths.
 fn intervals(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(usize, Lengths)> {
-    let numbers = reader.numbers("`intervals`", value)?;
-    if numbers.len() == 1 && !matches!(value.kind, syntax::ExprKind::Matrix(_)) {
+    let (shape, numbers) = reader.shaped_numbers("`intervals`", value)?;
+    if shape == model::Shape::Scalar {
         let count = reader.count("`intervals`", value, MOST_INTERVALS)?;
         return Some((count, Lengths::Equal));
     }
     let longest = numbers.iter().copied().fold(0.0, f64::max);
     let shortest = longest / MOST_INTERVALS;
     let fits = |length: &f64| *length > 0.0 && (shortest..=longest).contains(length);
-    let is_list = (1.0..=MOST_INTERVALS).contains(&(numbers.len() as f64));
+    let is_list =
+        matches!(shape, model::Shape::Vector(n) if (1.0..=MOST_INTERVALS).contains(&(n as f64)));
     if !is_list || !longest.is_finite() || !numbers.iter().all(fits) {
         let expected = format!(
             "up to {MOST_INTERVALS} positive lengths, the longest at most {MOST_INTERVALS} times the shortest"
@@ -457,7 +461,11 @@ fn intervals(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(usize
         reader.error(out_of_range("`intervals`", value, &numbers, &expected));
         return None;
     }
-    Some((numbers.len(), Lengths::Given(numbers)))
+    let lengths = match numbers.iter().all(|length| *length == longest) {
+        true => Lengths::Equal,
+        false => Lengths::Given(numbers.clone()),
+    };
+    Some((numbers.len(), lengths))
 }
 
 fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
@@ -504,7 +512,7 @@ impl<'e> Reader<'_, 'e> {
         &mut self,
         what: &str,
         value: &syntax::Expr,
-        shape: crate::model::Shape,
+        shape: model::Shape,
     ) -> Option<Vec<Expr<'e>>> {
         let scope = &self.model.scope;
         let Some(tensor) = scope.expr_as(value, shape, what, None, self.diags) else {

@@ -2,9 +2,9 @@
 //!
 //! The direction says which members are zero behind it, and the solution of that branch is what is wanted. An
 //! interior-point method does not go downhill from where it starts, though, and may end at a worse solution, or where the
-//! branch is infeasible. Where no other way leads to a solution, the branch is solved in boxes around the point then, the
-//! largest first, as in the steps of a trust-region method (Leyffer and Munson 2007): small ones hold nothing but what the
-//! direction promises.
+//! branch is infeasible. Where no other way leads to a solution, the branch is solved in boxes around the end of the step
+//! then, the largest first, as in the steps of a trust-region method (Leyffer and Munson 2007): small ones hold nothing but
+//! what the direction promises.
 
 use super::choose;
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
@@ -15,6 +15,11 @@ use crate::optimization::mpcc::work::Work;
 pub const BOXES: [f64; 3] = [1e-1, 1e-2, 1e-3];
 /// What an objective is lower by where that is not rounding, relative to max(1, |f|).
 const GAIN: f64 = 1e-10;
+
+/// What is lower than an objective by more is not rounding.
+pub fn gain(objective: f64) -> f64 {
+    GAIN * objective.abs().max(1.0)
+}
 
 impl Work<'_> {
     /// A better point, from a step along a direction of descent, in its branch or in boxes of these widths.
@@ -31,7 +36,7 @@ impl Work<'_> {
             w: moved.collect(),
         };
         let zeros = choose(lifted, &guess.w);
-        let below = best.objective - GAIN * best.objective.abs().max(1.0);
+        let below = best.objective - gain(best.objective);
         let boxes = boxes.iter().map(|&reach| Goal::Within(below, reach));
         let mut goals = [Goal::Solution].into_iter().chain(boxes);
         goals.find_map(|goal| {
