@@ -482,4 +482,28 @@ mod tests {
             assert!(reduced.at(&w).is_none());
         });
     }
+
+    /// 0.1, 0.1 and 3 are 3 together when the last one is 2.8, as none is below 0.1; and nothing but ranges constrains them.
+    #[test]
+    fn lengths_are_brought_to_their_sum() {
+        let text = "model m { state x = 1; control u in [-1, 1] = 0.5; x' = u*abs(x); }
+                    optimize o of m { horizon 1; intervals 3 free; minimize final(x); }";
+        with_last(text, |compiled| {
+            let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
+            let problem = Problem::new(&compiled.system, &compiled.settings, task, Given::Numbers);
+            let problem = problem.expect("it has a program");
+            let (mut w, _) = problem.start(&[], &Limit::default());
+            let places = [1, 2, 3].map(|k| problem.layout.decided.share(k).expect("it is free"));
+            for (place, length) in places.into_iter().zip([0.1, 0.1, 3.0]) {
+                w[place] = length;
+            }
+            problem.balance(&mut w);
+            for (place, length) in places.into_iter().zip([0.1, 0.1, 2.8]) {
+                assert!((w[place] - length).abs() < 1e-12, "{}", w[place]);
+            }
+            let reduced = Reduced::new(&problem, &w, &Limit::default()).expect("it has a task");
+            assert!(!reduced.is_constrained());
+            assert_eq!(reduced.bounds().count(), 1);
+        });
+    }
 }

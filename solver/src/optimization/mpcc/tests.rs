@@ -293,7 +293,7 @@ fn sums_are_held_with_their_terms() {
 fn a_time_limit_of_nothing_ends_at_once() {
     let mut problem = pair(Quadratic::new(2, distance(&[1.0, 0.0]), Vec::new()));
     let options = Options {
-        limit: crate::runtime::limit::Limit::within(std::time::Duration::ZERO),
+        limit: Limit::within(std::time::Duration::ZERO),
         ..Options::default()
     };
     let solution = solve(&mut problem, &options);
