@@ -87,6 +87,7 @@ fn word(rule: Rule) -> Option<&'static str> {
         Rule::kw_sliding => "sliding",
         Rule::kw_solves => "solves",
         Rule::kw_chattering => "chattering",
+        Rule::kw_intervals => "intervals",
         Rule::kw_slide => "slide",
         Rule::kw_starts => "starts",
         Rule::kw_status => "status",

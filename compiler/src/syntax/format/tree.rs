@@ -195,6 +195,7 @@ fn is_member(rule: Rule) -> bool {
             | perturb
             | starts
             | on_chattering
+            | free_intervals
             | plot
             | plot_panel
             | plot_phase

@@ -205,6 +205,7 @@ fn word_of(setting: &SettingKind) -> String {
         SettingKind::Final(_) => "final",
         SettingKind::Initial { .. } => "initial",
         SettingKind::Free(_) => "free",
+        SettingKind::FreeIntervals(_) => "intervals",
         _ => "starts",
     }
     .to_owned()

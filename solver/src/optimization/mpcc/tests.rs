@@ -10,6 +10,7 @@ use super::{
 use crate::optimization::ipm::Progress;
 use crate::optimization::problem::Side;
 use crate::optimization::quadratic::{Function, Quadratic};
+use crate::runtime::limit::{Cancel, Limit};
 
 const INFINITY: f64 = f64::INFINITY;
 
@@ -292,7 +293,7 @@ fn sums_are_held_with_their_terms() {
 fn a_time_limit_of_nothing_ends_at_once() {
     let mut problem = pair(Quadratic::new(2, distance(&[1.0, 0.0]), Vec::new()));
     let options = Options {
-        limit: crate::runtime::limit::Limit::within(std::time::Duration::ZERO),
+        limit: Limit::within(std::time::Duration::ZERO),
         ..Options::default()
     };
     let solution = solve(&mut problem, &options);
@@ -435,4 +436,29 @@ fn multipliers_that_are_the_only_ones_are_told_from_others() {
             assert!((other.lower[1] - 2.0).abs() < 1e-7);
         }
     }
+}
+
+/// Cancels at the first stationary point.
+struct Content(Cancel);
+
+impl Observer for Content {
+    fn stationary(&mut self, _: f64, _: Class) {
+        self.0.cancel();
+    }
+}
+
+/// (x - 3)² + (y + 1)² from 0, where it falls with x. That this was found is known when the run is canceled there.
+#[test]
+fn what_descends_does_so_when_canceled() {
+    let mut problem = pair(Quadratic::new(2, distance(&[3.0, -1.0]), Vec::new()));
+    let cancel = Cancel::default();
+    let options = Options {
+        limit: Limit::default().canceled_by(&cancel),
+        trusts_start: true,
+        ..Options::default()
+    };
+    let ended = solve_observed(&mut problem, &[0.0; 2], &options, &mut Content(cancel));
+    assert_eq!(ended.w, [0.0; 2]);
+    assert_eq!(ended.status, Status::Feasible, "{ended:?}");
+    assert_eq!(ended.b_stationary, Some(false), "{ended:?}");
 }
