@@ -7,6 +7,7 @@
 
 mod collect;
 pub(crate) mod import;
+pub mod index;
 pub(crate) mod order;
 mod references;
 pub(crate) mod reserved;
@@ -68,8 +69,8 @@ pub(crate) enum Definition<'f> {
     Switch(&'f Switch),
     Part(&'f Part),
     Program(&'f Program),
-    /// A name that is not a value.
-    Word(&'static str),
+    /// A name that is not a value, and its statement.
+    Word(&'static str, Span),
     /// Something that is wrong.
     Unsupported,
 }
@@ -257,6 +258,16 @@ impl<'f> File<'f> {
     /// The declaration of a name.
     pub fn get(&self, name: &str) -> Option<&Globally<'f>> {
         self.index.get(name).map(|&index| &self.globals[index])
+    }
+}
+
+impl Globally<'_> {
+    /// Where what it means is declared, if it has the same name there.
+    fn declared_at(&self) -> Span {
+        match self.global {
+            Global::Import(import) => import.declared_at(),
+            _ => self.span,
+        }
     }
 }
 
