@@ -16,6 +16,7 @@ fn main() -> ExitCode {
         colour,
         progress: is_terminal,
         width: width(),
+        files: cli::terminal(),
     };
     let exit = cli::run(std::env::args_os(), &mut streams);
     let _ = err.flush();

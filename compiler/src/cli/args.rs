@@ -79,6 +79,9 @@ pub enum Command {
         #[arg(value_name = "NAME")]
         path: PathBuf,
     },
+    /// Serve an editor, as a language server at standard input and output
+    #[command(after_help = "`editors/README.md` says how editors are set up.")]
+    Lsp,
     /// Explain a diagnostic by its code, or list all codes
     Explain {
         /// The code, such as E0203

@@ -12,16 +12,19 @@ mod args;
 pub mod commands;
 mod files;
 mod iterations;
+pub mod lsp;
 mod progress;
 mod project;
 mod watch;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
+use std::sync::Arc;
 
 use clap::{ColorChoice, Parser};
 
 use self::args::{Args, Command};
+use crate::source::files::Files;
 
 /// How a command ended; the number is the exit status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -48,6 +51,13 @@ pub struct Streams<'a> {
     pub progress: bool,
     /// Columns of the terminal.
     pub width: usize,
+    /// Where models come from, and what they use.
+    pub files: Arc<dyn Files>,
+}
+
+/// The files of this machine, and standard input for `-`.
+pub fn terminal() -> Arc<dyn Files> {
+    Arc::new(files::Terminal)
 }
 
 /// Runs the command line `args`, the name of the program first.
@@ -88,6 +98,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Plot(args) => commands::plot::run(&args, streams),
         Command::Solve(args) => commands::solve::run(&args, streams),
         Command::Sweep(args) => commands::sweep::run(&args, streams),
+        Command::Lsp => lsp::run(streams),
         Command::Fmt { files, check } => commands::fmt::run(&files, check, streams),
         Command::New { path } => commands::new::run(&path, streams),
         Command::Explain { code } => commands::explain::run(code.as_deref(), streams),

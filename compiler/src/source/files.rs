@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 use std::{fmt, fs};
 
 use miette::Diagnostic;
@@ -79,6 +80,20 @@ pub trait Files: Send + Sync {
     /// The name of a file in diagnostics.
     fn name(&self, path: &Path) -> String {
         path.display().to_string()
+    }
+}
+
+impl Files for Arc<dyn Files> {
+    fn read(&self, path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
+        self.as_ref().read(path, limit)
+    }
+
+    fn key(&self, path: &Path) -> String {
+        self.as_ref().key(path)
+    }
+
+    fn name(&self, path: &Path) -> String {
+        self.as_ref().name(path)
     }
 }
 

@@ -1,11 +1,11 @@
 //! The tests of one file.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::case::{self, Case, Missed, Outcome};
 use super::goldens::{self, Compared};
-use crate::cli::files::Terminal;
 use crate::cli::progress::Bar;
 use crate::cli::project::Project;
 use crate::cli::watch::Watching;
@@ -19,6 +19,7 @@ use crate::report::Warning;
 use crate::report::expect::{self, Findings};
 use crate::simulate::Request;
 use crate::source::Span;
+use crate::source::files::Files;
 use crate::study::order;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
 use crate::{Compiled, compile, threads};
@@ -36,6 +37,8 @@ pub struct Options<'o> {
     /// How diagnostics are printed.
     pub colour: bool,
     pub width: usize,
+    /// Where models come from.
+    pub files: Arc<dyn Files>,
 }
 
 /// What came of a file.
@@ -80,7 +83,7 @@ struct File<'o> {
 impl File<'_> {
     fn run(&mut self, path: &Path) {
         let started = Instant::now();
-        let project = match Project::from_files(path, Terminal) {
+        let project = match Project::from_files(path, Arc::clone(&self.options.files)) {
             Ok(project) => project,
             Err(error) => {
                 if self.is_selected(None) {

@@ -8,6 +8,7 @@ mod junit;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
@@ -99,6 +100,7 @@ fn all(
         progress: streams.progress && n_threads == 1,
         colour: streams.colour,
         width: streams.width,
+        files: Arc::clone(&streams.files),
     };
     let mut bar = Bar::new("tests", streams.progress && n_threads > 1);
     let next = AtomicUsize::new(0);
