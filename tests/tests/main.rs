@@ -42,6 +42,7 @@ mod impulses_space_optimal;
 mod indicators;
 mod jumps;
 mod lifting_off;
+mod lsp;
 mod mixed;
 mod models;
 mod modes;

@@ -79,6 +79,9 @@ pub enum Command {
         #[arg(value_name = "NAME")]
         path: PathBuf,
     },
+    /// Check, run and draw a file again whenever it, or what it uses, is written; Ctrl-C ends it
+    #[command(after_help = WATCH_HELP)]
+    Watch(WatchArgs),
     /// Serve an editor, as a language server at standard input and output
     #[command(after_help = "`editors/README.md` says how editors are set up.")]
     Lsp,
@@ -113,6 +116,23 @@ pub struct CheckArgs {
     /// Write diagnostics with their fixes as a JSON array; to `-`, standard output, and .jsonl one object per line
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
+}
+
+/// What `watch --help` ends with.
+const WATCH_HELP: &str = "\
+The first run is reported as `run` does; of later ones what has changed is shown: numbers that are not within their \
+tolerance of what they were. Of several experiments each has its figure, as `figure-crossing.svg`.";
+
+/// Arguments of `watch`.
+#[derive(Debug, Arguments)]
+pub struct WatchArgs {
+    /// The file
+    pub file: PathBuf,
+    /// The experiment; all of the file without it
+    pub experiment: Option<String>,
+    /// Draw states, outputs, modes and events as SVG
+    #[arg(long, value_name = "PATH.svg")]
+    pub plot: Option<PathBuf>,
 }
 
 /// Arguments of `emit`.

@@ -24,6 +24,7 @@ use std::sync::Arc;
 use clap::{ColorChoice, Parser};
 
 use self::args::{Args, Command};
+use crate::limit::Cancel;
 use crate::source::files::Files;
 
 /// How a command ended; the number is the exit status.
@@ -99,11 +100,26 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Solve(args) => commands::solve::run(&args, streams),
         Command::Sweep(args) => commands::sweep::run(&args, streams),
         Command::Lsp => lsp::run(streams),
+        Command::Watch(args) => commands::watch::run(&args, streams),
         Command::Fmt { files, check } => commands::fmt::run(&files, check, streams),
         Command::New { path } => commands::new::run(&path, streams),
         Command::Explain { code } => commands::explain::run(code.as_deref(), streams),
         Command::Completions { shell } => commands::completions::run(shell, streams),
     }
+}
+
+/// Canceled once the user has interrupted the program: no run is begun or goes on. The second time ends the program.
+fn interrupted() -> Cancel {
+    let cancel = Cancel::default();
+    let told = cancel.clone();
+    // Where something else listens, that keeps the signal.
+    let _ = ctrlc::set_handler(move || {
+        if told.is_canceled() {
+            std::process::exit(130);
+        }
+        told.cancel();
+    });
+    cancel
 }
 
 /// Help is a result; anything else that clap says is a wrong usage.

@@ -15,7 +15,7 @@ mod shown;
 mod symbols;
 mod text;
 mod tokens;
-mod world;
+pub(crate) mod world;
 
 use std::collections::BTreeMap;
 

@@ -8,8 +8,6 @@ pub const MODEL: &str = "## Statements of a model";
 pub const SIMULATE: &str = "## Experiments";
 /// About settings of optimizations.
 pub const OPTIMIZE: &str = "### Optimal control";
-/// About expectations.
-pub const EXPECT: &str = "## Expectations";
 /// About functions.
 const FUNCTIONS: &str = "## Expressions";
 /// About methods.

@@ -48,6 +48,12 @@ impl Files for Texts {
 }
 
 impl Texts {
+    /// The paths of all files that were asked for, whether they are there or not.
+    pub fn asked(&self) -> Vec<PathBuf> {
+        let asked = self.asked.lock();
+        asked.map_or(vec![], |asked| asked.iter().map(PathBuf::from).collect())
+    }
+
     /// These with others in their place.
     pub fn with(&self, others: impl IntoIterator<Item = (String, String)>) -> Texts {
         let mut texts = self.texts.clone();

@@ -1,0 +1,154 @@
+//! `nsdc watch`
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, SystemTime};
+
+use crate::cli::args::WatchArgs;
+use crate::cli::files::{Form, Sink, is_standard};
+use crate::cli::lsp::world::Texts;
+use crate::cli::progress::Bar;
+use crate::cli::watch::Watching;
+use crate::cli::{Exit, Streams, files, interrupted, io};
+use crate::limit::{Cancel, Limit};
+use crate::project::Project;
+use crate::project::run::Options;
+use crate::report::numbers::{self, difference};
+
+/// Between two looks at the files.
+const PAUSE: Duration = Duration::from_millis(150);
+
+/// The tolerance of a number that is watched, as goldens have it where an experiment asks for no other.
+const TOLERANCE: f64 = 1e-8;
+
+/// When files were changed, and how long they are.
+type Seen = BTreeMap<PathBuf, Option<(SystemTime, u64)>>;
+
+/// Checks, runs and draws a file whenever it, or what it uses, is written, until the user interrupts it.
+pub fn run(args: &WatchArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    if is_standard(&args.file) {
+        writeln!(
+            streams.err,
+            "error: standard input is not written again\n  help: name a file"
+        )?;
+        return Ok(Exit::Usage);
+    }
+    if let Some(message) = files::misnamed([(args.plot.as_deref(), Form::Svg)]) {
+        writeln!(streams.err, "error: {message}")?;
+        return Ok(Exit::Usage);
+    }
+    let cancel = interrupted();
+    let mut known = BTreeMap::new();
+    while !cancel.is_canceled() {
+        let world = Texts::default();
+        // What is written while it runs is seen afterwards.
+        let seen = once(args, &world, &cancel, &mut known, streams)?;
+        streams.out.flush()?;
+        while !cancel.is_canceled() && seen == look(seen.keys()) {
+            thread::sleep(PAUSE);
+        }
+    }
+    Ok(Exit::Success)
+}
+
+fn look<'p>(paths: impl IntoIterator<Item = &'p PathBuf>) -> Seen {
+    let seen = |path: &PathBuf| {
+        let known = fs::metadata(path).ok();
+        let known = known.and_then(|known| Some((known.modified().ok()?, known.len())));
+        (path.clone(), known)
+    };
+    paths.into_iter().map(seen).collect()
+}
+
+/// One round, and the files that it has read, as they were before.
+fn once(
+    args: &WatchArgs,
+    files: &Texts,
+    cancel: &Cancel,
+    known: &mut BTreeMap<String, String>,
+    streams: &mut Streams<'_>,
+) -> io::Result<Seen> {
+    let project = match Project::from_files(&args.file, files.clone()) {
+        Ok(project) => project,
+        Err(error) => {
+            error.tell(streams)?;
+            return Ok(look([&args.file]));
+        }
+    };
+    let seen = look(&files.asked());
+    let found = project.check();
+    streams
+        .err
+        .write_all(found.render(streams.colour, streams.width).as_bytes())?;
+    if found.has_errors() {
+        return Ok(seen);
+    }
+    let selected = match project.select(args.experiment.as_deref()) {
+        Ok(selected) => selected,
+        Err(error) => {
+            writeln!(streams.err, "error: {error}\n  help: {}", error.help)?;
+            return Ok(seen);
+        }
+    };
+    for experiment in &selected {
+        let name = &experiment.name.name;
+        let options = Options {
+            limit: Limit::default().canceled_by(cancel),
+            figure: args.plot.is_some(),
+            ..Options::default()
+        };
+        let mut watching = Watching::new(Bar::new(name, streams.progress));
+        let run = project.run(name, &options, &mut watching);
+        drop(watching);
+        if cancel.is_canceled() {
+            break;
+        }
+        let run = match run {
+            Ok(run) => run,
+            Err(messages) => {
+                streams
+                    .err
+                    .write_all(messages.render(streams.colour, streams.width).as_bytes())?;
+                continue;
+            }
+        };
+        streams.err.write_all(
+            run.messages()
+                .render(streams.colour, streams.width)
+                .as_bytes(),
+        )?;
+        let before = known.get(name);
+        let numbers = numbers::renewed(before.map(String::as_str), &run.trajectory, TOLERANCE);
+        match before {
+            None => writeln!(streams.out, "{}", run.text().trim_end())?,
+            Some(before) => {
+                let lines = difference::lines(before, &numbers);
+                let what = if lines.is_empty() {
+                    "the same numbers"
+                } else {
+                    "other numbers"
+                };
+                writeln!(streams.out, "{name}: {what}")?;
+                for line in lines {
+                    writeln!(streams.out, "  {line}")?;
+                }
+            }
+        }
+        known.insert(name.clone(), numbers);
+        if let (Some(path), Some(figure)) = (&args.plot, run.figure) {
+            Sink::with(&named(path, name, selected.len()), figure).finish(streams)?;
+        }
+    }
+    Ok(seen)
+}
+
+/// The figure of one experiment of several.
+fn named(path: &Path, experiment: &str, count: usize) -> PathBuf {
+    if count == 1 {
+        return path.to_owned();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}-{experiment}.svg"))
+}
