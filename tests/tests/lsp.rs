@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdin, ChildStdout, Command, Stdio};
 use std::thread::JoinHandle;
@@ -15,7 +15,7 @@ use nsdc::files::Memory;
 use nsdc::project::clock::Clock;
 use nsdc::syntax::Item;
 use nsdc::{Project, compile};
-use proptest::prelude::RngCore;
+use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 use serde_json::{Value, json};
 
@@ -133,19 +133,16 @@ impl Client {
 
     /// What the server says of the version of a text that it has now.
     fn told(&mut self, path: &Path) -> Vec<Value> {
-        let (uri, mut at) = (uri(path), 0);
+        let (uri, version) = (uri(path), self.versions[&uri(path)]);
         loop {
-            while let Some(note) = self.notes.get(at) {
-                at += 1;
-                let params = &note.params;
-                if note.method == "textDocument/publishDiagnostics"
-                    && params["uri"] == uri.as_str()
-                    && params["version"] == self.versions[&uri]
-                {
-                    let found = params["diagnostics"].as_array().expect("a list").clone();
-                    self.notes.clear();
-                    return found;
-                }
+            let is_it = |note: &Notification| {
+                note.method == "textDocument/publishDiagnostics"
+                    && note.params["uri"] == uri.as_str()
+                    && note.params["version"] == version
+            };
+            if let Some(at) = self.notes.iter().rposition(is_it) {
+                let found = self.notes.remove(at).params["diagnostics"].clone();
+                return found.as_array().expect("a list").clone();
             }
             assert!(self.receive().is_none(), "nothing was asked");
         }
@@ -257,12 +254,24 @@ model ball {
 }
 ";
 
-/// The model above without its wrong line.
+/// The model above without its wrong line, and an experiment.
 fn ball() -> String {
-    BALL.replace(
-        "  fn_free: 0;\n",
-        "  q' = [v, v];\n  v' = -g - 0*k*height - 0*s;\n",
-    ) + "\nfn twice(x, y) = 2*x + y;\n\nsimulate falls of ball {\n  with { g = 1.5; }\n  horizon 0.1;\n  tolerance 1e-6;\n  expect v at end ~ -0.15 within 1e-6;\n}\n"
+    let rest = "  q' = [v, v];
+  v' = -g;
+  output scaled = k*height;
+  output side = 2*s;
+";
+    let experiment = "
+fn twice(x, y) = 2*x + y;
+
+simulate falls of ball {
+  with { g = 1.5; }
+  horizon 0.1;
+  tolerance 1e-6;
+  expect v at end ~ -0.15 within 1e-6;
+}
+";
+    BALL.replace("  fn_free: 0;\n", rest) + experiment
 }
 
 #[test]
@@ -387,7 +396,7 @@ fn texts(found: &[Value]) -> BTreeMap<String, usize> {
 #[test]
 fn fixes_mend_what_they_are_offered_for() {
     let mut client = Client::new(&[]);
-    let errors = Path::new(env!("CARGO_MANIFEST_DIR")).join("errors");
+    let errors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/errors");
     let mut paths: Vec<PathBuf> = fs::read_dir(&errors)
         .expect("the cases are there")
         .map(|entry| entry.expect("a readable folder").path())
@@ -412,17 +421,22 @@ fn fixes_mend_what_they_are_offered_for() {
             let after = client.open(&path, &edited(&text, edits));
             let (mut expected, after) = (texts(&before), texts(&after));
             for (text, _) in texts(action["diagnostics"].as_array().expect("diagnostics")) {
-                if let Some(count) = expected.get_mut(&text) {
-                    *count -= 1;
-                }
+                let known = expected.get_mut(&text).expect("it was told");
+                *known -= 1;
+                let left = after.get(&text).copied().unwrap_or(0);
+                assert!(left <= *known, "{}: {text} stays", path.display());
             }
+            // What is wrong behind mistakes of form is hidden by them.
+            let is_form = |text: &str| text.starts_with("\"E00");
+            let hides = texts(&before).keys().any(|text| is_form(text));
             for (told, count) in &after {
                 let known = expected.get(told).copied().unwrap_or(0);
+                let is_hidden = hides && !is_form(told);
+                let title = &action["title"];
                 assert!(
-                    *count <= known,
-                    "{}: `{}` gives {told}",
-                    path.display(),
-                    action["title"]
+                    *count <= known || is_hidden,
+                    "{}: {title} gives {told}",
+                    path.display()
                 );
             }
         }
@@ -484,7 +498,6 @@ fn files_and_buffers_are_one_world() {
     assert_eq!(client.open(&main, text), Vec::<Value>::new());
     // The state of the other file gets another name, in its buffer alone.
     client.open(&plant, "model plant { state z = 1; z' = -z; }\n");
-    *client.versions.get_mut(&uri(&main)).expect("it is open") += 0;
     let found = loop {
         let found = client
             .notes
@@ -495,7 +508,7 @@ fn files_and_buffers_are_one_world() {
         }
         client.receive();
     };
-    assert_eq!(found[0]["code"], "E0112", "{found}");
+    assert_eq!(found[0]["code"], "E0110", "{found}");
     client.tell(
         "textDocument/didClose",
         json!({ "textDocument": { "uri": uri(&plant) } }),
@@ -518,12 +531,7 @@ fn files_and_buffers_are_one_world() {
         }
         client.receive();
     };
-    assert!(
-        found[0]["code"]
-            .as_str()
-            .is_some_and(|code| code.starts_with("E02")),
-        "{found}"
-    );
+    assert_eq!(found[0]["code"], "E0123", "{found}");
     assert_eq!(client.end(), Exit::Success);
 }
 
@@ -550,8 +558,8 @@ fn names_explain_themselves() {
     ] {
         assert!(g.contains(part), "{g}");
     }
-    assert!(hover("k*", 0).contains("k = 3 in `falls`"));
-    assert!(hover("height*", 0).contains("height = 3 at the start"));
+    assert!(hover("k*h", 0).contains("k = 3 in `falls`"));
+    assert!(hover("height;", 0).contains("height = 3 at the start"));
     assert!(hover("q' =", 0).contains("a vector of 2"));
     assert!(hover("ball {\n  with", 0).contains("A ball that falls."));
     assert!(hover("tolerance", 0).contains("default `1e-8`"));
@@ -583,7 +591,7 @@ fn a_broken_line_hides_nothing() {
     client.open(&path, &text);
     let broken = text.replace("state v : m/s = 0;", "state v : m/s = = ;\n  let w = v");
     assert!(!client.open(&path, &broken).is_empty());
-    let at = broken.rfind("-g -").expect("it is there") + 1;
+    let at = broken.rfind("-g;").expect("it is there") + 1;
     let found = client.at("textDocument/hover", &path, position(&broken, at));
     assert!(
         found["contents"]["value"]
@@ -709,7 +717,7 @@ fn what_fits_is_offered() {
 fn calls_are_told() {
     let mut client = Client::new(&[]);
     let path = memory("calls.nsd");
-    let text = ball().replace("0*s;", "0*s + twice(1, 2) + sat(v, 1, 2);");
+    let text = ball().replace("2*s;", "2*s + twice(1, 2) + sat(k, 1, 2);");
     assert_eq!(client.open(&path, &text), Vec::<Value>::new());
     let mut help = |before: &str| {
         let at = text.find(before).expect("it is there") + before.len();
@@ -718,7 +726,7 @@ fn calls_are_told() {
     let own = help("twice(1, ");
     assert_eq!(own["signatures"][0]["label"], "twice(x, y)");
     assert_eq!(own["activeParameter"], 1);
-    let sat = help("sat(v, 1, ");
+    let sat = help("sat(k, 1, ");
     assert_eq!(sat["signatures"][1]["label"], "sat(x, lo, hi)");
     assert_eq!(
         (&sat["activeSignature"], &sat["activeParameter"]),
@@ -743,7 +751,7 @@ fn texts_have_an_outline() {
     assert_eq!(names(&symbols), ["ball", "twice", "falls"]);
     assert_eq!(
         names(&symbols[0]["children"]),
-        ["n", "g", "k", "q", "v", "height", "s"]
+        ["n", "g", "k", "q", "v", "height", "s", "scaled", "side"]
     );
     let found = client.ask("workspace/symbol", json!({ "query": "hgt" }));
     assert_eq!(found[0]["name"], "height");
@@ -752,7 +760,7 @@ fn texts_have_an_outline() {
     let first = &folds[0];
     assert_eq!(
         (&first["startLine"], &first["endLine"]),
-        (&json!(1), &json!(12))
+        (&json!(1), &json!(14))
     );
     let at = position(&text, text.find("q[1]").expect("it is there") + 2);
     let params = json!({ "textDocument": { "uri": uri(&path) }, "positions": [at] });
@@ -829,10 +837,16 @@ fn systems(path: &Path, text: &str) -> Vec<String> {
 
 /// Words of a text with one in the place of another.
 fn with_word(text: &str, old: &str, new: &str) -> String {
-    let tokens = nsdc::syntax::tokens(text);
-    tokens
-        .map(|token| if token.text == old { new } else { token.text })
-        .collect()
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let words = text.split_inclusive(|c| !is_part(c));
+    let words = words.map(|word| {
+        let letters = word.trim_end_matches(|c| !is_part(c));
+        match letters == old {
+            true => word.replacen(old, new, 1),
+            false => word.to_owned(),
+        }
+    });
+    words.collect()
 }
 
 /// Names of examples get others, here and there, and each system stays as it was but for the name.
@@ -911,22 +925,12 @@ fn a_name_that_would_mean_something_else_is_refused() {
         "sin",
         "",
         "a = 1; const b",
-        "switches",
         "twice",
     ] {
         let expected = taken == "ball2 ";
         assert_eq!(rename("g : m", taken).is_ok(), expected, "`{taken}`");
     }
-    assert_eq!(
-        rename(
-            "// nothing"
-                .split(' ')
-                .next_back()
-                .map_or("", |_| "tolerance"),
-            "x"
-        ),
-        Err(-32803)
-    );
+    assert_eq!(rename("tolerance", "x"), Err(-32803));
     assert_eq!(client.end(), Exit::Success);
 }
 
@@ -1129,7 +1133,11 @@ fn experiments_are_run_and_canceled_beside() {
             .is_some_and(|text| text.starts_with("<svg")),
         "{plot}"
     );
-    for (word, part) in [("test", "passed"), ("verify", "falls"), ("emit", "v' =")] {
+    for (word, part) in [
+        ("test", "passed"),
+        ("verify", "falls"),
+        ("emit", "der(v) ="),
+    ] {
         let came = client.ask("workspace/executeCommand", command(word, "falls"));
         assert!(
             came["text"]
@@ -1166,6 +1174,54 @@ fn experiments_are_run_and_canceled_beside() {
     assert_eq!(client.end(), Exit::Success);
 }
 
+/// What is written again is run again, until it is interrupted.
+#[cfg(unix)]
+#[test]
+fn saved_files_are_watched() {
+    let folder = folder("watch");
+    let (path, figure) = (folder.join("fall.nsd"), folder.join("fall.svg"));
+    let text = |g: &str| {
+        format!(
+            "model fall {{ param g = {g}; state v = 0; v' = -g; }}\nsimulate s of fall {{ horizon 1; }}\n"
+        )
+    };
+    fs::write(&path, text("2")).expect("it can be written");
+    let mut child = Command::new(program())
+        .args([
+            "watch".as_ref(),
+            path.as_os_str(),
+            "--plot".as_ref(),
+            figure.as_os_str(),
+        ])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the program was built");
+    let output = BufReader::new(child.stdout.take().expect("a pipe"));
+    let mut lines = output.lines().map(|line| line.expect("text"));
+    let mut wait = |part: &str| lines.find(|line| line.contains(part)).expect("it goes on");
+    wait("solved");
+    fs::write(&path, text("30")).expect("it can be written");
+    wait("other numbers");
+    wait("- v at end = -2 within");
+    wait("+ v at end = -30 within");
+    let interrupted = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(interrupted.expect("there is `kill`").success());
+    assert_eq!(child.wait().expect("it ends").code(), Some(0));
+    assert!(
+        fs::read_to_string(&figure)
+            .expect("it was drawn")
+            .starts_with("<svg")
+    );
+}
+
+/// Tests are in a folder beside the programs.
+fn program() -> PathBuf {
+    let own = std::env::current_exe().expect("a program");
+    own.ancestors().nth(2).expect("a folder").join("nsdc")
+}
+
 /// The program, with pipes.
 struct Program {
     child: std::process::Child,
@@ -1175,10 +1231,7 @@ struct Program {
 
 impl Program {
     fn new() -> Self {
-        // Tests are in a folder beside the programs.
-        let own = std::env::current_exe().expect("a program");
-        let program = own.ancestors().nth(2).expect("a folder").join("nsdc");
-        let mut child = Command::new(program)
+        let mut child = Command::new(program())
             .arg("lsp")
             .env("XDG_CACHE_HOME", folder("cache"))
             .stdin(Stdio::piped())

@@ -79,7 +79,7 @@ pub enum Command {
         #[arg(value_name = "NAME")]
         path: PathBuf,
     },
-    /// Check, run and draw a file again whenever it, or what it uses, is written; Ctrl-C ends it
+    /// Check, run and draw a file again on every save, until Ctrl-C
     #[command(after_help = WATCH_HELP)]
     Watch(WatchArgs),
     /// Serve an editor, as a language server at standard input and output

@@ -1,6 +1,7 @@
 //! What is wrong in a text, as a client shows it, and the edits that mend it.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
 
 use lsp_types::{
     CodeAction, CodeActionKind, CodeActionOrCommand, CodeActionParams, CodeActionResponse,
@@ -11,8 +12,10 @@ use miette::LabeledSpan;
 
 use super::Answer;
 use super::text::uri_of;
-use super::world::{Analysis, World};
-use crate::diagnostics::{AnyDiagnostic, Applicability, Fix, explain, is_error};
+use super::world::{Analysis, Texts, World};
+use crate::diagnostics::{
+    AnyDiagnostic, Applicability, Diagnostics, Fix, apply, explain, is_error,
+};
 use crate::source::Span;
 use crate::syntax::{File, Item, Link};
 
@@ -110,7 +113,7 @@ pub fn actions(world: &mut World, params: &CodeActionParams) -> Answer<Option<Co
     };
     let touches = |range: Range| range.start <= params.range.end && params.range.start <= range.end;
     let action = |found: Found| {
-        let fix = found.fix.filter(|_| touches(found.shown.range))?;
+        let fix = found.fix?;
         let edits = fix.edits.iter().map(|edit| TextEdit {
             range: analysis.range(edit.span),
             new_text: edit.replacement.clone(),
@@ -129,5 +132,59 @@ pub fn actions(world: &mut World, params: &CodeActionParams) -> Answer<Option<Co
         }))
     };
     let found = of(&analysis, false).into_iter();
+    let key = World::key(uri);
+    let mends = |found: &Found| {
+        found
+            .fix
+            .as_ref()
+            .is_some_and(|fix| mends(&analysis, found, fix, world.texts(), &key))
+    };
+    let found = found.filter(|found| touches(found.shown.range) && mends(found));
     Ok(Some(found.filter_map(action).collect()))
+}
+
+/// How often each thing is said.
+fn counted(diagnostics: &Diagnostics) -> BTreeMap<String, usize> {
+    let mut counts = BTreeMap::new();
+    for diagnostic in diagnostics.iter() {
+        let code = diagnostic.code().map(|code| code.to_string());
+        *counts
+            .entry(said(code.as_deref(), &diagnostic.to_string()))
+            .or_insert(0) += 1;
+    }
+    counts
+}
+
+fn said(code: Option<&str>, message: &str) -> String {
+    format!("{} {message}", code.unwrap_or_default())
+}
+
+/// Whether a fix takes away what it is for, and brings nothing else: of a text that cannot be read, nothing that keeps it
+/// from being read, for what is wrong behind is hidden by that.
+fn mends(before: &Analysis, found: &Found, fix: &Fix, texts: &Texts, key: &str) -> bool {
+    let source = before.source();
+    let (text, _) = apply(source, vec![fix.clone()]);
+    let texts = texts.with([(key.to_owned(), text)]);
+    let Some(after) = Analysis::of(Path::new(&source.name), texts) else {
+        return false;
+    };
+    let code = match &found.shown.code {
+        Some(NumberOrString::String(code)) => Some(code.as_str()),
+        _ => None,
+    };
+    let message = found.shown.message.lines().next().unwrap_or_default();
+    let its = said(code, message);
+    let is_readable = !before.project.diags.has_errors();
+    let (old, new) = match is_readable {
+        true => (counted(before.checked()), counted(after.checked())),
+        false => (
+            counted(&before.project.diags),
+            counted(&after.project.diags),
+        ),
+    };
+    let is_gone = counted(after.checked()).get(&its) < counted(before.checked()).get(&its);
+    is_gone
+        && new
+            .iter()
+            .all(|(said, count)| old.get(said).is_some_and(|known| count <= known))
 }

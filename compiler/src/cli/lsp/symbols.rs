@@ -1,10 +1,11 @@
 //! The outline of texts: what they declare, what can be folded and selected, and their standard layout.
 
+use std::ops::Range;
 use std::rc::Rc;
 
 use lsp_types::{
     DocumentFormattingParams, DocumentSymbol, DocumentSymbolParams, DocumentSymbolResponse,
-    FoldingRange, FoldingRangeKind, FoldingRangeParams, Position, Range, SelectionRange,
+    FoldingRange, FoldingRangeKind, FoldingRangeParams, Position, SelectionRange,
     SelectionRangeParams, SymbolInformation, SymbolKind, TextEdit, Uri, WorkspaceSymbolParams,
     WorkspaceSymbolResponse,
 };
@@ -191,7 +192,7 @@ pub fn selections(
 fn around(analysis: &Rc<Analysis>, position: Position) -> SelectionRange {
     let (text, lines) = (&analysis.source().text, analysis.lines());
     let at = lines.byte(position);
-    let mut ranges = vec![0..text.len()];
+    let mut ranges: Vec<Range<usize>> = std::iter::once(0..text.len()).collect();
     let mut open = Vec::new();
     for token in syntax::tokens(text) {
         let holds = |first: usize, last: usize| first <= at && at <= last;
@@ -228,7 +229,7 @@ fn around(analysis: &Rc<Analysis>, position: Position) -> SelectionRange {
         }
     }
     found.unwrap_or(SelectionRange {
-        range: Range::new(position, position),
+        range: lsp_types::Range::new(position, position),
         parent: None,
     })
 }

@@ -1,5 +1,6 @@
 //! Positions of the protocol, lines and UTF-16 units from 0, in texts that are counted in bytes; names of files as URIs.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -10,19 +11,30 @@ use lsp_types::{Position, Uri};
 pub struct Lines<'t> {
     text: &'t str,
     /// The first byte of each line.
-    starts: Vec<usize>,
+    starts: Cow<'t, [usize]>,
+}
+
+/// The first bytes of the lines of a text, which end with `\n`, `\r\n` or `\r`.
+pub fn starts(text: &str) -> Vec<usize> {
+    let bytes = text.as_bytes();
+    let ends = (0..bytes.len()).filter(|&at| match bytes[at] {
+        b'\n' => true,
+        b'\r' => bytes.get(at + 1) != Some(&b'\n'),
+        _ => false,
+    });
+    std::iter::once(0).chain(ends.map(|at| at + 1)).collect()
 }
 
 impl<'t> Lines<'t> {
-    /// The lines of a text, which end with `\n`, `\r\n` or `\r`.
+    /// The lines of a text.
     pub fn new(text: &'t str) -> Self {
-        let bytes = text.as_bytes();
-        let ends = (0..bytes.len()).filter(|&at| match bytes[at] {
-            b'\n' => true,
-            b'\r' => bytes.get(at + 1) != Some(&b'\n'),
-            _ => false,
-        });
-        let starts = std::iter::once(0).chain(ends.map(|at| at + 1)).collect();
+        let starts = Cow::Owned(starts(text));
+        Lines { text, starts }
+    }
+
+    /// The same where it is known how they start.
+    pub fn known(text: &'t str, starts: &'t [usize]) -> Self {
+        let starts = Cow::Borrowed(starts);
         Lines { text, starts }
     }
 
@@ -31,7 +43,11 @@ impl<'t> Lines<'t> {
         let byte = byte.min(self.text.len());
         let line = self.starts.partition_point(|&start| start <= byte) - 1;
         let before = self.text.get(self.starts[line]..byte).unwrap_or_default();
-        Position::new(number(line), number(before.encode_utf16().count()))
+        let units = match before.is_ascii() {
+            true => before.len(),
+            false => before.encode_utf16().count(),
+        };
+        Position::new(number(line), number(units))
     }
 
     /// The byte at a position; behind the end of a line its end, inside of a character its start.

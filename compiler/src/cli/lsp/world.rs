@@ -81,6 +81,8 @@ pub struct Analysis {
     pub index: Index,
     /// What is wrong with the whole of it, once somebody has asked.
     checked: OnceCell<Diagnostics>,
+    /// How the lines of the file itself start.
+    starts: OnceCell<Vec<usize>>,
     asked: Arc<Mutex<BTreeSet<String>>>,
 }
 
@@ -94,6 +96,7 @@ impl Analysis {
             index: project.index(),
             project,
             checked: OnceCell::new(),
+            starts: OnceCell::new(),
             asked,
         })
     }
@@ -116,7 +119,9 @@ impl Analysis {
 
     /// The lines of the file itself, of which positions are asked.
     pub fn lines(&self) -> Lines<'_> {
-        Lines::new(&self.source().text)
+        let text = &self.source().text;
+        let starts = self.starts.get_or_init(|| super::text::starts(text));
+        Lines::known(text, starts)
     }
 
     /// Where a position of the file itself is in the address space.

@@ -6,6 +6,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::references::Resolver;
+use super::settings::Settings;
 use super::{Declared, Definition as Item, File, Hir, import};
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
@@ -472,7 +473,10 @@ impl<'r, 'f> Recorder<'r, 'f> {
         resolver.file = file;
         resolver.recorder = Some(self);
         resolver.model_path(file, &item.model);
-        resolver.experiment(item);
+        Settings {
+            resolver: &mut resolver,
+        }
+        .read(item);
         resolver.recorder.take().expect("it was given")
     }
 }

@@ -11,6 +11,7 @@ pub mod index;
 pub(crate) mod order;
 mod references;
 pub(crate) mod reserved;
+mod settings;
 #[cfg(test)]
 mod tests;
 
@@ -20,6 +21,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use self::import::Import;
 use self::references::Resolver;
+use self::settings::Settings;
 use crate::diagnostics::Diagnostics;
 use crate::model::errors::ModelError;
 use crate::source::Span;
@@ -330,7 +332,10 @@ impl<'f> Model<'f> {
         let mut resolver = Resolver::of_model(self);
         resolver.file = file;
         resolver.binds(overrides);
-        resolver.experiment(experiment);
+        Settings {
+            resolver: &mut resolver,
+        }
+        .read(experiment);
         resolver.found
     }
 }

@@ -6,9 +6,8 @@ use super::reserved::{VALUES, is_function, is_kept};
 use super::{Definition, File, Global, Model, Reference, References, local_lets};
 use crate::source::Span;
 use crate::syntax::{
-    self, Arg, Bind, Binder, Contact, Domain, Expect, ExpectWhen, Experiment, Expr, ExprKind,
-    Function, GuessSource, Ident, Index, OutputWhen, Path, PlotItem, PlotKind, ProgramKind,
-    RegionGuard, Row, Segment, Setting, SettingKind, Stmt,
+    Arg, Bind, Binder, Domain, Expr, ExprKind, Function, Ident, Index, Part, Path, ProgramKind,
+    RegionGuard, Row, Segment, Setting, Stmt,
 };
 
 pub(super) struct Resolver<'r, 'f> {
@@ -19,7 +18,7 @@ pub(super) struct Resolver<'r, 'f> {
     locals: Vec<(&'f Ident, Reference<'f>)>,
     pub found: References<'f>,
     /// Words that mean something of a run, whatever is declared.
-    of_runs: &'static [&'static str],
+    pub(super) of_runs: &'static [&'static str],
     /// Takes down names that are no values, too, where somebody looks at the text.
     pub recorder: Option<Recorder<'r, 'f>>,
 }
@@ -63,7 +62,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
     }
 
     /// Takes down that a name stands at a place, where it is known.
-    fn record(&mut self, span: Span, name: &str, role: Role) {
+    pub(super) fn record(&mut self, span: Span, name: &str, role: Role) {
         if self.recorder.is_none() {
             return;
         }
@@ -78,7 +77,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
         self.take_down(span, declared, role);
     }
 
-    fn take_down(&mut self, span: Span, declared: Option<Span>, role: Role) {
+    pub(super) fn take_down(&mut self, span: Span, declared: Option<Span>, role: Role) {
         if let (Some(recorder), Some(declared)) = (&mut self.recorder, declared) {
             recorder.occurs(span, declared, role);
         }
@@ -131,7 +130,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
     }
 
     /// What a path names, of the model around or of one that a part is an instance of.
-    fn path(&mut self, path: &'f Path, of: Option<Holder<'f>>, role: Role) {
+    pub(super) fn path(&mut self, path: &'f Path, of: Option<Holder<'f>>, role: Role) {
         if self.recorder.is_none() {
             return;
         }
@@ -145,17 +144,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
         for segment in &path.rest {
             match segment {
                 Segment::Field(field) => holder = self.field(holder, field, role),
-                Segment::Index(indices) => self.indices(indices),
-            }
-        }
-    }
-
-    fn indices(&mut self, indices: &'f [Index]) {
-        for index in indices {
-            match index {
-                Index::All(_) => {}
-                Index::One(one) => self.expr(one),
-                Index::Range(first, last) => self.exprs([first, last]),
+                Segment::Index(indices) => self.exprs(indices.iter().flat_map(inside)),
             }
         }
     }
@@ -221,12 +210,17 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
-    fn exprs(&mut self, exprs: impl IntoIterator<Item = &'f Expr>) {
+    pub(super) fn exprs(&mut self, exprs: impl IntoIterator<Item = &'f Expr>) {
         exprs.into_iter().for_each(|expr| self.expr(expr));
     }
 
     /// What stands in `scope`, where indices hold; each holds in the bounds of those after it.
-    fn under(&mut self, binders: &'f [Binder], scope: Span, inside: impl FnOnce(&mut Self)) {
+    pub(super) fn under(
+        &mut self,
+        binders: &'f [Binder],
+        scope: Span,
+        inside: impl FnOnce(&mut Self),
+    ) {
         let outside = self.locals.len();
         for binder in binders {
             self.exprs([&binder.first, &binder.last]);
@@ -274,21 +268,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
             }
             Stmt::Named(named) => self.expr(&named.value),
             Stmt::Switch(switch) => self.expr(&switch.value),
-            Stmt::Part(part) => {
-                let file = self.model.map(|model| &model.file);
-                let of = file.and_then(|file| Holder::of_path(file.file, &part.model));
-                if let Some(file) = file.filter(|_| self.recorder.is_some()) {
-                    self.model_path(file, &part.model);
-                }
-                self.under(part.binder.as_slice(), part.span, |r| {
-                    for bind in &part.binds {
-                        if of.is_some() {
-                            r.path(&bind.target, of, Role::Sets);
-                        }
-                        r.expr(&bind.value);
-                    }
-                });
-            }
+            Stmt::Part(part) => self.part(part),
             Stmt::Region(region) => {
                 match &region.guard {
                     RegionGuard::Where(guard) | RegionGuard::Indicator(guard) => self.expr(guard),
@@ -313,9 +293,11 @@ impl<'r, 'f> Resolver<'r, 'f> {
                 self.path(&mechanics.q, None, Role::Reads);
                 self.path(&mechanics.v, None, Role::Reads);
                 self.options(&mechanics.options);
-                mechanics.contacts.iter().for_each(|c| self.contact(c));
+                for contact in &mechanics.contacts {
+                    self.options(&contact.options);
+                }
             }
-            Stmt::Contact(contact) => self.contact(contact),
+            Stmt::Contact(contact) => self.options(&contact.options),
             Stmt::Project(project) => {
                 self.path(&project.state, None, Role::Sets);
                 self.rows(&project.rows);
@@ -347,6 +329,22 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
+    fn part(&mut self, part: &'f Part) {
+        let file = self.model.map(|model| &model.file);
+        let of = file.and_then(|file| Holder::of_path(file.file, &part.model));
+        if let Some(file) = file.filter(|_| self.recorder.is_some()) {
+            self.model_path(file, &part.model);
+        }
+        self.under(part.binder.as_slice(), part.span, |r| {
+            for bind in &part.binds {
+                if of.is_some() {
+                    r.path(&bind.target, of, Role::Sets);
+                }
+                r.expr(&bind.value);
+            }
+        });
+    }
+
     pub fn binds(&mut self, binds: &'f [Bind]) {
         for bind in binds {
             self.path(&bind.target, None, Role::Sets);
@@ -354,15 +352,11 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
-    fn options(&mut self, options: &'f [Setting]) {
+    pub(super) fn options(&mut self, options: &'f [Setting]) {
         self.exprs(options.iter().map(|option| &option.value));
     }
 
-    fn contact(&mut self, contact: &'f Contact) {
-        self.options(&contact.options);
-    }
-
-    fn rows(&mut self, rows: &'f [Row]) {
+    pub(super) fn rows(&mut self, rows: &'f [Row]) {
         for row in rows {
             match row {
                 Row::For {
@@ -379,133 +373,21 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
-    fn plot_items(&mut self, items: &'f [PlotItem]) {
-        for item in items {
-            self.exprs(item.kind.exprs());
-            if let PlotKind::For(binders, items) = &item.kind {
-                self.under(binders, item.span, |r| r.plot_items(items));
-            }
-        }
-    }
-
-    fn domain(&mut self, domain: Option<&'f Domain>) {
+    pub(super) fn domain(&mut self, domain: Option<&'f Domain>) {
         match domain {
             None => {}
             Some(Domain::Box(lower, upper)) => self.exprs([lower, upper]),
             Some(Domain::Set(values)) => self.exprs(values),
         }
     }
+}
 
-    /// The settings of an experiment.
-    pub fn experiment(&mut self, experiment: &'f Experiment) {
-        for setting in &experiment.settings {
-            match &setting.kind {
-                SettingKind::With(binds) => self.binds(binds),
-                SettingKind::Horizon { value, range, .. } => {
-                    self.exprs(value);
-                    self.exprs(range.iter().flat_map(|(low, high)| [low, high]));
-                }
-                SettingKind::Output { when, paths } => {
-                    for path in paths {
-                        self.path(path, None, Role::Reads);
-                    }
-                    if let OutputWhen::Every(instants) | OutputWhen::At(instants) = when {
-                        self.expr(instants);
-                    }
-                }
-                SettingKind::Perturb { every, by, seed } => {
-                    self.expr(every);
-                    self.exprs(by.iter().chain(seed));
-                }
-                SettingKind::Starts { count, by, seed } => {
-                    self.expr(count);
-                    self.exprs(by.iter().chain(seed));
-                }
-                SettingKind::Plot(items) | SettingKind::Animate(items) => {
-                    self.plot_items(items);
-                }
-                SettingKind::Method { options, .. } => self.options(options),
-                SettingKind::SubjectTo { rows, .. } | SettingKind::Final(rows) => self.rows(rows),
-                SettingKind::Initial { free, rows } => {
-                    self.free(free);
-                    self.rows(rows);
-                }
-                SettingKind::Free(free) => self.free(free),
-                SettingKind::Guess { from, binds } => {
-                    self.guess_sources(from);
-                    self.binds(binds);
-                }
-                // Their values are words of the language.
-                SettingKind::Value { name, .. } if matches!(&*name.name, "controls" | "scheme") => {
-                }
-                SettingKind::Value { value, .. } => self.expr(value),
-                SettingKind::Expect(expect) => {
-                    self.of_runs = &["switches", "end"];
-                    self.expect(expect);
-                    self.of_runs = &[];
-                }
-                SettingKind::Lower(_) | SettingKind::OnChattering | SettingKind::Bad => {}
-            }
-        }
-    }
-
-    fn free(&mut self, free: &'f [(Path, Option<Domain>)]) {
-        for (path, domain) in free {
-            self.path(path, None, Role::Sets);
-            self.domain(domain.as_ref());
-        }
-    }
-
-    fn guess_sources(&mut self, sources: &'f [GuessSource]) {
-        for source in sources {
-            if let GuessSource::Experiment(path) = source {
-                let mut items = self.file.file.items.iter();
-                let declared = items.find_map(|item| match item {
-                    syntax::Item::Experiment(known) if known.name.name == path.head.name => {
-                        Some(known.name.span)
-                    }
-                    _ => None,
-                });
-                self.take_down(path.head.span, declared, Role::Reads);
-            }
-        }
-    }
-
-    fn expect(&mut self, expect: &'f Expect) {
-        match expect {
-            Expect::Mode { at, mode } => {
-                self.expr(at);
-                self.mode(mode);
-            }
-            Expect::Relation(relation) => {
-                if let ExpectWhen::At(at) = &relation.when {
-                    self.expr(at);
-                }
-                self.exprs([&relation.left, &relation.right]);
-                self.exprs(relation.right_at.iter().chain(&relation.within));
-            }
-            Expect::LoweringGolden | Expect::NumbersGolden => {}
-            Expect::Status(_) | Expect::Warning(_) => {}
-        }
-    }
-
-    /// Regions and surfaces, in `sliding(s)` and the like.
-    fn mode(&mut self, mode: &'f Expr) {
-        if self.recorder.is_none() {
-            return;
-        }
-        match &mode.kind {
-            ExprKind::Call(_, args) => {
-                for arg in args {
-                    if let Arg::Positional(surface, _) = arg {
-                        self.expr(surface);
-                    }
-                }
-            }
-            ExprKind::And(_) | ExprKind::Or(_) | ExprKind::Not(_) => {
-                mode.each(&mut |part| self.mode(part));
-            }
-            _ => self.expr(mode),
-        }
-    }
+/// The expressions of an index.
+fn inside(index: &Index) -> impl Iterator<Item = &Expr> {
+    let ends = match index {
+        Index::All(_) => [None, None],
+        Index::One(one) => [Some(one), None],
+        Index::Range(first, last) => [Some(first), Some(last)],
+    };
+    ends.into_iter().flatten()
 }
