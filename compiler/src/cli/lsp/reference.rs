@@ -47,27 +47,25 @@ pub fn of_statement(section: &str, word: &str) -> Option<String> {
     (!texts.is_empty()).then(|| texts.join("\n\n"))
 }
 
-/// What is said of a function of the language: its forms and its meaning.
+/// What is said of a function of the language: its forms and its meaning, or those of one that is told beside it.
 pub fn of_function(name: &str) -> Option<String> {
-    let mut rows = rows(FUNCTIONS);
-    let row = rows.find(|row| {
-        codes(&row[0])
-            .flat_map(|code| code.split(' '))
-            .any(|word| begins(word, name))
-    })?;
+    let has = |cell: &String| {
+        let mut words = codes(cell).flat_map(|code| code.split(' '));
+        words.any(|word| begins(word, name))
+    };
+    let among = |at: usize| rows(FUNCTIONS).find(|row| row.get(at).is_some_and(has));
+    let row = among(0).or_else(|| among(1))?;
     Some(format!("{}\n\n{}", row[0], row.get(1)?))
 }
 
 /// How a function of the language is called, where its arguments are told: `sat(x)`, `sat(x, lo, hi)`.
 pub fn calls_of(name: &str) -> Vec<String> {
-    let calls = rows(FUNCTIONS).flat_map(|row| {
-        let calls = codes(&row[0])
-            .filter(|code| begins(code, name) && code.contains('(') && code.ends_with(')'));
-        // Of several in one piece of code nothing is told.
-        let calls = calls.filter(|code| code.matches('(').count() == 1);
-        calls.map(str::to_owned).collect::<Vec<_>>()
-    });
-    calls.collect()
+    // Of several in one piece of code nothing is told.
+    let is_call =
+        |code: &&str| begins(code, name) && code.ends_with(')') && code.matches('(').count() == 1;
+    let rows: Vec<Vec<String>> = rows(FUNCTIONS).collect();
+    let codes = rows.iter().flatten().flat_map(|cell| codes(cell));
+    codes.filter(is_call).map(str::to_owned).collect()
 }
 
 /// What is said of a method, and its options.
