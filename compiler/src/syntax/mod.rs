@@ -16,6 +16,7 @@ mod print;
 mod scan;
 
 pub use ast::*;
+#[cfg(feature = "cli")]
 pub(crate) use build::words::{Place, starts};
 pub use error::SyntaxError;
 pub use format::format;
