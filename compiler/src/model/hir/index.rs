@@ -1,6 +1,6 @@
 //! The names of a text: what is declared where, and where it is named.
 //!
-//! A fold over a file and the files that it imports, by the rules of [`super::references`]. A definition is known by the
+//! A fold over a file and the files that it imports, by the rules of the pass that finds references. A definition is known by the
 //! place where its name stands first; what an editor shows of names is a view of this list.
 
 use rustc_hash::{FxHashMap, FxHashSet};
