@@ -663,6 +663,9 @@ pub struct TestArgs {
     /// Only tests with this text in their names, `FILE: EXPERIMENT`
     #[arg(long, value_name = "TEXT")]
     pub filter: Option<String>,
+    /// Only this experiment; of editors, which know its name
+    #[arg(skip)]
+    pub experiment: Option<String>,
     /// Write results as a JSON array; to `-`, standard output, and .jsonl one object per line, instead of the report
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
@@ -675,6 +678,22 @@ pub struct TestArgs {
     /// Stop solving an experiment after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub time_limit: Option<Duration>,
+}
+
+impl TestArgs {
+    /// Tests of a file, or of one of its experiments.
+    pub fn of(file: PathBuf, experiment: Option<String>) -> Self {
+        TestArgs {
+            paths: vec![file],
+            accept: false,
+            filter: None,
+            experiment,
+            json: None,
+            junit: None,
+            jobs: None,
+            time_limit: None,
+        }
+    }
 }
 
 /// A name and its value; what they are is for the compiler to say.

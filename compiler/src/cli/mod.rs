@@ -56,6 +56,9 @@ pub struct Streams<'a> {
     pub files: Arc<dyn Files>,
 }
 
+/// Of a thread that runs experiments, in bytes: as much as the main thread has.
+const STACK: usize = 8 << 20;
+
 /// The files of this machine, and standard input for `-`.
 pub fn terminal() -> Arc<dyn Files> {
     Arc::new(files::Terminal)

@@ -112,7 +112,13 @@ impl Files for Disk {
     }
 
     fn key(&self, path: &Path) -> String {
-        let whole = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        // What is not there yet will be in its folder.
+        let beside = || {
+            let folder = fs::canonicalize(path.parent()?).ok()?;
+            Some(folder.join(path.file_name()?))
+        };
+        let whole = fs::canonicalize(path).ok().or_else(beside);
+        let whole = whole.unwrap_or_else(|| path.to_owned());
         whole.display().to_string()
     }
 }

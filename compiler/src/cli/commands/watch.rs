@@ -1,14 +1,13 @@
 //! `nsdc watch`
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::thread;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use crate::cli::args::WatchArgs;
 use crate::cli::files::{Form, Sink, is_standard};
-use crate::cli::lsp::world::Texts;
+use crate::cli::lsp::world::{Texts, look};
 use crate::cli::progress::Bar;
 use crate::cli::watch::Watching;
 use crate::cli::{Exit, Streams, files, interrupted, io};
@@ -22,9 +21,6 @@ const PAUSE: Duration = Duration::from_millis(150);
 
 /// The tolerance of a number that is watched, as goldens have it where an experiment asks for no other.
 const TOLERANCE: f64 = 1e-8;
-
-/// When files were changed, and how long they are.
-type Seen = BTreeMap<PathBuf, Option<(SystemTime, u64)>>;
 
 /// Checks, runs and draws a file whenever it, or what it uses, is written, until the user interrupts it.
 pub fn run(args: &WatchArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -43,9 +39,10 @@ pub fn run(args: &WatchArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let mut known = BTreeMap::new();
     while !cancel.is_canceled() {
         let world = Texts::default();
-        // What is written while it runs is seen afterwards.
-        let seen = once(args, &world, &cancel, &mut known, streams)?;
+        once(args, &world, &cancel, &mut known, streams)?;
         streams.out.flush()?;
+        // What is written while it is read, or runs, is seen afterwards.
+        let seen = world.asked();
         while !cancel.is_canceled() && seen == look(seen.keys()) {
             thread::sleep(PAUSE);
         }
@@ -53,43 +50,32 @@ pub fn run(args: &WatchArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     Ok(Exit::Success)
 }
 
-fn look<'p>(paths: impl IntoIterator<Item = &'p PathBuf>) -> Seen {
-    let seen = |path: &PathBuf| {
-        let known = fs::metadata(path).ok();
-        let known = known.and_then(|known| Some((known.modified().ok()?, known.len())));
-        (path.clone(), known)
-    };
-    paths.into_iter().map(seen).collect()
-}
-
-/// One round, and the files that it has read, as they were before.
+/// One round.
 fn once(
     args: &WatchArgs,
     files: &Texts,
     cancel: &Cancel,
     known: &mut BTreeMap<String, String>,
     streams: &mut Streams<'_>,
-) -> io::Result<Seen> {
+) -> io::Result<()> {
     let project = match Project::from_files(&args.file, files.clone()) {
         Ok(project) => project,
         Err(error) => {
-            error.tell(streams)?;
-            return Ok(look([&args.file]));
+            return error.tell(streams);
         }
     };
-    let seen = look(&files.asked());
     let found = project.check();
     streams
         .err
         .write_all(found.render(streams.colour, streams.width).as_bytes())?;
     if found.has_errors() {
-        return Ok(seen);
+        return Ok(());
     }
     let selected = match project.select(args.experiment.as_deref()) {
         Ok(selected) => selected,
         Err(error) => {
             writeln!(streams.err, "error: {error}\n  help: {}", error.help)?;
-            return Ok(seen);
+            return Ok(());
         }
     };
     for experiment in &selected {
@@ -141,7 +127,7 @@ fn once(
             Sink::with(&named(path, name, selected.len()), figure).finish(streams)?;
         }
     }
-    Ok(seen)
+    Ok(())
 }
 
 /// The figure of one experiment of several.

@@ -1,8 +1,9 @@
 //! What is run for a client, beside what it asks meanwhile: how far it is, and what came of it.
 
 use std::ffi::OsString;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 
 use lsp_server::{ErrorCode, Message, Notification, Request, RequestId, Response};
@@ -14,7 +15,8 @@ use serde_json::{Value, json};
 use super::text::{path_of, uri_of};
 use super::world::Texts;
 use super::{Answer, Client, Refused, lenses};
-use crate::cli::{self, Exit, Streams};
+use crate::cli::args::TestArgs;
+use crate::cli::{self, Exit, STACK, Streams, commands};
 use crate::limit::{Cancel, Limit};
 use crate::project::Project;
 use crate::project::run::Options;
@@ -22,7 +24,28 @@ use crate::project::watch::{Progress, Told};
 use crate::report::Status;
 
 /// Where answers go.
-type Sender = Arc<dyn Fn(Message) + Send + Sync>;
+type Send = Box<dyn Fn(Message) + std::marker::Send>;
+
+/// The way to the client, as long as there is one.
+#[derive(Clone)]
+struct Sender(Arc<Mutex<Option<Send>>>);
+
+impl Sender {
+    fn send(&self, message: impl Into<Message>) {
+        if let Ok(way) = self.0.lock()
+            && let Some(send) = &*way
+        {
+            send(message.into());
+        }
+    }
+
+    /// Nothing is sent any more, and who reads need not wait for it.
+    fn close(&self) {
+        if let Ok(mut way) = self.0.lock() {
+            *way = None;
+        }
+    }
+}
 
 /// What goes on.
 struct Task {
@@ -74,9 +97,9 @@ impl Asked {
 
 impl Tasks {
     /// Nothing goes on yet.
-    pub fn new(send: impl Fn(Message) + Send + Sync + 'static) -> Self {
+    pub fn new(send: impl Fn(Message) + std::marker::Send + 'static) -> Self {
         Tasks {
-            sender: Arc::new(send),
+            sender: Sender(Arc::new(Mutex::new(Some(Box::new(send))))),
             open: Vec::new(),
         }
     }
@@ -97,7 +120,8 @@ impl Tasks {
             client.progress.then(|| {
                 let create = WorkDoneProgressCreate::METHOD.to_owned();
                 let id = RequestId::from(format!("progress {id}"));
-                (self.sender)(Request::new(id, create, json!({ "token": token })).into());
+                let params = json!({ "token": token });
+                self.sender.send(Request::new(id, create, params));
                 token
             })
         });
@@ -108,11 +132,12 @@ impl Tasks {
             cancel: Cancel::default(),
             token: token.clone(),
             shows: client.shows,
-            send: Arc::clone(&self.sender),
+            send: self.sender.clone(),
         };
         let cancel = work.cancel.clone();
         let thread = thread::Builder::new()
             .name("nsdc".to_owned())
+            .stack_size(STACK)
             .spawn(move || work.done());
         let thread = thread.map_err(|error| Refused::new(error.to_string()))?;
         self.open.push(Task {
@@ -142,6 +167,7 @@ impl Tasks {
     /// Ends all; what runs to its end by itself is not waited for.
     pub fn end(&mut self) {
         self.open.drain(..).for_each(|task| task.cancel.cancel());
+        self.sender.close();
     }
 }
 
@@ -167,11 +193,18 @@ impl Work {
     fn done(self) {
         let name = self.asked.experiment.as_deref().unwrap_or("all");
         let title = format!("{} {name}", self.asked.word);
-        self.tell(json!({ "kind": "begin", "title": title, "cancellable": true }));
-        let came = match self.asked.word.as_str() {
-            "run" | "plot" => self.run(),
-            _ => self.command(),
-        };
+        let is_run = matches!(self.asked.word.as_str(), "run" | "plot");
+        self.tell(json!({ "kind": "begin", "title": title, "cancellable": is_run }));
+        let came = panic::catch_unwind(AssertUnwindSafe(|| match is_run {
+            true => self.run(),
+            false => self.command(),
+        }));
+        let came = came.unwrap_or_else(|_| {
+            Err(Refused {
+                code: ErrorCode::InternalError,
+                message: format!("`{title}` has ended in a mistake of nsdc"),
+            })
+        });
         self.tell(json!({ "kind": "end" }));
         let response = match came {
             _ if self.cancel.is_canceled() => Refused {
@@ -182,13 +215,14 @@ impl Work {
             Err(refused) => refused.response(self.id.clone()),
             Ok(came) => Response::new_ok(self.id.clone(), self.show(&came, name)),
         };
-        (self.send)(response.into());
+        self.send.send(response);
     }
 
     fn tell(&self, value: Value) {
         if let Some(token) = &self.token {
             let params = json!({ "token": token, "value": value });
-            (self.send)(Notification::new(ProgressNote::METHOD.to_owned(), params).into());
+            let method = ProgressNote::METHOD.to_owned();
+            self.send.send(Notification::new(method, params));
         }
     }
 
@@ -238,21 +272,12 @@ impl Work {
 
     /// What a command prints.
     fn command(&self) -> Answer<Came> {
-        let path = OsString::from(self.path());
-        let experiment = self.asked.experiment.as_ref().map(OsString::from);
+        let experiment = &self.asked.experiment;
         let word = &self.asked.word;
-        let mut args: Vec<OsString> = vec!["nsdc".into(), word.into(), path];
-        match word.as_str() {
-            "test" => args.extend(
-                experiment
-                    .into_iter()
-                    .flat_map(|name| ["--filter".into(), name]),
-            ),
-            "emit" => {
-                args.extend(experiment);
-                args.extend(["--ir".into(), OsString::from(&self.asked.form)]);
-            }
-            _ => args.extend(experiment),
+        let mut args: Vec<OsString> = vec!["nsdc".into(), word.into(), self.path().into()];
+        args.extend(experiment.as_ref().map(OsString::from));
+        if word == "emit" {
+            args.extend(["--ir".into(), OsString::from(&self.asked.form)]);
         }
         let (mut out, mut err) = (Vec::new(), Vec::new());
         let mut streams = Streams {
@@ -263,7 +288,14 @@ impl Work {
             width: 100,
             files: Arc::new(self.texts.clone()),
         };
-        let exit = cli::run(args, &mut streams);
+        let exit = match word.as_str() {
+            "test" => {
+                let args = TestArgs::of(self.path(), experiment.clone());
+                let tested = commands::test::run(&args, &mut streams);
+                tested.map_err(|error| Refused::new(error.to_string()))?
+            }
+            _ => cli::run(args, &mut streams),
+        };
         let text = [&err[..], &out[..]].concat();
         Ok(Came {
             exit,
@@ -288,7 +320,7 @@ impl Work {
             let method = ShowDocument::METHOD.to_owned();
             let id = RequestId::from(format!("show {}", self.id));
             let params = json!({ "uri": uri, "takeFocus": false });
-            (self.send)(Request::new(id, method, params).into());
+            self.send.send(Request::new(id, method, params));
         }
         json!({ "status": came.exit as u8, "text": came.text, "figure": came.figure, "uri": uri })
     }

@@ -10,7 +10,7 @@ use crate::expr::Exprs;
 use crate::model::hir::reserved::is_function;
 use crate::model::index::{Definition, Kind};
 use crate::project::describe;
-use crate::syntax::{self, ExperimentKind};
+use crate::syntax::ExperimentKind;
 
 /// Lines of a declaration that are shown.
 const MOST_LINES: usize = 8;
@@ -25,24 +25,16 @@ pub fn hover(world: &mut World, params: &HoverParams) -> Answer<Option<Hover>> {
     let Some(good) = world.last_good(uri) else {
         return Ok(None);
     };
-    let lines = now.lines();
-    let byte = lines.byte(at.position);
-    let mut tokens = syntax::tokens(&now.source().text).filter(|token| !token.is_blank());
-    let Some(token) = tokens.find(|token| {
-        token.start <= byte && byte <= token.end() && token.kind == syntax::TokenKind::Word
-    }) else {
+    let Some(token) = now.word(at.position) else {
         return Ok(None);
     };
-    let range = lines.range(token.start..token.end());
+    let range = now.lines().range(token.start..token.end());
     if let Some((_, definition)) = now.named(at.position) {
         let text = of_definition(&now, &good, definition, at.position);
         return Ok(Some(shown(text, range)));
     }
     // While a line is broken, what was there before it was.
-    let position = good.lines().position(good.then(&now.source().text, byte));
-    if let Some((found, definition)) = good.named(position)
-        && good.project.sources.text(found.span) == token.text
-    {
+    if let Some((position, definition)) = good.named_then(&now, at.position) {
         let text = of_definition(&good, &good, definition, position);
         return Ok(Some(shown(text, range)));
     }

@@ -328,7 +328,13 @@ impl<'c> Server<'c> {
         self.phase = Phase::Working;
         self.client = Client::of(&params);
         let folders = params.workspace_folders.into_iter().flatten();
-        self.world.roots = folders.map(|folder| text::path_of(&folder.uri)).collect();
+        let folders: Vec<Uri> = folders.map(|folder| folder.uri).collect();
+        #[expect(deprecated, reason = "older clients have one folder alone")]
+        let folders = match folders.is_empty() {
+            true => params.root_uri.into_iter().collect(),
+            false => folders,
+        };
+        self.world.roots = folders.iter().map(text::path_of).collect();
         let server = json!({ "name": "nsdc", "version": env!("CARGO_PKG_VERSION") });
         let can = capabilities();
         Response::new_ok(id, json!({ "capabilities": can, "serverInfo": server }))

@@ -1,6 +1,7 @@
 //! Where names are declared and used, over all files, and other names for them.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -14,9 +15,12 @@ use lsp_types::{
 use super::text::{Lines, uri_of};
 use super::world::{Analysis, Texts, World, is_name, standard};
 use super::{Answer, Refused};
+use crate::cli::files;
 use crate::model::index::{Definition, Kind, Role};
+use crate::project::golden;
 use crate::source::Span;
 use crate::source::files::{Disk, Files};
+use crate::syntax::{Expect, SettingKind};
 
 /// A place in a file, whoever reads it: the name of the file, and bytes in it.
 type Site = (PathBuf, Range<usize>);
@@ -26,7 +30,10 @@ fn site(analysis: &Analysis, span: Span) -> Option<Site> {
     let local = |at: u32| (at as usize).saturating_sub(file.start);
     let name = match standard(&file.name) {
         Some(_) => file.name.clone(),
-        None => Disk.key(Path::new(&file.name)),
+        None => {
+            let key = Disk.key(Path::new(&file.name));
+            super::pages::standard(&key).unwrap_or(key)
+        }
     };
     Some((PathBuf::from(name), local(span.start)..local(span.end)))
 }
@@ -37,18 +44,38 @@ pub fn definition(
     params: &GotoDefinitionParams,
 ) -> Answer<Option<GotoDefinitionResponse>> {
     let at = &params.text_document_position_params;
-    let Some(analysis) = world.last_good(&at.text_document.uri) else {
+    let uri = &at.text_document.uri;
+    let (Some(now), Some(good)) = (world.analysis(uri), world.last_good(uri)) else {
         return Ok(None);
     };
-    let found = analysis.named(at.position).and_then(|(_, definition)| {
-        let leads_on = matches!(definition.kind, Kind::Alias | Kind::File | Kind::Module);
-        let place = definition
-            .of
-            .filter(|_| leads_on)
-            .unwrap_or(definition.place);
-        analysis.location(place)
-    });
+    let found = match now.named(at.position) {
+        Some((_, definition)) => now.location(leads_to(definition)),
+        // While a line is broken, what was there before it was.
+        None => good
+            .named_then(&now, at.position)
+            .and_then(|(_, definition)| location_now(&good, &now, leads_to(definition))),
+    };
     Ok(found.map(GotoDefinitionResponse::Scalar))
+}
+
+/// Where a definition is shown.
+fn leads_to(definition: &Definition) -> Span {
+    let leads_on = matches!(definition.kind, Kind::Alias | Kind::File | Kind::Module);
+    let of = definition.of.filter(|_| leads_on);
+    of.unwrap_or(definition.place)
+}
+
+/// A place of an earlier text in the one that it has become.
+fn location_now(good: &Analysis, now: &Analysis, place: Span) -> Option<Location> {
+    let location = good.location(place)?;
+    if !good.is_here(place) {
+        return Some(location);
+    }
+    let text = &good.source().text;
+    let [start, end] = [place.start, place.end]
+        .map(|at| now.then(text, (at as usize).saturating_sub(good.source().start)));
+    let range = now.lines().range(start..end);
+    Some(Location { range, ..location })
 }
 
 /// Where what stands at a position is named in its own file.
@@ -98,6 +125,8 @@ struct Named {
     definition: Definition,
     /// Those who name it.
     users: Vec<Rc<Analysis>>,
+    /// Whether others may name it, too, in files that were not looked at.
+    is_cut: bool,
     /// Where.
     sites: BTreeSet<(OrderedSite, Role)>,
 }
@@ -106,6 +135,7 @@ type OrderedSite = (PathBuf, usize, usize);
 
 impl Named {
     fn at(world: &mut World, at: &TextDocumentPositionParams) -> Answer<Option<Self>> {
+        let (mut all, is_cut) = world.all();
         let Some(analysis) = world.analysis(&at.text_document.uri) else {
             return Ok(None);
         };
@@ -116,9 +146,9 @@ impl Named {
         let mut named = Named {
             definition: definition.clone(),
             users: vec![],
+            is_cut,
             sites: BTreeSet::new(),
         };
-        let mut all = world.all();
         if !all.iter().any(|other| Rc::ptr_eq(other, &analysis)) {
             all.push(analysis);
         }
@@ -142,6 +172,33 @@ impl Named {
         Ok(Some(named))
     }
 
+    /// Refuses what cannot be renamed as a whole: where it may be named out of sight, or where goldens keep the name.
+    fn is_known(&self) -> Answer<()> {
+        let old = &self.definition.name;
+        if self.is_cut {
+            let message = format!(
+                "`{old}` may be named elsewhere: there are more files than are looked through; open a folder with fewer"
+            );
+            return Err(Refused::new(message));
+        }
+        for user in &self.users {
+            let file = &user.source().name;
+            if user.project.diags.has_errors() {
+                let message =
+                    format!("`{file}` has errors that hide names; `{old}` may be one of them");
+                return Err(Refused::new(message));
+            }
+            if let Some(golden) = kept(user, &self.definition) {
+                let message = format!(
+                    "`{}` holds `{old}`: rename it by hand, and write it anew with `nsdc test --accept {file}`",
+                    golden.display()
+                );
+                return Err(Refused::new(message));
+            }
+        }
+        Ok(())
+    }
+
     /// The text of a file that somebody reads.
     fn text(&self, path: &Path) -> Option<&str> {
         let mut files = self
@@ -156,9 +213,47 @@ impl Named {
 
     fn location(&self, (path, start, end): &OrderedSite) -> Option<Location> {
         let range = Lines::new(self.text(path)?).range(*start..*end);
-        let uri = uri_of(path)?;
+        let uri = match standard(&path.to_string_lossy()) {
+            Some(text) => uri_of(&super::pages::write_standard(path, text)?)?,
+            None => uri_of(path)?,
+        };
         Some(Location { uri, range })
     }
+}
+
+/// A golden file of an experiment that compares with it, in which a name is kept.
+fn kept(user: &Analysis, definition: &Definition) -> Option<PathBuf> {
+    let file = Path::new(&user.source().name);
+    let mut experiments = user.project.experiments().filter(|experiment| {
+        experiment.settings.iter().any(|setting| {
+            let SettingKind::Expect(expect) = &setting.kind else {
+                return false;
+            };
+            matches!(expect, Expect::LoweringGolden | Expect::NumbersGolden)
+        })
+    });
+    experiments.find_map(|experiment| {
+        let name = &experiment.name.name;
+        let goldens = files::list_if_present(&golden::folder(file)).unwrap_or_default();
+        goldens.into_iter().find(|path| {
+            let file = path.file_name().unwrap_or_default().to_string_lossy();
+            let ending = file
+                .strip_prefix(name.as_str())
+                .is_some_and(|rest| rest.starts_with('.'));
+            ending
+                && ((definition.kind == Kind::Experiment && definition.name == *name)
+                    || fs::read_to_string(path).is_ok_and(|text| holds(&text, &definition.name)))
+        })
+    })
+}
+
+/// Whether a text has a word, or one with an index behind it.
+fn holds(text: &str, name: &str) -> bool {
+    let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
+    words.any(|word| {
+        let rest = word.strip_prefix(name);
+        rest.is_some_and(|rest| rest.chars().all(|c| c.is_ascii_digit()))
+    })
 }
 
 /// The name at a position, where it may have another one.
@@ -180,8 +275,8 @@ pub fn may_rename(
 
 /// Refuses what has its name from elsewhere.
 fn fixed(analysis: &Analysis, definition: &Definition) -> Answer<()> {
-    let file = analysis.project.sources.file(definition.place);
-    if file.is_some_and(|file| standard(&file.name).is_some()) {
+    let place = site(analysis, definition.place);
+    if place.is_some_and(|(file, _)| standard(&file.to_string_lossy()).is_some()) {
         let message = format!("`{}` is of the standard library", definition.name);
         return Err(Refused::new(message));
     }
@@ -209,6 +304,7 @@ pub fn rename(world: &mut World, params: &RenameParams) -> Answer<Option<Workspa
     if !is_name(new) {
         return Err(Refused::new(format!("`{new}` cannot be a name")));
     }
+    named.is_known()?;
     let mut edits: BTreeMap<&Path, Vec<(usize, usize)>> = BTreeMap::new();
     for ((path, start, end), _) in &named.sites {
         let places = edits.entry(path).or_default();

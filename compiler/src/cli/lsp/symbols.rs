@@ -91,7 +91,7 @@ pub fn of_world(
 ) -> Answer<Option<WorkspaceSymbolResponse>> {
     let query = params.query.to_lowercase();
     let mut found = Vec::new();
-    for analysis in world.all() {
+    for analysis in world.all().0 {
         let here = analysis.index.definitions().iter();
         let here = here.filter(|known| analysis.is_here(known.place));
         let here = here.filter(|known| !matches!(known.kind, Kind::Index | Kind::Argument));

@@ -2,39 +2,57 @@
 //! disk; what is known of each, found once for each state of the world.
 
 use std::cell::OnceCell;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
+use std::time::SystemTime;
 
 use lsp_types::{Location, Position, Range, TextDocumentContentChangeEvent, Uri};
 
 use super::text::{Lines, path_of, uri_of};
-use crate::cli::files;
 use crate::diagnostics::Diagnostics;
 use crate::model::index::{Definition, Index, Occurrence};
 use crate::project::Project;
-use crate::source::files::{Disk, FileError, Files};
+use crate::source::files::{Disk, EXTENSION, FileError, Files};
 use crate::source::{SourceFile, Span};
-use crate::syntax;
+use crate::syntax::{self, Token, TokenKind};
 
 /// More files are not looked through for names.
 const MOST_FILES: usize = 2000;
+/// Nor in more folders.
+const MOST_FOLDERS: usize = 20_000;
 
 /// Texts that are not on disk as they are, by what makes a file the same; all others are on disk.
 #[derive(Clone, Debug, Default)]
 pub struct Texts {
     texts: BTreeMap<String, Arc<str>>,
-    /// Which files were asked for.
-    asked: Arc<Mutex<BTreeSet<String>>>,
+    /// Which files were asked for, as they were before they were read.
+    asked: Arc<Mutex<Seen>>,
+}
+
+/// Files by their keys: when each was changed, and how long it is, where it is there.
+pub type Seen = BTreeMap<String, Option<(SystemTime, u64)>>;
+
+/// What files are like on disk now.
+pub fn look<'k>(keys: impl IntoIterator<Item = &'k String>) -> Seen {
+    let seen = |key: &String| {
+        let known = fs::metadata(key).ok();
+        let known = known.and_then(|known| Some((known.modified().ok()?, known.len())));
+        (key.clone(), known)
+    };
+    keys.into_iter().map(seen).collect()
 }
 
 impl Files for Texts {
     fn read(&self, path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
         let key = self.key(path);
         let text = self.texts.get(&key);
-        if let Ok(mut asked) = self.asked.lock() {
-            asked.insert(key);
+        if let Ok(mut asked) = self.asked.lock()
+            && !asked.contains_key(&key)
+        {
+            asked.append(&mut look([&key]));
         }
         match text {
             Some(text) => Ok(text.bytes().take(limit.saturating_add(1)).collect()),
@@ -48,10 +66,10 @@ impl Files for Texts {
 }
 
 impl Texts {
-    /// The paths of all files that were asked for, whether they are there or not.
-    pub fn asked(&self) -> Vec<PathBuf> {
+    /// All files that were asked for, whether they are there or not, as they were before they were read.
+    pub fn asked(&self) -> Seen {
         let asked = self.asked.lock();
-        asked.map_or(vec![], |asked| asked.iter().map(PathBuf::from).collect())
+        asked.map_or_else(|_| Seen::new(), |asked| asked.clone())
     }
 
     /// These with others in their place.
@@ -83,27 +101,27 @@ pub struct Analysis {
     checked: OnceCell<Diagnostics>,
     /// How the lines of the file itself start.
     starts: OnceCell<Vec<usize>>,
-    asked: Arc<Mutex<BTreeSet<String>>>,
+    texts: Texts,
 }
 
 impl Analysis {
     /// A file of these texts; nothing where there is none.
     pub fn of(path: &Path, texts: Texts) -> Option<Self> {
         let texts = texts.with([]);
-        let asked = Arc::clone(&texts.asked);
-        let project = Project::from_files(path, texts).ok()?;
+        let project = Project::from_files(path, texts.clone()).ok()?;
         Some(Analysis {
             index: project.index(),
             project,
             checked: OnceCell::new(),
             starts: OnceCell::new(),
-            asked,
+            texts,
         })
     }
 
     /// Whether it depends on what is in a file, or on whether there is one.
     fn depends_on(&self, key: &str) -> bool {
-        self.asked.lock().is_ok_and(|asked| asked.contains(key))
+        let asked = self.texts.asked.lock();
+        asked.is_ok_and(|asked| asked.contains_key(key))
     }
 
     /// What is wrong.
@@ -162,11 +180,33 @@ impl Analysis {
         let local = |at: u32| (at as usize).saturating_sub(file.start);
         let range = Lines::new(&file.text).range(local(span.start)..local(span.end));
         let path = match standard(&file.name) {
-            Some(text) => super::pages::write("std", &file.name["std/".len()..], text)?,
+            Some(text) => super::pages::write_standard(Path::new(&file.name), text)?,
             None => PathBuf::from(&file.name),
         };
         let uri = uri_of(&path)?;
         Some(Location { uri, range })
+    }
+
+    /// The word at a position of the file itself.
+    pub fn word(&self, position: Position) -> Option<Token<'_>> {
+        let byte = self.lines().byte(position);
+        let mut words = syntax::tokens(&self.source().text).filter(|token| !token.is_blank());
+        words.find(|token| {
+            token.start <= byte && byte <= token.end() && token.kind == TokenKind::Word
+        })
+    }
+
+    /// The same name in this text, where it is one, as at a position of the text that has become of it.
+    pub fn named_then(
+        &self,
+        now: &Analysis,
+        position: Position,
+    ) -> Option<(Position, &Definition)> {
+        let byte = self.then(&now.source().text, now.lines().byte(position));
+        let then = self.lines().position(byte);
+        let (found, definition) = self.named(then)?;
+        let is_same = self.project.sources.text(found.span) == now.word(position)?.text;
+        is_same.then_some((then, definition))
     }
 
     /// The name at a position of the file itself, with its definition.
@@ -295,21 +335,70 @@ impl World {
         })
     }
 
-    /// The names of all files of the world: those that are open, and those in the folders of the client.
-    pub fn all(&mut self) -> Vec<Rc<Analysis>> {
+    /// Forgets what was read of files that have changed on disk since, whether a client has said so or not.
+    pub fn look_again(&mut self) {
+        let all = self.known.values().flatten();
+        let mut seen: Vec<_> = all.flat_map(|known| known.texts.asked()).collect();
+        seen.sort();
+        seen.dedup();
+        seen.retain(|(key, _)| !self.texts.texts.contains_key(key));
+        let now = look(seen.iter().map(|(key, _)| key));
+        for (key, _) in seen.iter().filter(|(key, was)| now[key] != *was) {
+            self.touch(key);
+        }
+        self.known.retain(|_, known| known.is_some());
+    }
+
+    /// The names of all files of the world, as they are now: those that are open, and those in the folders of the client;
+    /// and whether there are others that were not looked at.
+    pub fn all(&mut self) -> (Vec<Rc<Analysis>>, bool) {
+        self.look_again();
         let mut uris: BTreeMap<String, Uri> = self
             .open
             .iter()
             .map(|(key, known)| (key.clone(), known.uri.clone()))
             .collect();
-        let found = files::find(&self.roots).unwrap_or_default();
-        for path in found.iter().filter(|path| path.is_file()).take(MOST_FILES) {
+        let (found, is_cut) = models(&self.roots);
+        for path in &found {
             if let Some(uri) = uri_of(path) {
                 uris.entry(Disk.key(path)).or_insert(uri);
             }
         }
-        uris.values().filter_map(|uri| self.analysis(uri)).collect()
+        let all = uris.values().filter_map(|uri| self.analysis(uri));
+        (all.collect(), is_cut)
     }
+}
+
+/// The files of models below folders, and whether there are more; folders that are hidden, links or not to be read are
+/// left out.
+fn models(roots: &[PathBuf]) -> (Vec<PathBuf>, bool) {
+    let mut found = vec![];
+    let (mut folders, mut n_folders) = (roots.to_vec(), 0);
+    while let Some(folder) = folders.pop() {
+        n_folders += 1;
+        if n_folders > MOST_FOLDERS {
+            return (found, true);
+        }
+        let entries = fs::read_dir(&folder).into_iter().flatten().flatten();
+        let mut entries: Vec<_> = entries.map(|entry| entry.path()).collect();
+        entries.sort();
+        for path in entries {
+            let is_hidden = path
+                .file_name()
+                .is_some_and(|name| name.to_string_lossy().starts_with('.'));
+            if path.is_dir() {
+                if !is_hidden && !path.is_symlink() {
+                    folders.push(path);
+                }
+            } else if path.extension().is_some_and(|known| known == EXTENSION) && path.is_file() {
+                if found.len() == MOST_FILES {
+                    return (found, true);
+                }
+                found.push(path);
+            }
+        }
+    }
+    (found, false)
 }
 
 /// Whether a text is a name that anything may have.

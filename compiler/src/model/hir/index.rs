@@ -313,6 +313,17 @@ impl<'r, 'f> Recorder<'r, 'f> {
         self.definitions.insert(definition.place, definition);
     }
 
+    /// Whether what stands at a place names a switch.
+    pub fn is_of_switch(&self, place: Span) -> bool {
+        let found = self.occurrences.iter().rev();
+        let mut found = found.filter(|known| known.span == place);
+        let declared = found.next().map(|known| known.declared);
+        let mut all = self.hir.models.values().flat_map(|model| &model.declared);
+        all.any(|known| {
+            matches!(known.item, Item::Switch(_)) && Some(known.name.span) == declared
+        })
+    }
+
     /// Where a member is declared, and what has members itself.
     pub fn member(&self, holder: Holder<'f>, name: &str) -> Option<(Span, Option<Holder<'f>>)> {
         match holder {

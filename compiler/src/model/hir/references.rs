@@ -3,12 +3,25 @@
 
 use super::index::{Holder, Kind, Recorder, Role};
 use super::reserved::{VALUES, is_function, is_kept};
+use super::super::statements::restitution;
 use super::{Definition, File, Global, Model, Reference, References, local_lets};
 use crate::source::Span;
 use crate::syntax::{
     Arg, Bind, Binder, Domain, Expr, ExprKind, Function, Ident, Index, Part, Path, ProgramKind,
     RegionGuard, Row, Segment, Setting, Stmt,
 };
+
+/// Options of methods whose values are words.
+const WORDED: [&str; 8] = [
+    "scheme",
+    "form",
+    "cross",
+    "equilibration",
+    "branch",
+    "relaxation",
+    "steering",
+    "path",
+];
 
 pub(super) struct Resolver<'r, 'f> {
     pub file: &'r File<'f>,
@@ -195,18 +208,48 @@ impl<'r, 'f> Resolver<'r, 'f> {
                     ExprKind::Name(name) if self.is_built_in(name) => {
                         self.found.insert(function.span, Reference::BuiltIn);
                     }
-                    _ => self.expr(function),
+                    _ => self.head(function),
                 }
-                for arg in args {
-                    match arg {
-                        Arg::Named(_, value) => self.expr(value),
-                        Arg::Positional(value, binders) => {
-                            self.under(binders, expr.span, |r| r.expr(value));
-                        }
-                    }
-                }
+                self.args(args, expr.span);
             }
             _ => expr.each(&mut |inner| self.expr(inner)),
+        }
+    }
+
+    /// What has arguments: a function, and nothing else that has the name of a word of the language.
+    fn head(&mut self, head: &'f Expr) {
+        match &head.kind {
+            ExprKind::Name(name) if !self.is_callable(name) => {
+                let reference = self.reference(name);
+                self.found.extend(reference.map(|found| (head.span, found)));
+            }
+            _ => self.expr(head),
+        }
+    }
+
+    fn is_callable(&self, name: &str) -> bool {
+        let Some(Reference::Global(index)) = self.reference(name) else {
+            return false;
+        };
+        matches!(
+            self.file.globals[index].global,
+            Global::Function(..) | Global::Import(_)
+        )
+    }
+
+    /// The values of named arguments are words of the language.
+    fn args(&mut self, args: &'f [Arg], scope: Span) {
+        for arg in args {
+            if let Arg::Positional(value, binders) = arg {
+                self.under(binders, scope, |r| r.expr(value));
+            }
+        }
+    }
+
+    /// A word of the language, with or without arguments.
+    pub(super) fn word(&mut self, value: &'f Expr) {
+        if let ExprKind::Call(_, args) = &value.kind {
+            self.args(args, value.span);
         }
     }
 
@@ -340,7 +383,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
                 if of.is_some() {
                     r.path(&bind.target, of, Role::Sets);
                 }
-                r.expr(&bind.value);
+                r.given(bind);
             }
         });
     }
@@ -348,12 +391,34 @@ impl<'r, 'f> Resolver<'r, 'f> {
     pub fn binds(&mut self, binds: &'f [Bind]) {
         for bind in binds {
             self.path(&bind.target, None, Role::Sets);
-            self.expr(&bind.value);
+            self.given(bind);
         }
     }
 
+    /// The value of what is given, whose name has been taken down; that of a switch is a word.
+    fn given(&mut self, bind: &'f Bind) {
+        let last = bind.target.rest.iter().rev();
+        let mut last = last.filter_map(|segment| match segment {
+            Segment::Field(field) => Some(field.span),
+            Segment::Index(_) => None,
+        });
+        let named = last.next().unwrap_or(bind.target.head.span);
+        match &self.recorder {
+            Some(recorder) if recorder.is_of_switch(named) => self.word(&bind.value),
+            _ => self.expr(&bind.value),
+        }
+    }
+
+    /// Some options have words of the language, whatever else has such a name.
     pub(super) fn options(&mut self, options: &'f [Setting]) {
-        self.exprs(options.iter().map(|option| &option.value));
+        for option in options {
+            match (option.name.name.as_str(), &option.value) {
+                (name, value) if WORDED.contains(&name) => self.word(value),
+                ("law", value) => self.head(value),
+                ("restitution", value) if restitution::is_law(value) => self.word(value),
+                (_, value) => self.expr(value),
+            }
+        }
     }
 
     pub(super) fn rows(&mut self, rows: &'f [Row]) {

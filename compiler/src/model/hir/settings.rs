@@ -31,13 +31,16 @@ impl<'f> Settings<'_, '_, 'f> {
                         self.resolver.expr(instants);
                     }
                 }
-                SettingKind::Perturb { every, by, seed } => {
-                    self.resolver.expr(every);
-                    self.resolver.exprs(by.iter().chain(seed));
+                SettingKind::Perturb {
+                    every: count,
+                    by,
+                    seed,
                 }
-                SettingKind::Starts { count, by, seed } => {
+                | SettingKind::Starts { count, by, seed } => {
                     self.resolver.expr(count);
-                    self.resolver.exprs(by.iter().chain(seed));
+                    // A distribution.
+                    by.iter().for_each(|by| self.resolver.word(by));
+                    self.resolver.exprs(seed);
                 }
                 SettingKind::Plot(items) | SettingKind::Animate(items) => {
                     self.plot_items(items);

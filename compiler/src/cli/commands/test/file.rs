@@ -30,6 +30,8 @@ pub struct Options<'o> {
     pub accept: bool,
     /// What the names of tests contain.
     pub filter: Option<&'o str>,
+    /// The only experiment that is tested, where it is one.
+    pub experiment: Option<&'o str>,
     /// For each experiment.
     pub time_limit: Option<Duration>,
     /// Whether a line shows how far a run is.
@@ -144,7 +146,9 @@ impl File<'_> {
 
     /// A golden that nothing is compared with any more is a test that no longer runs.
     fn left_over(&mut self, path: &Path) {
-        let is_whole = self.options.filter.is_none() && !files::is_standard(path);
+        let is_whole = self.options.filter.is_none()
+            && self.options.experiment.is_none()
+            && !files::is_standard(path);
         let Some(known) = self.goldens.take().filter(|_| is_whole) else {
             return;
         };
@@ -183,14 +187,14 @@ impl File<'_> {
 
     /// Whether the filter takes a test; counts those that it leaves out.
     fn is_selected(&mut self, test: Option<&str>) -> bool {
-        let Some(filter) = self.options.filter else {
-            return true;
-        };
         let name = match test {
             Some(test) => case::name(&self.name, test),
             None => self.name.clone(),
         };
-        let is_selected = name.contains(filter);
+        let filter = self.options.filter;
+        let only = self.options.experiment;
+        let is_selected = filter.is_none_or(|filter| name.contains(filter))
+            && only.is_none_or(|only| test == Some(only));
         self.tested.left_out += usize::from(!is_selected);
         is_selected
     }
