@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc;
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use lsp_server::{Connection, Message, Notification, Request, RequestId, Response};
 use nsdc::cli::{Exit, lsp};
@@ -18,6 +20,9 @@ use nsdc::{Project, compile};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 use serde_json::{Value, json};
+
+/// Whoever takes longer hangs.
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// A client, and the server that it talks to.
 struct Client {
@@ -77,8 +82,8 @@ impl Client {
         match self
             .connection
             .receiver
-            .recv()
-            .expect("the server is there")
+            .recv_timeout(PATIENCE)
+            .expect("the server answers")
         {
             Message::Response(response) => return Some(response),
             Message::Notification(note) => self.notes.push(note),
@@ -783,11 +788,47 @@ fn texts_have_an_outline() {
     assert_eq!(labels, ["= 3"]);
     let tokens = client.ask("textDocument/semanticTokens/full", document.clone());
     let data = tokens["data"].as_array().expect("numbers");
-    assert!(
-        data.len() > 100 && data.len().is_multiple_of(5),
-        "{}",
-        data.len()
+    let lines: Vec<&str> = text.split('\n').collect();
+    let (mut line, mut column) = (0, 0);
+    let shown: Vec<(&str, u64)> = data
+        .chunks(5)
+        .map(|token| {
+            let number = |at: usize| token[at].as_u64().expect("a number") as usize;
+            column = number(1) + if number(0) == 0 { column } else { 0 };
+            line += number(0);
+            // All is ASCII there.
+            let word = &lines[line][column..column + number(2)];
+            (word, number(3) as u64)
+        })
+        .collect();
+    let [class, function, argument, variable, property, member, unit] = [1, 2, 3, 4, 5, 6, 8];
+    let (before, behind) = shown.split_at(13);
+    assert_eq!(
+        before,
+        [
+            ("ball", class),
+            ("n", property),
+            ("g", property),
+            ("m/s^2", unit),
+            ("k", property),
+            ("g", property),
+            ("q", variable),
+            ("n", property),
+            ("m", unit),
+            ("v", variable),
+            ("m/s", unit),
+            ("height", variable),
+            ("q", variable),
+        ]
     );
+    for token in [
+        ("s", member),
+        ("twice", function),
+        ("x", argument),
+        ("falls", function),
+    ] {
+        assert!(behind.contains(&token), "{token:?} of {behind:?}");
+    }
     let lenses = client.ask("textDocument/codeLens", document);
     let titles: Vec<&str> = lenses
         .as_array()
@@ -1104,7 +1145,7 @@ fn experiments_are_run_and_canceled_beside() {
     let (path, text) = (
         memory("runs.nsd"),
         ball()
-            + "model spin { state x = 1; state y = 0; x' = -y; y' = x; }\nsimulate long of spin { horizon 1e9; }\n",
+            + "model spin { state x = 1; state y = 0; x' = -y; y' = x; }\nsimulate long of spin { horizon 1e9; }\nsimulate falls_far of ball { horizon 0.1; expect v at end > 0; }\n",
     );
     assert_eq!(client.open(&path, &text), Vec::<Value>::new());
     let command = |word: &str, name: &str| json!({ "command": format!("nsdc.{word}"), "arguments": [uri(&path), name], "workDoneToken": "shown" });
@@ -1134,7 +1175,8 @@ fn experiments_are_run_and_canceled_beside() {
         "{plot}"
     );
     for (word, part) in [
-        ("test", "passed"),
+        // Of this one alone.
+        ("test", "1 passed, 0 failed"),
         ("verify", "falls"),
         ("emit", "der(v) ="),
     ] {
@@ -1186,7 +1228,7 @@ fn saved_files_are_watched() {
         )
     };
     fs::write(&path, text("2")).expect("it can be written");
-    let mut child = Command::new(program())
+    let child = Command::new(program())
         .args([
             "watch".as_ref(),
             path.as_os_str(),
@@ -1196,19 +1238,32 @@ fn saved_files_are_watched() {
         .stdout(Stdio::piped())
         .spawn()
         .expect("the program was built");
-    let output = BufReader::new(child.stdout.take().expect("a pipe"));
-    let mut lines = output.lines().map(|line| line.expect("text"));
-    let mut wait = |part: &str| lines.find(|line| line.contains(part)).expect("it goes on");
+    let mut child = Guarded(child);
+    let output = BufReader::new(child.0.stdout.take().expect("a pipe"));
+    let (sender, lines) = mpsc::channel();
+    std::thread::spawn(move || {
+        let lines = output.lines().map_while(Result::ok);
+        lines
+            .take_while(|line| sender.send(line.clone()).is_ok())
+            .count()
+    });
+    let wait = |part: &str| {
+        while !lines
+            .recv_timeout(PATIENCE)
+            .expect("it goes on")
+            .contains(part)
+        {}
+    };
     wait("solved");
     fs::write(&path, text("30")).expect("it can be written");
     wait("other numbers");
     wait("- v at end = -2 within");
     wait("+ v at end = -30 within");
     let interrupted = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
+        .args(["-INT", &child.0.id().to_string()])
         .status();
     assert!(interrupted.expect("there is `kill`").success());
-    assert_eq!(child.wait().expect("it ends").code(), Some(0));
+    assert_eq!(child.ended(), Some(0));
     assert!(
         fs::read_to_string(&figure)
             .expect("it was drawn")
@@ -1222,30 +1277,97 @@ fn program() -> PathBuf {
     own.ancestors().nth(2).expect("a folder").join("nsdc")
 }
 
+/// A program that ends with its test.
+struct Guarded(Child);
+
+impl Drop for Guarded {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Guarded {
+    /// The exit status.
+    fn ended(&mut self) -> Option<i32> {
+        let start = Instant::now();
+        loop {
+            if let Some(status) = self.0.try_wait().expect("it is there") {
+                return status.code();
+            }
+            assert!(start.elapsed() < PATIENCE, "it does not end");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
 /// The program, with pipes.
 struct Program {
-    child: std::process::Child,
+    child: Guarded,
     input: ChildStdin,
-    output: BufReader<ChildStdout>,
+    /// What it sends, until it ends.
+    output: mpsc::Receiver<Result<Message, String>>,
+    last: i32,
 }
 
 impl Program {
-    fn new() -> Self {
+    fn new(name: &str) -> Self {
         let mut child = Command::new(program())
             .arg("lsp")
-            .env("XDG_CACHE_HOME", folder("cache"))
+            .env("XDG_CACHE_HOME", folder(&format!("cache/{name}")))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .expect("the program was built");
         let input = child.stdin.take().expect("a pipe");
-        let output = BufReader::new(child.stdout.take().expect("a pipe"));
+        let mut read = BufReader::new(child.stdout.take().expect("a pipe"));
+        let (sender, output) = mpsc::channel();
+        std::thread::spawn(move || {
+            while let Some(found) = Message::read(&mut read).transpose() {
+                let is_last = found.is_err();
+                let sent = sender.send(found.map_err(|error| error.to_string()));
+                if is_last || sent.is_err() {
+                    break;
+                }
+            }
+        });
         Program {
-            child,
+            child: Guarded(child),
             input,
             output,
+            last: 100,
         }
+    }
+
+    fn send(&mut self, method: &str, params: &Value) -> i32 {
+        self.last += 1;
+        let (id, version) = (self.last, "2.0");
+        self.write(
+            &json!({ "jsonrpc": version, "id": id, "method": method, "params": params })
+                .to_string(),
+        );
+        id
+    }
+
+    fn tell(&mut self, method: &str, params: &Value) {
+        self.write(&json!({ "jsonrpc": "2.0", "method": method, "params": params }).to_string());
+    }
+
+    /// The answer, or the code of an error.
+    fn ask(&mut self, method: &str, params: &Value) -> Result<Value, i32> {
+        let id = RequestId::from(self.send(method, params));
+        loop {
+            if let Message::Response(response) = self.read() {
+                assert_eq!(response.id, id, "answers come in order");
+                return response.response_result.map_err(|error| error.code);
+            }
+        }
+    }
+
+    fn open(&mut self, path: &str, text: &str) {
+        let document = json!({ "uri": format!("file://{path}"), "languageId": "nsd", "version": 1, "text": text });
+        self.tell("textDocument/didOpen", &json!({ "textDocument": document }));
     }
 
     fn write(&mut self, body: &str) {
@@ -1254,9 +1376,8 @@ impl Program {
     }
 
     fn read(&mut self) -> Message {
-        Message::read(&mut self.output)
-            .expect("a message")
-            .expect("one more")
+        let read = self.output.recv_timeout(PATIENCE);
+        read.expect("one more").expect("a message")
     }
 
     /// The exit status, and what it has written besides.
@@ -1264,12 +1385,13 @@ impl Program {
         let Program {
             mut child,
             input,
-            mut output,
+            output,
+            ..
         } = self;
         drop(input);
-        let mut rest = String::new();
-        output.read_to_string(&mut rest).expect("text");
-        (child.wait().expect("it ends").code(), rest)
+        let code = child.ended();
+        let rest = output.iter().map(|message| format!("{message:?}"));
+        (code, rest.collect())
     }
 }
 
@@ -1277,7 +1399,7 @@ const INITIALIZE: &str = r#"{"jsonrpc":"2.0","id":1,"method":"initialize","param
 
 #[test]
 fn the_program_talks_over_pipes() {
-    let mut program = Program::new();
+    let mut program = Program::new("talks");
     program.write(INITIALIZE);
     assert!(
         matches!(program.read(), Message::Response(response) if response.response_result.is_ok())
@@ -1303,13 +1425,213 @@ fn the_program_talks_over_pipes() {
 #[test]
 fn the_program_ends_with_what_makes_no_sense() {
     // A client that is gone, and one that sends what is no JSON.
-    let mut program = Program::new();
+    let mut program = Program::new("gone");
     program.write(INITIALIZE);
     program.read();
     assert_eq!(program.end(), (Some(1), String::new()));
-    let mut program = Program::new();
+    let mut program = Program::new("nonsense");
     program.write(INITIALIZE);
     program.read();
     program.write("{ this is no JSON");
     assert_eq!(program.end(), (Some(1), String::new()));
+}
+
+#[test]
+fn the_program_does_not_wait_for_what_it_runs() {
+    let text = "model spin { state x = 1; state y = 0; x' = -y; y' = x; }\nsimulate long of spin { horizon 1e9; expect x at end < 2; }\n";
+    for is_told in [true, false] {
+        let mut program = Program::new(&format!("runs {is_told}"));
+        program.write(INITIALIZE);
+        program.read();
+        program.open("/nowhere/long.nsd", text);
+        let command =
+            json!({ "command": "nsdc.test", "arguments": ["file:///nowhere/long.nsd", "long"] });
+        program.send("workspace/executeCommand", &command);
+        if is_told {
+            assert_eq!(program.ask("shutdown", &Value::Null), Ok(Value::Null));
+            program.tell("exit", &Value::Null);
+        }
+        let (code, _) = program.end();
+        assert_eq!(code, Some(i32::from(!is_told)));
+    }
+}
+
+/// What is shown of the standard library is the standard library.
+#[test]
+fn the_standard_library_keeps_its_names() {
+    let mut program = Program::new("standard");
+    program.write(INITIALIZE);
+    program.read();
+    let text = "use std.friction as rub;\nmodel m { state v = 1; v' = -rub.coulomb(v, 1); }\nsimulate s of m { horizon 1; }\n";
+    program.open("/nowhere/rub.nsd", text);
+    let at = position(text, text.find("coulomb").expect("it is there"));
+    let point = json!({ "textDocument": { "uri": "file:///nowhere/rub.nsd" }, "position": at });
+    let place = program
+        .ask("textDocument/definition", &point)
+        .expect("a place");
+    let shown = place["uri"].as_str().expect("a file").to_owned();
+    let path = shown.trim_start_matches("file://").replace("%20", " ");
+    program.open(&path, &fs::read_to_string(&path).expect("it is written"));
+    let point = json!({ "textDocument": { "uri": shown }, "position": place["range"]["start"], "context": { "includeDeclaration": true }, "newName": "other" });
+    let all = program
+        .ask("textDocument/references", &point)
+        .expect("places");
+    let mut files: Vec<&str> = (all.as_array().expect("a list").iter())
+        .filter_map(|place| place["uri"].as_str())
+        .collect();
+    files.sort_unstable();
+    files.dedup();
+    let mut expected = [shown.as_str(), "file:///nowhere/rub.nsd"];
+    expected.sort_unstable();
+    assert_eq!(files, expected);
+    assert_eq!(program.ask("textDocument/rename", &point), Err(-32803));
+    assert_eq!(
+        program.ask("textDocument/prepareRename", &point),
+        Err(-32803)
+    );
+}
+
+/// Words of the language are no names of a model, whatever is called so.
+#[test]
+fn words_of_the_language_are_no_names() {
+    let text = r#"
+fn mean(x) = x;
+model m {
+  param newton = 0.5;
+  state linear = 1;
+  state all = 0;
+  state crossing = 0;
+  state q = 1;
+  state v = 0;
+  signal r = table("data.csv", "r", fit = linear);
+  switch s = sign(linear);
+  linear' = -linear + mean(r);
+  mechanics q, v {
+    mass = 1;
+    force = all;
+  }
+  contact floor { gap = q; restitution = newton(newton); }
+}
+simulate one of m {
+  horizon 1;
+  with { s = linear; q = linear; }
+  method fesd { cross = all; equilibration = mean(2); }
+  expect len(events(crossing)) == 0;
+  expect crossing at end < linear;
+}
+"#;
+    let project = Project::from_text("words.nsd", text);
+    assert!(!project.diags.has_errors(), "{}", project.check());
+    let index = project.index();
+    for (name, places) in [
+        // Declared, the switch, both sides of the equation, what `q` is given, an expectation.
+        ("linear", 6),
+        ("newton", 2),
+        ("all", 2),
+        ("crossing", 2),
+        ("mean", 2),
+    ] {
+        let found = index.occurrences().iter();
+        let found = found.filter(|known| project.sources.text(known.span) == name);
+        assert_eq!(found.count(), places, "{name}");
+    }
+}
+
+/// What is renamed in files that are not open is what is there now.
+#[test]
+fn files_are_renamed_as_they_are() {
+    let folder = folder("stale");
+    let (plant, main) = (folder.join("plant.nsd"), folder.join("main.nsd"));
+    let plant_text = "model plant { state x = 1; x' = -x; }\n";
+    let main_text = "use ./plant.{plant};\nmodel whole { part p = plant; output y = p.x; }\nsimulate s of whole { horizon 1; }\n";
+    fs::write(&plant, plant_text).expect("it can be written");
+    fs::write(&main, main_text).expect("it can be written");
+    let mut client = Client::new(&[&folder]);
+    assert_eq!(client.open(&main, main_text), Vec::<Value>::new());
+    let at = position(main_text, main_text.find("x; }").expect("it is there"));
+    let params = json!({ "textDocument": { "uri": uri(&main) }, "position": at, "newName": "z" });
+    client.ask("textDocument/rename", params.clone());
+    let now = format!("// A comment above.\n{plant_text}");
+    fs::write(&plant, &now).expect("it can be written");
+    let changes = client.ask("textDocument/rename", params.clone())["changes"].clone();
+    let edits = changes[uri(&plant)].as_array().expect("edits");
+    let renamed = edited(&now, edits);
+    assert_eq!(renamed, now.replace("x", "z"));
+    // Where another file that knows the name is broken, it may be named in what is not understood.
+    let other = folder.join("other.nsd");
+    fs::write(
+        &other,
+        "use ./plant;\nsimulate t of plant.plant { horizon 1; expect x at at end < 1; }\n",
+    )
+    .expect("it can be written");
+    let refused = client
+        .try_ask("textDocument/rename", params.clone())
+        .expect_err("it is refused");
+    assert_eq!(refused.0, -32803);
+    assert!(refused.1.contains("other.nsd"), "{}", refused.1);
+    // Goldens have names, too.
+    fs::write(
+        &other,
+        "use ./plant;\nsimulate t of plant.plant { horizon 1; expect numbers golden; }\n",
+    )
+    .expect("it can be written");
+    assert!(
+        client
+            .try_ask("textDocument/rename", params.clone())
+            .is_ok()
+    );
+    let goldens = folder.join("other.golden");
+    fs::create_dir(&goldens).expect("it can be made");
+    fs::write(goldens.join("t.numbers"), "xx at end = 1 within 1e-8\n").expect("it can be written");
+    assert!(
+        client
+            .try_ask("textDocument/rename", params.clone())
+            .is_ok()
+    );
+    fs::write(goldens.join("t.numbers"), "x at end = 1 within 1e-8\n").expect("it can be written");
+    let refused = client
+        .try_ask("textDocument/rename", params)
+        .expect_err("it is refused");
+    assert!(refused.1.contains("t.numbers"), "{}", refused.1);
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// While a line is broken, what is found is where it is now.
+#[test]
+fn definitions_are_found_in_broken_texts() {
+    let mut client = Client::new(&[]);
+    let (path, text) = (memory("moved.nsd"), ball());
+    client.open(&path, &text);
+    let broken =
+        format!("// One more line.\nmodel {{ = ;\n{text}").replace("v' = -g;", "v' = = -g;");
+    assert!(!client.open(&path, &broken).is_empty());
+    for (name, declared) in [("g;", "g : m"), ("k*h", "k = 2"), ("s;", "s = sign")] {
+        let at = broken.rfind(name).expect("it is there");
+        let found = client.at("textDocument/definition", &path, position(&broken, at));
+        let place = position(&broken, broken.find(declared).expect("it is there"));
+        assert_eq!(found["range"]["start"], place, "{name}");
+    }
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// A text that is saved for the first time, in a folder with two names, stays the same.
+#[cfg(unix)]
+#[test]
+fn texts_that_are_saved_stay_the_same() {
+    let folder = folder("links");
+    let (real, link) = (folder.join("real"), folder.join("link"));
+    fs::create_dir(&real).expect("it can be made");
+    std::os::unix::fs::symlink(&real, &link).expect("it can be linked");
+    let path = link.join("new.nsd");
+    let text = "model m { state x = 1; x' = -x; }\n";
+    let mut client = Client::new(&[&link]);
+    assert_eq!(client.open(&path, text), Vec::<Value>::new());
+    fs::write(&path, text).expect("it can be written");
+    client.tell(
+        "textDocument/didSave",
+        json!({ "textDocument": { "uri": uri(&path) } }),
+    );
+    let found = client.open(&path, "model m { state x = y; x' = -x; }\n");
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(client.end(), Exit::Success);
 }

@@ -319,9 +319,7 @@ impl<'r, 'f> Recorder<'r, 'f> {
         let mut found = found.filter(|known| known.span == place);
         let declared = found.next().map(|known| known.declared);
         let mut all = self.hir.models.values().flat_map(|model| &model.declared);
-        all.any(|known| {
-            matches!(known.item, Item::Switch(_)) && Some(known.name.span) == declared
-        })
+        all.any(|known| matches!(known.item, Item::Switch(_)) && Some(known.name.span) == declared)
     }
 
     /// Where a member is declared, and what has members itself.

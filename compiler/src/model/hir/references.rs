@@ -1,9 +1,9 @@
 //! The walk that finds references: local names first, then values of the language, then what the model
 //! and the file declare, then functions of the language.
 
+use super::super::statements::restitution;
 use super::index::{Holder, Kind, Recorder, Role};
 use super::reserved::{VALUES, is_function, is_kept};
-use super::super::statements::restitution;
 use super::{Definition, File, Global, Model, Reference, References, local_lets};
 use crate::source::Span;
 use crate::syntax::{
@@ -210,31 +210,29 @@ impl<'r, 'f> Resolver<'r, 'f> {
                     }
                     _ => self.head(function),
                 }
-                self.args(args, expr.span);
+                let is_of_run = !self.of_runs.is_empty();
+                let events =
+                    |head: &ExprKind| matches!(head, ExprKind::Name(name) if name == "events");
+                // Kinds of events are words of the language.
+                let n_words = usize::from(is_of_run && events(&function.kind));
+                self.args(args.get(n_words..).unwrap_or_default(), expr.span);
             }
             _ => expr.each(&mut |inner| self.expr(inner)),
         }
     }
 
-    /// What has arguments: a function, and nothing else that has the name of a word of the language.
+    /// What has arguments: a function, whatever else has its name, or a word of the language.
     fn head(&mut self, head: &'f Expr) {
-        match &head.kind {
-            ExprKind::Name(name) if !self.is_callable(name) => {
-                let reference = self.reference(name);
-                self.found.extend(reference.map(|found| (head.span, found)));
-            }
-            _ => self.expr(head),
-        }
-    }
-
-    fn is_callable(&self, name: &str) -> bool {
-        let Some(Reference::Global(index)) = self.reference(name) else {
-            return false;
+        let ExprKind::Name(name) = &head.kind else {
+            return self.expr(head);
         };
-        matches!(
-            self.file.globals[index].global,
-            Global::Function(..) | Global::Import(_)
-        )
+        let reference = self.reference(name);
+        self.found.extend(reference.map(|found| (head.span, found)));
+        let known = self.file.get(name);
+        let function = known
+            .filter(|known| matches!(known.global, Global::Function(..) | Global::Import(_)))
+            .map(|known| known.declared_at());
+        self.take_down(head.span, function, Role::Reads);
     }
 
     /// The values of named arguments are words of the language.
