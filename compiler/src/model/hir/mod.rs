@@ -14,6 +14,7 @@ pub(crate) mod reserved;
 mod settings;
 #[cfg(test)]
 mod tests;
+mod words;
 
 use std::rc::Rc;
 

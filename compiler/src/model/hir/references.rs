@@ -1,27 +1,15 @@
 //! The walk that finds references: local names first, then values of the language, then what the model
 //! and the file declare, then functions of the language.
 
-use super::super::statements::restitution;
 use super::index::{Holder, Kind, Recorder, Role};
 use super::reserved::{VALUES, is_function, is_kept};
+use super::words::Worded;
 use super::{Definition, File, Global, Model, Reference, References, local_lets};
 use crate::source::Span;
 use crate::syntax::{
-    Arg, Bind, Binder, Domain, Expr, ExprKind, Function, Ident, Index, Part, Path, ProgramKind,
-    RegionGuard, Row, Segment, Setting, Stmt,
+    Bind, Binder, Domain, Expr, ExprKind, Function, Ident, Index, Part, Path, ProgramKind,
+    RegionGuard, Row, Segment, Stmt,
 };
-
-/// Options of methods whose values are words.
-const WORDED: [&str; 8] = [
-    "scheme",
-    "form",
-    "cross",
-    "equilibration",
-    "branch",
-    "relaxation",
-    "steering",
-    "path",
-];
 
 pub(super) struct Resolver<'r, 'f> {
     pub file: &'r File<'f>,
@@ -55,7 +43,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
-    fn reference(&self, name: &str) -> Option<Reference<'f>> {
+    pub(super) fn reference(&self, name: &str) -> Option<Reference<'f>> {
         if let Some((_, reference)) = self.local(name) {
             return Some(*reference);
         }
@@ -208,46 +196,11 @@ impl<'r, 'f> Resolver<'r, 'f> {
                     ExprKind::Name(name) if self.is_built_in(name) => {
                         self.found.insert(function.span, Reference::BuiltIn);
                     }
-                    _ => self.head(function),
+                    _ => Worded { resolver: self }.head(function),
                 }
-                let is_of_run = !self.of_runs.is_empty();
-                let events =
-                    |head: &ExprKind| matches!(head, ExprKind::Name(name) if name == "events");
-                // Kinds of events are words of the language.
-                let n_words = usize::from(is_of_run && events(&function.kind));
-                self.args(args.get(n_words..).unwrap_or_default(), expr.span);
+                Worded { resolver: self }.args_of(function, args, expr.span);
             }
             _ => expr.each(&mut |inner| self.expr(inner)),
-        }
-    }
-
-    /// What has arguments: a function, whatever else has its name, or a word of the language.
-    fn head(&mut self, head: &'f Expr) {
-        let ExprKind::Name(name) = &head.kind else {
-            return self.expr(head);
-        };
-        let reference = self.reference(name);
-        self.found.extend(reference.map(|found| (head.span, found)));
-        let known = self.file.get(name);
-        let function = known
-            .filter(|known| matches!(known.global, Global::Function(..) | Global::Import(_)))
-            .map(|known| known.declared_at());
-        self.take_down(head.span, function, Role::Reads);
-    }
-
-    /// The values of named arguments are words of the language.
-    fn args(&mut self, args: &'f [Arg], scope: Span) {
-        for arg in args {
-            if let Arg::Positional(value, binders) = arg {
-                self.under(binders, scope, |r| r.expr(value));
-            }
-        }
-    }
-
-    /// A word of the language, with or without arguments.
-    pub(super) fn word(&mut self, value: &'f Expr) {
-        if let ExprKind::Call(_, args) = &value.kind {
-            self.args(args, value.span);
         }
     }
 
@@ -333,12 +286,12 @@ impl<'r, 'f> Resolver<'r, 'f> {
             Stmt::Mechanics(mechanics) => {
                 self.path(&mechanics.q, None, Role::Reads);
                 self.path(&mechanics.v, None, Role::Reads);
-                self.options(&mechanics.options);
+                Worded { resolver: self }.options(&mechanics.options);
                 for contact in &mechanics.contacts {
-                    self.options(&contact.options);
+                    Worded { resolver: self }.options(&contact.options);
                 }
             }
-            Stmt::Contact(contact) => self.options(&contact.options),
+            Stmt::Contact(contact) => Worded { resolver: self }.options(&contact.options),
             Stmt::Project(project) => {
                 self.path(&project.state, None, Role::Sets);
                 self.rows(&project.rows);
@@ -381,7 +334,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
                 if of.is_some() {
                     r.path(&bind.target, of, Role::Sets);
                 }
-                r.given(bind);
+                Worded { resolver: r }.given(bind);
             }
         });
     }
@@ -389,33 +342,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
     pub fn binds(&mut self, binds: &'f [Bind]) {
         for bind in binds {
             self.path(&bind.target, None, Role::Sets);
-            self.given(bind);
-        }
-    }
-
-    /// The value of what is given, whose name has been taken down; that of a switch is a word.
-    fn given(&mut self, bind: &'f Bind) {
-        let last = bind.target.rest.iter().rev();
-        let mut last = last.filter_map(|segment| match segment {
-            Segment::Field(field) => Some(field.span),
-            Segment::Index(_) => None,
-        });
-        let named = last.next().unwrap_or(bind.target.head.span);
-        match &self.recorder {
-            Some(recorder) if recorder.is_of_switch(named) => self.word(&bind.value),
-            _ => self.expr(&bind.value),
-        }
-    }
-
-    /// Some options have words of the language, whatever else has such a name.
-    pub(super) fn options(&mut self, options: &'f [Setting]) {
-        for option in options {
-            match (option.name.name.as_str(), &option.value) {
-                (name, value) if WORDED.contains(&name) => self.word(value),
-                ("law", value) => self.head(value),
-                ("restitution", value) if restitution::is_law(value) => self.word(value),
-                (_, value) => self.expr(value),
-            }
+            Worded { resolver: self }.given(bind);
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::index::Role;
 use super::references::Resolver;
+use super::words::Worded;
 use crate::syntax::{
     Arg, Domain, Expect, ExpectWhen, Experiment, Expr, ExprKind, GuessSource, Item, OutputWhen,
     Path, PlotItem, PlotKind, SettingKind,
@@ -12,7 +13,7 @@ pub(super) struct Settings<'s, 'r, 'f> {
     pub resolver: &'s mut Resolver<'r, 'f>,
 }
 
-impl<'f> Settings<'_, '_, 'f> {
+impl<'r, 'f> Settings<'_, 'r, 'f> {
     /// The settings of an experiment.
     pub fn read(&mut self, experiment: &'f Experiment) {
         for setting in &experiment.settings {
@@ -39,13 +40,13 @@ impl<'f> Settings<'_, '_, 'f> {
                 | SettingKind::Starts { count, by, seed } => {
                     self.resolver.expr(count);
                     // A distribution.
-                    by.iter().for_each(|by| self.resolver.word(by));
+                    by.iter().for_each(|by| self.worded().word(by));
                     self.resolver.exprs(seed);
                 }
                 SettingKind::Plot(items) | SettingKind::Animate(items) => {
                     self.plot_items(items);
                 }
-                SettingKind::Method { options, .. } => self.resolver.options(options),
+                SettingKind::Method { options, .. } => self.worded().options(options),
                 SettingKind::SubjectTo { rows, .. } | SettingKind::Final(rows) => {
                     self.resolver.rows(rows)
                 }
@@ -69,6 +70,12 @@ impl<'f> Settings<'_, '_, 'f> {
                 }
                 SettingKind::Lower(_) | SettingKind::OnChattering | SettingKind::Bad => {}
             }
+        }
+    }
+
+    fn worded(&mut self) -> Worded<'_, 'r, 'f> {
+        Worded {
+            resolver: self.resolver,
         }
     }
 
