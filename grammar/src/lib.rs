@@ -4,6 +4,9 @@
     reason = "pest derives one undocumented variant per rule"
 )]
 
+/// The language reference, in Markdown.
+pub const REFERENCE: &str = include_str!("../README.md");
+
 /// The parser pest derives from `nsd.pest`.
 #[derive(pest_derive::Parser)]
 #[grammar = "../nsd.pest"]

@@ -275,6 +275,7 @@ pub fn test_folder(folder: &Path) -> (Exit, String, String) {
         colour: false,
         progress: false,
         width: 100,
+        files: cli::terminal(),
     };
     let exit = cli::run(["nsdc".into(), "test".into(), folder.into()], &mut streams);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

@@ -44,6 +44,7 @@ mod indicators;
 mod interval_lengths;
 mod jumps;
 mod lifting_off;
+mod lsp;
 mod mixed;
 mod models;
 mod modes;

@@ -7,11 +7,14 @@
 
 mod collect;
 pub(crate) mod import;
+pub mod index;
 pub(crate) mod order;
 mod references;
 pub(crate) mod reserved;
+mod settings;
 #[cfg(test)]
 mod tests;
+mod words;
 
 use std::rc::Rc;
 
@@ -19,6 +22,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use self::import::Import;
 use self::references::Resolver;
+use self::settings::Settings;
 use crate::diagnostics::Diagnostics;
 use crate::model::errors::ModelError;
 use crate::source::Span;
@@ -68,8 +72,8 @@ pub(crate) enum Definition<'f> {
     Switch(&'f Switch),
     Part(&'f Part),
     Program(&'f Program),
-    /// A name that is not a value.
-    Word(&'static str),
+    /// A name that is not a value, and its statement.
+    Word(&'static str, Span),
     /// Something that is wrong.
     Unsupported,
 }
@@ -260,6 +264,16 @@ impl<'f> File<'f> {
     }
 }
 
+impl Globally<'_> {
+    /// Where what it means is declared, if it has the same name there.
+    fn declared_at(&self) -> Span {
+        match self.global {
+            Global::Import(import) => import.declared_at(),
+            _ => self.span,
+        }
+    }
+}
+
 impl Global<'_> {
     /// The word for it.
     pub fn word(&self) -> &'static str {
@@ -319,7 +333,10 @@ impl<'f> Model<'f> {
         let mut resolver = Resolver::of_model(self);
         resolver.file = file;
         resolver.binds(overrides);
-        resolver.experiment(experiment);
+        Settings {
+            resolver: &mut resolver,
+        }
+        .read(experiment);
         resolver.found
     }
 }

@@ -1,0 +1,140 @@
+//! `nsdc watch`
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
+
+use crate::cli::args::WatchArgs;
+use crate::cli::files::{Form, Sink, is_standard};
+use crate::cli::lsp::world::{Texts, look};
+use crate::cli::progress::Bar;
+use crate::cli::watch::Watching;
+use crate::cli::{Exit, Streams, files, interrupted, io};
+use crate::limit::{Cancel, Limit};
+use crate::project::Project;
+use crate::project::run::Options;
+use crate::report::numbers::{self, difference};
+
+/// Between two looks at the files.
+const PAUSE: Duration = Duration::from_millis(150);
+
+/// The tolerance of a number that is watched, as goldens have it where an experiment asks for no other.
+const TOLERANCE: f64 = 1e-8;
+
+/// Checks, runs and draws a file whenever it, or what it uses, is written, until the user interrupts it.
+pub fn run(args: &WatchArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    if is_standard(&args.file) {
+        writeln!(
+            streams.err,
+            "error: standard input is not written again\n  help: name a file"
+        )?;
+        return Ok(Exit::Usage);
+    }
+    if let Some(message) = files::misnamed([(args.plot.as_deref(), Form::Svg)]) {
+        writeln!(streams.err, "error: {message}")?;
+        return Ok(Exit::Usage);
+    }
+    let cancel = interrupted();
+    let mut known = BTreeMap::new();
+    while !cancel.is_canceled() {
+        let world = Texts::default();
+        once(args, &world, &cancel, &mut known, streams)?;
+        streams.out.flush()?;
+        // What is written while it is read, or runs, is seen afterwards.
+        let seen = world.asked();
+        while !cancel.is_canceled() && seen == look(seen.keys()) {
+            thread::sleep(PAUSE);
+        }
+    }
+    Ok(Exit::Success)
+}
+
+/// One round.
+fn once(
+    args: &WatchArgs,
+    files: &Texts,
+    cancel: &Cancel,
+    known: &mut BTreeMap<String, String>,
+    streams: &mut Streams<'_>,
+) -> io::Result<()> {
+    let project = match Project::from_files(&args.file, files.clone()) {
+        Ok(project) => project,
+        Err(error) => {
+            return error.tell(streams);
+        }
+    };
+    let found = project.check();
+    streams
+        .err
+        .write_all(found.render(streams.colour, streams.width).as_bytes())?;
+    if found.has_errors() {
+        return Ok(());
+    }
+    let selected = match project.select(args.experiment.as_deref()) {
+        Ok(selected) => selected,
+        Err(error) => {
+            writeln!(streams.err, "error: {error}\n  help: {}", error.help)?;
+            return Ok(());
+        }
+    };
+    for experiment in &selected {
+        let name = &experiment.name.name;
+        let options = Options {
+            limit: Limit::default().canceled_by(cancel),
+            figure: args.plot.is_some(),
+            ..Options::default()
+        };
+        let mut watching = Watching::new(Bar::new(name, streams.progress));
+        let run = project.run(name, &options, &mut watching);
+        drop(watching);
+        if cancel.is_canceled() {
+            break;
+        }
+        let run = match run {
+            Ok(run) => run,
+            Err(messages) => {
+                streams
+                    .err
+                    .write_all(messages.render(streams.colour, streams.width).as_bytes())?;
+                continue;
+            }
+        };
+        streams.err.write_all(
+            run.messages()
+                .render(streams.colour, streams.width)
+                .as_bytes(),
+        )?;
+        let before = known.get(name);
+        let numbers = numbers::renewed(before.map(String::as_str), &run.trajectory, TOLERANCE);
+        match before {
+            None => writeln!(streams.out, "{}", run.text().trim_end())?,
+            Some(before) => {
+                let lines = difference::lines(before, &numbers);
+                let what = if lines.is_empty() {
+                    "the same numbers"
+                } else {
+                    "other numbers"
+                };
+                writeln!(streams.out, "{name}: {what}")?;
+                for line in lines {
+                    writeln!(streams.out, "  {line}")?;
+                }
+            }
+        }
+        known.insert(name.clone(), numbers);
+        if let (Some(path), Some(figure)) = (&args.plot, run.figure) {
+            Sink::with(&named(path, name, selected.len()), figure).finish(streams)?;
+        }
+    }
+    Ok(())
+}
+
+/// The figure of one experiment of several.
+fn named(path: &Path, experiment: &str, count: usize) -> PathBuf {
+    if count == 1 {
+        return path.to_owned();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}-{experiment}.svg"))
+}
