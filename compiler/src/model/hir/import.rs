@@ -1,12 +1,23 @@
 //! Names that come from other files: what a `use` brings in, and which model a path means.
 
-use super::Global;
 use super::reserved::did_you_mean;
 use crate::diagnostics::Diagnostics;
 use crate::model::errors::ModelError;
 use crate::source::Span;
 use crate::source::imports::ImportError;
-use crate::syntax::{File, Ident, Item, Link, Model, Path, Segment, Use, UseSource};
+use crate::syntax::{
+    Const, File, Function, Ident, Item, Link, Model, Path, Segment, Use, UseSource,
+};
+
+/// What a file declares or imports.
+#[derive(Clone, Copy)]
+pub(crate) enum Global<'f> {
+    Const(&'f Const),
+    /// A function, and the file it stands in.
+    Function(&'f File, &'f Function),
+    Model(&'f Model),
+    Import(Import<'f>),
+}
 
 /// The model that a path means, with the file it stands in.
 pub fn find<'f>(
@@ -195,8 +206,8 @@ pub(super) fn own_named<'f>(file: &'f File, name: &str) -> Option<(&'f Ident, Gl
     globals.find(|(known, _)| known.name == name)
 }
 
-/// Takes the names of a `use`, those that are there.
-pub(super) fn declare<'f>(names: &mut super::File<'f>, item: &'f Use, diags: &mut Diagnostics) {
+/// What a `use` declares, with where each name stands; says which of them are not there.
+pub(super) fn named<'f>(item: &'f Use, diags: &mut Diagnostics) -> Vec<(Import<'f>, Span)> {
     if item.link == Link::Open {
         diags.push(ImportError::Missing {
             path: "..".to_owned(),
@@ -205,6 +216,7 @@ pub(super) fn declare<'f>(names: &mut super::File<'f>, item: &'f Use, diags: &mu
             help: None,
         });
     }
+    let mut found = Vec::new();
     for import in imports(item) {
         let span = match (import.name, &item.alias) {
             (Some(name), _) => name.span,
@@ -221,6 +233,7 @@ pub(super) fn declare<'f>(names: &mut super::File<'f>, item: &'f Use, diags: &mu
                 help: did_you_mean(&name.name, declared(file)),
             });
         }
-        names.declare(import.local, span, Global::Import(import), diags);
+        found.push((import, span));
     }
+    found
 }

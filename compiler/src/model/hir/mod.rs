@@ -20,6 +20,7 @@ use std::rc::Rc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
+pub(crate) use self::import::Global;
 use self::import::Import;
 use self::references::Resolver;
 use self::settings::Settings;
@@ -27,8 +28,8 @@ use crate::diagnostics::Diagnostics;
 use crate::model::errors::ModelError;
 use crate::source::Span;
 use crate::syntax::{
-    self, Bind, Binder, Const, Decl, Experiment, Expr, ExprKind, Function, Ident, Item, Named,
-    NamedKind, Part, Program, Stmt, Switch,
+    self, Bind, Binder, Const, Decl, Experiment, Expr, ExprKind, Ident, Item, Named, NamedKind,
+    Part, Program, Stmt, Switch,
 };
 
 /// What a name refers to; one that is declared nowhere has none.
@@ -92,16 +93,6 @@ pub(crate) struct Frame<'f> {
     pub binders: &'f [Binder],
     pub lets: Vec<Rc<Named>>,
     pub span: Span,
-}
-
-/// What a file declares or imports.
-#[derive(Clone, Copy)]
-pub(crate) enum Global<'f> {
-    Const(&'f Const),
-    /// A function, and the file it stands in.
-    Function(&'f syntax::File, &'f Function),
-    Model(&'f syntax::Model),
-    Import(Import<'f>),
 }
 
 /// A name that holds in a whole file.
@@ -170,7 +161,11 @@ impl<'f> File<'f> {
         };
         for item in &file.items {
             match item {
-                Item::Use(item) => import::declare(&mut names, item, diags),
+                Item::Use(item) => {
+                    for (import, span) in import::named(item, diags) {
+                        names.declare(import.local, span, Global::Import(import), diags);
+                    }
+                }
                 Item::Bad(_) => names.forgiving = true,
                 _ => {
                     if let Some((name, global)) = import::global(file, item) {

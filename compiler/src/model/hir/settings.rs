@@ -62,7 +62,9 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                 // Their values are words of the language.
                 SettingKind::Value { name, .. } if matches!(&*name.name, "controls" | "scheme") => {
                 }
-                SettingKind::Value { value, .. } => self.resolver.expr(value),
+                SettingKind::Value { value, .. } | SettingKind::FreeIntervals(value) => {
+                    self.resolver.expr(value);
+                }
                 SettingKind::Expect(expect) => {
                     self.resolver.of_runs = &["switches", "end"];
                     self.expect(expect);

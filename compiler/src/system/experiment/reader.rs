@@ -36,17 +36,8 @@ impl<'e> Reader<'_, 'e> {
         }
     }
 
-    /// The entries as numbers, parameters at their values.
-    pub fn numbers(&mut self, what: &str, value: &syntax::Expr) -> Option<Vec<f64>> {
-        self.shaped_numbers(what, value).map(|(_, numbers)| numbers)
-    }
-
-    /// The same with the shape of the value.
-    pub fn shaped_numbers(
-        &mut self,
-        what: &str,
-        value: &syntax::Expr,
-    ) -> Option<(Shape, Vec<f64>)> {
+    /// The entries as numbers, parameters at their values, with the shape of the value.
+    pub fn numbers(&mut self, what: &str, value: &syntax::Expr) -> Option<(Shape, Vec<f64>)> {
         let (tensor, numbers) = self.entries(what, value)?;
         match self.values.free.first_in(&tensor.data) {
             None => Some((tensor.shape, numbers)),
@@ -87,7 +78,7 @@ impl<'e> Reader<'_, 'e> {
         expected: &str,
         fits: impl Fn(f64) -> bool,
     ) -> Option<f64> {
-        let numbers = self.numbers(what, value)?;
+        let (_, numbers) = self.numbers(what, value)?;
         self.one_of(what, value, &numbers, expected, fits)
     }
 

@@ -222,7 +222,7 @@ impl Sampling {
                 Some(Sampling::Every(period))
             }
             OutputWhen::At(instants) => {
-                let mut times = reader.numbers("the instants", instants)?;
+                let (_, mut times) = reader.numbers("the instants", instants)?;
                 if let Some(bad) = times
                     .iter()
                     .find(|time| !(**time >= 0.0 && horizon.is_none_or(|end| **time <= end)))

@@ -444,7 +444,7 @@ impl<'m, 'e> Draft<'m, 'e> {
 
 /// A number of equal control intervals, or a list of their lengths.
 fn intervals(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(usize, Lengths)> {
-    let (shape, numbers) = reader.shaped_numbers("`intervals`", value)?;
+    let (shape, numbers) = reader.numbers("`intervals`", value)?;
     if shape == model::Shape::Scalar {
         let count = reader.count("`intervals`", value, MOST_INTERVALS)?;
         return Some((count, Lengths::Equal));
