@@ -458,7 +458,7 @@ fn what_descends_does_so_when_canceled() {
         ..Options::default()
     };
     let ended = solve_observed(&mut problem, &[0.0; 2], &options, &mut Content(cancel));
-    assert_eq!(ended.w, [0.0; 2]);
+    assert!(ended.w.iter().all(|w| w.abs() < 1e-9), "{ended:?}");
     assert_eq!(ended.status, Status::Feasible, "{ended:?}");
     assert_eq!(ended.b_stationary, Some(false), "{ended:?}");
 }
