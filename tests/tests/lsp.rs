@@ -619,29 +619,30 @@ fn a_broken_line_hides_nothing() {
     assert_eq!(client.end(), Exit::Success);
 }
 
+/// A model with a part, and an experiment.
+const TWO: &str = "use std.friction as rub;\nmodel disc { param m = 1; state a = 0; input u = 0; a' = u; }\nmodel two { part b = disc { m = 2; } let c = b.a; state y = 0; y' = c; }\nsimulate s of two { horizon 1; }\n";
+
+/// Asks what is offered at `|`, where `to` stands in the place of `from` in [`TWO`].
+fn offers(client: &mut Client, from: &str, to: &str, has: &[&str], lacks: &[&str]) {
+    let (path, marked) = (memory("complete.nsd"), TWO.replacen(from, to, 1));
+    assert_ne!(marked, TWO, "{from}");
+    client.open(&path, TWO);
+    let found = client.completes(&path, &marked);
+    let offered = |name: &&&str| found.iter().any(|label| label == *name);
+    let missing: Vec<&&str> = has.iter().filter(|name| !offered(name)).collect();
+    assert!(
+        missing.is_empty(),
+        "`{to}` offers {found:?} without {missing:?}"
+    );
+    let wrong: Vec<&&str> = lacks.iter().filter(offered).collect();
+    assert!(wrong.is_empty(), "`{to}` offers {wrong:?}");
+}
+
 #[test]
-fn what_fits_is_offered() {
+fn what_fits_in_a_model_is_offered() {
     let mut client = Client::new(&[]);
-    let path = memory("complete.nsd");
-    let good = "use std.friction as rub;\nmodel disc { param m = 1; state a = 0; input u = 0; a' = u; }\nmodel two { part b = disc { m = 2; } let c = b.a; state y = 0; y' = c; }\nsimulate s of two { horizon 1; }\n";
-    client.open(&path, good);
     let mut offers = |from: &str, to: &str, has: &[&str], lacks: &[&str]| {
-        let marked = good.replacen(from, to, 1);
-        assert_ne!(marked, good, "{from}");
-        let found = client.completes(&path, &marked);
-        for name in has {
-            assert!(
-                found.iter().any(|label| label == name),
-                "`{to}` offers {found:?} without {name}"
-            );
-        }
-        for name in lacks {
-            assert!(
-                !found.iter().any(|label| label == name),
-                "`{to}` offers {name}"
-            );
-        }
-        client.open(&path, good);
+        offers(&mut client, from, to, has, lacks)
     };
     offers("b.a;", "b.|;", &["a", "m", "u"], &["c", "sin"]);
     offers(
@@ -654,6 +655,15 @@ fn what_fits_is_offered() {
     offers("{ m = 2; }", "{ | }", &["m", "u"], &["c", "y"]);
     offers("= disc {", "= | {", &["disc"], &["c", "sin"]);
     offers("of two", "of |", &["two", "disc"], &["c"]);
+    assert_eq!(client.end(), Exit::Success);
+}
+
+#[test]
+fn what_fits_in_an_experiment_is_offered() {
+    let mut client = Client::new(&[]);
+    let mut offers = |from: &str, to: &str, has: &[&str], lacks: &[&str]| {
+        offers(&mut client, from, to, has, lacks)
+    };
     offers(
         "horizon 1;",
         "horizon 1; |",
@@ -690,6 +700,15 @@ fn what_fits_is_offered() {
         &["W0701"],
         &["E0101"],
     );
+    assert_eq!(client.end(), Exit::Success);
+}
+
+#[test]
+fn what_fits_in_a_file_is_offered() {
+    let mut client = Client::new(&[]);
+    let mut offers = |from: &str, to: &str, has: &[&str], lacks: &[&str]| {
+        offers(&mut client, from, to, has, lacks)
+    };
     offers(
         "simulate s",
         "expect error |;\nsimulate s",
@@ -778,15 +797,20 @@ fn texts_have_an_outline() {
     }
     assert_eq!(texts[..3], ["1", "[1]", "let height = q[1] + q[2];"]);
     assert_eq!(texts.last().map(String::as_str), Some(&*text));
-    let hints = client.ask("textDocument/inlayHint", json!({ "textDocument": { "uri": uri(&path) }, "range": { "start": { "line": 0, "character": 0 }, "end": { "line": 99, "character": 0 } } }));
-    let labels: Vec<&str> = hints
-        .as_array()
-        .expect("a list")
-        .iter()
-        .filter_map(|hint| hint["label"].as_str())
-        .collect();
-    assert_eq!(labels, ["= 3"]);
-    let tokens = client.ask("textDocument/semanticTokens/full", document.clone());
+    let messy = text.replace("  param k = 2*g;", "     param   k=2 * g ;");
+    client.open(&path, &messy);
+    let edits = client.ask("textDocument/formatting", json!({ "textDocument": { "uri": uri(&path) }, "options": { "tabSize": 2, "insertSpaces": true } }));
+    assert_eq!(edited(&messy, edits.as_array().expect("edits")), text);
+    assert_eq!(client.end(), Exit::Success);
+}
+
+#[test]
+fn names_have_colours() {
+    let mut client = Client::new(&[]);
+    let (path, text) = (memory("colours.nsd"), ball());
+    client.open(&path, &text);
+    let document = json!({ "textDocument": { "uri": uri(&path) } });
+    let tokens = client.ask("textDocument/semanticTokens/full", document);
     let data = tokens["data"].as_array().expect("numbers");
     let lines: Vec<&str> = text.split('\n').collect();
     let (mut line, mut column) = (0, 0);
@@ -829,6 +853,23 @@ fn texts_have_an_outline() {
     ] {
         assert!(behind.contains(&token), "{token:?} of {behind:?}");
     }
+    assert_eq!(client.end(), Exit::Success);
+}
+
+#[test]
+fn experiments_have_lenses_and_parameters_their_values() {
+    let mut client = Client::new(&[]);
+    let (path, text) = (memory("lenses.nsd"), ball());
+    client.open(&path, &text);
+    let hints = client.ask("textDocument/inlayHint", json!({ "textDocument": { "uri": uri(&path) }, "range": { "start": { "line": 0, "character": 0 }, "end": { "line": 99, "character": 0 } } }));
+    let labels: Vec<&str> = hints
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(|hint| hint["label"].as_str())
+        .collect();
+    assert_eq!(labels, ["= 3"]);
+    let document = json!({ "textDocument": { "uri": uri(&path) } });
     let lenses = client.ask("textDocument/codeLens", document);
     let titles: Vec<&str> = lenses
         .as_array()
@@ -837,10 +878,6 @@ fn texts_have_an_outline() {
         .filter_map(|lens| lens["command"]["title"].as_str())
         .collect();
     assert_eq!(titles, ["run", "plot", "test", "verify", "emit"]);
-    let messy = text.replace("  param k = 2*g;", "     param   k=2 * g ;");
-    client.open(&path, &messy);
-    let edits = client.ask("textDocument/formatting", json!({ "textDocument": { "uri": uri(&path) }, "options": { "tabSize": 2, "insertSpaces": true } }));
-    assert_eq!(edited(&messy, edits.as_array().expect("edits")), text);
     assert_eq!(client.end(), Exit::Success);
 }
 

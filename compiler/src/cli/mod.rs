@@ -15,6 +15,7 @@ mod iterations;
 pub mod lsp;
 mod progress;
 mod project;
+mod texts;
 mod watch;
 
 use std::ffi::OsString;

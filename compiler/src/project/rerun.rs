@@ -82,7 +82,7 @@ impl<'e> Rerun<'e> {
         let system = &compiled.system;
         let work = Work::of(project, &compiled).ok_or(NoRerun::Here)?;
         let parameters = work.parameters();
-        if parameters.len() != open.len() || !guesses(&compiled) {
+        if parameters.len() != open.len() || !guesses_as_declared(&compiled) {
             return Err(NoRerun::Ever);
         }
         let starts = work.states(system);
@@ -203,7 +203,7 @@ impl<'e> Rerun<'e> {
                 let (system, settings) = (&self.compiled.system, &self.compiled.settings);
                 let mut diags = Diagnostics::new();
                 system.check_start(&mut diags);
-                let is_same = diags.is_empty() && system.keeps_starts();
+                let is_same = diags.is_empty() && system.starts_relays_as_compiled();
                 let told = &mut |progress| watch.progress(&Progress::Simulation(progress));
                 let run = || plan.run(system, settings, request, told);
                 is_same.then(run)
@@ -279,7 +279,7 @@ fn without_warnings<'e>(
 
 /// Whether what equations solve for is guessed as it is declared: convex programs, and finite elements, start from a solution
 /// at the initial values that are compiled.
-fn guesses(compiled: &Compiled<'_>) -> bool {
+fn guesses_as_declared(compiled: &Compiled<'_>) -> bool {
     let solves = compiled.settings.numerics.method.kind().needs_dcs()
         || !compiled.model.statements.programs.is_empty();
     !solves || compiled.system.algebraic_states().is_empty()

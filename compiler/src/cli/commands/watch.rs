@@ -1,25 +1,24 @@
 //! `nsdc watch`
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
 use crate::cli::args::WatchArgs;
 use crate::cli::files::{Form, Sink, is_standard};
-use crate::cli::lsp::world::{Texts, look};
 use crate::cli::progress::Bar;
+use crate::cli::texts::{Texts, look};
 use crate::cli::watch::Watching;
 use crate::cli::{Exit, Streams, files, interrupted, io};
 use crate::limit::{Cancel, Limit};
 use crate::project::Project;
-use crate::project::run::Options;
+use crate::project::run::{Options, Run};
 use crate::report::numbers::{self, difference};
 
 /// Between two looks at the files.
 const PAUSE: Duration = Duration::from_millis(150);
 
-/// The tolerance of a number that is watched, as goldens have it where an experiment asks for no other.
+/// How far numbers may be from what they were, by the rules of goldens, whatever tolerance an experiment asks for.
 const TOLERANCE: f64 = 1e-8;
 
 /// Checks, runs and draws a file whenever it, or what it uses, is written, until the user interrupts it.
@@ -105,36 +104,39 @@ fn once(
                 .render(streams.colour, streams.width)
                 .as_bytes(),
         )?;
-        let before = known.get(name);
-        let numbers = numbers::renewed(before.map(String::as_str), &run.trajectory, TOLERANCE);
-        match before {
-            None => writeln!(streams.out, "{}", run.text().trim_end())?,
-            Some(before) => {
-                let lines = difference::lines(before, &numbers);
-                let what = if lines.is_empty() {
-                    "the same numbers"
-                } else {
-                    "other numbers"
-                };
-                writeln!(streams.out, "{name}: {what}")?;
-                for line in lines {
-                    writeln!(streams.out, "  {line}")?;
-                }
-            }
-        }
+        let numbers = tell(&run, name, known.get(name), streams)?;
         known.insert(name.clone(), numbers);
         if let (Some(path), Some(figure)) = (&args.plot, run.figure) {
-            Sink::with(&named(path, name, selected.len()), figure).finish(streams)?;
+            let path = match selected.len() {
+                1 => path.clone(),
+                _ => files::of_experiment(path, name),
+            };
+            Sink::with(&path, figure).finish(streams)?;
         }
     }
     Ok(())
 }
 
-/// The figure of one experiment of several.
-fn named(path: &Path, experiment: &str, count: usize) -> PathBuf {
-    if count == 1 {
-        return path.to_owned();
+/// Reports a run, or where it is not the first one what has changed; its numbers.
+fn tell(
+    run: &Run,
+    name: &str,
+    before: Option<&String>,
+    streams: &mut Streams<'_>,
+) -> io::Result<String> {
+    let numbers = numbers::renewed(before.map(String::as_str), &run.trajectory, TOLERANCE);
+    let Some(before) = before else {
+        writeln!(streams.out, "{}", run.text().trim_end())?;
+        return Ok(numbers);
+    };
+    let lines = difference::lines(before, &numbers);
+    let what = match lines.is_empty() {
+        true => "the same numbers",
+        false => "other numbers",
+    };
+    writeln!(streams.out, "{name}: {what}")?;
+    for line in lines {
+        writeln!(streams.out, "  {line}")?;
     }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!("{stem}-{experiment}.svg"))
+    Ok(numbers)
 }

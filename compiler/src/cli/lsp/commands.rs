@@ -13,9 +13,9 @@ use lsp_types::{ExecuteCommandParams, NumberOrString, ProgressToken, Uri};
 use serde_json::{Value, json};
 
 use super::text::{path_of, uri_of};
-use super::world::Texts;
 use super::{Answer, Client, Refused, lenses};
 use crate::cli::args::TestArgs;
+use crate::cli::texts::Texts;
 use crate::cli::{self, Exit, STACK, Streams, commands};
 use crate::limit::{Cancel, Limit};
 use crate::project::Project;
@@ -183,7 +183,7 @@ struct Work {
 }
 
 /// What came of it.
-struct Came {
+struct Outcome {
     exit: Exit,
     text: String,
     figure: Option<String>,
@@ -195,25 +195,25 @@ impl Work {
         let title = format!("{} {name}", self.asked.word);
         let is_run = matches!(self.asked.word.as_str(), "run" | "plot");
         self.tell(json!({ "kind": "begin", "title": title, "cancellable": is_run }));
-        let came = panic::catch_unwind(AssertUnwindSafe(|| match is_run {
+        let ended = panic::catch_unwind(AssertUnwindSafe(|| match is_run {
             true => self.run(),
             false => self.command(),
         }));
-        let came = came.unwrap_or_else(|_| {
+        let ended = ended.unwrap_or_else(|_| {
             Err(Refused {
                 code: ErrorCode::InternalError,
                 message: format!("`{title}` has ended in a mistake of nsdc"),
             })
         });
         self.tell(json!({ "kind": "end" }));
-        let response = match came {
+        let response = match ended {
             _ if self.cancel.is_canceled() => Refused {
                 code: ErrorCode::RequestCanceled,
                 message: format!("`{title}` is canceled"),
             }
             .response(self.id.clone()),
             Err(refused) => refused.response(self.id.clone()),
-            Ok(came) => Response::new_ok(self.id.clone(), self.show(&came, name)),
+            Ok(outcome) => Response::new_ok(self.id.clone(), self.show(&outcome, name)),
         };
         self.send.send(response);
     }
@@ -231,7 +231,7 @@ impl Work {
     }
 
     /// A run by the library.
-    fn run(&self) -> Answer<Came> {
+    fn run(&self) -> Answer<Outcome> {
         let project = Project::from_files(self.path(), self.texts.clone());
         let project = project.map_err(|error| Refused::new(error.to_string()))?;
         let options = Options {
@@ -260,7 +260,7 @@ impl Work {
         let name = name.ok_or_else(|| Refused::new("name an experiment"))?;
         let run = project.run(&name, &options, &mut told);
         let run = run.map_err(|messages| Refused::new(messages.to_string()))?;
-        Ok(Came {
+        Ok(Outcome {
             exit: match run.trajectory.status {
                 Status::Solved => Exit::Success,
                 _ => Exit::Failed,
@@ -271,7 +271,7 @@ impl Work {
     }
 
     /// What a command prints.
-    fn command(&self) -> Answer<Came> {
+    fn command(&self) -> Answer<Outcome> {
         let experiment = &self.asked.experiment;
         let word = &self.asked.word;
         let mut args: Vec<OsString> = vec!["nsdc".into(), word.into(), self.path().into()];
@@ -297,7 +297,7 @@ impl Work {
             _ => cli::run(args, &mut streams),
         };
         let text = [&err[..], &out[..]].concat();
-        Ok(Came {
+        Ok(Outcome {
             exit,
             text: String::from_utf8_lossy(&text).into_owned(),
             figure: None,
@@ -305,10 +305,10 @@ impl Work {
     }
 
     /// What came of it as data, after it has been shown as a document, or a figure where there is one.
-    fn show(&self, came: &Came, name: &str) -> Value {
-        let (extension, shown) = match &came.figure {
+    fn show(&self, outcome: &Outcome, name: &str) -> Value {
+        let (extension, shown) = match &outcome.figure {
             Some(figure) => ("svg", figure),
-            None => ("txt", &came.text),
+            None => ("txt", &outcome.text),
         };
         let file = format!("{name}.{}.{extension}", self.asked.word);
         let is_plain = Path::new(&file)
@@ -322,6 +322,6 @@ impl Work {
             let params = json!({ "uri": uri, "takeFocus": false });
             self.send.send(Request::new(id, method, params));
         }
-        json!({ "status": came.exit as u8, "text": came.text, "figure": came.figure, "uri": uri })
+        json!({ "status": outcome.exit as u8, "text": outcome.text, "figure": outcome.figure, "uri": uri })
     }
 }

@@ -14,7 +14,7 @@ use crate::model::index::{Definition, Kind};
 use crate::project::describe;
 use crate::report::Status;
 use crate::source::Span;
-use crate::source::imports::STANDARD;
+use crate::source::imports::{STANDARD, standard_text};
 use crate::syntax::{self, Item, Link, Place, Token, TokenKind, starts};
 use crate::system::experiment::{Lowering, MethodKind};
 
@@ -127,7 +127,7 @@ pub fn complete(
 ) -> Answer<Option<CompletionResponse>> {
     let at = &params.text_document_position;
     let uri = &at.text_document.uri;
-    let (Some(now), Some(good)) = (world.analysis(uri), world.last_good(uri)) else {
+    let Some([now, good]) = world.states(uri) else {
         return Ok(None);
     };
     let text = &now.source().text;
@@ -396,7 +396,6 @@ impl Known<'_> {
 
     /// Files of the standard library, and what is in a file.
     fn of_use(&self, around: &Around<'_>) -> Vec<CompletionItem> {
-        let modules = || STANDARD.iter().map(|(name, _)| *name);
         if around.block() == "use" {
             let head = around.heads.last().map_or(&[][..], Vec::as_slice);
             let path: Vec<&str> = head[1..].iter().map(|token| token.text).collect();
@@ -418,15 +417,17 @@ impl Known<'_> {
             if let Some(Link::File(file)) = uses.find(is_it).map(|item| &item.link) {
                 return gives(file);
             }
-            let known = modules().find(|name| path == ["std", ".", name, "."]);
-            let text = known.and_then(|name| super::world::standard(&format!("std/{name}.nsd")));
+            let text = match path[..] {
+                ["std", ".", name, "."] => standard_text(name),
+                _ => None,
+            };
             return text.map_or(vec![], |text| {
                 gives(&crate::project::Project::from_text("std.nsd", text).file)
             });
         }
         match (around.before.len(), around.word(1)) {
             (1, _) => words(["std"]),
-            (3, "std") => words(modules()),
+            (3, "std") => words(STANDARD.iter().map(|(name, _)| *name)),
             _ => vec![],
         }
     }
@@ -483,7 +484,7 @@ fn settings(is_optimize: bool) -> Vec<CompletionItem> {
 pub fn signature(world: &mut World, params: &SignatureHelpParams) -> Answer<Option<SignatureHelp>> {
     let at = &params.text_document_position_params;
     let uri = &at.text_document.uri;
-    let (Some(now), Some(good)) = (world.analysis(uri), world.last_good(uri)) else {
+    let Some([now, good]) = world.states(uri) else {
         return Ok(None);
     };
     let text = &now.source().text;

@@ -12,7 +12,8 @@ use miette::LabeledSpan;
 
 use super::Answer;
 use super::text::uri_of;
-use super::world::{Analysis, Texts, World};
+use super::world::{Analysis, World};
+use crate::cli::texts::Texts;
 use crate::diagnostics::{
     AnyDiagnostic, Applicability, Diagnostics, Fix, apply, explain, is_error,
 };
@@ -174,17 +175,13 @@ fn mends(before: &Analysis, found: &Found, fix: &Fix, texts: &Texts, key: &str) 
     };
     let message = found.shown.message.lines().next().unwrap_or_default();
     let its = said(code, message);
-    let is_readable = !before.project.diags.has_errors();
-    let (old, new) = match is_readable {
-        true => (counted(before.checked()), counted(after.checked())),
-        false => (
-            counted(&before.project.diags),
-            counted(&after.project.diags),
-        ),
-    };
-    let is_gone = counted(after.checked()).get(&its) < counted(before.checked()).get(&its);
-    is_gone
-        && new
-            .iter()
-            .all(|(said, count)| old.get(said).is_some_and(|known| count <= known))
+    let [mut old, mut new] = [before, &after].map(|one| counted(one.checked()));
+    if new.get(&its) >= old.get(&its) {
+        return false;
+    }
+    if before.project.diags.has_errors() {
+        [old, new] = [before, &after].map(|one| counted(&one.project.diags));
+    }
+    let mut new = new.iter();
+    new.all(|(said, count)| old.get(said).is_some_and(|known| count <= known))
 }

@@ -19,10 +19,7 @@ const MOST_LINES: usize = 8;
 pub fn hover(world: &mut World, params: &HoverParams) -> Answer<Option<Hover>> {
     let at = &params.text_document_position_params;
     let uri = &at.text_document.uri;
-    let Some(now) = world.analysis(uri) else {
-        return Ok(None);
-    };
-    let Some(good) = world.last_good(uri) else {
+    let Some([now, good]) = world.states(uri) else {
         return Ok(None);
     };
     let Some(token) = now.word(at.position) else {
@@ -57,13 +54,11 @@ fn of_definition(now: &Analysis, good: &Analysis, known: &Definition, at: Positi
         text.push_str(&format!("\n\n{doc}"));
     }
     text.push_str(&format!("\n\n{}", meant.kind.word()));
-    let models = now.index.definitions().iter();
-    let mut models = models.filter(|outer| outer.kind == Kind::Model);
-    let Some(model) = models.find(|outer| outer.whole == meant.scope) else {
+    let Some(model) = now.index.model_of(meant) else {
         return text;
     };
     text.push_str(&format!(" of `{}`", model.name));
-    let experiment = around(now, now.at(at));
+    let experiment = now.index.experiment_at(now.at(at));
     let name = experiment.map(|known| known.name.as_str());
     let exprs = Exprs::new();
     let twin = good.index.definitions().iter();
@@ -98,14 +93,6 @@ fn of_definition(now: &Analysis, good: &Analysis, known: &Definition, at: Positi
         }
     }
     text
-}
-
-/// The experiment around a position.
-pub fn around(analysis: &Analysis, at: u32) -> Option<&Definition> {
-    let mut all = analysis.index.definitions().iter();
-    all.find(|known| {
-        known.kind == Kind::Experiment && known.whole.start <= at && at <= known.whole.end
-    })
 }
 
 /// The text of a declaration, without what is in its braces.

@@ -13,29 +13,22 @@ use lsp_types::{
 };
 
 use super::text::{Lines, uri_of};
-use super::world::{Analysis, Texts, World, is_name, standard};
+use super::world::{Analysis, World, is_name, standard};
 use super::{Answer, Refused};
 use crate::cli::files;
+use crate::cli::texts::Texts;
 use crate::model::index::{Definition, Kind, Role};
 use crate::project::golden;
 use crate::source::Span;
-use crate::source::files::{Disk, Files};
 use crate::syntax::{Expect, SettingKind};
 
 /// A place in a file, whoever reads it: the name of the file, and bytes in it.
 type Site = (PathBuf, Range<usize>);
 
 fn site(analysis: &Analysis, span: Span) -> Option<Site> {
-    let file = analysis.project.sources.file(span)?;
-    let local = |at: u32| (at as usize).saturating_sub(file.start);
-    let name = match standard(&file.name) {
-        Some(_) => file.name.clone(),
-        None => {
-            let key = Disk.key(Path::new(&file.name));
-            super::pages::standard(&key).unwrap_or(key)
-        }
-    };
-    Some((PathBuf::from(name), local(span.start)..local(span.end)))
+    let start = analysis.project.sources.file(span)?.start;
+    let (name, file) = analysis.files().find(|(_, file)| file.start == start)?;
+    Some((name.to_owned(), file.bytes(span)))
 }
 
 /// Where what stands at a position is declared.
@@ -45,7 +38,7 @@ pub fn definition(
 ) -> Answer<Option<GotoDefinitionResponse>> {
     let at = &params.text_document_position_params;
     let uri = &at.text_document.uri;
-    let (Some(now), Some(good)) = (world.analysis(uri), world.last_good(uri)) else {
+    let Some([now, good]) = world.states(uri) else {
         return Ok(None);
     };
     let found = match now.named(at.position) {
@@ -72,8 +65,8 @@ fn location_now(good: &Analysis, now: &Analysis, place: Span) -> Option<Location
         return Some(location);
     }
     let text = &good.source().text;
-    let [start, end] = [place.start, place.end]
-        .map(|at| now.then(text, (at as usize).saturating_sub(good.source().start)));
+    let bytes = good.source().bytes(place);
+    let [start, end] = [bytes.start, bytes.end].map(|at| now.then(text, at));
     let range = now.lines().range(start..end);
     Some(Location { range, ..location })
 }
@@ -201,14 +194,9 @@ impl Named {
 
     /// The text of a file that somebody reads.
     fn text(&self, path: &Path) -> Option<&str> {
-        let mut files = self
-            .users
-            .iter()
-            .flat_map(|user| user.project.sources.files());
-        let file = files.find(|file| {
-            Path::new(&file.name) == path || Path::new(&Disk.key(Path::new(&file.name))) == path
-        });
-        file.map(|file| file.text.as_str())
+        let mut files = self.users.iter().flat_map(|user| user.files());
+        let file = files.find(|(name, _)| *name == path);
+        file.map(|(_, file)| file.text.as_str())
     }
 
     fn location(&self, (path, start, end): &OrderedSite) -> Option<Location> {

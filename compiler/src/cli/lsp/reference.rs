@@ -1,5 +1,8 @@
 //! What the language reference says of words: the rows of its tables.
 
+use std::collections::HashMap;
+use std::sync::LazyLock;
+
 use nsd_grammar::REFERENCE;
 
 /// The sections whose tables are about statements of models.
@@ -13,19 +16,30 @@ const FUNCTIONS: &str = "## Expressions";
 /// About methods.
 const METHODS: &str = "### Methods";
 
-/// The rows of the tables of a section, up to the next heading, as cells.
-fn rows(section: &str) -> impl Iterator<Item = Vec<String>> {
-    let mut lines = REFERENCE.lines();
-    lines.find(|line| *line == section);
-    let lines = lines.take_while(|line| !line.starts_with('#'));
-    let rows = lines.filter(|line| line.starts_with('|') && !line.starts_with("| ---"));
-    rows.map(|line| {
-        // A bar in a cell stands behind a backslash.
-        let line = line.trim_matches('|').replace("\\|", "\u{0}");
-        line.split('|')
-            .map(|cell| cell.trim().replace('\u{0}', "|"))
-            .collect()
-    })
+/// A row of a table, as cells.
+type Row = Vec<String>;
+
+/// The rows of all tables, by the heading in front of them.
+static ROWS: LazyLock<HashMap<&str, Vec<Row>>> = LazyLock::new(|| {
+    let mut found: HashMap<&str, Vec<Row>> = HashMap::new();
+    let mut section = "";
+    for line in REFERENCE.lines() {
+        if line.starts_with('#') {
+            section = line;
+        } else if line.starts_with('|') && !line.starts_with("| ---") {
+            // A bar in a cell stands behind a backslash.
+            let line = line.trim_matches('|').replace("\\|", "\u{0}");
+            let cells = line.split('|');
+            let cells = cells.map(|cell| cell.trim().replace('\u{0}', "|"));
+            found.entry(section).or_default().push(cells.collect());
+        }
+    }
+    found
+});
+
+/// The rows of the tables of a section, up to the next heading.
+fn rows(section: &str) -> std::slice::Iter<'static, Row> {
+    ROWS.get(section).map_or(&[][..], Vec::as_slice).iter()
 }
 
 /// The pieces of code in a cell.
@@ -38,12 +52,21 @@ fn begins(code: &str, word: &str) -> bool {
         .is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
 }
 
-/// What a section says of a statement that begins with a word: each form with its meaning.
+/// What a section says of a statement that begins with a word, or else where it has arguments: each form with its meaning.
 pub fn of_statement(section: &str, word: &str) -> Option<String> {
-    let rows = rows(section).filter(|row| codes(&row[0]).any(|code| begins(code, word)));
-    let texts: Vec<String> = rows
-        .map(|row| format!("{}\n\n{}", row[0], row.get(1).map_or("", String::as_str)))
-        .collect();
+    let told = |has: &dyn Fn(&str) -> bool| -> Vec<String> {
+        let rows = rows(section).filter(|row| codes(&row[0]).any(has));
+        rows.map(|row| format!("{}\n\n{}", row[0], row.get(1).map_or("", String::as_str)))
+            .collect()
+    };
+    let mut texts = told(&|code| begins(code, word));
+    if texts.is_empty() {
+        let has_arguments = |part: &str| {
+            part.strip_prefix(word)
+                .is_some_and(|rest| rest.starts_with('('))
+        };
+        texts = told(&|code| code.split(' ').any(has_arguments));
+    }
     (!texts.is_empty()).then(|| texts.join("\n\n"))
 }
 
@@ -53,7 +76,7 @@ pub fn of_function(name: &str) -> Option<String> {
         let mut words = codes(cell).flat_map(|code| code.split(' '));
         words.any(|word| begins(word, name))
     };
-    let among = |at: usize| rows(FUNCTIONS).find(|row| row.get(at).is_some_and(has));
+    let among = |at: usize| rows(FUNCTIONS).find(|row| row.get(at).is_some_and(&has));
     let row = among(0).or_else(|| among(1))?;
     Some(format!("{}\n\n{}", row[0], row.get(1)?))
 }
@@ -63,8 +86,7 @@ pub fn calls_of(name: &str) -> Vec<String> {
     // Of several in one piece of code nothing is told.
     let is_call =
         |code: &&str| begins(code, name) && code.ends_with(')') && code.matches('(').count() == 1;
-    let rows: Vec<Vec<String>> = rows(FUNCTIONS).collect();
-    let codes = rows.iter().flatten().flat_map(|cell| codes(cell));
+    let codes = rows(FUNCTIONS).flatten().flat_map(|cell| codes(cell));
     codes.filter(is_call).map(str::to_owned).collect()
 }
 
@@ -120,6 +142,8 @@ mod tests {
         assert!(
             of_statement(SIMULATE, "tolerance").is_some_and(|said| said.contains("default `1e-8`"))
         );
+        let said = of_statement(MODEL, "hysteresis");
+        assert!(said.is_some_and(|said| said.contains("hysteresis(")));
         assert_eq!(calls_of("sat"), ["sat(x)", "sat(x, lo, hi)"]);
         assert_eq!(
             of_method("event").map(|(_, options)| options),

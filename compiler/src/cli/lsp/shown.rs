@@ -187,16 +187,7 @@ pub fn hints(world: &mut World, params: &InlayHintParams) -> Vec<InlayHint> {
         return vec![];
     }
     let mut found = Vec::new();
-    let models = analysis
-        .project
-        .file
-        .items
-        .iter()
-        .filter_map(|item| match item {
-            Item::Model(model) => Some(model),
-            _ => None,
-        });
-    for item in models {
+    for item in analysis.models() {
         let exprs = Exprs::new();
         let range = analysis.range(item.span);
         let is_seen = range.start <= params.range.end && params.range.start <= range.end;

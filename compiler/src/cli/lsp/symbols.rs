@@ -43,10 +43,7 @@ pub fn of_file(
     let Some(analysis) = world.analysis(&params.text_document.uri) else {
         return Ok(None);
     };
-    let here = analysis.index.definitions().iter();
-    let here = here.filter(|known| analysis.is_here(known.place));
-    let here = here.filter(|known| !matches!(known.kind, Kind::Index | Kind::Argument));
-    let mut here: Vec<&Definition> = here.collect();
+    let mut here: Vec<&Definition> = outline(&analysis).collect();
     here.sort_by_key(|known| (known.whole.start, std::cmp::Reverse(known.whole.end)));
     let mut roots = Vec::new();
     nest(
@@ -56,6 +53,13 @@ pub fn of_file(
         &mut roots,
     );
     Ok(Some(DocumentSymbolResponse::Nested(roots)))
+}
+
+/// What a text declares but for indices and arguments, by position.
+fn outline(analysis: &Analysis) -> impl Iterator<Item = &Definition> {
+    let here = analysis.index.definitions().iter();
+    let here = here.filter(|known| analysis.is_here(known.place));
+    here.filter(|known| !matches!(known.kind, Kind::Index | Kind::Argument))
 }
 
 /// Symbols that lie in another one; they come by position, outer ones first.
@@ -92,13 +96,9 @@ pub fn of_world(
     let query = params.query.to_lowercase();
     let mut found = Vec::new();
     for analysis in world.all().0 {
-        let here = analysis.index.definitions().iter();
-        let here = here.filter(|known| analysis.is_here(known.place));
-        let here = here.filter(|known| !matches!(known.kind, Kind::Index | Kind::Argument));
-        for known in here.filter(|known| matches(&known.name.to_lowercase(), &query)) {
-            let inside = analysis.index.definitions().iter();
-            let mut inside = inside.filter(|outer| outer.kind == Kind::Model);
-            let container = inside.find(|outer| outer.whole == known.scope);
+        let fits = |known: &&Definition| matches(&known.name.to_lowercase(), &query);
+        for known in outline(&analysis).filter(fits) {
+            let container = analysis.index.model_of(known);
             #[expect(deprecated, reason = "the type has the field")]
             found.extend(
                 analysis
@@ -209,10 +209,9 @@ fn around(analysis: &Rc<Analysis>, position: Position) -> SelectionRange {
             _ => {}
         }
     }
-    let start = analysis.source().start;
     let wholes = analysis.index.definitions().iter().map(|known| known.whole);
     let wholes = wholes.filter(|whole| analysis.is_here(*whole));
-    let wholes = wholes.map(|whole| whole.start as usize - start..whole.end as usize - start);
+    let wholes = wholes.map(|whole| analysis.source().bytes(whole));
     ranges.extend(wholes.filter(|whole| whole.start <= at && at <= whole.end));
     ranges.sort_by_key(|range| std::cmp::Reverse((range.len(), std::cmp::Reverse(range.start))));
     ranges.dedup();

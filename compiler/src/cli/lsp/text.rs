@@ -5,6 +5,15 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use lsp_types::{Position, Uri};
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
+
+/// What does not stand in the path of a URI as it is (RFC 3986, 2.3).
+const ENCODED: &AsciiSet = &NON_ALPHANUMERIC
+    .remove(b'-')
+    .remove(b'.')
+    .remove(b'_')
+    .remove(b'~')
+    .remove(b'/');
 
 /// A text with its lines.
 #[derive(Clone, Debug)]
@@ -94,28 +103,11 @@ pub fn path_of(uri: &Uri) -> PathBuf {
     };
     // Behind the name of a host, which is empty.
     let path = &path[path.find('/').unwrap_or(path.len())..];
-    let mut bytes = Vec::with_capacity(path.len());
-    let mut rest = path.as_bytes();
-    while let [first, after @ ..] = rest {
-        let code = after
-            .get(..2)
-            .and_then(|code| std::str::from_utf8(code).ok());
-        match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
-            Some(byte) if *first == b'%' => {
-                bytes.push(byte);
-                rest = &after[2..];
-            }
-            _ => {
-                bytes.push(*first);
-                rest = after;
-            }
-        }
-    }
-    let path = String::from_utf8_lossy(&bytes).into_owned();
+    let path = percent_decode_str(path).decode_utf8_lossy();
     // `/c:/models` is `c:/models` where folders have drives.
     match path.strip_prefix('/') {
         Some(drive) if cfg!(windows) => PathBuf::from(drive),
-        _ => PathBuf::from(path),
+        _ => PathBuf::from(&*path),
     }
 }
 
@@ -134,14 +126,7 @@ pub fn uri_of(path: &Path) -> Option<Uri> {
     if !text.starts_with('/') {
         uri.push('/');
     }
-    for byte in text.bytes() {
-        match byte {
-            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
-                uri.push(char::from(byte));
-            }
-            other => uri.push_str(&format!("%{other:02X}")),
-        }
-    }
+    uri.extend(utf8_percent_encode(&text, ENCODED));
     uri.parse().ok()
 }
 

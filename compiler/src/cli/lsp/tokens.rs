@@ -9,7 +9,7 @@ use super::Answer;
 use super::world::{Analysis, World};
 use crate::model::index::{Kind, Role};
 use crate::source::Span;
-use crate::syntax::{Item, Stmt, Unit};
+use crate::syntax::Stmt;
 
 /// Types of tokens, by their numbers.
 const TYPES: [SemanticTokenType; 9] = [
@@ -105,9 +105,8 @@ pub fn all(
     all.dedup_by_key(|(span, ..)| *span);
     let (mut line, mut column) = (0, 0);
     let lines = analysis.lines();
-    let start = analysis.source().start;
     let token = |(span, kind, modifiers): (Span, SemanticTokenType, Vec<&str>)| {
-        let range = lines.range(span.start as usize - start..span.end as usize - start);
+        let range = lines.range(analysis.source().bytes(span));
         let (from, to) = (range.start, range.end);
         let delta_line = from.line - line;
         let delta_start = from.character - if delta_line == 0 { column } else { 0 };
@@ -138,25 +137,11 @@ pub fn all(
 
 /// Units of declarations.
 fn units(analysis: &Analysis) -> Vec<Span> {
-    let models = analysis
-        .project
-        .file
-        .items
-        .iter()
-        .filter_map(|item| match item {
-            Item::Model(model) => Some(&model.body),
-            _ => None,
-        });
-    let unit = |stmt: &Stmt| -> Option<Unit> {
-        match stmt {
-            Stmt::Decl(decl) => decl.unit.clone(),
-            Stmt::Named(named) => named.unit.clone(),
-            _ => None,
-        }
-    };
-    models
-        .flatten()
-        .filter_map(unit)
-        .map(|unit| unit.span)
-        .collect()
+    let statements = analysis.models().flat_map(|model| &model.body);
+    let units = statements.filter_map(|stmt| match stmt {
+        Stmt::Decl(decl) => decl.unit.as_ref(),
+        Stmt::Named(named) => named.unit.as_ref(),
+        _ => None,
+    });
+    units.map(|unit| unit.span).collect()
 }

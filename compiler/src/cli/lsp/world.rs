@@ -6,16 +6,17 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::sync::{Arc, Mutex};
-use std::time::SystemTime;
+use std::sync::Arc;
 
 use lsp_types::{Location, Position, Range, TextDocumentContentChangeEvent, Uri};
 
 use super::text::{Lines, path_of, uri_of};
+use crate::cli::texts::{Texts, look};
 use crate::diagnostics::Diagnostics;
 use crate::model::index::{Definition, Index, Occurrence};
 use crate::project::Project;
-use crate::source::files::{Disk, EXTENSION, FileError, Files};
+use crate::source::files::{Disk, EXTENSION, Files};
+use crate::source::imports::standard_text;
 use crate::source::{SourceFile, Span};
 use crate::syntax::{self, Token, TokenKind};
 
@@ -23,64 +24,6 @@ use crate::syntax::{self, Token, TokenKind};
 const MOST_FILES: usize = 2000;
 /// Nor in more folders.
 const MOST_FOLDERS: usize = 20_000;
-
-/// Texts that are not on disk as they are, by what makes a file the same; all others are on disk.
-#[derive(Clone, Debug, Default)]
-pub struct Texts {
-    texts: BTreeMap<String, Arc<str>>,
-    /// Which files were asked for, as they were before they were read.
-    asked: Arc<Mutex<Seen>>,
-}
-
-/// Files by their keys: when each was changed, and how long it is, where it is there.
-pub type Seen = BTreeMap<String, Option<(SystemTime, u64)>>;
-
-/// What files are like on disk now.
-pub fn look<'k>(keys: impl IntoIterator<Item = &'k String>) -> Seen {
-    let seen = |key: &String| {
-        let known = fs::metadata(key).ok();
-        let known = known.and_then(|known| Some((known.modified().ok()?, known.len())));
-        (key.clone(), known)
-    };
-    keys.into_iter().map(seen).collect()
-}
-
-impl Files for Texts {
-    fn read(&self, path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
-        let key = self.key(path);
-        let text = self.texts.get(&key);
-        if let Ok(mut asked) = self.asked.lock()
-            && !asked.contains_key(&key)
-        {
-            asked.append(&mut look([&key]));
-        }
-        match text {
-            Some(text) => Ok(text.bytes().take(limit.saturating_add(1)).collect()),
-            None => Disk.read(path, limit),
-        }
-    }
-
-    fn key(&self, path: &Path) -> String {
-        Disk.key(path)
-    }
-}
-
-impl Texts {
-    /// All files that were asked for, whether they are there or not, as they were before they were read.
-    pub fn asked(&self) -> Seen {
-        let asked = self.asked.lock();
-        asked.map_or_else(|_| Seen::new(), |asked| asked.clone())
-    }
-
-    /// These with others in their place.
-    pub fn with(&self, others: impl IntoIterator<Item = (String, String)>) -> Texts {
-        let mut texts = self.texts.clone();
-        let others = others.into_iter();
-        texts.extend(others.map(|(key, text)| (key, text.into())));
-        let asked = Arc::default();
-        Texts { texts, asked }
-    }
-}
 
 /// A text that a client has open.
 #[derive(Clone, Debug)]
@@ -101,6 +44,8 @@ pub struct Analysis {
     checked: OnceCell<Diagnostics>,
     /// How the lines of the file itself start.
     starts: OnceCell<Vec<usize>>,
+    /// Of each file that was read, what it is called whoever reads it.
+    names: OnceCell<Vec<PathBuf>>,
     texts: Texts,
 }
 
@@ -114,14 +59,14 @@ impl Analysis {
             project,
             checked: OnceCell::new(),
             starts: OnceCell::new(),
+            names: OnceCell::new(),
             texts,
         })
     }
 
     /// Whether it depends on what is in a file, or on whether there is one.
     fn depends_on(&self, key: &str) -> bool {
-        let asked = self.texts.asked.lock();
-        asked.is_ok_and(|asked| asked.contains_key(key))
+        self.texts.has_asked(key)
     }
 
     /// What is wrong.
@@ -133,6 +78,31 @@ impl Analysis {
     pub fn source(&self) -> &SourceFile {
         // It is the first that was read.
         &self.project.sources.files()[0]
+    }
+
+    /// The models of the file itself.
+    pub fn models(&self) -> impl Iterator<Item = &syntax::Model> {
+        self.project.items().filter_map(|item| match item {
+            syntax::Item::Model(model) => Some(model),
+            _ => None,
+        })
+    }
+
+    /// The files that were read, each with its name in the standard library, or what makes it the same on disk.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &SourceFile)> {
+        let name = |file: &Arc<SourceFile>| {
+            PathBuf::from(match standard(&file.name) {
+                Some(_) => file.name.clone(),
+                None => {
+                    let key = Disk.key(Path::new(&file.name));
+                    super::pages::standard(&key).unwrap_or(key)
+                }
+            })
+        };
+        let files = self.project.sources.files();
+        let names = self.names.get_or_init(|| files.iter().map(name).collect());
+        let names = names.iter().map(PathBuf::as_path);
+        names.zip(files.iter().map(|file| &**file))
     }
 
     /// The lines of the file itself, of which positions are asked.
@@ -169,16 +139,13 @@ impl Analysis {
 
     /// The positions of a place in the file itself.
     pub fn range(&self, span: Span) -> Range {
-        let start = self.source().start;
-        let local = |at: u32| (at as usize).saturating_sub(start);
-        self.lines().range(local(span.start)..local(span.end))
+        self.lines().range(self.source().bytes(span))
     }
 
     /// Where something is, in whatever file.
     pub fn location(&self, span: Span) -> Option<Location> {
         let file = self.project.sources.file(span)?;
-        let local = |at: u32| (at as usize).saturating_sub(file.start);
-        let range = Lines::new(&file.text).range(local(span.start)..local(span.end));
+        let range = Lines::new(&file.text).range(file.bytes(span));
         let path = match standard(&file.name) {
             Some(text) => super::pages::write_standard(Path::new(&file.name), text)?,
             None => PathBuf::from(&file.name),
@@ -218,10 +185,7 @@ impl Analysis {
 
 /// The text of a file of the standard library, by its name.
 pub fn standard(name: &str) -> Option<&'static str> {
-    let module = name.strip_prefix("std/")?.strip_suffix(".nsd")?;
-    let mut all = crate::source::imports::STANDARD.iter();
-    all.find(|(known, _)| *known == module)
-        .map(|(_, text)| *text)
+    standard_text(name.strip_prefix("std/")?.strip_suffix(".nsd")?)
 }
 
 /// The files.
@@ -250,7 +214,7 @@ impl World {
     /// A client has opened a text.
     pub fn open(&mut self, uri: Uri, version: i32, text: String) {
         let key = World::key(&uri);
-        self.texts.texts.insert(key.clone(), text.into());
+        self.texts.set(key.clone(), text);
         self.touch(&key);
         self.open.insert(key, Document { uri, version });
     }
@@ -263,13 +227,11 @@ impl World {
         changes: Vec<TextDocumentContentChangeEvent>,
     ) {
         let key = World::key(uri);
-        let (Some(document), Some(known)) =
-            (self.open.get_mut(&key), self.texts.texts.get_mut(&key))
-        else {
+        let (Some(document), Some(known)) = (self.open.get_mut(&key), self.texts.get(&key)) else {
             return;
         };
         document.version = version;
-        let mut text = known.to_string();
+        let mut text = known.to_owned();
         for change in changes {
             match change.range {
                 Some(range) => {
@@ -279,14 +241,14 @@ impl World {
                 None => text = change.text,
             }
         }
-        *known = text.into();
+        self.texts.set(key.clone(), text);
         self.touch(&key);
     }
 
     /// A client has closed a text: what is on disk counts.
     pub fn close(&mut self, uri: &Uri) {
         let key = World::key(uri);
-        self.texts.texts.remove(&key);
+        self.texts.forget(&key);
         self.open.remove(&key);
         self.good.remove(&key);
         self.touch(&key);
@@ -326,13 +288,14 @@ impl World {
         found
     }
 
-    /// What was known of an open file when it could be read last.
-    pub fn last_good(&mut self, uri: &Uri) -> Option<Rc<Analysis>> {
+    /// A file as it is, and as it was when it could be read last.
+    pub fn states(&mut self, uri: &Uri) -> Option<[Rc<Analysis>; 2]> {
         let now = self.analysis(uri)?;
-        Some(match now.project.diags.has_errors() {
-            true => self.good.get(&World::key(uri)).cloned().unwrap_or(now),
-            false => now,
-        })
+        let good = match now.project.diags.has_errors() {
+            true => self.good.get(&World::key(uri)).cloned(),
+            false => None,
+        };
+        Some([Rc::clone(&now), good.unwrap_or(now)])
     }
 
     /// Forgets what was read of files that have changed on disk since, whether a client has said so or not.
@@ -341,7 +304,7 @@ impl World {
         let mut seen: Vec<_> = all.flat_map(|known| known.texts.asked()).collect();
         seen.sort();
         seen.dedup();
-        seen.retain(|(key, _)| !self.texts.texts.contains_key(key));
+        seen.retain(|(key, _)| self.texts.get(key).is_none());
         let now = look(seen.iter().map(|(key, _)| key));
         for (key, _) in seen.iter().filter(|(key, was)| now[key] != *was) {
             self.touch(key);

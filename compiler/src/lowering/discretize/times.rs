@@ -16,11 +16,11 @@ use crate::lowering::mpcc::{Kind, Mpcc, Source, Span};
 
 /// All rows.
 pub(crate) fn state<'e>(formals: &Formals<'_, 'e>, mpcc: &mut Mpcc<'e>) {
+    shares(formals, mpcc);
     if let Some(clock) = formals.clock() {
         return clock_at_ends(formals, clock, mpcc);
     }
     let layout = formals.layout;
-    shares(formals, mpcc);
     let has_lengths = layout.horizon().is_some() || layout.decided.share(1).is_some();
     if layout.elements == 1 && !has_lengths {
         return;
@@ -110,7 +110,6 @@ fn clock_of_shares<'e>(formals: &Formals<'_, 'e>, clock: usize, mpcc: &mut Mpcc<
 
 /// The clock at the ends of steps.
 fn clock_at_ends<'e>(formals: &Formals<'_, 'e>, clock: usize, mpcc: &mut Mpcc<'e>) {
-    shares(formals, mpcc);
     if formals.layout.decided.share(1).is_some() {
         return clock_of_shares(formals, clock, mpcc);
     }

@@ -224,15 +224,31 @@ impl Index {
         let mut found: Vec<&Definition> = vec![];
         found.extend(self.definitions.iter().filter(|known| holds(known.scope)));
         found.sort_by_key(|known| known.scope.end - known.scope.start);
-        let around = self.definitions.iter();
-        let mut around =
-            around.filter(|known| known.kind == Kind::Experiment && holds(known.whole));
-        if let Some(model) = around.next().and_then(|known| self.definition(known.of?)) {
+        let experiment = self.experiment_at(position);
+        if let Some(model) = experiment.and_then(|known| self.definition(known.of?)) {
             found.splice(0..0, self.members(model.whole));
         }
         let mut seen = FxHashSet::default();
         found.retain(|known| seen.insert(known.name.as_str()));
         found
+    }
+
+    /// The experiment around a position.
+    pub fn experiment_at(&self, position: u32) -> Option<&Definition> {
+        let mut all = self
+            .definitions
+            .iter()
+            .filter(|known| known.kind == Kind::Experiment);
+        all.find(|known| known.whole.start <= position && position <= known.whole.end)
+    }
+
+    /// The model that something is declared in.
+    pub fn model_of(&self, declared: &Definition) -> Option<&Definition> {
+        let mut models = self
+            .definitions
+            .iter()
+            .filter(|known| known.kind == Kind::Model);
+        models.find(|known| known.whole == declared.scope)
     }
 
     /// What a definition stands for, where it is another name for it.

@@ -196,7 +196,7 @@ fn remembered<'e>(
 impl System<'_> {
     /// Whether each relay starts on the side that was compiled, from the initial values that the system has now; not where y
     /// depends on other switches.
-    pub(crate) fn keeps_starts(&self) -> bool {
+    pub(crate) fn starts_relays_as_compiled(&self) -> bool {
         let mut relays = { self.switches.iter() }
             .filter_map(|switch| Some((switch, switch.relay.as_ref()?)))
             .peekable();

@@ -25,8 +25,6 @@ mod work;
 #[cfg(test)]
 mod tests;
 
-use std::cmp::Ordering;
-
 use crate::optimization::ipm;
 use crate::optimization::mpcc::branch::leave::{BOXES, gain};
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
@@ -209,18 +207,15 @@ impl Work<'_> {
         }
         match best {
             Some(best) => {
-                let best = match best.is_solved() {
-                    true => best,
-                    false => self.beyond(lifted, best),
-                };
+                let best = self.leave_weak(lifted, best);
                 self.feasible(lifted, best)
             }
             None => self.dead_end(lifted, end.expect("one way was tried")),
         }
     }
 
-    /// What is better than a point that is no solution, in boxes along its direction of descent.
-    fn beyond(&mut self, lifted: &mut Lifted<'_>, best: Candidate) -> Candidate {
+    /// What is better than a point with a direction of descent, in boxes along it; the point itself where it has none.
+    fn leave_weak(&mut self, lifted: &mut Lifted<'_>, best: Candidate) -> Candidate {
         let is_wanted = self.options.effort > 0 && !self.is_over();
         let Some(step) = best.certificate.descent.as_ref().filter(|_| is_wanted) else {
             return best;
@@ -467,25 +462,20 @@ impl Candidate {
         self.certificate.class != Class::None
     }
 
-    /// Whether nothing speaks against it being a minimum.
-    fn is_solved(&self) -> bool {
-        self.status() == Status::Solved
-    }
-
-    /// Whether this is to be preferred: solutions to others, stationary points to what is none, then by the objective.
+    /// Whether this is to be preferred: stationary points to what is none, then by the objective. A solution does not hide a
+    /// lower point that is none.
     ///
     /// Where the objective is the same, a search for descent that met its limit says nothing against one that found it.
     fn is_better(&self, other: &Candidate) -> bool {
-        let rank = |candidate: &Candidate| (candidate.is_solved(), candidate.is_stationary());
         let [found, known] = [self, other].map(|candidate| candidate.best.objective);
         let is_open = self.certificate.b_stationary.is_none();
         if is_open && other.certificate.descent.is_some() && (found - known).abs() <= gain(known) {
             return false;
         }
-        match rank(self).cmp(&rank(other)) {
-            Ordering::Greater => true,
-            Ordering::Less => false,
-            Ordering::Equal => found < known,
+        match (self.is_stationary(), other.is_stationary()) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => found < known,
         }
     }
 }

@@ -3,9 +3,11 @@
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
+use super::branch::polish::{Guess, Polished};
+use super::certificate::{Certificate, Residuals};
 use super::{
-    Class, Form, Homotopy, Observer, Options, Program, Relaxation, Solution, Status, Steering,
-    alternatives, solve, solve_observed,
+    Candidate, Class, Form, Homotopy, Observer, Options, Program, Relaxation, Solution, Status,
+    Steering, alternatives, solve, solve_observed,
 };
 use crate::optimization::ipm::Progress;
 use crate::optimization::problem::Side;
@@ -439,9 +441,9 @@ fn multipliers_that_are_the_only_ones_are_told_from_others() {
 }
 
 /// Cancels at the first stationary point.
-struct Content(Cancel);
+struct CancelsWhereStationary(Cancel);
 
-impl Observer for Content {
+impl Observer for CancelsWhereStationary {
     fn stationary(&mut self, _: f64, _: Class) {
         self.0.cancel();
     }
@@ -457,8 +459,68 @@ fn what_descends_does_so_when_canceled() {
         trusts_start: true,
         ..Options::default()
     };
-    let ended = solve_observed(&mut problem, &[0.0; 2], &options, &mut Content(cancel));
+    let ended = solve_observed(
+        &mut problem,
+        &[0.0; 2],
+        &options,
+        &mut CancelsWhereStationary(cancel),
+    );
     assert!(ended.w.iter().all(|w| w.abs() < 1e-9), "{ended:?}");
     assert_eq!(ended.status, Status::Feasible, "{ended:?}");
     assert_eq!(ended.b_stationary, Some(false), "{ended:?}");
+}
+
+/// What is reached of an objective in a class, with descent where that is known.
+fn candidate(
+    objective: f64,
+    class: Class,
+    descent: Option<f64>,
+    b_stationary: Option<bool>,
+) -> Candidate {
+    let (point, residuals) = (
+        Guess {
+            w: Vec::new(),
+            y: Vec::new(),
+        },
+        Residuals::default(),
+    );
+    Candidate {
+        best: Polished {
+            point,
+            objective,
+            zeros: Vec::new(),
+            residuals,
+            is_optimal: true,
+            falling: None,
+        },
+        certificate: Certificate {
+            class,
+            is_exact: true,
+            b_stationary,
+            is_differentiable: true,
+            biactive: Vec::new(),
+            y: Vec::new(),
+            reduced: Vec::new(),
+            descent: descent.map(|d| vec![d]),
+        },
+        others: 0,
+    }
+}
+
+/// A solution does not hide a lower point from which descent is known, and no search that met its limit hides that it is.
+#[test]
+fn what_is_lower_is_preferred() {
+    let solved = |objective| candidate(objective, Class::S, None, Some(true));
+    let weak = |objective| candidate(objective, Class::M, Some(1.0), Some(false));
+    let open = |objective| candidate(objective, Class::M, None, None);
+    assert!(weak(1.0).is_better(&solved(5.0)) && !solved(5.0).is_better(&weak(1.0)));
+    assert!(solved(1.0).is_better(&weak(5.0)) && !weak(5.0).is_better(&solved(1.0)));
+    assert!(!open(1.0 - 1e-12).is_better(&weak(1.0)) && open(0.9).is_better(&weak(1.0)));
+    assert_eq!(
+        [weak(1.0).status(), open(1.0).status()],
+        [Status::Feasible, Status::Solved]
+    );
+    // What is not stationary is not preferred, however low it is.
+    let nothing = candidate(-9.0, Class::None, None, None);
+    assert!(solved(5.0).is_better(&nothing) && !nothing.is_better(&weak(5.0)));
 }

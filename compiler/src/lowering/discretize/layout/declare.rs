@@ -182,13 +182,12 @@ impl<'d, 'e> Frame<'d, 'e> {
         let rows: Vec<Expr> = rows.chain(rates.iter().copied()).collect();
         let occurring = variables_of(&rows);
         let is_timed = occurring.contains(&variable(dcs.time)) || is_timed(dcs, &occurring);
+        let is_fixed = self.free_horizon().is_none() && self.shares().is_empty();
         let start = |e: usize| {
             let step = (e / self.elements) as f64;
             let start = grid.start + grid.horizon * step / grid.steps as f64;
             match e % self.elements {
-                0 if e == 0 || self.free_horizon().is_none() && self.shares().is_empty() => {
-                    Bounds::fixed(start)
-                }
+                0 if e == 0 || is_fixed => Bounds::fixed(start),
                 j => Bounds::free(start + j as f64 * self.mean()),
             }
         };
