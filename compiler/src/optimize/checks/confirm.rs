@@ -34,12 +34,19 @@ const CREDIBLE: f64 = 1e-3;
 const DOUBT: f64 = 10.0;
 
 /// Where a better point is looked for, in this order: what curves, and switches that are near, show in larger changes.
-const LOOKS: [Look; 3] = [Look::Around(SMALL), Look::Around(LARGE), Look::Elsewhere];
+const LOOKS: [Look; 4] = [
+    Look::Around(SMALL),
+    Look::Around(LARGE),
+    Look::Through,
+    Look::Elsewhere,
+];
 
 #[derive(Clone, Copy)]
 enum Look {
     /// In changes of such a share of the sizes of quantities.
     Around(f64),
+    /// Where other events happen.
+    Through,
     /// All over the ranges.
     Elsewhere,
 }
@@ -53,6 +60,8 @@ struct Better {
     rate: f64,
     /// Whether it falls to first order.
     is_descent: bool,
+    /// How many iterations may be spent on points that are not better.
+    patience: usize,
     /// The looks that are left.
     left: &'static [Look],
 }
@@ -77,10 +86,15 @@ pub(crate) fn confirm(
         let least = solution.objective - gain;
         let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
         let round = rounds.next();
+        let mut spent = 0;
         let found = round.and_then(|_| {
             let mut points = better.points.iter();
-            points
-                .find_map(|point| from(problem, &point.w, options, limit, watch).filter(is_better))
+            points.find_map(|point| {
+                let found = (spent <= better.patience)
+                    .then(|| from(problem, &point.w, options, limit, watch))??;
+                spent += found.stats.iterations;
+                Some(found).filter(is_better)
+            })
         });
         if let Some(found) = found {
             take(solution, found);
@@ -244,6 +258,7 @@ fn look(
     for (i, look) in looks.iter().enumerate() {
         let found = match look {
             Look::Around(change) => search.descent(*change),
+            Look::Through => search.through(),
             Look::Elsewhere => search.elsewhere(),
         };
         match found {
@@ -257,6 +272,10 @@ fn look(
                     cost: base.as_ref().map_or(solution.objective, |base| base.cost),
                     rate,
                     is_descent: is_first_order,
+                    patience: match look {
+                        Look::Through => solution.stats.iterations,
+                        _ => usize::MAX,
+                    },
                     left: &looks[i + 1..],
                 });
             }
