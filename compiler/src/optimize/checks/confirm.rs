@@ -37,18 +37,18 @@ const DOUBT: f64 = 10.0;
 const LOOKS: [Look; 4] = [
     Look::Around(SMALL),
     Look::Around(LARGE),
-    Look::Through,
     Look::Elsewhere,
+    Look::Through,
 ];
 
 #[derive(Clone, Copy)]
 enum Look {
     /// In changes of such a share of the sizes of quantities.
     Around(f64),
-    /// Where other events happen.
-    Through,
     /// All over the ranges.
     Elsewhere,
+    /// Where events come in other intervals.
+    Through,
 }
 
 /// Points that are better or may lead to better ones, the best first.
@@ -258,8 +258,8 @@ fn look(
     for (i, look) in looks.iter().enumerate() {
         let found = match look {
             Look::Around(change) => search.descent(*change),
-            Look::Through => search.through(),
             Look::Elsewhere => search.elsewhere(),
+            Look::Through => search.through(),
         };
         match found {
             Found::Descent {

@@ -275,10 +275,11 @@ impl<'r, 'e> Reduced<'r, 'e> {
         self.rows.iter().map(|row| (row.lower, row.upper))
     }
 
-    /// Whether anything may happen in it.
-    pub fn has_events(&self) -> bool {
-        let jumps = &self.problem.system.jumps;
-        self.is_switched() || !jumps.laws.is_empty() || !jumps.contacts.is_empty()
+    /// Whether what follows an event depends on more than the state at it: where something jumps, or a switch has memory.
+    pub fn has_memory(&self) -> bool {
+        let system = &self.problem.system;
+        let has_relay = system.switches.iter().any(|switch| switch.relay.is_some());
+        has_relay || !system.jumps.laws.is_empty() || !system.jumps.contacts.is_empty()
     }
 
     /// Whether it has other branches.
