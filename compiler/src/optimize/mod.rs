@@ -5,7 +5,8 @@
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
 //! 4. Where switches are read nonlinearly, it is brought into the sliding modes of the model (`branches.rs`).
 //! 5. Free quantities are changed and simulated from event to event (`reduced.rs`): where there is descent
-//!    (`descent.rs`), or another minimum (`elsewhere.rs`), the program is solved again from it (`confirm.rs`).
+//!    (`descent.rs`), another minimum (`elsewhere.rs`) or another sequence of events (`through.rs`), the program is solved
+//!    again from it (`confirm.rs`).
 //! 6. That system is simulated from event to event, as a check by another method (`check.rs`).
 //!
 //! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`iterate.rs`).

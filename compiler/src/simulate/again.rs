@@ -28,8 +28,8 @@ pub(crate) struct Values {
     pub at: Vec<Vec<f64>>,
     /// Steps that were taken.
     pub steps: usize,
-    /// How often a side changed, or something jumped.
-    pub events: usize,
+    /// When a side changed, or something jumped.
+    pub events: Vec<f64>,
 }
 
 impl Again {
@@ -69,7 +69,7 @@ impl Again {
             at: Vec::with_capacity(instants.len()),
             row: vec![0.0; x0.len()],
             alpha: Vec::new(),
-            events: 0,
+            events: Vec::new(),
         };
         self.simulator.set_limit(limit.clone());
         let outcome = self.simulator.run(0.0, horizon, x0, &mut seen);
@@ -95,7 +95,7 @@ struct Seen<'i> {
     at: Vec<Vec<f64>>,
     row: Vec<f64>,
     alpha: Vec<f64>,
-    events: usize,
+    events: Vec<f64>,
 }
 
 impl Observer for Seen<'_> {
@@ -112,6 +112,8 @@ impl Observer for Seen<'_> {
     }
 
     fn event(&mut self, event: &solver::Event) {
-        self.events += usize::from(event.from != event.to || !event.jumps.is_empty());
+        if event.from != event.to || !event.jumps.is_empty() {
+            self.events.push(event.time);
+        }
     }
 }

@@ -34,7 +34,12 @@ const CREDIBLE: f64 = 1e-3;
 const DOUBT: f64 = 10.0;
 
 /// Where a better point is looked for, in this order: what curves, and switches that are near, show in larger changes.
-const LOOKS: [Look; 3] = [Look::Around(SMALL), Look::Around(LARGE), Look::Elsewhere];
+const LOOKS: [Look; 4] = [
+    Look::Around(SMALL),
+    Look::Around(LARGE),
+    Look::Elsewhere,
+    Look::Through,
+];
 
 #[derive(Clone, Copy)]
 enum Look {
@@ -42,6 +47,8 @@ enum Look {
     Around(f64),
     /// All over the ranges.
     Elsewhere,
+    /// Where events come in other intervals.
+    Through,
 }
 
 /// Points that are better or may lead to better ones, the best first.
@@ -53,6 +60,8 @@ struct Better {
     rate: f64,
     /// Whether it falls to first order.
     is_descent: bool,
+    /// How many iterations may be spent on points that are not better.
+    patience: usize,
     /// The looks that are left.
     left: &'static [Look],
 }
@@ -77,10 +86,15 @@ pub(crate) fn confirm(
         let least = solution.objective - gain;
         let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
         let round = rounds.next();
+        let mut spent = 0;
         let found = round.and_then(|_| {
             let mut points = better.points.iter();
-            points
-                .find_map(|point| from(problem, &point.w, options, limit, watch).filter(is_better))
+            points.find_map(|point| {
+                let found = (spent <= better.patience)
+                    .then(|| from(problem, &point.w, options, limit, watch))??;
+                spent += found.stats.iterations;
+                Some(found).filter(is_better)
+            })
         });
         if let Some(found) = found {
             take(solution, found);
@@ -245,6 +259,7 @@ fn look(
         let found = match look {
             Look::Around(change) => search.descent(*change),
             Look::Elsewhere => search.elsewhere(),
+            Look::Through => search.through(),
         };
         match found {
             Found::Descent {
@@ -257,6 +272,10 @@ fn look(
                     cost: base.as_ref().map_or(solution.objective, |base| base.cost),
                     rate,
                     is_descent: is_first_order,
+                    patience: match look {
+                        Look::Through => solution.stats.iterations,
+                        _ => usize::MAX,
+                    },
                     left: &looks[i + 1..],
                 });
             }

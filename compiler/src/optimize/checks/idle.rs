@@ -51,7 +51,7 @@ pub(crate) fn left_alone(
     if states.is_empty() {
         return None;
     }
-    let base = reduced.at(w).filter(|base| base.events == 0)?;
+    let base = reduced.at(w).filter(|base| base.events.is_empty())?;
     let is_decided = |alpha: &f64| *alpha == 0.0 || *alpha == 1.0;
     let is_on_surface = base.end.len() == n || !base.end[n..].iter().all(is_decided);
     // One with all quantities changed, and two for each state.
@@ -59,7 +59,7 @@ pub(crate) fn left_alone(
         return None;
     }
     let other = reduced.at(&changed(&reduced, w));
-    let other = other.filter(|other| other.events == 0)?;
+    let other = other.filter(|other| other.events.is_empty())?;
     let size = |value: f64| value.abs().max(1.0);
     let left = states.iter().filter(|&&(i, state)| {
         if (base.end[i] - other.end[i]).abs() > SAME * size(base.end[i]) {
@@ -67,7 +67,7 @@ pub(crate) fn left_alone(
         }
         let mut from = |sign: f64| {
             let values = reduced.at_from(w, (i, sign * CHANGE * size(state.initial)))?;
-            (values.events == 0).then_some(values.cost)
+            (values.events.is_empty()).then_some(values.cost)
         };
         let costs = from(1.0).zip(from(-1.0));
         costs.is_some_and(|(up, down)| (up - down).abs() > NO_SLOPE * size(base.cost))

@@ -8,3 +8,4 @@ pub(crate) mod reduced;
 pub(crate) mod runs;
 pub(crate) mod simulated;
 pub(crate) mod solved;
+mod through;

@@ -15,6 +15,8 @@ use crate::system::{System, Valuation};
 const MAX_EFFORT: usize = 200_000;
 /// Lengths add up where their sum is off by no more than this share of it.
 const BALANCED: f64 = 1e-14;
+/// What is as near to the end of an interval, as a share of its length, is at it.
+const AT_END: f64 = 1e-4;
 /// Lengths that are in their ranges reach their ends by this factor.
 const LARGEST_FACTOR: f64 = Lengths::FREE[1] / Lengths::FREE[0];
 
@@ -86,8 +88,8 @@ pub(crate) struct Values {
     pub end: Vec<f64>,
     /// Steps of the simulation.
     pub steps: usize,
-    /// Its events.
-    pub events: usize,
+    /// Where its events are: 2k - 1 is in interval k, and 2k at its end.
+    pub events: Vec<usize>,
 }
 
 /// The problem in free quantities.
@@ -273,6 +275,13 @@ impl<'r, 'e> Reduced<'r, 'e> {
         self.rows.iter().map(|row| (row.lower, row.upper))
     }
 
+    /// Whether what follows an event depends on more than the state at it: where something jumps, or a switch has memory.
+    pub fn has_memory(&self) -> bool {
+        let system = &self.problem.system;
+        let has_relay = system.switches.iter().any(|switch| switch.relay.is_some());
+        has_relay || !system.jumps.laws.is_empty() || !system.jumps.contacts.is_empty()
+    }
+
     /// Whether it has other branches.
     pub fn is_switched(&self) -> bool {
         !self.problem.system.switches.is_empty()
@@ -343,7 +352,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
             rows,
             end: run.end,
             steps: run.steps,
-            events: run.events,
+            events: run.events.iter().map(|&t| place_of(t, &ends)).collect(),
         })
     }
 }
@@ -396,6 +405,21 @@ impl Known {
 
     fn value(&self, var: Var) -> f64 {
         self.values.number(var)
+    }
+}
+
+/// Where an instant is among the ends of intervals.
+fn place_of(instant: f64, ends: &[f64]) -> usize {
+    let near = |k: usize| {
+        let length = ends[k] - ends[k - 1];
+        (instant - ends[k]).abs() <= AT_END * length
+    };
+    let k = ends[1..].partition_point(|&end| end < instant) + 1;
+    let last = ends.len() - 1;
+    match k {
+        k if k > last || near(k) => 2 * k.min(last),
+        k if k > 1 && near(k - 1) => 2 * (k - 1),
+        k => 2 * k - 1,
     }
 }
 
