@@ -59,6 +59,8 @@ pub struct Trajectory {
     pub warnings: Vec<Warning>,
     /// The values at the reported instants.
     pub samples: Rows,
+    /// Derivatives of what is reported, where they were asked for.
+    pub sensitivities: Vec<Sensitivity>,
     /// Multipliers of the complementarity system, where they were asked for and the method has them.
     pub multipliers: Option<Multipliers>,
     /// The solution between the reported instants.
@@ -107,6 +109,33 @@ pub struct Samples {
     /// Controls, in order of declaration.
     #[serde(serialize_with = "forms::json::by_name")]
     pub controls: Vec<Series>,
+}
+
+/// The derivatives of a run by a parameter or an initial value.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Sensitivity {
+    /// By what: `mu`, `x[1] at 0`.
+    pub to: String,
+    /// From when on they are not known, as a warning says; none where they are known to the end.
+    pub until: Option<f64>,
+    /// Of states, at the instants of the run: not a number where they are not known. Where the mode changes at such an
+    /// instant it is what holds behind it.
+    #[serde(serialize_with = "forms::json::by_name")]
+    pub states: Vec<Series>,
+    /// Of outputs and controls.
+    #[serde(serialize_with = "forms::json::by_name")]
+    pub outputs: Vec<Series>,
+    /// Of the instants at which modes change and states jump.
+    pub events: Vec<Moves>,
+}
+
+/// An instant with its derivative.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Moves {
+    /// When.
+    pub time: f64,
+    /// Its derivative; not a number where that is not known.
+    pub derivative: f64,
 }
 
 /// The discrete part of a run: what happens at instants, and the modes between them.

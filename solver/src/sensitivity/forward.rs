@@ -64,7 +64,12 @@ impl Sensitivities {
         else {
             return false;
         };
-        let share = (t - piece.from) / (piece.to - piece.from);
+        let length = piece.to - piece.from;
+        let share = if length > 0.0 {
+            (t - piece.from) / length
+        } else {
+            0.0
+        };
         self.method.inside(values, share.clamp(0.0, 1.0), tangent);
         true
     }
@@ -124,12 +129,7 @@ impl<'r> Forward<'r> {
                     }
                 }
                 Part::Event(event) => {
-                    let next = recording.parts[at + 1..]
-                        .iter()
-                        .find_map(|part| match part {
-                            Part::Step(step) => Some(step),
-                            Part::Event(_) => None,
-                        });
+                    let next = recording.parts[at + 1..].iter().find_map(Part::step);
                     self.event(event, [last, next]);
                 }
             }
@@ -287,6 +287,7 @@ impl<'r> Forward<'r> {
     fn event(&mut self, event: &Jump, [last, next]: [Option<&Step>; 2]) {
         let is_start = self.sides.is_none();
         if is_start {
+            self.instant(event.time);
             self.coefficients = self.run.coefficients(event.time);
         }
         self.see(&event.before);
@@ -296,7 +297,7 @@ impl<'r> Forward<'r> {
             run: self.run,
             event,
             last: last.filter(|step| *step.sides == *event.from && step.until >= event.time),
-            next: next.filter(|step| *step.sides == *event.to),
+            next: next.filter(|step| *step.sides == *event.to && step.start <= event.time),
             sizes: &self.sizes,
             speeds: &self.speeds,
             coefficients: [&self.coefficients, &behind],
@@ -332,6 +333,24 @@ impl<'r> Forward<'r> {
         });
         self.sides = Some(event.to.clone());
         self.x.clone_from(&event.after);
+        if next.is_none() {
+            self.instant(event.time);
+        }
+    }
+
+    /// Keeps the tangents of an instant at the start or the end; those of α are not known.
+    fn instant(&mut self, time: f64) {
+        let m = self.run.system.n_switches();
+        let values = self.tangents.iter().map(|tangent| {
+            let whole = [&tangent.as_ref()?[..], &vec![f64::NAN; m]].concat();
+            Some(self.found.method.constant(whole))
+        });
+        let values = values.collect();
+        self.found.pieces.push(Piece {
+            from: time,
+            to: time,
+            values,
+        });
     }
 
     /// A surface that was touched, or was not as far as that can be told.

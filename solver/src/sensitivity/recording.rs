@@ -70,9 +70,58 @@ impl Step {
 }
 
 impl Recording {
-    /// Whether nothing was recorded.
-    pub fn is_empty(&self) -> bool {
-        self.parts.is_empty()
+    /// The state and all α at an instant; where something happens there, `behind` or before it. What slides without a step
+    /// there has an α that is not a number.
+    pub fn at(&self, t: f64, behind: bool, x: &mut [f64], alpha: &mut [f64]) {
+        let jump = if behind {
+            self.parts.last()
+        } else {
+            self.parts.first()
+        };
+        if let Some(Part::Event(jump)) = jump.filter(|part| part.time() == t) {
+            let (state, sides) = match behind {
+                true => (&jump.after, &jump.to),
+                false => (&jump.before, &jump.from),
+            };
+            x.copy_from_slice(state);
+            for (alpha, side) in alpha.iter_mut().zip(sides) {
+                *alpha = match side {
+                    Side::Minus => 0.0,
+                    Side::Slide => f64::NAN,
+                    Side::Plus => 1.0,
+                };
+            }
+            return;
+        }
+        let is_past = |step: &Step| step.until < t || behind && step.until == t;
+        let at = self.parts.partition_point(|part| match part {
+            Part::Step(step) => is_past(step),
+            Part::Event(jump) => jump.time < t || behind && jump.time == t,
+        });
+        let later = self.parts[at..].iter().find_map(Part::step);
+        let earlier = || self.parts[..at].iter().rev().find_map(Part::step);
+        if let Some(step) = later.or_else(earlier) {
+            let tau = (t - step.start).clamp(0.0, step.length);
+            step.state(tau, x, &mut vec![0.0; x.len()]);
+            step.alpha(tau, alpha);
+        }
+    }
+}
+
+impl Part {
+    pub fn step(&self) -> Option<&Step> {
+        match self {
+            Part::Step(step) => Some(step),
+            Part::Event(_) => None,
+        }
+    }
+
+    /// When it ends.
+    fn time(&self) -> f64 {
+        match self {
+            Part::Step(step) => step.until,
+            Part::Event(jump) => jump.time,
+        }
     }
 }
 

@@ -55,6 +55,11 @@ impl Variational {
         }
     }
 
+    /// The values of a piece in which nothing moves.
+    pub fn constant(&self, value: Vec<f64>) -> Vec<Vec<f64>> {
+        vec![value; self.points.len()]
+    }
+
     /// The tangents inside of a piece, `share` of it behind its start.
     pub fn inside(&self, values: &[Vec<f64>], share: f64, out: &mut [f64]) {
         let weights = lagrange(&self.points, &[share]);

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use nsd_solver::sensitivity::Recording;
 use nsd_solver::tape::Tape;
 
 use crate::expr::{self, Expr, Var};
@@ -120,6 +121,81 @@ impl Reported {
             series.values = values.map(|(o, k)| signals[o * n_points + k]).collect();
         }
         samples
+    }
+
+    /// Derivatives of states, and of outputs and controls, at instants, from those of states and α there, one instant after
+    /// another, and those of the open parameters.
+    pub fn tangents(
+        &self,
+        recording: &Recording,
+        (times, tangents): (&[f64], &[f64]),
+        parameters: &[f64],
+        given: &Given,
+    ) -> [Vec<Series>; 2] {
+        let [n, m] = self.sizes;
+        let rows = || tangents.chunks(n + m);
+        let (mut entry, mut signal) = (0, 0);
+        let mut states = given.named.states.clone();
+        for series in &mut states {
+            let entries = &given.entries[entry..][..series.n_entries()];
+            entry += entries.len();
+            let values = rows().flat_map(|row| entries.iter().map(|&entry| row[entry]));
+            series.values = values.collect();
+        }
+        let slopes = self.slopes(recording, (times, tangents), parameters, given);
+        let signals = given.named.outputs.iter().chain(&given.named.controls);
+        let mut signals: Vec<Series> = signals.cloned().collect();
+        for series in &mut signals {
+            let entries = signal..signal + series.n_entries();
+            signal = entries.end;
+            let values = slopes
+                .iter()
+                .flat_map(|row| row[entries.clone()].iter().copied());
+            series.values = values.collect();
+        }
+        [states, signals]
+    }
+
+    /// Derivatives of the entries of outputs, then of controls, instant by instant.
+    fn slopes(
+        &self,
+        recording: &Recording,
+        (times, tangents): (&[f64], &[f64]),
+        parameters: &[f64],
+        given: &Given,
+    ) -> Vec<Vec<f64>> {
+        let [n, m] = self.sizes;
+        let n_data = given.data.len();
+        let moving = 1 + n_data;
+        let (entries, tape) = self.outputs.partials(|input| input >= moving);
+        let mut scratch = tape.scratch();
+        let mut partials = vec![0.0; tape.n_outputs()];
+        let is_first = |k: usize| times.get(k + 1) == Some(&times[k]);
+        let row = |(k, tangent): (usize, &[f64])| {
+            let mut slopes = vec![0.0; self.outputs.n_outputs()];
+            let (mut x, mut alpha) = (vec![f64::NAN; n], vec![f64::NAN; m]);
+            recording.at(times[k], !is_first(k), &mut x, &mut alpha);
+            let mut inputs = vec![times[k]];
+            inputs.extend(given.data.iter().map(|data| match is_first(k) {
+                true => data.before(times[k]),
+                false => data.value(times[k]),
+            }));
+            inputs.extend(x.iter().chain(&alpha).chain(&given.parameters));
+            tape.eval(&inputs, &mut partials, &mut scratch);
+            for (&(output, input), partial) in entries.iter().zip(&partials) {
+                let by = match (input - moving).checked_sub(n + m) {
+                    None => tangent[input - moving],
+                    Some(parameter) => parameters[parameter],
+                };
+                slopes[output] += partial * by;
+            }
+            // What depends on nothing that moves is known as long as the states are.
+            if tangent[..n].iter().any(|t| t.is_nan()) {
+                slopes.fill(f64::NAN);
+            }
+            slopes
+        };
+        tangents.chunks(n + m).enumerate().map(row).collect()
     }
 
     /// The entries of outputs, then of controls, each at all points.

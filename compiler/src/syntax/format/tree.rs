@@ -195,6 +195,8 @@ fn is_member(rule: Rule) -> bool {
             | perturb
             | starts
             | on_chattering
+            | sensitivity
+            | sensed
             | plot
             | plot_panel
             | plot_phase

@@ -88,6 +88,13 @@ impl Printer {
                 self.line(format!("starts {count}{};", random(by, seed)))
             }
             SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
+            SettingKind::Sensitivity(to) => {
+                let to = to.iter().map(|(path, at_start)| match at_start {
+                    true => format!("{path} at 0"),
+                    false => path.to_string(),
+                });
+                self.line(format!("sensitivity to {};", list(&to.collect::<Vec<_>>())));
+            }
             SettingKind::Plot(items) => self.plot("plot", items),
             SettingKind::Animate(items) => self.plot("animate", items),
             SettingKind::Value { name, value } => self.line(format!("{name} {value};")),

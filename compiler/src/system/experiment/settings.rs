@@ -6,6 +6,7 @@ use super::method::{EventOptions, Lowering, Method};
 use super::optimize::Optimize;
 use super::perturb::Perturbation;
 use super::plot::Figures;
+use super::sensed::Sensed;
 use crate::expr::Expr;
 use crate::model::TargetKind;
 use crate::source::Span;
@@ -31,6 +32,8 @@ pub struct Settings<'e> {
     pub kicks: Option<Perturbation>,
     /// How often the experiment is run, with other random vectors each time; none for once.
     pub runs: Option<usize>,
+    /// By what the run is differentiated.
+    pub sensed: Vec<Sensed<'e>>,
     /// Assertions, in order, with the span of each statement.
     pub expects: Vec<(Expect, Span)>,
     /// The experiment.

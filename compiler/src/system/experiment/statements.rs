@@ -8,6 +8,7 @@ use super::optimize::Draft;
 use super::perturb::Perturbation;
 use super::plot::Plot;
 use super::reader::Reader;
+use super::sensed::Sensed;
 use super::settings::{Kept, Numerics, Recording, Sampling};
 use super::with;
 use crate::expr::Expr;
@@ -34,6 +35,7 @@ pub(crate) struct Statements<'m, 'e> {
     pub kicks: Option<Perturbation>,
     pub runs: Option<(usize, Span)>,
     pub averages: Option<Span>,
+    pub sensed: Vec<Sensed<'e>>,
     pub expects: Vec<(Expect, Span)>,
 }
 
@@ -57,6 +59,7 @@ impl<'m, 'e> Statements<'m, 'e> {
             kicks: None,
             runs: None,
             averages: None,
+            sensed: Vec::new(),
             expects: Vec::new(),
         }
     }
@@ -129,6 +132,16 @@ impl<'m, 'e> Statements<'m, 'e> {
                     true => reader.not_for_optimize("on chattering", span),
                     false => self.averages = Some(span),
                 }
+            }
+            SettingKind::Sensitivity(_) if is_optimize => {
+                reader.not_for_optimize("sensitivity to", span);
+            }
+            SettingKind::Sensitivity(to) => {
+                let to = to
+                    .iter()
+                    .map(|(path, at_start)| Sensed::read(reader, path, *at_start));
+                self.sensed
+                    .extend(to.collect::<Vec<_>>().into_iter().flatten());
             }
             SettingKind::Perturb { every, by, seed } => {
                 reader.once("`perturb`", span);

@@ -1,0 +1,112 @@
+//! By what a run is differentiated, in the parameters and states of its system.
+
+use nsd_solver::sensitivity::Directions;
+
+use crate::Compiled;
+use crate::diagnostics::Diagnostics;
+use crate::project::prepared::{NotPrepared, Opened};
+use crate::simulate::Sensing;
+use crate::system::experiment::{ExperimentError, Method, Sensed};
+
+/// What the experiment asks for, if it was compiled with its parameters open.
+///
+/// # Errors
+///
+/// Where the run is not differentiated by something of it.
+pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
+    let (settings, system) = (&compiled.settings, &compiled.system);
+    let is_open = |sensed: &Sensed| sensed.is_initial || settings.values.is_open(sensed.var);
+    if settings.sensed.is_empty() || !settings.sensed.iter().all(is_open) {
+        return Ok(None);
+    }
+    if let Some(why) = undifferentiated(compiled) {
+        return Err(refused(&settings.sensed[0], why));
+    }
+    let opened = Opened::of(compiled).map_err(|error| no_input(&settings.sensed, &error))?;
+    let n = system.states.len();
+    let (entries, slopes) = opened.start.partials(|_| true);
+    let parameters: Vec<f64> = opened.parameters.iter().map(|p| p.value).collect();
+    let mut values = vec![0.0; slopes.n_outputs()];
+    slopes.eval(&parameters, &mut values, &mut slopes.scratch());
+    let mut directions = Directions::default();
+    for sensed in &settings.sensed {
+        let (mut initial, mut by) = (vec![0.0; n], vec![0.0; parameters.len()]);
+        let not_there = || refused(sensed, "the experiment does not need it".to_owned());
+        if sensed.is_initial {
+            let mut states = system.states.iter();
+            let place = states.position(|state| state.var == sensed.var);
+            initial[place.ok_or_else(not_there)?] = 1.0;
+        } else {
+            if let Some(other) = settings.values.free.follows(sensed.var) {
+                let other = compiled.model.exprs.name(other);
+                let why = format!("it follows from `{other}`, which is asked for, too");
+                return Err(refused(sensed, why));
+            }
+            let is_it = |&place: &usize| system.exogenous.params[place].var == sensed.var;
+            let place = opened.places.iter().position(is_it);
+            let place = place.ok_or_else(not_there)?;
+            by[place] = 1.0;
+            for (&(state, input), value) in entries.iter().zip(&values) {
+                if input == place {
+                    initial[state] += value;
+                }
+            }
+        }
+        directions.initial.push(initial);
+        directions.parameters.push(by);
+    }
+    let names = settings.sensed.iter();
+    Ok(Some(Sensing {
+        open: opened.places,
+        directions,
+        names: names
+            .map(|sensed| (sensed.name.clone(), sensed.span))
+            .collect(),
+    }))
+}
+
+fn refused(sensed: &Sensed<'_>, why: String) -> Diagnostics {
+    let mut diags = Diagnostics::new();
+    diags.push(ExperimentError::NoSensitivity {
+        name: sensed.name.clone(),
+        why,
+        span: sensed.span,
+    });
+    diags
+}
+
+/// Why a parameter is no input of runs.
+fn no_input(sensed: &[Sensed<'_>], error: &NotPrepared) -> Diagnostics {
+    let (of, why) = match error {
+        NotPrepared::Structural(name, why) => {
+            let of = sensed.iter().find(|sensed| sensed.name == *name);
+            (of, format!("it {why}"))
+        }
+        error => (None, error.to_string()),
+    };
+    refused(of.unwrap_or(&sensed[0]), why)
+}
+
+/// Why runs of an experiment are not differentiated.
+fn undifferentiated(compiled: &Compiled<'_>) -> Option<String> {
+    let settings = &compiled.settings;
+    let method = &settings.numerics.method;
+    let by_events = matches!(
+        method,
+        Method::Auto | Method::Event(_) | Method::Smoothing(_)
+    );
+    if !by_events {
+        let word = method.kind().word();
+        return Some(format!("runs by `method {word}` are not differentiated"));
+    }
+    let why = if settings.freezes() {
+        "time is frozen where states jump"
+    } else if settings.kicks.is_some() {
+        "`perturb` moves the state"
+    } else if settings.numerics.averages {
+        "`on chattering slide` goes on from what is no limit"
+    } else {
+        return None;
+    };
+    Some(why.to_owned())
+}

@@ -1,0 +1,71 @@
+//! `sensitivity to mu, x[1] at 0;`
+
+use super::error::ExperimentError;
+use super::reader::Reader;
+use super::with;
+use crate::expr::Expr;
+use crate::model::TargetKind;
+use crate::source::Span;
+use crate::syntax::{Experiment, Path, SettingKind};
+
+/// A number that a run is differentiated by.
+#[derive(Clone, Debug)]
+pub struct Sensed<'e> {
+    /// `mu`, `x[1] at 0`
+    pub name: String,
+    /// The parameter, or the state whose initial value it is.
+    pub var: Expr<'e>,
+    /// Whether it is an initial value.
+    pub is_initial: bool,
+    /// The path.
+    pub span: Span,
+}
+
+impl<'e> Sensed<'e> {
+    /// The entries of what is named.
+    pub(super) fn read(reader: &mut Reader<'_, 'e>, path: &Path, at_start: bool) -> Vec<Self> {
+        let model = reader.model;
+        let Some(target) = model.scope.target(path, reader.diags) else {
+            reader.failed = true;
+            return Vec::new();
+        };
+        let quantity = match (target.kind, at_start) {
+            (TargetKind::Param(k), false) => &model.quantities.params[k],
+            (TargetKind::State(k), true) => &model.quantities.states[k],
+            (kind, _) => {
+                reader.error(ExperimentError::NotSensed {
+                    name: with::path_text(model, path, &target),
+                    kind: kind.word(),
+                    span: path.span,
+                });
+                return Vec::new();
+            }
+        };
+        let at = if at_start { " at 0" } else { "" };
+        let entry = |&entry: &usize| Sensed {
+            name: quantity.shape.entry_name(&quantity.name, entry) + at,
+            var: quantity.vars[entry],
+            is_initial: at_start,
+            span: path.span,
+        };
+        target.entries.iter().map(entry).collect()
+    }
+}
+
+impl Experiment {
+    /// Lets the parameters stay open that the run is to be differentiated by.
+    pub(crate) fn open_sensed(&mut self) {
+        for setting in &self.settings {
+            if let SettingKind::Sensitivity(to) = &setting.kind {
+                let params = to.iter().filter(|(_, at_start)| !at_start);
+                self.open.extend(params.map(|(path, _)| path.clone()));
+            }
+        }
+    }
+
+    /// Whether the run is to be differentiated.
+    pub(crate) fn is_sensed(&self) -> bool {
+        let mut settings = self.settings.iter();
+        settings.any(|setting| matches!(setting.kind, SettingKind::Sensitivity(_)))
+    }
+}
