@@ -118,7 +118,7 @@ impl Run {
 
     /// What is reported over time, as a table.
     pub fn csv(&self) -> String {
-        csv::write(&self.trajectory.samples)
+        csv::differentiated(&self.trajectory)
     }
 
     /// A short report.

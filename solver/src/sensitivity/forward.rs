@@ -200,6 +200,7 @@ impl<'r> Forward<'r> {
             mode: &mode,
             coefficients: &self.coefficients,
             run: self.run,
+            speeds: &self.speeds,
         };
         let pieces = &mut self.found.pieces;
         let method = &mut self.found.method;
@@ -244,10 +245,7 @@ impl<'r> Forward<'r> {
             let Some(tangent) = self.tangents[d].clone() else {
                 continue;
             };
-            let moved = Moved {
-                x: &tangent,
-                time: 0.0,
-            };
+            let moved = Moved::still(&tangent);
             let leaves = meeting.leaves(&mut self.functions, &self.sizes, &[], moved, d);
             if let Some(switch) = leaves {
                 self.lose(step.start, Why::Start, &[switch], &[d]);

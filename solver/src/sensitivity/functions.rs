@@ -354,19 +354,19 @@ impl<'r> Functions<'r> {
     }
 
     /// The product of slopes with a tangent of states and time, in a direction.
-    pub fn along(&self, slopes: &[(usize, f64)], tangent: Moved, direction: usize) -> [f64; 2] {
+    pub fn along(&self, slopes: &[(usize, f64)], moved: Moved, direction: usize) -> [f64; 2] {
         let first = self.slots.parameter(0);
         let parameters = &self.directions[direction];
         let mut sum = [0.0, 0.0];
         for &(slot, slope) in slopes {
-            let by = match slot {
-                0 => tangent.time,
-                slot if slot <= self.slots.n_states => tangent.x[slot - 1],
-                slot if slot < first => 0.0,
-                slot => parameters[slot - first],
+            let [by, size] = match slot {
+                0 => [moved.time; 2],
+                slot if slot <= self.slots.n_states => [moved.x[slot - 1], moved.size[slot - 1]],
+                slot if slot < first => [0.0; 2],
+                slot => [parameters[slot - first]; 2],
             };
             sum[0] += slope * by;
-            sum[1] += (slope * by).abs();
+            sum[1] += (slope * size).abs();
         }
         sum
     }
@@ -526,9 +526,21 @@ impl<'r> Functions<'r> {
     }
 }
 
-/// How a state and an instant move with a parameter.
+/// How a state and an instant move with a parameter, and how large the terms are that this is made of.
 #[derive(Clone, Copy)]
 pub(super) struct Moved<'a> {
     pub x: &'a [f64],
+    pub size: &'a [f64],
     pub time: f64,
+}
+
+impl<'a> Moved<'a> {
+    /// A state that moves at an instant that does not.
+    pub fn still(x: &'a [f64]) -> Self {
+        Moved {
+            x,
+            size: x,
+            time: 0.0,
+        }
+    }
 }

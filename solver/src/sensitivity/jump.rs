@@ -18,6 +18,8 @@ use crate::linalg::DenseLu;
 
 /// States behind a jump are those of its law up to this part of their sizes.
 const SAME: f64 = 1e-9;
+/// A slip velocity is zero up to this part of its terms.
+const STICKS: f64 = 1e-12;
 
 /// The states that change, as functions of time, states and parameters.
 pub(super) struct Jumped {
@@ -25,13 +27,13 @@ pub(super) struct Jumped {
 }
 
 impl Jumped {
-    /// The tangent behind it.
-    pub fn apply(&self, moved: Moved, direction: usize) -> Vec<f64> {
-        let mut x = moved.x.to_vec();
+    /// The tangent behind it, with the size of its terms.
+    pub fn apply(&self, moved: Moved, direction: usize) -> (Vec<f64>, Vec<f64>) {
+        let (mut x, mut size) = (moved.x.to_vec(), moved.size.to_vec());
         for (state, slope) in &self.rows {
-            x[*state] = slope.along(moved, direction)[0];
+            [x[*state], size[*state]] = slope.along(moved, direction);
         }
-        x
+        (x, size)
     }
 }
 
@@ -48,7 +50,7 @@ pub(super) fn jumped(
         let mut found = Vec::new();
         for laws in &rounds {
             let here = Point { x: &x, ..point };
-            let Some((behind, jumped)) = together(functions, here, event, laws)? else {
+            let Some((behind, jumped)) = together(functions, here, (event, sizes), laws)? else {
                 break;
             };
             x = behind;
@@ -69,7 +71,7 @@ pub(super) fn jumped(
 fn together(
     functions: &mut Functions,
     point: Point,
-    event: &Jump,
+    (event, sizes): (&Jump, &[f64]),
     laws: &[usize],
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let system = functions.system.clone();
@@ -90,7 +92,7 @@ fn together(
     }
     match (impacts.is_empty(), rows.is_empty()) {
         (true, _) => Ok(Some((x, Jumped { rows }))),
-        (false, true) => struck(functions, point, event, &impacts),
+        (false, true) => struck(functions, point, (event, sizes), &impacts),
         (false, false) => Ok(None),
     }
 }
@@ -135,7 +137,7 @@ fn whole(slope: &Slope) -> Vec<f64> {
 fn struck(
     functions: &mut Functions,
     point: Point,
-    event: &Jump,
+    (event, sizes): (&Jump, &[f64]),
     impacts: &[(usize, &Impact)],
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let n = functions.slots.n_states;
@@ -162,12 +164,17 @@ fn struck(
                 ..point
             };
             let psi = functions.psi(slip, 0, &event.from);
-            let [before, after] = [&point, &behind].map(|p| psi.value(p, &mut functions.registers));
+            let after = psi.value(&behind, &mut functions.registers);
+            let slopes = psi.slopes(&behind, &mut functions.registers);
+            let terms = slopes.iter().filter(|(slot, _)| (1..=n).contains(slot));
+            let size: f64 = terms
+                .map(|&(slot, slope)| slope.abs() * sizes[slot - 1])
+                .sum();
             // With two entries friction has a direction of its own.
             if functions.system.across(slip).is_some() {
                 return Err(Why::Jump);
             }
-            if after.abs() <= SAME * (before.abs() + after.abs()) {
+            if after.abs() <= STICKS * size {
                 (sides[slip], alpha[slip]) = (Side::Slide, 0.5);
                 let none = Slope {
                     time: 0.0,

@@ -39,10 +39,7 @@ impl Slope {
             }
         }
         let rest = vec![0.0; n];
-        let still = Moved {
-            x: &rest,
-            time: 0.0,
-        };
+        let still = Moved::still(&rest);
         let by = (0..functions.n_directions()).map(|d| functions.along(slopes, still, d)[0]);
         Slope {
             time,
@@ -62,11 +59,14 @@ impl Slope {
 
     /// Its derivative in a direction, with the size of its terms.
     pub fn along(&self, moved: Moved, direction: usize) -> [f64; 2] {
-        let terms = self.x.iter().zip(moved.x).map(|(a, b)| a * b);
-        let terms = terms.chain([self.time * moved.time, self.by[direction]]);
-        terms.fold([0.0, 0.0], |[sum, size], term| {
-            [sum + term, size + term.abs()]
-        })
+        let terms = |x: &[f64]| -> Vec<f64> {
+            let states = self.x.iter().zip(x).map(|(a, b)| a * b);
+            states
+                .chain([self.time * moved.time, self.by[direction]])
+                .collect()
+        };
+        let sizes = terms(moved.size).into_iter().map(f64::abs);
+        [terms(moved.x).iter().sum(), sizes.sum()]
     }
 
     /// Whether one is a multiple of the other.
@@ -166,7 +166,10 @@ impl Meeting<'_> {
         let mut lu = DenseLu::new(n);
         lu.factor(&matrix).map_err(|_| Why::Singular)?;
         system.algebraics.iter().for_each(|&z| tangent[z] = 0.0);
-        let moved = Moved { x: tangent, time };
+        let moved = Moved {
+            time,
+            ..Moved::still(tangent)
+        };
         let rhs = rows
             .iter()
             .map(|row| -functions.along(row, moved, direction)[0]);
@@ -350,6 +353,10 @@ impl<'a> Saltation<'a> {
     }
 }
 
+fn moved<'x>(x: &'x [f64], size: &'x [f64], time: f64) -> Moved<'x> {
+    Moved { x, size, time }
+}
+
 impl Prepared<'_> {
     /// dt/dp and the tangent behind the event, from that before it.
     pub fn cross(
@@ -362,22 +369,20 @@ impl Prepared<'_> {
         let time = match &self.trigger {
             None => 0.0,
             Some((slope, rate, _)) => {
-                let still = Moved {
-                    x: tangent,
-                    time: 0.0,
-                };
+                let still = Moved::still(tangent);
                 -slope.along(still, direction)[0] / rate
             }
         };
-        let mut x: Vec<f64> = tangent
-            .iter()
-            .zip(&self.before.f)
+        let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))
             .map(|(s, f)| s + f * time)
             .collect();
+        let mut size: Vec<f64> = (tangent.iter().zip(&self.before.f))
+            .map(|(s, f)| s.abs() + (f * time).abs())
+            .collect();
         let but = self.trigger.as_ref().map(|(.., switch)| *switch);
-        self.check(functions, false, (Moved { x: &x, time }, direction), but)?;
+        self.check(functions, false, (moved(&x, &size, time), direction), but)?;
         for jump in &self.jumps {
-            x = jump.apply(Moved { x: &x, time }, direction);
+            (x, size) = jump.apply(moved(&x, &size, time), direction);
         }
         let meeting = Meeting {
             point: of.point(true, &self.alpha[1]),
@@ -385,7 +390,9 @@ impl Prepared<'_> {
         };
         let kept = meeting.keep_algebraic(functions, &mut x, time, direction);
         kept.map_err(|why| (why, of.event.met.clone()))?;
-        self.check(functions, true, (Moved { x: &x, time }, direction), None)?;
+        let sizes = x.iter().zip(&size).map(|(x, size)| x.abs().max(*size));
+        let size: Vec<f64> = sizes.collect();
+        self.check(functions, true, (moved(&x, &size, time), direction), None)?;
         let slipped = x.iter().zip(&self.after.f).map(|(x, f)| x - f * time);
         let slipped: Vec<f64> = slipped.collect();
         match slipped.iter().all(|s| s.is_finite()) {

@@ -43,6 +43,8 @@ pub(super) struct Way<'a> {
     pub mode: &'a ModeFunctions,
     pub coefficients: &'a [f64],
     pub run: &'a Run<'a>,
+    /// How large rates have been.
+    pub speeds: &'a [f64],
 }
 
 impl Variational {
@@ -218,6 +220,7 @@ impl Way<'_> {
     /// The functions `tau` after the start of the step, where the run moves as they say.
     fn linearize(&self, functions: &mut Functions, tau: f64) -> Result<Linearized, Why> {
         const UNLIKE: f64 = 1e-3;
+        const ROUNDING: f64 = 1e-9;
         let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
         let (mut x, mut slope, mut alpha) = (vec![0.0; n], vec![0.0; n], vec![0.0; m]);
         self.step.state(tau, &mut x, &mut slope);
@@ -235,8 +238,8 @@ impl Way<'_> {
         for i in 0..n {
             let (f, slope) = (linear.f[i], slope[i]);
             let size = f.abs() + slope.abs() + x[i].abs() / self.step.length;
-            let is_like = (f - slope).abs() <= UNLIKE * size;
-            if !is_like && (f - slope).abs() > f64::MIN_POSITIVE {
+            let allowed = UNLIKE * size + ROUNDING * self.speeds[i];
+            if (f - slope).abs() > allowed {
                 return Err(Why::Unknown);
             }
         }

@@ -258,11 +258,12 @@ impl<'a> Outputs<'a> {
             self.objects.push_str(&json::write(trajectory));
             self.objects.push('\n');
         }
-        let Trajectory {
-            samples, history, ..
-        } = trajectory;
+        let history = &trajectory.history;
         let files = [
-            (&args.csv, args.csv.as_ref().map(|_| csv::write(samples))),
+            (
+                &args.csv,
+                args.csv.as_ref().map(|_| csv::differentiated(trajectory)),
+            ),
             (
                 &args.events,
                 args.events.as_ref().map(|_| csv::events(history)),

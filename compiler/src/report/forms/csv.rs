@@ -2,14 +2,39 @@
 //!
 //! Numbers round-trip. Names that hold a comma, such as `R[1,2]`, are quoted.
 
-use crate::report::{History, Samples, Series};
+use crate::report::{History, Samples, Sensitivity, Series, Trajectory};
 
 /// Header `time,x[1],x[2],...` and one line per instant: states, outputs, controls.
 pub fn write(samples: &Samples) -> String {
-    let columns: Vec<&Series> = samples.series().collect();
+    table(samples, &[])
+}
+
+/// The same, and behind it in columns `d x[1]/d mu` the derivatives that were asked for.
+pub fn differentiated(trajectory: &Trajectory) -> String {
+    table(&trajectory.samples, &trajectory.sensitivities)
+}
+
+fn table(samples: &Samples, sensitivities: &[Sensitivity]) -> String {
+    let derivatives = || {
+        let all = sensitivities.iter();
+        all.flat_map(|by| {
+            by.states
+                .iter()
+                .chain(&by.outputs)
+                .map(move |of| (of, &by.to))
+        })
+    };
+    let columns: Vec<&Series> = (samples.series())
+        .chain(derivatives().map(|(series, _)| series))
+        .collect();
     let mut text = csv::Writer::from_writer(Vec::new());
 
-    let names = columns.iter().flat_map(|series| series.entry_names());
+    let names = samples.series().flat_map(|series| series.entry_names());
+    let derived = derivatives().flat_map(|(series, to)| {
+        let entries = series.entry_names().into_iter();
+        entries.map(move |entry| format!("d {entry}/d {to}"))
+    });
+    let names = names.chain(derived);
     // Writing to memory does not fail and every record has the same length.
     let _ = text.write_record(std::iter::once("time".to_owned()).chain(names));
     for (k, time) in samples.time.iter().enumerate() {

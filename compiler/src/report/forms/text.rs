@@ -42,6 +42,7 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     free(trajectory, text)?;
     constraints(trajectory, text)?;
     end(trajectory, text)?;
+    sensitivities(trajectory, text)?;
     events(&trajectory.history, text)?;
     modes(&trajectory.history, text)?;
     origin(trajectory, text)?;
@@ -52,6 +53,31 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     }
     for warning in &trajectory.warnings {
         writeln!(text, "  warning {}: {}", warning.code, warning.message)?;
+    }
+    Ok(())
+}
+
+/// Derivatives at the end.
+fn sensitivities(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    for by in &trajectory.sensitivities {
+        writeln!(text, "\n  sensitivity to {}", by.to)?;
+        if let Some(until) = by.until {
+            writeln!(text, "    not known from {} on", significant(until, 12))?;
+            continue;
+        }
+        let all = by.states.iter().chain(&by.outputs);
+        let width = all.clone().map(|series| chars(&series.name)).max();
+        let Some(last) = (trajectory.samples.time.len()).checked_sub(1) else {
+            continue;
+        };
+        for series in all {
+            let end = Series {
+                values: series.at(last).to_vec(),
+                ..series.clone()
+            };
+            let width = width.unwrap_or(0);
+            writeln!(text, "    {:width$} = {}", series.name, Value(&end))?;
+        }
     }
     Ok(())
 }
