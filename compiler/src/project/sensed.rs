@@ -6,7 +6,7 @@ use crate::Compiled;
 use crate::diagnostics::Diagnostics;
 use crate::project::prepared::{NotPrepared, Opened};
 use crate::simulate::Sensing;
-use crate::system::experiment::{ExperimentError, Method, Sensed};
+use crate::system::experiment::{ExperimentError, Sensed};
 
 /// What the experiment asks for, if it was compiled with its parameters open.
 ///
@@ -18,9 +18,6 @@ pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagno
     let is_open = |sensed: &Sensed| sensed.is_initial || settings.values.is_open(sensed.var);
     if settings.sensed.is_empty() || !settings.sensed.iter().all(is_open) {
         return Ok(None);
-    }
-    if let Some(why) = undifferentiated(compiled) {
-        return Err(refused(&settings.sensed[0], why));
     }
     let opened = Opened::of(compiled).map_err(|error| no_input(&settings.sensed, &error))?;
     let n = system.states.len();
@@ -85,28 +82,4 @@ fn no_input(sensed: &[Sensed<'_>], error: &NotPrepared) -> Diagnostics {
         error => (None, error.to_string()),
     };
     refused(of.unwrap_or(&sensed[0]), why)
-}
-
-/// Why runs of an experiment are not differentiated.
-fn undifferentiated(compiled: &Compiled<'_>) -> Option<String> {
-    let settings = &compiled.settings;
-    let method = &settings.numerics.method;
-    let by_events = matches!(
-        method,
-        Method::Auto | Method::Event(_) | Method::Smoothing(_)
-    );
-    if !by_events {
-        let word = method.kind().word();
-        return Some(format!("runs by `method {word}` are not differentiated"));
-    }
-    let why = if settings.freezes() {
-        "time is frozen where states jump"
-    } else if settings.kicks.is_some() {
-        "`perturb` moves the state"
-    } else if settings.numerics.averages {
-        "`on chattering slide` goes on from what is no limit"
-    } else {
-        return None;
-    };
-    Some(why.to_owned())
 }

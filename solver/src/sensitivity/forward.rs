@@ -312,7 +312,8 @@ impl<'r> Forward<'r> {
                     let Some(tangent) = &self.tangents[d] else {
                         continue;
                     };
-                    match prepared.cross(&mut self.functions, tangent, d) {
+                    let sizes = [&tangent[..], self.found.method.largest(d)];
+                    match prepared.cross(&mut self.functions, sizes, d) {
                         Ok((time, tangent)) => {
                             by[d] = time;
                             self.tangents[d] = Some(tangent);

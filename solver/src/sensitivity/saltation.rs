@@ -14,6 +14,8 @@ const TANGENTIAL: f64 = 1e-7;
 const ON: f64 = 1e-11;
 /// What stays on a surface does so up to this part of its terms.
 const STAYS: f64 = 1e-6;
+/// What is left of a tangent at least, in what its errors are a part of.
+const FADED: f64 = 1e-3;
 /// α is at a bound up to this.
 const AT_BOUND: f64 = 1e-9;
 
@@ -358,11 +360,11 @@ fn moved<'x>(x: &'x [f64], size: &'x [f64], time: f64) -> Moved<'x> {
 }
 
 impl Prepared<'_> {
-    /// dt/dp and the tangent behind the event, from that before it.
+    /// dt/dp and the tangent behind the event, from that before it and how large it has been.
     pub fn cross(
         &self,
         functions: &mut Functions,
-        tangent: &[f64],
+        [tangent, largest]: [&[f64]; 2],
         direction: usize,
     ) -> Result<(f64, Vec<f64>), Failed> {
         let of = self.of;
@@ -376,8 +378,8 @@ impl Prepared<'_> {
         let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))
             .map(|(s, f)| s + f * time)
             .collect();
-        let mut size: Vec<f64> = (tangent.iter().zip(&self.before.f))
-            .map(|(s, f)| s.abs() + (f * time).abs())
+        let mut size: Vec<f64> = (tangent.iter().zip(&self.before.f).zip(largest))
+            .map(|((s, f), largest)| s.abs() + (f * time).abs() + FADED * largest)
             .collect();
         let but = self.trigger.as_ref().map(|(.., switch)| *switch);
         self.check(functions, false, (moved(&x, &size, time), direction), but)?;

@@ -57,6 +57,11 @@ impl Variational {
         }
     }
 
+    /// How large the tangents of a direction have been, by state.
+    pub fn largest(&self, direction: usize) -> &[f64] {
+        &self.largest[direction]
+    }
+
     /// The values of a piece in which nothing moves.
     pub fn constant(&self, value: Vec<f64>) -> Vec<Vec<f64>> {
         vec![value; self.points.len()]
