@@ -16,6 +16,8 @@ const ON: f64 = 1e-11;
 const STAYS: f64 = 1e-6;
 /// What is left of a tangent at least, in what its errors are a part of.
 const FADED: f64 = 1e-3;
+/// What is left of it by rounding.
+const ROUNDED: f64 = 1e-8;
 /// α is at a bound up to this.
 const AT_BOUND: f64 = 1e-9;
 
@@ -378,9 +380,7 @@ impl Prepared<'_> {
         let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))
             .map(|(s, f)| s + f * time)
             .collect();
-        let mut size: Vec<f64> = (tangent.iter().zip(&self.before.f).zip(largest))
-            .map(|((s, f), largest)| s.abs() + (f * time).abs() + FADED * largest)
-            .collect();
+        let mut size = self.sizes([tangent, largest], time);
         let but = self.trigger.as_ref().map(|(.., switch)| *switch);
         self.check(functions, false, (moved(&x, &size, time), direction), but)?;
         for jump in &self.jumps {
@@ -401,6 +401,23 @@ impl Prepared<'_> {
             true => Ok((time, slipped)),
             false => Err((Why::Unknown, of.event.met.clone())),
         }
+    }
+
+    /// How large the terms are that the motion of a state is made of: where they cancel, errors are a part of how large
+    /// they have been, and rounding of how far all others move in the time of their rates.
+    fn sizes(&self, [tangent, largest]: [&[f64]; 2], time: f64) -> Vec<f64> {
+        let speeds = self.of.speeds;
+        let delays = largest
+            .iter()
+            .zip(speeds)
+            .filter(|(_, speed)| **speed > 0.0);
+        let delay = delays.map(|(s, speed)| s / speed).fold(0.0, f64::max);
+        let size = |i: usize| {
+            let now = tangent[i].abs() + (self.before.f[i] * time).abs();
+            let was = largest[i] + speeds[i] * time.abs();
+            now + FADED * was + ROUNDED * speeds[i] * delay
+        };
+        (0..tangent.len()).map(size).collect()
     }
 
     /// What lies on surfaces and at bounds stays there to first order.
