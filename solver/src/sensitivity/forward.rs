@@ -312,7 +312,8 @@ impl<'r> Forward<'r> {
                     let Some(tangent) = &self.tangents[d] else {
                         continue;
                     };
-                    let sizes = [&tangent[..], self.found.method.largest(d)];
+                    let method = &self.found.method;
+                    let sizes = [&tangent[..], method.largest(d), method.terms(d)];
                     match prepared.cross(&mut self.functions, sizes, d) {
                         Ok((time, tangent)) => {
                             by[d] = time;

@@ -202,9 +202,18 @@ pub(super) struct Linearized {
     pub f: Vec<f64>,
     /// Rows of states, and behind them of all α: columns are t, the states and the directions.
     pub rows: Vec<Vec<f64>>,
+    /// Of the rows of states, how large the terms of each entry are.
+    sizes: Vec<Vec<f64>>,
 }
 
 impl Linearized {
+    /// How large the terms of that product are for a state, those that cancel in its row with them.
+    pub fn terms(&self, state: usize, tangent: &[f64], direction: usize) -> f64 {
+        let row = &self.sizes[state];
+        let products = row[1..].iter().zip(tangent).map(|(a, b)| a * b.abs());
+        products.sum::<f64>() + row[1 + tangent.len() + direction]
+    }
+
     /// The product of a row with a tangent of a direction, at a fixed time.
     pub fn along(&self, row: usize, tangent: &[f64], direction: usize) -> f64 {
         let row = &self.rows[row];
@@ -481,20 +490,29 @@ impl<'r> Functions<'r> {
                 }
             }
         }
+        let mut sizes = Vec::with_capacity(n);
         for row in &mut columns {
             let mut whole = kept(row);
+            let mut size: Vec<f64> = whole.iter().map(|entry| entry.abs()).collect();
             for &i in &mode.sliding {
                 let slope = row[self.slots.alpha(i)];
                 if slope != 0.0 {
-                    for (entry, by) in whole.iter_mut().zip(&of_alpha[i]) {
+                    let entries = whole.iter_mut().zip(&mut size);
+                    for ((entry, size), by) in entries.zip(&of_alpha[i]) {
                         *entry += slope * by;
+                        *size += (slope * by).abs();
                     }
                 }
             }
+            sizes.push(size);
             *row = whole;
         }
         columns.extend(of_alpha);
-        Ok(Linearized { f, rows: columns })
+        Ok(Linearized {
+            f,
+            rows: columns,
+            sizes,
+        })
     }
 
     /// Solves φ_K = 0 for α_K by Newton's method from those that are given.

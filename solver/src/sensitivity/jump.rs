@@ -45,12 +45,17 @@ pub(super) fn jumped(
     sizes: &[f64],
 ) -> Result<Vec<Jumped>, Why> {
     let single: Vec<Vec<usize>> = event.laws.iter().map(|&law| vec![law]).collect();
-    for rounds in [vec![event.laws.clone()], single] {
+    let all = [vec![event.laws.clone()], single];
+    for (rounds, closed) in all
+        .iter()
+        .flat_map(|rounds| [(rounds, false), (rounds, true)])
+    {
         let mut x = event.before.clone();
         let mut found = Vec::new();
-        for laws in &rounds {
+        for laws in rounds {
             let here = Point { x: &x, ..point };
-            let Some((behind, jumped)) = together(functions, here, (event, sizes), laws)? else {
+            let Some((behind, jumped)) = together(functions, here, (event, sizes), (laws, closed))?
+            else {
                 break;
             };
             x = behind;
@@ -67,12 +72,12 @@ pub(super) fn jumped(
     Err(Why::Jump)
 }
 
-/// Laws that jump together: the state behind them.
+/// Laws that jump together, with impulses of contacts that are `closed` or without: the state behind them.
 fn together(
     functions: &mut Functions,
     point: Point,
     (event, sizes): (&Jump, &[f64]),
-    laws: &[usize],
+    (laws, closed): (&[usize], bool),
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let system = functions.system.clone();
     let mut x = point.x.to_vec();
@@ -89,6 +94,18 @@ fn together(
             (Guard::Strikes(normal), Effect::Impact(impact)) => impacts.push((*normal, impact)),
             (Guard::Sides { .. }, Effect::Impact(_)) => return Err(Why::Jump),
         }
+    }
+    if closed && !impacts.is_empty() {
+        let all = system.laws.iter().enumerate();
+        let others = all.filter(|(law, _)| !laws.contains(law));
+        impacts.extend(
+            others.filter_map(|(_, law)| match (&law.guard, &law.effect) {
+                (Guard::Strikes(normal), Effect::Impact(impact)) => {
+                    (event.from[*normal] == Side::Slide).then_some((*normal, impact))
+                }
+                _ => None,
+            }),
+        );
     }
     match (impacts.is_empty(), rows.is_empty()) {
         (true, _) => Ok(Some((x, Jumped { rows }))),

@@ -362,11 +362,11 @@ fn moved<'x>(x: &'x [f64], size: &'x [f64], time: f64) -> Moved<'x> {
 }
 
 impl Prepared<'_> {
-    /// dt/dp and the tangent behind the event, from that before it and how large it has been.
+    /// dt/dp and the tangent behind the event, from that before it, how large it has been, and what it was made of.
     pub fn cross(
         &self,
         functions: &mut Functions,
-        [tangent, largest]: [&[f64]; 2],
+        [tangent, largest, terms]: [&[f64]; 3],
         direction: usize,
     ) -> Result<(f64, Vec<f64>), Failed> {
         let of = self.of;
@@ -380,7 +380,7 @@ impl Prepared<'_> {
         let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))
             .map(|(s, f)| s + f * time)
             .collect();
-        let mut size = self.sizes([tangent, largest], time);
+        let mut size = self.sizes([tangent, largest, terms], time);
         let but = self.trigger.as_ref().map(|(.., switch)| *switch);
         self.check(functions, false, (moved(&x, &size, time), direction), but)?;
         for jump in &self.jumps {
@@ -404,18 +404,12 @@ impl Prepared<'_> {
     }
 
     /// How large the terms are that the motion of a state is made of: where they cancel, errors are a part of how large
-    /// they have been, and rounding of how far all others move in the time of their rates.
-    fn sizes(&self, [tangent, largest]: [&[f64]; 2], time: f64) -> Vec<f64> {
-        let speeds = self.of.speeds;
-        let delays = largest
-            .iter()
-            .zip(speeds)
-            .filter(|(_, speed)| **speed > 0.0);
-        let delay = delays.map(|(s, speed)| s / speed).fold(0.0, f64::max);
+    /// they have been.
+    fn sizes(&self, [tangent, largest, terms]: [&[f64]; 3], time: f64) -> Vec<f64> {
         let size = |i: usize| {
             let now = tangent[i].abs() + (self.before.f[i] * time).abs();
-            let was = largest[i] + speeds[i] * time.abs();
-            now + FADED * was + ROUNDED * speeds[i] * delay
+            let was = largest[i] + self.of.speeds[i] * time.abs();
+            now + FADED * was + ROUNDED * terms[i]
         };
         (0..tangent.len()).map(size).collect()
     }

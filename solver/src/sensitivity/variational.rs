@@ -15,6 +15,8 @@ use crate::linalg::DenseLu;
 const NODES: usize = 9;
 /// Halvings of a step.
 const MOST_HALVINGS: usize = 20;
+/// A defect is rounding up to this part of its terms.
+const ROUNDING: f64 = 1e-14;
 /// Where the defect is looked at besides the ends: between nodes.
 const BETWEEN: [f64; 2] = [0.25, 0.6];
 
@@ -32,8 +34,9 @@ pub(super) struct Variational {
     tableau: Tableau,
     /// The start, the nodes, and the end.
     points: Vec<f64>,
-    /// By direction and state.
+    /// By direction and state, that, and how large the terms of its rates were, over time.
     largest: Vec<Vec<f64>>,
+    terms: Vec<Vec<f64>>,
 }
 
 /// A step in its mode.
@@ -54,12 +57,18 @@ impl Variational {
             points: tableau.points(),
             tableau,
             largest: vec![vec![0.0; n_states]; n_directions],
+            terms: vec![vec![0.0; n_states]; n_directions],
         }
     }
 
     /// How large the tangents of a direction have been, by state.
     pub fn largest(&self, direction: usize) -> &[f64] {
         &self.largest[direction]
+    }
+
+    /// How large the terms were that the tangents of a direction are made of, by state.
+    pub fn terms(&self, direction: usize) -> &[f64] {
+        &self.terms[direction]
     }
 
     /// The values of a piece in which nothing moves.
@@ -113,7 +122,7 @@ impl Variational {
 
     /// A part of a step; none where it is too long.
     fn part(
-        &self,
+        &mut self,
         functions: &mut Functions,
         way: Way,
         tangents: &[Option<Vec<f64>>],
@@ -169,12 +178,7 @@ impl Variational {
                     let defect = (slope(i) - linear.along(i, &state, d)).abs();
                     let sizes = found.iter().map(|s| s[i].abs());
                     let size = sizes.fold(self.largest[d][i], f64::max);
-                    let products = linear.rows[i][1..]
-                        .iter()
-                        .zip(&state)
-                        .map(|(a, s)| (a * s).abs());
-                    let rounding =
-                        1e-13 * (products.sum::<f64>() + linear.rows[i][1 + n + d].abs());
+                    let rounding = ROUNDING * linear.terms(i, &state, d);
                     let is_small = h * defect <= way.run.tolerance * size + h * rounding;
                     if !is_small {
                         return Ok(None);
@@ -186,6 +190,9 @@ impl Variational {
                 let alpha = (n..linear.rows.len()).map(|i| linear.along(i, &tangent[..n], d));
                 let alpha: Vec<f64> = alpha.collect();
                 tangent.extend(alpha);
+            }
+            for i in 0..n {
+                self.terms[d][i] += h * linear_terms(&ends, &found, (i, d));
             }
             values[d] = Some(found);
         }
@@ -219,6 +226,13 @@ impl Variational {
         (0..width).for_each(|at| matrix[at * (width + 1)] += 1.0);
         matrix
     }
+}
+
+/// How large the terms of the rate of a tangent are at the ends of a part.
+fn linear_terms(ends: &[Linearized; 2], found: &[Vec<f64>], (i, d): (usize, usize)) -> f64 {
+    let n = ends[0].f.len();
+    let at = |end: &Linearized, tangent: &[f64]| end.terms(i, &tangent[..n], d);
+    at(&ends[0], &found[0]).max(at(&ends[1], &found[NODES + 1]))
 }
 
 impl Way<'_> {
