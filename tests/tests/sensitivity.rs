@@ -87,9 +87,9 @@ fn value(run: &Trajectory, to: &str) -> (String, f64) {
 fn agrees(text: &str, n_events: usize) {
     let run = run_at(text, 1e-13, &[]);
     assert!(!warned(&run), "{:?}", run.warnings);
-    let events = &run.sensitivities[0].events;
+    let events = &run.samples.sensitivities[0].events;
     assert_eq!(events.len(), n_events, "{events:?}");
-    for by in &run.sensitivities {
+    for by in &run.samples.sensitivities {
         assert_eq!(by.until, None);
         let (name, value) = value(&run, &by.to);
         let (reference, _) = extrapolated(text, (&name, value), 1e-3 * value.abs().max(0.1));
@@ -112,7 +112,7 @@ fn a_relay_slides_and_leaves() {
     let run = run_at(text, 1e-12, &[]);
     assert!(!warned(&run), "{:?}", run.warnings);
     let root = 2.0_f64.sqrt();
-    let [k, a] = [0, 1].map(|d| &run.sensitivities[d]);
+    let [k, a] = [0, 1].map(|d| &run.samples.sensitivities[d]);
     let near = |found: f64, expected: f64| {
         assert!((found - expected).abs() <= 1e-10, "{found} {expected}");
     };
@@ -142,7 +142,7 @@ fn a_ball_bounces() {
     assert!(!warned(&run), "{:?}", run.warnings);
     let (g, e, h) = (9.0_f64, 0.5_f64, 2.0_f64);
     let first = (2.0 * h / g).sqrt();
-    let n = run.sensitivities[0].events.len();
+    let n = run.samples.sensitivities[0].events.len();
     assert!(n >= 4, "{n} bounces");
     let near = |found: f64, expected: f64| {
         let error = (found - expected).abs();
@@ -154,19 +154,19 @@ fn a_ball_bounces() {
     let mut instant = 1.0;
     let mut by_e = 0.0;
     for k in 0..n {
-        let moves = |d: usize| run.sensitivities[d].events[k].derivative;
+        let moves = |d: usize| run.samples.sensitivities[d].events[k].derivative;
         near(moves(0), -first * instant / (2.0 * g));
         near(moves(1), first * by_e);
         near(moves(2), first * instant / (2.0 * h));
         // Behind the bounce v = e^n g T - g (t - t_n), at its instant.
-        let time = run.sensitivities[0].events[k].time;
+        let time = run.samples.sensitivities[0].events[k].time;
         let rows: Vec<usize> = (0..run.samples.time.len())
             .filter(|&at| run.samples.time[at] == time)
             .collect();
         assert_eq!(rows.len(), 2, "before and behind");
         let power = (k + 1) as f64;
         let thrown = e.powf(power) * g * first;
-        let of_v = |d: usize, row: usize| run.sensitivities[d].states[1].at(rows[row])[0];
+        let of_v = |d: usize, row: usize| run.samples.sensitivities[d].states[1].at(rows[row])[0];
         near(of_v(0, 1), 0.5 * thrown / g + g * moves(0));
         near(of_v(1, 1), power * thrown / e + g * moves(1));
         near(of_v(2, 1), 0.5 * thrown / h + g * moves(2));
@@ -292,7 +292,7 @@ fn loses(text: &str, time: f64, words: &str) {
     let warning = run.warnings.iter().find(|warning| warning.code == "W0735");
     let warning = warning.expect("it is lost");
     assert!(warning.message.contains(words), "{}", warning.message);
-    for by in &run.sensitivities {
+    for by in &run.samples.sensitivities {
         let until = by.until.expect("it is lost");
         assert!((until - time).abs() <= 1e-6, "{until}");
         for (at, t) in run.samples.time.iter().enumerate() {
@@ -384,7 +384,7 @@ fn random_systems_are_right_or_said_to_be_lost() {
         if run.failure.is_some() {
             continue;
         }
-        for by in &run.sensitivities {
+        for by in &run.samples.sensitivities {
             if by.until.is_some() {
                 assert!(warned(&run));
                 lost += 1;

@@ -118,7 +118,7 @@ impl Run {
 
     /// What is reported over time, as a table.
     pub fn csv(&self) -> String {
-        csv::differentiated(&self.trajectory)
+        csv::write(&self.trajectory.samples)
     }
 
     /// A short report.

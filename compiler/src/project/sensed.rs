@@ -16,17 +16,18 @@ use crate::system::experiment::{ExperimentError, Sensed};
 pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
     let (settings, system) = (&compiled.settings, &compiled.system);
     let is_open = |sensed: &Sensed| sensed.is_initial || settings.values.is_open(sensed.var);
-    if settings.sensed.is_empty() || !settings.sensed.iter().all(is_open) {
+    if settings.recording.sensed.is_empty() || !settings.recording.sensed.iter().all(is_open) {
         return Ok(None);
     }
-    let opened = Opened::of(compiled).map_err(|error| no_input(&settings.sensed, &error))?;
+    let opened =
+        Opened::of(compiled).map_err(|error| no_input(&settings.recording.sensed, &error))?;
     let n = system.states.len();
     let (entries, slopes) = opened.start.partials(|_| true);
     let parameters: Vec<f64> = opened.parameters.iter().map(|p| p.value).collect();
     let mut values = vec![0.0; slopes.n_outputs()];
     slopes.eval(&parameters, &mut values, &mut slopes.scratch());
     let mut directions = Directions::default();
-    for sensed in &settings.sensed {
+    for sensed in &settings.recording.sensed {
         let (mut initial, mut by) = (vec![0.0; n], vec![0.0; parameters.len()]);
         let not_there = || refused(sensed, "the experiment does not need it".to_owned());
         if sensed.is_initial {
@@ -52,7 +53,7 @@ pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagno
         directions.initial.push(initial);
         directions.parameters.push(by);
     }
-    let names = settings.sensed.iter();
+    let names = settings.recording.sensed.iter();
     Ok(Some(Sensing {
         open: opened.places,
         directions,

@@ -59,8 +59,6 @@ pub struct Trajectory {
     pub warnings: Vec<Warning>,
     /// The values at the reported instants.
     pub samples: Rows,
-    /// Derivatives of what is reported, where they were asked for.
-    pub sensitivities: Vec<Sensitivity>,
     /// Multipliers of the complementarity system, where they were asked for and the method has them.
     pub multipliers: Option<Multipliers>,
     /// The solution between the reported instants.
@@ -109,6 +107,9 @@ pub struct Samples {
     /// Controls, in order of declaration.
     #[serde(serialize_with = "forms::json::by_name")]
     pub controls: Vec<Series>,
+    /// Derivatives of all of them, where they were asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensitivities: Vec<Sensitivity>,
 }
 
 /// The derivatives of a run by a parameter or an initial value.
@@ -465,6 +466,13 @@ impl Samples {
             states: all(&self.states),
             outputs: all(&self.outputs),
             controls: all(&self.controls),
+            sensitivities: (self.sensitivities.iter())
+                .map(|by| Sensitivity {
+                    states: all(&by.states),
+                    outputs: all(&by.outputs),
+                    ..by.clone()
+                })
+                .collect(),
         }
     }
 

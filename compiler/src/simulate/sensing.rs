@@ -73,7 +73,7 @@ impl Sensing {
                 events: moves.collect(),
             });
         }
-        trajectory.sensitivities = all;
+        trajectory.samples.sensitivities = all;
         let mut told: Vec<(&Loss, Vec<&str>)> = Vec::new();
         for (loss, (name, _)) in found.lost.iter().zip(&self.names) {
             let Some(loss) = loss else { continue };

@@ -150,69 +150,107 @@ fn whole(slope: &Slope) -> Vec<f64> {
     [&[slope.time], &slope.x[..], &slope.by].concat()
 }
 
+/// What an impact stops or throws back.
+struct Stopped {
+    switch: usize,
+    /// e, and its derivatives.
+    restitution: f64,
+    slope: Slope,
+}
+
+/// Contacts as an impact closes them, those that stick behind it sticking.
+struct Closed {
+    sides: Box<[Side]>,
+    alpha: Vec<f64>,
+    stopped: Vec<Stopped>,
+}
+
+impl Closed {
+    fn of(
+        functions: &mut Functions,
+        point: Point,
+        (event, sizes): (&Jump, &[f64]),
+        impacts: &[(usize, &Impact)],
+    ) -> Result<Self, Why> {
+        let mut closed = Closed {
+            sides: event.from.clone(),
+            alpha: point.alpha.to_vec(),
+            stopped: Vec::new(),
+        };
+        let behind = Point {
+            x: &event.after,
+            ..point
+        };
+        for &(normal, impact) in impacts {
+            (closed.sides[normal], closed.alpha[normal]) = (Side::Slide, 0.0);
+            let tape = Arc::new(impact.numbers.clone());
+            let group = Group::new(tape, impact.inputs.clone(), functions.slots);
+            let numbers = group.values(&point, &mut functions.registers);
+            let slopes = group.slopes(&point, &mut functions.registers).into_iter();
+            let of_e = slopes.filter(|&(number, ..)| number == 0);
+            let of_e: Vec<_> = of_e.map(|(_, slot, slope)| (slot, slope)).collect();
+            closed.stopped.push(Stopped {
+                switch: normal,
+                restitution: numbers[0],
+                slope: Slope::of(functions, &of_e),
+            });
+            for &slip in &impact.slips {
+                closed.slip(functions, (&behind, sizes), slip)?;
+            }
+        }
+        Ok(closed)
+    }
+
+    /// A slip velocity sticks where it is zero behind the impact.
+    fn slip(
+        &mut self,
+        functions: &mut Functions,
+        (behind, sizes): (&Point, &[f64]),
+        slip: usize,
+    ) -> Result<(), Why> {
+        // With two entries friction has a direction of its own.
+        if functions.system.across(slip).is_some() {
+            return Err(Why::Jump);
+        }
+        let psi = functions.psi(slip, 0, &self.sides);
+        let after = psi.value(behind, &mut functions.registers);
+        let slopes = psi.slopes(behind, &mut functions.registers).into_iter();
+        let terms = slopes.filter(|(slot, _)| (1..=sizes.len()).contains(slot));
+        let terms = terms.map(|(slot, slope)| slope.abs() * sizes[slot - 1]);
+        if after.abs() <= STICKS * terms.sum::<f64>() {
+            (self.sides[slip], self.alpha[slip]) = (Side::Slide, 0.5);
+            self.stopped.push(Stopped {
+                switch: slip,
+                restitution: 0.0,
+                slope: Slope::of(functions, &[]),
+            });
+        } else {
+            self.sides[slip] = Side::of(after);
+            self.alpha[slip] = 0.5 + 0.5 * self.sides[slip].sign();
+        }
+        Ok(())
+    }
+}
+
 /// The state behind an impact of contacts that push, none where they do not.
 fn struck(
     functions: &mut Functions,
     point: Point,
-    (event, sizes): (&Jump, &[f64]),
+    of: (&Jump, &[f64]),
     impacts: &[(usize, &Impact)],
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
-    let n = functions.slots.n_states;
-    let (mut sides, mut alpha) = (event.from.clone(), point.alpha.to_vec());
-    let mut pushed: Vec<(usize, Slope, f64)> = Vec::new();
-    for &(normal, impact) in impacts {
-        (sides[normal], alpha[normal]) = (Side::Slide, 0.0);
-        let group = Group::new(
-            Arc::new(impact.numbers.clone()),
-            impact.inputs.clone(),
-            functions.slots,
-        );
-        let numbers = group.values(&point, &mut functions.registers);
-        let slopes = group.slopes(&point, &mut functions.registers);
-        let of_e: Vec<_> = slopes
-            .iter()
-            .filter(|s| s.0 == 0)
-            .map(|s| (s.1, s.2))
-            .collect();
-        pushed.push((normal, Slope::of(functions, &of_e), numbers[0]));
-        for &slip in &impact.slips {
-            let behind = Point {
-                x: &event.after,
-                ..point
-            };
-            let psi = functions.psi(slip, 0, &event.from);
-            let after = psi.value(&behind, &mut functions.registers);
-            let slopes = psi.slopes(&behind, &mut functions.registers);
-            let terms = slopes.iter().filter(|(slot, _)| (1..=n).contains(slot));
-            let size: f64 = terms
-                .map(|&(slot, slope)| slope.abs() * sizes[slot - 1])
-                .sum();
-            // With two entries friction has a direction of its own.
-            if functions.system.across(slip).is_some() {
-                return Err(Why::Jump);
-            }
-            if after.abs() <= STICKS * size {
-                (sides[slip], alpha[slip]) = (Side::Slide, 0.5);
-                let none = Slope {
-                    time: 0.0,
-                    x: vec![0.0; n],
-                    by: vec![0.0; functions.n_directions()],
-                };
-                pushed.push((slip, none, 0.0));
-            } else {
-                sides[slip] = Side::of(after);
-                alpha[slip] = 0.5 + 0.5 * sides[slip].sign();
-            }
-        }
-    }
+    let Closed {
+        sides,
+        alpha,
+        stopped,
+    } = Closed::of(functions, point, of, impacts)?;
     let point = Point {
         alpha: &alpha,
         ..point
     };
-    let switches: Vec<usize> = pushed.iter().map(|p| p.0).collect();
+    let (n, k) = (functions.slots.n_states, stopped.len());
+    let switches: Vec<usize> = stopped.iter().map(|stopped| stopped.switch).collect();
     let kicks = functions.kicks(&sides, &point, &switches);
-    let k = switches.len();
-    let width = 1 + n + functions.n_directions();
     // h with its slopes, and how these change.
     let (mut h, mut h_rows, mut h_bends) = (Vec::new(), Vec::new(), Vec::new());
     for &i in &switches {
@@ -225,57 +263,51 @@ fn struck(
     let product = |row: &[f64], kick: &[f64]| -> f64 {
         row[1..=n].iter().zip(kick).map(|(a, b)| a * b).sum()
     };
-    let matrix: Vec<f64> = h_rows
-        .iter()
-        .flat_map(|row| kicks.iter().map(|kick| product(row, &kick.0)))
-        .collect();
+    let of_row =
+        |row: &Vec<f64>| -> Vec<f64> { kicks.iter().map(|kick| product(row, &kick.0)).collect() };
+    let matrix: Vec<f64> = h_rows.iter().flat_map(of_row).collect();
     let mut lu = DenseLu::new(k);
     lu.factor(&matrix).map_err(|_| Why::Jump)?;
-    let mut lambda: Vec<f64> = (0..k).map(|i| -(1.0 + pushed[i].2) * h[i]).collect();
+    let kept = |i: usize| -(1.0 + stopped[i].restitution) * h[i];
+    let mut lambda: Vec<f64> = (0..k).map(kept).collect();
     lu.solve(&mut lambda);
     let pushes = |at: usize| !functions.system.is_unilateral(switches[at]) || lambda[at] > 0.0;
     if !(0..k).all(pushes) {
         return Ok(None);
     }
-    let mut x = point.x.to_vec();
-    let mut rows: Vec<Vec<f64>> = (0..n)
-        .map(|i| {
-            let mut row = vec![0.0; width];
-            row[1 + i] = 1.0;
-            row
-        })
-        .collect();
+    let mut rows: Vec<Vec<f64>> = vec![Vec::new(); n];
     // By columns: δλ, and with it δx⁺.
-    for column in 0..width {
-        let mut rhs: Vec<f64> = (0..k)
-            .map(|i| {
-                let e = whole(&pushed[i].1);
-                let mut sum = e[column] * h[i] + (1.0 + pushed[i].2) * h_rows[i][column];
-                for (l, kick) in kicks.iter().enumerate() {
-                    let of_kick: f64 = (0..n).map(|j| h_rows[i][1 + j] * kick.1[j][column]).sum();
-                    let of_row: f64 = (0..n).map(|j| h_bends[i][j][column] * kick.0[j]).sum();
-                    sum += (of_kick + of_row) * lambda[l];
-                }
-                -sum
-            })
-            .collect();
-        lu.solve(&mut rhs);
+    for column in 0..1 + n + functions.n_directions() {
+        let change = |i: usize| {
+            let of_e = whole(&stopped[i].slope)[column] * h[i];
+            let of_h = (1.0 + stopped[i].restitution) * h_rows[i][column];
+            let of_kicks = kicks.iter().zip(&lambda).map(|(kick, lambda)| {
+                let moved = (0..n).map(|j| {
+                    h_rows[i][1 + j] * kick.1[j][column] + h_bends[i][j][column] * kick.0[j]
+                });
+                lambda * moved.sum::<f64>()
+            });
+            -(of_e + of_h + of_kicks.sum::<f64>())
+        };
+        let mut changes: Vec<f64> = (0..k).map(change).collect();
+        lu.solve(&mut changes);
         for (i, row) in rows.iter_mut().enumerate() {
-            for (l, kick) in kicks.iter().enumerate() {
-                row[column] += kick.0[i] * rhs[l] + kick.1[i][column] * lambda[l];
-            }
+            let own = if column == 1 + i { 1.0 } else { 0.0 };
+            let of_kicks = kicks
+                .iter()
+                .enumerate()
+                .map(|(l, kick)| kick.0[i] * changes[l] + kick.1[i][column] * lambda[l]);
+            row.push(own + of_kicks.sum::<f64>());
         }
     }
-    for (l, kick) in kicks.iter().enumerate() {
-        x.iter_mut()
-            .zip(&kick.0)
-            .for_each(|(x, d)| *x += d * lambda[l]);
-    }
-    let slope = |row: Vec<f64>| Slope {
-        time: row[0],
-        x: row[1..=n].to_vec(),
-        by: row[1 + n..].to_vec(),
+    let pushed = |i: usize| {
+        let pushes = kicks
+            .iter()
+            .zip(&lambda)
+            .map(|(kick, lambda)| kick.0[i] * lambda);
+        point.x[i] + pushes.sum::<f64>()
     };
-    let rows = rows.into_iter().map(slope).enumerate().collect();
-    Ok(Some((x, Jumped { rows })))
+    let rows = rows.iter().map(|row| Slope::row(row, n)).enumerate();
+    let rows = rows.collect();
+    Ok(Some(((0..n).map(pushed).collect(), Jumped { rows })))
 }

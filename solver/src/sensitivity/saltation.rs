@@ -53,7 +53,7 @@ impl Slope {
     }
 
     /// Of a row over t, states and directions.
-    fn row(row: &[f64], n: usize) -> Self {
+    pub fn row(row: &[f64], n: usize) -> Self {
         Slope {
             time: row[0],
             x: row[1..=n].to_vec(),

@@ -258,12 +258,11 @@ impl<'a> Outputs<'a> {
             self.objects.push_str(&json::write(trajectory));
             self.objects.push('\n');
         }
-        let history = &trajectory.history;
+        let Trajectory {
+            samples, history, ..
+        } = trajectory;
         let files = [
-            (
-                &args.csv,
-                args.csv.as_ref().map(|_| csv::differentiated(trajectory)),
-            ),
+            (&args.csv, args.csv.as_ref().map(|_| csv::write(samples))),
             (
                 &args.events,
                 args.events.as_ref().map(|_| csv::events(history)),

@@ -2,21 +2,13 @@
 //!
 //! Numbers round-trip. Names that hold a comma, such as `R[1,2]`, are quoted.
 
-use crate::report::{History, Samples, Sensitivity, Series, Trajectory};
+use crate::report::{History, Samples, Series};
 
-/// Header `time,x[1],x[2],...` and one line per instant: states, outputs, controls.
+/// Header `time,x[1],x[2],...` and one line per instant: states, outputs, controls, and derivatives that were asked for
+/// as `d x[1]/d mu`.
 pub fn write(samples: &Samples) -> String {
-    table(samples, &[])
-}
-
-/// The same, and behind it in columns `d x[1]/d mu` the derivatives that were asked for.
-pub fn differentiated(trajectory: &Trajectory) -> String {
-    table(&trajectory.samples, &trajectory.sensitivities)
-}
-
-fn table(samples: &Samples, sensitivities: &[Sensitivity]) -> String {
     let derivatives = || {
-        let all = sensitivities.iter();
+        let all = samples.sensitivities.iter();
         all.flat_map(|by| {
             by.states
                 .iter()

@@ -8,8 +8,7 @@ use nsd_solver::optimization::mpcc::Spread;
 
 use crate::report::{
     Averaged, Bands, Check, Confirmation, Ensemble, EventKind, History, Kind, Method, MethodOption,
-    Multipliers, Optimum, Quality, Samples, Sensitivity, Series, Stationarity, Status, Trajectory,
-    Warning,
+    Multipliers, Optimum, Quality, Samples, Series, Stationarity, Status, Trajectory, Warning,
 };
 
 /// The object, without a line break.
@@ -76,8 +75,6 @@ struct Values<'a> {
     #[serde(serialize_with = "as_map")]
     r#final: Vec<(&'a str, Shaped<'a>)>,
     objective: Option<f64>,
-    #[serde(skip_serializing_if = "<[_]>::is_empty")]
-    sensitivities: &'a [Sensitivity],
 }
 
 /// What happened, and how far it can be trusted.
@@ -122,7 +119,6 @@ impl<'a> From<&'a Trajectory> for Values<'a> {
             multipliers: trajectory.multipliers.as_ref(),
             r#final: at_end.unwrap_or_default(),
             objective: trajectory.objective,
-            sensitivities: &trajectory.sensitivities,
         }
     }
 }

@@ -4,8 +4,8 @@ use std::fmt::{self, Display, Write};
 
 use crate::diagnostics::counted;
 use crate::report::{
-    Bands, Constraint, Event, EventKind, History, MethodOption, ModeTexts, Series, Stationarity,
-    Stats, Status, Trajectory,
+    Bands, Constraint, Event, EventKind, History, MethodOption, ModeTexts, Samples, Series,
+    Stationarity, Stats, Status, Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
@@ -42,7 +42,6 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     free(trajectory, text)?;
     constraints(trajectory, text)?;
     end(trajectory, text)?;
-    sensitivities(trajectory, text)?;
     events(&trajectory.history, text)?;
     modes(&trajectory.history, text)?;
     origin(trajectory, text)?;
@@ -58,8 +57,8 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
 }
 
 /// Derivatives at the end.
-fn sensitivities(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    for by in &trajectory.sensitivities {
+fn sensitivities(end: &Samples, text: &mut String) -> fmt::Result {
+    for by in &end.sensitivities {
         writeln!(text, "\n  sensitivity to {}", by.to)?;
         if let Some(until) = by.until {
             writeln!(text, "    not known from {} on", significant(until, 12))?;
@@ -67,16 +66,9 @@ fn sensitivities(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         }
         let all = by.states.iter().chain(&by.outputs);
         let width = all.clone().map(|series| chars(&series.name)).max();
-        let Some(last) = (trajectory.samples.time.len()).checked_sub(1) else {
-            continue;
-        };
         for series in all {
-            let end = Series {
-                values: series.at(last).to_vec(),
-                ..series.clone()
-            };
             let width = width.unwrap_or(0);
-            writeln!(text, "    {:width$} = {}", series.name, Value(&end))?;
+            writeln!(text, "    {:width$} = {}", series.name, Value(series))?;
         }
     }
     Ok(())
@@ -181,7 +173,7 @@ fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     for series in rows {
         writeln!(text, "    {:width$} = {}", series.name, Value(series))?;
     }
-    Ok(())
+    sensitivities(&end, text)
 }
 
 fn events(history: &History, text: &mut String) -> fmt::Result {

@@ -254,5 +254,6 @@ fn named(system: &System) -> Samples {
             .collect(),
         outputs,
         controls,
+        sensitivities: Vec::new(),
     }
 }

@@ -92,7 +92,6 @@ pub fn evaluate<'e>(
         optimize,
         kicks: statements.kicks,
         runs: statements.runs.map(|(n, _)| n),
-        sensed: statements.sensed,
         expects: statements.expects,
         span: experiment.span,
         values,

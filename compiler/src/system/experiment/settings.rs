@@ -32,8 +32,6 @@ pub struct Settings<'e> {
     pub kicks: Option<Perturbation>,
     /// How often the experiment is run, with other random vectors each time; none for once.
     pub runs: Option<usize>,
-    /// By what the run is differentiated.
-    pub sensed: Vec<Sensed<'e>>,
     /// Assertions, in order, with the span of each statement.
     pub expects: Vec<(Expect, Span)>,
     /// The experiment.
@@ -66,6 +64,8 @@ pub struct Recording<'e> {
     pub sampling: Sampling,
     /// What figures show.
     pub figures: Figures<'e>,
+    /// By what the run is differentiated.
+    pub sensed: Vec<Sensed<'e>>,
 }
 
 impl Settings<'_> {

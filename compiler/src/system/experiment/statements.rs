@@ -35,7 +35,6 @@ pub(crate) struct Statements<'m, 'e> {
     pub kicks: Option<Perturbation>,
     pub runs: Option<(usize, Span)>,
     pub averages: Option<Span>,
-    pub sensed: Vec<Sensed<'e>>,
     pub expects: Vec<(Expect, Span)>,
 }
 
@@ -59,7 +58,6 @@ impl<'m, 'e> Statements<'m, 'e> {
             kicks: None,
             runs: None,
             averages: None,
-            sensed: Vec::new(),
             expects: Vec::new(),
         }
     }
@@ -140,7 +138,8 @@ impl<'m, 'e> Statements<'m, 'e> {
                 let to = to
                     .iter()
                     .map(|(path, at_start)| Sensed::read(reader, path, *at_start));
-                self.sensed
+                self.recording
+                    .sensed
                     .extend(to.collect::<Vec<_>>().into_iter().flatten());
             }
             SettingKind::Perturb { every, by, seed } => {
@@ -195,7 +194,8 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some((_, span)) = (self.runs).filter(|_| !experiment.settings.iter().any(disturbs)) {
             reader.error(ExperimentError::SameRuns { span });
         }
-        if let (Some(sensed), Some(why)) = (self.sensed.first(), self.undifferentiated()) {
+        if let (Some(sensed), Some(why)) = (self.recording.sensed.first(), self.undifferentiated())
+        {
             reader.error(ExperimentError::NoSensitivity {
                 name: sensed.name.clone(),
                 why,
