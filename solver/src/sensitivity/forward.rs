@@ -324,6 +324,9 @@ impl<'r> Forward<'r> {
                 }
             }
         }
+        for (d, time) in by.iter().enumerate().filter(|(_, time)| !time.is_nan()) {
+            self.found.method.passed(d, *time, &self.speeds);
+        }
         for (d, why, switches) in failed {
             self.lose(event.time, why, &switches, &[d]);
         }

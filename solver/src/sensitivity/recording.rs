@@ -62,9 +62,15 @@ impl Step {
 
     /// α of all switches `tau` after the start; 1/2 where it is not known, as of what nothing but outputs looks at.
     pub fn alpha(&self, tau: f64, alpha: &mut [f64]) {
+        self.known_alpha(tau, alpha);
+        let unknown = alpha.iter_mut().filter(|alpha| alpha.is_nan());
+        unknown.for_each(|alpha| *alpha = 0.5);
+    }
+
+    /// The same, not a number where it is not known.
+    fn known_alpha(&self, tau: f64, alpha: &mut [f64]) {
         for (i, alpha) in alpha.iter_mut().enumerate() {
-            let value = series::value(self.row(self.end.len() + i), tau);
-            *alpha = if value.is_nan() { 0.5 } else { value };
+            *alpha = series::value(self.row(self.end.len() + i), tau);
         }
     }
 }
@@ -103,7 +109,7 @@ impl Recording {
         if let Some(step) = later.or_else(earlier) {
             let tau = (t - step.start).clamp(0.0, step.length);
             step.state(tau, x, &mut vec![0.0; x.len()]);
-            step.alpha(tau, alpha);
+            step.known_alpha(tau, alpha);
         }
     }
 }

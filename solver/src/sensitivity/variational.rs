@@ -66,6 +66,13 @@ impl Variational {
         &self.largest[direction]
     }
 
+    /// An instant has moved a tangent by the rates of its states.
+    pub fn passed(&mut self, direction: usize, time: f64, speeds: &[f64]) {
+        for (terms, speed) in self.terms[direction].iter_mut().zip(speeds) {
+            *terms += (speed * time).abs();
+        }
+    }
+
     /// How large the terms were that the tangents of a direction are made of, by state.
     pub fn terms(&self, direction: usize) -> &[f64] {
         &self.terms[direction]

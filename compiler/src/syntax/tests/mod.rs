@@ -256,6 +256,7 @@ fn reads_every_setting_of_a_simulation() {
       perturb every 0.16 by sphere(0.0001) seed 1;
       perturb every 1;
       on chattering slide;
+      sensitivity to mu, x[1] at 0;
       expect x at end ~ [1, 0] within 1e-9;
       expect x at 0.5 <= 0;
       expect energy at end <= energy at 0;

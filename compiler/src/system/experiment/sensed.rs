@@ -55,17 +55,27 @@ impl<'e> Sensed<'e> {
 impl Experiment {
     /// Lets the parameters stay open that the run is to be differentiated by.
     pub(crate) fn open_sensed(&mut self) {
-        for setting in &self.settings {
-            if let SettingKind::Sensitivity(to) = &setting.kind {
-                let params = to.iter().filter(|(_, at_start)| !at_start);
-                self.open.extend(params.map(|(path, _)| path.clone()));
-            }
-        }
+        let params = self.sensed().filter(|(_, at_start)| !at_start);
+        let params: Vec<Path> = params.map(|(path, _)| path.clone()).collect();
+        self.open.extend(params);
     }
 
     /// Whether the run is to be differentiated.
     pub(crate) fn is_sensed(&self) -> bool {
-        let mut settings = self.settings.iter();
-        settings.any(|setting| matches!(setting.kind, SettingKind::Sensitivity(_)))
+        self.sensed().next().is_some()
+    }
+
+    /// Whether the run is to be differentiated by what is named there.
+    pub(super) fn senses(&self, span: Span) -> bool {
+        self.sensed().any(|(path, _)| path.span == span)
+    }
+
+    fn sensed(&self) -> impl Iterator<Item = &(Path, bool)> {
+        self.settings
+            .iter()
+            .flat_map(|setting| match &setting.kind {
+                SettingKind::Sensitivity(to) => &to[..],
+                _ => &[],
+            })
     }
 }
