@@ -308,7 +308,7 @@ impl<'r> Forward<'r> {
                 failed.extend((0..self.tangents.len()).map(|d| (d, why, switches.clone())));
             }
             Ok(prepared) => {
-                for d in 0..self.tangents.len() {
+                for (d, by) in by.iter_mut().enumerate() {
                     let Some(tangent) = &self.tangents[d] else {
                         continue;
                     };
@@ -316,7 +316,7 @@ impl<'r> Forward<'r> {
                     let sizes = [&tangent[..], method.largest(d), method.terms(d)];
                     match prepared.cross(&mut self.functions, sizes, d) {
                         Ok((time, tangent)) => {
-                            by[d] = time;
+                            *by = time;
                             self.tangents[d] = Some(tangent);
                         }
                         Err((why, switches)) => failed.push((d, why, switches)),

@@ -127,7 +127,7 @@ pub(super) enum Psi {
     /// Value at zero and slopes of what is affine.
     Affine(f64, Vec<(usize, f64)>),
     /// The function, and its slopes as functions.
-    Smooth(Group, Group),
+    Smooth(Box<[Group; 2]>),
 }
 
 impl Psi {
@@ -141,7 +141,7 @@ impl Psi {
             Surface::Parametric(smooth) | Surface::Smooth(smooth) => {
                 let group = Group::new(smooth.psi, smooth.inputs, slots);
                 let second = group.differentiated(slots);
-                Psi::Smooth(group, second)
+                Psi::Smooth(Box::new([group, second]))
             }
         }
     }
@@ -158,7 +158,7 @@ impl Psi {
                 };
                 terms.iter().map(|&(slot, c)| c * at(slot)).sum::<f64>() + constant
             }
-            Psi::Smooth(group, _) => group.values(point, registers)[0],
+            Psi::Smooth(groups) => groups[0].values(point, registers)[0],
         }
     }
 
@@ -166,8 +166,8 @@ impl Psi {
     pub fn slopes(&self, point: &Point, registers: &mut Vec<f64>) -> Vec<(usize, f64)> {
         match self {
             Psi::Affine(_, terms) => terms.clone(),
-            Psi::Smooth(group, _) => {
-                let slopes = group.slopes(point, registers).into_iter();
+            Psi::Smooth(groups) => {
+                let slopes = groups[0].slopes(point, registers).into_iter();
                 slopes.map(|(_, slot, slope)| (slot, slope)).collect()
             }
         }
@@ -177,7 +177,8 @@ impl Psi {
     fn bends(&self, point: &Point, registers: &mut Vec<f64>) -> Vec<(usize, usize, f64)> {
         match self {
             Psi::Affine(..) => Vec::new(),
-            Psi::Smooth(group, second) => {
+            Psi::Smooth(groups) => {
+                let [group, second] = &**groups;
                 let bends = second.slopes(point, registers).into_iter();
                 bends
                     .map(|(at, slot, bend)| (group.entries[at].1, slot, bend))
@@ -220,6 +221,13 @@ impl Linearized {
         let products = row[1..].iter().zip(tangent).map(|(a, b)| a * b);
         products.sum::<f64>() + row[1 + tangent.len() + direction]
     }
+}
+
+/// φ_K with its derivatives by t, states, all α and the directions, and A factored.
+struct Equations {
+    lu: DenseLu,
+    values: Vec<f64>,
+    rows: Vec<Vec<f64>>,
 }
 
 /// Key of what is compiled for the sides inside it.
@@ -452,7 +460,7 @@ impl<'r> Functions<'r> {
         mode: &ModeFunctions,
         point: &Point,
         (f, columns): (&[f64], &[Vec<f64>]),
-    ) -> Result<(DenseLu, Vec<f64>, Vec<Vec<f64>>), Singular> {
+    ) -> Result<Equations, Singular> {
         let k = mode.sliding.len();
         let kept = mode.kept.iter();
         let rows: Vec<_> = kept.map(|h| self.phi(h, point, f, columns)).collect();
@@ -464,7 +472,7 @@ impl<'r> Functions<'r> {
         let matrix: Vec<f64> = entries.collect();
         let mut lu = DenseLu::new(k);
         lu.factor(&matrix)?;
-        Ok((lu, values, rows))
+        Ok(Equations { lu, values, rows })
     }
 
     /// f and α with their derivatives by t, states and directions, at a point of a mode where α_K is known.
@@ -480,7 +488,7 @@ impl<'r> Functions<'r> {
         let kept = |row: &[f64]| [&row[..=n], &row[first..]].concat();
         let mut of_alpha = vec![vec![0.0; width]; m];
         if !mode.sliding.is_empty() {
-            let (lu, _, rows) = self.equations(mode, point, (&f, &columns))?;
+            let Equations { lu, rows, .. } = self.equations(mode, point, (&f, &columns))?;
             let rows: Vec<Vec<f64>> = rows.iter().map(|row| kept(row)).collect();
             for column in 0..width {
                 let mut rhs: Vec<f64> = rows.iter().map(|row| -row[column]).collect();
@@ -529,7 +537,8 @@ impl<'r> Functions<'r> {
         for _ in 0..MOST {
             let here = Point { alpha, ..*point };
             let (f, columns) = self.columns(mode, &here);
-            let (lu, mut phi, _) = self.equations(mode, &here, (&f, &columns))?;
+            let found = self.equations(mode, &here, (&f, &columns))?;
+            let (lu, mut phi) = (found.lu, found.values);
             lu.solve(&mut phi);
             let mut change = 0.0_f64;
             for (&i, delta) in mode.sliding.iter().zip(&phi) {

@@ -346,7 +346,7 @@ impl<'a> Saltation<'a> {
         let Some((share, slope, rate, i)) = found.first().cloned() else {
             return Err((Why::Unknown, met()));
         };
-        if !(share > TANGENTIAL) {
+        if share.is_nan() || share <= TANGENTIAL {
             return Err((Why::Grazing, vec![i]));
         }
         // Laws of which one is met just before the other may make another state together.
