@@ -38,7 +38,7 @@ use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::algebraic::following;
 use self::system::experiment::{ExperimentError, Feature, Method, MethodKind, Settings};
-use self::system::task::{Control, Shape};
+use self::system::task::{Control, Lengths, Shape};
 use self::system::{Allowed, Extent, Role, Switch, System, freezing};
 
 /// An experiment that is ready to run.
@@ -143,6 +143,7 @@ fn compile_to<'e>(
         pass(refused_contacts(&model, &settings), diags)?;
         let system = system::lower(&model, &settings, extent, diags)?;
         let refused = line_of_choices(&system, &settings)
+            .or_else(|| line_of_lengths(&settings))
             .or_else(|| settings.refuses_branches(&system))
             .or_else(|| settings.kicks_too_much(&system));
         pass(refused, diags)?;
@@ -376,13 +377,27 @@ fn line_of_choices(system: &System, settings: &Settings) -> Option<ExperimentErr
     })
 }
 
+/// Refuses straight lines for controls over intervals that are not equal.
+fn line_of_lengths(settings: &Settings) -> Option<ExperimentError> {
+    let grid = &settings.optimize.as_ref()?.discretization;
+    let is_wrong = grid.controls == Shape::Linear && grid.lengths != Lengths::Equal;
+    is_wrong.then_some(ExperimentError::LinesOfLengths {
+        span: settings.span,
+    })
+}
+
 /// Refuses data that bend inside of control intervals.
 fn bends(data: &model::Data, settings: &Settings) -> Result<(), ExperimentError> {
     let Some(task) = &settings.optimize else {
         return Ok(());
     };
     let horizon = task.horizon.unwrap_or((settings.horizon, settings.horizon));
-    match lowering::discretize::inside(&data.table, horizon, task.discretization.intervals) {
+    // Intervals whose lengths are their own have ends anywhere.
+    let intervals = match task.discretization.lengths {
+        Lengths::Equal => task.discretization.intervals,
+        _ => 1,
+    };
+    match lowering::discretize::inside(&data.table, horizon, intervals) {
         None => Ok(()),
         Some(time) => Err(ExperimentError::Bends {
             name: data.name.clone(),

@@ -9,13 +9,14 @@ fn main() -> ExitCode {
     let mut err = io::stderr();
     let is_terminal = err.is_terminal();
     let colour = is_terminal && std::env::var_os("NO_COLOR").is_none();
-    let mut out = BufWriter::new(io::stdout().lock());
+    let mut out = BufWriter::new(io::stdout());
     let mut streams = Streams {
         out: &mut out,
         err: &mut err,
         colour,
         progress: is_terminal,
         width: width(),
+        files: cli::terminal(),
     };
     let exit = cli::run(std::env::args_os(), &mut streams);
     let _ = err.flush();

@@ -77,6 +77,8 @@ fn help_names_the_commands() {
       solve        Solve AMPL .nl files with complementarity conditions
       fmt          Lay files out in the standard way
       new          Make a folder with a small model, its tests and a README
+      watch        Check, run and draw a file again on every save, until Ctrl-C
+      lsp          Serve an editor, as a language server at standard input and output
       explain      Explain a diagnostic by its code, or list all codes
       completions  Print what a shell needs to complete commands and options
       help         Print this message or the help of the given subcommand(s)

@@ -195,6 +195,41 @@ optimize o of m { horizon 1; intervals 1; elements 2; minimize final(y + 1); }
     ");
 }
 
+/// At x = 0 the objective falls to first order with x, and two constraints that touch each other leave no room for that: in
+/// the pair of x and what keeps it there, both members are zero.
+#[test]
+fn an_end_of_a_weak_class_is_feasible_and_ends_with_2() {
+    let folder = folder("optimize_weak");
+    let model = "\
+model m {
+  state x = 0;
+  state y = 0;
+  control u in [-1, 1] = 0;
+  x' = u;
+  y' = 0;
+  project x onto { x >= 0; };
+}
+optimize o of m {
+  horizon 1; intervals 1; elements 1; scheme radau_iia(1);
+  minimize 1000 - final(x) - integral(0.01*u);
+  final { y >= (9e3*x)^2; y <= -(9e3*x)^2; }
+}
+";
+    fs::write(folder.join("m.nsd"), model).expect("the folder is writable");
+    let ran = nsdc(&folder, &["run", "m.nsd", "--json", "-"]);
+    assert_eq!(ran.status, 2, "{}", ran.err);
+    assert!(ran.err.starts_with("E0735"), "{}", ran.err);
+    let found: serde_json::Value = serde_json::from_str(&ran.out).expect("it is JSON");
+    assert_eq!(found["status"], "feasible");
+    assert_eq!(found["certificate"]["stationarity"], "A");
+    let objective = found["objective"].as_f64().expect("there is one");
+    assert!((objective - 1000.0).abs() < 1e-6, "{objective}");
+    let expected = model.replace("elements 1;", "elements 1; expect status is feasible;");
+    fs::write(folder.join("m.nsd"), expected).expect("the folder is writable");
+    let ran = nsdc(&folder, &["test", "m.nsd"]);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+}
+
 /// Problems whose least objective J is known for every bound c, with the value that c bounds, and dJ/dc.
 const BOUNDED: [(&str, &str, &str, f64); 9] = [
     // u = c, and the switch does not matter: J = c² - c/2.

@@ -251,7 +251,7 @@ fn files_are_replaced_whole() {
 }
 
 /// Models, an axis of values each, and what is told of every point: a run of its own.
-const POINTS: [(&str, &str, &[f64]); 14] = [
+const POINTS: [(&str, &str, &[f64]); 20] = [
     // Slides on x = 0, or crosses it.
     (
         "model m { param k = 1; state x = 1; output y = k*x; x' = -sign(x) + k*sin(4*time); }
@@ -317,6 +317,45 @@ const POINTS: [(&str, &str, &[f64]); 14] = [
          simulate run of m { horizon 4; }",
         "x",
         &[0.0, 3.0, -3.0],
+    ),
+    // Between its thresholds with and without a start; what it watches, and one that watches another.
+    (
+        "model m { param k = 1; state x = 19; switch on = hysteresis(x, on = 18, off = 20, start = 1); x' = 9*k*on - x/2; }
+         simulate run of m { horizon 4; }",
+        "k",
+        &[2.0, 1.0, 5.0, -1.0],
+    ),
+    (
+        "model m { state x = 21; switch on = hysteresis(x, on = 18, off = 20); x' = 15*on - x/2; }
+         simulate run of m { horizon 4; }",
+        "x",
+        &[19.0, 20.0, 17.0, 25.0],
+    ),
+    (
+        "model m { param w = 1; state x = 0; switch s = hysteresis(w*x + time - 2, on = 1, off = -1, start = 0);
+           switch r = hysteresis(x - 3*s, on = 2, off = -2, start = 1); x' = 1 - 2*s + r; }
+         simulate run of m { horizon 4; }",
+        "w",
+        &[0.5, 1.0, 2.0],
+    ),
+    // Guessed from what is swept; complementary; the solution of a convex program.
+    (
+        "model m { param c = 1; state x = 1; algebraic z = 0.9*c; 0 = z^3 + c*z - 2*c*x; x' = -z*sign(x - 0.5); }
+         simulate run of m { horizon 1; }",
+        "c",
+        &[1.0, 4.0, 0.3],
+    ),
+    (
+        "model m { param k = 1; state x = 1; algebraic a = 0; 0 <= a perp a + k*x - sin(3*time) >= 0; x' = a - x; }
+         simulate run of m { horizon 3; }",
+        "k",
+        &[1.0, 0.2, -1.0],
+    ),
+    (
+        "model m { param k = 1; state x = 2; z in argmin 0.5*(z - k*x)^2 subject to { 1 - z >= 0; } x' = -z; }
+         simulate run of m { horizon 1; }",
+        "k",
+        &[1.0, 3.0],
     ),
     // Fails on the way, and in an exponent.
     (

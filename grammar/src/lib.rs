@@ -4,6 +4,9 @@
     reason = "pest derives one undocumented variant per rule"
 )]
 
+/// The language reference, in Markdown.
+pub const REFERENCE: &str = include_str!("../README.md");
+
 /// The parser pest derives from `nsd.pest`.
 #[derive(pest_derive::Parser)]
 #[grammar = "../nsd.pest"]
@@ -88,6 +91,7 @@ fn word(rule: Rule) -> Option<&'static str> {
         Rule::kw_sliding => "sliding",
         Rule::kw_solves => "solves",
         Rule::kw_chattering => "chattering",
+        Rule::kw_intervals => "intervals",
         Rule::kw_slide => "slide",
         Rule::kw_starts => "starts",
         Rule::kw_status => "status",

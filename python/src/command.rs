@@ -35,6 +35,7 @@ pub fn main(
             colour,
             progress,
             width,
+            files: cli::terminal(),
         };
         let exit = cli::run(args, &mut streams);
         (exit as u8, out, err)

@@ -130,7 +130,13 @@ PUSHED = """model m { param a = 0.5; state x = 1; state v = 0; x' = v; v' = -sin
   simulate s of m { horizon 5; }"""
 
 
-@pytest.mark.parametrize("text", [BELT, PUSHED], ids=["autonomous", "forced"])
+#: A heater with memory, and a diode beside it, whose current is found by its conditions.
+HEATED = """model m { state x = 19; algebraic z = 0.1; switch on = hysteresis(x, on = 18, off = 20, start = 1);
+    0 <= z perp z + 19 - x >= 0; x' = 15*on - z - x/2; }
+  simulate s of m { horizon 5; }"""
+
+
+@pytest.mark.parametrize("text", [BELT, PUSHED, HEATED], ids=["autonomous", "forced", "memory"])
 def test_other_tolerances_compile_nothing(text: str) -> None:
     """And what comes of them does not depend on what was run before."""
 

@@ -165,6 +165,15 @@ pub fn solved_optimum(text: &str, experiment: &str) -> Trajectory {
     found
 }
 
+/// The codes of what is wrong with a text.
+pub fn codes(text: &str) -> Vec<String> {
+    let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
+    let source = sources.add("test.nsd", text);
+    let file = syntax::parse(&source, &mut diags);
+    nsdc::check(&file, &sources, &mut diags);
+    diags.codes()
+}
+
 /// That the end of an optimum, and its objective, are those of a run from event to event with the same controls.
 ///
 /// # Panics
@@ -266,6 +275,7 @@ pub fn test_folder(folder: &Path) -> (Exit, String, String) {
         colour: false,
         progress: false,
         width: 100,
+        files: cli::terminal(),
     };
     let exit = cli::run(["nsdc".into(), "test".into(), folder.into()], &mut streams);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

@@ -5,11 +5,8 @@
 //! max(a, b) ever does rests on the higher one of a and b, as the voltage behind a diode does that is charged up to
 //! that before it and discharged by a current.
 
-use nsd_tests::{assert_near, end, run, times};
-use nsdc::diagnostics::Diagnostics;
+use nsd_tests::{assert_near, codes, end, run, times};
 use nsdc::report::{EventKind, Status, Trajectory};
-use nsdc::source::SourceMap;
-use nsdc::{check, syntax};
 
 /// By events, and by finite elements of an order that leaves rounding.
 const ROADS: [&str; 2] = ["", "method fesd { steps = 400; scheme = radau_iia(4); }"];
@@ -24,15 +21,6 @@ fn runs(model: &str, horizon: f64, settings: &str) -> Trajectory {
     );
     assert_eq!(found.status, Status::Solved, "{:?}: {model}", found.failure);
     found
-}
-
-/// What is wrong with a text.
-fn codes(text: &str) -> Vec<String> {
-    let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
-    let source = sources.add("test.nsd", text);
-    let file = syntax::parse(&source, &mut diags);
-    check(&file, &sources, &mut diags);
-    diags.codes()
 }
 
 /// All forms end in these states, by every method, as the first one does by events.

@@ -3,14 +3,11 @@
 use std::time::Duration;
 
 use nsd_tests::stress::{Extent, free};
-use nsd_tests::{end, solved_optimum, with_experiment};
-use nsdc::diagnostics::Diagnostics;
+use nsd_tests::{codes, end, solved_optimum, with_experiment};
 use nsdc::limit::Limit;
 use nsdc::optimize;
 use nsdc::report::Status;
 use nsdc::simulate::Request;
-use nsdc::source::SourceMap;
-use nsdc::{check, syntax};
 
 const DECAY: &str = "param p in [0.1, 3] = 1.3;";
 
@@ -109,14 +106,6 @@ fn coefficients_of_contacts_keep_their_ranges() {
         0.09,
         1e-6,
     );
-}
-
-fn codes(text: &str) -> Vec<String> {
-    let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
-    let source = sources.add("test.nsd", text);
-    let file = syntax::parse(&source, &mut diags);
-    check(&file, &sources, &mut diags);
-    diags.codes()
 }
 
 /// What has to be a number before the run does not follow a free parameter in silence.

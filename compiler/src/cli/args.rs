@@ -79,6 +79,12 @@ pub enum Command {
         #[arg(value_name = "NAME")]
         path: PathBuf,
     },
+    /// Check, run and draw a file again on every save, until Ctrl-C
+    #[command(after_help = WATCH_HELP)]
+    Watch(WatchArgs),
+    /// Serve an editor, as a language server at standard input and output
+    #[command(after_help = "`editors/README.md` says how editors are set up.")]
+    Lsp,
     /// Explain a diagnostic by its code, or list all codes
     Explain {
         /// The code, such as E0203
@@ -110,6 +116,23 @@ pub struct CheckArgs {
     /// Write diagnostics with their fixes as a JSON array; to `-`, standard output, and .jsonl one object per line
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
+}
+
+/// What `watch --help` ends with.
+const WATCH_HELP: &str = "\
+The first run is reported as `run` does; of later ones what has changed is shown: numbers that are not within their \
+tolerance of what they were. Of several experiments each has its figure, as `figure-crossing.svg`.";
+
+/// Arguments of `watch`.
+#[derive(Debug, Arguments)]
+pub struct WatchArgs {
+    /// The file
+    pub file: PathBuf,
+    /// The experiment; all of the file without it
+    pub experiment: Option<String>,
+    /// Draw states, outputs, modes and events as SVG
+    #[arg(long, value_name = "PATH.svg")]
+    pub plot: Option<PathBuf>,
 }
 
 /// Arguments of `emit`.
@@ -647,6 +670,9 @@ pub struct TestArgs {
     /// Only tests with this text in their names, `FILE: EXPERIMENT`
     #[arg(long, value_name = "TEXT")]
     pub filter: Option<String>,
+    /// Only this experiment; of editors, which know its name
+    #[arg(skip)]
+    pub experiment: Option<String>,
     /// Write results as a JSON array; to `-`, standard output, and .jsonl one object per line, instead of the report
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
@@ -659,6 +685,22 @@ pub struct TestArgs {
     /// Stop solving an experiment after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub time_limit: Option<Duration>,
+}
+
+impl TestArgs {
+    /// Tests of a file, or of one of its experiments.
+    pub fn of(file: PathBuf, experiment: Option<String>) -> Self {
+        TestArgs {
+            paths: vec![file],
+            accept: false,
+            filter: None,
+            experiment,
+            json: None,
+            junit: None,
+            jobs: None,
+            time_limit: None,
+        }
+    }
 }
 
 /// A name and its value; what they are is for the compiler to say.

@@ -30,6 +30,16 @@ pub fn is_standard(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
+/// The file of one experiment of several: `figure.svg` becomes `figure-crossing.svg`.
+pub fn of_experiment(path: &Path, experiment: &str) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let name = format!("{stem}-{experiment}");
+    match path.extension() {
+        Some(extension) => path.with_file_name(format!("{name}.{}", extension.to_string_lossy())),
+        None => path.with_file_name(name),
+    }
+}
+
 /// The name of a file in diagnostics.
 pub fn display_name(path: &Path) -> String {
     match is_standard(path) {

@@ -12,16 +12,21 @@ mod args;
 pub mod commands;
 mod files;
 mod iterations;
+pub mod lsp;
 mod progress;
 mod project;
+mod texts;
 mod watch;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
+use std::sync::Arc;
 
 use clap::{ColorChoice, Parser};
 
 use self::args::{Args, Command};
+use crate::limit::Cancel;
+use crate::source::files::Files;
 
 /// How a command ended; the number is the exit status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -48,6 +53,16 @@ pub struct Streams<'a> {
     pub progress: bool,
     /// Columns of the terminal.
     pub width: usize,
+    /// Where models come from, and what they use.
+    pub files: Arc<dyn Files>,
+}
+
+/// Of a thread that runs experiments, in bytes: as much as the main thread has.
+const STACK: usize = 8 << 20;
+
+/// The files of this machine, and standard input for `-`.
+pub fn terminal() -> Arc<dyn Files> {
+    Arc::new(files::Terminal)
 }
 
 /// Runs the command line `args`, the name of the program first.
@@ -88,11 +103,27 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Plot(args) => commands::plot::run(&args, streams),
         Command::Solve(args) => commands::solve::run(&args, streams),
         Command::Sweep(args) => commands::sweep::run(&args, streams),
+        Command::Lsp => lsp::run(streams),
+        Command::Watch(args) => commands::watch::run(&args, streams),
         Command::Fmt { files, check } => commands::fmt::run(&files, check, streams),
         Command::New { path } => commands::new::run(&path, streams),
         Command::Explain { code } => commands::explain::run(code.as_deref(), streams),
         Command::Completions { shell } => commands::completions::run(shell, streams),
     }
+}
+
+/// Canceled once the user has interrupted the program: no run is begun or goes on. The second time ends the program.
+fn interrupted() -> Cancel {
+    let cancel = Cancel::default();
+    let told = cancel.clone();
+    // Where something else listens, that keeps the signal.
+    let _ = ctrlc::set_handler(move || {
+        if told.is_canceled() {
+            std::process::exit(130);
+        }
+        told.cancel();
+    });
+    cancel
 }
 
 /// Help is a result; anything else that clap says is a wrong usage.

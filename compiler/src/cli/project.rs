@@ -1,9 +1,9 @@
 //! What commands print about a file that has been read, and its experiments.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::args::SettingArgs;
-use super::files::Terminal;
 use super::{Streams, io};
 use crate::diagnostics::{self, Diagnostics};
 pub use crate::project::Project;
@@ -17,7 +17,7 @@ pub fn open(
     sets: &[String],
     streams: &mut Streams<'_>,
 ) -> io::Result<Option<(Project, Vec<Bind>)>> {
-    let mut project = match Project::from_files(path, Terminal) {
+    let mut project = match Project::from_files(path, Arc::clone(&streams.files)) {
         Ok(project) => project,
         Err(error) => {
             error.tell(streams)?;

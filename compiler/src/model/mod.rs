@@ -20,7 +20,7 @@
 mod display;
 pub(crate) mod errors;
 pub(crate) mod expressions;
-mod hir;
+pub(crate) mod hir;
 mod names;
 mod resolve;
 pub mod statements;
@@ -36,6 +36,7 @@ pub use crate::model::errors::unsupported::Unsupported;
 pub use crate::model::expressions::rows::Comparison;
 pub use crate::model::expressions::tensor::{Shape, Tensor};
 pub use crate::model::hir::import::find;
+pub use crate::model::hir::index;
 pub use crate::model::names::kind::{Target, TargetKind};
 pub use crate::model::names::scope::{Hook, Scope};
 pub use crate::model::statements::cones::Cone;

@@ -48,12 +48,13 @@ impl<'e> Problem<'e> {
     fn difference(&self, run: &ReferenceRun, w: &[f64]) -> Option<Difference> {
         let layout = &self.layout;
         let (at, horizon) = (self.at(w), self.at(w).horizon());
+        let ends = at.ends();
         let middle = lagrange(&layout.points[1..=layout.nodes], &[0.5]);
         let (mut first, mut duration) = (None, 0.0);
         for (k, j) in layout.all_elements() {
             let h = w[layout.h(k, j)].max(0.0);
             let before: f64 = (1..j).map(|j| w[layout.h(k, j)].max(0.0)).sum();
-            let start = horizon * (k - 1) as f64 / layout.steps as f64 + before;
+            let start = ends[k - 1] + before;
             let time = start + 0.5 * h;
             let Some(simulated) = run.run.alphas(time) else {
                 continue;

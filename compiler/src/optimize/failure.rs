@@ -2,12 +2,13 @@
 
 use miette::LabeledSpan;
 use nsd_solver::optimization::mpcc::{Class, Solution, Status};
-use nsd_solver::optimization::problem::Nlp;
+use nsd_solver::optimization::problem::{Mpcc, Nlp, Pair, Side};
 
 use super::Problem;
+use crate::diagnostics::counted;
 use crate::lowering::discretize::DiscretizeError;
 use crate::lowering::mpcc::Source;
-use crate::report::Failure;
+use crate::report::{Failure, Stationarity};
 use crate::source::Span;
 use crate::system::experiment::Settings;
 
@@ -16,8 +17,14 @@ const UNBOUNDED: f64 = -1e9;
 const ROUNDING: f64 = 1e-6;
 /// Lines that are named at most.
 const MOST_LINES: usize = 4;
+/// Multipliers of pairs below this, relative to the larger one or 1, have the wrong sign.
+const WRONG: f64 = 1e-6;
 /// Violations below this share of the largest one are left out.
 const SHARE: f64 = 1e-2;
+
+/// What is said of a stationary point that is no minimum.
+const CURVES_DOWN: &str = "a feasible point was reached that is stationary and no minimum: the objective curves down there \
+                           along the constraints, and no lower point was found";
 
 /// Why there is no solution; `None` where there is one.
 pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> {
@@ -40,7 +47,10 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
                 span: problem.task.cost.span,
             })
         }
-        Status::Feasible => failed(&not_shown(solution)),
+        Status::Feasible => match not_shown(solution) {
+            Some(what) => failed(what),
+            None => Some(weak(problem, solution)),
+        },
         Status::LocallyInfeasible => {
             let violation = solution
                 .residuals
@@ -121,23 +131,60 @@ fn line(problem: &Problem, row: usize) -> Option<Span> {
     }
 }
 
-/// What keeps a feasible point from being known to be an optimum.
-fn not_shown(solution: &Solution) -> String {
+/// What keeps a feasible point from being known to be an optimum; `None` where it is its class.
+fn not_shown(solution: &Solution) -> Option<&'static str> {
     match solution.class {
         _ if !solution.is_differentiable => {
-            "a feasible point was reached where a derivative is not finite".to_owned()
+            Some("a feasible point was reached where a derivative is not finite")
         }
-        Class::None => {
-            "a feasible point was reached that was not shown to be stationary".to_owned()
+        Class::None => Some("a feasible point was reached that was not shown to be stationary"),
+        // Points of these classes are solutions where nothing is seen to curve down.
+        Class::M if solution.b_stationary.is_none() => Some(CURVES_DOWN),
+        _ if solution.b_stationary == Some(true) => Some(CURVES_DOWN),
+        _ => None,
+    }
+}
+
+/// That the class of a point is too weak, with the statements whose complementarity has multipliers of the wrong sign.
+fn weak(problem: &Problem, solution: &Solution) -> Failure {
+    let is_wrong = |pair: &usize| {
+        let [a, b] = solution.multipliers.pairs[*pair];
+        a.min(b) < -WRONG * a.abs().max(b.abs()).max(1.0)
+    };
+    let wrong: Vec<usize> = (solution.biactive.iter().copied())
+        .filter(is_wrong)
+        .collect();
+    let statement = |&pair: &usize| {
+        let Pair { a, b } = problem.program.pairs()[pair];
+        [a, b].into_iter().find_map(|side| match side {
+            Side::Row(row) => line(problem, row as usize),
+            Side::Variable(_) => None,
+        })
+    };
+    let mut spans: Vec<Span> = Vec::new();
+    for span in wrong.iter().filter_map(statement) {
+        if !spans.contains(&span) {
+            spans.push(span);
         }
-        _ if solution.b_stationary == Some(true) => {
-            "a feasible point was reached that is stationary and no minimum: the objective curves down there along the \
-             constraints, and no lower point was found"
-                .to_owned()
+    }
+    let label = |span| LabeledSpan::new_with_span(Some("undecided here".to_owned()), span);
+    let descent = match solution.b_stationary {
+        None => "the search for a direction of descent met its limit",
+        _ => {
+            "the objective falls to first order, and no lower point was found along that direction"
         }
-        class => format!(
-            "a feasible point was reached that is {class:?}-stationary, which does not exclude descent to first order"
+    };
+    Failure::Weak {
+        class: Stationarity::of(solution.class, solution.b_stationary).as_str(),
+        missing: format!(
+            "S or B is missing: {} with both members zero, {} of them with a multiplier of the wrong sign; {descent}",
+            counted(solution.biactive.len(), "pair"),
+            wrong.len()
         ),
+        lines: match spans.is_empty() {
+            true => vec![whole(problem.settings.span)],
+            false => spans.into_iter().take(MOST_LINES).map(label).collect(),
+        },
     }
 }
 
@@ -195,5 +242,76 @@ pub(super) fn refused(error: &DiscretizeError, settings: &Settings) -> Failure {
         what: error.to_string(),
         is_feasible: false,
         lines: vec![line],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use miette::Diagnostic;
+    use nsd_solver::optimization::mpcc::{Class, Options, Solution, Status, solve};
+
+    use crate::optimize::{Given, Problem};
+    use crate::report;
+    use crate::testing::with_last;
+
+    /// A solution that is said to be of a class, with one undecided pair whose multipliers are these.
+    fn ending(
+        found: &Solution,
+        class: Class,
+        b_stationary: Option<bool>,
+        pair: [f64; 2],
+    ) -> Solution {
+        let mut ending = Solution {
+            status: Status::Feasible,
+            class,
+            b_stationary,
+            biactive: vec![0],
+            ..found.clone()
+        };
+        ending.multipliers.pairs[0] = pair;
+        ending
+    }
+
+    #[test]
+    fn weak_classes_have_a_code_of_their_own() {
+        let text = "model m { state x = 1; control u in [-1, 1] = 0; x' = u - 0.5*sign(x); }
+                    optimize o of m { horizon 1; intervals 2; minimize final((x - 1)^2); }";
+        with_last(text, |compiled| {
+            let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
+            let problem = Problem::new(&compiled.system, &compiled.settings, task, Given::Numbers);
+            let mut problem = problem.expect("it has a program");
+            let found = solve(&mut problem.program, &Options::default());
+            let mut failure = |class, b_stationary, pair| {
+                let ending = ending(&found, class, b_stationary, pair);
+                let failure = super::of(&mut problem, &ending).expect("it is no solution");
+                assert_eq!(failure.status(), report::Status::Feasible);
+                let code = failure.code().expect("failures have codes").to_string();
+                (code, failure.to_string())
+            };
+            for (class, name) in [(Class::A, "A"), (Class::W, "W"), (Class::C, "C")] {
+                let (code, message) = failure(class, Some(false), [-1.0, 1.0]);
+                assert_eq!(code, "E0735");
+                assert!(message.contains(&format!("{name}-stationary")), "{message}");
+                assert!(
+                    message.contains("1 pair with both members zero, 1 of them with a"),
+                    "{message}"
+                );
+                assert!(message.contains("falls to first order"), "{message}");
+            }
+            let (code, message) = failure(Class::C, None, [1.0, 1.0]);
+            assert_eq!(code, "E0735");
+            assert!(message.contains("met its limit"), "{message}");
+            assert!(
+                message.contains(" 0 of them with a multiplier"),
+                "{message}"
+            );
+            assert_eq!(failure(Class::None, None, [0.0; 2]).0, "E0717");
+            // Without curvature these would be solutions.
+            for (class, b_stationary) in [(Class::M, None), (Class::C, Some(true))] {
+                let (code, message) = failure(class, b_stationary, [-1.0, 0.0]);
+                assert_eq!(code, "E0717");
+                assert!(message.contains("curves down"), "{message}");
+            }
+        });
     }
 }

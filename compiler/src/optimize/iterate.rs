@@ -35,6 +35,47 @@ impl Iterate<'_, '_> {
         free.map_or(self.problem.settings.horizon, |index| self.w[index])
     }
 
+    /// s_k, the lengths of control intervals as shares of T/N; none where they are equal.
+    pub fn shares(&self) -> Option<Vec<f64>> {
+        let layout = &self.problem.layout;
+        (1..=layout.steps)
+            .map(|k| layout.decided.share(k).map(|index| self.w[index].max(0.0)))
+            .collect()
+    }
+
+    /// When control intervals begin, and the last one ends: k T/N, or by their shares.
+    pub fn ends(&self) -> Vec<f64> {
+        let (steps, horizon) = (self.problem.layout.steps, self.horizon());
+        let shares = self.shares();
+        let all: f64 = shares.iter().flatten().sum();
+        let mut before = 0.0;
+        let end = |k: usize| match &shares {
+            _ if k == steps => horizon,
+            None => horizon * k as f64 / steps as f64,
+            Some(shares) => {
+                let end = horizon * before / all;
+                before += shares[k];
+                end
+            }
+        };
+        (0..=steps).map(end).collect()
+    }
+
+    /// Points of elements, where those of an interval are equal, as shares of the horizon.
+    pub fn places(&self) -> impl Fn((usize, usize), f64) -> f64 + use<> {
+        let layout = &self.problem.layout;
+        let (steps, elements) = (layout.steps, layout.elements);
+        let horizon = self.horizon();
+        let ends = self.shares().map(|_| self.ends());
+        move |(k, j), c| match &ends {
+            None => (((k - 1) * elements + j - 1) as f64 + c) / (steps * elements) as f64,
+            Some(ends) => {
+                let share = ((j - 1) as f64 + c) / elements as f64;
+                (ends[k - 1] + share * (ends[k] - ends[k - 1])) / horizon
+            }
+        }
+    }
+
     /// The free parameters.
     pub fn params(&self) -> Vec<f64> {
         let task = self.problem.system.task.iter();

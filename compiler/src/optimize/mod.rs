@@ -189,8 +189,15 @@ impl<'e> Problem<'e> {
         trajectory.failure = failure::of(self, solution)
             .or(in_other_mode)
             .or(checks::simulated::confirmation(self, &trajectory));
-        if let Some(failure) = &trajectory.failure {
-            trajectory.status = failure.status();
+        match &trajectory.failure {
+            Some(failure) => trajectory.status = failure.status(),
+            // Where there is a failure or a better minimum, another guess is advised already; one solution after another is
+            // not looked at.
+            None if elsewhere.is_none() && !begin.is_solved_before => {
+                let left = checks::idle::left_alone(self, &trajectory, &solution.w, limit);
+                trajectory.warnings.extend(left);
+            }
+            None => {}
         }
         Solved {
             point: self.point(&solution.w),

@@ -17,10 +17,8 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     let horizon = at.horizon();
     let n = layout.n_states();
 
-    let instant = |k: usize| match k == layout.steps {
-        true => horizon,
-        false => horizon * k as f64 / layout.steps as f64,
-    };
+    let ends = at.ends();
+    let instant = |k: usize| ends[k];
     let follows = following(&problem.system).states;
     let mut elements = Elements::new(system, &layout.points, layout.nodes);
     // The state when the clock stopped, and the laws that have acted since.

@@ -155,7 +155,7 @@ fn described<'e>(
 }
 
 /// The doc comment in front of what stands at a place: the lines directly above it that begin with `///`.
-fn doc(span: Span, sources: &SourceMap) -> Option<String> {
+pub(crate) fn doc(span: Span, sources: &SourceMap) -> Option<String> {
     let file = sources.file(span)?;
     let before = file
         .text

@@ -22,6 +22,7 @@ use miette::Diagnostic;
 
 use crate::diagnostics::messages::Messages;
 use crate::diagnostics::{Diagnostics, Fixable};
+use crate::model::index::Index;
 use crate::project::clock::Clock;
 use crate::source::files::{Disk, FileError, Files, Imports, Memory};
 use crate::source::{SourceMap, imports};
@@ -162,6 +163,21 @@ impl Project {
         let mut diags = self.diags.clone();
         crate::check(&self.file, &self.sources, &mut diags);
         diags
+    }
+
+    /// Where names are declared, and where they stand, of the file and of what it uses, whatever is wrong with them.
+    ///
+    /// ```
+    /// use nsdc::model::index::Kind;
+    ///
+    /// let project = nsdc::Project::from_text("fall.nsd", "model fall { state v = 0; v' = -9.81; }");
+    /// let index = project.index();
+    /// let found = index.at(26).expect("`v'` stands there");
+    /// let v = index.definition(found.declared).expect("it is declared");
+    /// assert_eq!((v.kind, v.name.as_str(), index.places(v.place).count()), (Kind::State, "v", 2));
+    /// ```
+    pub fn index(&self) -> Index {
+        Index::new(&self.file)
     }
 
     /// What the file consists of, in order.

@@ -80,15 +80,9 @@ impl<'e> Rerun<'e> {
         let open: Vec<Path> = open.cloned().collect();
         let compiled = without_warnings(exprs, source, &open).ok_or(NoRerun::Here)?;
         let system = &compiled.system;
-        // A relay starts, and what equations solve for is guessed, where the experiment itself starts.
-        let is_fixed = system.switches.iter().any(|switch| switch.relay.is_some())
-            || !system.algebraic_states().is_empty();
-        if is_fixed {
-            return Err(NoRerun::Ever);
-        }
         let work = Work::of(project, &compiled).ok_or(NoRerun::Here)?;
         let parameters = work.parameters();
-        if parameters.len() != open.len() {
+        if parameters.len() != open.len() || !guesses_as_declared(&compiled) {
             return Err(NoRerun::Ever);
         }
         let starts = work.states(system);
@@ -209,9 +203,10 @@ impl<'e> Rerun<'e> {
                 let (system, settings) = (&self.compiled.system, &self.compiled.settings);
                 let mut diags = Diagnostics::new();
                 system.check_start(&mut diags);
+                let is_same = diags.is_empty() && system.starts_relays_as_compiled();
                 let told = &mut |progress| watch.progress(&Progress::Simulation(progress));
                 let run = || plan.run(system, settings, request, told);
-                diags.is_empty().then(run)
+                is_same.then(run)
             }
             Work::Optimal(prepared) => {
                 let solved = prepared.solve(&open, Some(&x0), None, &request.limit, watch);
@@ -280,6 +275,14 @@ fn without_warnings<'e>(
     let (file, overrides) = (source.file, source.overrides);
     let compiled = compile(exprs, file, &experiment, overrides, &mut clock, &mut diags)?;
     diags.is_empty().then_some(compiled)
+}
+
+/// Whether what equations solve for is guessed as it is declared: convex programs, and finite elements, start from a solution
+/// at the initial values that are compiled.
+fn guesses_as_declared(compiled: &Compiled<'_>) -> bool {
+    let solves = compiled.settings.numerics.method.kind().needs_dcs()
+        || !compiled.model.statements.programs.is_empty();
+    !solves || compiled.system.algebraic_states().is_empty()
 }
 
 /// Whether parameters that stay open move the bounds of anything that is watched in a run.

@@ -419,6 +419,24 @@ pub enum Failure {
         lines: Vec<LabeledSpan>,
     },
 
+    /// A feasible point whose multipliers leave open that the objective falls.
+    #[error(
+        "no optimum was shown: a feasible point was reached that is {class}-stationary, {missing}"
+    )]
+    #[diagnostic(
+        code(E0735),
+        help(
+            "try another `guess` or several `starts`, which may end where the choice of mode does not matter"
+        )
+    )]
+    Weak {
+        class: &'static str,
+        missing: String,
+        /// What is complementary at the point, and undecided.
+        #[label(collection)]
+        lines: Vec<LabeledSpan>,
+    },
+
     /// An optimum in other sliding modes than the model.
     #[error(
         "at t = {time}, the program has `{name}` at {found}, and a simulation with its controls at {simulated}"
@@ -481,7 +499,8 @@ impl Failure {
             Failure::Canceled { .. } => Status::Canceled,
             Failure::Infeasible { .. } => Status::LocallyInfeasible,
             Failure::Unbounded { .. } => Status::Unbounded,
-            Failure::NotOptimal {
+            Failure::Weak { .. }
+            | Failure::NotOptimal {
                 is_feasible: true, ..
             } => Status::Feasible,
             _ => Status::NumericalFailure,

@@ -28,6 +28,8 @@ pub(crate) struct Values {
     pub at: Vec<Vec<f64>>,
     /// Steps that were taken.
     pub steps: usize,
+    /// How often a side changed, or something jumped.
+    pub events: usize,
 }
 
 impl Again {
@@ -67,6 +69,7 @@ impl Again {
             at: Vec::with_capacity(instants.len()),
             row: vec![0.0; x0.len()],
             alpha: Vec::new(),
+            events: 0,
         };
         self.simulator.set_limit(limit.clone());
         let outcome = self.simulator.run(0.0, horizon, x0, &mut seen);
@@ -81,6 +84,7 @@ impl Again {
             end,
             at: seen.at,
             steps: outcome.stats.steps,
+            events: seen.events,
         })
     }
 }
@@ -91,6 +95,7 @@ struct Seen<'i> {
     at: Vec<Vec<f64>>,
     row: Vec<f64>,
     alpha: Vec<f64>,
+    events: usize,
 }
 
 impl Observer for Seen<'_> {
@@ -106,5 +111,7 @@ impl Observer for Seen<'_> {
         ControlFlow::Continue(())
     }
 
-    fn event(&mut self, _: &solver::Event) {}
+    fn event(&mut self, event: &solver::Event) {
+        self.events += usize::from(event.from != event.to || !event.jumps.is_empty());
+    }
 }

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 use std::{fmt, fs};
 
 use miette::Diagnostic;
@@ -82,6 +83,20 @@ pub trait Files: Send + Sync {
     }
 }
 
+impl Files for Arc<dyn Files> {
+    fn read(&self, path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
+        self.as_ref().read(path, limit)
+    }
+
+    fn key(&self, path: &Path) -> String {
+        self.as_ref().key(path)
+    }
+
+    fn name(&self, path: &Path) -> String {
+        self.as_ref().name(path)
+    }
+}
+
 /// The files of this machine.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Disk;
@@ -97,7 +112,13 @@ impl Files for Disk {
     }
 
     fn key(&self, path: &Path) -> String {
-        let whole = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        // What is not there yet will be in its folder.
+        let beside = || {
+            let folder = fs::canonicalize(path.parent()?).ok()?;
+            Some(folder.join(path.file_name()?))
+        };
+        let whole = fs::canonicalize(path).ok().or_else(beside);
+        let whole = whole.unwrap_or_else(|| path.to_owned());
         whole.display().to_string()
     }
 }

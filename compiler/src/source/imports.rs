@@ -20,6 +20,12 @@ use crate::syntax::{self, File, Ident, Item, Link, Use, UseSource};
 /// The standard library: names of modules and their texts.
 pub const STANDARD: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/stdlib.rs"));
 
+/// The text of a module of the standard library.
+pub fn standard_text(module: &str) -> Option<&'static str> {
+    let mut all = STANDARD.iter();
+    all.find(|(name, _)| *name == module).map(|(_, text)| *text)
+}
+
 /// Files that import files that import files.
 const MAX_DEPTH: usize = 64;
 
@@ -365,7 +371,7 @@ fn standard(path: &[Ident]) -> Result<Loaded, Missing> {
         _ => Span::default(),
     };
     let found = match words[..] {
-        ["std", name] => STANDARD.iter().find(|(known, _)| *known == name),
+        ["std", name] => standard_text(name).map(|text| (name, text)),
         _ => None,
     };
     if let Some((name, body)) = found {

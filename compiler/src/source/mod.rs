@@ -74,6 +74,12 @@ impl SourceFile {
         Span::new(self.start..self.end())
     }
 
+    /// The bytes of the text under `span`, which lies in it.
+    pub fn bytes(&self, span: Span) -> Range<usize> {
+        let local = |byte: u32| (byte as usize).saturating_sub(self.start);
+        local(span.start)..local(span.end)
+    }
+
     /// The text under `span`, or nothing where it lies outside.
     pub fn slice(&self, span: Span) -> &str {
         let local = |byte: u32| (byte as usize).checked_sub(self.start);

@@ -16,8 +16,11 @@ mod print;
 mod scan;
 
 pub use ast::*;
+#[cfg(feature = "cli")]
+pub(crate) use build::words::{Place, starts};
 pub use error::SyntaxError;
 pub use format::format;
+pub use lexer::{Token, TokenKind};
 pub(crate) use print::expression::{Level, Writer};
 
 #[cfg(test)]
@@ -77,6 +80,11 @@ pub fn parse(file: &SourceFile, diagnostics: &mut Diagnostics) -> File {
         diagnostics.push(error);
     }
     ast
+}
+
+/// The tokens of a text, in order; each byte is in one.
+pub fn tokens(text: &str) -> impl Iterator<Item = Token<'_>> {
+    lexer::Lexer::new(text)
 }
 
 /// The name that an item declares.

@@ -254,6 +254,20 @@ pub struct Relay {
     pub off: f64,
     /// Whether α = 1 at the start.
     pub start: bool,
+    /// The same as the model gives it, for y between the thresholds.
+    pub given: Option<bool>,
+}
+
+impl Relay {
+    /// Whether α = 1 at the start, by y there: a value that the thresholds do not allow would be left at once. None where
+    /// neither they nor the model say it.
+    pub(crate) fn start_at(&self, y: f64) -> Option<bool> {
+        match self.given {
+            _ if y < self.on.min(self.off) => Some(self.on < self.off),
+            _ if y > self.on.max(self.off) => Some(self.on > self.off),
+            given => given,
+        }
+    }
 }
 
 /// A law by which states jump: x⁺ = r(t, x, p, α).

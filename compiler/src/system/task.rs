@@ -12,7 +12,7 @@ use crate::expr::{Expr, Substitution};
 use crate::source::Span;
 use crate::system::values::limits::Allowed;
 
-pub use super::experiment::{At, Cost, Shape, Term};
+pub use super::experiment::{At, Cost, Lengths, Shape, Term};
 
 /// The problem of an `optimize`, in terms of a system.
 #[derive(Clone, Debug)]
@@ -21,6 +21,8 @@ pub struct Task<'e> {
     pub controls: Vec<Control<'e>>,
     /// What controls are within an interval.
     pub shape: Shape,
+    /// How long control intervals are.
+    pub lengths: Lengths,
     /// Bounds of T, where it is free.
     pub horizon: Option<(f64, f64)>,
     /// The parameter that T is, where it is a number of every run.

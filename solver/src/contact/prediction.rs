@@ -22,16 +22,16 @@ pub(crate) fn horizon(mode: &mut Mode) -> f64 {
         .jacobian(library, values, |row, column, value: f64| {
             entries.push((row, column, value.abs()));
         });
-    let times = |v: &[f64]| {
-        let mut product = vec![0.0; v.len()];
+    let times = |v: &[f64], product: &mut [f64]| {
+        product.fill(0.0);
         for &(row, column, value) in &entries {
             product[row] += value * v[column];
         }
-        product
     };
-    let (mut v, mut square) = (vec![1.0; mode.n], 0.0);
+    let (mut v, mut product, mut square) = (vec![1.0; mode.n], vec![0.0; mode.n], 0.0);
     for _ in 0..ROUNDS {
-        v = times(&times(&v));
+        times(&v, &mut product);
+        times(&product, &mut v);
         square = v.iter().copied().fold(0.0, f64::max);
         if !(square > 0.0 && square.is_finite()) {
             return f64::INFINITY;

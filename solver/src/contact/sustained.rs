@@ -169,24 +169,37 @@ impl Enumeration<'_> {
         let normals: Vec<usize> = normals.collect();
         let is_open = |i: &usize| !mode.surfaces.is_deep(*i) && !state.jumps.grazed.contains(i);
         let open: Vec<usize> = normals.iter().copied().filter(is_open).collect();
-        // Where forces hold bodies at rest, what they hold shows how fast gaps bend. What closes one of them acts on
-        // the others.
-        let mut free = state.point.alpha.clone();
-        normals.iter().for_each(|&i| free[i] = 1.0);
-        let mut bend = 0.0_f64;
         open.iter().for_each(|&i| mode.surfaces.stand_for(i, 1));
-        for alpha in [&free, &state.point.alpha] {
-            mode.eval(state.point.t, &state.point.x, alpha);
-            mode.linearize(&normals);
-            let terms = normals.iter().map(|&i| mode.terms_of_phi(i));
-            bend = terms.fold(bend, f64::max);
-        }
+        mode.eval(state.point.t, &state.point.x, &state.point.alpha);
+        let closes = open.iter().any(|&i| mode.psi(i) < 0.0);
+        let bend = if closes {
+            self.bend(state, &normals)
+        } else {
+            0.0
+        };
+        let mode = &mut self.mode;
         for i in open {
             let speed = mode.psi(i);
             let meets = speed < 0.0 && speed * speed <= SHARE * state.bands.width[i] * bend;
             mode.surfaces.stand_for(i, usize::from(meets));
         }
         mode.focus(state.point.t, &state.point.x, &state.point.alpha, group);
+    }
+
+    /// The largest terms of the accelerations of gaps, with and without the forces of contacts: where forces hold bodies at
+    /// rest, what they hold shows how fast gaps bend. What closes one of them acts on the others.
+    fn bend(&mut self, state: &State, normals: &[usize]) -> f64 {
+        let mode = &mut self.mode;
+        let mut free = state.point.alpha.clone();
+        normals.iter().for_each(|&i| free[i] = 1.0);
+        let mut bend = 0.0_f64;
+        for alpha in [&free, &state.point.alpha] {
+            mode.eval(state.point.t, &state.point.x, alpha);
+            mode.linearize(normals);
+            let terms = normals.iter().map(|&i| mode.terms_of_phi(i));
+            bend = terms.fold(bend, f64::max);
+        }
+        bend
     }
 
     /// The entries of the slip velocity of a contact, among these.
@@ -211,6 +224,16 @@ impl Enumeration<'_> {
         let mut alpha = state.point.alpha.clone();
         for &i in group {
             alpha[i] = if system.is_unilateral(i) { 1.0 } else { 0.5 };
+        }
+        if contacts.is_empty() {
+            return Ok(Found {
+                contacts,
+                w: Delassus::new(std::iter::empty(), |_, _| 0.0),
+                forces: Solution::default(),
+                leaves,
+                alpha,
+                near: 0.0,
+            });
         }
         let mode = &mut self.mode;
         mode.vary(&alpha);

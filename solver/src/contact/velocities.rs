@@ -34,6 +34,9 @@ pub(crate) fn stabilize(mode: &mut Mode, state: &mut State) {
             _ => {}
         }
     }
+    if rows.is_empty() {
+        return;
+    }
     mode.enter(&sides);
     mode.eval(state.point.t, &state.point.x, &alpha);
     let mut impulses: Vec<f64> = rows.iter().map(|&row| mode.psi(row)).collect();

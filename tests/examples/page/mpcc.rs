@@ -30,6 +30,7 @@ pub fn write(figures: &Path) -> String {
             colour: false,
             progress: false,
             width: 100,
+            files: cli::terminal(),
         };
         let args = [
             "nsdc".into(),

@@ -14,3 +14,4 @@ pub(crate) mod solve;
 pub(crate) mod sweep;
 pub(crate) mod test;
 pub(crate) mod verify;
+pub(crate) mod watch;

@@ -278,19 +278,12 @@ impl<'a> Outputs<'a> {
         self.sinks.append(&mut files);
     }
 
-    /// The file of one experiment of several: `figure.svg` becomes `figure-crossing.svg`.
+    /// The file of an experiment.
     fn path(&self, path: &Path, trajectory: &Trajectory) -> PathBuf {
         if !self.several || is_standard(path) {
             return path.to_owned();
         }
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let name = format!("{stem}-{}", trajectory.setup.experiment);
-        match path.extension() {
-            Some(extension) => {
-                path.with_file_name(format!("{name}.{}", extension.to_string_lossy()))
-            }
-            None => path.with_file_name(name),
-        }
+        files::of_experiment(path, &trajectory.setup.experiment)
     }
 
     fn finish(self, streams: &mut Streams<'_>) -> io::Result<bool> {

@@ -5,9 +5,8 @@ use crate::cli::files;
 use crate::cli::files::Sink;
 use crate::cli::progress::Bar;
 use crate::cli::project;
-use crate::cli::{Exit, Streams, io};
+use crate::cli::{Exit, Streams, interrupted, io};
 use crate::diagnostics::Diagnostics;
-use crate::limit::Cancel;
 use crate::project::sweep::{Rows, Sweep, examples};
 use crate::report::Status;
 #[cfg(feature = "parquet")]
@@ -46,7 +45,7 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Wrong);
     };
     let sweep = match Sweep::new(&project, experiment, (overrides, axes), grid) {
-        Ok(sweep) => sweep.within(args.time_limit).canceled_by(&on_interrupt()),
+        Ok(sweep) => sweep.within(args.time_limit).canceled_by(&interrupted()),
         Err(diags) => {
             project::print(&diags, &project.sources, streams)?;
             return Ok(Exit::Wrong);
@@ -105,20 +104,6 @@ fn rows(sweep: &Sweep<'_>, args: &SweepArgs, is_shown: bool, name: &str) -> Rows
         let share = done as f64 / count as f64;
         bar.show(share, || format!("{done} of {count} runs"));
     })
-}
-
-/// Canceled once the user has interrupted the program: no run is begun or goes on. The second time ends the program.
-fn on_interrupt() -> Cancel {
-    let cancel = Cancel::default();
-    let told = cancel.clone();
-    // Where something else listens, that keeps the signal.
-    let _ = ctrlc::set_handler(move || {
-        if told.is_canceled() {
-            std::process::exit(130);
-        }
-        told.cancel();
-    });
-    cancel
 }
 
 fn write(args: &SweepArgs, table: &Table, streams: &mut Streams<'_>) -> io::Result<bool> {

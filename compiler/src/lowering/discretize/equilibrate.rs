@@ -53,11 +53,14 @@ pub(crate) fn state<'e>(pairs: &Pairs<'_, 'e>, detection: Option<Detection>, mpc
 /// A term in h and its mean for each element.
 fn mean<'e>(formals: &Formals<'_, 'e>, kind: Kind, weight: f64, mpcc: &mut Mpcc<'e>) {
     let layout = formals.layout;
-    let mean = formals.horizon / (layout.steps * layout.elements) as f64;
+    let mean = match layout.decided.share(1) {
+        Some(_) => formals.step() / layout.elements as f64,
+        None => formals.horizon / (layout.steps * layout.elements) as f64,
+    };
     let h = mpcc.exprs.variable("h");
     let ranges = [layout.each_step(), layout.each_element()];
     let block = Builder::new("equilibration", ranges).variable(h, |[k, j]| layout.h(k, j));
-    let block = formals.with_horizon(block);
+    let block = formals.with_length(block, |[k, _]| k);
     let text = format!("{}(h[k,j] - {mean})^2", factor(weight));
     let term = weight * (h - mean).powi(2);
     block.state(mpcc, kind, vec![term], vec![Source::Grid], text);

@@ -1,7 +1,8 @@
 //! Finite elements with switch detection (FESD): Dcs -> Mpcc.
 //!
-//! N steps of equal length T/N consist of elements j of free lengths h_kj, which are a Runge-Kutta step each. With
-//! polynomials x through x_kj0, .., x_kjn (integral form, collocation methods) or slopes v (differential form):
+//! N steps of equal length T/N, or of lengths s_k T/N (`times`), consist of elements j of free lengths h_kj, which are a
+//! Runge-Kutta step each. With polynomials x through x_kj0, .., x_kjn (integral form, collocation methods) or slopes v
+//! (differential form):
 //!
 //! 0 = Σ_l d_ml x_kjl - h_kj f(t_kjm, x_kjm, z_kjm)   or   0 = x_kj0 + h_kj Σ_l a_ml v_kjl - x_kjm,  0 = f(..) - v_kjm
 //! 0 = g(t_kjm, x_kjm, z_kjm),   0 = Σ_j h_kj - T/N,   t_kjm = t_kj + c_m h_kj

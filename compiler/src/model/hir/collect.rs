@@ -66,7 +66,7 @@ impl<'f> Collector<'_, 'f> {
                 }
                 Stmt::Region(region) => self.region(region, place),
                 Stmt::Jump(jump) => {
-                    let item = Definition::Word("jump");
+                    let item = Definition::Word("jump", jump.span);
                     self.in_loops(&jump.name, item, "a `jump`", place, jump.span);
                 }
                 Stmt::Contact(contact) => self.contact(contact, place),
@@ -105,12 +105,12 @@ impl<'f> Collector<'_, 'f> {
     }
 
     fn contact(&mut self, contact: &'f Contact, place: Option<&'static str>) {
-        let item = Definition::Word("contact");
+        let item = Definition::Word("contact", contact.span);
         self.in_loops(&contact.name, item, "a `contact`", place, contact.span);
     }
 
     fn region(&mut self, region: &'f Region, place: Option<&'static str>) {
-        let item = Definition::Word("region");
+        let item = Definition::Word("region", region.span);
         self.in_loops(&region.name, item, "a `region`", place, region.span);
         self.block(&region.body, Some("a region"));
     }

@@ -1,11 +1,23 @@
 //! Names that come from other files: what a `use` brings in, and which model a path means.
 
-use super::Global;
 use super::reserved::did_you_mean;
 use crate::diagnostics::Diagnostics;
 use crate::model::errors::ModelError;
+use crate::source::Span;
 use crate::source::imports::ImportError;
-use crate::syntax::{File, Ident, Item, Link, Model, Path, Segment, Use, UseSource};
+use crate::syntax::{
+    Const, File, Function, Ident, Item, Link, Model, Path, Segment, Use, UseSource,
+};
+
+/// What a file declares or imports.
+#[derive(Clone, Copy)]
+pub(crate) enum Global<'f> {
+    Const(&'f Const),
+    /// A function, and the file it stands in.
+    Function(&'f File, &'f Function),
+    Model(&'f Model),
+    Import(Import<'f>),
+}
 
 /// The model that a path means, with the file it stands in.
 pub fn find<'f>(
@@ -93,7 +105,7 @@ fn models(file: &File) -> impl Iterator<Item = &Model> {
     })
 }
 
-fn uses(file: &File) -> impl Iterator<Item = &Use> {
+pub(super) fn uses(file: &File) -> impl Iterator<Item = &Use> {
     file.items.iter().filter_map(|item| match item {
         Item::Use(item) => Some(item),
         _ => None,
@@ -124,6 +136,8 @@ pub(super) fn global<'f>(file: &'f File, item: &'f Item) -> Option<(&'f Ident, G
 #[derive(Clone, Copy)]
 pub(crate) struct Import<'f> {
     pub local: &'f str,
+    /// Where the local name stands; the path of a file without another name.
+    pub place: Span,
     /// The name in the other file; none for the file as a whole.
     pub name: Option<&'f Ident>,
     /// The other file, where it could be read.
@@ -140,18 +154,23 @@ pub(crate) fn imports(item: &Use) -> Vec<Import<'_>> {
         let named = item.names.iter();
         let named = named.map(|(name, alias)| Import {
             local: &alias.as_ref().unwrap_or(name).name,
+            place: alias.as_ref().unwrap_or(name).span,
             name: Some(name),
             file,
         });
         return named.collect();
     }
     let whole = match (&item.alias, &item.source) {
-        (Some(alias), _) => Some(alias.name.as_str()),
-        (None, UseSource::Dotted(path)) => path.last().map(|last| last.name.as_str()),
-        (None, UseSource::Relative(path)) => path.name.rsplit('/').next(),
+        (Some(alias), _) => Some((alias.name.as_str(), alias.span)),
+        (None, UseSource::Dotted(path)) => path.last().map(|last| (&*last.name, last.span)),
+        (None, UseSource::Relative(path)) => {
+            let last = path.name.rsplit('/').next();
+            last.map(|last| (last, path.span))
+        }
     };
-    let whole = whole.map(|local| Import {
+    let whole = whole.map(|(local, place)| Import {
         local,
+        place,
         name: None,
         file,
     });
@@ -163,17 +182,32 @@ impl<'f> Import<'f> {
     pub fn target(&self) -> Option<Global<'f>> {
         own(self.file?, &self.name?.name)
     }
+
+    /// Where the local name is declared: in the other file, unless it is another name here.
+    pub fn declared_at(&self) -> Span {
+        let name = self.name.filter(|name| name.span == self.place);
+        self.named_at(name).unwrap_or(self.place)
+    }
+
+    /// Where a name of the other file is declared.
+    pub fn named_at(&self, name: Option<&Ident>) -> Option<Span> {
+        own_named(self.file?, &name?.name).map(|(name, _)| name.span)
+    }
 }
 
 /// What a file declares itself under a name.
 pub(crate) fn own<'f>(file: &'f File, name: &str) -> Option<Global<'f>> {
-    let mut globals = file.items.iter().filter_map(|item| global(file, item));
-    let found = globals.find(|(known, _)| known.name == name);
-    found.map(|(_, global)| global)
+    own_named(file, name).map(|(_, global)| global)
 }
 
-/// Takes the names of a `use`, those that are there.
-pub(super) fn declare<'f>(names: &mut super::File<'f>, item: &'f Use, diags: &mut Diagnostics) {
+/// The same, with the name where it is declared.
+pub(super) fn own_named<'f>(file: &'f File, name: &str) -> Option<(&'f Ident, Global<'f>)> {
+    let mut globals = file.items.iter().filter_map(|item| global(file, item));
+    globals.find(|(known, _)| known.name == name)
+}
+
+/// What a `use` declares, with where each name stands; says which of them are not there.
+pub(super) fn named<'f>(item: &'f Use, diags: &mut Diagnostics) -> Vec<(Import<'f>, Span)> {
     if item.link == Link::Open {
         diags.push(ImportError::Missing {
             path: "..".to_owned(),
@@ -182,6 +216,7 @@ pub(super) fn declare<'f>(names: &mut super::File<'f>, item: &'f Use, diags: &mu
             help: None,
         });
     }
+    let mut found = Vec::new();
     for import in imports(item) {
         let span = match (import.name, &item.alias) {
             (Some(name), _) => name.span,
@@ -198,6 +233,7 @@ pub(super) fn declare<'f>(names: &mut super::File<'f>, item: &'f Use, diags: &mu
                 help: did_you_mean(&name.name, declared(file)),
             });
         }
-        names.declare(import.local, span, Global::Import(import), diags);
+        found.push((import, span));
     }
+    found
 }

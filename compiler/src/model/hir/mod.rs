@@ -7,24 +7,29 @@
 
 mod collect;
 pub(crate) mod import;
+pub mod index;
 pub(crate) mod order;
 mod references;
 pub(crate) mod reserved;
+mod settings;
 #[cfg(test)]
 mod tests;
+mod words;
 
 use std::rc::Rc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
+pub(crate) use self::import::Global;
 use self::import::Import;
 use self::references::Resolver;
+use self::settings::Settings;
 use crate::diagnostics::Diagnostics;
 use crate::model::errors::ModelError;
 use crate::source::Span;
 use crate::syntax::{
-    self, Bind, Binder, Const, Decl, Experiment, Expr, ExprKind, Function, Ident, Item, Named,
-    NamedKind, Part, Program, Stmt, Switch,
+    self, Bind, Binder, Const, Decl, Experiment, Expr, ExprKind, Ident, Item, Named, NamedKind,
+    Part, Program, Stmt, Switch,
 };
 
 /// What a name refers to; one that is declared nowhere has none.
@@ -68,8 +73,8 @@ pub(crate) enum Definition<'f> {
     Switch(&'f Switch),
     Part(&'f Part),
     Program(&'f Program),
-    /// A name that is not a value.
-    Word(&'static str),
+    /// A name that is not a value, and its statement.
+    Word(&'static str, Span),
     /// Something that is wrong.
     Unsupported,
 }
@@ -88,16 +93,6 @@ pub(crate) struct Frame<'f> {
     pub binders: &'f [Binder],
     pub lets: Vec<Rc<Named>>,
     pub span: Span,
-}
-
-/// What a file declares or imports.
-#[derive(Clone, Copy)]
-pub(crate) enum Global<'f> {
-    Const(&'f Const),
-    /// A function, and the file it stands in.
-    Function(&'f syntax::File, &'f Function),
-    Model(&'f syntax::Model),
-    Import(Import<'f>),
 }
 
 /// A name that holds in a whole file.
@@ -166,7 +161,11 @@ impl<'f> File<'f> {
         };
         for item in &file.items {
             match item {
-                Item::Use(item) => import::declare(&mut names, item, diags),
+                Item::Use(item) => {
+                    for (import, span) in import::named(item, diags) {
+                        names.declare(import.local, span, Global::Import(import), diags);
+                    }
+                }
                 Item::Bad(_) => names.forgiving = true,
                 _ => {
                     if let Some((name, global)) = import::global(file, item) {
@@ -260,6 +259,16 @@ impl<'f> File<'f> {
     }
 }
 
+impl Globally<'_> {
+    /// Where what it means is declared, if it has the same name there.
+    fn declared_at(&self) -> Span {
+        match self.global {
+            Global::Import(import) => import.declared_at(),
+            _ => self.span,
+        }
+    }
+}
+
 impl Global<'_> {
     /// The word for it.
     pub fn word(&self) -> &'static str {
@@ -319,7 +328,10 @@ impl<'f> Model<'f> {
         let mut resolver = Resolver::of_model(self);
         resolver.file = file;
         resolver.binds(overrides);
-        resolver.experiment(experiment);
+        Settings {
+            resolver: &mut resolver,
+        }
+        .read(experiment);
         resolver.found
     }
 }

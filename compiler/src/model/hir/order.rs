@@ -61,7 +61,7 @@ fn needs(model: &Model<'_>, declared: &Declared<'_>, with: &[Bind]) -> Vec<usize
         }
         Definition::Part(part) => part_needs(model, part, with),
         Definition::Program(program) => model.read(&program.shape),
-        Definition::Word(_) | Definition::Unsupported => vec![],
+        Definition::Word(..) | Definition::Unsupported => vec![],
     }
 }
 

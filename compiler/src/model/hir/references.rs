@@ -1,11 +1,14 @@
 //! The walk that finds references: local names first, then values of the language, then what the model
 //! and the file declare, then functions of the language.
 
+use super::index::{Holder, Kind, Recorder, Role};
 use super::reserved::{VALUES, is_function, is_kept};
-use super::{File, Global, Model, Reference, References, local_lets};
+use super::words::Worded;
+use super::{Definition, File, Global, Model, Reference, References, local_lets};
+use crate::source::Span;
 use crate::syntax::{
-    Arg, Bind, Binder, Contact, Domain, Expect, ExpectWhen, Experiment, Expr, ExprKind, Function,
-    OutputWhen, PlotItem, PlotKind, ProgramKind, RegionGuard, Row, Setting, SettingKind, Stmt,
+    Bind, Binder, Domain, Expr, ExprKind, Function, Ident, Index, Part, Path, ProgramKind,
+    RegionGuard, Row, Segment, Stmt,
 };
 
 pub(super) struct Resolver<'r, 'f> {
@@ -13,8 +16,12 @@ pub(super) struct Resolver<'r, 'f> {
     /// None in functions and constants of the file.
     model: Option<&'r Model<'f>>,
     /// Innermost last.
-    locals: Vec<(&'f str, Reference<'f>)>,
+    locals: Vec<(&'f Ident, Reference<'f>)>,
     pub found: References<'f>,
+    /// Words that mean something of a run, whatever is declared.
+    pub(super) of_runs: &'static [&'static str],
+    /// Takes down names that are no values, too, where somebody looks at the text.
+    pub recorder: Option<Recorder<'r, 'f>>,
 }
 
 impl<'r, 'f> Resolver<'r, 'f> {
@@ -24,6 +31,8 @@ impl<'r, 'f> Resolver<'r, 'f> {
             model: None,
             locals: vec![],
             found: References::default(),
+            of_runs: &[],
+            recorder: None,
         }
     }
 
@@ -34,12 +43,11 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
-    fn reference(&self, name: &str) -> Option<Reference<'f>> {
-        let mut locals = self.locals.iter().rev();
-        if let Some((_, reference)) = locals.find(|(local, _)| *local == name) {
+    pub(super) fn reference(&self, name: &str) -> Option<Reference<'f>> {
+        if let Some((_, reference)) = self.local(name) {
             return Some(*reference);
         }
-        if VALUES.contains(&name) {
+        if VALUES.contains(&name) || self.of_runs.contains(&name) {
             return Some(Reference::BuiltIn);
         }
         let own = self.model.and_then(|model| model.index.get(name));
@@ -47,6 +55,114 @@ impl<'r, 'f> Resolver<'r, 'f> {
         let global = || Some(Reference::Global(*self.file.index.get(name)?));
         let built_in = || is_function(name).then_some(Reference::BuiltIn);
         own.or_else(global).or_else(built_in)
+    }
+
+    fn local(&self, name: &str) -> Option<&(&'f Ident, Reference<'f>)> {
+        let mut locals = self.locals.iter().rev();
+        locals.find(|(local, _)| local.name == name)
+    }
+
+    /// Takes down that a name stands at a place, where it is known.
+    pub(super) fn record(&mut self, span: Span, name: &str, role: Role) {
+        if self.recorder.is_none() {
+            return;
+        }
+        let declared = match self.reference(name) {
+            Some(Reference::Index | Reference::Argument(_) | Reference::Let(_)) => {
+                self.local(name).map(|(local, _)| local.span)
+            }
+            Some(Reference::Own(index)) => self.model.map(|model| model.declared[index].name.span),
+            Some(Reference::Global(index)) => Some(self.file.globals[index].declared_at()),
+            Some(Reference::BuiltIn) | None => None,
+        };
+        self.take_down(span, declared, role);
+    }
+
+    pub(super) fn take_down(&mut self, span: Span, declared: Option<Span>, role: Role) {
+        if let (Some(recorder), Some(declared)) = (&mut self.recorder, declared) {
+            recorder.occurs(span, declared, role);
+        }
+    }
+
+    /// Declares what holds in a part of the text.
+    fn declare(&mut self, name: &'f Ident, kind: Kind, whole: Span, scope: Span) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.declares(name, kind, whole, scope);
+        }
+    }
+
+    /// What a name has members of.
+    fn holder(&self, expr: &Expr) -> Option<Holder<'f>> {
+        match &expr.kind {
+            ExprKind::Name(name) => self.holder_of(name),
+            ExprKind::Index(base, _) => self.holder(base),
+            ExprKind::Field(base, field) => {
+                let recorder = self.recorder.as_ref()?;
+                recorder.member(self.holder(base)?, &field.name)?.1
+            }
+            _ => None,
+        }
+    }
+
+    fn holder_of(&self, name: &str) -> Option<Holder<'f>> {
+        match self.reference(name)? {
+            Reference::Own(index) => match self.model?.declared[index].item {
+                Definition::Part(part) => Holder::of_path(self.model?.file.file, &part.model),
+                _ => None,
+            },
+            Reference::Global(index) => match self.file.globals[index].global {
+                Global::Import(import) if import.name.is_none() => import.file.map(Holder::File),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// A member of a part or a file.
+    fn field(
+        &mut self,
+        holder: Option<Holder<'f>>,
+        field: &Ident,
+        role: Role,
+    ) -> Option<Holder<'f>> {
+        let (declared, inner) = self.recorder.as_ref()?.member(holder?, &field.name)?;
+        self.take_down(field.span, Some(declared), role);
+        inner
+    }
+
+    /// What a path names, of the model around or of one that a part is an instance of.
+    pub(super) fn path(&mut self, path: &'f Path, of: Option<Holder<'f>>, role: Role) {
+        if self.recorder.is_none() {
+            return;
+        }
+        let mut holder = match of {
+            None => {
+                self.record(path.head.span, &path.head.name, role);
+                self.holder_of(&path.head.name)
+            }
+            of => self.field(of, &path.head, role),
+        };
+        for segment in &path.rest {
+            match segment {
+                Segment::Field(field) => holder = self.field(holder, field, role),
+                Segment::Index(indices) => self.exprs(indices.iter().flat_map(inside)),
+            }
+        }
+    }
+
+    /// A model of the file around, or of one that it imports.
+    pub fn model_path(&mut self, file: &File<'f>, path: &'f Path) {
+        let known = file.get(&path.head.name);
+        self.take_down(
+            path.head.span,
+            known.map(|known| known.declared_at()),
+            Role::Reads,
+        );
+        if let (Some(Segment::Field(field)), Some(Global::Import(import))) =
+            (path.rest.first(), known.map(|known| known.global))
+        {
+            self.field(import.file.map(Holder::File), field, Role::Reads);
+        }
     }
 
     /// Whether a call of this name is one of a function of the language, whatever else has the name.
@@ -64,36 +180,47 @@ impl<'r, 'f> Resolver<'r, 'f> {
             ExprKind::Name(name) => {
                 let reference = self.reference(name);
                 self.found.extend(reference.map(|found| (expr.span, found)));
+                self.record(expr.span, name, Role::Reads);
             }
-            ExprKind::Comprehension(body, binders) => self.under(binders, |r| r.expr(body)),
+            ExprKind::Field(base, field) => {
+                self.expr(base);
+                if self.recorder.is_some() {
+                    self.field(self.holder(base), field, Role::Reads);
+                }
+            }
+            ExprKind::Comprehension(body, binders) => {
+                self.under(binders, expr.span, |r| r.expr(body));
+            }
             ExprKind::Call(function, args) => {
                 match &function.kind {
                     ExprKind::Name(name) if self.is_built_in(name) => {
                         self.found.insert(function.span, Reference::BuiltIn);
                     }
-                    _ => self.expr(function),
+                    _ => Worded { resolver: self }.head(function),
                 }
-                for arg in args {
-                    match arg {
-                        Arg::Named(_, value) => self.expr(value),
-                        Arg::Positional(value, binders) => self.under(binders, |r| r.expr(value)),
-                    }
-                }
+                Worded { resolver: self }.args_of(function, args, expr.span);
             }
             _ => expr.each(&mut |inner| self.expr(inner)),
         }
     }
 
-    fn exprs(&mut self, exprs: impl IntoIterator<Item = &'f Expr>) {
+    pub(super) fn exprs(&mut self, exprs: impl IntoIterator<Item = &'f Expr>) {
         exprs.into_iter().for_each(|expr| self.expr(expr));
     }
 
-    /// What stands where indices hold; each holds in the bounds of those after it.
-    fn under(&mut self, binders: &'f [Binder], inside: impl FnOnce(&mut Self)) {
+    /// What stands in `scope`, where indices hold; each holds in the bounds of those after it.
+    pub(super) fn under(
+        &mut self,
+        binders: &'f [Binder],
+        scope: Span,
+        inside: impl FnOnce(&mut Self),
+    ) {
         let outside = self.locals.len();
         for binder in binders {
             self.exprs([&binder.first, &binder.last]);
-            self.locals.push((&binder.name.name, Reference::Index));
+            let whole = binder.name.span.to(binder.last.span);
+            self.declare(&binder.name, Kind::Index, whole, scope);
+            self.locals.push((&binder.name, Reference::Index));
         }
         inside(self);
         self.locals.truncate(outside);
@@ -103,16 +230,20 @@ impl<'r, 'f> Resolver<'r, 'f> {
     pub fn function(&mut self, function: &'f Function) {
         let params = function.params.iter().enumerate();
         self.locals
-            .extend(params.map(|(k, param)| (&*param.name, Reference::Argument(k))));
+            .extend(params.map(|(k, param)| (param, Reference::Argument(k))));
+        for param in &function.params {
+            self.declare(param, Kind::Argument, param.span, function.span);
+        }
         self.expr(&function.body);
         self.locals.clear();
     }
 
-    fn block(&mut self, body: &'f [Stmt]) {
+    fn block(&mut self, body: &'f [Stmt], scope: Span) {
         let outside = self.locals.len();
-        let lets = local_lets(body);
-        self.locals
-            .extend(lets.map(|named| (&*named.name.name, Reference::Let(named))));
+        for named in local_lets(body) {
+            self.declare(&named.name, Kind::Let, named.span, scope);
+            self.locals.push((&named.name, Reference::Let(named)));
+        }
         self.body(body);
         self.locals.truncate(outside);
     }
@@ -127,31 +258,42 @@ impl<'r, 'f> Resolver<'r, 'f> {
             Stmt::Const(item) => self.expr(&item.value),
             Stmt::Decl(decl) => {
                 self.exprs(decl.shape.iter().chain(&decl.value));
-                match &decl.domain {
-                    None => {}
-                    Some(Domain::Box(lower, upper)) => self.exprs([lower, upper]),
-                    Some(Domain::Set(values)) => self.exprs(values),
-                }
+                self.domain(decl.domain.as_ref());
             }
             Stmt::Named(named) => self.expr(&named.value),
             Stmt::Switch(switch) => self.expr(&switch.value),
-            Stmt::Part(part) => self.under(part.binder.as_slice(), |r| r.binds(&part.binds)),
+            Stmt::Part(part) => self.part(part),
             Stmt::Region(region) => {
                 match &region.guard {
                     RegionGuard::Where(guard) | RegionGuard::Indicator(guard) => self.expr(guard),
                     RegionGuard::Else => {}
                 }
-                self.block(&region.body);
+                self.block(&region.body, region.span);
             }
-            Stmt::Hidden(hidden) => self.block(&hidden.body),
-            Stmt::For(repeat) => self.under(&repeat.binders, |r| r.block(&repeat.body)),
-            Stmt::Dynamics(dynamics) => self.expr(&dynamics.value),
+            Stmt::Hidden(hidden) => {
+                self.path(&hidden.switch, None, Role::Reads);
+                self.block(&hidden.body, hidden.span);
+            }
+            Stmt::For(repeat) => {
+                self.under(&repeat.binders, repeat.span, |r| {
+                    r.block(&repeat.body, repeat.span);
+                });
+            }
+            Stmt::Dynamics(dynamics) => {
+                self.path(&dynamics.target, None, Role::Sets);
+                self.expr(&dynamics.value);
+            }
             Stmt::Mechanics(mechanics) => {
-                self.options(&mechanics.options);
-                mechanics.contacts.iter().for_each(|c| self.contact(c));
+                self.path(&mechanics.q, None, Role::Reads);
+                self.path(&mechanics.v, None, Role::Reads);
+                Worded { resolver: self }.options(&mechanics.options);
+                for contact in &mechanics.contacts {
+                    Worded { resolver: self }.options(&contact.options);
+                }
             }
-            Stmt::Contact(contact) => self.contact(contact),
+            Stmt::Contact(contact) => Worded { resolver: self }.options(&contact.options),
             Stmt::Project(project) => {
+                self.path(&project.state, None, Role::Sets);
                 self.rows(&project.rows);
                 self.exprs(&project.metric);
             }
@@ -181,22 +323,37 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
+    fn part(&mut self, part: &'f Part) {
+        let file = self.model.map(|model| &model.file);
+        let of = file.and_then(|file| Holder::of_path(file.file, &part.model));
+        if let Some(file) = file.filter(|_| self.recorder.is_some()) {
+            self.model_path(file, &part.model);
+        }
+        self.under(part.binder.as_slice(), part.span, |r| {
+            for bind in &part.binds {
+                if of.is_some() {
+                    r.path(&bind.target, of, Role::Sets);
+                }
+                Worded { resolver: r }.given(bind);
+            }
+        });
+    }
+
     pub fn binds(&mut self, binds: &'f [Bind]) {
-        self.exprs(binds.iter().map(|bind| &bind.value));
+        for bind in binds {
+            self.path(&bind.target, None, Role::Sets);
+            Worded { resolver: self }.given(bind);
+        }
     }
 
-    fn options(&mut self, options: &'f [Setting]) {
-        self.exprs(options.iter().map(|option| &option.value));
-    }
-
-    fn contact(&mut self, contact: &'f Contact) {
-        self.options(&contact.options);
-    }
-
-    fn rows(&mut self, rows: &'f [Row]) {
+    pub(super) fn rows(&mut self, rows: &'f [Row]) {
         for row in rows {
             match row {
-                Row::For { binders, rows, .. } => self.under(binders, |r| r.rows(rows)),
+                Row::For {
+                    binders,
+                    rows,
+                    span,
+                } => self.under(binders, *span, |r| r.rows(rows)),
                 Row::Relation { first, rest, .. } => {
                     self.expr(first);
                     self.exprs(rest.iter().map(|(_, side)| side));
@@ -206,39 +363,21 @@ impl<'r, 'f> Resolver<'r, 'f> {
         }
     }
 
-    fn plot_items(&mut self, items: &'f [PlotItem]) {
-        for item in items {
-            self.exprs(item.kind.exprs());
-            if let PlotKind::For(binders, items) = &item.kind {
-                self.under(binders, |r| r.plot_items(items));
-            }
+    pub(super) fn domain(&mut self, domain: Option<&'f Domain>) {
+        match domain {
+            None => {}
+            Some(Domain::Box(lower, upper)) => self.exprs([lower, upper]),
+            Some(Domain::Set(values)) => self.exprs(values),
         }
     }
+}
 
-    /// The settings of an experiment that say something in units.
-    pub fn experiment(&mut self, experiment: &'f Experiment) {
-        for setting in &experiment.settings {
-            match &setting.kind {
-                SettingKind::With(binds) => self.binds(binds),
-                SettingKind::Horizon { value, .. } => self.exprs(value),
-                SettingKind::Output {
-                    when: OutputWhen::Every(instants) | OutputWhen::At(instants),
-                    ..
-                } => self.expr(instants),
-                SettingKind::Perturb { every, .. } => self.expr(every),
-                SettingKind::Plot(items) | SettingKind::Animate(items) => {
-                    self.plot_items(items);
-                }
-                SettingKind::Expect(Expect::Mode { at, .. }) => self.expr(at),
-                SettingKind::Expect(Expect::Relation(relation)) => {
-                    if let ExpectWhen::At(at) = &relation.when {
-                        self.expr(at);
-                    }
-                    self.exprs([&relation.left, &relation.right]);
-                    self.exprs(relation.right_at.iter().chain(&relation.within));
-                }
-                _ => {}
-            }
-        }
-    }
+/// The expressions of an index.
+fn inside(index: &Index) -> impl Iterator<Item = &Expr> {
+    let ends = match index {
+        Index::All(_) => [None, None],
+        Index::One(one) => [Some(one), None],
+        Index::Range(first, last) => [Some(first), Some(last)],
+    };
+    ends.into_iter().flatten()
 }

@@ -72,7 +72,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             Definition::Named(named) => self.named(named),
             Definition::Switch(switch) => self.switch(switch, &declared.frames),
             Definition::Part(part) => self.part(part, with),
-            Definition::Word(kind) => Ok(Meaning::Word(kind)),
+            Definition::Word(kind, _) => Ok(Meaning::Word(kind)),
             Definition::Unsupported => Ok(Meaning::Unusable),
         };
         let name = declared.name.name.clone();

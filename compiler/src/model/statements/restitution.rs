@@ -77,6 +77,12 @@ fn named(word: &str) -> Option<ImpactLaw> {
     entry.map(|(_, law)| *law)
 }
 
+/// Whether a `restitution` is a law, and no coefficient alone.
+pub(crate) fn is_law(value: &syntax::Expr) -> bool {
+    head(value)
+        .is_some_and(|(name, args)| named(name).is_some() || (name == PLASTIC && args.is_none()))
+}
+
 /// The word in front of a coefficient, or without one.
 fn head(value: &syntax::Expr) -> Option<(&str, Option<&[Arg]>)> {
     let (of, args) = match &value.kind {

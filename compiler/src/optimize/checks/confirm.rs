@@ -26,8 +26,6 @@ const WORTH: f64 = 1e-2;
 const LEAST_WORTH: f64 = 1e-6;
 /// Constraints that are violated by no more are kept.
 const KEPT: f64 = 1e-6;
-/// Simulations are made as long as they take fewer steps than this, times the number of states.
-const MAX_EFFORT: usize = 200_000;
 /// Multipliers of constraints are weighted by so much more.
 const WEIGHT: f64 = 2.0;
 /// Simulations that miss the objective by more than this, relative to max(1, |J|), say nothing about it.
@@ -177,6 +175,7 @@ fn from(
     watch: &mut dyn Watch,
 ) -> Option<Solution> {
     let mut w = point.to_vec();
+    problem.balance(&mut w);
     let starts = match problem.frozen {
         Some(_) => reference::in_numerical_time(problem, &mut w, limit),
         None => reference::in_modes(problem, &problem.simulated(&w, limit), &mut w),
@@ -212,11 +211,10 @@ fn look(
         return Err(Confirmation::Confirmed);
     }
     let base = reduced.at(w);
-    let n_states = problem.system.states.len();
     let steps = base
         .as_ref()
         .map_or(problem.layout.steps, |base| base.steps);
-    if 2 * reduced.quantities.len() * steps * n_states > MAX_EFFORT {
+    if reduced.is_too_much(2 * reduced.quantities.len(), steps) {
         return Err(Confirmation::TooLong);
     }
     let multipliers = &solution.multipliers;

@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use super::descent::{Candidate, Found, Search};
-use super::reduced::Quantity;
+use super::reduced::{Kind, Quantity};
 
 /// Shares of ranges at which all controls are tried.
 const LEVELS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -58,7 +58,7 @@ impl Search<'_, '_, '_> {
 
     /// Whether switches act, and nothing but ranges constrains.
     fn has_branches(&self) -> bool {
-        self.reduced.is_switched() && self.reduced.bounds().next().is_none()
+        self.reduced.is_switched() && !self.reduced.is_constrained()
     }
 
     fn simulated(&mut self, w: Vec<f64>) -> Option<Candidate> {
@@ -89,22 +89,25 @@ impl Search<'_, '_, '_> {
             let range = quantity.upper - quantity.lower;
             w[quantity.index] = quantity.lower + share(i) * range;
         }
+        self.reduced.problem.balance(&mut w);
         w
     }
 
-    /// The solution with every quantity alone at its bounds, and with all controls at equal shares of their ranges.
+    /// The solution with every quantity alone at its bounds, but for lengths, which add up, and with all controls at equal
+    /// shares of their ranges.
     fn at_bounds(&self) -> Vec<Vec<f64>> {
         let bounded = self.bounded();
         let mut points = Vec::new();
         for &quantity in &bounded {
-            let levels = match quantity.is_control {
-                true => &[0.0, 1.0],
-                false => &LEVELS[..],
+            let levels = match quantity.kind {
+                Kind::Control(_) => &[0.0, 1.0][..],
+                Kind::Length => &[],
+                _ => &LEVELS[..],
             };
             let level = |level: &f64| self.moved(&[quantity], |_| *level);
             points.extend(levels.iter().map(level));
         }
-        let is_control = |quantity: &Quantity| quantity.is_control;
+        let is_control = |quantity: &Quantity| matches!(quantity.kind, Kind::Control(_));
         let controls: Vec<Quantity> = bounded.into_iter().filter(is_control).collect();
         points.extend(LEVELS.map(|level| self.moved(&controls, |_| level)));
         points
@@ -217,6 +220,7 @@ impl Search<'_, '_, '_> {
             let value = w[quantity.index] + step * d * quantity.size;
             next[quantity.index] = value.max(quantity.lower).min(quantity.upper);
         }
+        self.reduced.problem.balance(&mut next);
         next
     }
 }

@@ -3,6 +3,7 @@
 pub(crate) mod confirm;
 pub(crate) mod descent;
 pub(crate) mod elsewhere;
+pub(crate) mod idle;
 pub(crate) mod reduced;
 pub(crate) mod runs;
 pub(crate) mod simulated;

@@ -4,12 +4,34 @@
 //! a program are not in it.
 
 use super::solved;
-use crate::expr::{Evaluator, Expr, Var};
+use crate::expr::{Evaluator, Var};
 use crate::limit::Limit;
 use crate::optimize::Problem;
 use crate::system::experiment::At;
-use crate::system::task::Shape;
+use crate::system::task::{Lengths, Shape};
 use crate::system::{System, Valuation};
+
+/// Simulations are made as long as they take fewer steps than this, times the number of states.
+const MAX_EFFORT: usize = 200_000;
+/// Lengths add up where their sum is off by no more than this share of it.
+const BALANCED: f64 = 1e-14;
+/// Lengths that are in their ranges reach their ends by this factor.
+const LARGEST_FACTOR: f64 = Lengths::FREE[1] / Lengths::FREE[0];
+
+/// What a quantity is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A control, by its number, in an interval.
+    Control(usize),
+    /// A parameter, by its place.
+    Param(usize),
+    /// An initial value, by the place of its state.
+    Initial(usize),
+    /// T.
+    Horizon,
+    /// The length of a control interval as a share of T/N.
+    Length,
+}
 
 /// What is free in a task.
 #[derive(Clone, Copy, Debug)]
@@ -22,8 +44,16 @@ pub(crate) struct Quantity {
     pub upper: f64,
     /// What its changes are measured by.
     pub size: f64,
-    /// Whether it is a control in an interval.
-    pub is_control: bool,
+    /// What it is.
+    pub kind: Kind,
+}
+
+/// What a constraint is about.
+enum Asked<'e> {
+    /// A function of states, controls and time.
+    Value(Evaluator<'e>),
+    /// Σ s_k of the lengths of control intervals as shares of T/N.
+    Lengths,
 }
 
 /// lower <= value <= upper at an instant.
@@ -39,10 +69,10 @@ struct Row {
 /// An instant at which something is asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Place {
-    /// As a share of the horizon.
-    share: f64,
     /// The interval that it is in or ends.
     k: usize,
+    /// As a share of it.
+    share: f64,
 }
 
 /// The objective and the constraints for certain values of the free quantities.
@@ -56,22 +86,54 @@ pub(crate) struct Values {
     pub end: Vec<f64>,
     /// Steps of the simulation.
     pub steps: usize,
+    /// Its events.
+    pub events: usize,
 }
 
 /// The problem in free quantities.
 pub(crate) struct Reduced<'r, 'e> {
-    problem: &'r Problem<'e>,
+    /// With its program.
+    pub problem: &'r Problem<'e>,
     /// What is free.
     pub quantities: Vec<Quantity>,
     cost: Evaluator<'e>,
     places: Vec<Place>,
     /// What constraints are about.
-    asked: Vec<Evaluator<'e>>,
+    asked: Vec<Asked<'e>>,
     rows: Vec<Row>,
     /// The rows at each place.
     at_place: Vec<Vec<usize>>,
     /// When no more runs begin, and those that go on end.
     pub limit: Limit,
+}
+
+impl Problem<'_> {
+    /// Brings lengths of control intervals that are chosen to their sum, by one factor and within their ranges.
+    pub(crate) fn balance(&self, w: &mut [f64]) {
+        let (task, steps) = (self.system.task.as_ref(), self.layout.steps);
+        if task.is_none_or(|task| task.lengths != Lengths::Free) {
+            return;
+        }
+        let bounds = self.mpcc.bounds();
+        let lengths = (1..=steps).filter_map(|k| self.layout.decided.share(k));
+        let lengths: Vec<(usize, f64)> = lengths.map(|index| (index, w[index])).collect();
+        let missing = |w: &[f64]| {
+            let all: f64 = lengths.iter().map(|&(index, _)| w[index]).sum();
+            steps as f64 - all
+        };
+        let [mut low, mut high] = [0.0, LARGEST_FACTOR];
+        while missing(w).abs() > BALANCED * steps as f64 && high - low > f64::EPSILON * high {
+            let factor = 0.5 * (low + high);
+            for &(index, length) in &lengths {
+                let value = factor * length;
+                w[index] = value.max(bounds[index].lower).min(bounds[index].upper);
+            }
+            match missing(w) > 0.0 {
+                true => low = factor,
+                false => high = factor,
+            }
+        }
+    }
 }
 
 impl<'r, 'e> Reduced<'r, 'e> {
@@ -99,32 +161,29 @@ impl<'r, 'e> Reduced<'r, 'e> {
         let Some(task) = &self.problem.system.task else {
             return;
         };
-        let horizon = self.problem.at(w).horizon();
+        let edges = self.problem.at(w).ends();
         let mut ends: Vec<Place> = Vec::new();
         let mut nodes: Vec<Place> = Vec::new();
         for (k, j) in layout.all_elements() {
             let before: f64 = (1..j).map(|j| w[layout.h(k, j)].max(0.0)).sum();
-            let start = (k - 1) as f64 / layout.steps as f64 + before / horizon;
-            let h = w[layout.h(k, j)].max(0.0) / horizon;
+            let (h, length) = (w[layout.h(k, j)].max(0.0), edges[k] - edges[k - 1]);
             let place = |c: f64| Place {
-                share: start + c * h,
                 k,
+                share: ((before + c * h) / length).min(1.0),
             };
             nodes.extend(layout.points[1..=layout.nodes].iter().map(|&c| place(c)));
             ends.push(place(1.0));
         }
-        let interval = |k: usize| Place {
-            share: k as f64 / layout.steps as f64,
-            k,
-        };
-        let start = Place { share: 0.0, k: 1 };
+        let interval = |k: usize| Place { k, share: 1.0 };
+        let start = Place { k: 1, share: 0.0 };
         // A clock in numerical time has no lengths of physical time.
         let is_frozen = self.problem.frozen.is_some();
         for row in &task.rows {
             let places = match row.at {
                 At::Start => vec![start],
                 At::End => {
-                    self.push(row.value, (row.lower, row.upper), [None]);
+                    let value = Asked::Value(Evaluator::new(row.value));
+                    self.push(value, (row.lower, row.upper), [None]);
                     continue;
                 }
                 At::Intervals => (1..=layout.steps).map(interval).collect(),
@@ -133,19 +192,32 @@ impl<'r, 'e> Reduced<'r, 'e> {
                 At::Nodes => nodes.clone(),
             };
             self.push(
-                row.value,
+                Asked::Value(Evaluator::new(row.value)),
                 (row.lower, row.upper),
                 places.into_iter().map(Some),
             );
         }
-        for bound in task.bounds.iter().filter(|_| !is_frozen) {
+        for bound in &task.bounds {
             let state = self.problem.system.states[bound.place].var;
-            let places = nodes.iter().copied().map(Some);
-            self.push(state, (bound.lower, bound.upper), places);
+            let places: Vec<Place> = match is_frozen {
+                true => (1..=layout.steps).map(interval).collect(),
+                false => nodes.clone(),
+            };
+            let places = places.into_iter().map(Some);
+            let value = Asked::Value(Evaluator::new(state));
+            self.push(value, (bound.lower, bound.upper), places);
+        }
+        // Lengths that are chosen are shares of what they add up to.
+        if task.lengths == Lengths::Free {
+            let all = layout.steps as f64;
+            self.push(Asked::Lengths, (all, all), [None]);
         }
         // Instants are met in order.
         let mut order: Vec<usize> = (0..self.places.len()).collect();
-        order.sort_by(|&a, &b| self.places[a].share.total_cmp(&self.places[b].share));
+        order.sort_by(|&a, &b| {
+            let [a, b] = [a, b].map(|i| self.places[i]);
+            a.k.cmp(&b.k).then(a.share.total_cmp(&b.share))
+        });
         let mut number = vec![0; order.len()];
         for (new, &old) in order.iter().enumerate() {
             number[old] = new;
@@ -163,11 +235,11 @@ impl<'r, 'e> Reduced<'r, 'e> {
     /// Asks for a value at places; none is the end of the horizon.
     fn push(
         &mut self,
-        value: Expr<'e>,
+        value: Asked<'e>,
         (lower, upper): (f64, f64),
         places: impl IntoIterator<Item = Option<Place>>,
     ) {
-        self.asked.push(Evaluator::new(value));
+        self.asked.push(value);
         for place in places {
             let at = place.map(|place| {
                 let known = self.places.iter().rposition(|known| *known == place);
@@ -185,6 +257,17 @@ impl<'r, 'e> Reduced<'r, 'e> {
         }
     }
 
+    /// Whether so many runs of so many steps take too long.
+    pub fn is_too_much(&self, runs: usize, steps: usize) -> bool {
+        runs * steps * self.problem.system.states.len() > MAX_EFFORT
+    }
+
+    /// Whether anything but ranges constrains: lengths can be brought to their sum.
+    pub fn is_constrained(&self) -> bool {
+        let is_row = |row: &Row| !matches!(self.asked[row.value], Asked::Lengths);
+        self.rows.iter().any(is_row)
+    }
+
     /// The bounds of the rows.
     pub fn bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         self.rows.iter().map(|row| (row.lower, row.upper))
@@ -198,6 +281,17 @@ impl<'r, 'e> Reduced<'r, 'e> {
     /// A run with the free quantities of a point; none where it does not reach the end in the time that is left, or where
     /// something is not finite.
     pub fn at(&mut self, w: &[f64]) -> Option<Values> {
+        self.run(w, initial(self.problem, w))
+    }
+
+    /// The same with an initial value that differs by so much.
+    pub fn at_from(&mut self, w: &[f64], (place, change): (usize, f64)) -> Option<Values> {
+        let mut x0 = initial(self.problem, w);
+        x0[place] += change;
+        self.run(w, x0)
+    }
+
+    fn run(&mut self, w: &[f64], x0: Vec<f64>) -> Option<Values> {
         let problem = self.problem;
         let limit = &self.limit;
         if limit.is_over() {
@@ -205,9 +299,15 @@ impl<'r, 'e> Reduced<'r, 'e> {
         }
         let horizon = problem.at(w).horizon();
         let tables = solved::tables(problem, w);
-        let x0 = initial(problem, w);
-        let instants = self.places.iter().map(|place| place.share * horizon);
-        let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
+        let ends = problem.at(w).ends();
+        let instants = self.places.iter().map(|place| {
+            let [from, to] = [place.k - 1, place.k].map(|k| ends[k]);
+            match place.share {
+                1.0 => to,
+                share => (from + share * (to - from)).min(to),
+            }
+        });
+        let instants: Vec<f64> = instants.collect();
         let run = problem.again(w, |runs| {
             runs.replace_data(problem.system.exogenous.data.len(), &tables);
             runs.values(&x0, horizon, &instants, limit)
@@ -218,7 +318,10 @@ impl<'r, 'e> Reduced<'r, 'e> {
         known.decide(problem, w, problem.layout.steps, 1.0);
         let cost = self.cost.eval(&|var| known.value(var));
         let mut rows = vec![f64::NAN; self.rows.len()];
-        let value = |row: &Row, known: &Known| self.asked[row.value].eval(&|var| known.value(var));
+        let value = |row: &Row, known: &Known| match &self.asked[row.value] {
+            Asked::Value(value) => value.eval(&|var| known.value(var)),
+            Asked::Lengths => problem.at(w).shares().iter().flatten().sum(),
+        };
         for (i, row) in self
             .rows
             .iter()
@@ -229,8 +332,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
         }
         for (at, place) in self.places.iter().enumerate() {
             known.set(system, instants[at], &run.at[at]);
-            let share = place.share * problem.layout.steps as f64 - (place.k - 1) as f64;
-            known.decide(problem, w, place.k, share);
+            known.decide(problem, w, place.k, place.share);
             for &i in &self.at_place[at] {
                 rows[i] = value(&self.rows[i], &known);
             }
@@ -241,6 +343,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
             rows,
             end: run.end,
             steps: run.steps,
+            events: run.events,
         })
     }
 }
@@ -315,22 +418,25 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
     let one_of = |allowed: &Option<crate::system::Allowed>| {
         matches!(allowed, Some(crate::system::Allowed::OneOf(_)))
     };
-    let mut found: Vec<(usize, f64)> = Vec::new();
+    let mut found: Vec<(Kind, usize, f64)> = Vec::new();
     let controls = task.controls.iter().enumerate();
     for (i, _) in controls.filter(|(_, control)| !one_of(&control.allowed)) {
         let all = || layout.control_instants().map(|(k, _)| layout.u(k) + i);
         let largest = all().fold(0.0, |m: f64, index| m.max(w[index].abs()));
-        found.extend(all().map(|index| (index, largest)));
+        found.extend(all().map(|index| (Kind::Control(i), index, largest)));
     }
-    let n_controls = found.len();
-    found.extend((0..task.params.len()).map(|i| (layout.p(i), w[layout.p(i)].abs())));
-    let initial = task
-        .initial
-        .iter()
-        .map(|free| layout.before(1, 1) + free.place);
-    found.extend(initial.map(|index| (index, w[index].abs())));
-    found.extend(layout.horizon().map(|index| (index, w[index].abs())));
-    let quantity = |(i, (index, largest)): (usize, (usize, f64))| {
+    let params = task.params.iter().enumerate();
+    let params = params.map(|(i, free)| (Kind::Param(free.place), layout.p(i)));
+    let initial = task.initial.iter().map(|free| {
+        let index = layout.before(1, 1) + free.place;
+        (Kind::Initial(free.place), index)
+    });
+    let horizon = layout.horizon().map(|index| (Kind::Horizon, index));
+    let lengths = (1..=layout.steps).filter_map(|k| layout.decided.share(k));
+    let lengths = lengths.map(|index| (Kind::Length, index));
+    let others = params.chain(initial).chain(horizon).chain(lengths);
+    found.extend(others.map(|(kind, index)| (kind, index, w[index].abs())));
+    let quantity = |(kind, index, largest): (Kind, usize, f64)| {
         let range = bounds[index].upper - bounds[index].lower;
         let largest = if largest > 0.0 { largest } else { 1.0 };
         Quantity {
@@ -341,10 +447,10 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
                 true => 0.5 * range,
                 false => largest,
             },
-            is_control: i < n_controls,
+            kind,
         }
     };
-    let quantities = found.into_iter().enumerate().map(quantity);
+    let quantities = found.into_iter().map(quantity);
     quantities.filter(|q| q.lower < q.upper).collect()
 }
 
@@ -374,6 +480,30 @@ mod tests {
             // Once the time is over, it is for all runs that follow.
             reduced.limit = reduced.limit.sooner(Duration::ZERO);
             assert!(reduced.at(&w).is_none());
+        });
+    }
+
+    /// 0.1, 0.1 and 3 are 3 together when the last one is 2.8, as none is below 0.1; and nothing but ranges constrains them.
+    #[test]
+    fn lengths_are_brought_to_their_sum() {
+        let text = "model m { state x = 1; control u in [-1, 1] = 0.5; x' = u*abs(x); }
+                    optimize o of m { horizon 1; intervals 3 free; minimize final(x); }";
+        with_last(text, |compiled| {
+            let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
+            let problem = Problem::new(&compiled.system, &compiled.settings, task, Given::Numbers);
+            let problem = problem.expect("it has a program");
+            let (mut w, _) = problem.start(&[], &Limit::default());
+            let places = [1, 2, 3].map(|k| problem.layout.decided.share(k).expect("it is free"));
+            for (place, length) in places.into_iter().zip([0.1, 0.1, 3.0]) {
+                w[place] = length;
+            }
+            problem.balance(&mut w);
+            for (place, length) in places.into_iter().zip([0.1, 0.1, 2.8]) {
+                assert!((w[place] - length).abs() < 1e-12, "{}", w[place]);
+            }
+            let reduced = Reduced::new(&problem, &w, &Limit::default()).expect("it has a task");
+            assert!(!reduced.is_constrained());
+            assert_eq!(reduced.bounds().count(), 1);
         });
     }
 }

@@ -70,14 +70,13 @@ pub(crate) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
 /// The controls at a point as functions of time.
 pub(crate) fn tables(problem: &Problem, w: &[f64]) -> Vec<Arc<Table>> {
     let layout = &problem.layout;
-    let (horizon, steps) = (problem.at(w).horizon(), layout.steps);
-    let instant = |k: usize| horizon * k as f64 / steps as f64;
+    let ends = problem.at(w).ends();
     let task = problem.system.task.iter();
     let controls = task.flat_map(|task| task.controls.iter().map(|_| task.shape));
     let table = |(i, shape): (usize, Shape)| {
         let (fit, times): (Fit, Vec<f64>) = match shape {
-            Shape::Constant => (Fit::Hold, (0..steps).map(instant).collect()),
-            Shape::Linear => (Fit::Linear, (0..=steps).map(instant).collect()),
+            Shape::Constant => (Fit::Hold, ends[..layout.steps].to_vec()),
+            Shape::Linear => (Fit::Linear, ends.clone()),
         };
         let values = layout.control_instants().map(|(k, _)| w[layout.u(k) + i]);
         Arc::new(Table::new(fit, &times, &values.collect::<Vec<f64>>()))

@@ -88,8 +88,13 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
         let value = known.value(param.var, &param.name, 0.0);
         set(&mut w, layout.p(i), value);
     }
+    let place = problem.at(&w).places();
     for (i, control) in decided.controls.iter().enumerate() {
         for (k, share) in layout.control_instants() {
+            let share = match layout.decided.share(k) {
+                Some(_) => place((k, 1), 0.5 * layout.elements as f64),
+                None => share,
+            };
             let value = known.value(control.var, &control.name, share);
             set(&mut w, layout.u(k) + i, value);
         }
@@ -100,8 +105,7 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
     for (k, j) in (1..=steps).flat_map(|k| (1..=elements).map(move |j| (k, j))) {
         for (m, &c) in layout.points.iter().enumerate() {
             let begins = (k, j) == (1, 1) || layout.impulses(k, j).is_some();
-            let element = ((k - 1) * elements + j - 1) as f64;
-            let share = (element + c) / (steps * elements) as f64;
+            let share = place((k, j), c);
             let restarts = (m, j) == (0, 1) && (k == 1 || layout.algebraics.restarts);
             for i in 0..layout.n_states() {
                 if let Some(index) = layout.started(k, i).filter(|_| restarts) {

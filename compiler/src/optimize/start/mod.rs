@@ -40,6 +40,8 @@ pub(crate) struct Begin {
     /// The point to start from.
     pub guess: Vec<f64>,
     pub options: Options,
+    /// Whether that is a solution for other values of what is given.
+    pub is_solved_before: bool,
     /// Where there are several starts around that point.
     pub starts: Option<Starts>,
 }
@@ -47,6 +49,7 @@ pub(crate) struct Begin {
 impl Problem<'_> {
     /// None where a solution of another program is no point of this one.
     pub(crate) fn begin(&self, start: Start<'_>, limit: &Limit) -> Option<Begin> {
+        let is_solved_before = matches!(start, Start::Variables(_));
         let guess = match start {
             Start::Task(sampled) => {
                 let (guess, reference) = self.start(sampled, limit);
@@ -55,6 +58,7 @@ impl Problem<'_> {
                 return Some(Begin {
                     guess,
                     options,
+                    is_solved_before: false,
                     starts,
                 });
             }
@@ -69,6 +73,7 @@ impl Problem<'_> {
         Some(Begin {
             guess,
             options,
+            is_solved_before,
             starts: None,
         })
     }
@@ -156,6 +161,7 @@ pub(crate) fn solve(problem: &mut Problem, begin: &Begin, watch: &mut dyn Watch)
         guess,
         options,
         starts,
+        ..
     } = begin;
     let count = starts.map_or(1, |starts| starts.count);
     let mut progress = Progress {

@@ -87,10 +87,15 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
     for free in &task.initial {
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
-    let length = problem.at(w).horizon() / layout.steps as f64;
+    let ends = problem.at(w).ends();
+    let mean = problem.at(w).horizon() / layout.steps as f64;
     for k in 1..=layout.steps {
         system.exogenous.params.truncate(n_params);
         system.states.truncate(n_states);
+        let (instant, length) = match layout.decided.share(k) {
+            Some(_) => (ends[k], ends[k] - ends[k - 1]),
+            None => (k as f64 * mean, mean),
+        };
         for (i, control) in task.controls.iter().enumerate() {
             let to = w[layout.u(k) + i];
             match task.shape {
@@ -108,7 +113,6 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
                 }
             }
         }
-        let instant = k as f64 * length;
         let Some((run, end)) = run(problem, &system, frozen.clock, length, instant, limit) else {
             return false;
         };
@@ -133,10 +137,15 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
 pub(crate) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Sampled> {
     let layout = &problem.layout;
     let horizon = problem.settings.horizon;
-    let length = horizon / (layout.steps * layout.elements) as f64;
-    let elements = (0..layout.steps * layout.elements).map(|element| element as f64);
     let nodes = layout.points[1..].iter();
-    let instants = elements.flat_map(|element| nodes.clone().map(move |c| (element + c) * length));
+    let elements = layout.all_elements();
+    let instants = elements.flat_map(|element| nodes.clone().map(move |c| (element, *c)));
+    let length = horizon / (layout.steps * layout.elements) as f64;
+    let place = problem.at(w).places();
+    let instants = instants.map(|((k, j), c)| match layout.decided.share(k) {
+        Some(_) => place((k, j), c) * horizon,
+        None => (layout.element(k, j) as f64 + c) * length,
+    });
     let instants = [0.0].into_iter().chain(instants);
     let instants = instants.map(|t| t.min(horizon)).collect();
     let run = solved::run(problem, w, limit, |settings| {
@@ -174,9 +183,13 @@ fn follow<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, horizon: f64, w: &m
         system: &run.system,
         impacts: impacts(&run.system, &problem.dcs.impacts),
     };
+    let ends: Vec<f64> = {
+        let own = problem.at(w);
+        let scale = horizon / own.horizon();
+        own.ends().into_iter().map(|end| scale * end).collect()
+    };
     for k in 1..=layout.steps {
-        let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
-        let interval = (instant(k - 1), instant(k));
+        let interval = (ends[k - 1], ends[k]);
         let step = Target {
             elements: &layout.step(k),
             points: &layout.points,

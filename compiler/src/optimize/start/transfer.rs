@@ -17,6 +17,8 @@ pub struct Point {
     /// T.
     horizon: f64,
     params: Vec<f64>,
+    /// Lengths of intervals as shares of their mean, where these are not equal.
+    shares: Vec<f64>,
     /// Interval by interval.
     controls: Vec<Vec<f64>>,
     elements: Vec<Element>,
@@ -99,6 +101,9 @@ impl Problem<'_> {
             kind: self.kind(),
             horizon: self.at(w).horizon(),
             params: (0..n_params).map(|i| w[layout.p(i)]).collect(),
+            shares: (1..=layout.steps)
+                .filter_map(|k| Some(w[layout.decided.share(k)?]))
+                .collect(),
             controls: layout
                 .control_instants()
                 .map(|(k, _)| w[layout.u(k)..layout.u(k) + n_controls].to_vec())
@@ -125,6 +130,13 @@ impl Problem<'_> {
         }
         for (i, &value) in point.params.iter().enumerate() {
             set(layout.p(i), value);
+        }
+        for (k, &share) in (1..).zip(&point.shares) {
+            layout
+                .decided
+                .share(k)
+                .into_iter()
+                .for_each(|index| set(index, share));
         }
         for ((k, _), values) in layout.control_instants().zip(&point.controls) {
             for (i, &value) in values.iter().enumerate() {
@@ -155,10 +167,11 @@ impl Problem<'_> {
                 }
             }
         }
+        let ends = self.at(&w).ends();
         let mut started = 0.0;
         for ((k, j), element) in layout.all_elements().zip(&point.elements) {
             if j == 1 && self.frozen.is_none() {
-                started = point.horizon * (k - 1) as f64 / layout.steps as f64;
+                started = ends[k - 1];
             }
             for m in 0..=layout.end {
                 let time = started + layout.points[m] * element.length;

@@ -93,6 +93,8 @@ pub enum SettingKind {
     },
     /// `free { k; }`
     Free(Vec<(Path, Option<Domain>)>),
+    /// `intervals 20 free;`
+    FreeIntervals(Expr),
     /// `on chattering slide;`
     OnChattering,
     /// `sensitivity to mu, x[1] at 0;`: parameters, and initial values, which are marked.
@@ -138,6 +140,10 @@ impl SettingKind {
         match (self, old) {
             (SettingKind::Value { name, .. }, SettingKind::Value { name: old, .. }) => {
                 name.name == old.name
+            }
+            (SettingKind::Value { name, .. }, SettingKind::FreeIntervals(_))
+            | (SettingKind::FreeIntervals(_), SettingKind::Value { name, .. }) => {
+                name.name == "intervals"
             }
             _ => std::mem::discriminant(self) == std::mem::discriminant(old),
         }

@@ -91,6 +91,7 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
         }
         Rule::plot => SettingKind::Plot(plot_items(reading, parts, Place::Plot)),
         Rule::animate => SettingKind::Animate(plot_items(reading, parts, Place::Animation)),
+        Rule::free_intervals => SettingKind::FreeIntervals(expr(reading, parts.one(Rule::expr))),
         Rule::value => SettingKind::Value {
             name: reading.ident(parts.one(Rule::value_name)),
             value: expr(reading, parts.one(Rule::expr)),

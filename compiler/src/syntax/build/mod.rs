@@ -8,7 +8,7 @@ mod expression;
 pub(crate) mod reading;
 mod recover;
 mod statement;
-mod words;
+pub(super) mod words;
 
 use nsd_grammar::{NsdParser, Rule};
 use pest::Parser;

@@ -195,6 +195,7 @@ fn is_member(rule: Rule) -> bool {
             | perturb
             | starts
             | on_chattering
+            | free_intervals
             | sensitivity
             | sensed
             | plot

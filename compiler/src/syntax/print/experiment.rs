@@ -87,6 +87,7 @@ impl Printer {
             SettingKind::Starts { count, by, seed } => {
                 self.line(format!("starts {count}{};", random(by, seed)))
             }
+            SettingKind::FreeIntervals(count) => self.line(format!("intervals {count} free;")),
             SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
             SettingKind::Sensitivity(to) => {
                 let to = to.iter().map(|(path, at_start)| match at_start {

@@ -98,7 +98,7 @@ fn statement() -> impl Strategy<Value = String> {
 
 /// Settings of an experiment.
 fn setting() -> impl Strategy<Value = String> {
-    (expression(), 0..14).prop_map(|(e, kind)| match kind {
+    (expression(), 0..16).prop_map(|(e, kind)| match kind {
         0 => format!("with {{ a.b = {e}; }}"),
         1 => format!("horizon {e};"),
         2 => format!("horizon free in [1, {e}] = {e};"),
@@ -113,6 +113,7 @@ fn setting() -> impl Strategy<Value = String> {
         11 => "on chattering slide;".to_owned(),
         12 => format!("plot {{ {e}, x; phase {e}, v; title \"t\"; width 8 cm; }}"),
         13 => format!("animate {{ disc {e}, r; trace x, {e}; speed {e}; title \"t\"; }}"),
+        14 => format!("intervals {e} free;"),
         _ => format!("minimize {e};"),
     })
 }

@@ -30,6 +30,18 @@ impl Start {
         e.eval(&|var| self.0.get(&var).copied().unwrap_or(f64::NAN))
     }
 
+    /// The same where one of the variables that are not known is 0.
+    pub(crate) fn value_at_zero(&self, e: Expr<'_>, zero: Option<Var>) -> f64 {
+        let value = |var| {
+            if Some(var) == zero {
+                0.0
+            } else {
+                self.0.get(&var).copied().unwrap_or(f64::NAN)
+            }
+        };
+        e.eval(&value)
+    }
+
     /// How far a gap is from zero: 0 where it is within rounding, NaN where it is not known.
     pub(crate) fn gap(&self, gap: Expr<'_>) -> f64 {
         let value = self.value(gap);
@@ -123,7 +135,7 @@ impl<'e> System<'e> {
         }
     }
 
-    fn start(&self) -> Start {
+    pub(crate) fn start(&self) -> Start {
         let params = self.exogenous.params.iter().enumerate();
         let params = params.filter(|(place, _)| !self.is_free(*place));
         let params = params.map(|(_, param)| (param.var, param.value));

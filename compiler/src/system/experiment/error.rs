@@ -416,6 +416,17 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// Straight lines over intervals whose lengths are not equal.
+    #[error("`controls linear` needs intervals of equal lengths")]
+    #[diagnostic(
+        code(E0523),
+        help("write `controls constant;`, or `intervals` with a number alone")
+    )]
+    LinesOfLengths {
+        #[label("straight lines here")]
+        span: Span,
+    },
+
     /// Data where a discretized form is printed.
     #[error("discretized forms do not hold signals from tables and `floor` yet")]
     #[diagnostic(

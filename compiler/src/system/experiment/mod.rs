@@ -35,7 +35,7 @@ pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions};
 pub use optimize::{
-    At, Cost, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, Term, Tied,
+    At, Cost, Freed, Integral, Lengths, MpccOptions, Optimize, Row, Shape, Starts, Term, Tied,
     relaxation_word, steering_word,
 };
 pub use perturb::Perturbation;

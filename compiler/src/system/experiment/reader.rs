@@ -5,7 +5,7 @@ use rustc_hash::FxHashMap;
 use super::error::ExperimentError;
 use crate::diagnostics::{Diagnostics, Help};
 use crate::expr::Expr;
-use crate::model::Model;
+use crate::model::{Model, Shape, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, Setting};
 use crate::system::values::Values;
@@ -36,11 +36,11 @@ impl<'e> Reader<'_, 'e> {
         }
     }
 
-    /// The entries as numbers, parameters at their values.
-    pub fn numbers(&mut self, what: &str, value: &syntax::Expr) -> Option<Vec<f64>> {
-        let (entries, numbers) = self.entries(what, value)?;
-        match self.values.free.first_in(&entries) {
-            None => Some(numbers),
+    /// The entries as numbers, parameters at their values, with the shape of the value.
+    pub fn numbers(&mut self, what: &str, value: &syntax::Expr) -> Option<(Shape, Vec<f64>)> {
+        let (tensor, numbers) = self.entries(what, value)?;
+        match self.values.free.first_in(&tensor.data) {
+            None => Some((tensor.shape, numbers)),
             Some(free) => {
                 let what = what.to_owned();
                 self.error((self.values).depends_on_free(self.model, what, free, value.span));
@@ -50,17 +50,13 @@ impl<'e> Reader<'_, 'e> {
     }
 
     /// The entries, and as numbers, with free parameters at their guesses.
-    pub fn entries(
-        &mut self,
-        what: &str,
-        value: &syntax::Expr,
-    ) -> Option<(Vec<Expr<'e>>, Vec<f64>)> {
+    pub fn entries(&mut self, what: &str, value: &syntax::Expr) -> Option<(Tensor<'e>, Vec<f64>)> {
         let Some(tensor) = self.model.scope.expr(value, None, self.diags) else {
             self.failed = true;
             return None;
         };
         let numbers = self.guesses(what, &tensor.data, value.span)?;
-        Some((tensor.data, numbers))
+        Some((tensor, numbers))
     }
 
     /// Expressions in parameters as numbers, with free parameters at their guesses.
@@ -82,7 +78,7 @@ impl<'e> Reader<'_, 'e> {
         expected: &str,
         fits: impl Fn(f64) -> bool,
     ) -> Option<f64> {
-        let numbers = self.numbers(what, value)?;
+        let (_, numbers) = self.numbers(what, value)?;
         self.one_of(what, value, &numbers, expected, fits)
     }
 
@@ -94,9 +90,9 @@ impl<'e> Reader<'_, 'e> {
         expected: &str,
         fits: impl Fn(f64) -> bool,
     ) -> Option<(f64, Expr<'e>)> {
-        let (entries, numbers) = self.entries(what, value)?;
+        let (tensor, numbers) = self.entries(what, value)?;
         let number = self.one_of(what, value, &numbers, expected, fits)?;
-        Some((number, entries[0]))
+        Some((number, tensor.data[0]))
     }
 
     /// The one number of a value, where it fits.
@@ -111,23 +107,7 @@ impl<'e> Reader<'_, 'e> {
         match *numbers {
             [number] if fits(number) => Some(number),
             _ => {
-                let found = numbers
-                    .iter()
-                    .map(f64::to_string)
-                    .collect::<Vec<_>>()
-                    .join(", ");
-                let found = if numbers.len() == 1 {
-                    found
-                } else {
-                    format!("[{found}]")
-                };
-                let (what, expected) = (what.to_owned(), expected.to_owned());
-                self.error(ExperimentError::OutOfRange {
-                    what,
-                    expected,
-                    found,
-                    span: value.span,
-                });
+                self.error(out_of_range(what, value, numbers, expected));
                 None
             }
         }
@@ -160,6 +140,26 @@ impl<'e> Reader<'_, 'e> {
                 });
             }
         }
+    }
+}
+
+/// Numbers that a setting does not take.
+pub(crate) fn out_of_range(
+    what: &str,
+    value: &syntax::Expr,
+    numbers: &[f64],
+    expected: &str,
+) -> ExperimentError {
+    let found: Vec<String> = numbers.iter().map(f64::to_string).collect();
+    let found = match &found[..] {
+        [found] => found.clone(),
+        _ => format!("[{}]", found.join(", ")),
+    };
+    ExperimentError::OutOfRange {
+        what: what.to_owned(),
+        expected: expected.to_owned(),
+        found,
+        span: value.span,
     }
 }
 

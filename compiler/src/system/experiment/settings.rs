@@ -79,7 +79,7 @@ impl Settings<'_> {
         self.numerics.lowerings.contains(&Lowering::Impact)
     }
 
-    /// What the motion of a frozen system is measured in: the time of a run, or of a control interval.
+    /// What the motion of a frozen system is measured in: the time of a run, or of a control interval of mean length.
     pub fn pace(&self) -> f64 {
         match &self.optimize {
             None => self.horizon,

@@ -251,6 +251,7 @@ fn word_of(setting: &SettingKind) -> String {
         SettingKind::Final(_) => "final",
         SettingKind::Initial { .. } => "initial",
         SettingKind::Free(_) => "free",
+        SettingKind::FreeIntervals(_) => "intervals",
         _ => "starts",
     }
     .to_owned()
@@ -267,7 +268,7 @@ impl Sampling {
                 Some(Sampling::Every(period))
             }
             OutputWhen::At(instants) => {
-                let mut times = reader.numbers("the instants", instants)?;
+                let (_, mut times) = reader.numbers("the instants", instants)?;
                 if let Some(bad) = times
                     .iter()
                     .find(|time| !(**time >= 0.0 && horizon.is_none_or(|end| **time <= end)))

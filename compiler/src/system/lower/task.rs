@@ -75,6 +75,7 @@ pub(crate) fn lower<'e>(
     Some(Task {
         controls: instance.decided(),
         shape: asked.discretization.controls,
+        lengths: asked.discretization.lengths.clone(),
         horizon: asked.horizon,
         length: None,
         params: places(&asked.params, &params),

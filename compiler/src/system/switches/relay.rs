@@ -14,7 +14,7 @@ use crate::system::lower::instance::Instance;
 use crate::system::lower::translation::Translation;
 use crate::system::switches::entries::Entry;
 use crate::system::switches::{Refused, Switches};
-use crate::system::{NamedReading, Relay, SystemError};
+use crate::system::{NamedReading, Relay, System, SystemError};
 
 /// More relays and switches of time than this in one comparison are not enumerated.
 const MOST_ENUMERATED: usize = 8;
@@ -180,14 +180,37 @@ fn remembered<'e>(
     if let Some(start) = given.filter(|start| *start != 0.0 && *start != 1.0) {
         return Err(SystemError::RelayStart { name, start, span });
     }
-    let start = match given {
-        // A value that the thresholds do not allow would be left at once.
-        _ if y < on.min(off) => on < off,
-        _ if y > on.max(off) => on > off,
-        Some(start) => start == 1.0,
-        None => return Err(SystemError::NoStart { name, y, span }),
+    let given = given.map(|start| start == 1.0);
+    let relay = Relay {
+        on,
+        off,
+        given,
+        ..Relay::default()
     };
-    Ok(Relay { on, off, start })
+    match relay.start_at(y) {
+        Some(start) => Ok(Relay { start, ..relay }),
+        None => Err(SystemError::NoStart { name, y, span }),
+    }
+}
+
+impl System<'_> {
+    /// Whether each relay starts on the side that was compiled, from the initial values that the system has now; not where y
+    /// depends on other switches.
+    pub(crate) fn starts_relays_as_compiled(&self) -> bool {
+        let mut relays = { self.switches.iter() }
+            .filter_map(|switch| Some((switch, switch.relay.as_ref()?)))
+            .peekable();
+        if relays.peek().is_none() {
+            return true;
+        }
+        let start = self.start();
+        relays.all(|(switch, relay)| {
+            // ψ = on - y or y - on at α = 0.
+            let psi = start.value_at_zero(switch.psi, switch.alpha.as_variable());
+            let y = relay.on - psi * (relay.off - relay.on).signum();
+            !y.is_nan() && relay.start_at(y) == Some(relay.start)
+        })
+    }
 }
 
 /// A function at all values of the relays in it, with another one at the same values.

@@ -114,7 +114,7 @@ pub(crate) struct Problem {
 }
 
 /// Forces and the rates that they give, by contact and by entry of all slip velocities.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Solution {
     /// λ.
     pub normal: Vec<f64>,

@@ -26,6 +26,7 @@ mod work;
 mod tests;
 
 use crate::optimization::ipm;
+use crate::optimization::mpcc::branch::leave::{BOXES, gain};
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
@@ -181,7 +182,7 @@ impl Work<'_> {
             };
             let zeros = choose(lifted, start);
             if let Ok(polished) = polish(lifted, &guess, &zeros, Goal::Solution, self) {
-                best = Some(self.improve(lifted, polished));
+                best = Some(self.improve(lifted, polished, &[]));
             }
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
@@ -192,7 +193,7 @@ impl Work<'_> {
             self.stats.restarts = index;
             match way.follow(lifted, start, self) {
                 Ok(polished) => {
-                    let candidate = self.improve(lifted, polished);
+                    let candidate = self.improve(lifted, polished, &[]);
                     if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
                         best = Some(candidate);
                     }
@@ -205,8 +206,29 @@ impl Work<'_> {
             }
         }
         match best {
-            Some(best) => self.feasible(lifted, best),
+            Some(best) => {
+                let best = self.leave_weak(lifted, best);
+                self.feasible(lifted, best)
+            }
             None => self.dead_end(lifted, end.expect("one way was tried")),
+        }
+    }
+
+    /// What is better than a point with a direction of descent, in boxes along it; the point itself where it has none.
+    fn leave_weak(&mut self, lifted: &mut Lifted<'_>, best: Candidate) -> Candidate {
+        let is_wanted = self.options.effort > 0 && !self.is_over();
+        let Some(step) = best.certificate.descent.as_ref().filter(|_| is_wanted) else {
+            return best;
+        };
+        lifted.settle(Some(&best.best.zeros));
+        let Some(next) = self.leave(lifted, &best.best, step, &BOXES) else {
+            return best;
+        };
+        self.stats.switches += 1;
+        let next = self.improve(lifted, next, &BOXES);
+        match next.is_better(&best) {
+            true => next,
+            false => best,
         }
     }
 
@@ -226,8 +248,8 @@ impl Work<'_> {
         }
     }
 
-    /// Takes better branches as long as the certificate finds them.
-    fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Candidate {
+    /// Takes better branches as long as the certificate finds them, or what is better in boxes of these widths.
+    fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished, boxes: &[f64]) -> Candidate {
         let mut known: Option<Certificate> = None;
         loop {
             lifted.settle(Some(&best.zeros));
@@ -262,19 +284,12 @@ impl Work<'_> {
                     others: 0,
                 };
             }
-            let moved: Vec<f64> = best.point.w.iter().zip(step).map(|(w, d)| w + d).collect();
-            let guess = Guess {
-                y: best.point.y.clone(),
-                w: moved,
-            };
-            let zeros = choose(lifted, &guess.w);
-            let gain = 1e-10 * best.objective.abs().max(1.0);
-            match polish(lifted, &guess, &zeros, Goal::Solution, self) {
-                Ok(next) if next.objective < best.objective - gain => {
+            match self.leave(lifted, &best, step, boxes) {
+                Some(next) => {
                     self.stats.switches += 1;
                     best = next;
                 }
-                _ => {
+                None => {
                     return Candidate {
                         best,
                         certificate,
@@ -334,6 +349,7 @@ impl Work<'_> {
     }
 
     fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {
+        let status = candidate.status();
         let Candidate {
             best,
             certificate,
@@ -347,15 +363,7 @@ impl Work<'_> {
         let mut w = best.point.w;
         w.truncate(n);
         Solution {
-            status: match certificate.class {
-                Class::None if best.objective < UNBOUNDED => Status::Unbounded,
-                Class::None => Status::Feasible,
-                _ if best.falling.is_some() => Status::Feasible,
-                Class::S => Status::Solved,
-                Class::M if certificate.b_stationary.is_none() => Status::Solved,
-                _ if certificate.b_stationary == Some(true) => Status::Solved,
-                _ => Status::Feasible,
-            },
+            status,
             w,
             objective: best.objective,
             residuals: best.residuals,
@@ -432,16 +440,42 @@ enum Elsewhere {
 }
 
 impl Candidate {
+    /// How a run ends here.
+    fn status(&self) -> Status {
+        let Certificate {
+            class,
+            b_stationary,
+            ..
+        } = self.certificate;
+        match class {
+            Class::None if self.best.objective < UNBOUNDED => Status::Unbounded,
+            Class::None => Status::Feasible,
+            _ if self.best.falling.is_some() => Status::Feasible,
+            Class::S => Status::Solved,
+            Class::M if b_stationary.is_none() => Status::Solved,
+            _ if b_stationary == Some(true) => Status::Solved,
+            _ => Status::Feasible,
+        }
+    }
+
     fn is_stationary(&self) -> bool {
         self.certificate.class != Class::None
     }
 
-    /// Whether this is to be preferred: stationary points to others, then by the objective.
+    /// Whether this is to be preferred: stationary points to what is none, then by the objective. A solution does not hide a
+    /// lower point that is none.
+    ///
+    /// Where the objective is the same, a search for descent that met its limit says nothing against one that found it.
     fn is_better(&self, other: &Candidate) -> bool {
+        let [found, known] = [self, other].map(|candidate| candidate.best.objective);
+        let is_open = self.certificate.b_stationary.is_none();
+        if is_open && other.certificate.descent.is_some() && (found - known).abs() <= gain(known) {
+            return false;
+        }
         match (self.is_stationary(), other.is_stationary()) {
             (true, false) => true,
             (false, true) => false,
-            _ => self.best.objective < other.best.objective,
+            _ => found < known,
         }
     }
 }

@@ -7,10 +7,11 @@ use crate::runtime::limit::Over;
 /// Why it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// The point is feasible, all pairs are complementary, and descent to first order is excluded: it is S-stationary,
-    /// or of another class and B-stationary. Where the Lagrangian is seen to curve down along the constraints, it is not.
+    /// The point is feasible, all pairs are complementary, and it is S-stationary, or of another class and B-stationary:
+    /// descent to first order is excluded; or it is M-stationary, and the search for descent met its limit. Where the
+    /// Lagrangian is seen to curve down along the constraints, it is not.
     Solved,
-    /// The point is feasible and all pairs are complementary, but descent was not excluded.
+    /// The point is feasible and all pairs are complementary, and it is none of this.
     Feasible,
     /// No way that was tried led to a feasible point, and the violation is locally least.
     LocallyInfeasible,

@@ -3,13 +3,16 @@
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
+use super::branch::polish::{Guess, Polished};
+use super::certificate::{Certificate, Residuals};
 use super::{
-    Class, Form, Homotopy, Observer, Options, Program, Relaxation, Solution, Status, Steering,
-    alternatives, solve, solve_observed,
+    Candidate, Class, Form, Homotopy, Observer, Options, Program, Relaxation, Solution, Status,
+    Steering, alternatives, solve, solve_observed,
 };
 use crate::optimization::ipm::Progress;
 use crate::optimization::problem::Side;
 use crate::optimization::quadratic::{Function, Quadratic};
+use crate::runtime::limit::{Cancel, Limit};
 
 const INFINITY: f64 = f64::INFINITY;
 
@@ -292,7 +295,7 @@ fn sums_are_held_with_their_terms() {
 fn a_time_limit_of_nothing_ends_at_once() {
     let mut problem = pair(Quadratic::new(2, distance(&[1.0, 0.0]), Vec::new()));
     let options = Options {
-        limit: crate::runtime::limit::Limit::within(std::time::Duration::ZERO),
+        limit: Limit::within(std::time::Duration::ZERO),
         ..Options::default()
     };
     let solution = solve(&mut problem, &options);
@@ -435,4 +438,89 @@ fn multipliers_that_are_the_only_ones_are_told_from_others() {
             assert!((other.lower[1] - 2.0).abs() < 1e-7);
         }
     }
+}
+
+/// Cancels at the first stationary point.
+struct CancelsWhereStationary(Cancel);
+
+impl Observer for CancelsWhereStationary {
+    fn stationary(&mut self, _: f64, _: Class) {
+        self.0.cancel();
+    }
+}
+
+/// (x - 3)² + (y + 1)² from 0, where it falls with x. That this was found is known when the run is canceled there.
+#[test]
+fn what_descends_does_so_when_canceled() {
+    let mut problem = pair(Quadratic::new(2, distance(&[3.0, -1.0]), Vec::new()));
+    let cancel = Cancel::default();
+    let options = Options {
+        limit: Limit::default().canceled_by(&cancel),
+        trusts_start: true,
+        ..Options::default()
+    };
+    let ended = solve_observed(
+        &mut problem,
+        &[0.0; 2],
+        &options,
+        &mut CancelsWhereStationary(cancel),
+    );
+    assert!(ended.w.iter().all(|w| w.abs() < 1e-9), "{ended:?}");
+    assert_eq!(ended.status, Status::Feasible, "{ended:?}");
+    assert_eq!(ended.b_stationary, Some(false), "{ended:?}");
+}
+
+/// What is reached of an objective in a class, with descent where that is known.
+fn candidate(
+    objective: f64,
+    class: Class,
+    descent: Option<f64>,
+    b_stationary: Option<bool>,
+) -> Candidate {
+    let (point, residuals) = (
+        Guess {
+            w: Vec::new(),
+            y: Vec::new(),
+        },
+        Residuals::default(),
+    );
+    Candidate {
+        best: Polished {
+            point,
+            objective,
+            zeros: Vec::new(),
+            residuals,
+            is_optimal: true,
+            falling: None,
+        },
+        certificate: Certificate {
+            class,
+            is_exact: true,
+            b_stationary,
+            is_differentiable: true,
+            biactive: Vec::new(),
+            y: Vec::new(),
+            reduced: Vec::new(),
+            descent: descent.map(|d| vec![d]),
+        },
+        others: 0,
+    }
+}
+
+/// A solution does not hide a lower point from which descent is known, and no search that met its limit hides that it is.
+#[test]
+fn what_is_lower_is_preferred() {
+    let solved = |objective| candidate(objective, Class::S, None, Some(true));
+    let weak = |objective| candidate(objective, Class::M, Some(1.0), Some(false));
+    let open = |objective| candidate(objective, Class::M, None, None);
+    assert!(weak(1.0).is_better(&solved(5.0)) && !solved(5.0).is_better(&weak(1.0)));
+    assert!(solved(1.0).is_better(&weak(5.0)) && !weak(5.0).is_better(&solved(1.0)));
+    assert!(!open(1.0 - 1e-12).is_better(&weak(1.0)) && open(0.9).is_better(&weak(1.0)));
+    assert_eq!(
+        [weak(1.0).status(), open(1.0).status()],
+        [Status::Feasible, Status::Solved]
+    );
+    // What is not stationary is not preferred, however low it is.
+    let nothing = candidate(-9.0, Class::None, None, None);
+    assert!(solved(5.0).is_better(&nothing) && !nothing.is_better(&weak(5.0)));
 }

@@ -1,11 +1,11 @@
 //! The tests of one file.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::case::{self, Case, Missed, Outcome};
 use super::goldens::{self, Compared};
-use crate::cli::files::Terminal;
 use crate::cli::progress::Bar;
 use crate::cli::project::Project;
 use crate::cli::watch::Watching;
@@ -19,6 +19,7 @@ use crate::report::Warning;
 use crate::report::expect::{self, Findings};
 use crate::simulate::Request;
 use crate::source::Span;
+use crate::source::files::Files;
 use crate::study::order;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
 use crate::{Compiled, compile, threads};
@@ -29,6 +30,8 @@ pub struct Options<'o> {
     pub accept: bool,
     /// What the names of tests contain.
     pub filter: Option<&'o str>,
+    /// The only experiment that is tested, where it is one.
+    pub experiment: Option<&'o str>,
     /// For each experiment.
     pub time_limit: Option<Duration>,
     /// Whether a line shows how far a run is.
@@ -36,6 +39,8 @@ pub struct Options<'o> {
     /// How diagnostics are printed.
     pub colour: bool,
     pub width: usize,
+    /// Where models come from.
+    pub files: Arc<dyn Files>,
 }
 
 /// What came of a file.
@@ -80,7 +85,7 @@ struct File<'o> {
 impl File<'_> {
     fn run(&mut self, path: &Path) {
         let started = Instant::now();
-        let project = match Project::from_files(path, Terminal) {
+        let project = match Project::from_files(path, Arc::clone(&self.options.files)) {
             Ok(project) => project,
             Err(error) => {
                 if self.is_selected(None) {
@@ -141,7 +146,9 @@ impl File<'_> {
 
     /// A golden that nothing is compared with any more is a test that no longer runs.
     fn left_over(&mut self, path: &Path) {
-        let is_whole = self.options.filter.is_none() && !files::is_standard(path);
+        let is_whole = self.options.filter.is_none()
+            && self.options.experiment.is_none()
+            && !files::is_standard(path);
         let Some(known) = self.goldens.take().filter(|_| is_whole) else {
             return;
         };
@@ -180,14 +187,14 @@ impl File<'_> {
 
     /// Whether the filter takes a test; counts those that it leaves out.
     fn is_selected(&mut self, test: Option<&str>) -> bool {
-        let Some(filter) = self.options.filter else {
-            return true;
-        };
         let name = match test {
             Some(test) => case::name(&self.name, test),
             None => self.name.clone(),
         };
-        let is_selected = name.contains(filter);
+        let filter = self.options.filter;
+        let only = self.options.experiment;
+        let is_selected = filter.is_none_or(|filter| name.contains(filter))
+            && only.is_none_or(|only| test == Some(only));
         self.tested.left_out += usize::from(!is_selected);
         is_selected
     }

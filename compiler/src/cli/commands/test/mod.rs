@@ -8,6 +8,7 @@ mod junit;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
@@ -17,12 +18,9 @@ use self::file::{Options, Tested};
 use crate::cli::args::TestArgs;
 use crate::cli::files::{Form, Sink, is_standard};
 use crate::cli::progress::Bar;
-use crate::cli::{Exit, Streams, files, io};
+use crate::cli::{Exit, STACK, Streams, files, io};
 use crate::diagnostics::counted;
 use crate::threads;
-
-/// Of a thread that tests files, in bytes: as much as the main thread has.
-const STACK: usize = 8 << 20;
 
 /// Runs every expectation of files and folders.
 pub fn run(args: &TestArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -94,11 +92,13 @@ fn all(
     let options = Options {
         accept: args.accept,
         filter: args.filter.as_deref(),
+        experiment: args.experiment.as_deref(),
         time_limit: args.time_limit,
         // One line at a time.
         progress: streams.progress && n_threads == 1,
         colour: streams.colour,
         width: streams.width,
+        files: Arc::clone(&streams.files),
     };
     let mut bar = Bar::new("tests", streams.progress && n_threads > 1);
     let next = AtomicUsize::new(0);

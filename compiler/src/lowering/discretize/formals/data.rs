@@ -1,8 +1,9 @@
-//! Functions of time from data: in a step, each is one polynomial in the time since its start.
+//! Functions of time from data: in a step, each is one polynomial in time.
 //!
-//! r(t) = Σ_i c_ki (t - t_k)^i   in step k from t_k = (k - 1) T/N
+//! r(t) = Σ_i c_ki (t - t_k)^i   in step k, t_k = (k - 1) T/N
 //!
-//! Its pieces begin where steps do, and T is known, unless there is one piece alone.
+//! Its pieces begin where steps do, at t_k, and T is known, unless there is one piece alone: that is the same polynomial
+//! around every t_k, wherever steps of other lengths begin.
 
 use super::block::{Builder, variable};
 use crate::expr::{Expr, Var};

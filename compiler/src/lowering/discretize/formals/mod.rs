@@ -34,6 +34,8 @@ pub(crate) struct Formals<'p, 'e> {
     node: Expr<'e>,
     /// k - 1, a formal argument.
     pub before: Expr<'e>,
+    /// s, a formal argument, where steps are not equal.
+    share: Option<Expr<'e>>,
     /// Functions of time as polynomials.
     data: Data<'p, 'e>,
     /// Linear controls at the end of a step, formal arguments; at its start they are those of the system.
@@ -62,14 +64,32 @@ impl<'p, 'e> Formals<'p, 'e> {
                 _ => exprs.constant(grid.horizon),
             },
             before: exprs.variable("before"),
+            share: (layout.decided.share(1)).map(|_| exprs.variable("s")),
             data: Data::of(dcs, grid),
             next: controls.map(|u| exprs.variable(&u.name)).collect(),
         }
     }
 
-    /// T/N.
+    /// T/N, times s where steps are not equal.
     pub fn step(&self) -> Expr<'e> {
-        self.horizon / self.grid.steps as f64
+        let mean = self.horizon / self.grid.steps as f64;
+        self.share.map_or(mean, |share| share * mean)
+    }
+
+    /// Binds what the length of a step is made of: T and s.
+    pub fn with_length<const N: usize>(
+        &self,
+        block: Builder<N>,
+        step: impl Fn([usize; N]) -> usize,
+    ) -> Builder<N> {
+        let block = self.with_horizon(block);
+        match self.share {
+            Some(share) => block.variable(share, |place| {
+                let share = self.layout.decided.share(step(place));
+                share.expect("all steps have one")
+            }),
+            None => block,
+        }
     }
 
     /// The state that is physical time.

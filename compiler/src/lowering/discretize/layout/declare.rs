@@ -130,6 +130,12 @@ impl<'d, 'e> Frame<'d, 'e> {
         self.dcs.task.as_ref()?.horizon
     }
 
+    /// Bounds and guesses of the lengths of steps as shares of T/N; nothing where all are equal.
+    fn shares(&self) -> Vec<[f64; 3]> {
+        let task = self.dcs.task.as_ref();
+        task.map_or_else(Vec::new, |task| task.lengths.shares(self.grid.steps))
+    }
+
     /// The lengths of elements.
     fn lengths(&self, mpcc: &mut Mpcc) -> usize {
         let (task, mean) = (self.dcs.task.as_ref(), self.mean());
@@ -146,15 +152,25 @@ impl<'d, 'e> Frame<'d, 'e> {
             true => SHORTEST,
             false => 0.0,
         };
-        let length = if task.is_some_and(|task| task.clock.is_some()) {
-            Bounds::between(0.0, SLOWEST * self.elements as f64 * longest, mean)
-        } else if spread == 0.0 && horizon.is_none() {
-            Bounds::fixed(mean)
-        } else {
-            let lower = (1.0 - spread).max(least) * shortest;
-            Bounds::between(lower, (1.0 + spread) * longest, mean)
+        let shares = self.shares();
+        let is_fixed = spread == 0.0 && horizon.is_none() && shares.is_empty();
+        let length = |[low, high, guess]: [f64; 3]| {
+            let (shortest, longest, mean) = (low * shortest, high * longest, guess * mean);
+            if task.is_some_and(|task| task.clock.is_some()) {
+                Bounds::between(0.0, SLOWEST * self.elements as f64 * longest, mean)
+            } else if is_fixed {
+                Bounds::fixed(mean)
+            } else {
+                let lower = (1.0 - spread).max(least) * shortest;
+                Bounds::between(lower, (1.0 + spread) * longest, mean)
+            }
         };
-        let lengths = vec![length; self.n_elements()];
+        let shares = match shares.is_empty() {
+            true => vec![[1.0; 3]; self.grid.steps],
+            false => shares,
+        };
+        let lengths = (shares.into_iter()).flat_map(|share| vec![length(share); self.elements]);
+        let lengths = lengths.collect();
         mpcc.declare("h", vec!["h".to_owned()], &self.per_element(), lengths)
     }
 
@@ -166,11 +182,12 @@ impl<'d, 'e> Frame<'d, 'e> {
         let rows: Vec<Expr> = rows.chain(rates.iter().copied()).collect();
         let occurring = variables_of(&rows);
         let is_timed = occurring.contains(&variable(dcs.time)) || is_timed(dcs, &occurring);
+        let is_fixed = self.free_horizon().is_none() && self.shares().is_empty();
         let start = |e: usize| {
             let step = (e / self.elements) as f64;
             let start = grid.start + grid.horizon * step / grid.steps as f64;
             match e % self.elements {
-                0 if e == 0 || self.free_horizon().is_none() => Bounds::fixed(start),
+                0 if e == 0 || is_fixed => Bounds::fixed(start),
                 j => Bounds::free(start + j as f64 * self.mean()),
             }
         };
@@ -185,6 +202,7 @@ impl<'d, 'e> Frame<'d, 'e> {
         let Some(task) = &self.dcs.task else {
             return Decided {
                 horizon: None,
+                shares: None,
                 params: 0,
                 controls: 0,
                 n_controls: 0,
@@ -194,6 +212,13 @@ impl<'d, 'e> Frame<'d, 'e> {
         let horizon = task.horizon.map(|(lower, upper)| {
             let bounds = Bounds::between(lower, upper, self.grid.horizon);
             mpcc.declare("T", vec!["T".to_owned()], &[], vec![bounds])
+        });
+        let shares = self.shares();
+        let shares = (!shares.is_empty()).then(|| {
+            let bounds = shares.iter();
+            let bounds = bounds.map(|&[lower, upper, guess]| Bounds::between(lower, upper, guess));
+            let step = Span::new("k", 1, self.grid.steps);
+            mpcc.declare("s", vec!["s".to_owned()], &[step], bounds.collect())
         });
         let params = task.params.iter().map(|free| {
             let param = &self.dcs.params[free.place];
@@ -213,6 +238,7 @@ impl<'d, 'e> Frame<'d, 'e> {
         let bounds = bounds.repeat(step.len());
         Decided {
             horizon,
+            shares,
             params,
             controls: mpcc.declare("u", names, &[step], bounds),
             n_controls: task.controls.len(),

@@ -31,7 +31,7 @@ pub struct Layout {
     lengths: usize,
     /// The first t, where the system depends on time.
     times: Option<usize>,
-    decided: Decided,
+    pub(crate) decided: Decided,
     states: States,
     pub(crate) algebraics: Algebraics,
     /// What elements begin with where contacts give impulses.
@@ -42,9 +42,11 @@ pub struct Layout {
 
 /// First indices of what is decided besides states.
 #[derive(Clone, Debug)]
-struct Decided {
+pub(crate) struct Decided {
     /// T, where it is free.
     horizon: Option<usize>,
+    /// The first s, where steps are not equal.
+    shares: Option<usize>,
     params: usize,
     controls: usize,
     n_controls: usize,
@@ -279,6 +281,13 @@ impl Layout {
     pub fn impulses(&self, k: usize, j: usize) -> Option<usize> {
         let boundaries = self.boundaries.as_ref()?;
         Some(boundaries.impulses + self.element(k, j) * boundaries.n_impulses)
+    }
+}
+
+impl Decided {
+    /// s_k, the length of step k as a share of T/N, where steps are not equal.
+    pub fn share(&self, k: usize) -> Option<usize> {
+        self.shares.map(|first| first + k - 1)
     }
 }
 

@@ -51,7 +51,7 @@ pub struct Optimize<'e> {
 }
 
 /// Control intervals with their finite elements.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Discretization {
     /// Control intervals N.
     pub intervals: usize,
@@ -61,6 +61,42 @@ pub struct Discretization {
     pub scheme: (Family, usize),
     /// What controls are within an interval.
     pub controls: Shape,
+    /// How long intervals are.
+    pub lengths: Lengths,
+}
+
+/// How long control intervals are.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Lengths {
+    /// All T/N.
+    #[default]
+    Equal,
+    /// In proportion to these.
+    Given(Vec<f64>),
+    /// Chosen, each within [`Lengths::FREE`] times T/N.
+    Free,
+}
+
+impl Lengths {
+    /// Bounds of lengths that are free, as shares of T/N.
+    pub const FREE: [f64; 2] = [0.1, 10.0];
+
+    /// Lengths as shares of T/N: bounds and a guess, interval by interval; nothing where all are equal.
+    pub fn shares(&self, intervals: usize) -> Vec<[f64; 3]> {
+        match self {
+            Lengths::Equal => Vec::new(),
+            Lengths::Given(lengths) => {
+                let longest = lengths.iter().copied().fold(0.0, f64::max);
+                let shares = lengths.iter().map(|length| length / longest);
+                let mean = shares.clone().sum::<f64>() / intervals as f64;
+                shares.map(|share| [share / mean; 3]).collect()
+            }
+            Lengths::Free => {
+                let [least, most] = Self::FREE;
+                vec![[least, most.min(intervals as f64), 1.0]; intervals]
+            }
+        }
+    }
 }
 
 /// What is minimized: the sum of its terms.

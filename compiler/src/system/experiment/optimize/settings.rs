@@ -6,12 +6,12 @@ use rustc_hash::FxHashSet;
 
 use super::super::error::ExperimentError;
 use super::super::method::MethodKind;
-use super::super::reader::{Reader, unknown_choice};
+use super::super::reader::{Reader, out_of_range, unknown_choice};
 use super::super::{fesd, with};
 use super::goal::Words;
-use super::{At, Cost, Discretization, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
+use super::{At, Cost, Discretization, Freed, Lengths, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
-use crate::model::{Comparison, Domain, Model, Quantity, TargetKind};
+use crate::model::{self, Comparison, Domain, Model, Quantity, TargetKind};
 use crate::source::Span;
 use crate::syntax::{self, GuessSource, Ident, Path, Relation, Row, Setting, SettingKind};
 
@@ -84,6 +84,7 @@ impl<'m, 'e> Draft<'m, 'e> {
                 elements: 2,
                 scheme: (Family::RadauIia, 3),
                 controls: Shape::Constant,
+                lengths: Lengths::Equal,
             },
             horizon: None,
             cost: None,
@@ -106,6 +107,15 @@ impl<'m, 'e> Draft<'m, 'e> {
         horizon: Option<f64>,
     ) {
         match kind {
+            SettingKind::FreeIntervals(value) => {
+                reader.once("`intervals`", span);
+                let count = reader.count("`intervals`", value, MOST_INTERVALS);
+                self.discretization.intervals = count.unwrap_or(1);
+                self.discretization.lengths = match count {
+                    Some(2..) => Lengths::Free,
+                    _ => Lengths::Equal,
+                };
+            }
             SettingKind::Value { name, value } => self.value(reader, name, value, span),
             SettingKind::SubjectTo { rows, at } => {
                 let at = at
@@ -322,8 +332,9 @@ impl<'m, 'e> Draft<'m, 'e> {
         match name.name.as_str() {
             "intervals" => {
                 reader.once("`intervals`", span);
-                let count = reader.count("`intervals`", value, MOST_INTERVALS);
-                grid.intervals = count.unwrap_or(grid.intervals);
+                if let Some((count, lengths)) = intervals(reader, value) {
+                    (grid.intervals, grid.lengths) = (count, lengths);
+                }
             }
             "elements" => {
                 reader.once("`elements`", span);
@@ -431,6 +442,32 @@ impl<'m, 'e> Draft<'m, 'e> {
     }
 }
 
+/// A number of equal control intervals, or a list of their lengths.
+fn intervals(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(usize, Lengths)> {
+    let (shape, numbers) = reader.numbers("`intervals`", value)?;
+    if shape == model::Shape::Scalar {
+        let count = reader.count("`intervals`", value, MOST_INTERVALS)?;
+        return Some((count, Lengths::Equal));
+    }
+    let longest = numbers.iter().copied().fold(0.0, f64::max);
+    let shortest = longest / MOST_INTERVALS;
+    let fits = |length: &f64| *length > 0.0 && (shortest..=longest).contains(length);
+    let is_list =
+        matches!(shape, model::Shape::Vector(n) if (1.0..=MOST_INTERVALS).contains(&(n as f64)));
+    if !is_list || !longest.is_finite() || !numbers.iter().all(fits) {
+        let expected = format!(
+            "up to {MOST_INTERVALS} positive lengths, the longest at most {MOST_INTERVALS} times the shortest"
+        );
+        reader.error(out_of_range("`intervals`", value, &numbers, &expected));
+        return None;
+    }
+    let lengths = match numbers.iter().all(|length| *length == longest) {
+        true => Lengths::Equal,
+        false => Lengths::Given(numbers.clone()),
+    };
+    Some((numbers.len(), lengths))
+}
+
 fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
     match at.name.as_str() {
         "nodes" => Some(At::Nodes),
@@ -475,7 +512,7 @@ impl<'e> Reader<'_, 'e> {
         &mut self,
         what: &str,
         value: &syntax::Expr,
-        shape: crate::model::Shape,
+        shape: model::Shape,
     ) -> Option<Vec<Expr<'e>>> {
         let scope = &self.model.scope;
         let Some(tensor) = scope.expr_as(value, shape, what, None, self.diags) else {

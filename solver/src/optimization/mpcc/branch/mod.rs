@@ -1,6 +1,7 @@
 //! A branch of an MPCC: one side of every pair is held at zero, the other one is not negative.
 
 pub(crate) mod forcing;
+pub(crate) mod leave;
 pub(crate) mod polish;
 pub(crate) mod reach;
 use super::lift::Lifted;
@@ -63,6 +64,18 @@ impl<'l, 'p> Branch<'l, 'p> {
 }
 
 impl Branch<'_, '_> {
+    /// The same in a box around a point, as far as that is within the bounds: no variable is farther away from it than
+    /// `reach`, times max(1, |w_i|).
+    pub fn within(mut self, reach: f64, middle: &[f64]) -> Self {
+        let Intervals { lower, upper } = &mut self.bounds;
+        for ((w, lower), upper) in middle.iter().zip(lower).zip(upper) {
+            let w = w.max(*lower).min(*upper);
+            let room = reach * w.abs().max(1.0);
+            (*lower, *upper) = (lower.max(w - room), upper.min(w + room));
+        }
+        self
+    }
+
     /// The rows whose slack is not held, with it: it is what they say.
     pub fn free_slacks(&self) -> Vec<(usize, usize)> {
         let slacks = self.lifted.slacks();

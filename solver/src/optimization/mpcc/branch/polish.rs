@@ -56,6 +56,9 @@ pub enum Goal {
     Below(f64),
     /// The same, where the branch is feasible close to the point.
     Near(f64),
+    /// A point with an objective below the first number in a box around the guess: no variable moves by more than the
+    /// second one, times max(1, |w_i|).
+    Within(f64, f64),
 }
 
 impl Goal {
@@ -63,7 +66,17 @@ impl Goal {
     fn below(self) -> Option<f64> {
         match self {
             Goal::Solution => None,
-            Goal::Below(objective) | Goal::Near(objective) => Some(objective),
+            Goal::Below(objective) | Goal::Near(objective) | Goal::Within(objective, _) => {
+                Some(objective)
+            }
+        }
+    }
+
+    /// As much of a branch as is looked at from a guess.
+    fn part<'l, 'p>(self, branch: Branch<'l, 'p>, guess: &Guess) -> Branch<'l, 'p> {
+        match self {
+            Goal::Within(_, reach) => branch.within(reach, &guess.w),
+            _ => branch,
         }
     }
 }
@@ -78,8 +91,8 @@ pub fn polish(
     goal: Goal,
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
-    let is_near = matches!(goal, Goal::Near(_));
-    let runs = if is_near { &RUNS[..1] } else { &RUNS };
+    let is_close = matches!(goal, Goal::Near(_) | Goal::Within(..));
+    let runs = if is_close { &RUNS[..1] } else { &RUNS };
     lifted.settle(Some(zeros));
     if !lifted.has_objective()
         && let Some(polished) = nearest(lifted, &guess.w, zeros, work)
@@ -108,7 +121,8 @@ pub fn polish(
                 pairs_pivots,
                 ..ipm::Options::default()
             };
-            let found = solve(lifted, zeros, &start, goal, settings, work)?;
+            let branch = goal.part(Branch::new(lifted, zeros, &start.w), guess);
+            let found = solve(branch, &start, goal, settings, work)?;
             let residuals = Residuals::new(lifted, &found.w);
             if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
                 best = best.map_err(|_| found.status);
@@ -175,15 +189,13 @@ fn nearest(
 
 /// One run on the branch, or why it is of no use to the goal.
 fn solve(
-    lifted: &mut Lifted<'_>,
-    zeros: &[Member],
+    mut branch: Branch<'_, '_>,
     start: &ipm::Point,
     goal: Goal,
     settings: ipm::Options,
     work: &mut Work<'_>,
 ) -> Result<ipm::Solution, ipm::Status> {
     work.stats.branches += 1;
-    let mut branch = Branch::new(lifted, zeros, &start.w);
     let settings = ipm::Options {
         tolerance: work.options.tolerance,
         bound_relaxation: 0.0,

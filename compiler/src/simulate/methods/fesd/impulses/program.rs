@@ -18,7 +18,7 @@ use crate::simulate::record::elements::shape;
 use crate::simulate::reference::{impacts, without_outputs};
 use crate::source::Span;
 use crate::system::experiment::{Equilibration, FesdOptions};
-use crate::system::task::{Cost, Shape as ControlShape, Task};
+use crate::system::task::{Cost, Lengths, Shape as ControlShape, Task};
 use crate::system::{Param, System};
 
 impl jumps::Program for Program {
@@ -116,6 +116,7 @@ fn nothing(length: Expr<'_>, span: Span) -> Task<'_> {
     Task {
         controls: Vec::new(),
         shape: ControlShape::Constant,
+        lengths: Lengths::Equal,
         horizon: None,
         length: Some(length),
         params: Vec::new(),
