@@ -36,6 +36,8 @@ pub struct Cause<'a> {
     pub met: &'a [usize],
     /// Whether the instant is that of a breakpoint of data, a kick, or the start, whatever the state is.
     pub is_scheduled: bool,
+    /// Whether events accumulate soon, and the run goes on to their limit in the mode behind it.
+    pub is_in_limit: bool,
 }
 
 /// One accepted step with its dense output.

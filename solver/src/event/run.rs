@@ -138,8 +138,8 @@ impl Simulator {
                 to: &state.point.sides,
                 accumulates: false,
                 cause: Cause {
-                    met: &[],
                     is_scheduled: true,
+                    ..Cause::default()
                 },
             });
         }
@@ -370,6 +370,7 @@ impl Simulator {
                 cause: Cause {
                     met: &before.met,
                     is_scheduled: before.is_scheduled,
+                    is_in_limit: waits.is_some(),
                 },
             });
             displace(&self.mode, state, before.length, observer);

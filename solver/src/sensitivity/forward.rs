@@ -4,19 +4,32 @@ use std::sync::Arc;
 
 use super::functions::{Functions, Moved, Point};
 use super::recording::{Jump, Part, Recording, Step};
-use super::saltation::{Meeting, Saltation};
-use super::variational::{Piece, Variational, Way};
-use super::{Directions, Loss, Why};
+use super::saltation::{Known, Meeting, STAYS, Saltation};
+use super::sizes::Sizes;
+use super::variational::{self, Variational, Way};
+use super::{Directions, Instant, Loss, Why};
 use crate::events::Approach;
 use crate::hybrid::{HybridSystem, Piecewise, Side, write_pieces};
+use crate::runtime::limit::Limit;
+use crate::selector::coupling::Coupling;
+
+/// What a run knows of ψ and of states: this many tolerances of their terms.
+const WIDTH: f64 = 100.0;
+/// The same of a surface that is met at a small angle.
+const NEAR: f64 = 10.0;
 
 /// What has been run.
 pub(super) struct Run<'r> {
     pub system: Arc<HybridSystem>,
+    pub coupling: &'r Coupling,
+    /// Of each switch, whether nothing but outputs looks at it.
+    pub observers: &'r [bool],
     pub data: &'r [Arc<Piecewise>],
     pub parameters: &'r [f64],
-    /// That of tangents.
+    /// The tolerance of the run, and that of tangents.
+    pub accuracy: f64,
     pub tolerance: f64,
+    pub limit: &'r Limit,
 }
 
 impl Run<'_> {
@@ -25,6 +38,21 @@ impl Run<'_> {
         let mut coefficients = vec![0.0; self.system.n_coefficients()];
         write_pieces(self.data, t, &mut coefficients);
         coefficients
+    }
+
+    /// The share of its terms up to which ψ is zero.
+    pub fn width(&self) -> f64 {
+        WIDTH * self.accuracy
+    }
+
+    /// The share of how large tangents have been that is known of them at least, over that of their present terms.
+    pub fn faded(&self) -> f64 {
+        f64::max(1e-3, 10.0 * self.accuracy / STAYS)
+    }
+
+    /// The same where ψ is met at a small angle.
+    pub fn closeness(&self) -> f64 {
+        NEAR * self.accuracy
     }
 }
 
@@ -43,35 +71,28 @@ pub struct Sensitivities {
     pub events: Vec<EventTime>,
     /// From when on directions are not known.
     pub lost: Vec<Option<Loss>>,
-    pieces: Vec<Piece>,
-    method: Variational,
+    instants: Vec<Instant>,
+    /// States and all α at the instants, where tangents were known.
+    points: Vec<Vec<f64>>,
+    /// The tangents of states and all α, by direction.
+    tangents: Vec<Vec<Option<Vec<f64>>>>,
 }
 
 impl Sensitivities {
-    /// dx/dp at an instant, and behind it those of all α; where something happens there, `behind` or before it. False where
-    /// they are not known.
-    pub fn at(&self, t: f64, behind: bool, direction: usize, tangent: &mut [f64]) -> bool {
-        let at = match behind {
-            true => self.pieces.partition_point(|piece| piece.to <= t),
-            false => self.pieces.partition_point(|piece| piece.to < t),
-        };
-        let at = at.min(self.pieces.len().saturating_sub(1));
-        let values = self.pieces.get(at).filter(|piece| {
-            let slack = 1e-9 * (piece.to - piece.from) + 1e-13 * t.abs();
-            t >= piece.from - slack && t <= piece.to + slack
-        });
-        let Some((piece, values)) = values.and_then(|p| Some((p, p.values[direction].as_ref()?)))
-        else {
-            return false;
-        };
-        let length = piece.to - piece.from;
-        let share = if length > 0.0 {
-            (t - piece.from) / length
-        } else {
-            0.0
-        };
-        self.method.inside(values, share.clamp(0.0, 1.0), tangent);
-        true
+    /// dx/dp at one of the instants that were asked for, and behind it those of all α; none from where on they are not known.
+    pub fn at(&self, instant: usize, direction: usize) -> Option<&[f64]> {
+        let Instant { time, is_behind } = self.instants[instant];
+        let is_lost = |loss: &Loss| time > loss.time || time == loss.time && is_behind;
+        let known = self.tangents[instant][direction].as_deref()?;
+        let is_known = !self.lost[direction].as_ref().is_some_and(is_lost);
+        is_known
+            .then_some(known)
+            .filter(|known| known.iter().all(|v| !v.is_nan()))
+    }
+
+    /// The state and all α of that instant; an α is not a number where nothing but outputs looks at it.
+    pub fn point(&self, instant: usize) -> &[f64] {
+        &self.points[instant]
     }
 }
 
@@ -85,14 +106,13 @@ pub(super) struct Forward<'r> {
     /// Where the run is, and its mode; none at the start.
     x: Vec<f64>,
     sides: Option<Box<[Side]>>,
-    /// How large states and their rates have been.
-    sizes: Vec<f64>,
-    speeds: Vec<f64>,
+    sizes: Sizes,
     coefficients: Vec<f64>,
+    method: Variational,
 }
 
 impl<'r> Forward<'r> {
-    pub fn new(run: &'r Run<'r>, directions: &'r Directions) -> Self {
+    pub fn new(run: &'r Run<'r>, directions: &'r Directions, instants: &[Instant]) -> Self {
         let n = run.system.n_states();
         Forward {
             functions: Functions::new(run.system.clone(), &directions.parameters),
@@ -100,14 +120,15 @@ impl<'r> Forward<'r> {
             found: Sensitivities {
                 events: Vec::new(),
                 lost: vec![None; directions.len()],
-                pieces: Vec::new(),
-                method: Variational::new(n, directions.len()),
+                instants: instants.to_vec(),
+                points: Vec::new(),
+                tangents: Vec::new(),
             },
             x: vec![0.0; n],
             sides: None,
-            sizes: vec![0.0; n],
-            speeds: vec![0.0; n],
+            sizes: Sizes::new(n, directions.len()),
             coefficients: Vec::new(),
+            method: Variational::new(run.tolerance),
             run,
         }
     }
@@ -120,176 +141,235 @@ impl<'r> Forward<'r> {
             if self.tangents.iter().all(Option::is_none) {
                 break;
             }
+            let behind = &recording.parts[at + 1..];
             match part {
                 Part::Step(step) => {
-                    self.step(step);
+                    let ends = behind.iter().find_map(Part::event);
+                    self.enter(step, ends.is_some_and(|event| event.accumulates));
+                    self.step(step, behind.is_empty());
                     last = Some(step);
                     while let Some(approach) = approaches.next_if(|a| a.time <= step.until) {
                         self.approach(approach);
                     }
                 }
                 Part::Event(event) => {
-                    let next = recording.parts[at + 1..].iter().find_map(Part::step);
+                    let next = behind.iter().find_map(Part::step);
+                    if self.sides.is_none() {
+                        self.start_with(event, next);
+                    }
+                    self.instants_at(event.time, &event.before, &event.from);
                     self.event(event, [last, next]);
+                    if behind.is_empty() {
+                        self.instants_at(f64::INFINITY, &event.after, &event.to);
+                    }
                 }
             }
         }
+        let (n, d) = (self.found.instants.len(), self.tangents.len());
+        self.found.points.resize(n, Vec::new());
+        self.found.tangents.resize(n, vec![None; d]);
         self.found
     }
 
     /// Gives up some directions.
     fn lose(&mut self, time: f64, why: Why, switches: &[usize], directions: &[usize]) {
         for &d in directions {
-            if self.tangents[d].take().is_some() {
-                let switches = switches.to_vec();
-                self.found.lost[d] = Some(Loss {
-                    time,
-                    why,
-                    switches,
-                });
-            }
+            self.tangents[d] = None;
+            let switches = switches.to_vec();
+            self.found.lost[d].get_or_insert(Loss {
+                time,
+                why,
+                switches,
+            });
         }
     }
 
     fn lose_all(&mut self, time: f64, why: Why, switches: &[usize]) {
-        let all: Vec<usize> = (0..self.tangents.len()).collect();
+        let known = |d: &usize| self.tangents[*d].is_some();
+        let all: Vec<usize> = (0..self.tangents.len()).filter(known).collect();
         self.lose(time, why, switches, &all);
     }
 
-    fn see(&mut self, x: &[f64]) {
-        for (size, x) in self.sizes.iter_mut().zip(x) {
-            *size = size.max(x.abs());
+    /// Comes to the start of a step.
+    fn enter(&mut self, step: &Step, accumulates: bool) {
+        let n = self.x.len();
+        let (mut x, mut slope) = (vec![0.0; n], vec![0.0; n]);
+        for share in [1.0, 0.5, 0.0] {
+            step.state(share * step.length, &mut x, &mut slope);
+            self.sizes.see(&x, &slope);
+        }
+        let coefficients = self.run.coefficients(step.start);
+        let is_first = self.sides.is_none();
+        let z = |z: &usize| (x[*z] - self.x[*z]).abs() > 1e-12 * self.sizes.largest[*z];
+        let jumps = coefficients != self.coefficients || self.run.system.algebraics.iter().any(z);
+        self.coefficients = coefficients;
+        match self.sides.take() {
+            None => {}
+            Some(sides) if *sides != *step.sides => self.changed(step, &sides, accumulates),
+            Some(_) => self.stay(step, &x),
+        }
+        self.sides = Some(step.sides.clone());
+        if is_first || jumps {
+            let mut alpha = vec![0.0; step.sides.len()];
+            step.alpha(0.0, &mut alpha);
+            self.keep_algebraic(step.start, &x, &step.sides, &alpha);
+        }
+        if is_first {
+            self.start(step, &x, &slope);
         }
     }
 
-    fn step(&mut self, step: &Step) {
-        let n = self.x.len();
-        let (mut x, mut slope) = (vec![0.0; n], vec![0.0; n]);
-        for tau in [step.length, 0.0] {
-            step.state(tau, &mut x, &mut slope);
-            self.see(&x);
-            for (speed, slope) in self.speeds.iter_mut().zip(&slope) {
-                *speed = speed.max(slope.abs());
+    /// The mode is another one without an event.
+    fn changed(&mut self, step: &Step, sides: &[Side], accumulates: bool) {
+        let matters = |&i: &usize| {
+            let system = &self.run.system;
+            let is_idle = system.is_idle(i, sides) || system.is_idle(i, &step.sides);
+            sides[i] != step.sides[i] && !is_idle && !self.run.observers[i]
+        };
+        let changed: Vec<usize> = (0..sides.len()).filter(matters).collect();
+        let why = match accumulates {
+            true => Why::Accumulation,
+            false => Why::Unknown,
+        };
+        if !changed.is_empty() {
+            self.lose_all(step.start, why, &changed);
+        }
+    }
+
+    /// What a run without an event does between two steps is nothing: states move by what projection takes away.
+    fn stay(&mut self, step: &Step, x: &[f64]) {
+        const MOVED: f64 = 1e-6;
+        let largest = &self.sizes.largest;
+        let rounding = 1e-3 * self.run.accuracy * crate::linalg::largest(largest);
+        let moved = |i: usize| {
+            let own = largest[i] + self.sizes.fastest[i] * step.length;
+            let is_far = (x[i] - self.x[i]).abs() > MOVED * own + rounding;
+            is_far && !self.run.system.is_algebraic(i)
+        };
+        if (0..x.len()).any(moved) {
+            self.lose_all(step.start, Why::Unknown, &[]);
+        }
+    }
+
+    /// At the start what lies on a surface has to stay there.
+    fn start(&mut self, step: &Step, x: &[f64], slope: &[f64]) {
+        let mut alpha = vec![0.0; step.sides.len()];
+        step.alpha(0.0, &mut alpha);
+        let coefficients = self.coefficients.clone();
+        let meeting = Meeting {
+            point: self.point(step.start, x, &alpha, &coefficients),
+            sides: &step.sides,
+            observers: self.run.observers,
+        };
+        let known = Known {
+            share: self.run.width(),
+            sizes: &self.sizes.largest,
+            instant: 0.0,
+            f: slope,
+        };
+        let mut lost = Vec::new();
+        for (d, tangent) in self.tangents.iter().enumerate() {
+            let moved = tangent.as_ref().map(|tangent| Moved::still(tangent));
+            let leaves = moved.and_then(|moved| {
+                meeting.leaves(&mut self.functions, &known, ([&[], &[]], moved), d)
+            });
+            lost.extend(leaves.map(|switch| (d, switch)));
+        }
+        for (d, switch) in lost {
+            self.lose(step.start, Why::Start, &[switch], &[d]);
+        }
+    }
+
+    fn point<'p>(
+        &self,
+        t: f64,
+        x: &'p [f64],
+        alpha: &'p [f64],
+        coefficients: &'p [f64],
+    ) -> Point<'p>
+    where
+        'r: 'p,
+    {
+        Point {
+            t,
+            x,
+            alpha,
+            coefficients,
+            parameters: self.run.parameters,
+        }
+    }
+
+    /// Algebraic states follow from what keeps them.
+    fn keep_algebraic(&mut self, time: f64, x: &[f64], sides: &[Side], alpha: &[f64]) {
+        if self.run.system.algebraics.is_empty() {
+            return;
+        }
+        let coefficients = self.coefficients.clone();
+        let meeting = Meeting {
+            point: self.point(time, x, alpha, &coefficients),
+            sides,
+            observers: self.run.observers,
+        };
+        let algebraic = meeting.algebraic(&mut self.functions);
+        let algebraic = match algebraic {
+            Ok(algebraic) => algebraic,
+            Err(why) => return self.lose_all(time, why, &[]),
+        };
+        for (d, tangent) in self.tangents.iter_mut().enumerate() {
+            if let Some(tangent) = tangent {
+                algebraic.keep(&self.functions, tangent, 0.0, d);
             }
         }
-        self.coefficients = self.run.coefficients(step.start);
-        match self.sides.take() {
-            None => self.start(step, &x),
-            Some(sides) if *sides != *step.sides => {
-                let changed: Vec<usize> = (0..sides.len())
-                    .filter(|&i| sides[i] != step.sides[i])
-                    .collect();
-                let idle = |i: &usize| {
-                    self.run.system.is_idle(*i, &sides) || self.run.system.is_idle(*i, &step.sides)
-                };
-                let why = match changed.iter().any(|&i| step.sides[i] == Side::Slide) {
-                    true => Why::Accumulation,
-                    false => Why::Unknown,
-                };
-                if !changed.iter().all(idle) {
-                    self.lose_all(step.start, why, &changed);
-                }
-            }
-            Some(_) => self.stay(step.start, &x),
-        }
-        self.sides = Some(step.sides.clone());
-        self.keep_algebraic(step, &x);
+    }
+
+    /// Takes the tangents along a step.
+    fn step(&mut self, step: &Step, is_last: bool) {
         let mode = self.functions.mode(&step.sides);
         let way = Way {
             step,
             mode: &mode,
             coefficients: &self.coefficients,
             run: self.run,
-            speeds: &self.speeds,
+            sizes: &self.sizes,
         };
-        let pieces = &mut self.found.pieces;
-        let method = &mut self.found.method;
-        if let Err(why) = method.follow(&mut self.functions, way, &mut self.tangents, pieces) {
-            let sliding = mode.sliding.clone();
-            self.lose_all(step.start, why, &sliding);
+        let found = &mut self.found;
+        let mut seen = Seen::default();
+        let see = |functions: &mut Functions, method: &Variational, part: &variational::Part| {
+            seen.take(functions, way, method, part);
+            found.read(functions, way, method, (part, is_last));
+            way.rests(functions, method, part)
+        };
+        let lost = self
+            .method
+            .follow(&mut self.functions, way, &mut self.tangents, see);
+        for (d, tangent, terms) in seen.0 {
+            self.sizes.see_tangent(d, &tangent);
+            self.sizes.add_terms(d, terms.into_iter());
+        }
+        for (d, why, switches, tau) in lost {
+            self.lose(step.start + tau, why, &switches, &[d]);
         }
         self.x.clone_from(&step.end);
     }
 
-    /// What a run without an event does between two steps is nothing: states move by what projection takes away.
-    fn stay(&mut self, time: f64, x: &[f64]) {
-        const MOVED: f64 = 1e-6;
-        let moved = |i: usize| {
-            let is_far = (x[i] - self.x[i]).abs() > MOVED * self.sizes[i].max(f64::MIN_POSITIVE);
-            is_far && !self.run.system.is_algebraic(i)
-        };
-        if (0..x.len()).any(moved) {
-            self.lose_all(time, Why::Unknown, &[]);
+    /// Comes to a jump at the start.
+    fn start_with(&mut self, event: &Jump, next: Option<&Step>) {
+        self.coefficients = self.run.coefficients(event.time);
+        let mut alpha: Vec<f64> = event
+            .from
+            .iter()
+            .map(|side| 0.5 + 0.5 * side.sign())
+            .collect();
+        if let Some(next) = next {
+            next.alpha(0.0, &mut alpha);
         }
-    }
-
-    /// At the start what lies on a surface has to stay there.
-    fn start(&mut self, step: &Step, x: &[f64]) {
-        let mut alpha = vec![0.0; step.sides.len()];
-        step.alpha(0.0, &mut alpha);
-        self.x.copy_from_slice(x);
-        self.keep_algebraic(step, x);
-        let coefficients = self.coefficients.clone();
-        let point = Point {
-            t: step.start,
-            x,
-            alpha: &alpha,
-            coefficients: &coefficients,
-            parameters: self.run.parameters,
-        };
-        let meeting = Meeting {
-            point,
-            sides: &step.sides,
-        };
-        for d in 0..self.tangents.len() {
-            let Some(tangent) = self.tangents[d].clone() else {
-                continue;
-            };
-            let moved = Moved::still(&tangent);
-            let leaves = meeting.leaves(&mut self.functions, &self.sizes, &[], moved, d);
-            if let Some(switch) = leaves {
-                self.lose(step.start, Why::Start, &[switch], &[d]);
-            }
-        }
-    }
-
-    /// Algebraic states follow from what keeps them.
-    fn keep_algebraic(&mut self, step: &Step, x: &[f64]) {
-        if self.run.system.algebraics.is_empty() {
-            return;
-        }
-        let coefficients = self.coefficients.clone();
-        let alpha = vec![0.5; step.sides.len()];
-        let point = Point {
-            t: step.start,
-            x,
-            alpha: &alpha,
-            coefficients: &coefficients,
-            parameters: self.run.parameters,
-        };
-        let meeting = Meeting {
-            point,
-            sides: &step.sides,
-        };
-        for d in 0..self.tangents.len() {
-            let Some(mut tangent) = self.tangents[d].clone() else {
-                continue;
-            };
-            match meeting.keep_algebraic(&mut self.functions, &mut tangent, 0.0, d) {
-                Ok(()) => self.tangents[d] = Some(tangent),
-                Err(why) => self.lose(step.start, why, &[], &[d]),
-            }
-        }
+        self.keep_algebraic(event.time, &event.before, &event.from, &alpha);
     }
 
     fn event(&mut self, event: &Jump, [last, next]: [Option<&Step>; 2]) {
-        let is_start = self.sides.is_none();
-        if is_start {
-            self.instant(event.time);
-            self.coefficients = self.run.coefficients(event.time);
-        }
-        self.see(&event.before);
-        self.see(&event.after);
+        let still = vec![0.0; self.x.len()];
+        self.sizes.see(&event.before, &still);
+        self.sizes.see(&event.after, &still);
         let behind = self.run.coefficients(event.time);
         let saltation = Saltation {
             run: self.run,
@@ -297,24 +377,23 @@ impl<'r> Forward<'r> {
             last: last.filter(|step| *step.sides == *event.from && step.until >= event.time),
             next: next.filter(|step| *step.sides == *event.to && step.start <= event.time),
             sizes: &self.sizes,
-            speeds: &self.speeds,
             coefficients: [&self.coefficients, &behind],
-            is_start,
+            is_start: self.sides.is_none(),
         };
         let mut by = vec![f64::NAN; self.tangents.len()];
         let mut failed = Vec::new();
         match saltation.prepare(&mut self.functions) {
             Err((why, switches)) => {
-                failed.extend((0..self.tangents.len()).map(|d| (d, why, switches.clone())));
+                let known = |d: &usize| self.tangents[*d].is_some();
+                let all = (0..self.tangents.len()).filter(known);
+                failed.extend(all.map(|d| (d, why, switches.clone())));
             }
             Ok(prepared) => {
                 for (d, by) in by.iter_mut().enumerate() {
                     let Some(tangent) = &self.tangents[d] else {
                         continue;
                     };
-                    let method = &self.found.method;
-                    let sizes = [&tangent[..], method.largest(d), method.terms(d)];
-                    match prepared.cross(&mut self.functions, sizes, d) {
+                    match prepared.cross(&mut self.functions, tangent, d) {
                         Ok((time, tangent)) => {
                             *by = time;
                             self.tangents[d] = Some(tangent);
@@ -324,8 +403,10 @@ impl<'r> Forward<'r> {
                 }
             }
         }
-        for (d, time) in by.iter().enumerate().filter(|(_, time)| !time.is_nan()) {
-            self.found.method.passed(d, *time, &self.speeds);
+        let speeds = self.sizes.speeds.all();
+        for (d, time) in by.iter().enumerate().filter(|(_, time)| time.is_finite()) {
+            let terms = speeds.iter().map(|speed| speed * time);
+            self.sizes.add_terms(d, terms);
         }
         for (d, why, switches) in failed {
             self.lose(event.time, why, &switches, &[d]);
@@ -334,35 +415,127 @@ impl<'r> Forward<'r> {
             time: event.time,
             by,
         });
+        self.sizes.turn();
+        self.method.restart();
         self.sides = Some(event.to.clone());
         self.x.clone_from(&event.after);
-        if next.is_none() {
-            self.instant(event.time);
-        }
     }
 
-    /// Keeps the tangents of an instant at the start or the end; those of α are not known.
-    fn instant(&mut self, time: f64) {
-        let m = self.run.system.n_switches();
-        let values = self.tangents.iter().map(|tangent| {
-            let whole = [&tangent.as_ref()?[..], &vec![f64::NAN; m]].concat();
-            Some(self.found.method.constant(whole))
-        });
-        let values = values.collect();
-        self.found.pieces.push(Piece {
-            from: time,
-            to: time,
-            values,
-        });
+    /// Takes down the instants up to one at which something happens, without a step that they are in.
+    fn instants_at(&mut self, time: f64, x: &[f64], sides: &[Side]) {
+        while let Some(instant) = self.found.instants.get(self.found.points.len()) {
+            let is_here = instant.time < time || instant.time == time && !instant.is_behind;
+            if !is_here {
+                break;
+            }
+            let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
+            let coefficients = self.run.coefficients(instant.time);
+            let mode = self.functions.mode(sides);
+            let start = alpha.clone();
+            let point = self.point(instant.time, x, &start, &coefficients);
+            let solved = self.functions.solve_alpha(&mode, &point, &mut alpha);
+            let point = self.point(instant.time, x, &alpha, &coefficients);
+            let linear = solved.and_then(|()| self.functions.linearize(&mode, &point));
+            let of_direction = |(d, tangent): (usize, &Option<Vec<f64>>)| {
+                let linear = linear.as_ref().ok()?;
+                Some(whole(&self.functions, linear, tangent.as_ref()?, d))
+            };
+            let tangents = self.tangents.iter().enumerate().map(of_direction).collect();
+            self.found.points.push([x, &alpha].concat());
+            self.found.tangents.push(tangents);
+        }
     }
 
     /// A surface that was touched, or was not as far as that can be told.
     fn approach(&mut self, approach: &Approach) {
-        const NEAR: f64 = 1e-9;
         let gradient = approach.gradient.iter();
-        let size: f64 = gradient.map(|&(j, g)| g.abs() * self.sizes[j]).sum();
-        if approach.distance.abs() <= approach.rounding.max(NEAR * size) {
+        let size: f64 = gradient
+            .map(|&(j, g)| g.abs() * self.sizes.states.of(j))
+            .sum();
+        let is_near = approach.distance.abs() <= approach.rounding.max(self.run.closeness() * size);
+        if is_near && !self.run.observers[approach.switch] {
             self.lose_all(approach.time, Why::Grazing, &[approach.switch]);
+        }
+    }
+}
+
+/// The tangents of states, and behind them those of all α.
+fn whole(
+    functions: &Functions,
+    linear: &super::functions::Linearized,
+    tangent: &[f64],
+    direction: usize,
+) -> Vec<f64> {
+    let [_, of_k] = linear.along(functions, Moved::still(tangent), direction);
+    let mut whole = tangent.to_vec();
+    whole.resize(tangent.len() + functions.slots.n_switches, 0.0);
+    for (&i, alpha) in linear.sliding.iter().zip(of_k) {
+        whole[tangent.len() + i] = alpha;
+    }
+    whole
+}
+
+/// What has been seen of tangents along a step: direction, tangent, and terms over time.
+#[derive(Default)]
+struct Seen(Vec<(usize, Vec<f64>, Vec<f64>)>);
+
+impl Seen {
+    fn take(
+        &mut self,
+        functions: &mut Functions,
+        way: Way,
+        method: &Variational,
+        part: &variational::Part,
+    ) {
+        let [a, b] = part.ends;
+        let _ = method;
+        let Ok(linear) = way.linearize(functions, 0.5 * (a + b)) else {
+            return;
+        };
+        for (d, values) in part.values.iter().enumerate() {
+            let Some(values) = values else { continue };
+            let tangent = values.last().cloned().unwrap_or_default();
+            let terms = linear.terms(functions, Moved::still(&tangent), d);
+            let terms = terms.into_iter().map(|term| (b - a) * term).collect();
+            self.0.push((d, tangent, terms));
+        }
+    }
+}
+
+impl Sensitivities {
+    /// Takes down the instants inside of a part of a step.
+    fn read(
+        &mut self,
+        functions: &mut Functions,
+        way: Way,
+        method: &Variational,
+        (part, is_last): (&variational::Part, bool),
+    ) {
+        let [a, b] = part.ends;
+        let step = way.step;
+        let ends_step = b == step.length;
+        while let Some(&Instant { time, is_behind }) = self.instants.get(self.points.len()) {
+            let is_inside = match ends_step {
+                true => time < step.until || time == step.until && !is_behind || is_last,
+                false => time - step.start <= b,
+            };
+            if !is_inside {
+                break;
+            }
+            let tau = (time - step.start).clamp(a, b);
+            let tau = if time >= step.until { b } else { tau };
+            let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
+            let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
+            step.state(tau, &mut x, &mut vec![0.0; n]);
+            step.known_alpha(tau, &mut alpha);
+            let linear = way.linearize(functions, tau);
+            let of_direction = |(d, values): (usize, &Option<Vec<Vec<f64>>>)| {
+                let tangent = method.inside(values.as_ref()?, (tau - a) / (b - a));
+                Some(whole(functions, linear.as_ref().ok()?, &tangent, d))
+            };
+            let tangents = part.values.iter().enumerate().map(of_direction).collect();
+            self.points.push([x, alpha].concat());
+            self.tangents.push(tangents);
         }
     }
 }

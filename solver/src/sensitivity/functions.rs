@@ -7,10 +7,11 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
+use crate::expansion::field::run_balls;
 use crate::hybrid::form::{Library, Surface};
 use crate::hybrid::{HybridSystem, Input, Side};
 use crate::linalg::{DenseLu, Singular};
-use crate::tape::Tape;
+use crate::tape::{Ball, Lane, Rounded, Tape};
 
 /// Where inputs stand among the slots.
 #[derive(Clone, Copy)]
@@ -30,6 +31,12 @@ impl Slots {
 
     pub fn parameter(self, i: usize) -> usize {
         1 + self.n_states + self.n_switches + i
+    }
+
+    /// The switch whose α a slot is.
+    pub fn switch(self, slot: usize) -> Option<usize> {
+        let switch = slot.checked_sub(self.alpha(0))?;
+        (switch < self.n_switches).then_some(switch)
     }
 
     fn of(self, input: Input) -> Option<usize> {
@@ -198,36 +205,128 @@ pub(super) struct ModeFunctions {
     kept: Vec<Rc<Psi>>,
 }
 
-/// f with its derivatives at a point of a mode, those of α in it.
+/// f with its derivatives at a point of a mode, those of α_K in it.
 pub(super) struct Linearized {
     pub f: Vec<f64>,
-    /// Rows of states, and behind them of all α: columns are t, the states and the directions.
-    pub rows: Vec<Vec<f64>>,
-    /// Of the rows of states, how large the terms of each entry are.
-    sizes: Vec<Vec<f64>>,
+    /// (state, slot, ∂f/∂slot), state by state.
+    entries: Vec<(usize, usize, f64)>,
+    /// K, and its equations.
+    pub sliding: Vec<usize>,
+    equations: Option<Equations>,
 }
 
 impl Linearized {
-    /// How large the terms of that product are for a state, those that cancel in its row with them.
-    pub fn terms(&self, state: usize, tangent: &[f64], direction: usize) -> f64 {
-        let row = &self.sizes[state];
-        let products = row[1..].iter().zip(tangent).map(|(a, b)| a * b.abs());
-        products.sum::<f64>() + row[1 + tangent.len() + direction]
+    /// The derivatives of f and of α_K with a point that moves in a direction.
+    pub fn along(&self, functions: &Functions, moved: Moved, direction: usize) -> [Vec<f64>; 2] {
+        let term = |slot, slope| functions.term(slot, slope, moved, direction);
+        let mut alpha = Vec::new();
+        if let Some(equations) = &self.equations {
+            alpha = equations.sums(|slot, slope| -term(slot, slope));
+            equations.lu.solve(&mut alpha);
+        }
+        let f = self.rates(functions.slots, term, |at, slope| slope * alpha[at]);
+        [f, alpha]
     }
 
-    /// The product of a row with a tangent of a direction, at a fixed time.
-    pub fn along(&self, row: usize, tangent: &[f64], direction: usize) -> f64 {
-        let row = &self.rows[row];
-        let products = row[1..].iter().zip(tangent).map(|(a, b)| a * b);
-        products.sum::<f64>() + row[1 + tangent.len() + direction]
+    /// How large the terms of the derivatives of f are.
+    pub fn terms(&self, functions: &Functions, moved: Moved, direction: usize) -> Vec<f64> {
+        let size = |slot, slope: f64| (slope * functions.by(slot, moved, direction)[1]).abs();
+        let mut alpha = Vec::new();
+        if let Some(equations) = &self.equations {
+            alpha = equations.sums(size);
+            equations.lu.solve(&mut alpha);
+        }
+        self.rates(functions.slots, size, |at, slope| (slope * alpha[at]).abs())
+    }
+
+    /// Sums over the slopes of each rate, of those by slots and by the α of what slides.
+    pub fn rates(
+        &self,
+        slots: Slots,
+        term: impl Fn(usize, f64) -> f64,
+        of_alpha: impl Fn(usize, f64) -> f64,
+    ) -> Vec<f64> {
+        let mut sums = vec![0.0; self.f.len()];
+        for &(state, slot, slope) in &self.entries {
+            sums[state] += match slots.switch(slot) {
+                None => term(slot, slope),
+                Some(switch) => {
+                    let at = self.sliding.binary_search(&switch);
+                    at.map_or(0.0, |at| of_alpha(at, slope))
+                }
+            };
+        }
+        sums
+    }
+
+    /// The derivatives of f and of φ_K with (x, α_K) in a direction.
+    pub fn open(&self, functions: &Functions, y: &[f64], direction: usize, out: &mut [f64]) {
+        let (tangent, alpha) = y.split_at(self.f.len());
+        let term = |slot, slope| functions.term(slot, slope, Moved::still(tangent), direction);
+        let (rates, residuals) = out.split_at_mut(tangent.len());
+        rates.copy_from_slice(&self.rates(functions.slots, term, |at, slope| slope * alpha[at]));
+        let Some(equations) = &self.equations else {
+            return;
+        };
+        let of_alpha = |slot: usize| {
+            let switch = functions.slots.switch(slot)?;
+            Some(alpha[self.sliding.binary_search(&switch).ok()?])
+        };
+        let sums = equations.sums(|slot, slope| match of_alpha(slot) {
+            Some(alpha) => slope * alpha,
+            None => term(slot, slope),
+        });
+        residuals.copy_from_slice(&sums);
+    }
+
+    /// ∂(f, φ_K)/∂(x, α_K), row major.
+    pub fn matrix(&self, slots: Slots, out: &mut [f64]) {
+        let n = self.f.len();
+        let width = n + self.sliding.len();
+        out.fill(0.0);
+        let column = |slot: usize| match slots.switch(slot) {
+            Some(switch) => Some(n + self.sliding.binary_search(&switch).ok()?),
+            None => slot.checked_sub(1).filter(|state| *state < n),
+        };
+        let rows = self.equations.iter().flat_map(|equations| &equations.rows);
+        let rows = rows.enumerate();
+        let phi = rows.flat_map(|(at, row)| row.iter().map(move |&(s, slope)| (n + at, s, slope)));
+        for (row, slot, slope) in self.entries.iter().copied().chain(phi) {
+            if let Some(column) = column(slot) {
+                out[row * width + column] += slope;
+            }
+        }
+    }
+
+    /// The derivatives of α of a switch that slides, by slots.
+    pub fn alpha(&self, switch: usize) -> Vec<(usize, f64)> {
+        let (Some(equations), Ok(at)) = (&self.equations, self.sliding.binary_search(&switch))
+        else {
+            return Vec::new();
+        };
+        let mut weights = vec![0.0; self.sliding.len()];
+        weights[at] = -1.0;
+        equations.lu.solve_transposed(&mut weights);
+        let rows = equations.rows.iter().zip(weights);
+        rows.flat_map(|(row, weight)| row.iter().map(move |&(slot, slope)| (slot, weight * slope)))
+            .collect()
     }
 }
 
-/// φ_K with its derivatives by t, states, all α and the directions, and A factored.
+/// φ_K with its derivatives by slots, and A factored.
 struct Equations {
     lu: DenseLu,
     values: Vec<f64>,
-    rows: Vec<Vec<f64>>,
+    rows: Vec<Vec<(usize, f64)>>,
+}
+
+impl Equations {
+    /// Sums over the slopes of each φ.
+    fn sums(&self, term: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+        let sum =
+            |row: &Vec<(usize, f64)>| row.iter().map(|&(slot, slope)| term(slot, slope)).sum();
+        self.rows.iter().map(sum).collect()
+    }
 }
 
 /// Key of what is compiled for the sides inside it.
@@ -370,18 +469,30 @@ impl<'r> Functions<'r> {
         rows.into_iter().map(kept).collect()
     }
 
+    /// How a slot moves in a direction, and how large the terms of that are; α does not.
+    fn by(&self, slot: usize, moved: Moved, direction: usize) -> [f64; 2] {
+        let first = self.slots.parameter(0);
+        match slot {
+            0 => [moved.time; 2],
+            slot if slot <= self.slots.n_states => [moved.x[slot - 1], moved.size[slot - 1]],
+            slot if slot < first => [0.0; 2],
+            slot => [self.directions[direction][slot - first]; 2],
+        }
+    }
+
+    /// A slope times how its slot moves; what does not depend on a parameter does not mind that its slope has no bound.
+    fn term(&self, slot: usize, slope: f64, moved: Moved, direction: usize) -> f64 {
+        match self.by(slot, moved, direction)[0] {
+            by if by == 0.0 && slot >= self.slots.alpha(0) => 0.0,
+            by => slope * by,
+        }
+    }
+
     /// The product of slopes with a tangent of states and time, in a direction.
     pub fn along(&self, slopes: &[(usize, f64)], moved: Moved, direction: usize) -> [f64; 2] {
-        let first = self.slots.parameter(0);
-        let parameters = &self.directions[direction];
         let mut sum = [0.0, 0.0];
         for &(slot, slope) in slopes {
-            let [by, size] = match slot {
-                0 => [moved.time; 2],
-                slot if slot <= self.slots.n_states => [moved.x[slot - 1], moved.size[slot - 1]],
-                slot if slot < first => [0.0; 2],
-                slot => [parameters[slot - first]; 2],
-            };
+            let [by, size] = self.by(slot, moved, direction);
             sum[0] += slope * by;
             sum[1] += (slope * size).abs();
         }
@@ -400,31 +511,56 @@ impl<'r> Functions<'r> {
         f
     }
 
-    /// φ of what slides, with its derivative by all columns of [`Functions::columns`].
-    fn phi(&mut self, of: &Psi, point: &Point, f: &[f64], columns: &[Vec<f64>]) -> (f64, Vec<f64>) {
+    /// How far rounding may take f from what exact arithmetic gives.
+    pub fn rounded(&self, mode: &ModeFunctions, point: &Point) -> Vec<f64> {
+        let mut errors = vec![0.0; self.slots.n_states];
+        let mut registers: Vec<Rounded> = Vec::new();
+        for (states, group) in &mode.blocks {
+            let places: Vec<usize> = (0..group.inputs.len()).collect();
+            let input = |place: usize| Ball::splat(point.value(group.inputs[place]));
+            run_balls(&group.values, &places, input, &mut registers);
+            for (&state, result) in states.iter().zip(group.values.results(&registers)) {
+                errors[state] = result.ball().radius;
+            }
+        }
+        errors
+    }
+
+    /// φ of what slides with its derivatives by slots, from those of f.
+    fn phi(
+        &mut self,
+        of: &Psi,
+        point: &Point,
+        (f, entries): (&[f64], &[(usize, usize, f64)]),
+    ) -> (f64, Vec<(usize, f64)>) {
         let n = self.slots.n_states;
-        let width = columns.first().map_or(0, Vec::len);
-        let (mut value, mut row) = (0.0, vec![0.0; width]);
+        let (mut value, mut row) = (0.0, Vec::new());
         for (slot, slope) in of.slopes(point, &mut self.registers) {
             match slot {
                 0 => value += slope,
                 slot if slot <= n => {
                     value += slope * f[slot - 1];
-                    for (entry, column) in row.iter_mut().zip(&columns[slot - 1]) {
-                        *entry += slope * column;
-                    }
+                    let first = entries.partition_point(|entry| entry.0 < slot - 1);
+                    let own = entries[first..].iter();
+                    let own = own.take_while(|entry| entry.0 == slot - 1);
+                    row.extend(own.map(|&(_, by, entry)| (by, slope * entry)));
                 }
                 _ => {}
             }
         }
         for (a, b, bend) in of.bends(point, &mut self.registers) {
-            let moves = match a {
-                0 => 1.0,
-                a if a <= n => f[a - 1],
-                _ => continue,
-            };
-            self.spread(b, bend * moves, &mut row);
+            match a {
+                0 => row.push((b, bend)),
+                a if a <= n => row.push((b, bend * f[a - 1])),
+                _ => {}
+            }
         }
+        row.sort_unstable_by_key(|&(slot, _)| slot);
+        row.dedup_by(|next, kept| {
+            let is_same = next.0 == kept.0;
+            kept.1 += if is_same { next.1 } else { 0.0 };
+            is_same
+        });
         (value, row)
     }
 
@@ -441,85 +577,63 @@ impl<'r> Functions<'r> {
         }
     }
 
-    /// f with its derivatives by t, states, all α and the directions.
-    fn columns(&mut self, mode: &ModeFunctions, point: &Point) -> (Vec<f64>, Vec<Vec<f64>>) {
-        let width = self.slots.parameter(0) + self.directions.len();
+    /// f with its derivatives by slots, state by state.
+    fn entries(
+        &mut self,
+        mode: &ModeFunctions,
+        point: &Point,
+    ) -> (Vec<f64>, Vec<(usize, usize, f64)>) {
         let f = self.rates(mode, point);
-        let mut rows = vec![vec![0.0; width]; f.len()];
+        let mut entries = Vec::new();
         for (states, group) in &mode.blocks {
-            for (at, slot, slope) in group.slopes(point, &mut self.registers) {
-                self.spread(slot, slope, &mut rows[states[at]]);
-            }
+            let slopes = group.slopes(point, &mut self.registers).into_iter();
+            entries.extend(slopes.map(|(at, slot, slope)| (states[at], slot, slope)));
         }
-        (f, rows)
+        entries.sort_by_key(|entry| entry.0);
+        (f, entries)
     }
 
-    /// A and the rows of φ where α_K is given, factored.
+    /// A and the rows of φ where α_K is given, factored; none where nothing slides.
     fn equations(
         &mut self,
         mode: &ModeFunctions,
         point: &Point,
-        (f, columns): (&[f64], &[Vec<f64>]),
-    ) -> Result<Equations, Singular> {
+        of_f: (&[f64], &[(usize, usize, f64)]),
+    ) -> Result<Option<Equations>, Singular> {
         let k = mode.sliding.len();
-        let kept = mode.kept.iter();
-        let rows: Vec<_> = kept.map(|h| self.phi(h, point, f, columns)).collect();
-        let (values, rows): (Vec<f64>, Vec<Vec<f64>>) = rows.into_iter().unzip();
-        let alpha = |i: &usize| self.slots.alpha(*i);
-        let entries = rows
-            .iter()
-            .flat_map(|row| mode.sliding.iter().map(|i| row[alpha(i)]));
-        let matrix: Vec<f64> = entries.collect();
+        if k == 0 {
+            return Ok(None);
+        }
+        let rows: Vec<_> = (mode.kept.iter())
+            .map(|h| self.phi(h, point, of_f))
+            .collect();
+        let (values, rows): (Vec<f64>, Vec<Vec<(usize, f64)>>) = rows.into_iter().unzip();
+        let mut matrix = vec![0.0; k * k];
+        for (at, row) in rows.iter().enumerate() {
+            for &(slot, slope) in row {
+                let switch = self.slots.switch(slot);
+                if let Some(Ok(column)) = switch.map(|i| mode.sliding.binary_search(&i)) {
+                    matrix[at * k + column] += slope;
+                }
+            }
+        }
         let mut lu = DenseLu::new(k);
         lu.factor(&matrix)?;
-        Ok(Equations { lu, values, rows })
+        Ok(Some(Equations { lu, values, rows }))
     }
 
-    /// f and α with their derivatives by t, states and directions, at a point of a mode where α_K is known.
+    /// f and α with their derivatives at a point of a mode where α_K is known.
     pub fn linearize(
         &mut self,
         mode: &ModeFunctions,
         point: &Point,
     ) -> Result<Linearized, Singular> {
-        let (f, mut columns) = self.columns(mode, point);
-        let (n, m) = (self.slots.n_states, self.slots.n_switches);
-        let first = self.slots.parameter(0);
-        let width = 1 + n + self.directions.len();
-        let kept = |row: &[f64]| [&row[..=n], &row[first..]].concat();
-        let mut of_alpha = vec![vec![0.0; width]; m];
-        if !mode.sliding.is_empty() {
-            let Equations { lu, rows, .. } = self.equations(mode, point, (&f, &columns))?;
-            let rows: Vec<Vec<f64>> = rows.iter().map(|row| kept(row)).collect();
-            for column in 0..width {
-                let mut rhs: Vec<f64> = rows.iter().map(|row| -row[column]).collect();
-                lu.solve(&mut rhs);
-                for (&i, value) in mode.sliding.iter().zip(rhs) {
-                    of_alpha[i][column] = value;
-                }
-            }
-        }
-        let mut sizes = Vec::with_capacity(n);
-        for row in &mut columns {
-            let mut whole = kept(row);
-            let mut size: Vec<f64> = whole.iter().map(|entry| entry.abs()).collect();
-            for &i in &mode.sliding {
-                let slope = row[self.slots.alpha(i)];
-                if slope != 0.0 {
-                    let entries = whole.iter_mut().zip(&mut size);
-                    for ((entry, size), by) in entries.zip(&of_alpha[i]) {
-                        *entry += slope * by;
-                        *size += (slope * by).abs();
-                    }
-                }
-            }
-            sizes.push(size);
-            *row = whole;
-        }
-        columns.extend(of_alpha);
+        let (f, entries) = self.entries(mode, point);
         Ok(Linearized {
+            equations: self.equations(mode, point, (&f, &entries))?,
+            sliding: mode.sliding.clone(),
             f,
-            rows: columns,
-            sizes,
+            entries,
         })
     }
 
@@ -528,16 +642,15 @@ impl<'r> Functions<'r> {
         &mut self,
         mode: &ModeFunctions,
         point: &Point,
-        alpha: &mut Vec<f64>,
+        alpha: &mut [f64],
     ) -> Result<(), Singular> {
         const MOST: usize = 30;
-        if mode.sliding.is_empty() {
-            return Ok(());
-        }
         for _ in 0..MOST {
             let here = Point { alpha, ..*point };
-            let (f, columns) = self.columns(mode, &here);
-            let found = self.equations(mode, &here, (&f, &columns))?;
+            let (f, entries) = self.entries(mode, &here);
+            let Some(found) = self.equations(mode, &here, (&f, &entries))? else {
+                return Ok(());
+            };
             let (lu, mut phi) = (found.lu, found.values);
             lu.solve(&mut phi);
             let mut change = 0.0_f64;

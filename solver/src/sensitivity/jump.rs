@@ -13,8 +13,9 @@ use super::Why;
 use super::functions::{Functions, Group, Moved, Point};
 use super::recording::Jump;
 use super::saltation::Slope;
-use crate::hybrid::{Effect, Guard, Impact, Reset, Side};
+use crate::hybrid::{Effect, Guard, HybridSystem, Impact, Law, Reset, Side};
 use crate::linalg::DenseLu;
+use crate::selector::coupling::Coupling;
 
 /// States behind a jump are those of its law up to this part of their sizes.
 const SAME: f64 = 1e-9;
@@ -41,7 +42,7 @@ impl Jumped {
 pub(super) fn jumped(
     functions: &mut Functions,
     point: Point,
-    event: &Jump,
+    (event, coupling): (&Jump, &Coupling),
     sizes: &[f64],
 ) -> Result<Vec<Jumped>, Why> {
     let single: Vec<Vec<usize>> = event.laws.iter().map(|&law| vec![law]).collect();
@@ -54,7 +55,12 @@ pub(super) fn jumped(
         let mut found = Vec::new();
         for laws in rounds {
             let here = Point { x: &x, ..point };
-            let Some((behind, jumped)) = together(functions, here, (event, sizes), (laws, closed))?
+            let beside = match closed {
+                true => beside(&functions.system, event, coupling, laws),
+                false => Vec::new(),
+            };
+            let Some((behind, jumped)) =
+                together(functions, here, (event, sizes), [laws, &beside])?
             else {
                 break;
             };
@@ -72,18 +78,46 @@ pub(super) fn jumped(
     Err(Why::Jump)
 }
 
-/// Laws that jump together, with impulses of contacts that are `closed` or without: the state behind them.
+/// The laws of closed contacts that hang together with those that laws strike.
+fn beside(system: &HybridSystem, event: &Jump, coupling: &Coupling, laws: &[usize]) -> Vec<usize> {
+    fn contact(law: &Law) -> Option<(usize, &Vec<usize>)> {
+        match (&law.guard, &law.effect) {
+            (Guard::Strikes(normal), Effect::Impact(impact)) => Some((*normal, &impact.slips)),
+            _ => None,
+        }
+    }
+    let is_there = |&(law, (normal, _)): &(usize, (usize, &Vec<usize>))| {
+        laws.contains(&law) || event.from[normal] == Side::Slide
+    };
+    let all = system.laws.iter().enumerate();
+    let all = all.filter_map(|(at, law)| Some((at, contact(law)?)));
+    let contacts: Vec<_> = all.filter(is_there).collect();
+    let of_each = contacts.iter();
+    let mut touching: Vec<usize> = of_each
+        .flat_map(|(_, (normal, slips))| [&[*normal], &slips[..]].concat())
+        .collect();
+    touching.sort_unstable();
+    let struck = contacts.iter().filter(|(law, _)| laws.contains(law));
+    let group: Vec<usize> = struck
+        .flat_map(|(_, (normal, _))| coupling.interacting(*normal, &touching))
+        .collect();
+    let others = contacts.iter().filter(|(law, _)| !laws.contains(law));
+    let others = others.filter(|(_, (normal, _))| group.contains(normal));
+    others.map(|(law, _)| *law).collect()
+}
+
+/// Laws that jump together, with the impulses of contacts `beside` them: the state behind them.
 fn together(
     functions: &mut Functions,
     point: Point,
     (event, sizes): (&Jump, &[f64]),
-    (laws, closed): (&[usize], bool),
+    [laws, beside]: [&[usize]; 2],
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let system = functions.system.clone();
     let mut x = point.x.to_vec();
     let mut rows = Vec::new();
     let mut impacts = Vec::new();
-    for &law in laws {
+    for &law in laws.iter().chain(beside) {
         match (&system.laws[law].guard, &system.laws[law].effect) {
             (_, Effect::Reset(reset)) => {
                 for (state, value, slope) in reset_to(functions, point, event, reset)? {
@@ -94,18 +128,6 @@ fn together(
             (Guard::Strikes(normal), Effect::Impact(impact)) => impacts.push((*normal, impact)),
             (Guard::Sides { .. }, Effect::Impact(_)) => return Err(Why::Jump),
         }
-    }
-    if closed && !impacts.is_empty() {
-        let all = system.laws.iter().enumerate();
-        let others = all.filter(|(law, _)| !laws.contains(law));
-        impacts.extend(
-            others.filter_map(|(_, law)| match (&law.guard, &law.effect) {
-                (Guard::Strikes(normal), Effect::Impact(impact)) => {
-                    (event.from[*normal] == Side::Slide).then_some((*normal, impact))
-                }
-                _ => None,
-            }),
-        );
     }
     match (impacts.is_empty(), rows.is_empty()) {
         (true, _) => Ok(Some((x, Jumped { rows }))),
@@ -267,7 +289,9 @@ fn struck(
         |row: &Vec<f64>| -> Vec<f64> { kicks.iter().map(|kick| product(row, &kick.0)).collect() };
     let matrix: Vec<f64> = h_rows.iter().flat_map(of_row).collect();
     let mut lu = DenseLu::new(k);
-    lu.factor(&matrix).map_err(|_| Why::Jump)?;
+    if lu.factor(&matrix).is_err() {
+        return Ok(None);
+    }
     let kept = |i: usize| -(1.0 + stopped[i].restitution) * h[i];
     let mut lambda: Vec<f64> = (0..k).map(kept).collect();
     lu.solve(&mut lambda);

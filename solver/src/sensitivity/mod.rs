@@ -18,7 +18,10 @@ mod forward;
 mod functions;
 mod jump;
 mod recording;
+mod resting;
 mod saltation;
+mod sizes;
+mod stiff;
 mod variational;
 
 pub use forward::{EventTime, Sensitivities};
@@ -26,6 +29,7 @@ pub use recording::Recording;
 
 use crate::event::Simulator;
 use crate::events::Approach;
+use crate::runtime::limit::Over;
 
 /// By what a run is differentiated: for each direction, what it does to the start and to the parameters.
 #[derive(Clone, Debug, Default)]
@@ -46,6 +50,15 @@ impl Directions {
     pub fn is_empty(&self) -> bool {
         self.initial.is_empty()
     }
+}
+
+/// An instant of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instant {
+    /// When.
+    pub time: f64,
+    /// Whether behind what happens there.
+    pub is_behind: bool,
 }
 
 /// From when on a derivative is not known, and why.
@@ -73,6 +86,9 @@ pub enum Why {
     /// The run starts on a surface, and on one of its sides for other values.
     #[error("the run starts on a surface, which other values leave to one side or the other")]
     Start,
+    /// The run stays on a surface without sliding on it, and leaves it to one side or the other.
+    #[error("the run rests on a surface, which other values leave to one side or the other")]
+    Rests,
     /// Infinitely many events.
     #[error("infinitely many events accumulate")]
     Accumulation,
@@ -91,23 +107,45 @@ pub enum Why {
     /// The tangent is not found to its tolerance.
     #[error("the tangent is not smooth enough to be integrated")]
     Rough,
+    /// The time of the run is up.
+    #[error("the time is up")]
+    TimeLimit,
+    /// The run is canceled.
+    #[error("the run was canceled")]
+    Canceled,
+}
+
+impl From<Over> for Why {
+    fn from(over: Over) -> Self {
+        match over {
+            Over::TimeLimit => Why::TimeLimit,
+            Over::Canceled => Why::Canceled,
+        }
+    }
 }
 
 impl Simulator {
-    /// Differentiates a run of this simulator that has been recorded, with the surfaces that it came close to.
+    /// Differentiates a run of this simulator that has been recorded, with the surfaces that it came close to, at instants in
+    /// order, within the limit of its runs.
     pub fn differentiate(
         &self,
         recording: &Recording,
         approaches: &[Approach],
         directions: &Directions,
+        instants: &[Instant],
     ) -> Sensitivities {
         let memory = &self.mode.memory;
         let run = forward::Run {
             system: self.system.clone(),
+            coupling: &self.coupling,
+            observers: &self.mode.monitored.observers,
             data: &memory.data,
             parameters: &memory.values[memory.parameters()],
+            accuracy: self.settings.tolerance,
             tolerance: (0.01 * self.settings.tolerance).clamp(1e-13, 1e-10),
+            limit: &self.settings.limit,
         };
-        forward::Forward::new(&run, directions).follow(recording, approaches)
+        let forward = forward::Forward::new(&run, directions, instants);
+        forward.follow(recording, approaches)
     }
 }

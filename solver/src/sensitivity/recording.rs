@@ -43,12 +43,14 @@ pub(super) struct Jump {
     pub to: Box<[Side]>,
     pub met: Vec<usize>,
     pub is_scheduled: bool,
+    /// Events accumulate here, or the run goes on from here as if it was their limit.
     pub accumulates: bool,
     pub folds: bool,
 }
 
 impl Step {
-    fn row(&self, at: usize) -> &[f64] {
+    /// The series of a state, or behind all of them of an α.
+    pub fn row(&self, at: usize) -> &[f64] {
         &self.coefficients[at * self.n_coefficients..(at + 1) * self.n_coefficients]
     }
 
@@ -68,48 +70,9 @@ impl Step {
     }
 
     /// The same, not a number where it is not known.
-    fn known_alpha(&self, tau: f64, alpha: &mut [f64]) {
+    pub fn known_alpha(&self, tau: f64, alpha: &mut [f64]) {
         for (i, alpha) in alpha.iter_mut().enumerate() {
             *alpha = series::value(self.row(self.end.len() + i), tau);
-        }
-    }
-}
-
-impl Recording {
-    /// The state and all α at an instant; where something happens there, `behind` or before it. What slides without a step
-    /// there has an α that is not a number.
-    pub fn at(&self, t: f64, behind: bool, x: &mut [f64], alpha: &mut [f64]) {
-        let jump = if behind {
-            self.parts.last()
-        } else {
-            self.parts.first()
-        };
-        if let Some(Part::Event(jump)) = jump.filter(|part| part.time() == t) {
-            let (state, sides) = match behind {
-                true => (&jump.after, &jump.to),
-                false => (&jump.before, &jump.from),
-            };
-            x.copy_from_slice(state);
-            for (alpha, side) in alpha.iter_mut().zip(sides) {
-                *alpha = match side {
-                    Side::Minus => 0.0,
-                    Side::Slide => f64::NAN,
-                    Side::Plus => 1.0,
-                };
-            }
-            return;
-        }
-        let is_past = |step: &Step| step.until < t || behind && step.until == t;
-        let at = self.parts.partition_point(|part| match part {
-            Part::Step(step) => is_past(step),
-            Part::Event(jump) => jump.time < t || behind && jump.time == t,
-        });
-        let later = self.parts[at..].iter().find_map(Part::step);
-        let earlier = || self.parts[..at].iter().rev().find_map(Part::step);
-        if let Some(step) = later.or_else(earlier) {
-            let tau = (t - step.start).clamp(0.0, step.length);
-            step.state(tau, x, &mut vec![0.0; x.len()]);
-            step.known_alpha(tau, alpha);
         }
     }
 }
@@ -122,11 +85,10 @@ impl Part {
         }
     }
 
-    /// When it ends.
-    fn time(&self) -> f64 {
+    pub fn event(&self) -> Option<&Jump> {
         match self {
-            Part::Step(step) => step.until,
-            Part::Event(jump) => jump.time,
+            Part::Step(_) => None,
+            Part::Event(event) => Some(event),
         }
     }
 }
@@ -157,7 +119,7 @@ impl Observer for Recording {
             to: event.to.into(),
             met: event.cause.met.to_vec(),
             is_scheduled: event.cause.is_scheduled,
-            accumulates: event.accumulates,
+            accumulates: event.accumulates || event.cause.is_in_limit,
             folds: event.decisions.iter().any(|decision| decision.folds),
         }));
     }

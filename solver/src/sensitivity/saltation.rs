@@ -5,21 +5,19 @@ use super::forward::Run;
 use super::functions::{Functions, Linearized, Moved, Point};
 use super::jump::{Jumped, jumped};
 use super::recording::{Jump, Step};
-use crate::hybrid::{Guard, Role, Side};
+use super::sizes::{Recent, Sizes};
+use crate::expansion::series;
+use crate::hybrid::{Effect, Guard, Input, Law, Role, Side};
 use crate::linalg::DenseLu;
 
-/// A rate is none below this part of how large its terms have been.
-const TANGENTIAL: f64 = 1e-7;
-/// ψ is zero up to this part of its terms.
-const ON: f64 = 1e-11;
+/// A rate is none below this part of how large its terms have been of late.
+const TANGENTIAL: f64 = 1e-12;
+/// The same where nothing is known of how it bends.
+const UNKNOWN: f64 = 1e-7;
 /// What stays on a surface does so up to this part of its terms.
-const STAYS: f64 = 1e-6;
-/// What is left of a tangent at least, in what its errors are a part of.
-const FADED: f64 = 1e-3;
-/// What is left of it by rounding.
+pub(super) const STAYS: f64 = 1e-6;
+/// What is left of a tangent by rounding.
 const ROUNDED: f64 = 1e-8;
-/// α is at a bound up to this.
-const AT_BOUND: f64 = 1e-9;
 
 /// A function of time, states and parameters to first order.
 #[derive(Clone, Debug)]
@@ -83,35 +81,108 @@ impl Slope {
     }
 }
 
+/// How well a run knows where it is.
+pub(super) struct Known<'a> {
+    /// The share of its terms up to which ψ is zero.
+    pub share: f64,
+    /// How large states have been.
+    pub sizes: &'a [f64],
+    /// How far the instant may be off, and the rates by which that moves states.
+    pub instant: f64,
+    pub f: &'a [f64],
+}
+
+impl Known<'_> {
+    /// How far a function may be off.
+    fn width(&self, slopes: &[(usize, f64)], t: f64) -> f64 {
+        let n = self.sizes.len();
+        let (mut terms, mut rate) = (0.0, 0.0);
+        for &(slot, slope) in slopes {
+            match slot {
+                0 => {
+                    terms += (slope * t).abs();
+                    rate += slope;
+                }
+                slot if slot <= n => {
+                    terms += slope.abs() * self.sizes[slot - 1];
+                    rate += slope * self.f[slot - 1];
+                }
+                _ => {}
+            }
+        }
+        self.share * terms + (rate * self.instant).abs()
+    }
+}
+
 /// A point in a mode.
 #[derive(Clone, Copy)]
 pub(super) struct Meeting<'a> {
     pub point: Point<'a>,
     pub sides: &'a [Side],
+    /// Of each switch, whether nothing but outputs looks at it.
+    pub observers: &'a [bool],
+}
+
+/// The equations that keep algebraic states.
+pub(super) struct Algebraic {
+    rows: Vec<Vec<(usize, f64)>>,
+    lu: DenseLu,
+}
+
+impl Algebraic {
+    /// Gives z the tangent that they want: h_z Z = -(h_y Y + h_t dt/dp + h_p).
+    pub fn keep(&self, functions: &Functions, tangent: &mut [f64], time: f64, direction: usize) {
+        let algebraics = &functions.system.algebraics;
+        algebraics.iter().for_each(|&z| tangent[z] = 0.0);
+        let moved = Moved {
+            time,
+            ..Moved::still(tangent)
+        };
+        let rows = self.rows.iter();
+        let rhs = rows.map(|row| -functions.along(row, moved, direction)[0]);
+        let mut rhs: Vec<f64> = rhs.collect();
+        self.lu.solve(&mut rhs);
+        for (&z, value) in algebraics.iter().zip(rhs) {
+            tangent[z] = value;
+        }
+    }
 }
 
 impl Meeting<'_> {
-    /// A switch on whose surface the point is, and does not stay as it moves in a direction; those on one side of their
-    /// surface alone that are `met` are known to be on it.
+    /// Whether f alone sees a kink of a switch: then its sides act for no time to first order where it is passed.
+    fn is_passed(&self, functions: &Functions, i: usize, met: &[usize], laws: &[usize]) -> bool {
+        let system = &functions.system;
+        if !system.switches[i].is_continuous || system.role(i) != Role::Step {
+            return false;
+        }
+        let guards = |law: &Law| match &law.guard {
+            Guard::Sides { switches, .. } => switches.contains(&i),
+            Guard::Strikes(switch) => *switch == i,
+        };
+        let reads = |&law: &usize| match &system.laws[law].effect {
+            Effect::Reset(reset) => reset.inputs.contains(&Input::Alpha(i)),
+            Effect::Impact(impact) => impact.inputs.contains(&Input::Alpha(i)),
+        };
+        let is_outer = |k: usize| self.sides[k] == Side::Slide || met.contains(&k);
+        let mut outer = (0..self.sides.len()).filter(|&k| is_outer(k));
+        !system.laws.iter().any(guards)
+            && !laws.iter().any(reads)
+            && !outer.any(|k| system.switches[k].inside.contains(&i))
+    }
+
+    /// A switch on whose surface the point is, and does not stay as it moves in a direction. Those on one side of their
+    /// surface alone that are `met` are known to be on it, and `laws` jump.
     pub fn leaves(
         &self,
         functions: &mut Functions,
-        sizes: &[f64],
-        met: &[usize],
-        moved: Moved,
+        known: &Known,
+        ([met, laws], moved): ([&[usize]; 2], Moved),
         direction: usize,
     ) -> Option<usize> {
         let system = functions.system.clone();
-        let guards = |i: usize| {
-            system.laws.iter().any(|law| match &law.guard {
-                Guard::Sides { switches, .. } => switches.contains(&i),
-                Guard::Strikes(switch) => *switch == i,
-            })
-        };
         (0..self.sides.len()).find(|&i| {
-            let switch = &system.switches[i];
-            let bends = switch.is_continuous && system.role(i) == Role::Step && !guards(i);
-            if bends || system.is_idle(i, self.sides) {
+            let is_other = self.observers[i] || system.is_idle(i, self.sides);
+            if is_other || self.is_passed(functions, i, met, laws) {
                 return false;
             }
             let slides = self.sides[i] == Side::Slide;
@@ -124,31 +195,17 @@ impl Meeting<'_> {
                 let psi = functions.psi(i, order, self.sides);
                 let slopes = psi.slopes(&self.point, &mut functions.registers);
                 let value = psi.value(&self.point, &mut functions.registers);
-                let terms = slopes.iter().map(|&(slot, slope)| match slot {
-                    0 => (slope * self.point.t).abs(),
-                    slot if slot <= sizes.len() => slope.abs() * sizes[slot - 1],
-                    _ => 0.0,
-                });
-                let is_on = slides || value.abs() <= ON * terms.sum::<f64>() || value == 0.0;
+                let is_on = slides || value.abs() <= known.width(&slopes, self.point.t);
                 let [sum, size] = functions.along(&slopes, moved, direction);
                 (is_on || met.contains(&i)) && sum.abs() > STAYS * size
             })
         })
     }
 
-    /// Gives algebraic states z the tangent that what keeps them wants: h_z Z = -(h_y Y + h_t dt/dp + h_p).
-    pub fn keep_algebraic(
-        &self,
-        functions: &mut Functions,
-        tangent: &mut [f64],
-        time: f64,
-        direction: usize,
-    ) -> Result<(), Why> {
+    /// What keeps algebraic states.
+    pub fn algebraic(&self, functions: &mut Functions) -> Result<Algebraic, Why> {
         let system = functions.system.clone();
         let n = system.algebraics.len();
-        if n == 0 {
-            return Ok(());
-        }
         let kept = |&i: &usize| self.sides[i] == Side::Slide && system.role(i) != Role::Step;
         let rows = (0..self.sides.len()).filter(kept).map(|i| {
             let psi = functions.psi(i, functions.n_derivatives(i), self.sides);
@@ -169,42 +226,33 @@ impl Meeting<'_> {
         }
         let mut lu = DenseLu::new(n);
         lu.factor(&matrix).map_err(|_| Why::Singular)?;
-        system.algebraics.iter().for_each(|&z| tangent[z] = 0.0);
-        let moved = Moved {
-            time,
-            ..Moved::still(tangent)
-        };
-        let rhs = rows
-            .iter()
-            .map(|row| -functions.along(row, moved, direction)[0]);
-        let mut rhs: Vec<f64> = rhs.collect();
-        lu.solve(&mut rhs);
-        for (&z, value) in system.algebraics.iter().zip(rhs) {
-            tangent[z] = value;
-        }
-        Ok(())
+        Ok(Algebraic { rows, lu })
     }
 
     /// A switch whose α is at a bound, and moves away from it in a direction.
     fn loosens(
         &self,
         functions: &Functions,
-        linear: &Linearized,
+        (linear, known): (&Linearized, &Known),
         but: Option<usize>,
         moved: Moved,
         direction: usize,
     ) -> Option<usize> {
-        let (system, n) = (&functions.system, functions.slots.n_states);
+        let system = &functions.system;
         (0..self.sides.len()).find(|&i| {
-            let limits = system.switches[i].limits();
-            let is_at = limits
-                .iter()
-                .any(|limit| (self.point.alpha[i] - limit).abs() <= AT_BOUND);
-            if self.sides[i] != Side::Slide || !is_at || but == Some(i) {
+            if self.sides[i] != Side::Slide || but == Some(i) || self.observers[i] {
                 return false;
             }
-            let [sum, size] = Slope::row(&linear.rows[n + i], n).along(moved, direction);
-            sum.abs() > STAYS * size
+            let distances = system.switches[i].limits().iter();
+            let distances = distances.map(|limit| (self.point.alpha[i] - limit).abs());
+            let distance = distances.fold(f64::INFINITY, f64::min);
+            if distance == f64::INFINITY {
+                return false;
+            }
+            let slopes = linear.alpha(i);
+            let is_at = distance <= known.width(&slopes, self.point.t) + known.share;
+            let [sum, size] = functions.along(&slopes, moved, direction);
+            is_at && sum.abs() > STAYS * size
         })
     }
 }
@@ -216,12 +264,20 @@ pub(super) struct Saltation<'a> {
     /// The steps before and behind it, in its modes.
     pub last: Option<&'a Step>,
     pub next: Option<&'a Step>,
-    /// How large states and their rates have been.
-    pub sizes: &'a [f64],
-    pub speeds: &'a [f64],
+    pub sizes: &'a Sizes,
     /// Coefficients of data before and behind it.
     pub coefficients: [&'a [f64]; 2],
     pub is_start: bool,
+}
+
+/// What is zero when an event takes place.
+#[derive(Clone)]
+struct Trigger {
+    slopes: Vec<(usize, f64)>,
+    rate: f64,
+    switch: usize,
+    /// How far it may be off.
+    width: f64,
 }
 
 /// An event with what is the same in all directions.
@@ -230,9 +286,10 @@ pub(super) struct Prepared<'a> {
     alpha: [Vec<f64>; 2],
     before: Linearized,
     after: Linearized,
-    /// What is zero when it takes place, with its rate, and the switch; none where the instant is known.
-    trigger: Option<(Slope, f64, usize)>,
+    /// None where the instant is known.
+    trigger: Option<Trigger>,
     jumps: Vec<Jumped>,
+    algebraic: Option<Algebraic>,
 }
 
 /// Why there is no derivative, and the switches that it is about.
@@ -281,6 +338,21 @@ impl<'a> Saltation<'a> {
         Ok((alpha, linear))
     }
 
+    /// The switches that are met, but those that outputs alone look at; these where there are no others.
+    fn met(&self) -> Vec<usize> {
+        let met = self.event.met.iter().copied();
+        let (observers, others): (Vec<usize>, Vec<usize>) =
+            met.partition(|&i| self.run.observers[i]);
+        if others.is_empty() { observers } else { others }
+    }
+
+    /// Whether nothing but outputs sees the event.
+    fn is_only_seen(&self) -> bool {
+        let event = self.event;
+        let is_same = |i: usize| event.from[i] == event.to[i] || self.run.observers[i];
+        event.laws.is_empty() && !event.folds && (0..event.from.len()).all(is_same)
+    }
+
     /// What is the same in all directions.
     pub fn prepare(&'a self, functions: &mut Functions) -> Result<Prepared<'a>, Failed> {
         let event = self.event;
@@ -295,12 +367,27 @@ impl<'a> Saltation<'a> {
         let (behind, after) = self.linearize(functions, true).map_err(all)?;
         let trigger = match event.is_scheduled {
             true => None,
-            false => Some(self.trigger(functions, &before, &alpha)?),
+            false => Some(self.trigger(functions, &before, &alpha)),
+        };
+        let trigger = match trigger {
+            Some(Err(_)) if self.is_only_seen() => None,
+            trigger => trigger.transpose()?,
         };
         let point = self.point(false, &alpha);
         let jumps = match event.laws.is_empty() {
             true => Vec::new(),
-            false => jumped(functions, point, event, self.sizes).map_err(all)?,
+            false => jumped(
+                functions,
+                point,
+                (event, self.run.coupling),
+                &self.sizes.largest,
+            )
+            .map_err(all)?,
+        };
+        let meeting = self.meeting(true, &behind);
+        let algebraic = match functions.system.algebraics.is_empty() {
+            true => None,
+            false => Some(meeting.algebraic(functions).map_err(all)?),
         };
         Ok(Prepared {
             of: self,
@@ -309,7 +396,16 @@ impl<'a> Saltation<'a> {
             after,
             trigger,
             jumps,
+            algebraic,
         })
+    }
+
+    fn meeting<'p>(&'p self, behind: bool, alpha: &'p [f64]) -> Meeting<'p> {
+        Meeting {
+            point: self.point(behind, alpha),
+            sides: self.sides(behind),
+            observers: self.run.observers,
+        }
     }
 
     /// What decides when it takes place: of all that is met, what changes fastest.
@@ -318,43 +414,98 @@ impl<'a> Saltation<'a> {
         functions: &mut Functions,
         before: &Linearized,
         alpha: &[f64],
-    ) -> Result<(Slope, f64, usize), Failed> {
+    ) -> Result<Trigger, Failed> {
         let (event, system) = (self.event, functions.system.clone());
-        let n = functions.slots.n_states;
-        let mut found: Vec<(f64, Slope, f64, usize)> = Vec::new();
-        for &i in &event.met {
+        let mut found: Vec<(f64, Trigger)> = Vec::new();
+        for i in self.met() {
             if system.is_idle(i, &event.from) {
                 continue;
             }
-            let slope = match event.from[i] {
+            let slopes = match event.from[i] {
                 Side::Slide if system.switches[i].limits().is_empty() => continue,
-                Side::Slide => Slope::row(&before.rows[n + i], n),
+                Side::Slide => before.alpha(i),
                 _ => {
                     let psi = functions.psi(i, 0, &event.from);
-                    let slopes = psi.slopes(&self.point(false, alpha), &mut functions.registers);
-                    Slope::of(functions, &slopes)
+                    psi.slopes(&self.point(false, alpha), &mut functions.registers)
                 }
             };
-            let terms = slope.x.iter().zip(&before.f).map(|(a, f)| a * f);
-            let rate = terms.sum::<f64>() + slope.time;
-            let sizes = slope.x.iter().zip(self.speeds).map(|(a, f)| (a * f).abs());
-            let size = sizes.sum::<f64>() + slope.time.abs();
-            found.push((rate.abs() / size, slope, rate, i));
+            let rate = rate_of(&slopes, &before.f);
+            let weigh = |sizes: &Recent| -> f64 {
+                let n = before.f.len();
+                let states = slopes.iter().filter(|(slot, _)| (1..=n).contains(slot));
+                states
+                    .map(|&(slot, slope)| slope.abs() * sizes.of(slot - 1))
+                    .sum()
+            };
+            let by_time = slopes.iter().filter(|(slot, _)| *slot == 0);
+            let speed =
+                weigh(&self.sizes.speeds) + by_time.map(|(_, slope)| slope.abs()).sum::<f64>();
+            let width = self.run.closeness() * weigh(&self.sizes.states);
+            let least = match self.bend(functions, i, rate) {
+                Some(bend) => f64::max(TANGENTIAL * speed, (2.0 * bend.abs() * width).sqrt()),
+                None => UNKNOWN * speed,
+            };
+            if rate.is_nan() || rate.abs() <= least {
+                continue;
+            }
+            found.push((
+                rate.abs() / speed,
+                Trigger {
+                    slopes,
+                    rate,
+                    switch: i,
+                    width,
+                },
+            ));
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let met = || event.met.clone();
-        let Some((share, slope, rate, i)) = found.first().cloned() else {
-            return Err((Why::Unknown, met()));
+        let met = self.met();
+        let Some((_, trigger)) = found.first().cloned() else {
+            let is_none = met.is_empty();
+            return Err((if is_none { Why::Unknown } else { Why::Grazing }, met));
         };
-        if share.is_nan() || share <= TANGENTIAL {
-            return Err((Why::Grazing, vec![i]));
-        }
         // Laws of which one is met just before the other may make another state together.
-        if !event.laws.is_empty() && !found.iter().all(|other| slope.is_multiple(&other.1)) {
-            return Err((Why::Several, met()));
+        let of = |trigger: &Trigger| Slope::of(functions, &trigger.slopes);
+        let first = of(&trigger);
+        if !event.laws.is_empty() && !found.iter().all(|(_, other)| first.is_multiple(&of(other))) {
+            return Err((Why::Several, met));
         }
-        Ok((slope, rate, i))
+        Ok(trigger)
     }
+
+    /// How the rate of what is met has changed over the last half of the step before.
+    fn bend(&self, functions: &mut Functions, switch: usize, rate: f64) -> Option<f64> {
+        let step = self.last?;
+        let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
+        let half = 0.5 * step.length;
+        let before = match step.sides[switch] {
+            Side::Slide => series::slope(step.row(n + switch), half),
+            _ => {
+                let (mut x, mut f, mut alpha) = (vec![0.0; n], vec![0.0; n], vec![0.0; m]);
+                step.state(half, &mut x, &mut f);
+                step.alpha(half, &mut alpha);
+                let point = Point {
+                    t: step.start + half,
+                    x: &x,
+                    alpha: &alpha,
+                    ..self.point(false, &[])
+                };
+                let psi = functions.psi(switch, 0, &step.sides);
+                let slopes = psi.slopes(&point, &mut functions.registers);
+                rate_of(&slopes, &f)
+            }
+        };
+        Some((rate - before) / half)
+    }
+}
+
+/// How a function changes in time, by its slopes and the rates of states.
+fn rate_of(slopes: &[(usize, f64)], f: &[f64]) -> f64 {
+    let rates = slopes.iter().map(|&(slot, slope)| match slot {
+        0 => slope,
+        slot => slope * f.get(slot - 1).copied().unwrap_or(0.0),
+    });
+    rates.sum()
 }
 
 fn moved<'x>(x: &'x [f64], size: &'x [f64], time: f64) -> Moved<'x> {
@@ -362,36 +513,35 @@ fn moved<'x>(x: &'x [f64], size: &'x [f64], time: f64) -> Moved<'x> {
 }
 
 impl Prepared<'_> {
-    /// dt/dp and the tangent behind the event, from that before it, how large it has been, and what it was made of.
+    /// dt/dp and the tangent behind the event, from that before it.
     pub fn cross(
         &self,
         functions: &mut Functions,
-        [tangent, largest, terms]: [&[f64]; 3],
+        tangent: &[f64],
         direction: usize,
     ) -> Result<(f64, Vec<f64>), Failed> {
         let of = self.of;
+        let still = Moved::still(tangent);
         let time = match &self.trigger {
-            None => 0.0,
-            Some((slope, rate, _)) => {
-                let still = Moved::still(tangent);
-                -slope.along(still, direction)[0] / rate
-            }
+            Some(trigger) => -functions.along(&trigger.slopes, still, direction)[0] / trigger.rate,
+            None if of.event.is_scheduled => 0.0,
+            None => f64::NAN,
         };
+        if of.is_only_seen() {
+            return Ok((time, tangent.to_vec()));
+        }
         let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))
             .map(|(s, f)| s + f * time)
             .collect();
-        let mut size = self.sizes([tangent, largest, terms], time);
-        let but = self.trigger.as_ref().map(|(.., switch)| *switch);
+        let mut size = self.sizes(tangent, time, direction);
+        let but = self.trigger.as_ref().map(|trigger| trigger.switch);
         self.check(functions, false, (moved(&x, &size, time), direction), but)?;
         for jump in &self.jumps {
             (x, size) = jump.apply(moved(&x, &size, time), direction);
         }
-        let meeting = Meeting {
-            point: of.point(true, &self.alpha[1]),
-            sides: of.sides(true),
-        };
-        let kept = meeting.keep_algebraic(functions, &mut x, time, direction);
-        kept.map_err(|why| (why, of.event.met.clone()))?;
+        if let Some(algebraic) = &self.algebraic {
+            algebraic.keep(functions, &mut x, time, direction);
+        }
         let sizes = x.iter().zip(&size).map(|(x, size)| x.abs().max(*size));
         let size: Vec<f64> = sizes.collect();
         self.check(functions, true, (moved(&x, &size, time), direction), None)?;
@@ -405,11 +555,13 @@ impl Prepared<'_> {
 
     /// How large the terms are that the motion of a state is made of: where they cancel, errors are a part of how large
     /// they have been.
-    fn sizes(&self, [tangent, largest, terms]: [&[f64]; 3], time: f64) -> Vec<f64> {
+    fn sizes(&self, tangent: &[f64], time: f64, direction: usize) -> Vec<f64> {
+        let sizes = self.of.sizes;
+        let (largest, terms) = (sizes.tangents(direction), sizes.terms(direction));
         let size = |i: usize| {
             let now = tangent[i].abs() + (self.before.f[i] * time).abs();
-            let was = largest[i] + self.of.speeds[i] * time.abs();
-            now + FADED * was + ROUNDED * terms[i]
+            let was = largest(i) + sizes.speeds.of(i) * time.abs();
+            now + self.of.run.faded() * was + ROUNDED * terms(i)
         };
         (0..tangent.len()).map(size).collect()
     }
@@ -423,17 +575,24 @@ impl Prepared<'_> {
         but: Option<usize>,
     ) -> Result<(), Failed> {
         let of = self.of;
-        let alpha = &self.alpha[usize::from(behind)];
         let linear = if behind { &self.after } else { &self.before };
-        let meeting = Meeting {
-            point: of.point(behind, alpha),
-            sides: of.sides(behind),
+        let meeting = of.meeting(behind, &self.alpha[usize::from(behind)]);
+        let instant = self.trigger.as_ref();
+        let known = Known {
+            share: of.run.width(),
+            sizes: &of.sizes.largest,
+            instant: instant.map_or(0.0, |trigger| trigger.width / trigger.rate.abs()),
+            f: &linear.f,
         };
-        let met: &[usize] = if behind { &[] } else { &of.event.met };
-        let plain = |i: &usize| of.event.from[*i] != Side::Slide;
-        let met: Vec<usize> = met.iter().copied().filter(plain).collect();
-        let leaves = meeting.leaves(functions, of.sizes, &met, moved, direction);
-        let loosens = meeting.loosens(functions, linear, but, moved, direction);
+        let met: Vec<usize> = match behind {
+            true => Vec::new(),
+            false => of.met(),
+        };
+        let plain = |i: &usize| of.event.from[*i] != Side::Slide && !of.run.observers[*i];
+        let met: Vec<usize> = met.into_iter().filter(plain).collect();
+        let laws: &[usize] = if behind { &[] } else { &of.event.laws };
+        let leaves = meeting.leaves(functions, &known, ([&met, laws], moved), direction);
+        let loosens = meeting.loosens(functions, (linear, &known), but, moved, direction);
         match leaves.or(loosens) {
             Some(switch) if of.is_start => Err((Why::Start, vec![switch])),
             Some(switch) => Err((Why::Several, vec![switch])),

@@ -1,42 +1,40 @@
 //! S' = f_x S + f_p along a step, whose polynomials are known: a linear equation with known coefficients.
 //!
 //! It is solved by Gauss collocation with [`NODES`] nodes: with J_i and b_i at node i, K_i = J_i (S₀ + h Σ_j a_ij K_j) + b_i
-//! and S₁ = S₀ + h Σ_j b_j K_j. A part of the step is halved until the defect S' - J S - b of the polynomial at its ends and
-//! between its nodes moves no entry by more than the tolerance.
+//! and S₁ = S₀ + h Σ_j b_j K_j, by iteration, which contracts where h|J| is no larger than steps of Taylor series make it. A part of
+//! the step is halved until the iteration converges, and until the defect S' - J S - b of the polynomial at its ends and
+//! between its nodes moves no entry by more than the tolerance. Where stiffness would take it far, Radau IIA goes on, whose
+//! linear systems are of the size of the state and serve all directions.
 
 use super::Why;
 use super::forward::Run;
-use super::functions::{Functions, Linearized, ModeFunctions, Point};
+use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
 use super::recording::Step;
+use super::sizes::Sizes;
+use super::stiff::Stiff;
 use crate::integrate::tableau::{Family, Tableau, lagrange};
-use crate::linalg::DenseLu;
 
 /// Nodes of a part of a step.
 const NODES: usize = 9;
-/// Halvings of a step.
+/// Halvings of a step, and after how many that do not converge it is stiff.
 const MOST_HALVINGS: usize = 20;
+const STIFF: usize = 4;
+/// Steps that are stiff without another look.
+const PATIENCE: usize = 32;
+/// Iterations, and those of them that may diverge at first: powers of h|J| do before factorials are larger.
+const MOST_ITERATIONS: usize = 50;
+const FIRST: usize = 16;
 /// A defect is rounding up to this part of its terms.
 const ROUNDING: f64 = 1e-14;
 /// Where the defect is looked at besides the ends: between nodes.
 const BETWEEN: [f64; 2] = [0.25, 0.6];
 
-/// A part of a step with the tangents of states and α.
-#[derive(Clone, Debug)]
-pub(super) struct Piece {
-    pub from: f64,
-    pub to: f64,
-    /// By direction that is known, at the start, the nodes and the end: the tangents of states and of all α.
+/// A part of a step.
+pub(super) struct Part {
+    /// Its ends, from the start of the step.
+    pub ends: [f64; 2],
+    /// By direction that is known, S at [`Variational::points`].
     pub values: Vec<Option<Vec<Vec<f64>>>>,
-}
-
-/// The method, and how large tangents have been.
-pub(super) struct Variational {
-    tableau: Tableau,
-    /// The start, the nodes, and the end.
-    points: Vec<f64>,
-    /// By direction and state, that, and how large the terms of its rates were, over time.
-    largest: Vec<Vec<f64>>,
-    terms: Vec<Vec<f64>>,
 }
 
 /// A step in its mode.
@@ -46,234 +44,319 @@ pub(super) struct Way<'a> {
     pub mode: &'a ModeFunctions,
     pub coefficients: &'a [f64],
     pub run: &'a Run<'a>,
-    /// How large rates have been.
-    pub speeds: &'a [f64],
+    pub sizes: &'a Sizes,
+}
+
+/// Why a part of a step is too long for a direction.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum TooLong {
+    Inexact,
+    Divergent,
+}
+
+/// S at the start, the nodes and the end.
+pub(super) type Values = Result<Vec<Vec<f64>>, TooLong>;
+
+/// The method.
+pub(super) struct Variational {
+    tableau: Tableau,
+    /// The start, the nodes, and the end.
+    points: Vec<f64>,
+    /// Where the defect is looked at, with the weights of the slopes at the nodes.
+    checks: [(f64, Vec<f64>); 4],
+    stiff: Stiff,
+    /// Steps that are taken for stiff.
+    patience: usize,
 }
 
 impl Variational {
-    pub fn new(n_states: usize, n_directions: usize) -> Self {
+    pub fn new(tolerance: f64) -> Self {
         let tableau = Tableau::new(Family::GaussLegendre, NODES).expect("there are Gauss methods");
+        let at = |share: f64| (share, lagrange(&tableau.nodes, &[share]));
         Variational {
             points: tableau.points(),
+            checks: [at(0.0), at(1.0), at(BETWEEN[0]), at(BETWEEN[1])],
+            stiff: Stiff::new(tolerance),
+            patience: 0,
             tableau,
-            largest: vec![vec![0.0; n_states]; n_directions],
-            terms: vec![vec![0.0; n_states]; n_directions],
         }
     }
 
-    /// How large the tangents of a direction have been, by state.
-    pub fn largest(&self, direction: usize) -> &[f64] {
-        &self.largest[direction]
+    /// Where the values of a part are, as shares of it.
+    pub fn points(&self) -> &[f64] {
+        &self.points
     }
 
-    /// An instant has moved a tangent by the rates of its states.
-    pub fn passed(&mut self, direction: usize, time: f64, speeds: &[f64]) {
-        for (terms, speed) in self.terms[direction].iter_mut().zip(speeds) {
-            *terms += (speed * time).abs();
-        }
-    }
-
-    /// How large the terms were that the tangents of a direction are made of, by state.
-    pub fn terms(&self, direction: usize) -> &[f64] {
-        &self.terms[direction]
-    }
-
-    /// The values of a piece in which nothing moves.
-    pub fn constant(&self, value: Vec<f64>) -> Vec<Vec<f64>> {
-        vec![value; self.points.len()]
-    }
-
-    /// The tangents inside of a piece, `share` of it behind its start.
-    pub fn inside(&self, values: &[Vec<f64>], share: f64, out: &mut [f64]) {
+    /// S inside of a part, `share` of it behind its start.
+    pub fn inside(&self, values: &[Vec<f64>], share: f64) -> Vec<f64> {
         let weights = lagrange(&self.points, &[share]);
-        out.fill(0.0);
-        for (weight, values) in weights.iter().zip(values) {
-            for (out, value) in out.iter_mut().zip(values) {
-                *out += weight * value;
-            }
-        }
+        combined(values, &weights)
     }
 
-    /// Takes tangents of the directions that are known along a step, and hands on its pieces.
+    /// Forgets how the steps before were.
+    pub fn restart(&mut self) {
+        self.patience = 0;
+    }
+
+    /// Takes tangents of the directions that are known along a step, and hands on its parts. Where one cannot go on it is taken away
+    /// and told with how far it went.
     pub fn follow(
         &mut self,
         functions: &mut Functions,
         way: Way,
         tangents: &mut [Option<Vec<f64>>],
-        pieces: &mut Vec<Piece>,
-    ) -> Result<(), Why> {
-        let mut left = vec![([0.0, 1.0], 0)];
-        while let Some(([a, b], halvings)) = left.pop() {
-            match self.part(functions, way, tangents, [a, b])? {
-                Some(piece) => {
-                    for (d, values) in piece.values.iter().enumerate() {
-                        let Some(values) = values else { continue };
-                        let n = self.largest[d].len();
-                        for (largest, value) in self.largest[d].iter_mut().zip(&values[NODES + 1]) {
-                            *largest = largest.max(value.abs());
-                        }
-                        tangents[d] = Some(values[NODES + 1][..n].to_vec());
+        mut see: impl FnMut(&mut Functions, &Self, &Part) -> Vec<(usize, Why, Vec<usize>)>,
+    ) -> Vec<(usize, Why, Vec<usize>, f64)> {
+        let length = way.step.length;
+        let mut lost = Vec::new();
+        let mut left = vec![([0.0, length], 0)];
+        self.stiff.begin(way);
+        while let Some((ends, halvings)) = left.pop() {
+            if tangents.iter().all(Option::is_none) {
+                break;
+            }
+            let is_stiff = self.patience > 0;
+            let found = match way.run.limit.over() {
+                Some(over) => Err(Why::from(over)),
+                None if is_stiff => self
+                    .stiff
+                    .part(functions, way, tangents, (ends, &self.points)),
+                None => self.part(functions, way, tangents, ends),
+            };
+            let found = match found {
+                Ok(found) => found,
+                Err(why) => {
+                    let all = (0..tangents.len()).filter(|&d| tangents[d].take().is_some());
+                    lost.extend(all.map(|d| (d, why, way.mode.sliding.clone(), ends[0])));
+                    break;
+                }
+            };
+            let too_long: Vec<TooLong> = found
+                .iter()
+                .filter_map(|v| v.as_ref()?.as_ref().err().copied())
+                .collect();
+            if !too_long.is_empty() && halvings < MOST_HALVINGS {
+                if !is_stiff && halvings >= STIFF && too_long.contains(&TooLong::Divergent) {
+                    self.patience = PATIENCE;
+                    left = vec![([ends[0], length], 0)];
+                    continue;
+                }
+                let middle = 0.5 * (ends[0] + ends[1]);
+                left.push(([middle, ends[1]], halvings + 1));
+                left.push(([ends[0], middle], halvings + 1));
+                continue;
+            }
+            let mut part = Part {
+                ends,
+                values: Vec::new(),
+            };
+            for (d, values) in found.into_iter().enumerate() {
+                let values = values.and_then(|values| match values {
+                    Ok(values) => Some(values),
+                    Err(_) => {
+                        lost.push((d, Why::Rough, way.mode.sliding.clone(), ends[0]));
+                        None
                     }
-                    pieces.push(piece);
-                }
-                None if halvings < MOST_HALVINGS => {
-                    let middle = 0.5 * (a + b);
-                    left.push(([middle, b], halvings + 1));
-                    left.push(([a, middle], halvings + 1));
-                }
-                None => return Err(Why::Rough),
+                });
+                tangents[d] = values.as_ref().and_then(|values| values.last().cloned());
+                part.values.push(values);
+            }
+            for (d, why, switches) in see(functions, self, &part) {
+                tangents[d] = None;
+                lost.push((d, why, switches, ends[0]));
             }
         }
-        Ok(())
+        self.patience = self.patience.saturating_sub(1);
+        lost
     }
 
-    /// A part of a step; none where it is too long.
+    /// The values of a part of a step, by direction.
     fn part(
-        &mut self,
+        &self,
         functions: &mut Functions,
         way: Way,
         tangents: &[Option<Vec<f64>>],
         [a, b]: [f64; 2],
-    ) -> Result<Option<Piece>, Why> {
-        let length = way.step.length;
-        let (n, h) = (functions.slots.n_states, (b - a) * length);
-        let mut at = |share: f64| way.linearize(functions, (a + (b - a) * share) * length);
+    ) -> Result<Vec<Option<Values>>, Why> {
+        let mut at = |share: f64| way.linearize(functions, a + (b - a) * share);
         let nodes = self.tableau.nodes.iter();
         let nodes: Vec<Linearized> = nodes.map(|&c| at(c)).collect::<Result<_, Why>>()?;
-        let ends = [at(0.0)?, at(1.0)?];
-        let between = [at(BETWEEN[0])?, at(BETWEEN[1])?];
-        let mut lu = DenseLu::new(NODES * n);
-        lu.factor(&self.matrix(&nodes, n, h))
-            .map_err(|_| Why::Rough)?;
-        let mut values = vec![None; tangents.len()];
-        for (d, tangent) in tangents.iter().enumerate() {
-            let Some(tangent) = tangent else { continue };
-            let entries = nodes
-                .iter()
-                .flat_map(|node| (0..n).map(move |i| node.along(i, tangent, d)));
-            let mut slopes: Vec<f64> = entries.collect();
-            lu.solve(&mut slopes);
-            // S at a share of the part, from the weights of the slopes.
-            let moved = |weights: &[f64]| -> Vec<f64> {
-                let state = |i: usize| {
-                    let sum = weights
-                        .iter()
-                        .enumerate()
-                        .map(|(j, w)| w * slopes[j * n + i]);
-                    tangent[i] + h * sum.sum::<f64>()
-                };
-                (0..n).map(state).collect()
-            };
-            let rows = self.tableau.a.chunks(NODES);
-            let mut found = vec![tangent.clone()];
-            found.extend(rows.map(moved));
-            found.push(moved(&self.tableau.weights));
-            let checks = [0.0, 1.0, BETWEEN[0], BETWEEN[1]];
-            let linear = ends.iter().chain(&between);
-            for (share, linear) in checks.into_iter().zip(linear) {
-                let mut state = vec![0.0; n];
-                self.inside(&found, share, &mut state);
-                let weights = lagrange(&self.tableau.nodes, &[share]);
-                let slope = |i: usize| -> f64 {
-                    weights
-                        .iter()
-                        .enumerate()
-                        .map(|(j, w)| w * slopes[j * n + i])
-                        .sum()
-                };
-                for i in 0..n {
-                    let defect = (slope(i) - linear.along(i, &state, d)).abs();
-                    let sizes = found.iter().map(|s| s[i].abs());
-                    let size = sizes.fold(self.largest[d][i], f64::max);
-                    let rounding = ROUNDING * linear.terms(i, &state, d);
-                    let is_small = h * defect <= way.run.tolerance * size + h * rounding;
-                    if !is_small {
-                        return Ok(None);
-                    }
-                }
-            }
-            let linear = [&ends[0]].into_iter().chain(&nodes).chain([&ends[1]]);
-            for (tangent, linear) in found.iter_mut().zip(linear) {
-                let alpha = (n..linear.rows.len()).map(|i| linear.along(i, &tangent[..n], d));
-                let alpha: Vec<f64> = alpha.collect();
-                tangent.extend(alpha);
-            }
-            for i in 0..n {
-                self.terms[d][i] += h * linear_terms(&ends, &found, (i, d));
-            }
-            values[d] = Some(found);
-        }
-        let time = |share: f64| match share {
-            1.0 => way.step.until,
-            share => way.step.start + share * length,
+        let checks = self.checks.iter().map(|(share, _)| at(*share));
+        let checks: Vec<Linearized> = checks.collect::<Result<_, Why>>()?;
+        let of = Collocation {
+            method: self,
+            functions,
+            nodes: &nodes,
+            checks: &checks,
+            h: b - a,
+            tolerance: way.run.tolerance,
         };
-        Ok(Some(Piece {
-            from: time(a),
-            to: time(b),
-            values,
-        }))
-    }
-
-    /// I - h A ⊗ J.
-    fn matrix(&self, nodes: &[Linearized], n: usize, h: f64) -> Vec<f64> {
-        let width = NODES * n;
-        let mut matrix = vec![0.0; width * width];
-        for (i, node) in nodes.iter().enumerate() {
-            for j in 0..NODES {
-                let a = h * self.tableau.a[i * NODES + j];
-                for row in 0..n {
-                    let start = (i * n + row) * width + j * n;
-                    let entries = matrix[start..start + n].iter_mut();
-                    for (entry, by) in entries.zip(&node.rows[row][1..=n]) {
-                        *entry = -a * by;
-                    }
-                }
-            }
-        }
-        (0..width).for_each(|at| matrix[at * (width + 1)] += 1.0);
-        matrix
+        let values = tangents.iter().enumerate().map(|(d, tangent)| {
+            let tangent = tangent.as_ref()?;
+            Some(of.solve(tangent, way.sizes.tangents(d), d))
+        });
+        Ok(values.collect())
     }
 }
 
-/// How large the terms of the rate of a tangent are at the ends of a part.
-fn linear_terms(ends: &[Linearized; 2], found: &[Vec<f64>], (i, d): (usize, usize)) -> f64 {
-    let n = ends[0].f.len();
-    let at = |end: &Linearized, tangent: &[f64]| end.terms(i, &tangent[..n], d);
-    at(&ends[0], &found[0]).max(at(&ends[1], &found[NODES + 1]))
+/// Σ_j w_j v_j.
+fn combined(values: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
+    let mut sum = vec![0.0; values.first().map_or(0, Vec::len)];
+    for (weight, values) in weights.iter().zip(values) {
+        for (sum, value) in sum.iter_mut().zip(values) {
+            *sum += weight * value;
+        }
+    }
+    sum
+}
+
+/// The equations of a part of a step.
+struct Collocation<'a, 'r> {
+    method: &'a Variational,
+    functions: &'a Functions<'r>,
+    nodes: &'a [Linearized],
+    checks: &'a [Linearized],
+    h: f64,
+    tolerance: f64,
+}
+
+impl Collocation<'_, '_> {
+    /// S of a direction, from how large its entries have been.
+    fn solve(&self, tangent: &[f64], largest: impl Fn(usize) -> f64, d: usize) -> Values {
+        let moved = |weights: &[f64], slopes: &[Vec<f64>]| -> Vec<f64> {
+            let sum = combined(slopes, weights).into_iter();
+            tangent
+                .iter()
+                .zip(sum)
+                .map(|(s, sum)| s + self.h * sum)
+                .collect()
+        };
+        let tableau = &self.method.tableau;
+        let along = |linear: &Linearized, s: &[f64]| {
+            let [f, _] = linear.along(self.functions, Moved::still(s), d);
+            f
+        };
+        let mut slopes: Vec<Vec<f64>> =
+            self.nodes.iter().map(|node| along(node, tangent)).collect();
+        let mut last = f64::INFINITY;
+        let mut inner;
+        for iteration in 0.. {
+            inner = tableau
+                .a
+                .chunks(NODES)
+                .map(|row| moved(row, &slopes))
+                .collect::<Vec<_>>();
+            let next: Vec<Vec<f64>> = self
+                .nodes
+                .iter()
+                .zip(&inner)
+                .map(|(node, s)| along(node, s))
+                .collect();
+            let size = |k: usize| {
+                let within = inner.iter().map(|s| s[k].abs());
+                within.fold(largest(k).max(tangent[k].abs()), f64::max)
+            };
+            let sizes: Vec<f64> = (0..tangent.len()).map(size).collect();
+            let changes = next.iter().zip(&slopes).flat_map(|(next, slopes)| {
+                let pairs = next.iter().zip(slopes).zip(&sizes);
+                pairs.map(
+                    |((next, slope), size)| match self.h * (next - slope).abs() {
+                        0.0 => 0.0,
+                        change => change / size,
+                    },
+                )
+            });
+            let change = changes.fold(
+                0.0,
+                |most: f64, v| if v > most || v.is_nan() { v } else { most },
+            );
+            slopes = next;
+            if change <= 0.1 * self.tolerance {
+                break;
+            }
+            let is_slow = iteration >= FIRST && change > 0.8 * last;
+            if !change.is_finite() || iteration >= MOST_ITERATIONS || is_slow {
+                return Err(TooLong::Divergent);
+            }
+            last = change;
+        }
+        inner = tableau
+            .a
+            .chunks(NODES)
+            .map(|row| moved(row, &slopes))
+            .collect();
+        let mut values = vec![tangent.to_vec()];
+        values.extend(inner);
+        values.push(moved(&tableau.weights, &slopes));
+        for ((share, weights), linear) in self.method.checks.iter().zip(self.checks) {
+            let s = self.method.inside(&values, *share);
+            let slope = combined(&slopes, weights);
+            let rates = along(linear, &s);
+            let terms = linear.terms(self.functions, Moved::still(&s), d);
+            for k in 0..s.len() {
+                let size = values
+                    .iter()
+                    .fold(largest(k), |most, s| most.max(s[k].abs()));
+                // Where an entry has been small so far, its size is that of what it is made of.
+                let size = size / self.h + terms[k];
+                let defect = (slope[k] - rates[k]).abs();
+                let is_small = defect <= self.tolerance * size + ROUNDING * terms[k];
+                if !is_small {
+                    return Err(TooLong::Inexact);
+                }
+            }
+        }
+        Ok(values)
+    }
 }
 
 impl Way<'_> {
     /// The functions `tau` after the start of the step, where the run moves as they say.
-    fn linearize(&self, functions: &mut Functions, tau: f64) -> Result<Linearized, Why> {
+    pub fn linearize(&self, functions: &mut Functions, tau: f64) -> Result<Linearized, Why> {
         const UNLIKE: f64 = 1e-3;
         const ROUNDING: f64 = 1e-9;
         let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
         let (mut x, mut slope, mut alpha) = (vec![0.0; n], vec![0.0; n], vec![0.0; m]);
         self.step.state(tau, &mut x, &mut slope);
         self.step.alpha(tau, &mut alpha);
-        let point = Point {
-            t: self.step.start + tau,
-            x: &x,
-            alpha: &alpha,
-            coefficients: self.coefficients,
-            parameters: self.run.parameters,
-        };
+        let point = self.point(tau, &x, &alpha);
         let linear = functions
             .linearize(self.mode, &point)
             .map_err(|_| Why::Singular)?;
-        for i in 0..n {
+        let is_alike = |i: usize, more: f64| {
             let (f, slope) = (linear.f[i], slope[i]);
             let size = f.abs() + slope.abs() + x[i].abs() / self.step.length;
-            let allowed = UNLIKE * size + ROUNDING * self.speeds[i];
-            if (f - slope).abs() > allowed {
+            let allowed = UNLIKE * size + ROUNDING * self.sizes.fastest[i] + more;
+            (f - slope).abs() <= allowed
+        };
+        if !(0..n).all(|i| is_alike(i, 0.0)) {
+            // Terms that cancel are known to the tolerance, and to what rounding leaves of them.
+            let (accuracy, largest) = (10.0 * self.run.accuracy, &self.sizes.largest);
+            let moved = Moved::still(largest);
+            let terms = linear.rates(
+                functions.slots,
+                |slot, slope| match slot {
+                    slot if (1..=n).contains(&slot) => (slope * moved.size[slot - 1]).abs(),
+                    _ => 0.0,
+                },
+                |_, slope| slope.abs(),
+            );
+            let rounded = functions.rounded(self.mode, &point);
+            if !(0..n).all(|i| is_alike(i, accuracy * terms[i] + 16.0 * rounded[i])) {
                 return Err(Why::Unknown);
             }
         }
-        let is_finite = linear.rows.iter().flatten().all(|v| v.is_finite());
-        if is_finite {
-            Ok(linear)
-        } else {
-            Err(Why::Rough)
+        Ok(linear)
+    }
+
+    /// A point of the step.
+    pub fn point<'p>(&'p self, tau: f64, x: &'p [f64], alpha: &'p [f64]) -> Point<'p> {
+        Point {
+            t: self.step.start + tau,
+            x,
+            alpha,
+            coefficients: self.coefficients,
+            parameters: self.run.parameters,
         }
     }
 }
