@@ -6,11 +6,11 @@ use std::sync::Arc;
 use nsd_solver::event::Observer;
 use nsd_solver::fesd::NEGLIGIBLE;
 use nsd_solver::hybrid::{Outcome, Status as End};
-use nsd_solver::sensitivity::{Directions, Recording, Sensitivities};
+use nsd_solver::sensitivity::{Directions, Moment, Recording, Sensitivities};
 
 use super::estimate::{Comparison, Estimate, Estimator};
 use super::record::Recorder;
-use super::sensing::{Both, Sensing};
+use super::sensing::{Both, Sensing, instants};
 use super::watch::{Progress, Watched};
 use super::{Request, outcome};
 use crate::limit::Limit;
@@ -220,8 +220,13 @@ pub(super) trait Run<'e> {
         false
     }
 
-    /// Differentiates the last run that was no finer one; none where the method is not differentiated.
-    fn differentiate(&self, _: &Recording, _: &Ended, _: &Directions) -> Option<Sensitivities> {
+    /// Differentiates the last run that was no finer one, at instants; none where the method is not differentiated.
+    fn differentiate(
+        &self,
+        _: &Recording,
+        _: &Ended,
+        _: (&Directions, &[Moment]),
+    ) -> Option<Sensitivities> {
         None
     }
 
@@ -273,10 +278,12 @@ pub(super) fn drive<'e>(
         recording,
     } = first;
     let mut trajectory = assemble(&problem, &ended, recorder);
-    if let Some(sensing) = sensing
-        && let Some(found) = run.differentiate(&recording, &ended, &sensing.directions)
-    {
-        sensing.tell(&recording, &found, (system, reported), &mut trajectory);
+    if let Some(sensing) = sensing {
+        let wanted = instants(&trajectory.samples.time);
+        let found = run.differentiate(&recording, &ended, (&sensing.directions, &wanted));
+        if let Some(found) = found {
+            sensing.tell(&found, (system, reported), &mut trajectory);
+        }
     }
     trajectory.setup.method = run.describe(&problem, &ended);
     run.tell(&problem, &ended, &mut trajectory);

@@ -1,13 +1,13 @@
 //! Derivatives of a run by parameters and initial values, as it is reported.
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 use nsd_solver::event::{Event, Observer, Segment};
-use nsd_solver::sensitivity::{Directions, Loss, Recording, Sensitivities, Why};
+use nsd_solver::sensitivity::{Directions, Loss, Moment, Sensitivities, Why};
 
-use crate::report::{Moves, Samples, Sensitivity, Trajectory, Warning};
-use crate::simulate::record::reported::Reported;
+use crate::report::{Moves, Sensitivity, Trajectory, Warning};
+use crate::simulate::record::reported::{Reported, is_before};
+use crate::simulate::record::sensed::Rows;
 use crate::source::Span;
 use crate::system::System;
 
@@ -37,30 +37,27 @@ impl<A: Observer, B: Observer> Observer for Both<'_, A, B> {
     }
 }
 
+/// The instants of rows.
+pub(super) fn instants(times: &[f64]) -> Vec<Moment> {
+    let instant = |(row, &time): (usize, &f64)| Moment {
+        time,
+        is_behind: !is_before(times, row),
+    };
+    times.iter().enumerate().map(instant).collect()
+}
+
 impl Sensing {
     /// Adds the derivatives of a run to its trajectory, and why they are not known where they are not.
     pub fn tell(
         &self,
-        recording: &Recording,
         found: &Sensitivities,
-        (system, reported): (&System, &Arc<Reported>),
+        (system, reported): (&System, &Reported),
         trajectory: &mut Trajectory,
     ) {
-        let samples: &Samples = &trajectory.samples;
-        let time = &samples.time;
-        // Of two rows at one instant, the first is before what happens there.
-        let is_first = |k: usize| time.get(k + 1) == Some(&time[k]);
-        let [n, m] = reported.sizes();
+        let rows = Rows::new(reported, system, &trajectory.samples.time, found);
         let mut all = Vec::new();
         for (d, (name, _)) in self.names.iter().enumerate() {
-            let mut tangents = vec![f64::NAN; time.len() * (n + m)];
-            for (k, row) in tangents.chunks_mut(n + m).enumerate() {
-                found.at(time[k], !is_first(k), d, row);
-            }
-            let given = reported.given(system);
-            let parameters = &self.directions.parameters[d];
-            let [states, outputs] =
-                reported.tangents(recording, (time, &tangents), parameters, &given);
+            let [states, outputs] = rows.tangents(d, &self.directions.parameters[d]);
             let moves = found.events.iter().map(|event| Moves {
                 time: event.time,
                 derivative: event.by[d],

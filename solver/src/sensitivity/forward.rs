@@ -7,7 +7,7 @@ use super::recording::{Jump, Part, Recording, Step};
 use super::saltation::{Known, Meeting, STAYS, Saltation};
 use super::sizes::Sizes;
 use super::variational::{self, Variational, Way};
-use super::{Directions, Instant, Loss, Why};
+use super::{Directions, Loss, Moment, Why};
 use crate::events::Approach;
 use crate::hybrid::{HybridSystem, Piecewise, Side, write_pieces};
 use crate::runtime::limit::Limit;
@@ -71,7 +71,9 @@ pub struct Sensitivities {
     pub events: Vec<EventTime>,
     /// From when on directions are not known.
     pub lost: Vec<Option<Loss>>,
-    instants: Vec<Instant>,
+    /// The share of its terms up to which ψ is zero, as far as the run knows.
+    width: f64,
+    instants: Vec<Moment>,
     /// States and all α at the instants, where tangents were known.
     points: Vec<Vec<f64>>,
     /// The tangents of states and all α, by direction.
@@ -81,7 +83,7 @@ pub struct Sensitivities {
 impl Sensitivities {
     /// dx/dp at one of the instants that were asked for, and behind it those of all α; none from where on they are not known.
     pub fn at(&self, instant: usize, direction: usize) -> Option<&[f64]> {
-        let Instant { time, is_behind } = self.instants[instant];
+        let Moment { time, is_behind } = self.instants[instant];
         let is_lost = |loss: &Loss| time > loss.time || time == loss.time && is_behind;
         let known = self.tangents[instant][direction].as_deref()?;
         let is_known = !self.lost[direction].as_ref().is_some_and(is_lost);
@@ -90,7 +92,12 @@ impl Sensitivities {
             .filter(|known| known.iter().all(|v| !v.is_nan()))
     }
 
-    /// The state and all α of that instant; an α is not a number where nothing but outputs looks at it.
+    /// The share of its terms up to which ψ is zero, as far as the run knows.
+    pub fn width(&self) -> f64 {
+        self.width
+    }
+
+    /// The state and all α of that instant, nothing behind losses of all directions; an α is not a number where nothing but outputs looks at it.
     pub fn point(&self, instant: usize) -> &[f64] {
         &self.points[instant]
     }
@@ -112,13 +119,14 @@ pub(super) struct Forward<'r> {
 }
 
 impl<'r> Forward<'r> {
-    pub fn new(run: &'r Run<'r>, directions: &'r Directions, instants: &[Instant]) -> Self {
+    pub fn new(run: &'r Run<'r>, directions: &'r Directions, instants: &[Moment]) -> Self {
         let n = run.system.n_states();
         Forward {
             functions: Functions::new(run.system.clone(), &directions.parameters),
             tangents: directions.initial.iter().cloned().map(Some).collect(),
             found: Sensitivities {
                 events: Vec::new(),
+                width: run.width(),
                 lost: vec![None; directions.len()],
                 instants: instants.to_vec(),
                 points: Vec::new(),
@@ -514,7 +522,7 @@ impl Sensitivities {
         let [a, b] = part.ends;
         let step = way.step;
         let ends_step = b == step.length;
-        while let Some(&Instant { time, is_behind }) = self.instants.get(self.points.len()) {
+        while let Some(&Moment { time, is_behind }) = self.instants.get(self.points.len()) {
             let is_inside = match ends_step {
                 true => time < step.until || time == step.until && !is_behind || is_last,
                 false => time - step.start <= b,

@@ -54,7 +54,7 @@ impl Directions {
 
 /// An instant of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Instant {
+pub struct Moment {
     /// When.
     pub time: f64,
     /// Whether behind what happens there.
@@ -132,7 +132,7 @@ impl Simulator {
         recording: &Recording,
         approaches: &[Approach],
         directions: &Directions,
-        instants: &[Instant],
+        instants: &[Moment],
     ) -> Sensitivities {
         let memory = &self.mode.memory;
         let run = forward::Run {
