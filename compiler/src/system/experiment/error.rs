@@ -543,6 +543,15 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A sensitivity that is asked for twice.
+    #[error("the sensitivity to `{name}` is asked for twice")]
+    #[diagnostic(code(E0531), help("name it once"))]
+    SensedTwice {
+        name: String,
+        #[label("a second time")]
+        span: Span,
+    },
+
     /// A sensitivity to what decides the form of a system, or by a method that is not differentiated.
     #[error("the sensitivity to `{name}` is not known: {why}")]
     #[diagnostic(

@@ -22,12 +22,17 @@ pub struct Sensed<'e> {
 }
 
 impl<'e> Sensed<'e> {
-    /// The entries of what is named.
-    pub(super) fn read(reader: &mut Reader<'_, 'e>, path: &Path, at_start: bool) -> Vec<Self> {
+    /// Adds the entries of what is named.
+    pub(super) fn read(
+        reader: &mut Reader<'_, 'e>,
+        path: &Path,
+        at_start: bool,
+        all: &mut Vec<Self>,
+    ) {
         let model = reader.model;
         let Some(target) = model.scope.target(path, reader.diags) else {
             reader.failed = true;
-            return Vec::new();
+            return;
         };
         let quantity = match (target.kind, at_start) {
             (TargetKind::Param(k), false) => &model.quantities.params[k],
@@ -38,17 +43,26 @@ impl<'e> Sensed<'e> {
                     kind: kind.word(),
                     span: path.span,
                 });
-                return Vec::new();
+                return;
             }
         };
         let at = if at_start { " at 0" } else { "" };
-        let entry = |&entry: &usize| Sensed {
-            name: quantity.shape.entry_name(&quantity.name, entry) + at,
-            var: quantity.vars[entry],
-            is_initial: at_start,
-            span: path.span,
-        };
-        target.entries.iter().map(entry).collect()
+        for &entry in &target.entries {
+            let sensed = Sensed {
+                name: quantity.shape.entry_name(&quantity.name, entry) + at,
+                var: quantity.vars[entry],
+                is_initial: at_start,
+                span: path.span,
+            };
+            let is_it = |known: &Self| (known.var, known.is_initial) == (sensed.var, at_start);
+            match all.iter().any(is_it) {
+                true => reader.error(ExperimentError::SensedTwice {
+                    name: sensed.name,
+                    span: path.span,
+                }),
+                false => all.push(sensed),
+            }
+        }
     }
 }
 

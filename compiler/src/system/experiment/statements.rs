@@ -135,12 +135,9 @@ impl<'m, 'e> Statements<'m, 'e> {
                 reader.not_for_optimize("sensitivity to", span);
             }
             SettingKind::Sensitivity(to) => {
-                let to = to
-                    .iter()
-                    .map(|(path, at_start)| Sensed::read(reader, path, *at_start));
-                self.recording
-                    .sensed
-                    .extend(to.collect::<Vec<_>>().into_iter().flatten());
+                for (path, at_start) in to {
+                    Sensed::read(reader, path, *at_start, &mut self.recording.sensed);
+                }
             }
             SettingKind::Perturb { every, by, seed } => {
                 reader.once("`perturb`", span);
@@ -213,10 +210,7 @@ impl Statements<'_, '_> {
     /// Why runs are not differentiated.
     fn undifferentiated(&self) -> Option<String> {
         let method = self.numerics.method.kind();
-        let by_events = matches!(
-            method,
-            MethodKind::Auto | MethodKind::Event | MethodKind::Smoothing
-        );
+        let by_events = matches!(method, MethodKind::Auto | MethodKind::Event);
         let why = if !by_events {
             return Some(format!(
                 "runs by `method {}` are not differentiated",
