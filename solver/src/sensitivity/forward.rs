@@ -379,6 +379,8 @@ impl<'r> Forward<'r> {
         self.sizes.see(&event.before, &still);
         self.sizes.see(&event.after, &still);
         let behind = self.run.coefficients(event.time);
+        let before = self.found.events.last();
+        let before = before.filter(|before| before.time == event.time);
         let saltation = Saltation {
             run: self.run,
             event,
@@ -387,6 +389,7 @@ impl<'r> Forward<'r> {
             sizes: &self.sizes,
             coefficients: [&self.coefficients, &behind],
             is_start: self.sides.is_none(),
+            follows: before.map(|before| &before.by[..]),
         };
         let mut by = vec![f64::NAN; self.tangents.len()];
         let mut failed = Vec::new();

@@ -268,6 +268,8 @@ pub(super) struct Saltation<'a> {
     /// Coefficients of data before and behind it.
     pub coefficients: [&'a [f64]; 2],
     pub is_start: bool,
+    /// dt/dp by direction of the event before, where nothing lies between them.
+    pub follows: Option<&'a [f64]>,
 }
 
 /// What is zero when an event takes place.
@@ -346,6 +348,22 @@ impl<'a> Saltation<'a> {
         if others.is_empty() { observers } else { others }
     }
 
+    /// Whether it follows another one at once: what slides in the mode between them has α beyond its bounds.
+    fn is_at_once(&self, functions: &Functions, alpha: &[f64]) -> bool {
+        let is_beyond = |&i: &usize| {
+            let limits = functions.system.switches[i].limits();
+            let low = *limits
+                .first()
+                .filter(|_| limits.len() > 1)
+                .unwrap_or(&f64::NEG_INFINITY);
+            let high = *limits.last().unwrap_or(&f64::INFINITY);
+            let known = self.run.width();
+            let is_out = alpha[i] < low - known || alpha[i] > high + known;
+            self.event.from[i] == Side::Slide && is_out
+        };
+        self.follows.is_some() && self.met().iter().all(is_beyond)
+    }
+
     /// Whether nothing but outputs sees the event.
     fn is_only_seen(&self) -> bool {
         let event = self.event;
@@ -365,7 +383,7 @@ impl<'a> Saltation<'a> {
         }
         let (alpha, before) = self.linearize(functions, false).map_err(all)?;
         let (behind, after) = self.linearize(functions, true).map_err(all)?;
-        let trigger = match event.is_scheduled {
+        let trigger = match event.is_scheduled || self.is_at_once(functions, &alpha) {
             true => None,
             false => Some(self.trigger(functions, &before, &alpha)),
         };
@@ -525,7 +543,7 @@ impl Prepared<'_> {
         let time = match &self.trigger {
             Some(trigger) => -functions.along(&trigger.slopes, still, direction)[0] / trigger.rate,
             None if of.event.is_scheduled => 0.0,
-            None => f64::NAN,
+            None => of.follows.map_or(f64::NAN, |by| by[direction]),
         };
         if of.is_only_seen() {
             return Ok((time, tangent.to_vec()));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::Why;
 use super::functions::{Functions, Linearized, Moved};
-use super::variational::{TooLong, Values, Way};
+use super::variational::{TooLong, Values, Way, difference};
 use crate::expansion::series;
 use crate::integrate::radau::{Implicit, Radau, Shape, Start, Tableau};
 
@@ -27,6 +27,8 @@ struct Tangent<'t, 'a, 'r> {
     functions: &'t mut Functions<'r>,
     way: Way<'a>,
     known: &'t mut Vec<(f64, Option<Linearized>)>,
+    /// The functions beside the run.
+    shaken: Linearized,
     direction: usize,
     failed: Option<Why>,
 }
@@ -105,6 +107,7 @@ impl Stiff {
         });
         self.known.clear();
         let mut problem = Tangent {
+            shaken: way.shaken(functions, a)?,
             functions,
             way,
             known: &mut self.known,
@@ -136,7 +139,17 @@ impl Tangent<'_, '_, '_> {
         let linear = self.known[place].1.as_ref()?;
         let moved = Moved::still(tangent);
         let [_, alpha] = linear.along(self.functions, moved, self.direction);
-        let mut terms = linear.terms(self.functions, moved, self.direction);
+        let terms = linear.terms(self.functions, moved, self.direction);
+        let [known, _] = linear.along(self.functions, moved, self.direction);
+        let [shaken, _] = self.shaken.along(self.functions, moved, self.direction);
+        // What is not known of rates counts as their rounding.
+        let noise = difference(&known, &shaken).into_iter();
+        let noise = noise.map(|noise| noise / (8.0 * f64::EPSILON));
+        let mut terms: Vec<f64> = terms
+            .iter()
+            .zip(noise)
+            .map(|(term, noise)| term.max(noise))
+            .collect();
         terms.extend(alpha.iter().map(|alpha| alpha.abs()));
         let largest = self.way.sizes.tangents(self.direction);
         let scales = tangent

@@ -183,11 +183,13 @@ impl Variational {
         let nodes: Vec<Linearized> = nodes.map(|&c| at(c)).collect::<Result<_, Why>>()?;
         let checks = self.checks.iter().map(|(share, _)| at(*share));
         let checks: Vec<Linearized> = checks.collect::<Result<_, Why>>()?;
+        let shaken = way.shaken(functions, 0.5 * (a + b))?;
         let of = Collocation {
             method: self,
             functions,
             nodes: &nodes,
             checks: &checks,
+            shaken: &shaken,
             h: b - a,
             tolerance: way.run.tolerance,
         };
@@ -210,12 +212,19 @@ fn combined(values: &[Vec<f64>], weights: &[f64]) -> Vec<f64> {
     sum
 }
 
+/// |v - w|.
+pub(super) fn difference(v: &[f64], w: &[f64]) -> Vec<f64> {
+    v.iter().zip(w).map(|(v, w)| (v - w).abs()).collect()
+}
+
 /// The equations of a part of a step.
 struct Collocation<'a, 'r> {
     method: &'a Variational,
     functions: &'a Functions<'r>,
     nodes: &'a [Linearized],
     checks: &'a [Linearized],
+    /// In the middle, beside the run.
+    shaken: &'a Linearized,
     h: f64,
     tolerance: f64,
 }
@@ -254,6 +263,7 @@ impl Collocation<'_, '_> {
                 .collect();
             let size = |k: usize| {
                 let within = inner.iter().map(|s| s[k].abs());
+                let within = within.chain(next.iter().map(|slope| self.h * slope[k].abs()));
                 within.fold(largest(k).max(tangent[k].abs()), f64::max)
             };
             let sizes: Vec<f64> = (0..tangent.len()).map(size).collect();
@@ -288,6 +298,11 @@ impl Collocation<'_, '_> {
         let mut values = vec![tangent.to_vec()];
         values.extend(inner);
         values.push(moved(&tableau.weights, &slopes));
+        let middle = moved(&tableau.a[NODES / 2 * NODES..][..NODES], &slopes);
+        let noise = difference(
+            &along(&self.nodes[NODES / 2], &middle),
+            &along(self.shaken, &middle),
+        );
         for ((share, weights), linear) in self.method.checks.iter().zip(self.checks) {
             let s = self.method.inside(&values, *share);
             let slope = combined(&slopes, weights);
@@ -300,7 +315,8 @@ impl Collocation<'_, '_> {
                 // Where an entry has been small so far, its size is that of what it is made of.
                 let size = size / self.h + terms[k];
                 let defect = (slope[k] - rates[k]).abs();
-                let is_small = defect <= self.tolerance * size + ROUNDING * terms[k];
+                let known = ROUNDING * terms[k] + noise[k];
+                let is_small = defect <= self.tolerance * size + known;
                 if !is_small {
                     return Err(TooLong::Inexact);
                 }
@@ -347,6 +363,24 @@ impl Way<'_> {
             }
         }
         Ok(linear)
+    }
+
+    /// The functions beside the run, as far as the error of a step goes: tangents are no better known than what that makes of
+    /// their rates.
+    pub fn shaken(&self, functions: &mut Functions, tau: f64) -> Result<Linearized, Why> {
+        const STEP: f64 = 0.01;
+        let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
+        let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
+        self.step.state(tau, &mut x, &mut vec![0.0; n]);
+        self.step.alpha(tau, &mut alpha);
+        let mut share = 0.0_f64;
+        for (x, size) in x.iter_mut().zip(&self.sizes.largest) {
+            // Signs in proportions that do not cancel.
+            share = (share + 0.618_033_988_749_895).fract();
+            *x += STEP * self.run.accuracy * size * (2.0 * share - 1.0).signum();
+        }
+        let shaken = functions.linearize(self.mode, &self.point(tau, &x, &alpha));
+        shaken.map_err(|_| Why::Singular)
     }
 
     /// A point of the step.
