@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::functions::{Functions, Moved, Point};
+use super::functions::{Functions, Linearized, Moved, Point};
 use super::recording::{Jump, Part, Recording, Step};
 use super::saltation::{Known, Meeting, STAYS, Saltation};
 use super::sizes::Sizes;
@@ -343,7 +343,7 @@ impl<'r> Forward<'r> {
         let found = &mut self.found;
         let mut seen = Seen::default();
         let see = |functions: &mut Functions, method: &Variational, part: &variational::Part| {
-            seen.take(functions, way, method, part);
+            seen.take(functions, way, part);
             found.read(functions, way, method, (part, is_last));
             way.rests(functions, method, part)
         };
@@ -473,7 +473,7 @@ impl<'r> Forward<'r> {
 /// The tangents of states, and behind them those of all α.
 fn whole(
     functions: &Functions,
-    linear: &super::functions::Linearized,
+    linear: &Linearized,
     tangent: &[f64],
     direction: usize,
 ) -> Vec<f64> {
@@ -491,15 +491,8 @@ fn whole(
 struct Seen(Vec<(usize, Vec<f64>, Vec<f64>)>);
 
 impl Seen {
-    fn take(
-        &mut self,
-        functions: &mut Functions,
-        way: Way,
-        method: &Variational,
-        part: &variational::Part,
-    ) {
+    fn take(&mut self, functions: &mut Functions, way: Way, part: &variational::Part) {
         let [a, b] = part.ends;
-        let _ = method;
         let Ok(linear) = way.linearize(functions, 0.5 * (a + b)) else {
             return;
         };

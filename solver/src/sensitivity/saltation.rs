@@ -290,6 +290,7 @@ pub(super) struct Prepared<'a> {
     after: Linearized,
     /// None where the instant is known.
     trigger: Option<Trigger>,
+    passes: bool,
     jumps: Vec<Jumped>,
     algebraic: Option<Algebraic>,
 }
@@ -364,10 +365,14 @@ impl<'a> Saltation<'a> {
         self.follows.is_some() && self.met().iter().all(is_beyond)
     }
 
-    /// Whether nothing but outputs sees the event.
-    fn is_only_seen(&self) -> bool {
-        let event = self.event;
-        let is_same = |i: usize| event.from[i] == event.to[i] || self.run.observers[i];
+    /// Whether nothing but outputs sees the event, and fields that are the same on both sides: tangents pass through it.
+    fn passes(&self, functions: &Functions) -> bool {
+        let (event, met) = (self.event, &self.event.met);
+        let meeting = self.meeting(false, &[]);
+        let is_same = |i: usize| {
+            let is_other = event.from[i] != event.to[i] && !self.run.observers[i];
+            !is_other || meeting.is_passed(functions, i, met, &event.laws)
+        };
         event.laws.is_empty() && !event.folds && (0..event.from.len()).all(is_same)
     }
 
@@ -383,12 +388,13 @@ impl<'a> Saltation<'a> {
         }
         let (alpha, before) = self.linearize(functions, false).map_err(all)?;
         let (behind, after) = self.linearize(functions, true).map_err(all)?;
+        let passes = self.passes(functions);
         let trigger = match event.is_scheduled || self.is_at_once(functions, &alpha) {
             true => None,
             false => Some(self.trigger(functions, &before, &alpha)),
         };
         let trigger = match trigger {
-            Some(Err(_)) if self.is_only_seen() => None,
+            Some(Err(_)) if passes => None,
             trigger => trigger.transpose()?,
         };
         let point = self.point(false, &alpha);
@@ -413,6 +419,7 @@ impl<'a> Saltation<'a> {
             before,
             after,
             trigger,
+            passes,
             jumps,
             algebraic,
         })
@@ -545,7 +552,7 @@ impl Prepared<'_> {
             None if of.event.is_scheduled => 0.0,
             None => of.follows.map_or(f64::NAN, |by| by[direction]),
         };
-        if of.is_only_seen() {
+        if self.passes {
             return Ok((time, tangent.to_vec()));
         }
         let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))

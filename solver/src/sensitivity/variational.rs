@@ -232,97 +232,105 @@ struct Collocation<'a, 'r> {
 impl Collocation<'_, '_> {
     /// S of a direction, from how large its entries have been.
     fn solve(&self, tangent: &[f64], largest: impl Fn(usize) -> f64, d: usize) -> Values {
-        let moved = |weights: &[f64], slopes: &[Vec<f64>]| -> Vec<f64> {
-            let sum = combined(slopes, weights).into_iter();
-            tangent
-                .iter()
-                .zip(sum)
-                .map(|(s, sum)| s + self.h * sum)
-                .collect()
-        };
+        let size = |k: usize| largest(k).max(tangent[k].abs());
+        let sizes: Vec<f64> = (0..tangent.len()).map(size).collect();
+        let noise = self.noise(tangent, d);
+        let slopes = self.iterate(tangent, (&sizes, &noise), d)?;
         let tableau = &self.method.tableau;
-        let along = |linear: &Linearized, s: &[f64]| {
-            let [f, _] = linear.along(self.functions, Moved::still(s), d);
-            f
-        };
-        let mut slopes: Vec<Vec<f64>> =
-            self.nodes.iter().map(|node| along(node, tangent)).collect();
-        let mut last = f64::INFINITY;
-        let mut inner;
-        for iteration in 0.. {
-            inner = tableau
-                .a
-                .chunks(NODES)
-                .map(|row| moved(row, &slopes))
-                .collect::<Vec<_>>();
-            let next: Vec<Vec<f64>> = self
-                .nodes
-                .iter()
-                .zip(&inner)
-                .map(|(node, s)| along(node, s))
-                .collect();
-            let size = |k: usize| {
-                let within = inner.iter().map(|s| s[k].abs());
-                let within = within.chain(next.iter().map(|slope| self.h * slope[k].abs()));
-                within.fold(largest(k).max(tangent[k].abs()), f64::max)
-            };
-            let sizes: Vec<f64> = (0..tangent.len()).map(size).collect();
-            let changes = next.iter().zip(&slopes).flat_map(|(next, slopes)| {
-                let pairs = next.iter().zip(slopes).zip(&sizes);
-                pairs.map(
-                    |((next, slope), size)| match self.h * (next - slope).abs() {
-                        0.0 => 0.0,
-                        change => change / size,
-                    },
-                )
-            });
-            let change = changes.fold(
-                0.0,
-                |most: f64, v| if v > most || v.is_nan() { v } else { most },
-            );
-            slopes = next;
-            if change <= 0.1 * self.tolerance {
-                break;
-            }
-            let is_slow = iteration >= FIRST && change > 0.8 * last;
-            if !change.is_finite() || iteration >= MOST_ITERATIONS || is_slow {
-                return Err(TooLong::Divergent);
-            }
-            last = change;
-        }
-        inner = tableau
-            .a
-            .chunks(NODES)
-            .map(|row| moved(row, &slopes))
-            .collect();
+        let inner = tableau.a.chunks(NODES);
         let mut values = vec![tangent.to_vec()];
-        values.extend(inner);
-        values.push(moved(&tableau.weights, &slopes));
-        let middle = moved(&tableau.a[NODES / 2 * NODES..][..NODES], &slopes);
-        let noise = difference(
-            &along(&self.nodes[NODES / 2], &middle),
-            &along(self.shaken, &middle),
-        );
+        values.extend(inner.map(|row| self.moved(tangent, row, &slopes)));
+        values.push(self.moved(tangent, &tableau.weights, &slopes));
         for ((share, weights), linear) in self.method.checks.iter().zip(self.checks) {
             let s = self.method.inside(&values, *share);
-            let slope = combined(&slopes, weights);
-            let rates = along(linear, &s);
+            let defect = difference(&combined(&slopes, weights), &self.along(linear, &s, d));
             let terms = linear.terms(self.functions, Moved::still(&s), d);
             for k in 0..s.len() {
-                let size = values
-                    .iter()
-                    .fold(largest(k), |most, s| most.max(s[k].abs()));
+                let size = values.iter().fold(sizes[k], |most, s| most.max(s[k].abs()));
                 // Where an entry has been small so far, its size is that of what it is made of.
-                let size = size / self.h + terms[k];
-                let defect = (slope[k] - rates[k]).abs();
+                let allowed = self.tolerance * (size / self.h + terms[k]);
                 let known = ROUNDING * terms[k] + noise[k];
-                let is_small = defect <= self.tolerance * size + known;
+                let is_small = defect[k] <= allowed + known;
                 if !is_small {
                     return Err(TooLong::Inexact);
                 }
             }
         }
         Ok(values)
+    }
+
+    /// The slopes at the nodes.
+    fn iterate(
+        &self,
+        tangent: &[f64],
+        (sizes, noise): (&[f64], &[f64]),
+        d: usize,
+    ) -> Result<Vec<Vec<f64>>, TooLong> {
+        let nodes = || self.nodes.iter();
+        let mut slopes: Vec<Vec<f64>> = nodes().map(|node| self.along(node, tangent, d)).collect();
+        let mut last = f64::INFINITY;
+        for iteration in 0..MOST_ITERATIONS {
+            let rows = self.method.tableau.a.chunks(NODES);
+            let inner = rows.map(|row| self.moved(tangent, row, &slopes));
+            let inner: Vec<Vec<f64>> = inner.collect();
+            let next = nodes().zip(&inner).map(|(node, s)| self.along(node, s, d));
+            let next: Vec<Vec<f64>> = next.collect();
+            let mut change = 0.0_f64;
+            for k in 0..tangent.len() {
+                let within = inner.iter().map(|s| s[k].abs());
+                let within = within.chain(next.iter().map(|slope| self.h * slope[k].abs()));
+                let size = within.fold(sizes[k], f64::max) + self.h * noise[k] / self.tolerance;
+                let changes = next
+                    .iter()
+                    .zip(&slopes)
+                    .map(|(v, w)| self.h * (v[k] - w[k]).abs());
+                let own = crate::linalg::largest(&changes.collect::<Vec<f64>>());
+                let own = if own == 0.0 { 0.0 } else { own / size };
+                change = if own > change || own.is_nan() {
+                    own
+                } else {
+                    change
+                };
+            }
+            slopes = next;
+            if change <= 0.1 * self.tolerance {
+                return Ok(slopes);
+            }
+            if !change.is_finite() || iteration >= FIRST && change > 0.8 * last {
+                break;
+            }
+            last = change;
+        }
+        Err(TooLong::Divergent)
+    }
+
+    /// S₀ + h Σ_j w_j K_j.
+    fn moved(&self, tangent: &[f64], weights: &[f64], slopes: &[Vec<f64>]) -> Vec<f64> {
+        let sum = combined(slopes, weights).into_iter();
+        let pairs = tangent.iter().zip(sum);
+        pairs.map(|(s, sum)| s + self.h * sum).collect()
+    }
+
+    fn along(&self, linear: &Linearized, s: &[f64], d: usize) -> Vec<f64> {
+        let [f, _] = linear.along(self.functions, Moved::still(s), d);
+        f
+    }
+
+    /// What the error of the run makes of the rates of a tangent, and of the rates that follow from these.
+    fn noise(&self, tangent: &[f64], d: usize) -> Vec<f64> {
+        const ROUNDS: usize = 3;
+        let middle = &self.nodes[NODES / 2];
+        let known = self.along(middle, tangent, d);
+        let mut noise = difference(&known, &self.along(self.shaken, tangent, d));
+        let rest = self.along(middle, &vec![0.0; tangent.len()], d);
+        for _ in 0..ROUNDS {
+            let moved: Vec<f64> = noise.iter().map(|noise| self.h * noise).collect();
+            let more = difference(&self.along(middle, &moved, d), &rest);
+            for (noise, more) in noise.iter_mut().zip(more) {
+                *noise = noise.max(more);
+            }
+        }
+        noise
     }
 }
 
@@ -365,10 +373,9 @@ impl Way<'_> {
         Ok(linear)
     }
 
-    /// The functions beside the run, as far as the error of a step goes: tangents are no better known than what that makes of
-    /// their rates.
+    /// The functions beside the run, as far as its tolerance goes: tangents are no better known than what that makes of their
+    /// rates.
     pub fn shaken(&self, functions: &mut Functions, tau: f64) -> Result<Linearized, Why> {
-        const STEP: f64 = 0.01;
         let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
         let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
         self.step.state(tau, &mut x, &mut vec![0.0; n]);
@@ -377,7 +384,7 @@ impl Way<'_> {
         for (x, size) in x.iter_mut().zip(&self.sizes.largest) {
             // Signs in proportions that do not cancel.
             share = (share + 0.618_033_988_749_895).fract();
-            *x += STEP * self.run.accuracy * size * (2.0 * share - 1.0).signum();
+            *x += self.run.accuracy * size * (2.0 * share - 1.0).signum();
         }
         let shaken = functions.linearize(self.mode, &self.point(tau, &x, &alpha));
         shaken.map_err(|_| Why::Singular)
