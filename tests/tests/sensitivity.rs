@@ -771,3 +771,17 @@ fn what_has_no_sensitivity_is_refused() {
         "E0532",
     );
 }
+
+/// What is named in `sensitivity to` is known where names are.
+#[test]
+fn names_of_sensitivities_are_in_the_index() {
+    let text = "model m { param k = 1; state x = 1; x' = -k*x; }
+        simulate s of m { horizon 1; sensitivity to k, x at 0; }";
+    let index = Project::from_text("model.nsd", text).index();
+    for name in ["k, x at", "x at"] {
+        let found = index.at(text.find(name).expect("it is there") as u32);
+        let found = found.expect("it is a name");
+        let definition = index.definition(found.declared).expect("it is declared");
+        assert_eq!(definition.name, name[..1]);
+    }
+}

@@ -1,60 +1,15 @@
 //! The pass from the start of a run to its end.
 
-use std::sync::Arc;
-
+use super::asked::{Directions, Moment};
 use super::functions::{Functions, Linearized, Moved, Point};
 use super::recording::{Jump, Part, Recording, Step};
-use super::saltation::{Known, Meeting, STAYS, Saltation};
+use super::run::Run;
+use super::saltation::{Known, Meeting, Saltation};
 use super::sizes::Sizes;
 use super::variational::{self, Variational, Way};
-use super::{Directions, Loss, Moment, Why};
+use super::why::{Loss, Why};
 use crate::events::Approach;
-use crate::hybrid::{HybridSystem, Piecewise, Side, write_pieces};
-use crate::runtime::limit::Limit;
-use crate::selector::coupling::Coupling;
-
-/// What a run knows of ψ and of states: this many tolerances of their terms.
-const WIDTH: f64 = 100.0;
-/// The same of a surface that is met at a small angle.
-const NEAR: f64 = 10.0;
-
-/// What has been run.
-pub(super) struct Run<'r> {
-    pub system: Arc<HybridSystem>,
-    pub coupling: &'r Coupling,
-    /// Of each switch, whether nothing but outputs looks at it.
-    pub observers: &'r [bool],
-    pub data: &'r [Arc<Piecewise>],
-    pub parameters: &'r [f64],
-    /// The tolerance of the run, and that of tangents.
-    pub accuracy: f64,
-    pub tolerance: f64,
-    pub limit: &'r Limit,
-}
-
-impl Run<'_> {
-    /// The coefficients of data from an instant on.
-    pub fn coefficients(&self, t: f64) -> Vec<f64> {
-        let mut coefficients = vec![0.0; self.system.n_coefficients()];
-        write_pieces(self.data, t, &mut coefficients);
-        coefficients
-    }
-
-    /// The share of its terms up to which ψ is zero.
-    pub fn width(&self) -> f64 {
-        WIDTH * self.accuracy
-    }
-
-    /// The share of how large tangents have been that is known of them at least, over that of their present terms.
-    pub fn faded(&self) -> f64 {
-        f64::max(1e-3, 10.0 * self.accuracy / STAYS)
-    }
-
-    /// The same where ψ is met at a small angle.
-    pub fn closeness(&self) -> f64 {
-        NEAR * self.accuracy
-    }
-}
+use crate::hybrid::Side;
 
 /// When something happened, and how that moves with each direction.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,10 +9,10 @@
 
 use std::sync::Arc;
 
-use super::Why;
 use super::functions::{Functions, Group, Moved, Point};
 use super::recording::Jump;
 use super::saltation::Slope;
+use super::why::Why;
 use crate::hybrid::{Effect, Guard, HybridSystem, Impact, Law, Reset, Side};
 use crate::linalg::DenseLu;
 use crate::selector::coupling::Coupling;

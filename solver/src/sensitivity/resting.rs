@@ -3,10 +3,10 @@
 //!
 //! A surface that is passed, or left, is on its other side for no time to first order.
 
-use super::Why;
 use super::functions::{Functions, Moved};
-use super::saltation::STAYS;
+use super::run::STAYS;
 use super::variational::{Part, Variational, Way};
+use super::why::Why;
 use crate::hybrid::{Role, Side};
 
 /// ψ of a switch at a point of a step.

@@ -1,11 +1,11 @@
 //! What an event does to tangents.
 
-use super::Why;
-use super::forward::Run;
 use super::functions::{Functions, Linearized, Moved, Point};
 use super::jump::{Jumped, jumped};
 use super::recording::{Jump, Step};
+use super::run::{Run, STAYS};
 use super::sizes::{Recent, Sizes};
+use super::why::Why;
 use crate::expansion::series;
 use crate::hybrid::{Effect, Guard, Input, Law, Role, Side};
 use crate::linalg::DenseLu;
@@ -14,8 +14,6 @@ use crate::linalg::DenseLu;
 const TANGENTIAL: f64 = 1e-12;
 /// The same where nothing is known of how it bends.
 const UNKNOWN: f64 = 1e-7;
-/// What stays on a surface does so up to this part of its terms.
-pub(super) const STAYS: f64 = 1e-6;
 /// What is left of a tangent by rounding.
 const ROUNDED: f64 = 1e-8;
 

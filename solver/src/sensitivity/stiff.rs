@@ -4,9 +4,9 @@
 
 use std::sync::Arc;
 
-use super::Why;
 use super::functions::{Functions, Linearized, Moved};
 use super::variational::{TooLong, Values, Way, difference};
+use super::why::Why;
 use crate::expansion::series;
 use crate::integrate::radau::{Implicit, Radau, Shape, Start, Tableau};
 

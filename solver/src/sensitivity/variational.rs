@@ -6,12 +6,12 @@
 //! between its nodes moves no entry by more than the tolerance. Where stiffness would take it far, Radau IIA goes on, whose
 //! linear systems are of the size of the state and serve all directions.
 
-use super::Why;
-use super::forward::Run;
 use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
 use super::recording::Step;
+use super::run::Run;
 use super::sizes::Sizes;
 use super::stiff::Stiff;
+use super::why::Why;
 use crate::integrate::tableau::{Family, Tableau, lagrange};
 
 /// Nodes of a part of a step.
