@@ -296,6 +296,9 @@ impl<'r> Forward<'r> {
             sizes: &self.sizes,
         };
         let found = &mut self.found;
+        let asked = found.instants[found.points.len()..].iter();
+        let asked = asked.take_while(|moment| moment.time < step.until);
+        let asked: Vec<f64> = asked.map(|moment| moment.time - step.start).collect();
         let mut seen = Seen::default();
         let see = |functions: &mut Functions, method: &Variational, part: &variational::Part| {
             seen.take(functions, way, part);
@@ -304,7 +307,7 @@ impl<'r> Forward<'r> {
         };
         let lost = self
             .method
-            .follow(&mut self.functions, way, &mut self.tangents, see);
+            .follow(&mut self.functions, (way, &asked), &mut self.tangents, see);
         for (d, tangent, terms) in seen.0 {
             self.sizes.see_tangent(d, &tangent);
             self.sizes.add_terms(d, terms.into_iter());

@@ -7,7 +7,7 @@ use super::functions::{Functions, Moved};
 use super::run::STAYS;
 use super::variational::{Part, Variational, Way};
 use super::why::Why;
-use crate::hybrid::{Role, Side};
+use crate::hybrid::{HybridSystem, Role, Side};
 
 /// ψ of a switch at a point of a step.
 struct Seen {
@@ -15,6 +15,15 @@ struct Seen {
     slopes: Vec<(usize, f64)>,
     /// How large its terms have been in the run.
     terms: f64,
+}
+
+/// Whether rates, other ψ or guards read a switch: what laws alone read matters where they jump.
+fn is_read(system: &HybridSystem, i: usize) -> bool {
+    let mut blocks = system.blocks.iter();
+    let mut switches = system.switches.iter();
+    blocks.any(|block| block.switches.contains(&i))
+        || switches.any(|switch| switch.inside.contains(&i))
+        || system.laws.iter().any(|law| law.guard.looks_at(i))
 }
 
 impl Way<'_> {
@@ -31,7 +40,7 @@ impl Way<'_> {
         for i in 0..sides.len() {
             let slides = sides[i] == Side::Slide && !system.switches[i].rests();
             let is_other = system.role(i) != Role::Step || self.run.observers[i];
-            if slides || is_other || system.is_idle(i, sides) {
+            if slides || is_other || system.is_idle(i, sides) || !is_read(&system, i) {
                 continue;
             }
             let middle = method.points().len() / 2;

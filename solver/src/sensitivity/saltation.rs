@@ -7,7 +7,7 @@ use super::run::{Run, STAYS};
 use super::sizes::{Recent, Sizes};
 use super::why::Why;
 use crate::expansion::series;
-use crate::hybrid::{Effect, Guard, Input, Law, Role, Side};
+use crate::hybrid::{Effect, Input, Role, Side};
 use crate::linalg::DenseLu;
 
 /// A rate is none below this part of how large its terms have been of late.
@@ -153,17 +153,13 @@ impl Meeting<'_> {
         if !system.switches[i].is_continuous || system.role(i) != Role::Step {
             return false;
         }
-        let guards = |law: &Law| match &law.guard {
-            Guard::Sides { switches, .. } => switches.contains(&i),
-            Guard::Strikes(switch) => *switch == i,
-        };
         let reads = |&law: &usize| match &system.laws[law].effect {
             Effect::Reset(reset) => reset.inputs.contains(&Input::Alpha(i)),
             Effect::Impact(impact) => impact.inputs.contains(&Input::Alpha(i)),
         };
         let is_outer = |k: usize| self.sides[k] == Side::Slide || met.contains(&k);
         let mut outer = (0..self.sides.len()).filter(|&k| is_outer(k));
-        !system.laws.iter().any(guards)
+        !system.laws.iter().any(|law| law.guard.looks_at(i))
             && !laws.iter().any(reads)
             && !outer.any(|k| system.switches[k].inside.contains(&i))
     }

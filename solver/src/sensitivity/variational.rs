@@ -2,8 +2,9 @@
 //!
 //! It is solved by Gauss collocation with [`NODES`] nodes: with J_i and b_i at node i, K_i = J_i (S₀ + h Σ_j a_ij K_j) + b_i
 //! and S₁ = S₀ + h Σ_j b_j K_j, by iteration, which contracts where h|J| is no larger than steps of Taylor series make it. A part of
-//! the step is halved until the iteration converges, and until the defect S' - J S - b of the polynomial at its ends and
-//! between its nodes moves no entry by more than the tolerance. Where stiffness would take it far, Radau IIA goes on, whose
+//! the step is halved until the iteration converges, and until the defect S' - J S - b of the polynomial, seen at its ends and
+//! between its nodes, moves no entry by more than the tolerance: at the end, where it does so by its integral alone, and everywhere
+//! where there are instants that are asked for. Where stiffness would take it far, Radau IIA goes on, whose
 //! linear systems are of the size of the state and serve all directions.
 
 use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
@@ -12,7 +13,7 @@ use super::run::Run;
 use super::sizes::Sizes;
 use super::stiff::Stiff;
 use super::why::Why;
-use crate::integrate::tableau::{Family, Tableau, lagrange};
+use crate::integrate::tableau::{Family, Tableau, lagrange, monomials};
 
 /// Nodes of a part of a step.
 const NODES: usize = 9;
@@ -57,13 +58,39 @@ pub(super) enum TooLong {
 /// S at the start, the nodes and the end.
 pub(super) type Values = Result<Vec<Vec<f64>>, TooLong>;
 
+/// Where the defect is looked at besides the nodes, where it is zero.
+struct Check {
+    share: f64,
+    /// From the slopes at the nodes to that here.
+    weights: Vec<f64>,
+    /// Its weight in the integral of the polynomial through all that is known of the defect.
+    integral: f64,
+}
+
+impl Check {
+    fn of(nodes: &[f64]) -> Vec<Check> {
+        let shares = [0.0, 1.0, BETWEEN[0], BETWEEN[1]];
+        let all = [nodes, &shares].concat();
+        let coefficients = monomials(&all);
+        let integral = |at: usize| -> f64 {
+            let powers = coefficients.chunks(all.len()).enumerate();
+            powers.map(|(k, row)| row[at] / (k + 1) as f64).sum()
+        };
+        let check = |(at, &share): (usize, &f64)| Check {
+            share,
+            weights: lagrange(nodes, &[share]),
+            integral: integral(nodes.len() + at),
+        };
+        shares.iter().enumerate().map(check).collect()
+    }
+}
+
 /// The method.
 pub(super) struct Variational {
     tableau: Tableau,
     /// The start, the nodes, and the end.
     points: Vec<f64>,
-    /// Where the defect is looked at, with the weights of the slopes at the nodes.
-    checks: [(f64, Vec<f64>); 4],
+    checks: Vec<Check>,
     stiff: Stiff,
     /// Steps that are taken for stiff.
     patience: usize,
@@ -72,10 +99,9 @@ pub(super) struct Variational {
 impl Variational {
     pub fn new(tolerance: f64) -> Self {
         let tableau = Tableau::new(Family::GaussLegendre, NODES).expect("there are Gauss methods");
-        let at = |share: f64| (share, lagrange(&tableau.nodes, &[share]));
         Variational {
             points: tableau.points(),
-            checks: [at(0.0), at(1.0), at(BETWEEN[0]), at(BETWEEN[1])],
+            checks: Check::of(&tableau.nodes),
             stiff: Stiff::new(tolerance),
             patience: 0,
             tableau,
@@ -103,7 +129,7 @@ impl Variational {
     pub fn follow(
         &mut self,
         functions: &mut Functions,
-        way: Way,
+        (way, asked): (Way, &[f64]),
         tangents: &mut [Option<Vec<f64>>],
         mut see: impl FnMut(&mut Functions, &Self, &Part) -> Vec<(usize, Why, Vec<usize>)>,
     ) -> Vec<(usize, Why, Vec<usize>, f64)> {
@@ -121,7 +147,7 @@ impl Variational {
                 None if is_stiff => self
                     .stiff
                     .part(functions, way, tangents, (ends, &self.points)),
-                None => self.part(functions, way, tangents, ends),
+                None => self.part(functions, (way, asked), tangents, ends),
             };
             let found = match found {
                 Ok(found) => found,
@@ -174,14 +200,15 @@ impl Variational {
     fn part(
         &self,
         functions: &mut Functions,
-        way: Way,
+        (way, asked): (Way, &[f64]),
         tangents: &[Option<Vec<f64>>],
         [a, b]: [f64; 2],
     ) -> Result<Vec<Option<Values>>, Why> {
+        let next = asked.partition_point(|tau| *tau <= a);
         let mut at = |share: f64| way.linearize(functions, a + (b - a) * share);
         let nodes = self.tableau.nodes.iter();
         let nodes: Vec<Linearized> = nodes.map(|&c| at(c)).collect::<Result<_, Why>>()?;
-        let checks = self.checks.iter().map(|(share, _)| at(*share));
+        let checks = self.checks.iter().map(|check| at(check.share));
         let checks: Vec<Linearized> = checks.collect::<Result<_, Why>>()?;
         let shaken = way.shaken(functions, 0.5 * (a + b))?;
         let of = Collocation {
@@ -192,6 +219,7 @@ impl Variational {
             shaken: &shaken,
             h: b - a,
             tolerance: way.run.tolerance,
+            everywhere: asked.get(next).is_some_and(|tau| *tau < b),
         };
         let values = tangents.iter().enumerate().map(|(d, tangent)| {
             let tangent = tangent.as_ref()?;
@@ -227,6 +255,8 @@ struct Collocation<'a, 'r> {
     shaken: &'a Linearized,
     h: f64,
     tolerance: f64,
+    /// Whether S is asked for inside.
+    everywhere: bool,
 }
 
 impl Collocation<'_, '_> {
@@ -241,20 +271,35 @@ impl Collocation<'_, '_> {
         let mut values = vec![tangent.to_vec()];
         values.extend(inner.map(|row| self.moved(tangent, row, &slopes)));
         values.push(self.moved(tangent, &tableau.weights, &slopes));
-        for ((share, weights), linear) in self.method.checks.iter().zip(self.checks) {
-            let s = self.method.inside(&values, *share);
-            let defect = difference(&combined(&slopes, weights), &self.along(linear, &s, d));
-            let terms = linear.terms(self.functions, Moved::still(&s), d);
-            for k in 0..s.len() {
-                let size = values.iter().fold(sizes[k], |most, s| most.max(s[k].abs()));
-                // Where an entry has been small so far, its size is that of what it is made of.
-                let allowed = self.tolerance * (size / self.h + terms[k]);
-                let known = ROUNDING * terms[k] + noise[k];
-                let is_small = defect[k] <= allowed + known;
-                if !is_small {
-                    return Err(TooLong::Inexact);
-                }
+        let n = tangent.len();
+        let (mut missed, mut terms) = (vec![0.0; n], vec![0.0_f64; n]);
+        let mut largest = vec![0.0_f64; n];
+        for (check, linear) in self.method.checks.iter().zip(self.checks) {
+            let s = self.method.inside(&values, check.share);
+            let rates = self.along(linear, &s, d);
+            let slopes = combined(&slopes, &check.weights);
+            let own = linear.terms(self.functions, Moved::still(&s), d);
+            for k in 0..n {
+                let defect = slopes[k] - rates[k];
+                missed[k] += check.integral * defect;
+                largest[k] = crate::linalg::largest(&[largest[k], defect]);
+                terms[k] = terms[k].max(own[k]);
             }
+        }
+        let is_small = |k: usize| {
+            let size = values.iter().fold(sizes[k], |most, s| most.max(s[k].abs()));
+            // Where an entry has been small so far, its size is that of what it is made of.
+            let size = size / self.h + terms[k];
+            let known = ROUNDING * terms[k] + noise[k];
+            // Inside of a part the defect is much larger than what it makes of the end.
+            let inside = match self.everywhere {
+                true => self.tolerance,
+                false => self.tolerance.sqrt(),
+            };
+            missed[k].abs() <= self.tolerance * size + known && largest[k] <= inside * size + known
+        };
+        if !(0..n).all(is_small) {
+            return Err(TooLong::Inexact);
         }
         Ok(values)
     }
