@@ -361,12 +361,16 @@ impl Collocation<'_, '_> {
         f
     }
 
-    /// What the error of the run makes of the rates of a tangent, and of the rates that follow from these.
+    /// What the error of the run and rounding make of the rates of a tangent, and of the rates that follow from these.
     fn noise(&self, tangent: &[f64], d: usize) -> Vec<f64> {
         const ROUNDS: usize = 3;
         let middle = &self.nodes[NODES / 2];
         let known = self.along(middle, tangent, d);
         let mut noise = difference(&known, &self.along(self.shaken, tangent, d));
+        let terms = middle.terms(self.functions, Moved::still(tangent), d);
+        for (noise, term) in noise.iter_mut().zip(terms) {
+            *noise = noise.max(ROUNDING * term);
+        }
         let rest = self.along(middle, &vec![0.0; tangent.len()], d);
         for _ in 0..ROUNDS {
             let moved: Vec<f64> = noise.iter().map(|noise| self.h * noise).collect();
