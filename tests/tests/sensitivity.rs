@@ -478,8 +478,8 @@ fn what_is_lost_is_said() {
     );
 }
 
-/// What nothing but outputs looks at takes no state with it: an output has no derivative on its kink alone, has that behind it
-/// where it is passed, and that of what it is elsewhere, where no step looks at its switch, too.
+/// What nothing but outputs looks at takes no state with it: an output has no derivative on its kink alone, has that behind
+/// it where it is passed, and that of what it is elsewhere, where no step looks at its switch, too.
 #[test]
 fn outputs_on_kinks_have_no_derivative_alone() {
     let text = "model m { param a = 1; state x = 0; state y = -1; state v[2] = [1, 0.25];
@@ -653,8 +653,8 @@ fn random_systems_are_right_or_said_to_be_lost() {
     assert!(known >= 240 && events >= 180 && unsure <= 48, "{counts}");
 }
 
-/// Experiments of the examples that run by events, each by its first parameter that a run is differentiated by: the derivatives of
-/// what it ends with are those of differences, or said to be lost.
+/// Experiments of the examples that run by events, each by its first parameter that a run is differentiated by: the
+/// derivatives of what it ends with are those of differences, or said to be lost.
 #[test]
 fn examples_are_right_or_said_to_be_lost() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");

@@ -36,7 +36,8 @@ pub struct Sensitivities {
 }
 
 impl Sensitivities {
-    /// dx/dp at one of the instants that were asked for, and behind it those of all α; none from where on they are not known.
+    /// dx/dp at one of the instants that were asked for, and behind it those of all α; none from where on they are not
+    /// known.
     pub fn at(&self, instant: usize, direction: usize) -> Option<&[f64]> {
         let Moment { time, is_behind } = self.instants[instant];
         let is_lost = |loss: &Loss| time > loss.time || time == loss.time && is_behind;
@@ -52,7 +53,8 @@ impl Sensitivities {
         self.width
     }
 
-    /// The state and all α of that instant, nothing behind losses of all directions; an α is not a number where nothing but outputs looks at it.
+    /// The state and all α of that instant, nothing behind losses of all directions; an α is not a number where nothing but
+    /// outputs looks at it.
     pub fn point(&self, instant: usize) -> &[f64] {
         &self.points[instant]
     }

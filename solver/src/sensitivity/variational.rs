@@ -1,10 +1,10 @@
 //! S' = f_x S + f_p along a step, whose polynomials are known: a linear equation with known coefficients.
 //!
 //! It is solved by Gauss collocation with [`NODES`] nodes: with J_i and b_i at node i, K_i = J_i (S₀ + h Σ_j a_ij K_j) + b_i
-//! and S₁ = S₀ + h Σ_j b_j K_j, by iteration, which contracts where h|J| is no larger than steps of Taylor series make it. A part of
-//! the step is halved until the iteration converges, and until the defect S' - J S - b of the polynomial, seen at its ends and
-//! between its nodes, moves no entry by more than the tolerance: at the end, where it does so by its integral alone, and everywhere
-//! where there are instants that are asked for. Where stiffness would take it far, Radau IIA goes on, whose
+//! and S₁ = S₀ + h Σ_j b_j K_j, by iteration, which contracts where h|J| is no larger than steps of Taylor series make it.
+//! A part of the step is halved until the iteration converges, and until the defect S' - J S - b of the polynomial, seen at
+//! its ends and between its nodes, moves no entry by more than the tolerance: at the end, where it does so by its integral
+//! alone, and everywhere where instants are asked for inside. Where stiffness would take it far, Radau IIA goes on, whose
 //! linear systems are of the size of the state and serve all directions.
 
 use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
@@ -124,8 +124,8 @@ impl Variational {
         self.patience = 0;
     }
 
-    /// Takes tangents of the directions that are known along a step, and hands on its parts. Where one cannot go on it is taken away
-    /// and told with how far it went.
+    /// Takes tangents of the directions that are known along a step, and hands on its parts. Where one cannot go on it is
+    /// taken away and told with how far it went.
     pub fn follow(
         &mut self,
         functions: &mut Functions,
