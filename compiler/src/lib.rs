@@ -512,9 +512,36 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
             {
                 found.push(error);
             }
+            if experiment.is_sensed() && !found.has_errors() {
+                check_sensed(file, experiment, &mut found);
+            }
         }
         add(found);
     }
+}
+
+/// Finds what a run is asked to be differentiated by and is not: that shows where it is compiled with that open.
+fn check_sensed(file: &File, experiment: &Experiment, diags: &mut Diagnostics) {
+    let mut opened = experiment.clone();
+    opened.open_sensed();
+    let exprs = Exprs::new();
+    let mut found = Diagnostics::new();
+    let compiled = compile_to(
+        &exprs,
+        file,
+        &opened,
+        &[],
+        Extent::Whole,
+        &mut Clock::default(),
+        &mut found,
+    );
+    if let Some(compiled) = compiled
+        && let Err(more) = project::sensed::sensing(&compiled)
+    {
+        found.append(more);
+    }
+    found.remove_known(diags);
+    diags.append(found);
 }
 
 /// The `with` of an experiment, without what is overridden.

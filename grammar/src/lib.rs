@@ -87,6 +87,7 @@ fn word(rule: Rule) -> Option<&'static str> {
         Rule::kw_project => "project",
         Rule::kw_region => "region",
         Rule::kw_seed => "seed",
+        Rule::kw_sensitivity => "sensitivity",
         Rule::kw_sliding => "sliding",
         Rule::kw_solves => "solves",
         Rule::kw_chattering => "chattering",

@@ -13,4 +13,5 @@ pub mod moreau;
 pub mod optimization;
 pub mod runtime;
 pub mod selector;
+pub mod sensitivity;
 pub mod tape;

@@ -71,6 +71,7 @@ mod rods;
 mod rolling;
 mod roots;
 mod rounding;
+mod sensitivity;
 mod set_points;
 mod setting_off;
 mod sides;

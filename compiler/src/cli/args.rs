@@ -279,6 +279,9 @@ pub struct SettingArgs {
     /// Record at multiples of this time
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     every: Option<String>,
+    /// Differentiate by these: parameters, and initial values as `x at 0`
+    #[arg(long, value_name = "NAMES")]
+    sensitivity: Option<String>,
     /// Start the optimization from the states and controls of a `.json` that `run` wrote, or of another experiment
     #[arg(long, value_name = "FILE|EXPERIMENT", value_parser = named)]
     guess: Option<String>,
@@ -303,6 +306,10 @@ impl SettingArgs {
             ("--horizon", written("horizon", &self.horizon)),
             ("--tolerance", written("tolerance", &self.tolerance)),
             ("--every", written("output every", &self.every)),
+            (
+                "--sensitivity",
+                written("sensitivity to", &self.sensitivity),
+            ),
             ("--guess", self.guess.as_ref().map(source)),
         ];
         all.into_iter()

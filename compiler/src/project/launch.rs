@@ -5,7 +5,7 @@ use crate::expr::Exprs;
 use crate::optimize::{self, Sampled};
 use crate::project::clock::Clock;
 use crate::project::watch::{Progress, Watch};
-use crate::project::{Project, ensemble};
+use crate::project::{Project, ensemble, sensed};
 use crate::report::Trajectory;
 use crate::simulate::{self, Request};
 use crate::source::Span;
@@ -40,7 +40,9 @@ fn within(
     let (system, settings) = (&compiled.system, &compiled.settings);
     let Some(task) = &settings.optimize else {
         let mut told = |progress| watch.progress(&Progress::Simulation(progress));
-        return Ok(simulate::run_watched(system, settings, request, &mut told));
+        let sensing = sensed::sensing(compiled)?;
+        let asked = (request, sensing.as_ref());
+        return Ok(simulate::run_sensed(system, settings, asked, &mut told));
     };
     let sampled = sampled_within(project, task, request, depth)?;
     match optimize::run(system, settings, task, &sampled, request, watch) {

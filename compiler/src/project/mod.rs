@@ -11,6 +11,7 @@ pub mod prepared;
 pub(crate) mod rerun;
 mod reruns;
 pub mod run;
+pub(crate) mod sensed;
 pub mod session;
 pub mod sweep;
 pub mod watch;

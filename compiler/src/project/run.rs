@@ -181,7 +181,10 @@ impl Project {
         options: &Options,
         watch: &mut dyn Watch,
     ) -> Result<Run, Messages> {
-        let asked = self.ask(experiment, &options.values, &options.words())?;
+        let mut asked = self.ask(experiment, &options.values, &options.words())?;
+        if asked.experiment.is_sensed() {
+            asked.experiment.to_mut().open_sensed();
+        }
         let (exprs, mut clock) = (Exprs::new(), Clock::default());
         let (mut compiled, diags) = asked.compiled(&exprs, &self.file, &mut clock)?;
         if !options.ends_alone {

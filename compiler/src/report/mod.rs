@@ -107,6 +107,36 @@ pub struct Samples {
     /// Controls, in order of declaration.
     #[serde(serialize_with = "forms::json::by_name")]
     pub controls: Vec<Series>,
+    /// Derivatives of all of them, where they were asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensitivities: Vec<Sensitivity>,
+}
+
+/// The derivatives of a run by a parameter or an initial value.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Sensitivity {
+    /// By what: `mu`, `x[1] at 0`.
+    pub to: String,
+    /// From when on they are not known, as a warning says; none where they are known to the end.
+    pub until: Option<f64>,
+    /// Of states, at the instants of the run: not a number where they are not known. Where the mode changes at such an
+    /// instant it is what holds behind it.
+    #[serde(serialize_with = "forms::json::by_name")]
+    pub states: Vec<Series>,
+    /// Of outputs and controls.
+    #[serde(serialize_with = "forms::json::by_name")]
+    pub outputs: Vec<Series>,
+    /// Of the instants at which modes change and states jump.
+    pub events: Vec<Moves>,
+}
+
+/// An instant with its derivative.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Moves {
+    /// When.
+    pub time: f64,
+    /// Its derivative; not a number where that is not known.
+    pub derivative: f64,
 }
 
 /// The discrete part of a run: what happens at instants, and the modes between them.
@@ -436,6 +466,13 @@ impl Samples {
             states: all(&self.states),
             outputs: all(&self.outputs),
             controls: all(&self.controls),
+            sensitivities: (self.sensitivities.iter())
+                .map(|by| Sensitivity {
+                    states: all(&by.states),
+                    outputs: all(&by.outputs),
+                    ..by.clone()
+                })
+                .collect(),
         }
     }
 

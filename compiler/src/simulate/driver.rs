@@ -6,9 +6,11 @@ use std::sync::Arc;
 use nsd_solver::event::Observer;
 use nsd_solver::fesd::NEGLIGIBLE;
 use nsd_solver::hybrid::{Outcome, Status as End};
+use nsd_solver::sensitivity::{Directions, Moment, Recording, Sensitivities};
 
 use super::estimate::{Comparison, Estimate, Estimator};
 use super::record::Recorder;
+use super::sensing::{Both, Sensing, instants};
 use super::watch::{Progress, Watched};
 use super::{Request, outcome};
 use crate::limit::Limit;
@@ -38,13 +40,20 @@ pub(super) struct Problem<'r, 'e> {
     pub multipliers: bool,
     pub estimates: bool,
     pub x0: Vec<f64>,
+    /// By what the run is differentiated.
+    pub sensing: Option<&'r Sensing>,
 }
 
 impl<'r, 'e> Problem<'r, 'e> {
-    pub fn new(system: &'r System<'e>, settings: &'r Settings<'e>, request: &'r Request) -> Self {
+    pub fn new(
+        system: &'r System<'e>,
+        settings: &'r Settings<'e>,
+        (request, sensing): (&'r Request, Option<&'r Sensing>),
+    ) -> Self {
         Problem {
             multipliers: request.multipliers,
             estimates: request.estimate,
+            sensing,
             ..Problem::of_end(system, settings, &request.limit)
         }
     }
@@ -58,6 +67,7 @@ impl<'r, 'e> Problem<'r, 'e> {
             multipliers: false,
             estimates: false,
             x0: system.states.iter().map(|state| state.initial).collect(),
+            sensing: None,
         }
     }
 }
@@ -210,6 +220,16 @@ pub(super) trait Run<'e> {
         false
     }
 
+    /// Differentiates the last run that was no finer one, at instants; none where the method is not differentiated.
+    fn differentiate(
+        &self,
+        _: &Recording,
+        _: &Ended,
+        _: (&Directions, &[Moment]),
+    ) -> Option<Sensitivities> {
+        None
+    }
+
     /// Adds to a trajectory what only the method knows of it.
     fn tell(&mut self, _problem: &Problem<'_, 'e>, _ended: &Ended, _trajectory: &mut Trajectory) {}
 }
@@ -218,6 +238,8 @@ pub(super) trait Run<'e> {
 struct First<'r, 'e> {
     ended: Ended,
     recorder: Recorder<'r, 'e>,
+    /// Its steps and events, where it is differentiated.
+    recording: Recording,
 }
 
 /// Runs a problem as often as its error needs, and tells everything about it.
@@ -225,13 +247,13 @@ pub(super) fn drive<'e>(
     run: &mut dyn Run<'e>,
     (system, settings): (&System<'e>, &Settings<'e>),
     reported: &Arc<Reported>,
-    request: &Request,
+    (request, sensing): (&Request, Option<&Sensing>),
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let problem = Problem::new(system, settings, request);
+    let problem = Problem::new(system, settings, (request, sensing));
     let mut accuracy = Accuracy::of(settings);
-    let (First { ended, recorder }, estimate) = loop {
+    let (first, estimate) = loop {
         let recorder = Recorder::new(
             system,
             settings,
@@ -250,7 +272,19 @@ pub(super) fn drive<'e>(
             None => break (first, estimate),
         }
     };
+    let First {
+        ended,
+        recorder,
+        recording,
+    } = first;
     let mut trajectory = assemble(&problem, &ended, recorder);
+    if let Some(sensing) = sensing {
+        let wanted = instants(&trajectory.samples.time);
+        let found = run.differentiate(&recording, &ended, (&sensing.directions, &wanted));
+        if let Some(found) = found {
+            sensing.tell(&found, (system, reported), &mut trajectory);
+        }
+    }
     trajectory.setup.method = run.describe(&problem, &ended);
     run.tell(&problem, &ended, &mut trajectory);
     if let Some(estimate) = estimate {
@@ -272,7 +306,13 @@ fn march<'r, 'e>(
         system, settings, ..
     } = problem;
     let horizon = settings.horizon;
+    let mut recording = Recording::default();
     let ended = match run.sees_narrow() {
+        true if problem.sensing.is_some() => {
+            let mut both = Both(&mut recorder, &mut recording);
+            let mut watched = Watched::new(&mut both, horizon, false, watch);
+            run.march(problem, accuracy, &mut watched)
+        }
         true => {
             let mut watched = Watched::new(&mut recorder, horizon, false, watch);
             run.march(problem, accuracy, &mut watched)
@@ -286,7 +326,11 @@ fn march<'r, 'e>(
             ended
         }
     };
-    First { ended, recorder }
+    First {
+        ended,
+        recorder,
+        recording,
+    }
 }
 
 /// What the second run says of the first.

@@ -13,6 +13,7 @@ mod outcome;
 mod record;
 mod reference;
 mod request;
+mod sensing;
 mod settle;
 mod watch;
 
@@ -29,6 +30,7 @@ pub(crate) use methods::{adaptive, frozen};
 pub use outcome::sampled;
 pub(crate) use reference::{ReferenceRun, impacts};
 pub use request::Request;
+pub(crate) use sensing::Sensing;
 pub(crate) use settle::Consistent;
 pub use settle::settle;
 pub use watch::Progress;
@@ -45,8 +47,20 @@ pub fn run_watched(
     request: &Request,
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
+    run_sensed(system, settings, (request, None), watch)
+}
+
+/// [`run_watched`], differentiated where that is asked for.
+pub(crate) fn run_sensed(
+    system: &System,
+    settings: &Settings,
+    (request, sensing): (&Request, Option<&Sensing>),
+    watch: &mut dyn FnMut(Progress),
+) -> Trajectory {
     let started = Instant::now();
-    let mut trajectory = Plan::new(system, settings).run(system, settings, request, watch);
+    let open = sensing.map_or(&[][..], |sensing| &sensing.open);
+    let mut plan = Plan::of_method(system, settings, open);
+    let mut trajectory = plan.run_sensed(system, settings, (request, sensing), watch);
     trajectory.quality.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
 }

@@ -19,7 +19,7 @@ mod tests;
 
 use std::ops::ControlFlow;
 
-use crate::event::{Event, Observer, Segment};
+use crate::event::{Cause, Event, Observer, Segment};
 use crate::expansion::dense::ElementSeries;
 use crate::hybrid::{Outcome, Side, Stats, Status};
 use crate::runtime::limit::Limit;
@@ -248,6 +248,7 @@ impl<F: Field> Simulator<F> {
                 from: &run.sides,
                 to: &run.end_sides,
                 accumulates: false,
+                cause: Cause::default(),
             });
             run.sides.copy_from_slice(&run.end_sides);
         }

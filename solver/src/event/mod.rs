@@ -35,7 +35,7 @@ use crate::expansion::mode::Mode;
 use crate::hybrid::breakpoints::Pieces;
 use crate::integrate::drift::Projection;
 use crate::integrate::stepper::Stepper;
-pub use observer::{Event, Observer, Segment};
+pub use observer::{Cause, Event, Observer, Segment};
 
 /// Runs a system, keeping the functions it has met from one run to the next.
 pub struct Simulator {

@@ -25,6 +25,19 @@ pub struct Event<'a> {
     pub to: &'a [Side],
     /// Infinitely many events accumulate here: the time is the limit of a series.
     pub accumulates: bool,
+    /// What has brought it about.
+    pub cause: Cause<'a>,
+}
+
+/// What brings about an event, and so decides when it takes place.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Cause<'a> {
+    /// The switches whose surface was reached, or whose sliding ended.
+    pub met: &'a [usize],
+    /// Whether the instant is that of a breakpoint of data, a kick, or the start, whatever the state is.
+    pub is_scheduled: bool,
+    /// Whether events accumulate soon, and the run goes on to their limit in the mode behind it.
+    pub is_in_limit: bool,
 }
 
 /// One accepted step with its dense output.

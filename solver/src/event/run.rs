@@ -1,6 +1,6 @@
 //! The loop of a run: step, event, next mode.
 
-use super::{Event, Observer, Segment, Simulator};
+use super::{Cause, Event, Observer, Segment, Simulator};
 use crate::event::state::{Report, State};
 use crate::events::simultaneous::Simultaneous;
 use crate::events::{Approach, chattering, zeno};
@@ -74,6 +74,7 @@ impl History {
             from: &from,
             to: &state.point.sides,
             accumulates: true,
+            cause: Cause::default(),
         });
     }
 }
@@ -83,6 +84,16 @@ impl History {
 struct Meets {
     breakpoint: bool,
     kick: Option<f64>,
+}
+
+/// The step before an event.
+struct Before {
+    /// Its mode.
+    from: Box<[Side]>,
+    /// What it met at its end, and whether its end was known before.
+    met: Vec<usize>,
+    is_scheduled: bool,
+    length: f64,
 }
 
 impl Simulator {
@@ -126,6 +137,10 @@ impl Simulator {
                 from: &state.point.sides,
                 to: &state.point.sides,
                 accumulates: false,
+                cause: Cause {
+                    is_scheduled: true,
+                    ..Cause::default()
+                },
             });
         }
         state.selection.begun = true;
@@ -178,7 +193,12 @@ impl Simulator {
             return Ok(());
         }
         self.locate(state, history, &mut step, meets, [t0, t1])?;
-        let (from, length) = (state.point.sides.clone(), step.length);
+        let before = Before {
+            from: state.point.sides.clone(),
+            met: step.triggers.clone(),
+            is_scheduled: meets.breakpoint || meets.kick.is_some(),
+            length: step.length,
+        };
         self.next_mode(state, step.triggers, meets, t1)?;
         let jumped = !state.jumps.fired.is_empty();
         let folded = state
@@ -186,10 +206,10 @@ impl Simulator {
             .decisions
             .iter()
             .any(|decision| decision.folds);
-        if from == state.point.sides && !jumped && !folded {
+        if before.from == state.point.sides && !jumped && !folded {
             return Ok(());
         }
-        self.record(state, history, from, [length, t1], observer)
+        self.record(state, history, before, t1, observer)
     }
 
     /// Moves to the end of a step, projecting the drift off the sliding surfaces, and hands the step on.
@@ -307,22 +327,23 @@ impl Simulator {
         Ok(())
     }
 
-    /// Takes note of an event that has changed the mode or the state, behind a step of a length.
+    /// Takes note of an event that has changed the mode or the state, behind a step.
     fn record(
         &mut self,
         state: &mut State,
         history: &mut History,
-        from: Box<[Side]>,
-        [length, t1]: [f64; 2],
+        before: Before,
+        t1: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
+        let from = &before.from;
         self.stepper.stiffness.after_event();
         state.report.stats.events += 1;
         let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
-        let more = slides(&state.point.sides) > slides(&from);
-        if from != state.point.sides {
-            history.events.record(state.point.t, &from);
-            history.chatter.record(state.point.t, &state.point.x, &from);
+        let more = slides(&state.point.sides) > slides(from);
+        if *from != state.point.sides {
+            history.events.record(state.point.t, from);
+            history.chatter.record(state.point.t, &state.point.x, from);
             history.chatter.average(self, state, t1)?;
         }
         let jumped = !state.jumps.fired.is_empty();
@@ -339,15 +360,20 @@ impl Simulator {
                 before: state.jumps.before(&state.point.x),
                 jumps: &state.jumps.fired,
                 decisions: &state.selection.decisions,
-                from: &from,
+                from,
                 to: if waits.is_some() {
-                    &from
+                    from
                 } else {
                     &state.point.sides
                 },
                 accumulates: end.is_some() && waits.is_none(),
+                cause: Cause {
+                    met: &before.met,
+                    is_scheduled: before.is_scheduled,
+                    is_in_limit: waits.is_some(),
+                },
             });
-            displace(&self.mode, state, length, observer);
+            displace(&self.mode, state, before.length, observer);
         }
         let undisturbed = t1
             .min(self.pieces.until)
@@ -369,7 +395,7 @@ impl Simulator {
             }
             history.chatter.look_at_last();
         }
-        history.limit = waits.map(|end| (from, end));
+        history.limit = waits.map(|end| (before.from, end));
         Ok(())
     }
 }

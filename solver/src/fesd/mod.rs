@@ -25,7 +25,7 @@ mod system;
 mod uniform;
 mod watch;
 
-use crate::event::Event;
+use crate::event::{Cause, Event};
 use crate::events::chattering::Here;
 use crate::fesd::element::scheme::Scheme;
 use crate::fesd::modes::Modes;
@@ -541,6 +541,7 @@ impl<'s> Simulator<'s> {
                 from: &before,
                 to: after,
                 accumulates: false,
+                cause: Cause::default(),
             });
             run.history
                 .chatter

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use super::system::ComplementaritySystem;
 use super::uniform::Uniform;
-use crate::event::{Event, Observer, Segment};
+use crate::event::{Cause, Event, Observer, Segment};
 use crate::expansion::dense::ElementSeries;
 use crate::fesd::element::nodes::{Nodes, Step};
 use crate::fesd::element::scheme::Scheme;
@@ -43,6 +43,7 @@ fn switching<'x>(time: f64, x: &'x [f64], from: &'x [Side], to: &'x [Side]) -> E
         from,
         to,
         accumulates: false,
+        cause: Cause::default(),
     }
 }
 

@@ -376,6 +376,16 @@ pub enum Guard {
     Strikes(usize),
 }
 
+impl Guard {
+    /// Whether it is about the side of a switch.
+    pub(crate) fn looks_at(&self, switch: usize) -> bool {
+        match self {
+            Guard::Sides { switches, .. } => switches.contains(&switch),
+            Guard::Strikes(struck) => *struck == switch,
+        }
+    }
+}
+
 /// New values of states.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Reset {

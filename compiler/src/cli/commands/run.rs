@@ -1,5 +1,6 @@
 //! `nsdc run`
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::cli::args::{Log, RunArgs};
@@ -156,6 +157,11 @@ fn one(
         limit,
     } = asked;
     let exprs = Exprs::new();
+    let mut experiment = Cow::Borrowed(experiment);
+    if experiment.is_sensed() {
+        experiment.to_mut().open_sensed();
+    }
+    let experiment = &*experiment;
     let compiled = compiled(asked, &exprs, experiment, (clock, said), streams)?;
     let Some((mut compiled, warnings)) = compiled else {
         return Ok(None);

@@ -232,7 +232,7 @@ impl Known<'_> {
             ("lower", _) => words(Lowering::ALL.map(Lowering::word)),
             ("on", 1) => words(["chattering slide"]),
             ("controls", 1) => words(["constant", "linear"]),
-            ("subject", 1) => words(["to"]),
+            ("subject" | "sensitivity", 1) => words(["to"]),
             ("expect", 1) => {
                 let begin = words([
                     "mode",
@@ -467,7 +467,7 @@ fn settings(is_optimize: bool) -> Vec<CompletionItem> {
     };
     let only = |word: &str| match is_optimize {
         false => reference::of_statement(reference::SIMULATE, word).is_some(),
-        true => !matches!(word, "perturb" | "on" | "runs"),
+        true => !matches!(word, "perturb" | "on" | "runs" | "sensitivity"),
     };
     let all = starts(Place::Experiment).iter().map(|(word, _)| *word);
     let all = all.filter(|word| only(word) || *word == "expect");

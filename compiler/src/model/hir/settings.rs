@@ -32,6 +32,11 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                         self.resolver.expr(instants);
                     }
                 }
+                SettingKind::Sensitivity(to) => {
+                    for (path, _) in to {
+                        self.resolver.path(path, None, Role::Reads);
+                    }
+                }
                 SettingKind::Perturb {
                     every: count,
                     by,

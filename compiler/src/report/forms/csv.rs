@@ -4,21 +4,41 @@
 
 use crate::report::{History, Samples, Series};
 
-/// Header `time,x[1],x[2],...` and one line per instant: states, outputs, controls.
+/// Header `time,x[1],x[2],...` and one line per instant: states, outputs, controls, and derivatives that were asked for
+/// as `d x[1]/d mu`, empty where they are not known.
 pub fn write(samples: &Samples) -> String {
+    let derivatives = || {
+        let all = samples.sensitivities.iter();
+        all.flat_map(|by| {
+            by.states
+                .iter()
+                .chain(&by.outputs)
+                .map(move |of| (of, &by.to))
+        })
+    };
     let columns: Vec<&Series> = samples.series().collect();
     let mut text = csv::Writer::from_writer(Vec::new());
 
-    let names = columns.iter().flat_map(|series| series.entry_names());
+    let names = samples.series().flat_map(|series| series.entry_names());
+    let derived = derivatives().flat_map(|(series, to)| {
+        let entries = series.entry_names().into_iter();
+        entries.map(move |entry| format!("d {entry}/d {to}"))
+    });
+    let names = names.chain(derived);
     // Writing to memory does not fail and every record has the same length.
     let _ = text.write_record(std::iter::once("time".to_owned()).chain(names));
     for (k, time) in samples.time.iter().enumerate() {
         let values = columns.iter().flat_map(|series| series.at(k));
         // The shortest text that reads back as the same number, with an exponent where it is shorter.
-        let record = std::iter::once(time)
-            .chain(values)
-            .map(|value| format!("{value:?}"));
-        let _ = text.write_record(record);
+        let values = std::iter::once(time).chain(values);
+        let values = values.map(|value| format!("{value:?}"));
+        // What is not known is left empty.
+        let known = derivatives().flat_map(|(series, _)| series.at(k));
+        let known = known.map(|value| match value.is_nan() {
+            true => String::new(),
+            false => format!("{value:?}"),
+        });
+        let _ = text.write_record(values.chain(known));
     }
 
     finished(text)

@@ -4,8 +4,8 @@ use std::fmt::{self, Display, Write};
 
 use crate::diagnostics::counted;
 use crate::report::{
-    Bands, Constraint, Event, EventKind, History, MethodOption, ModeTexts, Series, Stationarity,
-    Stats, Status, Trajectory,
+    Bands, Constraint, Event, EventKind, History, MethodOption, ModeTexts, Samples, Series,
+    Stationarity, Stats, Status, Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
@@ -52,6 +52,24 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     }
     for warning in &trajectory.warnings {
         writeln!(text, "  warning {}: {}", warning.code, warning.message)?;
+    }
+    Ok(())
+}
+
+/// Derivatives at the end.
+fn sensitivities(end: &Samples, text: &mut String) -> fmt::Result {
+    for by in &end.sensitivities {
+        writeln!(text, "\n  sensitivity to {}", by.to)?;
+        if let Some(until) = by.until {
+            writeln!(text, "    not known from {} on", significant(until, 12))?;
+            continue;
+        }
+        let all = by.states.iter().chain(&by.outputs);
+        let width = all.clone().map(|series| chars(&series.name)).max();
+        for series in all {
+            let width = width.unwrap_or(0);
+            writeln!(text, "    {:width$} = {}", series.name, Value(series))?;
+        }
     }
     Ok(())
 }
@@ -155,7 +173,7 @@ fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     for series in rows {
         writeln!(text, "    {:width$} = {}", series.name, Value(series))?;
     }
-    Ok(())
+    sensitivities(&end, text)
 }
 
 fn events(history: &History, text: &mut String) -> fmt::Result {

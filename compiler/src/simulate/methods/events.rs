@@ -5,6 +5,7 @@ use std::sync::Arc;
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::HybridSystem;
+use nsd_solver::sensitivity::{Directions, Moment, Recording, Sensitivities};
 
 use super::smoothed;
 use crate::limit::Limit;
@@ -107,6 +108,17 @@ impl<'e> Run<'e> for Events {
 
     fn sees_narrow(&self) -> bool {
         true
+    }
+
+    fn differentiate(
+        &self,
+        recording: &Recording,
+        ended: &Ended,
+        (directions, instants): (&Directions, &[Moment]),
+    ) -> Option<Sensitivities> {
+        let simulator = self.coarse.as_ref()?;
+        let approaches = &ended.outcome.approaches;
+        Some(simulator.differentiate(recording, approaches, directions, instants))
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {

@@ -24,6 +24,7 @@ use moreau::Contacts;
 
 use super::driver::{self, Accuracy, Problem, Run};
 use super::reference::slips;
+use super::sensing::Sensing;
 use super::{Progress, ReferenceRun, Request, outcome};
 use crate::limit::Limit;
 use crate::report::Trajectory;
@@ -139,9 +140,20 @@ impl<'e> Plan<'e> {
         request: &Request,
         watch: &mut dyn FnMut(Progress),
     ) -> Trajectory {
+        self.run_sensed(system, settings, (request, None), watch)
+    }
+
+    /// The same, differentiated where that is asked for.
+    pub(crate) fn run_sensed(
+        &mut self,
+        system: &System<'e>,
+        settings: &Settings<'e>,
+        asked: (&Request, Option<&Sensing>),
+        watch: &mut dyn FnMut(Progress),
+    ) -> Trajectory {
         self.renew(system, settings);
         let of = (system, settings);
-        driver::drive(&mut *self.run, of, &self.reported, request, watch)
+        driver::drive(&mut *self.run, of, &self.reported, asked, watch)
     }
 
     /// Compiles again where what was compiled in is another number now.

@@ -7,6 +7,7 @@ pub(crate) mod pieces;
 pub(super) mod points;
 pub(crate) mod reported;
 pub(crate) mod schedule;
+pub(super) mod sensed;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 

@@ -18,7 +18,7 @@ use crate::system::switches::roots::Vanishing;
 #[derive(Debug)]
 pub(crate) struct Reported {
     /// The entries of all outputs, then those of all controls.
-    outputs: Tape,
+    pub(super) outputs: Tape,
     /// What limits are about that are no states.
     pub limits: Tape,
     /// What may hide something from a step, for a method that does not see that by itself.
@@ -33,30 +33,17 @@ pub(crate) struct Reported {
 #[derive(Debug)]
 pub(crate) struct Given {
     /// What is reported, without values.
-    named: Samples,
+    pub(super) named: Samples,
     /// The numbers of states whose values are reported, one behind the other.
-    entries: Vec<usize>,
-    parameters: Vec<f64>,
-    data: Vec<Arc<Table>>,
+    pub(super) entries: Vec<usize>,
+    pub(super) parameters: Vec<f64>,
+    pub(super) data: Vec<Arc<Table>>,
 }
 
 impl Reported {
     /// Compiles them with some parameters open, by their numbers.
     pub fn new(system: &System, open: &[usize]) -> Self {
-        let numbers = numbers(system, open);
-        let mut inputs: Vec<Var> = vec![variable(system.time)];
-        inputs.extend(system.exogenous.data.iter().map(|data| variable(data.var)));
-        inputs.extend(system.states.iter().map(|state| variable(state.var)));
-        inputs.extend(system.switches.iter().map(|switch| variable(switch.alpha)));
-        let params = system.exogenous.chosen(open);
-        inputs.extend(params.map(|param| variable(param.var)));
-        let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
-        let vanishing = Vanishing::of(system, &numbers.apply(&switching));
-        let tape = |exprs: Vec<Expr>| {
-            let exprs = vanishing.extended(&numbers.apply(&exprs));
-            expr::compile(&inputs, &exprs)
-                .expect("what is reported is smooth in time, data, states and α")
-        };
+        let tape = compiler(system, open);
         let outputs = system.recorded.signals();
         Reported {
             outputs: tape(
@@ -98,6 +85,11 @@ impl Reported {
         self.sizes
     }
 
+    /// All ψ as functions of what outputs are functions of.
+    pub fn surfaces(&self, system: &System) -> Tape {
+        compiler(system, &self.open)(switching(system))
+    }
+
     /// What is reported at points. Of two at one instant, the first is in the limit from before.
     pub fn at(&self, points: &Points, given: &Given) -> Samples {
         let n_points = points.times.len();
@@ -137,13 +129,9 @@ impl Reported {
         }
         // Structure of arrays: one row per input, one column per point.
         let mut table = times.clone();
-        let is_first = |k: usize| times.get(k + 1) == Some(&times[k]);
         for data in &given.data {
-            let value = |(k, &t): (usize, &f64)| match is_first(k) {
-                true => data.before(t),
-                false => data.value(t),
-            };
-            table.extend(times.iter().enumerate().map(value));
+            let value = |k: usize| data_at(data, times, k);
+            table.extend((0..n_points).map(value));
         }
         table.extend((0..n).flat_map(|i| (0..n_points).map(move |k| states[k * n + i])));
         table.extend((0..m).flat_map(|i| (0..n_points).map(move |k| alphas[k * m + i])));
@@ -155,6 +143,41 @@ impl Reported {
             .eval_many(&table, &mut columns, n_points, scratch);
         columns
     }
+}
+
+/// What makes functions of time, data, states, α and open parameters.
+fn compiler<'s, 'e>(system: &'s System<'e>, open: &[usize]) -> impl Fn(Vec<Expr<'e>>) -> Tape + 's {
+    let numbers = numbers(system, open);
+    let mut inputs: Vec<Var> = vec![variable(system.time)];
+    inputs.extend(system.exogenous.data.iter().map(|data| variable(data.var)));
+    inputs.extend(system.states.iter().map(|state| variable(state.var)));
+    inputs.extend(system.switches.iter().map(|switch| variable(switch.alpha)));
+    let params = system.exogenous.chosen(open);
+    inputs.extend(params.map(|param| variable(param.var)));
+    let vanishing = Vanishing::of(system, &numbers.apply(&switching(system)));
+    move |exprs: Vec<Expr>| {
+        let exprs = vanishing.extended(&numbers.apply(&exprs));
+        expr::compile(&inputs, &exprs)
+            .expect("what is reported is smooth in time, data, states and α")
+    }
+}
+
+/// All ψ.
+fn switching<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
+    system.switches.iter().map(|switch| switch.psi).collect()
+}
+
+/// Data in a row.
+pub(super) fn data_at(data: &Table, times: &[f64], row: usize) -> f64 {
+    match is_before(times, row) {
+        true => data.before(times[row]),
+        false => data.value(times[row]),
+    }
+}
+
+/// Whether the row of an instant is before what happens there: of two rows at one instant, the first is.
+pub(in crate::simulate) fn is_before(times: &[f64], row: usize) -> bool {
+    times.get(row + 1) == Some(&times[row])
 }
 
 /// What is reported of a system, without values.
@@ -178,5 +201,6 @@ fn named(system: &System) -> Samples {
             .collect(),
         outputs,
         controls,
+        sensitivities: Vec::new(),
     }
 }

@@ -86,6 +86,9 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
             seed: behind(reading, &mut parts, Rule::seed),
         },
         Rule::on_chattering => SettingKind::OnChattering,
+        Rule::sensitivity => {
+            SettingKind::Sensitivity(parts.map(|to| sensed(reading, to)).collect())
+        }
         Rule::plot => SettingKind::Plot(plot_items(reading, parts, Place::Plot)),
         Rule::animate => SettingKind::Animate(plot_items(reading, parts, Place::Animation)),
         Rule::free_intervals => SettingKind::FreeIntervals(expr(reading, parts.one(Rule::expr))),
@@ -128,6 +131,13 @@ fn horizon(reading: &mut Reading, mut parts: Parts) -> SettingKind {
             .map(|range| interval(reading, range)),
         value: parts.maybe(Rule::expr).map(|value| expr(reading, value)),
     }
+}
+
+/// A parameter, or a state with `at 0`.
+fn sensed(reading: &mut Reading, pair: Pair<Rule>) -> (Path, bool) {
+    let mut parts = parts(pair);
+    let path = path(reading, parts.one(Rule::path));
+    (path, parts.maybe(Rule::at_start).is_some())
 }
 
 fn paths(reading: &mut Reading, parts: &mut Parts) -> Vec<Path> {

@@ -84,6 +84,7 @@ const EXPERIMENT: Starts = &[
     ("output", Rule::record),
     ("perturb", Rule::perturb),
     ("on", Rule::on_chattering),
+    ("sensitivity", Rule::sensitivity),
     ("runs", Rule::value),
     ("intervals", Rule::value),
     ("elements", Rule::value),

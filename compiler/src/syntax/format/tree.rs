@@ -196,6 +196,8 @@ fn is_member(rule: Rule) -> bool {
             | starts
             | on_chattering
             | free_intervals
+            | sensitivity
+            | sensed
             | plot
             | plot_panel
             | plot_phase

@@ -530,6 +530,41 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// What is neither a parameter nor an initial value.
+    #[error("a run has no sensitivity to {kind} `{name}`")]
+    #[diagnostic(
+        code(E0531),
+        help("name a parameter, or the initial value of a state as `x at 0`")
+    )]
+    NotSensed {
+        name: String,
+        kind: &'static str,
+        #[label("neither a parameter nor an initial value")]
+        span: Span,
+    },
+
+    /// A sensitivity that is asked for twice.
+    #[error("the sensitivity to `{name}` is asked for twice")]
+    #[diagnostic(code(E0531), help("name it once"))]
+    SensedTwice {
+        name: String,
+        #[label("a second time")]
+        span: Span,
+    },
+
+    /// A sensitivity to what decides the form of a system, or by a method that is not differentiated.
+    #[error("the sensitivity to `{name}` is not known: {why}")]
+    #[diagnostic(
+        code(E0532),
+        help("leave out `sensitivity to`, or compare runs with other values")
+    )]
+    NoSensitivity {
+        name: String,
+        why: String,
+        #[label("asked for here")]
+        span: Span,
+    },
+
     /// Impulses where elements meet, in a method without elements.
     #[error("`lower impact` needs `method fesd`")]
     #[diagnostic(

@@ -14,6 +14,7 @@ mod optimize;
 mod perturb;
 mod plot;
 pub(crate) mod reader;
+mod sensed;
 mod settings;
 mod statements;
 pub(crate) mod with;
@@ -40,6 +41,7 @@ pub use optimize::{
 pub use perturb::Perturbation;
 pub use plot::{Drawn, Figures, Plot, Sheet};
 use reader::Reader;
+pub use sensed::Sensed;
 pub use settings::{Kept, Numerics, Recording, Sampling, Settings};
 use statements::Statements;
 

@@ -6,6 +6,7 @@ use super::method::{EventOptions, Lowering, Method};
 use super::optimize::Optimize;
 use super::perturb::Perturbation;
 use super::plot::Figures;
+use super::sensed::Sensed;
 use crate::expr::Expr;
 use crate::model::TargetKind;
 use crate::source::Span;
@@ -63,6 +64,8 @@ pub struct Recording<'e> {
     pub sampling: Sampling,
     /// What figures show.
     pub figures: Figures<'e>,
+    /// By what the run is differentiated.
+    pub sensed: Vec<Sensed<'e>>,
 }
 
 impl Settings<'_> {

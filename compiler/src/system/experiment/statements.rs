@@ -3,11 +3,12 @@
 use super::animation::Animation;
 use super::capabilities::Feature;
 use super::error::ExperimentError;
-use super::method::{self, Method};
+use super::method::{self, Lowering, Method, MethodKind};
 use super::optimize::Draft;
 use super::perturb::Perturbation;
 use super::plot::Plot;
 use super::reader::Reader;
+use super::sensed::Sensed;
 use super::settings::{Kept, Numerics, Recording, Sampling};
 use super::with;
 use crate::expr::Expr;
@@ -130,6 +131,14 @@ impl<'m, 'e> Statements<'m, 'e> {
                     false => self.averages = Some(span),
                 }
             }
+            SettingKind::Sensitivity(_) if is_optimize => {
+                reader.not_for_optimize("sensitivity to", span);
+            }
+            SettingKind::Sensitivity(to) => {
+                for (path, at_start) in to {
+                    Sensed::read(reader, path, *at_start, &mut self.recording.sensed);
+                }
+            }
             SettingKind::Perturb { every, by, seed } => {
                 reader.once("`perturb`", span);
                 match is_optimize {
@@ -182,10 +191,41 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some((_, span)) = (self.runs).filter(|_| !experiment.settings.iter().any(disturbs)) {
             reader.error(ExperimentError::SameRuns { span });
         }
+        if let (Some(sensed), Some(why)) = (self.recording.sensed.first(), self.undifferentiated())
+        {
+            reader.error(ExperimentError::NoSensitivity {
+                name: sensed.name.clone(),
+                why,
+                span: sensed.span,
+            });
+        }
         let averages = self.numerics.method.kind().takes(Feature::Averages);
         if let Some(span) = self.averages.filter(|_| !averages) {
             reader.error(ExperimentError::NoChattering { span });
         }
+    }
+}
+
+impl Statements<'_, '_> {
+    /// Why runs are not differentiated.
+    fn undifferentiated(&self) -> Option<String> {
+        let method = self.numerics.method.kind();
+        let by_events = matches!(method, MethodKind::Auto | MethodKind::Event);
+        let why = if !by_events {
+            return Some(format!(
+                "runs by `method {}` are not differentiated",
+                method.word()
+            ));
+        } else if self.numerics.lowerings.contains(&Lowering::TimeFreezing) {
+            "time is frozen where states jump"
+        } else if self.kicks.is_some() {
+            "`perturb` moves the state"
+        } else if self.averages.is_some() {
+            "`on chattering slide` goes on from what is no limit of runs"
+        } else {
+            return None;
+        };
+        Some(why.to_owned())
     }
 }
 

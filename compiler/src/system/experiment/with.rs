@@ -40,7 +40,7 @@ pub(crate) fn given<'e>(
         span: experiment.span,
         ..Given::default()
     };
-    let mut complete = stay_open(model, &experiment.open, &mut given, diags);
+    let mut complete = stay_open(model, experiment, &mut given, diags);
     let binds = experiment
         .settings
         .iter()
@@ -60,17 +60,21 @@ pub(crate) fn given<'e>(
 /// Lets parameters stay open; false where something else should, or what is optimized.
 fn stay_open(
     model: &Model<'_>,
-    open: &[Path],
+    experiment: &syntax::Experiment,
     given: &mut Given<'_>,
     diags: &mut Diagnostics,
 ) -> bool {
     let mut complete = true;
-    for path in open {
+    for path in &experiment.open {
         let Some(target) = model.scope.target(path, diags) else {
             complete = false;
             continue;
         };
         let TargetKind::Param(k) = target.kind else {
+            // What is no number to differentiate by is told where that is read.
+            if experiment.senses(path.span) {
+                continue;
+            }
             diags.push(ExperimentError::NotFree {
                 name: path_text(model, path, &target),
                 kind: target.kind.word(),

@@ -34,6 +34,8 @@ pub(crate) struct FreeParams<'e> {
     pub inputs: FxHashSet<Var>,
     /// Parameters q(p), as functions of p and of parameters that are numbers.
     derived: Substitution<'e>,
+    /// Free parameters whose own definitions, which do not count then, hold others that are free, the first of these.
+    following: FxHashMap<Var, Var>,
     /// Initial values x(0) = x_0(p), with where they are given.
     pub initial: Vec<(Var, Expr<'e>, Span)>,
 }
@@ -41,13 +43,13 @@ pub(crate) struct FreeParams<'e> {
 impl<'e> FreeParams<'e> {
     /// Keeps a definition if it holds what is free: that of a parameter, or of an initial value.
     fn define(&mut self, var: Var, value: Expr<'e>, is_param: bool, span: Span) {
-        if self.first_in(&[value]).is_none() {
+        let Some(first) = self.first_in(&[value]) else {
             return;
-        }
+        };
         let value = value.substitute(&self.derived);
         match is_param {
             true if !self.vars.contains_key(&var) => self.derived.insert(var, value),
-            true => {}
+            true => _ = self.following.insert(var, first),
             false => self.initial.push((var, value, span)),
         }
     }
@@ -74,6 +76,11 @@ impl<'e> FreeParams<'e> {
         let vars = variables_of(&self.derived.apply(exprs)).into_iter();
         let mut free = vars.filter(|var| self.vars.contains_key(var));
         free.find(is_meant)
+    }
+
+    /// What the definition of a free parameter holds that is free, too.
+    pub fn follows(&self, param: Expr<'e>) -> Option<Var> {
+        self.following.get(&param.as_variable()?).copied()
     }
 
     /// Whether a parameter is computed from free ones.

@@ -3,7 +3,7 @@
 use super::reference::{Reference, Target};
 use super::simulator::System;
 use super::{Program, StepProgram, StepStart, Stepper, Work};
-use crate::event::{Event, Observer, Segment};
+use crate::event::{Cause, Event, Observer, Segment};
 use crate::hybrid::{Outcome, Side, Stats, Status};
 use crate::runtime::limit::Limit;
 
@@ -235,6 +235,7 @@ impl<P: Program> March<'_, P> {
                     from: &left,
                     to: &sides,
                     accumulates: false,
+                    cause: Cause::default(),
                 });
             }
             if !element.struck.is_empty() {

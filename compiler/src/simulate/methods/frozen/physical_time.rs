@@ -5,7 +5,7 @@
 
 use std::ops::ControlFlow;
 
-use nsd_solver::event::{Clock, Clocked, Event, Observer, Segment};
+use nsd_solver::event::{Cause, Clock, Clocked, Event, Observer, Segment};
 use nsd_solver::expansion::Polynomials;
 use nsd_solver::fesd;
 use nsd_solver::hybrid::{Coefficient, Outcome, Side, Status};
@@ -283,6 +283,7 @@ impl<'t> PhysicalTime<'t> {
                 from: &self.sides,
                 to: &self.next,
                 accumulates,
+                cause: Cause::default(),
             });
         }
         self.impacts.fired.clear();

@@ -1,0 +1,116 @@
+//! Derivatives of a run by parameters and initial values, as it is reported.
+
+use std::ops::ControlFlow;
+
+use nsd_solver::event::{Event, Observer, Segment};
+use nsd_solver::sensitivity::{Directions, Loss, Moment, Sensitivities, Why};
+
+use crate::report::{Moves, Sensitivity, Trajectory, Warning};
+use crate::simulate::record::reported::{Reported, is_before};
+use crate::simulate::record::sensed::Rows;
+use crate::source::Span;
+use crate::system::System;
+
+/// By what a run is differentiated.
+#[derive(Clone, Debug)]
+pub(crate) struct Sensing {
+    /// The parameters that stay open, by their numbers.
+    pub open: Vec<usize>,
+    /// What they and the initial values do, one by one.
+    pub directions: Directions,
+    /// What each is called, with where it is asked for.
+    pub names: Vec<(String, Span)>,
+}
+
+/// Two observers of one run.
+pub(super) struct Both<'a, A, B>(pub &'a mut A, pub &'a mut B);
+
+impl<A: Observer, B: Observer> Observer for Both<'_, A, B> {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        self.1.segment(segment)?;
+        self.0.segment(segment)
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.1.event(event);
+        self.0.event(event);
+    }
+}
+
+/// The instants of rows.
+pub(super) fn instants(times: &[f64]) -> Vec<Moment> {
+    let instant = |(row, &time): (usize, &f64)| Moment {
+        time,
+        is_behind: !is_before(times, row),
+    };
+    times.iter().enumerate().map(instant).collect()
+}
+
+impl Sensing {
+    /// Adds the derivatives of a run to its trajectory, and why they are not known where they are not.
+    pub fn tell(
+        &self,
+        found: &Sensitivities,
+        (system, reported): (&System, &Reported),
+        trajectory: &mut Trajectory,
+    ) {
+        let rows = Rows::new(reported, system, &trajectory.samples.time, found);
+        let mut all = Vec::new();
+        for (d, (name, _)) in self.names.iter().enumerate() {
+            let [states, outputs] = rows.tangents(d, &self.directions.parameters[d]);
+            let moves = found.events.iter().map(|event| Moves {
+                time: event.time,
+                derivative: event.by[d],
+            });
+            all.push(Sensitivity {
+                to: name.clone(),
+                until: found.lost[d].as_ref().map(|loss| loss.time),
+                states,
+                outputs,
+                events: moves.collect(),
+            });
+        }
+        trajectory.samples.sensitivities = all;
+        let mut told: Vec<(&Loss, Vec<&str>)> = Vec::new();
+        for (loss, (name, _)) in found.lost.iter().zip(&self.names) {
+            let Some(loss) = loss else { continue };
+            match told.iter_mut().find(|(other, _)| *other == loss) {
+                Some((_, names)) => names.push(name),
+                None => told.push((loss, vec![name])),
+            }
+        }
+        let warnings = told
+            .iter()
+            .map(|(loss, names)| self.lost(system, loss, names));
+        trajectory.warnings.extend(warnings);
+    }
+
+    /// What is said where derivatives are not known any more.
+    fn lost(&self, system: &System, loss: &Loss, names: &[&str]) -> Warning {
+        let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        let switches = loss.switches.iter().map(|&i| &system.switches[i]);
+        let mut surfaces: Vec<String> = switches
+            .map(|switch| format!("`{}`", switch.name))
+            .collect();
+        surfaces.dedup();
+        let at = match surfaces.is_empty() {
+            true => String::new(),
+            false => format!(" at {}", surfaces.join(", ")),
+        };
+        let why: Why = loss.why;
+        let own = self
+            .names
+            .iter()
+            .find(|(name, _)| names[0] == format!("`{name}`"));
+        let span = (loss.switches.iter()).find_map(|&i| system.switches[i].spans.first().copied());
+        Warning {
+            code: "W0735".into(),
+            message: format!(
+                "the sensitivity to {} is not known from time {:.6} on: {why}{at}",
+                names.join(", "),
+                loss.time
+            ),
+            span: span.or(own.map(|(_, span)| *span)),
+        }
+    }
+}

@@ -1,0 +1,505 @@
+//! The pass from the start of a run to its end.
+
+use super::asked::{Directions, Moment};
+use super::functions::{Functions, Linearized, Moved, Point};
+use super::recording::{Jump, Part, Recording, Step};
+use super::run::Run;
+use super::saltation::{Known, Meeting, Saltation};
+use super::sizes::Sizes;
+use super::variational::{self, Variational, Way};
+use super::why::{Loss, Why};
+use crate::events::Approach;
+use crate::hybrid::Side;
+
+/// When something happened, and how that moves with each direction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EventTime {
+    /// When.
+    pub time: f64,
+    /// dt/dp by direction; not a number where it is not known.
+    pub by: Vec<f64>,
+}
+
+/// The derivatives of a run.
+pub struct Sensitivities {
+    /// The instants of all events, in order.
+    pub events: Vec<EventTime>,
+    /// From when on directions are not known.
+    pub lost: Vec<Option<Loss>>,
+    /// The share of its terms up to which ψ is zero, as far as the run knows.
+    width: f64,
+    instants: Vec<Moment>,
+    /// States and all α at the instants, where tangents were known.
+    points: Vec<Vec<f64>>,
+    /// The tangents of states and all α, by direction.
+    tangents: Vec<Vec<Option<Vec<f64>>>>,
+}
+
+impl Sensitivities {
+    /// dx/dp at one of the instants that were asked for, and behind it those of all α; none from where on they are not
+    /// known.
+    pub fn at(&self, instant: usize, direction: usize) -> Option<&[f64]> {
+        let Moment { time, is_behind } = self.instants[instant];
+        let is_lost = |loss: &Loss| time > loss.time || time == loss.time && is_behind;
+        let known = self.tangents[instant][direction].as_deref()?;
+        let is_known = !self.lost[direction].as_ref().is_some_and(is_lost);
+        is_known
+            .then_some(known)
+            .filter(|known| known.iter().all(|v| !v.is_nan()))
+    }
+
+    /// The share of its terms up to which ψ is zero, as far as the run knows.
+    pub fn width(&self) -> f64 {
+        self.width
+    }
+
+    /// The state and all α of that instant, nothing behind losses of all directions; an α is not a number where nothing but
+    /// outputs looks at it.
+    pub fn point(&self, instant: usize) -> &[f64] {
+        &self.points[instant]
+    }
+}
+
+/// The tangents of a run, so far.
+pub(super) struct Forward<'r> {
+    run: &'r Run<'r>,
+    functions: Functions<'r>,
+    /// dx/dp by direction; none where it is not known.
+    tangents: Vec<Option<Vec<f64>>>,
+    found: Sensitivities,
+    /// Where the run is, and its mode; none at the start.
+    x: Vec<f64>,
+    sides: Option<Box<[Side]>>,
+    sizes: Sizes,
+    coefficients: Vec<f64>,
+    method: Variational,
+}
+
+impl<'r> Forward<'r> {
+    pub fn new(run: &'r Run<'r>, directions: &'r Directions, instants: &[Moment]) -> Self {
+        let n = run.system.n_states();
+        Forward {
+            functions: Functions::new(run.system.clone(), &directions.parameters),
+            tangents: directions.initial.iter().cloned().map(Some).collect(),
+            found: Sensitivities {
+                events: Vec::new(),
+                width: run.width(),
+                lost: vec![None; directions.len()],
+                instants: instants.to_vec(),
+                points: Vec::new(),
+                tangents: Vec::new(),
+            },
+            x: vec![0.0; n],
+            sides: None,
+            sizes: Sizes::new(n, directions.len()),
+            coefficients: Vec::new(),
+            method: Variational::new(run.tolerance),
+            run,
+        }
+    }
+
+    /// Goes through a recorded run.
+    pub fn follow(mut self, recording: &Recording, approaches: &[Approach]) -> Sensitivities {
+        let mut last = None;
+        let mut approaches = approaches.iter().peekable();
+        for (at, part) in recording.parts.iter().enumerate() {
+            if self.tangents.iter().all(Option::is_none) {
+                break;
+            }
+            let behind = &recording.parts[at + 1..];
+            match part {
+                Part::Step(step) => {
+                    let ends = behind.iter().find_map(Part::event);
+                    self.enter(step, ends.is_some_and(|event| event.accumulates));
+                    self.step(step, behind.is_empty());
+                    last = Some(step);
+                    while let Some(approach) = approaches.next_if(|a| a.time <= step.until) {
+                        self.approach(approach);
+                    }
+                }
+                Part::Event(event) => {
+                    let next = behind.iter().find_map(Part::step);
+                    if self.sides.is_none() {
+                        self.start_with(event, next);
+                    }
+                    self.instants_at(event.time, &event.before, &event.from);
+                    self.event(event, [last, next]);
+                    if behind.is_empty() {
+                        self.instants_at(f64::INFINITY, &event.after, &event.to);
+                    }
+                }
+            }
+        }
+        let (n, d) = (self.found.instants.len(), self.tangents.len());
+        self.found.points.resize(n, Vec::new());
+        self.found.tangents.resize(n, vec![None; d]);
+        self.found
+    }
+
+    /// Gives up some directions.
+    fn lose(&mut self, time: f64, why: Why, switches: &[usize], directions: &[usize]) {
+        for &d in directions {
+            self.tangents[d] = None;
+            let switches = switches.to_vec();
+            self.found.lost[d].get_or_insert(Loss {
+                time,
+                why,
+                switches,
+            });
+        }
+    }
+
+    fn lose_all(&mut self, time: f64, why: Why, switches: &[usize]) {
+        let known = |d: &usize| self.tangents[*d].is_some();
+        let all: Vec<usize> = (0..self.tangents.len()).filter(known).collect();
+        self.lose(time, why, switches, &all);
+    }
+
+    /// Comes to the start of a step.
+    fn enter(&mut self, step: &Step, accumulates: bool) {
+        let n = self.x.len();
+        let (mut x, mut slope) = (vec![0.0; n], vec![0.0; n]);
+        for share in [1.0, 0.5, 0.0] {
+            step.state(share * step.length, &mut x, &mut slope);
+            self.sizes.see(&x, &slope);
+        }
+        let coefficients = self.run.coefficients(step.start);
+        let is_first = self.sides.is_none();
+        let z = |z: &usize| (x[*z] - self.x[*z]).abs() > 1e-12 * self.sizes.largest[*z];
+        let jumps = coefficients != self.coefficients || self.run.system.algebraics.iter().any(z);
+        self.coefficients = coefficients;
+        match self.sides.take() {
+            None => {}
+            Some(sides) if *sides != *step.sides => self.changed(step, &sides, accumulates),
+            Some(_) => self.stay(step, &x),
+        }
+        self.sides = Some(step.sides.clone());
+        if is_first || jumps {
+            let mut alpha = vec![0.0; step.sides.len()];
+            step.alpha(0.0, &mut alpha);
+            self.keep_algebraic(step.start, &x, &step.sides, &alpha);
+        }
+        if is_first {
+            self.start(step, &x, &slope);
+        }
+    }
+
+    /// The mode is another one without an event.
+    fn changed(&mut self, step: &Step, sides: &[Side], accumulates: bool) {
+        let matters = |&i: &usize| {
+            let system = &self.run.system;
+            let is_idle = system.is_idle(i, sides) || system.is_idle(i, &step.sides);
+            sides[i] != step.sides[i] && !is_idle && !self.run.observers[i]
+        };
+        let changed: Vec<usize> = (0..sides.len()).filter(matters).collect();
+        let why = match accumulates {
+            true => Why::Accumulation,
+            false => Why::Unknown,
+        };
+        if !changed.is_empty() {
+            self.lose_all(step.start, why, &changed);
+        }
+    }
+
+    /// What a run without an event does between two steps is nothing: states move by what projection takes away.
+    fn stay(&mut self, step: &Step, x: &[f64]) {
+        const MOVED: f64 = 1e-6;
+        let largest = &self.sizes.largest;
+        let rounding = 1e-3 * self.run.accuracy * crate::linalg::largest(largest);
+        let moved = |i: usize| {
+            let own = largest[i] + self.sizes.fastest[i] * step.length;
+            let is_far = (x[i] - self.x[i]).abs() > MOVED * own + rounding;
+            is_far && !self.run.system.is_algebraic(i)
+        };
+        if (0..x.len()).any(moved) {
+            self.lose_all(step.start, Why::Unknown, &[]);
+        }
+    }
+
+    /// At the start what lies on a surface has to stay there.
+    fn start(&mut self, step: &Step, x: &[f64], slope: &[f64]) {
+        let mut alpha = vec![0.0; step.sides.len()];
+        step.alpha(0.0, &mut alpha);
+        let coefficients = self.coefficients.clone();
+        let meeting = Meeting {
+            point: self.point(step.start, x, &alpha, &coefficients),
+            sides: &step.sides,
+            observers: self.run.observers,
+        };
+        let known = Known {
+            share: self.run.width(),
+            sizes: &self.sizes.largest,
+            instant: 0.0,
+            f: slope,
+        };
+        let mut lost = Vec::new();
+        for (d, tangent) in self.tangents.iter().enumerate() {
+            let moved = tangent.as_ref().map(|tangent| Moved::still(tangent));
+            let leaves = moved.and_then(|moved| {
+                meeting.leaves(&mut self.functions, &known, ([&[], &[]], moved), d)
+            });
+            lost.extend(leaves.map(|switch| (d, switch)));
+        }
+        for (d, switch) in lost {
+            self.lose(step.start, Why::Start, &[switch], &[d]);
+        }
+    }
+
+    fn point<'p>(
+        &self,
+        t: f64,
+        x: &'p [f64],
+        alpha: &'p [f64],
+        coefficients: &'p [f64],
+    ) -> Point<'p>
+    where
+        'r: 'p,
+    {
+        Point {
+            t,
+            x,
+            alpha,
+            coefficients,
+            parameters: self.run.parameters,
+        }
+    }
+
+    /// Algebraic states follow from what keeps them.
+    fn keep_algebraic(&mut self, time: f64, x: &[f64], sides: &[Side], alpha: &[f64]) {
+        if self.run.system.algebraics.is_empty() {
+            return;
+        }
+        let coefficients = self.coefficients.clone();
+        let meeting = Meeting {
+            point: self.point(time, x, alpha, &coefficients),
+            sides,
+            observers: self.run.observers,
+        };
+        let algebraic = meeting.algebraic(&mut self.functions);
+        let algebraic = match algebraic {
+            Ok(algebraic) => algebraic,
+            Err(why) => return self.lose_all(time, why, &[]),
+        };
+        for (d, tangent) in self.tangents.iter_mut().enumerate() {
+            if let Some(tangent) = tangent {
+                algebraic.keep(&self.functions, tangent, 0.0, d);
+            }
+        }
+    }
+
+    /// Takes the tangents along a step.
+    fn step(&mut self, step: &Step, is_last: bool) {
+        let mode = self.functions.mode(&step.sides);
+        let way = Way {
+            step,
+            mode: &mode,
+            coefficients: &self.coefficients,
+            run: self.run,
+            sizes: &self.sizes,
+        };
+        let found = &mut self.found;
+        let asked = found.instants[found.points.len()..].iter();
+        let asked = asked.take_while(|moment| moment.time < step.until);
+        let asked: Vec<f64> = asked.map(|moment| moment.time - step.start).collect();
+        let mut seen = Seen::default();
+        let see = |functions: &mut Functions, method: &Variational, part: &variational::Part| {
+            seen.take(functions, way, part);
+            found.read(functions, way, method, (part, is_last));
+            way.rests(functions, method, part)
+        };
+        let lost = self
+            .method
+            .follow(&mut self.functions, (way, &asked), &mut self.tangents, see);
+        for (d, tangent, terms) in seen.0 {
+            self.sizes.see_tangent(d, &tangent);
+            self.sizes.add_terms(d, terms.into_iter());
+        }
+        for (d, why, switches, tau) in lost {
+            self.lose(step.start + tau, why, &switches, &[d]);
+        }
+        self.x.clone_from(&step.end);
+    }
+
+    /// Comes to a jump at the start.
+    fn start_with(&mut self, event: &Jump, next: Option<&Step>) {
+        self.coefficients = self.run.coefficients(event.time);
+        let mut alpha: Vec<f64> = event
+            .from
+            .iter()
+            .map(|side| 0.5 + 0.5 * side.sign())
+            .collect();
+        if let Some(next) = next {
+            next.alpha(0.0, &mut alpha);
+        }
+        self.keep_algebraic(event.time, &event.before, &event.from, &alpha);
+    }
+
+    fn event(&mut self, event: &Jump, [last, next]: [Option<&Step>; 2]) {
+        let still = vec![0.0; self.x.len()];
+        self.sizes.see(&event.before, &still);
+        self.sizes.see(&event.after, &still);
+        let behind = self.run.coefficients(event.time);
+        let before = self.found.events.last();
+        let before = before.filter(|before| before.time == event.time);
+        let saltation = Saltation {
+            run: self.run,
+            event,
+            last: last.filter(|step| *step.sides == *event.from && step.until >= event.time),
+            next: next.filter(|step| *step.sides == *event.to && step.start <= event.time),
+            sizes: &self.sizes,
+            coefficients: [&self.coefficients, &behind],
+            is_start: self.sides.is_none(),
+            follows: before.map(|before| &before.by[..]),
+        };
+        let mut by = vec![f64::NAN; self.tangents.len()];
+        let mut failed = Vec::new();
+        match saltation.prepare(&mut self.functions) {
+            Err((why, switches)) => {
+                let known = |d: &usize| self.tangents[*d].is_some();
+                let all = (0..self.tangents.len()).filter(known);
+                failed.extend(all.map(|d| (d, why, switches.clone())));
+            }
+            Ok(prepared) => {
+                for (d, by) in by.iter_mut().enumerate() {
+                    let Some(tangent) = &self.tangents[d] else {
+                        continue;
+                    };
+                    match prepared.cross(&mut self.functions, tangent, d) {
+                        Ok((time, tangent)) => {
+                            *by = time;
+                            self.tangents[d] = Some(tangent);
+                        }
+                        Err((why, switches)) => failed.push((d, why, switches)),
+                    }
+                }
+            }
+        }
+        let speeds = self.sizes.speeds.all();
+        for (d, time) in by.iter().enumerate().filter(|(_, time)| time.is_finite()) {
+            let terms = speeds.iter().map(|speed| speed * time);
+            self.sizes.add_terms(d, terms);
+        }
+        for (d, why, switches) in failed {
+            self.lose(event.time, why, &switches, &[d]);
+        }
+        self.found.events.push(EventTime {
+            time: event.time,
+            by,
+        });
+        self.sizes.turn();
+        self.method.restart();
+        self.sides = Some(event.to.clone());
+        self.x.clone_from(&event.after);
+    }
+
+    /// Takes down the instants up to one at which something happens, without a step that they are in.
+    fn instants_at(&mut self, time: f64, x: &[f64], sides: &[Side]) {
+        while let Some(instant) = self.found.instants.get(self.found.points.len()) {
+            let is_here = instant.time < time || instant.time == time && !instant.is_behind;
+            if !is_here {
+                break;
+            }
+            let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
+            let coefficients = self.run.coefficients(instant.time);
+            let mode = self.functions.mode(sides);
+            let start = alpha.clone();
+            let point = self.point(instant.time, x, &start, &coefficients);
+            let solved = self.functions.solve_alpha(&mode, &point, &mut alpha);
+            let point = self.point(instant.time, x, &alpha, &coefficients);
+            let linear = solved.and_then(|()| self.functions.linearize(&mode, &point));
+            let of_direction = |(d, tangent): (usize, &Option<Vec<f64>>)| {
+                let linear = linear.as_ref().ok()?;
+                Some(whole(&self.functions, linear, tangent.as_ref()?, d))
+            };
+            let tangents = self.tangents.iter().enumerate().map(of_direction).collect();
+            self.found.points.push([x, &alpha].concat());
+            self.found.tangents.push(tangents);
+        }
+    }
+
+    /// A surface that was touched, or was not as far as that can be told.
+    fn approach(&mut self, approach: &Approach) {
+        let gradient = approach.gradient.iter();
+        let size: f64 = gradient
+            .map(|&(j, g)| g.abs() * self.sizes.states.of(j))
+            .sum();
+        let is_near = approach.distance.abs() <= approach.rounding.max(self.run.closeness() * size);
+        if is_near && !self.run.observers[approach.switch] {
+            self.lose_all(approach.time, Why::Grazing, &[approach.switch]);
+        }
+    }
+}
+
+/// The tangents of states, and behind them those of all α.
+fn whole(
+    functions: &Functions,
+    linear: &Linearized,
+    tangent: &[f64],
+    direction: usize,
+) -> Vec<f64> {
+    let [_, of_k] = linear.along(functions, Moved::still(tangent), direction);
+    let mut whole = tangent.to_vec();
+    whole.resize(tangent.len() + functions.slots.n_switches, 0.0);
+    for (&i, alpha) in linear.sliding.iter().zip(of_k) {
+        whole[tangent.len() + i] = alpha;
+    }
+    whole
+}
+
+/// What has been seen of tangents along a step: direction, tangent, and terms over time.
+#[derive(Default)]
+struct Seen(Vec<(usize, Vec<f64>, Vec<f64>)>);
+
+impl Seen {
+    fn take(&mut self, functions: &mut Functions, way: Way, part: &variational::Part) {
+        let [a, b] = part.ends;
+        let Ok(linear) = way.linearize(functions, 0.5 * (a + b)) else {
+            return;
+        };
+        for (d, values) in part.values.iter().enumerate() {
+            let Some(values) = values else { continue };
+            let tangent = values.last().cloned().unwrap_or_default();
+            let terms = linear.terms(functions, Moved::still(&tangent), d);
+            let terms = terms.into_iter().map(|term| (b - a) * term).collect();
+            self.0.push((d, tangent, terms));
+        }
+    }
+}
+
+impl Sensitivities {
+    /// Takes down the instants inside of a part of a step.
+    fn read(
+        &mut self,
+        functions: &mut Functions,
+        way: Way,
+        method: &Variational,
+        (part, is_last): (&variational::Part, bool),
+    ) {
+        let [a, b] = part.ends;
+        let step = way.step;
+        let ends_step = b == step.length;
+        while let Some(&Moment { time, is_behind }) = self.instants.get(self.points.len()) {
+            let is_inside = match ends_step {
+                true => time < step.until || time == step.until && !is_behind || is_last,
+                false => time - step.start <= b,
+            };
+            if !is_inside {
+                break;
+            }
+            let tau = (time - step.start).clamp(a, b);
+            let tau = if time >= step.until { b } else { tau };
+            let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
+            let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
+            step.state(tau, &mut x, &mut vec![0.0; n]);
+            step.known_alpha(tau, &mut alpha);
+            let linear = way.linearize(functions, tau);
+            let of_direction = |(d, values): (usize, &Option<Vec<Vec<f64>>>)| {
+                let tangent = method.inside(values.as_ref()?, (tau - a) / (b - a));
+                Some(whole(functions, linear.as_ref().ok()?, &tangent, d))
+            };
+            let tangents = part.values.iter().enumerate().map(of_direction).collect();
+            self.points.push([x, alpha].concat());
+            self.tangents.push(tangents);
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! Jumps x⁺ = g(t, x⁻) to first order: laws that set states, and impacts.
+//!
+//! An impact of closed contacts gives x⁺ = x⁻ + Σ_k d_k λ_k with d = -∂f/∂α where they are closed, and what it stops or
+//! throws back has h_k(x⁺) = -e_k h_k(x⁻), h being ψ' of gaps and ψ of slip velocities that stick behind it. So
+//!
+//! (h_x d) λ = -(1 + e) h,   (h_x d) δλ = -δ((1 + e) h) - δ(h_x d) λ,
+//!
+//! which holds as long as the same contacts push, slip and stick.
+
+use std::sync::Arc;
+
+use super::functions::{Functions, Group, Moved, Point};
+use super::recording::Jump;
+use super::saltation::Slope;
+use super::why::Why;
+use crate::hybrid::{Effect, Guard, HybridSystem, Impact, Law, Reset, Side};
+use crate::linalg::DenseLu;
+use crate::selector::coupling::Coupling;
+
+/// States behind a jump are those of its law up to this part of their sizes.
+const SAME: f64 = 1e-9;
+/// A slip velocity is zero up to this part of its terms.
+const STICKS: f64 = 1e-12;
+
+/// The states that change, as functions of time, states and parameters.
+pub(super) struct Jumped {
+    rows: Vec<(usize, Slope)>,
+}
+
+impl Jumped {
+    /// The tangent behind it, with the size of its terms.
+    pub fn apply(&self, moved: Moved, direction: usize) -> (Vec<f64>, Vec<f64>) {
+        let (mut x, mut size) = (moved.x.to_vec(), moved.size.to_vec());
+        for (state, slope) in &self.rows {
+            [x[*state], size[*state]] = slope.along(moved, direction);
+        }
+        (x, size)
+    }
+}
+
+/// The jumps of an event, in order, where they lead to the state behind it.
+pub(super) fn jumped(
+    functions: &mut Functions,
+    point: Point,
+    (event, coupling): (&Jump, &Coupling),
+    sizes: &[f64],
+) -> Result<Vec<Jumped>, Why> {
+    let single: Vec<Vec<usize>> = event.laws.iter().map(|&law| vec![law]).collect();
+    let all = [vec![event.laws.clone()], single];
+    for (rounds, closed) in all
+        .iter()
+        .flat_map(|rounds| [(rounds, false), (rounds, true)])
+    {
+        let mut x = event.before.clone();
+        let mut found = Vec::new();
+        for laws in rounds {
+            let here = Point { x: &x, ..point };
+            let beside = match closed {
+                true => beside(&functions.system, event, coupling, laws),
+                false => Vec::new(),
+            };
+            let Some((behind, jumped)) =
+                together(functions, here, (event, sizes), [laws, &beside])?
+            else {
+                break;
+            };
+            x = behind;
+            found.push(jumped);
+        }
+        let same = |i: usize| {
+            let is_near = (x[i] - event.after[i]).abs() <= SAME * sizes[i];
+            is_near || functions.system.is_algebraic(i)
+        };
+        if found.len() == rounds.len() && (0..x.len()).all(same) {
+            return Ok(found);
+        }
+    }
+    Err(Why::Jump)
+}
+
+/// The laws of closed contacts that hang together with those that laws strike.
+fn beside(system: &HybridSystem, event: &Jump, coupling: &Coupling, laws: &[usize]) -> Vec<usize> {
+    fn contact(law: &Law) -> Option<(usize, &Vec<usize>)> {
+        match (&law.guard, &law.effect) {
+            (Guard::Strikes(normal), Effect::Impact(impact)) => Some((*normal, &impact.slips)),
+            _ => None,
+        }
+    }
+    let is_there = |&(law, (normal, _)): &(usize, (usize, &Vec<usize>))| {
+        laws.contains(&law) || event.from[normal] == Side::Slide
+    };
+    let all = system.laws.iter().enumerate();
+    let all = all.filter_map(|(at, law)| Some((at, contact(law)?)));
+    let contacts: Vec<_> = all.filter(is_there).collect();
+    let of_each = contacts.iter();
+    let mut touching: Vec<usize> = of_each
+        .flat_map(|(_, (normal, slips))| [&[*normal], &slips[..]].concat())
+        .collect();
+    touching.sort_unstable();
+    let struck = contacts.iter().filter(|(law, _)| laws.contains(law));
+    let group: Vec<usize> = struck
+        .flat_map(|(_, (normal, _))| coupling.interacting(*normal, &touching))
+        .collect();
+    let others = contacts.iter().filter(|(law, _)| !laws.contains(law));
+    let others = others.filter(|(_, (normal, _))| group.contains(normal));
+    others.map(|(law, _)| *law).collect()
+}
+
+/// Laws that jump together, with the impulses of contacts `beside` them: the state behind them.
+fn together(
+    functions: &mut Functions,
+    point: Point,
+    (event, sizes): (&Jump, &[f64]),
+    [laws, beside]: [&[usize]; 2],
+) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
+    let system = functions.system.clone();
+    let mut x = point.x.to_vec();
+    let mut rows = Vec::new();
+    let mut impacts = Vec::new();
+    for &law in laws.iter().chain(beside) {
+        match (&system.laws[law].guard, &system.laws[law].effect) {
+            (_, Effect::Reset(reset)) => {
+                for (state, value, slope) in reset_to(functions, point, event, reset)? {
+                    x[state] = value;
+                    rows.push((state, slope));
+                }
+            }
+            (Guard::Strikes(normal), Effect::Impact(impact)) => impacts.push((*normal, impact)),
+            (Guard::Sides { .. }, Effect::Impact(_)) => return Err(Why::Jump),
+        }
+    }
+    match (impacts.is_empty(), rows.is_empty()) {
+        (true, _) => Ok(Some((x, Jumped { rows }))),
+        (false, true) => struck(functions, point, (event, sizes), &impacts),
+        (false, false) => Ok(None),
+    }
+}
+
+/// What a law sets: states with their values.
+fn reset_to(
+    functions: &mut Functions,
+    point: Point,
+    event: &Jump,
+    reset: &Reset,
+) -> Result<Vec<(usize, f64, Slope)>, Why> {
+    let group = Group::new(
+        Arc::new(reset.values.clone()),
+        reset.inputs.clone(),
+        functions.slots,
+    );
+    let values = group.values(&point, &mut functions.registers);
+    let slopes = group.slopes(&point, &mut functions.registers);
+    let slots = functions.slots;
+    let slides = |slot: usize| {
+        let switch = slot.checked_sub(slots.alpha(0));
+        switch.is_some_and(|i| i < slots.n_switches && event.from[i] == Side::Slide)
+    };
+    if slopes.iter().any(|&(_, slot, _)| slides(slot)) {
+        return Err(Why::Jump);
+    }
+    let states = reset.states.iter().zip(values).enumerate();
+    let row = |(at, (&state, value))| {
+        let own = slopes.iter().filter(|&&(function, ..)| function == at);
+        let own: Vec<(usize, f64)> = own.map(|&(_, slot, slope)| (slot, slope)).collect();
+        (state, value, Slope::of(functions, &own))
+    };
+    Ok(states.map(row).collect())
+}
+
+/// Derivatives by t, states and directions, one after another.
+fn whole(slope: &Slope) -> Vec<f64> {
+    [&[slope.time], &slope.x[..], &slope.by].concat()
+}
+
+/// What an impact stops or throws back.
+struct Stopped {
+    switch: usize,
+    /// e, and its derivatives.
+    restitution: f64,
+    slope: Slope,
+}
+
+/// Contacts as an impact closes them, those that stick behind it sticking.
+struct Closed {
+    sides: Box<[Side]>,
+    alpha: Vec<f64>,
+    stopped: Vec<Stopped>,
+}
+
+impl Closed {
+    fn of(
+        functions: &mut Functions,
+        point: Point,
+        (event, sizes): (&Jump, &[f64]),
+        impacts: &[(usize, &Impact)],
+    ) -> Result<Self, Why> {
+        let mut closed = Closed {
+            sides: event.from.clone(),
+            alpha: point.alpha.to_vec(),
+            stopped: Vec::new(),
+        };
+        let behind = Point {
+            x: &event.after,
+            ..point
+        };
+        for &(normal, impact) in impacts {
+            (closed.sides[normal], closed.alpha[normal]) = (Side::Slide, 0.0);
+            let tape = Arc::new(impact.numbers.clone());
+            let group = Group::new(tape, impact.inputs.clone(), functions.slots);
+            let numbers = group.values(&point, &mut functions.registers);
+            let slopes = group.slopes(&point, &mut functions.registers).into_iter();
+            let of_e = slopes.filter(|&(number, ..)| number == 0);
+            let of_e: Vec<_> = of_e.map(|(_, slot, slope)| (slot, slope)).collect();
+            closed.stopped.push(Stopped {
+                switch: normal,
+                restitution: numbers[0],
+                slope: Slope::of(functions, &of_e),
+            });
+            for &slip in &impact.slips {
+                closed.slip(functions, (&behind, sizes), slip)?;
+            }
+        }
+        Ok(closed)
+    }
+
+    /// A slip velocity sticks where it is zero behind the impact.
+    fn slip(
+        &mut self,
+        functions: &mut Functions,
+        (behind, sizes): (&Point, &[f64]),
+        slip: usize,
+    ) -> Result<(), Why> {
+        // With two entries friction has a direction of its own.
+        if functions.system.across(slip).is_some() {
+            return Err(Why::Jump);
+        }
+        let psi = functions.psi(slip, 0, &self.sides);
+        let after = psi.value(behind, &mut functions.registers);
+        let slopes = psi.slopes(behind, &mut functions.registers).into_iter();
+        let terms = slopes.filter(|(slot, _)| (1..=sizes.len()).contains(slot));
+        let terms = terms.map(|(slot, slope)| slope.abs() * sizes[slot - 1]);
+        if after.abs() <= STICKS * terms.sum::<f64>() {
+            (self.sides[slip], self.alpha[slip]) = (Side::Slide, 0.5);
+            self.stopped.push(Stopped {
+                switch: slip,
+                restitution: 0.0,
+                slope: Slope::of(functions, &[]),
+            });
+        } else {
+            self.sides[slip] = Side::of(after);
+            self.alpha[slip] = 0.5 + 0.5 * self.sides[slip].sign();
+        }
+        Ok(())
+    }
+}
+
+/// The state behind an impact of contacts that push, none where they do not.
+fn struck(
+    functions: &mut Functions,
+    point: Point,
+    of: (&Jump, &[f64]),
+    impacts: &[(usize, &Impact)],
+) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
+    let Closed {
+        sides,
+        alpha,
+        stopped,
+    } = Closed::of(functions, point, of, impacts)?;
+    let point = Point {
+        alpha: &alpha,
+        ..point
+    };
+    let (n, k) = (functions.slots.n_states, stopped.len());
+    let switches: Vec<usize> = stopped.iter().map(|stopped| stopped.switch).collect();
+    let kicks = functions.kicks(&sides, &point, &switches);
+    // h with its slopes, and how these change.
+    let (mut h, mut h_rows, mut h_bends) = (Vec::new(), Vec::new(), Vec::new());
+    for &i in &switches {
+        let psi = functions.psi(i, functions.n_derivatives(i), &sides);
+        h.push(psi.value(&point, &mut functions.registers));
+        let slopes = psi.slopes(&point, &mut functions.registers);
+        h_rows.push(whole(&Slope::of(functions, &slopes)));
+        h_bends.push(functions.bends(&psi, &point));
+    }
+    let product = |row: &[f64], kick: &[f64]| -> f64 {
+        row[1..=n].iter().zip(kick).map(|(a, b)| a * b).sum()
+    };
+    let of_row =
+        |row: &Vec<f64>| -> Vec<f64> { kicks.iter().map(|kick| product(row, &kick.0)).collect() };
+    let matrix: Vec<f64> = h_rows.iter().flat_map(of_row).collect();
+    let mut lu = DenseLu::new(k);
+    if lu.factor(&matrix).is_err() {
+        return Ok(None);
+    }
+    let kept = |i: usize| -(1.0 + stopped[i].restitution) * h[i];
+    let mut lambda: Vec<f64> = (0..k).map(kept).collect();
+    lu.solve(&mut lambda);
+    let pushes = |at: usize| !functions.system.is_unilateral(switches[at]) || lambda[at] > 0.0;
+    if !(0..k).all(pushes) {
+        return Ok(None);
+    }
+    let mut rows: Vec<Vec<f64>> = vec![Vec::new(); n];
+    // By columns: δλ, and with it δx⁺.
+    for column in 0..1 + n + functions.n_directions() {
+        let change = |i: usize| {
+            let of_e = whole(&stopped[i].slope)[column] * h[i];
+            let of_h = (1.0 + stopped[i].restitution) * h_rows[i][column];
+            let of_kicks = kicks.iter().zip(&lambda).map(|(kick, lambda)| {
+                let moved = (0..n).map(|j| {
+                    h_rows[i][1 + j] * kick.1[j][column] + h_bends[i][j][column] * kick.0[j]
+                });
+                lambda * moved.sum::<f64>()
+            });
+            -(of_e + of_h + of_kicks.sum::<f64>())
+        };
+        let mut changes: Vec<f64> = (0..k).map(change).collect();
+        lu.solve(&mut changes);
+        for (i, row) in rows.iter_mut().enumerate() {
+            let own = if column == 1 + i { 1.0 } else { 0.0 };
+            let of_kicks = kicks
+                .iter()
+                .enumerate()
+                .map(|(l, kick)| kick.0[i] * changes[l] + kick.1[i][column] * lambda[l]);
+            row.push(own + of_kicks.sum::<f64>());
+        }
+    }
+    let pushed = |i: usize| {
+        let pushes = kicks
+            .iter()
+            .zip(&lambda)
+            .map(|(kick, lambda)| kick.0[i] * lambda);
+        point.x[i] + pushes.sum::<f64>()
+    };
+    let rows = rows.iter().map(|row| Slope::row(row, n)).enumerate();
+    let rows = rows.collect();
+    Ok(Some(((0..n).map(pushed).collect(), Jumped { rows })))
+}

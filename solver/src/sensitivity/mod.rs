@@ -1,0 +1,62 @@
+//! Derivatives of a run by parameters and initial values: forward sensitivities across events.
+//!
+//! Between events the tangent S = dx/dp of a run x' = f(t, x, p) satisfies S' = f_x S + f_p, with the field of the mode:
+//! what slides has α_K(t, x, p) from φ_K = 0, and derivatives of f go through it by the theorem of implicit functions.
+//! An event takes place where e(t, x, p) = 0, which is ψ of the surface that is met, or α at the bound where sliding ends:
+//!
+//! dt/dp = -(e_x S⁻ + e_p)/(e_t + e_x f⁻),   S⁺ = g_x X + g_t dt/dp + g_p - f⁺ dt/dp,   X = S⁻ + f⁻ dt/dp,
+//!
+//! for x⁺ = g(t, x⁻, p), the identity where nothing jumps (Galán, Feehery & Barton 1999; for impacts, Saccon, van de Wouw &
+//! Nijmeijer 2014). An instant that is known before has dt/dp = 0.
+//!
+//! It is a pass over a run that has been recorded, so that the run itself does nothing for it. What holds to first order is
+//! asked of every event: what lies on a surface stays on it as parameters change, jumps are those of the recorded laws, and
+//! rates are those of the recorded polynomials. A direction for which something does not hold is lost from there on, and
+//! said to be.
+
+mod asked;
+mod forward;
+mod functions;
+mod jump;
+mod recording;
+mod resting;
+mod run;
+mod saltation;
+mod sizes;
+mod stiff;
+mod variational;
+mod why;
+
+pub use asked::{Directions, Moment};
+pub use forward::{EventTime, Sensitivities};
+pub use recording::Recording;
+pub use why::{Loss, Why};
+
+use crate::event::Simulator;
+use crate::events::Approach;
+
+impl Simulator {
+    /// Differentiates a run of this simulator that has been recorded, with the surfaces that it came close to, at instants in
+    /// order, within the limit of its runs.
+    pub fn differentiate(
+        &self,
+        recording: &Recording,
+        approaches: &[Approach],
+        directions: &Directions,
+        instants: &[Moment],
+    ) -> Sensitivities {
+        let memory = &self.mode.memory;
+        let run = run::Run {
+            system: self.system.clone(),
+            coupling: &self.coupling,
+            observers: &self.mode.monitored.observers,
+            data: &memory.data,
+            parameters: &memory.values[memory.parameters()],
+            accuracy: self.settings.tolerance,
+            tolerance: (0.01 * self.settings.tolerance).clamp(1e-13, 1e-10),
+            limit: &self.settings.limit,
+        };
+        let forward = forward::Forward::new(&run, directions, instants);
+        forward.follow(recording, approaches)
+    }
+}

@@ -1,0 +1,126 @@
+//! A run as it was: steps with their polynomials, and events.
+
+use std::ops::ControlFlow;
+
+use crate::event::{Event, Observer, Segment};
+use crate::expansion::series;
+use crate::hybrid::Side;
+
+/// All steps and events of a run, in order.
+#[derive(Clone, Debug, Default)]
+pub struct Recording {
+    pub(super) parts: Vec<Part>,
+}
+
+/// A step or an event.
+#[derive(Clone, Debug)]
+pub(super) enum Part {
+    Step(Step),
+    Event(Jump),
+}
+
+/// A step in a mode.
+#[derive(Clone, Debug)]
+pub(super) struct Step {
+    pub start: f64,
+    pub length: f64,
+    pub until: f64,
+    pub sides: Box<[Side]>,
+    pub end: Vec<f64>,
+    n_coefficients: usize,
+    /// Series of states and of all α, one after another.
+    coefficients: Vec<f64>,
+}
+
+/// An event.
+#[derive(Clone, Debug)]
+pub(super) struct Jump {
+    pub time: f64,
+    pub before: Vec<f64>,
+    pub after: Vec<f64>,
+    pub laws: Vec<usize>,
+    pub from: Box<[Side]>,
+    pub to: Box<[Side]>,
+    pub met: Vec<usize>,
+    pub is_scheduled: bool,
+    /// Events accumulate here, or the run goes on from here as if it was their limit.
+    pub accumulates: bool,
+    pub folds: bool,
+}
+
+impl Step {
+    /// The series of a state, or behind all of them of an α.
+    pub fn row(&self, at: usize) -> &[f64] {
+        &self.coefficients[at * self.n_coefficients..(at + 1) * self.n_coefficients]
+    }
+
+    /// The state and its rate `tau` after the start.
+    pub fn state(&self, tau: f64, x: &mut [f64], slope: &mut [f64]) {
+        for (i, (x, slope)) in x.iter_mut().zip(slope).enumerate() {
+            *x = series::value(self.row(i), tau);
+            *slope = series::slope(self.row(i), tau);
+        }
+    }
+
+    /// α of all switches `tau` after the start; 1/2 where it is not known, as of what nothing but outputs looks at.
+    pub fn alpha(&self, tau: f64, alpha: &mut [f64]) {
+        self.known_alpha(tau, alpha);
+        let unknown = alpha.iter_mut().filter(|alpha| alpha.is_nan());
+        unknown.for_each(|alpha| *alpha = 0.5);
+    }
+
+    /// The same, not a number where it is not known.
+    pub fn known_alpha(&self, tau: f64, alpha: &mut [f64]) {
+        for (i, alpha) in alpha.iter_mut().enumerate() {
+            *alpha = series::value(self.row(self.end.len() + i), tau);
+        }
+    }
+}
+
+impl Part {
+    pub fn step(&self) -> Option<&Step> {
+        match self {
+            Part::Step(step) => Some(step),
+            Part::Event(_) => None,
+        }
+    }
+
+    pub fn event(&self) -> Option<&Jump> {
+        match self {
+            Part::Step(_) => None,
+            Part::Event(event) => Some(event),
+        }
+    }
+}
+
+impl Observer for Recording {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        let mut coefficients = Vec::new();
+        segment.write(&mut coefficients);
+        self.parts.push(Part::Step(Step {
+            start: segment.start,
+            length: segment.length,
+            until: segment.until,
+            sides: segment.sides.into(),
+            end: segment.end.to_vec(),
+            n_coefficients: segment.order() + 1,
+            coefficients,
+        }));
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.parts.push(Part::Event(Jump {
+            time: event.time,
+            before: event.before.to_vec(),
+            after: event.x.to_vec(),
+            laws: event.jumps.to_vec(),
+            from: event.from.into(),
+            to: event.to.into(),
+            met: event.cause.met.to_vec(),
+            is_scheduled: event.cause.is_scheduled,
+            accumulates: event.accumulates || event.cause.is_in_limit,
+            folds: event.decisions.iter().any(|decision| decision.folds),
+        }));
+    }
+}

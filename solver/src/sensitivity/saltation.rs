@@ -1,0 +1,621 @@
+//! What an event does to tangents.
+
+use super::functions::{Functions, Linearized, Moved, Point};
+use super::jump::{Jumped, jumped};
+use super::recording::{Jump, Step};
+use super::run::{Run, STAYS};
+use super::sizes::{Recent, Sizes};
+use super::why::Why;
+use crate::expansion::series;
+use crate::hybrid::{Effect, Input, Role, Side};
+use crate::linalg::DenseLu;
+
+/// A rate is none below this part of how large its terms have been of late.
+const TANGENTIAL: f64 = 1e-12;
+/// The same where nothing is known of how it bends.
+const UNKNOWN: f64 = 1e-7;
+/// What is left of a tangent by rounding.
+const ROUNDED: f64 = 1e-8;
+
+/// A function of time, states and parameters to first order.
+#[derive(Clone, Debug)]
+pub(super) struct Slope {
+    pub time: f64,
+    pub x: Vec<f64>,
+    /// By direction.
+    pub by: Vec<f64>,
+}
+
+impl Slope {
+    /// Of derivatives by slots.
+    pub fn of(functions: &Functions, slopes: &[(usize, f64)]) -> Self {
+        let n = functions.slots.n_states;
+        let (mut time, mut x) = (0.0, vec![0.0; n]);
+        for &(slot, slope) in slopes {
+            match slot {
+                0 => time += slope,
+                slot if slot <= n => x[slot - 1] += slope,
+                _ => {}
+            }
+        }
+        let rest = vec![0.0; n];
+        let still = Moved::still(&rest);
+        let by = (0..functions.n_directions()).map(|d| functions.along(slopes, still, d)[0]);
+        Slope {
+            time,
+            by: by.collect(),
+            x,
+        }
+    }
+
+    /// Of a row over t, states and directions.
+    pub fn row(row: &[f64], n: usize) -> Self {
+        Slope {
+            time: row[0],
+            x: row[1..=n].to_vec(),
+            by: row[1 + n..].to_vec(),
+        }
+    }
+
+    /// Its derivative in a direction, with the size of its terms.
+    pub fn along(&self, moved: Moved, direction: usize) -> [f64; 2] {
+        let terms = |x: &[f64]| -> Vec<f64> {
+            let states = self.x.iter().zip(x).map(|(a, b)| a * b);
+            states
+                .chain([self.time * moved.time, self.by[direction]])
+                .collect()
+        };
+        let sizes = terms(moved.size).into_iter().map(f64::abs);
+        [terms(moved.x).iter().sum(), sizes.sum()]
+    }
+
+    /// Whether one is a multiple of the other.
+    fn is_multiple(&self, other: &Slope) -> bool {
+        let all = |slope: &Slope| [&[slope.time], &slope.x[..], &slope.by].concat();
+        let (a, b) = (all(self), all(other));
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (aa, ab, bb) = (dot(&a, &a), dot(&a, &b), dot(&b, &b));
+        aa * bb - ab * ab <= 1e-12 * aa * bb
+    }
+}
+
+/// How well a run knows where it is.
+pub(super) struct Known<'a> {
+    /// The share of its terms up to which ψ is zero.
+    pub share: f64,
+    /// How large states have been.
+    pub sizes: &'a [f64],
+    /// How far the instant may be off, and the rates by which that moves states.
+    pub instant: f64,
+    pub f: &'a [f64],
+}
+
+impl Known<'_> {
+    /// How far a function may be off.
+    fn width(&self, slopes: &[(usize, f64)], t: f64) -> f64 {
+        let n = self.sizes.len();
+        let (mut terms, mut rate) = (0.0, 0.0);
+        for &(slot, slope) in slopes {
+            match slot {
+                0 => {
+                    terms += (slope * t).abs();
+                    rate += slope;
+                }
+                slot if slot <= n => {
+                    terms += slope.abs() * self.sizes[slot - 1];
+                    rate += slope * self.f[slot - 1];
+                }
+                _ => {}
+            }
+        }
+        self.share * terms + (rate * self.instant).abs()
+    }
+}
+
+/// A point in a mode.
+#[derive(Clone, Copy)]
+pub(super) struct Meeting<'a> {
+    pub point: Point<'a>,
+    pub sides: &'a [Side],
+    /// Of each switch, whether nothing but outputs looks at it.
+    pub observers: &'a [bool],
+}
+
+/// The equations that keep algebraic states.
+pub(super) struct Algebraic {
+    rows: Vec<Vec<(usize, f64)>>,
+    lu: DenseLu,
+}
+
+impl Algebraic {
+    /// Gives z the tangent that they want: h_z Z = -(h_y Y + h_t dt/dp + h_p).
+    pub fn keep(&self, functions: &Functions, tangent: &mut [f64], time: f64, direction: usize) {
+        let algebraics = &functions.system.algebraics;
+        algebraics.iter().for_each(|&z| tangent[z] = 0.0);
+        let moved = Moved {
+            time,
+            ..Moved::still(tangent)
+        };
+        let rows = self.rows.iter();
+        let rhs = rows.map(|row| -functions.along(row, moved, direction)[0]);
+        let mut rhs: Vec<f64> = rhs.collect();
+        self.lu.solve(&mut rhs);
+        for (&z, value) in algebraics.iter().zip(rhs) {
+            tangent[z] = value;
+        }
+    }
+}
+
+impl Meeting<'_> {
+    /// Whether f alone sees a kink of a switch: then its sides act for no time to first order where it is passed.
+    fn is_passed(&self, functions: &Functions, i: usize, met: &[usize], laws: &[usize]) -> bool {
+        let system = &functions.system;
+        if !system.switches[i].is_continuous || system.role(i) != Role::Step {
+            return false;
+        }
+        let reads = |&law: &usize| match &system.laws[law].effect {
+            Effect::Reset(reset) => reset.inputs.contains(&Input::Alpha(i)),
+            Effect::Impact(impact) => impact.inputs.contains(&Input::Alpha(i)),
+        };
+        let is_outer = |k: usize| self.sides[k] == Side::Slide || met.contains(&k);
+        let mut outer = (0..self.sides.len()).filter(|&k| is_outer(k));
+        !system.laws.iter().any(|law| law.guard.looks_at(i))
+            && !laws.iter().any(reads)
+            && !outer.any(|k| system.switches[k].inside.contains(&i))
+    }
+
+    /// A switch on whose surface the point is, and does not stay as it moves in a direction. Those on one side of their
+    /// surface alone that are `met` are known to be on it, and `laws` jump.
+    pub fn leaves(
+        &self,
+        functions: &mut Functions,
+        known: &Known,
+        ([met, laws], moved): ([&[usize]; 2], Moved),
+        direction: usize,
+    ) -> Option<usize> {
+        let system = functions.system.clone();
+        (0..self.sides.len()).find(|&i| {
+            let is_other = self.observers[i] || system.is_idle(i, self.sides);
+            if is_other || self.is_passed(functions, i, met, laws) {
+                return false;
+            }
+            let slides = self.sides[i] == Side::Slide;
+            let orders = if slides {
+                functions.n_derivatives(i)
+            } else {
+                0
+            };
+            (0..=orders).any(|order| {
+                let psi = functions.psi(i, order, self.sides);
+                let slopes = psi.slopes(&self.point, &mut functions.registers);
+                let value = psi.value(&self.point, &mut functions.registers);
+                let is_on = slides || value.abs() <= known.width(&slopes, self.point.t);
+                let [sum, size] = functions.along(&slopes, moved, direction);
+                (is_on || met.contains(&i)) && sum.abs() > STAYS * size
+            })
+        })
+    }
+
+    /// What keeps algebraic states.
+    pub fn algebraic(&self, functions: &mut Functions) -> Result<Algebraic, Why> {
+        let system = functions.system.clone();
+        let n = system.algebraics.len();
+        let kept = |&i: &usize| self.sides[i] == Side::Slide && system.role(i) != Role::Step;
+        let rows = (0..self.sides.len()).filter(kept).map(|i| {
+            let psi = functions.psi(i, functions.n_derivatives(i), self.sides);
+            psi.slopes(&self.point, &mut functions.registers)
+        });
+        let rows: Vec<Vec<(usize, f64)>> = rows.collect();
+        if rows.len() != n {
+            return Err(Why::Singular);
+        }
+        let place = |slot: usize| system.algebraics.binary_search(&slot.checked_sub(1)?).ok();
+        let mut matrix = vec![0.0; n * n];
+        for (row, slopes) in rows.iter().enumerate() {
+            for &(slot, slope) in slopes {
+                if let Some(column) = place(slot) {
+                    matrix[row * n + column] += slope;
+                }
+            }
+        }
+        let mut lu = DenseLu::new(n);
+        lu.factor(&matrix).map_err(|_| Why::Singular)?;
+        Ok(Algebraic { rows, lu })
+    }
+
+    /// A switch whose α is at a bound, and moves away from it in a direction.
+    fn loosens(
+        &self,
+        functions: &Functions,
+        (linear, known): (&Linearized, &Known),
+        but: Option<usize>,
+        moved: Moved,
+        direction: usize,
+    ) -> Option<usize> {
+        let system = &functions.system;
+        (0..self.sides.len()).find(|&i| {
+            if self.sides[i] != Side::Slide || but == Some(i) || self.observers[i] {
+                return false;
+            }
+            let distances = system.switches[i].limits().iter();
+            let distances = distances.map(|limit| (self.point.alpha[i] - limit).abs());
+            let distance = distances.fold(f64::INFINITY, f64::min);
+            if distance == f64::INFINITY {
+                return false;
+            }
+            let slopes = linear.alpha(i);
+            let is_at = distance <= known.width(&slopes, self.point.t) + known.share;
+            let [sum, size] = functions.along(&slopes, moved, direction);
+            is_at && sum.abs() > STAYS * size
+        })
+    }
+}
+
+/// An event of a run.
+pub(super) struct Saltation<'a> {
+    pub run: &'a Run<'a>,
+    pub event: &'a Jump,
+    /// The steps before and behind it, in its modes.
+    pub last: Option<&'a Step>,
+    pub next: Option<&'a Step>,
+    pub sizes: &'a Sizes,
+    /// Coefficients of data before and behind it.
+    pub coefficients: [&'a [f64]; 2],
+    pub is_start: bool,
+    /// dt/dp by direction of the event before, where nothing lies between them.
+    pub follows: Option<&'a [f64]>,
+}
+
+/// What is zero when an event takes place.
+#[derive(Clone)]
+struct Trigger {
+    slopes: Vec<(usize, f64)>,
+    rate: f64,
+    switch: usize,
+    /// How far it may be off.
+    width: f64,
+}
+
+/// An event with what is the same in all directions.
+pub(super) struct Prepared<'a> {
+    of: &'a Saltation<'a>,
+    alpha: [Vec<f64>; 2],
+    before: Linearized,
+    after: Linearized,
+    /// None where the instant is known.
+    trigger: Option<Trigger>,
+    passes: bool,
+    jumps: Vec<Jumped>,
+    algebraic: Option<Algebraic>,
+}
+
+/// Why there is no derivative, and the switches that it is about.
+type Failed = (Why, Vec<usize>);
+
+impl<'a> Saltation<'a> {
+    /// A point before or behind the event.
+    fn point<'p>(&'p self, behind: bool, alpha: &'p [f64]) -> Point<'p> {
+        let event = self.event;
+        Point {
+            t: event.time,
+            x: if behind { &event.after } else { &event.before },
+            alpha,
+            coefficients: self.coefficients[usize::from(behind)],
+            parameters: self.run.parameters,
+        }
+    }
+
+    fn sides(&self, behind: bool) -> &[Side] {
+        if behind {
+            &self.event.to
+        } else {
+            &self.event.from
+        }
+    }
+
+    /// α on one side of the event, and the functions there.
+    fn linearize(
+        &self,
+        functions: &mut Functions,
+        behind: bool,
+    ) -> Result<(Vec<f64>, Linearized), Why> {
+        let sides = self.sides(behind);
+        let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
+        match (behind, self.last, self.next) {
+            (false, Some(step), _) => step.alpha(step.length, &mut alpha),
+            (true, _, Some(step)) => step.alpha(0.0, &mut alpha),
+            _ => {}
+        }
+        let mode = functions.mode(sides);
+        let start = alpha.clone();
+        let point = self.point(behind, &start);
+        let solved = functions.solve_alpha(&mode, &point, &mut alpha);
+        let linear = solved.and_then(|()| functions.linearize(&mode, &self.point(behind, &alpha)));
+        let linear = linear.map_err(|_| Why::Singular)?;
+        Ok((alpha, linear))
+    }
+
+    /// The switches that are met, but those that outputs alone look at; these where there are no others.
+    fn met(&self) -> Vec<usize> {
+        let met = self.event.met.iter().copied();
+        let (observers, others): (Vec<usize>, Vec<usize>) =
+            met.partition(|&i| self.run.observers[i]);
+        if others.is_empty() { observers } else { others }
+    }
+
+    /// Whether it follows another one at once: what slides in the mode between them has α beyond its bounds.
+    fn is_at_once(&self, functions: &Functions, alpha: &[f64]) -> bool {
+        let is_beyond = |&i: &usize| {
+            let limits = functions.system.switches[i].limits();
+            let low = *limits
+                .first()
+                .filter(|_| limits.len() > 1)
+                .unwrap_or(&f64::NEG_INFINITY);
+            let high = *limits.last().unwrap_or(&f64::INFINITY);
+            let known = self.run.width();
+            let is_out = alpha[i] < low - known || alpha[i] > high + known;
+            self.event.from[i] == Side::Slide && is_out
+        };
+        self.follows.is_some() && self.met().iter().all(is_beyond)
+    }
+
+    /// Whether nothing but outputs sees the event, and fields that are the same on both sides: tangents pass through it.
+    fn passes(&self, functions: &Functions) -> bool {
+        let (event, met) = (self.event, &self.event.met);
+        let meeting = self.meeting(false, &[]);
+        let is_same = |i: usize| {
+            let is_other = event.from[i] != event.to[i] && !self.run.observers[i];
+            !is_other || meeting.is_passed(functions, i, met, &event.laws)
+        };
+        event.laws.is_empty() && !event.folds && (0..event.from.len()).all(is_same)
+    }
+
+    /// What is the same in all directions.
+    pub fn prepare(&'a self, functions: &mut Functions) -> Result<Prepared<'a>, Failed> {
+        let event = self.event;
+        let all = |why: Why| (why, event.met.clone());
+        if event.accumulates {
+            return Err(all(Why::Accumulation));
+        }
+        if event.folds {
+            return Err(all(Why::Fold));
+        }
+        let (alpha, before) = self.linearize(functions, false).map_err(all)?;
+        let (behind, after) = self.linearize(functions, true).map_err(all)?;
+        let passes = self.passes(functions);
+        let trigger = match event.is_scheduled || self.is_at_once(functions, &alpha) {
+            true => None,
+            false => Some(self.trigger(functions, &before, &alpha)),
+        };
+        let trigger = match trigger {
+            Some(Err(_)) if passes => None,
+            trigger => trigger.transpose()?,
+        };
+        let point = self.point(false, &alpha);
+        let jumps = match event.laws.is_empty() {
+            true => Vec::new(),
+            false => jumped(
+                functions,
+                point,
+                (event, self.run.coupling),
+                &self.sizes.largest,
+            )
+            .map_err(all)?,
+        };
+        let meeting = self.meeting(true, &behind);
+        let algebraic = match functions.system.algebraics.is_empty() {
+            true => None,
+            false => Some(meeting.algebraic(functions).map_err(all)?),
+        };
+        Ok(Prepared {
+            of: self,
+            alpha: [alpha, behind],
+            before,
+            after,
+            trigger,
+            passes,
+            jumps,
+            algebraic,
+        })
+    }
+
+    fn meeting<'p>(&'p self, behind: bool, alpha: &'p [f64]) -> Meeting<'p> {
+        Meeting {
+            point: self.point(behind, alpha),
+            sides: self.sides(behind),
+            observers: self.run.observers,
+        }
+    }
+
+    /// What decides when it takes place: of all that is met, what changes fastest.
+    fn trigger(
+        &self,
+        functions: &mut Functions,
+        before: &Linearized,
+        alpha: &[f64],
+    ) -> Result<Trigger, Failed> {
+        let (event, system) = (self.event, functions.system.clone());
+        let mut found: Vec<(f64, Trigger)> = Vec::new();
+        for i in self.met() {
+            if system.is_idle(i, &event.from) {
+                continue;
+            }
+            let slopes = match event.from[i] {
+                Side::Slide if system.switches[i].limits().is_empty() => continue,
+                Side::Slide => before.alpha(i),
+                _ => {
+                    let psi = functions.psi(i, 0, &event.from);
+                    psi.slopes(&self.point(false, alpha), &mut functions.registers)
+                }
+            };
+            let rate = rate_of(&slopes, &before.f);
+            let weigh = |sizes: &Recent| -> f64 {
+                let n = before.f.len();
+                let states = slopes.iter().filter(|(slot, _)| (1..=n).contains(slot));
+                states
+                    .map(|&(slot, slope)| slope.abs() * sizes.of(slot - 1))
+                    .sum()
+            };
+            let by_time = slopes.iter().filter(|(slot, _)| *slot == 0);
+            let speed =
+                weigh(&self.sizes.speeds) + by_time.map(|(_, slope)| slope.abs()).sum::<f64>();
+            let width = self.run.closeness() * weigh(&self.sizes.states);
+            let least = match self.bend(functions, i, rate) {
+                Some(bend) => f64::max(TANGENTIAL * speed, (2.0 * bend.abs() * width).sqrt()),
+                None => UNKNOWN * speed,
+            };
+            if rate.is_nan() || rate.abs() <= least {
+                continue;
+            }
+            found.push((
+                rate.abs() / speed,
+                Trigger {
+                    slopes,
+                    rate,
+                    switch: i,
+                    width,
+                },
+            ));
+        }
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let met = self.met();
+        let Some((_, trigger)) = found.first().cloned() else {
+            let is_none = met.is_empty();
+            return Err((if is_none { Why::Unknown } else { Why::Grazing }, met));
+        };
+        // Laws of which one is met just before the other may make another state together.
+        let of = |trigger: &Trigger| Slope::of(functions, &trigger.slopes);
+        let first = of(&trigger);
+        if !event.laws.is_empty() && !found.iter().all(|(_, other)| first.is_multiple(&of(other))) {
+            return Err((Why::Several, met));
+        }
+        Ok(trigger)
+    }
+
+    /// How the rate of what is met has changed over the last half of the step before.
+    fn bend(&self, functions: &mut Functions, switch: usize, rate: f64) -> Option<f64> {
+        let step = self.last?;
+        let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
+        let half = 0.5 * step.length;
+        let before = match step.sides[switch] {
+            Side::Slide => series::slope(step.row(n + switch), half),
+            _ => {
+                let (mut x, mut f, mut alpha) = (vec![0.0; n], vec![0.0; n], vec![0.0; m]);
+                step.state(half, &mut x, &mut f);
+                step.alpha(half, &mut alpha);
+                let point = Point {
+                    t: step.start + half,
+                    x: &x,
+                    alpha: &alpha,
+                    ..self.point(false, &[])
+                };
+                let psi = functions.psi(switch, 0, &step.sides);
+                let slopes = psi.slopes(&point, &mut functions.registers);
+                rate_of(&slopes, &f)
+            }
+        };
+        Some((rate - before) / half)
+    }
+}
+
+/// How a function changes in time, by its slopes and the rates of states.
+fn rate_of(slopes: &[(usize, f64)], f: &[f64]) -> f64 {
+    let rates = slopes.iter().map(|&(slot, slope)| match slot {
+        0 => slope,
+        slot => slope * f.get(slot - 1).copied().unwrap_or(0.0),
+    });
+    rates.sum()
+}
+
+fn moved<'x>(x: &'x [f64], size: &'x [f64], time: f64) -> Moved<'x> {
+    Moved { x, size, time }
+}
+
+impl Prepared<'_> {
+    /// dt/dp and the tangent behind the event, from that before it.
+    pub fn cross(
+        &self,
+        functions: &mut Functions,
+        tangent: &[f64],
+        direction: usize,
+    ) -> Result<(f64, Vec<f64>), Failed> {
+        let of = self.of;
+        let still = Moved::still(tangent);
+        let time = match &self.trigger {
+            Some(trigger) => -functions.along(&trigger.slopes, still, direction)[0] / trigger.rate,
+            None if of.event.is_scheduled => 0.0,
+            None => of.follows.map_or(f64::NAN, |by| by[direction]),
+        };
+        if self.passes {
+            return Ok((time, tangent.to_vec()));
+        }
+        let mut x: Vec<f64> = (tangent.iter().zip(&self.before.f))
+            .map(|(s, f)| s + f * time)
+            .collect();
+        let mut size = self.sizes(tangent, time, direction);
+        let but = self.trigger.as_ref().map(|trigger| trigger.switch);
+        self.check(functions, false, (moved(&x, &size, time), direction), but)?;
+        for jump in &self.jumps {
+            (x, size) = jump.apply(moved(&x, &size, time), direction);
+        }
+        if let Some(algebraic) = &self.algebraic {
+            algebraic.keep(functions, &mut x, time, direction);
+        }
+        let sizes = x.iter().zip(&size).map(|(x, size)| x.abs().max(*size));
+        let size: Vec<f64> = sizes.collect();
+        self.check(functions, true, (moved(&x, &size, time), direction), None)?;
+        let slipped = x.iter().zip(&self.after.f).map(|(x, f)| x - f * time);
+        let slipped: Vec<f64> = slipped.collect();
+        match slipped.iter().all(|s| s.is_finite()) {
+            true => Ok((time, slipped)),
+            false => Err((Why::Unknown, of.event.met.clone())),
+        }
+    }
+
+    /// How large the terms are that the motion of a state is made of: where they cancel, errors are a part of how large
+    /// they have been.
+    fn sizes(&self, tangent: &[f64], time: f64, direction: usize) -> Vec<f64> {
+        let sizes = self.of.sizes;
+        let (largest, terms) = (sizes.tangents(direction), sizes.terms(direction));
+        let size = |i: usize| {
+            let now = tangent[i].abs() + (self.before.f[i] * time).abs();
+            let was = largest(i) + sizes.speeds.of(i) * time.abs();
+            now + self.of.run.faded() * was + ROUNDED * terms(i)
+        };
+        (0..tangent.len()).map(size).collect()
+    }
+
+    /// What lies on surfaces and at bounds stays there to first order.
+    fn check(
+        &self,
+        functions: &mut Functions,
+        behind: bool,
+        (moved, direction): (Moved, usize),
+        but: Option<usize>,
+    ) -> Result<(), Failed> {
+        let of = self.of;
+        let linear = if behind { &self.after } else { &self.before };
+        let meeting = of.meeting(behind, &self.alpha[usize::from(behind)]);
+        let instant = self.trigger.as_ref();
+        let known = Known {
+            share: of.run.width(),
+            sizes: &of.sizes.largest,
+            instant: instant.map_or(0.0, |trigger| trigger.width / trigger.rate.abs()),
+            f: &linear.f,
+        };
+        let met: Vec<usize> = match behind {
+            true => Vec::new(),
+            false => of.met(),
+        };
+        let plain = |i: &usize| of.event.from[*i] != Side::Slide && !of.run.observers[*i];
+        let met: Vec<usize> = met.into_iter().filter(plain).collect();
+        let laws: &[usize] = if behind { &[] } else { &of.event.laws };
+        let leaves = meeting.leaves(functions, &known, ([&met, laws], moved), direction);
+        let loosens = meeting.loosens(functions, (linear, &known), but, moved, direction);
+        match leaves.or(loosens) {
+            Some(switch) if of.is_start => Err((Why::Start, vec![switch])),
+            Some(switch) => Err((Why::Several, vec![switch])),
+            None => Ok(()),
+        }
+    }
+}
