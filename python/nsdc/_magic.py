@@ -1,0 +1,61 @@
+"""`%%nsd`: a cell of a notebook that is a file of models and experiments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ._errors import ModelError
+from ._file import File, loads
+
+USAGE = "`%%nsd NAME [EXPERIMENT]` takes the name that the file gets, and an experiment that is run"
+
+
+class CellError(ModelError):
+    """What is wrong in a cell, which is shown as a terminal shows it, without lines of Python."""
+
+    def _render_traceback_(self) -> list[str]:
+        return self.rendered.splitlines()
+
+
+def load_ipython_extension(shell: Any) -> None:
+    """What `%load_ext nsdc` does: cells that begin with `%%nsd NAME` are files of models and experiments.
+
+    The file is `NAME` from then on. With `%%nsd NAME EXPERIMENT`, the experiment is run and its result is shown.
+    What is wrong in the cell ends it, and is shown with its line.
+
+    >>> from IPython.core.interactiveshell import InteractiveShell
+    >>> shell = InteractiveShell()
+    >>> shell.run_line_magic("load_ext", "nsdc")
+    >>> rest = "model rest { state x = 1; x' = 0; } simulate still of rest { horizon 1; }"
+    >>> shell.run_cell_magic("nsd", "resting still", rest).status
+    'solved'
+    >>> list(shell.user_ns["resting"])
+    ['still']
+    """
+
+    def nsd(line: str, cell: str) -> Any:
+        from IPython.core.error import UsageError
+
+        name, *rest = line.split() or [""]
+        if not name.isidentifier() or len(rest) > 1:
+            raise UsageError(USAGE)
+        file = loads(cell, f"{name}.nsd")
+        shell.user_ns[name] = file
+        said = file.check()
+        if any(one.severity == "error" for one in said):
+            raise CellError(said, _rendered(file))
+        if not rest:
+            return file
+        try:
+            return file[rest[0]].run()
+        except KeyError as error:
+            raise UsageError(error.args[0]) from None
+        except ModelError as error:
+            raise CellError(error.diagnostics, error.rendered) from None
+
+    nsd.__doc__ = USAGE
+    shell.register_magic_function(nsd, "cell", "nsd")
+
+
+def _rendered(file: File) -> str:
+    return file._project.check()[1]

@@ -1,0 +1,140 @@
+"""Colours for Pygments, and cells of notebooks."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import subprocess
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from IPython.core.error import UsageError
+from IPython.core.interactiveshell import InteractiveShell
+from models import BALL, EXAMPLES
+from pygments import highlight
+from pygments.formatters import HtmlFormatter
+from pygments.token import Comment, Keyword, Name, Number, Operator, String, Token
+
+import nsdc
+from nsdc.highlight import NsdLexer
+
+ROOT = EXAMPLES.parent
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+
+#: What the compiler says of what is coloured so, the first that fits.
+KINDS = [
+    (String.Doc, "comment"),
+    (Comment, "comment"),
+    (String, "string"),
+    (Number, "number"),
+    (Keyword.Constant, "name"),
+    (Keyword, "word"),
+    (Name.Decorator, "unit"),
+    (Name, "name"),
+    (Operator, "symbol"),
+    (Token, "symbol"),
+]
+
+
+def kinds(text: str) -> list[str]:
+    """What each character is."""
+    found: list[str] = []
+    for at, token, piece in NsdLexer().get_tokens_unprocessed(text):
+        assert at == len(found)
+        found += [next(kind for known, kind in KINDS if token in known)] * len(piece)
+    return found
+
+
+@pytest.fixture(scope="module")
+def read() -> dict[str, dict]:
+    """Texts with their tokens: `cargo build -p nsd-tests --example editors` makes what prints them."""
+    program = TARGET / "debug/examples/editors"
+    printed = subprocess.run([program, "--tokens"], capture_output=True, check=True)
+    return json.loads(printed.stdout)
+
+
+@pytest.mark.parametrize("of", ["examples/", "stdlib/", "as a name"])
+def test_colours_are_what_the_compiler_reads(read: dict[str, dict], of: str) -> None:
+    texts = {name: one for name, one in read.items() if of in name}
+    assert len(texts) > 5
+    for name, one in texts.items():
+        found, at = kinds(one["text"]), 0
+        assert len(found) == len(one["text"])
+        for kind, written in one["tokens"]:
+            at = one["text"].index(written, at)
+            # Of paths Pygments has strings.
+            kind = "string" if kind == "path" else kind
+            assert set(found[at : at + len(written)]) == {kind}, (name, written, one["text"][at - 40 : at + 40])
+            at += len(written)
+
+
+def test_any_text_is_coloured_to_its_end() -> None:
+    draw = random.Random(2026)
+    text = (EXAMPLES / "stick_slip.nsd").read_text()
+    for _ in range(200):
+        start = draw.randrange(len(text))
+        piece = text[start : start + 300]
+        cut = "".join(c for c in piece if draw.random() > 0.2)
+        marks = "".join(draw.choices("{}()[];:.,'\"/\n x2", k=60))
+        for broken in (cut, marks):
+            assert len(kinds(broken)) == len(broken)
+
+
+def test_pygments_finds_the_lexer() -> None:
+    described = tomllib.loads((ROOT / "python/pyproject.toml").read_text())
+    module, name = described["project"]["entry-points"]["pygments.lexers"]["nsd"].split(":")
+    lexer = getattr(import_module(module), name)()
+    assert lexer.aliases == ["nsd"]
+    page = highlight("model m { state x = 1; }", lexer, HtmlFormatter())
+    assert '<span class="kd">state</span>' in page
+
+
+@pytest.fixture
+def shell() -> InteractiveShell:
+    shell = InteractiveShell()
+    shell.run_line_magic("load_ext", "nsdc")
+    return shell
+
+
+def test_a_cell_is_a_file(shell: InteractiveShell) -> None:
+    cell = shell.run_cell(f"%%nsd ball\n{BALL}")
+    assert cell.success and cell.result is shell.user_ns["ball"]
+    assert list(shell.user_ns["ball"]) == ["falls"]
+    cell = shell.run_cell(f"%%nsd ball falls\n{BALL}")
+    assert isinstance(cell.result, nsdc.Result) and cell.result.ok
+    again = shell.run_cell("ball['falls'].run()['q'][-1]")
+    assert again.result == cell.result["q"][-1]
+
+
+def test_what_is_wrong_in_a_cell_is_shown_at_its_line(
+    shell: InteractiveShell, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = BALL.replace("v' = -g;", "v' = -gravity;")
+    cell = shell.run_cell(f"%%nsd ball\n{wrong}")
+    assert isinstance(cell.error_in_exec, nsdc.ModelError) and cell.error_in_exec.code == "E0101"
+    shown = capsys.readouterr().out
+    assert "unknown name `gravity`" in shown and "ball.nsd:" in shown and "_magic.py" not in shown
+    # It cannot run without a horizon.
+    cell = shell.run_cell("%%nsd ball falls\n" + BALL.replace("horizon 1;", ""))
+    assert isinstance(cell.error_in_exec, nsdc.ModelError) and cell.error_in_exec.code == "E0505"
+
+
+def test_how_the_magic_is_called(shell: InteractiveShell) -> None:
+    for line in ("", "a-b", "ball falls twice"):
+        with pytest.raises(UsageError, match="takes the name"):
+            shell.run_cell_magic("nsd", line, BALL)
+    with pytest.raises(UsageError, match="did you mean `falls`"):
+        shell.run_cell_magic("nsd", "ball fals", BALL)
+
+
+def test_the_cells_of_the_readme_run(shell: InteractiveShell) -> None:
+    blocks = (ROOT / "python/README.md").read_text().split("```python\n")[1:]
+    cells = [block.split("```")[0] for block in blocks]
+    load, cell = (text for text in cells if text.startswith("%"))
+    assert shell.run_cell(load).success
+    result = shell.run_cell(cell).result
+    assert result.ok and result["x"][0] == 1
+    assert shell.run_cell('relay["settles"].run(x=2)["x"][0]').result == 2
