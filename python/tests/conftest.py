@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+from pathlib import Path
+
 import pytest
-from models import BALL, BELT
+from models import BALL, BELT, EXAMPLES
 
 import nsdc
 
@@ -16,3 +21,12 @@ def ball() -> nsdc.Experiment:
 @pytest.fixture
 def belt() -> nsdc.Experiment:
     return nsdc.loads(BELT, "belt.nsd")["pulls"]
+
+
+@pytest.fixture(scope="session")
+def read() -> dict[str, dict]:
+    """Texts with their tokens, as the compiler reads them: `cargo build -p nsd-tests --example editors` makes what prints
+    them."""
+    target = Path(os.environ.get("CARGO_TARGET_DIR", EXAMPLES.parent / "target"))
+    printed = subprocess.run([target / "debug/examples/editors", "--tokens"], capture_output=True, check=True)
+    return json.loads(printed.stdout)

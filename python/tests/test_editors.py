@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import os
 import random
-import subprocess
 import tomllib
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 from IPython.core.error import UsageError
@@ -22,7 +18,6 @@ import nsdc
 from nsdc.highlight import NsdLexer
 
 ROOT = EXAMPLES.parent
-TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 
 #: What the compiler says of what is coloured so, the first that fits.
 KINDS = [
@@ -46,14 +41,6 @@ def kinds(text: str) -> list[str]:
         assert at == len(found)
         found += [next(kind for known, kind in KINDS if token in known)] * len(piece)
     return found
-
-
-@pytest.fixture(scope="module")
-def read() -> dict[str, dict]:
-    """Texts with their tokens: `cargo build -p nsd-tests --example editors` makes what prints them."""
-    program = TARGET / "debug/examples/editors"
-    printed = subprocess.run([program, "--tokens"], capture_output=True, check=True)
-    return json.loads(printed.stdout)
 
 
 @pytest.mark.parametrize("of", ["examples/", "stdlib/", "as a name"])

@@ -22,7 +22,7 @@ const PLACES: [&str; 58] = [
     "fn f(@, b) = @ + b*@;",
     "use std.@.{@, a as @};",
     "model @ { x' = 1; }",
-    "model m { param @ = 1; state a : m = @; }",
+    "model m { param @ = 1; state a : m = @; discrete @ = 1; input @; algebraic @ = 2; control @; signal @ = 3; }",
     "model m { state @[2] : m/s in [0, 1] = 3; }",
     "model m { @' = -@ + 2*@(@); @[1]' += @.@; }",
     "model m { @.a' = @ - b; @.@[@, 2]' = @ .* 2; }",
