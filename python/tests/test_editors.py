@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import random
+import subprocess
+import sys
 import tomllib
-from importlib import import_module
+from pathlib import Path
 
 import pytest
 from IPython.core.error import UsageError
 from IPython.core.interactiveshell import InteractiveShell
 from models import BALL, EXAMPLES
-from pygments import highlight
-from pygments.formatters import HtmlFormatter
 from pygments.token import Comment, Keyword, Name, Number, Operator, String, Token
 
 import nsdc
@@ -70,13 +71,26 @@ def test_any_text_is_coloured_to_its_end() -> None:
             assert len(kinds(broken)) == len(broken)
 
 
-def test_pygments_finds_the_lexer() -> None:
+def test_pygments_finds_the_lexer(tmp_path: Path) -> None:
     described = tomllib.loads((ROOT / "python/pyproject.toml").read_text())
-    module, name = described["project"]["entry-points"]["pygments.lexers"]["nsd"].split(":")
-    lexer = getattr(import_module(module), name)()
-    assert lexer.aliases == ["nsd"]
-    page = highlight("model m { state x = 1; }", lexer, HtmlFormatter())
-    assert '<span class="kd">state</span>' in page
+    known = described["project"]["entry-points"]["pygments.lexers"]
+    # As if it were installed.
+    folder = tmp_path / "nsdc-0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: nsdc\nVersion: 0\n")
+    lines = "".join(f"{name} = {module}\n" for name, module in known.items())
+    (folder / "entry_points.txt").write_text(f"[pygments.lexers]\n{lines}")
+    folders = [str(tmp_path), str(ROOT / "python"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    command = [sys.executable, "-m", "pygments", "-l", "nsd", "-f", "html"]
+    page = subprocess.run(
+        command,
+        input="model m { state x = 1; }",
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert '<span class="kd">state</span>' in page.stdout
 
 
 @pytest.fixture
