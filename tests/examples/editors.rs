@@ -18,7 +18,7 @@ use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
 
-use nsdc::model::{VALUES, function_names};
+use nsdc::model::reserved::{VALUES, function_names};
 use nsdc::report::Status;
 use nsdc::system::experiment::{Lowering, MethodKind};
 use serde_json::Value;
