@@ -184,7 +184,7 @@ class NsdLexer(Lexer):  # type: ignore[misc]
     def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, _TokenType, str]]:
         """Pieces of the text with where they begin and what they are; together they are the text."""
         stack, before = [_grammar().root], 0
-        for line in text.splitlines(keepends=True):
+        for line in re.findall(r"[^\n]*\n|[^\n]+", text):
             for start, end, kind in _pieces(line, 0, stack):
                 if start < end:
                     yield before + start, kind, line[start:end]

@@ -71,6 +71,10 @@ def test_any_text_is_coloured_to_its_end() -> None:
             assert len(kinds(broken)) == len(broken)
 
 
+def test_comments_end_with_the_line_alone() -> None:
+    assert kinds("// a\u2028b\x0cc\nx") == ["comment"] * 8 + ["symbol", "name"]
+
+
 def test_pygments_finds_the_lexer(tmp_path: Path) -> None:
     described = tomllib.loads((ROOT / "python/pyproject.toml").read_text())
     known = described["project"]["entry-points"]["pygments.lexers"]

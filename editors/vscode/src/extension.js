@@ -171,8 +171,10 @@ class Tests {
   async messages(item, text) {
     const opened = await vscode.workspace.openTextDocument(item.uri);
     const within = opened.getText(item.range);
-    return failures(text).map(({ what, said }) => {
+    return failures(text).map(({ what, said, expected, got }) => {
       const message = new vscode.TestMessage([what, ...said].join("\n"));
+      message.expectedOutput = expected;
+      message.actualOutput = got;
       const at = opened.offsetAt(item.range.start) + place(within, what);
       message.location = new vscode.Location(item.uri, opened.positionAt(at));
       return message;

@@ -57,11 +57,27 @@ function page(answer) {
 `;
 }
 
+/** Lines of a golden file that differ, and those around them, stand behind so many blanks. */
+const GOLDEN = " ".repeat(14);
+
+/**
+ * What was expected and what came, where both are told: numbers, or lines of a golden file.
+ *
+ * @param {string[]} said
+ * @param {string[]} lines
+ */
+function compared(said, lines) {
+  const told = (word) => said.find((line) => line.startsWith(`${word} `))?.slice(word.length + 1);
+  const side = (mark) => lines.filter((line) => line[0] === mark || line[0] === " ").map((line) => line.slice(2));
+  const [expected, got] = lines.length > 0 ? ["-", "+"].map((mark) => side(mark).join("\n")) : ["expected", "got"].map(told);
+  return expected === undefined || got === undefined ? {} : { expected, got };
+}
+
 /**
  * What failed, from what `nsdc test` prints of one experiment: each with what was said besides.
  *
  * @param {string} text
- * @returns {{ what: string, said: string[] }[]}
+ * @returns {{ what: string, said: string[], expected?: string, got?: string }[]}
  */
 function failures(text) {
   const found = [];
@@ -70,12 +86,14 @@ function failures(text) {
     if (/^\S/.test(line)) {
       failed = line.startsWith("FAILED ");
     } else if (failed && /^ {10}\S/.test(line)) {
-      found.push({ what: line.trim(), said: [] });
+      found.push({ what: line.trim(), said: [], lines: [] });
     } else if (failed && found.length > 0 && line.trim() !== "") {
-      found.at(-1).said.push(line.trim());
+      const { said, lines } = found.at(-1);
+      if (line.startsWith(GOLDEN)) lines.push(line.slice(GOLDEN.length));
+      else said.push(line.trim());
     }
   }
-  return found;
+  return found.map(({ what, said, lines }) => ({ what, said, ...compared(said, lines) }));
 }
 
 const squeezed = (text) => text.replace(/\s+/g, " ").trim();

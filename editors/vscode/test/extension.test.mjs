@@ -238,4 +238,5 @@ test("experiments are tests, and fail at the line of what they expect", async ()
   assert.equal(messages.length, 1);
   assert.match(messages[0].text, /^expect x at 0 ~ 2 within 1e-9\nexpected 2/);
   assert.deepEqual(messages[0].location.position, { line: 8, character: 2 });
+  assert.equal(messages[0].expectedOutput, "2 within 1e-9");
 });

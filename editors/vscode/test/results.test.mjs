@@ -86,7 +86,8 @@ test("what fails is found at its line", async () => {
   assert.equal(found.length, 1);
   const at = results.place(WRONG, found[0].what);
   assert.equal(WRONG.slice(0, at).split("\n").length, 8);
-  assert(found[0].said.some((line) => line.startsWith("got")));
+  assert.equal(found[0].expected, "1 within 1e-9");
+  assert.match(found[0].got, /off by 1/);
   const passed = await server.command("test", uri("examples/sump.nsd"));
   assert.equal(passed.status, 0);
   assert.deepEqual(results.failures(passed.text), []);
@@ -95,6 +96,20 @@ test("what fails is found at its line", async () => {
   const [first] = results.failures(refused.text);
   assert.match(first.what, /does not compile: E0101/);
   assert.equal(results.place(WRONG, first.what), 0);
+});
+
+test("a golden that differs is told line by line", async () => {
+  const text = WRONG.replace(/ expect x  at[^]*?;.*\n/, " expect numbers golden;\n");
+  const path = written("golden.nsd", text);
+  execFileSync(program, ["test", "--accept", path], { stdio: "pipe" });
+  const golden = join(folder, "golden.golden/settles.numbers");
+  const kept = readFileSync(golden, "utf8");
+  writeFileSync(golden, kept.replace("status is solved", "status is stopped"));
+  const answer = await server.command("test", pathToFileURL(path).toString(), "settles");
+  const [failure] = results.failures(answer.text);
+  assert.equal(text.slice(results.place(text, failure.what)).split(";")[0], "expect numbers golden");
+  assert.equal(failure.got, failure.expected.replace("status is stopped", "status is solved"));
+  assert(failure.got.includes("status is solved"));
 });
 
 test("a figure is a page that runs nothing", async () => {
