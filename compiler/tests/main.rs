@@ -17,7 +17,6 @@ mod order;
 mod plot;
 mod reports;
 mod roads;
-mod schema;
 mod solve;
 mod sweep;
 mod terminal;
