@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import keyword
+import sys
 from typing import Any
 
 from ._errors import ModelError
-from ._file import File, loads
+from ._file import loads
 
 USAGE = "`%%nsd NAME [EXPERIMENT]` takes the name that the file gets, and an experiment that is run"
 
@@ -21,7 +23,7 @@ def load_ipython_extension(shell: Any) -> None:
     """What `%load_ext nsdc` does: cells that begin with `%%nsd NAME` are files of models and experiments.
 
     The file is `NAME` from then on. With `%%nsd NAME EXPERIMENT`, the experiment is run and its result is shown.
-    What is wrong in the cell ends it, and is shown with its line.
+    What is wrong in the cell ends it, and is shown with its line; warnings are shown, too.
 
     >>> from IPython.core.interactiveshell import InteractiveShell
     >>> shell = InteractiveShell()
@@ -37,25 +39,33 @@ def load_ipython_extension(shell: Any) -> None:
         from IPython.core.error import UsageError
 
         name, *rest = line.split() or [""]
-        if not name.isidentifier() or len(rest) > 1:
+        if not name.isidentifier() or keyword.iskeyword(name) or len(rest) > 1:
             raise UsageError(USAGE)
         file = loads(cell, f"{name}.nsd")
-        shell.user_ns[name] = file
-        said = file.check()
+        said, rendered = file.check(), file._project.check()[1]
         if any(one.severity == "error" for one in said):
-            raise CellError(said, _rendered(file))
+            raise CellError(said, rendered)
+        shell.user_ns[name] = file
+        _tell(rendered)
         if not rest:
             return file
         try:
-            return file[rest[0]].run()
+            experiment = file[rest[0]]
         except KeyError as error:
             raise UsageError(error.args[0]) from None
+        try:
+            result = experiment.run()
         except ModelError as error:
             raise CellError(error.diagnostics, error.rendered) from None
+        known = {(one.code, one.message) for one in said}
+        if any((one.code, one.message) not in known for one in result.warnings):
+            _tell(result._messages[1])
+        return result
 
     nsd.__doc__ = USAGE
     shell.register_magic_function(nsd, "cell", "nsd")
 
 
-def _rendered(file: File) -> str:
-    return file._project.check()[1]
+def _tell(rendered: str) -> None:
+    if rendered:
+        print(rendered, file=sys.stderr)

@@ -112,7 +112,26 @@ class Found(NamedTuple):
     is_end: bool
 
 
-def _next(line: str, at: int, stack: list[Rule]) -> Found | None:
+class Line:
+    """A piece of text up to an end, with the next match of each pattern, which stays the next one until it is passed."""
+
+    def __init__(self, text: str, end: int) -> None:
+        self.text = text
+        self.end = end
+        self._found: dict[re.Pattern[str], re.Match[str] | None] = {}
+
+    def search(self, pattern: re.Pattern[str], at: int) -> re.Match[str] | None:
+        """The first match that begins here or later; places are asked for from left to right."""
+        found = self._found.get(pattern)
+        if pattern not in self._found or (found and found.start() < at):
+            found = self._found[pattern] = self._seek(pattern, at)
+        return found
+
+    def _seek(self, pattern: re.Pattern[str], at: int) -> re.Match[str] | None:
+        return pattern.search(self.text, at, self.end)
+
+
+def _next(line: Line, at: int, stack: list[Rule]) -> Found | None:
     """What comes first; of several at one place, the one that stands first."""
     top = stack[-1]
     candidates = [(rule.begin, rule, False) for rule in top.inside]
@@ -120,7 +139,7 @@ def _next(line: str, at: int, stack: list[Rule]) -> Found | None:
         candidates.insert(len(candidates) if top.is_last else 0, (top.end, top, True))
     best: Found | None = None
     for pattern, rule, is_end in candidates:
-        match = pattern.search(line, at) if pattern else None
+        match = line.search(pattern, at) if pattern else None
         if match and (best is None or match.start() < best.match.start()):
             best = Found(match, rule, is_end)
             if match.start() == at:
@@ -140,14 +159,14 @@ def _captured(match: re.Match[str], captures: Captures, kind: _TokenType) -> Ite
             continue
         yield at, start, kind
         if rule.inside:
-            yield from _pieces(match.string[:end], start, [rule])
+            yield from _pieces(Line(match.string, end), start, [rule])
         else:
             yield start, end, rule.kind
         at = end
     yield at, match.end(), kind
 
 
-def _pieces(line: str, at: int, stack: list[Rule]) -> Iterator[Piece]:
+def _pieces(line: Line, at: int, stack: list[Rule]) -> Iterator[Piece]:
     """The pieces of a line from a place on; the stack is then that of the next line."""
     while found := _next(line, at, stack):
         match, rule, is_end = found
@@ -158,9 +177,9 @@ def _pieces(line: str, at: int, stack: list[Rule]) -> Iterator[Piece]:
         elif rule.end:
             stack.append(rule)
         at = match.end()
-        if at == len(line):
+        if at == line.end:
             break
-    yield at, len(line), Text
+    yield at, line.end, Text
 
 
 @lru_cache(maxsize=1)
@@ -185,7 +204,7 @@ class NsdLexer(Lexer):  # type: ignore[misc]
         """Pieces of the text with where they begin and what they are; together they are the text."""
         stack, before = [_grammar().root], 0
         for line in re.findall(r"[^\n]*\n|[^\n]+", text):
-            for start, end, kind in _pieces(line, 0, stack):
+            for start, end, kind in _pieces(Line(line, len(line)), 0, stack):
                 if start < end:
                     yield before + start, kind, line[start:end]
             before += len(line)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import subprocess
 import sys
 import tomllib
@@ -12,11 +13,12 @@ from pathlib import Path
 import pytest
 from IPython.core.error import UsageError
 from IPython.core.interactiveshell import InteractiveShell
-from models import BALL, EXAMPLES
+from models import BALL, BELT, EXAMPLES
 from pygments.token import Comment, Keyword, Name, Number, Operator, String, Token
 
 import nsdc
-from nsdc.highlight import NsdLexer
+from nsdc import highlight
+from nsdc.highlight import Line, NsdLexer
 
 ROOT = EXAMPLES.parent
 
@@ -69,6 +71,29 @@ def test_any_text_is_coloured_to_its_end() -> None:
         marks = "".join(draw.choices("{}()[];:.,'\"/\n x2", k=60))
         for broken in (cut, marks):
             assert len(kinds(broken)) == len(broken)
+
+
+def passed(text: str, monkeypatch: pytest.MonkeyPatch) -> int:
+    """How many characters all searches for patterns go over while a text is coloured."""
+    count = 0
+
+    class Counted(Line):
+        def _seek(self, pattern: re.Pattern[str], at: int) -> re.Match[str] | None:
+            nonlocal count
+            found = super()._seek(pattern, at)
+            count += (found.end() if found else self.end) - at
+            return found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(highlight, "Line", Counted)
+        assert len(kinds(text)) == len(text)
+    return count
+
+
+@pytest.mark.parametrize("piece", ["x' = -2 m*f(y[1], z); ", 'plot { a; "text" } ', "a ", "( "])
+def test_a_long_line_is_searched_as_its_length(piece: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    short, long = (passed(f"model m {{ {piece * count}}}", monkeypatch) for count in (100, 200))
+    assert short < long < 3 * short
 
 
 def test_comments_end_with_the_line_alone() -> None:
@@ -127,8 +152,36 @@ def test_what_is_wrong_in_a_cell_is_shown_at_its_line(
     assert isinstance(cell.error_in_exec, nsdc.ModelError) and cell.error_in_exec.code == "E0505"
 
 
+def test_warnings_of_a_cell_are_shown(shell: InteractiveShell, capsys: pytest.CaptureFixture[str]) -> None:
+    # A name that is a function's, and a run that leaves sliding for a surface that it grazes.
+    text = BELT.replace("state x[2]", "let sin = 1; state x[2]")
+    assert shell.run_cell(f"%%nsd belt\n{text}").success
+    assert re.findall(r"^W\d+", capsys.readouterr().err, flags=re.MULTILINE) == ["W0104"]
+    shell.run_cell(f"%%nsd belt pulls\n{text.replace('let sin = 1; ', '')}")
+    shown = capsys.readouterr().err
+    assert "W0701" in shown and "belt.nsd:" in shown
+
+
+def test_a_cell_that_is_wrong_leaves_the_name(shell: InteractiveShell) -> None:
+    shell.run_cell(f"%%nsd ball\n{BALL}")
+    kept = shell.user_ns["ball"]
+    assert not shell.run_cell("%%nsd ball\nmodel").success
+    assert shell.user_ns["ball"] is kept
+
+
+def test_an_error_of_a_run_is_no_error_of_how_it_is_called(
+    shell: InteractiveShell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(self: nsdc.Experiment) -> None:
+        raise KeyError("within")
+
+    monkeypatch.setattr(nsdc.Experiment, "run", fails)
+    with pytest.raises(KeyError, match="within"):
+        shell.run_cell_magic("nsd", "ball falls", BALL)
+
+
 def test_how_the_magic_is_called(shell: InteractiveShell) -> None:
-    for line in ("", "a-b", "ball falls twice"):
+    for line in ("", "a-b", "class", "ball falls twice"):
         with pytest.raises(UsageError, match="takes the name"):
             shell.run_cell_magic("nsd", line, BALL)
     with pytest.raises(UsageError, match="did you mean `falls`"):
