@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-from pathlib import Path
 
 import pytest
-from models import BALL, BELT, EXAMPLES
+from models import BALL, BELT, BUILT
 
 import nsdc
 
@@ -27,6 +25,5 @@ def belt() -> nsdc.Experiment:
 def read() -> dict[str, dict]:
     """Texts with their tokens, as the compiler reads them: `cargo build -p nsd-tests --example editors` makes what prints
     them."""
-    target = Path(os.environ.get("CARGO_TARGET_DIR", EXAMPLES.parent / "target"))
-    printed = subprocess.run([target / "debug/examples/editors", "--tokens"], capture_output=True, check=True)
+    printed = subprocess.run([BUILT / "examples/editors", "--tokens"], capture_output=True, check=True)
     return json.loads(printed.stdout)

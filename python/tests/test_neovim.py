@@ -9,10 +9,10 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from models import EXAMPLES
+from models import BUILT
 
 NVIM = shutil.which("nvim")
-PROGRAM = Path(os.environ.get("CARGO_TARGET_DIR", EXAMPLES.parent / "target")) / "debug/nsdc"
+PROGRAM = BUILT / "nsdc"
 
 TEXT = """\
 model decay {

@@ -113,6 +113,17 @@ def test_every_word_is_a_keyword_in_colours(language: Language, read: dict[str, 
     assert {kind for kind in known if kind and kind.isalpha() and kind != "end"} <= seen | {"px"}
 
 
+def test_values_in_colours_are_those_of_the_compiler(language: Language, read: dict[str, dict]) -> None:
+    one = read["values"]
+    values = {text for kind, text in one["tokens"] if kind == "name"} - {"a"}
+    assert "pi" in values
+    found = captures(language, "highlights", Parser(language).parse(one["text"].encode()).root_node)
+    assert {node.text.decode() for node in found["constant.builtin"]} == values
+    query = (FOLDER / "queries/highlights.scm").read_text()
+    [listed] = re.findall(r"#any-of\? @constant\.builtin (.*?)\)", query)
+    assert set(re.findall(r'"(\w+)"', listed)) == values
+
+
 def test_names_are_found_where_they_are_declared(language: Language, belt: Node) -> None:
     found = captures(language, "locals", belt)
     declared = {node.text.decode() for node in found["local.definition"]}

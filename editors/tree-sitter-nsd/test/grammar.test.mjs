@@ -44,7 +44,7 @@ const language = {
   grammar: (described) => described,
 };
 
-test("the parser is that of the grammar", () => {
+test("grammar.json is that of grammar.js", () => {
   Object.assign(globalThis, language);
   const described = require("../grammar.js");
   const symbols = new Proxy({}, { get: (_, name) => ({ type: "SYMBOL", name }) });

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use nsd_grammar::{NsdParser, Rule};
+use nsdc::model::reserved::VALUES;
 use nsdc::syntax::{self, TokenKind};
 use pest::Parser;
 use pest::iterators::Pair;
@@ -111,6 +112,12 @@ pub fn of_all(root: &Path, grammar: &Grammar) -> String {
             json!({ "text": text, "tokens": tokens }),
         );
     }
+    let text = VALUES.map(|value| format!("const a = {value};")).join("\n");
+    let tokens = tokens(&text);
+    all.insert(
+        "values".to_owned(),
+        json!({ "text": text, "tokens": tokens }),
+    );
     Value::Object(all).to_string()
 }
 
