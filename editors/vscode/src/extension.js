@@ -3,16 +3,16 @@
 "use strict";
 
 const vscode = require("vscode");
-const { LanguageClient, ExecuteCommandRequest, DocumentSymbolRequest } = require("vscode-languageclient/node");
+const { DocumentSymbolRequest, ExecuteCommandRequest, LSPErrorCodes } = require("vscode-languageclient/node");
 const { Figures } = require("./figures");
-const { FORMS, document, experiments, failures, place } = require("./results");
+const { FORMS, WORDS, document, experiments } = require("./results");
+const { SCHEMES, Server } = require("./server");
+const { FILES, Tests } = require("./tests");
 
 /** Of documents that show answers. */
 const SCHEME = "nsdc";
 
-let client;
-
-const settings = () => vscode.workspace.getConfiguration("nsdc");
+let server;
 
 /** Documents that are answers: they change when the same is asked again. */
 class Answers {
@@ -24,6 +24,10 @@ class Answers {
 
   provideTextDocumentContent(uri) {
     return this.texts.get(uri.toString()) ?? "";
+  }
+
+  forget(uri) {
+    this.texts.delete(uri.toString());
   }
 
   async show({ path, language, text }) {
@@ -42,14 +46,14 @@ class Answers {
 }
 
 const ask = (word, uri, name, form) =>
-  client.sendRequest(ExecuteCommandRequest.type, {
+  server.request(ExecuteCommandRequest.type, {
     command: `nsdc.${word}`,
     arguments: [uri, name, form].filter((one) => one !== undefined),
   });
 
 /** The experiments of a file. */
 const experimentsOf = async (uri) =>
-  experiments(await client.sendRequest(DocumentSymbolRequest.type, { textDocument: { uri } }));
+  experiments(await server.request(DocumentSymbolRequest.type, { textDocument: { uri } }));
 
 function panel(title, closed) {
   const column = { viewColumn: vscode.ViewColumn.Beside, preserveFocus: true };
@@ -65,160 +69,93 @@ function panel(title, closed) {
   };
 }
 
-/** The file of the text in front and one of its experiments: by a lens, or chosen. */
-async function chosen(args) {
-  if (args.length > 1) return args;
-  const uri = args[0] ?? vscode.window.activeTextEditor?.document.uri.toString();
-  if (uri === undefined) return undefined;
+/** The file that is meant where none is named: in front, else seen anywhere, else chosen. */
+async function meant() {
+  const { activeTextEditor, visibleTextEditors } = vscode.window;
+  const isModel = ({ languageId, uri }) => languageId === "nsd" && SCHEMES.includes(uri.scheme);
+  const seen = [activeTextEditor, ...visibleTextEditors].find((editor) => editor && isModel(editor.document));
+  if (seen) return seen.document.uri;
+  const files = await vscode.workspace.findFiles(FILES);
+  if (files.length === 0) throw new Error("there is no .nsd file here yet");
+  const items = files.map((uri) => ({ label: vscode.workspace.asRelativePath(uri), uri }));
+  items.sort((one, other) => one.label.localeCompare(other.label));
+  return (await vscode.window.showQuickPick(items, { title: "File" }))?.uri;
+}
+
+/** A file, one of its experiments and a form: as a lens has them, else chosen; menus give the file and something else. */
+async function chosen([file, name, form]) {
+  const uri = (file ?? (await meant()))?.toString();
+  if (uri === undefined || typeof name === "string") return [uri, name, form];
   const names = (await experimentsOf(uri)).map((experiment) => experiment.name);
-  const name = names.length > 1 ? await vscode.window.showQuickPick(names, { title: "Experiment" }) : names[0];
-  return name === undefined ? undefined : [uri, name];
+  if (names.length === 0) throw new Error("there is no experiment in this file yet");
+  return [uri, names.length > 1 ? await vscode.window.showQuickPick(names, { title: "Experiment" }) : names[0]];
 }
 
-function start(context, figures, answers) {
-  const program = settings().get("path");
-  const server = { command: program, args: ["lsp"] };
-  const middleware = {
-    async executeCommand(command, args, next) {
-      const word = command.slice("nsdc.".length);
-      const [uri, name, form] = (await chosen(args)) ?? [];
-      if (name === undefined) return undefined;
-      const answer = await next(command, form === undefined ? [uri, name] : [uri, name, form]);
-      if (answer && word === "plot") figures.show(uri, name, answer);
-      else if (answer) await answers.show(document(word, name, form, answer.text));
-      return answer;
-    },
-    // What the server would show is shown above.
-    window: { showDocument: async () => ({ success: true }) },
-  };
-  client = new LanguageClient("nsdc", "nsdc", server, {
-    documentSelector: [{ language: "nsd" }],
-    initializationOptions: { inlayHints: settings().get("inlayHints") },
-    middleware,
-  });
-  return client.start().catch(async (error) => {
-    const text = `nsdc: \`${program} lsp\` cannot be started: ${error.message}`;
-    const open = "Open settings";
-    if ((await vscode.window.showErrorMessage(text, open)) === open) {
-      await vscode.commands.executeCommand("workbench.action.openSettings", "nsdc.path");
-    }
-  });
-}
-
-/** Experiments as tests: a file with its experiments, each at its name. */
-class Tests {
-  constructor(controller) {
-    this.controller = controller;
-    controller.resolveHandler = (item) => (item ? this.read(item.uri) : this.readAll());
-    controller.refreshHandler = () => this.readAll();
-    const run = (request, token) => this.run(request, token);
-    controller.createRunProfile("Test", vscode.TestRunProfileKind.Run, run, true);
-  }
-
-  async readAll() {
-    const files = await vscode.workspace.findFiles("**/*.nsd");
-    await Promise.all(files.map((uri) => this.read(uri)));
-  }
-
-  async read(uri) {
-    const all = this.controller.items;
-    const found = await experimentsOf(uri.toString());
-    if (found.length === 0) {
-      all.delete(uri.toString());
-      return;
-    }
-    const file = this.controller.createTestItem(uri.toString(), vscode.workspace.asRelativePath(uri), uri);
-    const items = found.map((experiment) => {
-      const item = this.controller.createTestItem(`${uri} ${experiment.name}`, experiment.name, uri);
-      item.range = client.protocol2CodeConverter.asRange(experiment.range);
-      return item;
-    });
-    file.children.replace(items);
-    all.add(file);
-  }
-
-  async run(request, token) {
-    const run = this.controller.createTestRun(request);
-    const asked = [];
-    const collect = (item) => (item.children.size > 0 ? item.children.forEach(collect) : asked.push(item));
-    if (request.include) request.include.forEach(collect);
-    else this.controller.items.forEach(collect);
-    for (const item of asked.filter((item) => !request.exclude?.includes(item))) {
-      if (token.isCancellationRequested) {
-        run.skipped(item);
-      } else {
-        await this.once(run, item);
-      }
-    }
-    run.end();
-  }
-
-  async once(run, item) {
-    run.started(item);
-    const begun = Date.now();
+/** A command, which says once why it could not do what it was asked. */
+const command = (word, run) =>
+  vscode.commands.registerCommand(`nsdc.${word}`, async (...args) => {
     try {
-      const answer = await ask("test", item.uri.toString(), item.label);
-      run.appendOutput(answer.text.replaceAll("\n", "\r\n"), undefined, item);
-      const took = Date.now() - begun;
-      if (answer.status === 0) run.passed(item, took);
-      else run.failed(item, await this.messages(item, answer.text), took);
+      return await run(args);
     } catch (error) {
-      run.errored(item, new vscode.TestMessage(error.message));
+      const isCanceled = [LSPErrorCodes.RequestCancelled, LSPErrorCodes.ServerCancelled].includes(error.code);
+      if (!isCanceled) vscode.window.showErrorMessage(`nsdc: ${error.message}`);
+      return undefined;
     }
-  }
+  });
 
-  /** What failed, where it is expected. */
-  async messages(item, text) {
-    const opened = await vscode.workspace.openTextDocument(item.uri);
-    const within = opened.getText(item.range);
-    return failures(text).map(({ what, said, expected, got }) => {
-      const message = new vscode.TestMessage([what, ...said].join("\n"));
-      message.expectedOutput = expected;
-      message.actualOutput = got;
-      const at = opened.offsetAt(item.range.start) + place(within, what);
-      message.location = new vscode.Location(item.uri, opened.positionAt(at));
-      return message;
-    });
+async function cannotStart(text) {
+  const open = "Open settings";
+  if ((await vscode.window.showErrorMessage(text, open)) === open) {
+    await vscode.commands.executeCommand("workbench.action.openSettings", "nsdc.path");
   }
 }
 
 async function activate(context) {
+  const log = vscode.window.createOutputChannel("nsdc", { log: true });
+  server = new Server(context.extensionPath, log, cannotStart);
   const answers = new Answers();
   const figures = new Figures(panel, (uri, name) => ask("plot", uri, name));
-  const controller = vscode.tests.createTestController("nsdc", "nsdc");
-  const tests = new Tests(controller);
-  const isModel = (uri) => uri.path.endsWith(".nsd");
+  const tests = new Tests(experimentsOf, (uri, name) => ask("test", uri, name));
+  const restart = async () => {
+    await server.restart();
+    await tests.reopen();
+  };
+  const answered = (word) => async (args) => {
+    const [uri, name, form] = await chosen(args);
+    if (name === undefined) return;
+    const answer = await ask(word, uri, name, form);
+    if (answer && word === "plot") figures.show(uri, name, answer);
+    else if (answer) await answers.show(document(word, uri, name, form, answer.text));
+  };
   context.subscriptions.push(
-    controller,
+    log,
+    tests,
     vscode.workspace.registerTextDocumentContentProvider(SCHEME, answers),
-    vscode.commands.registerCommand("nsdc.emitForm", async (...args) => {
-      const [uri, name] = (await chosen(args)) ?? [];
+    ...WORDS.map((word) => command(word, answered(word))),
+    command("emitForm", async (args) => {
+      const [uri, name] = await chosen(args);
       if (name === undefined) return;
       const forms = Object.entries(FORMS).map(([label, description]) => ({ label, description }));
       const form = await vscode.window.showQuickPick(forms, { title: `Form of ${name}`, matchOnDescription: true });
-      if (form) await vscode.commands.executeCommand("nsdc.emit", uri, name, form.label);
+      if (form) await answered("emit")([uri, name, form.label]);
     }),
-    vscode.commands.registerCommand("nsdc.restart", async () => {
-      await client.stop().catch(() => undefined);
-      await start(context, figures, answers);
-    }),
+    command("restart", restart),
     vscode.workspace.onDidSaveTextDocument(({ uri }) => {
-      if (!isModel(uri) && !uri.path.endsWith(".csv")) return;
-      figures.again();
-      if (isModel(uri)) tests.read(uri);
+      if (uri.scheme === "file" && /\.(nsd|csv)$/.test(uri.path)) figures.again();
     }),
-    vscode.workspace.onDidDeleteFiles(({ files }) =>
-      files.forEach((uri) => controller.items.delete(uri.toString())),
-    ),
+    vscode.workspace.onDidCloseTextDocument(({ uri }) => answers.forget(uri)),
+    vscode.workspace.onDidChangeWorkspaceFolders(restart),
+    vscode.workspace.onDidGrantWorkspaceTrust(restart),
     vscode.workspace.onDidChangeConfiguration((change) => {
-      if (change.affectsConfiguration("nsdc")) vscode.commands.executeCommand("nsdc.restart");
+      if (change.affectsConfiguration("nsdc")) restart();
     }),
   );
-  await start(context, figures, answers);
+  // Whoever asks for something waits for it.
+  restart();
 }
 
 async function deactivate() {
-  await client?.stop();
+  await server?.stop();
 }
 
 module.exports = { activate, deactivate };

@@ -2,6 +2,9 @@
 
 "use strict";
 
+/** What the server does with an experiment. */
+const WORDS = ["run", "plot", "test", "verify", "emit"];
+
 /** The forms that `nsdc emit` prints, with what each is. */
 const FORMS = {
   system: "the piecewise smooth system, switches explicit",
@@ -22,13 +25,15 @@ const LANGUAGES = { tex: "latex", dot: "dot" };
  * The document that shows an answer beside the text: a name, a language and a text.
  *
  * @param {string} word what was done: `run`, `test`, `verify`, `emit`
+ * @param {string} uri of the file
  * @param {string} name of the experiment
  * @param {string | undefined} form of `emit`
  * @param {string} text of the answer
  */
-function document(word, name, form, text) {
+function document(word, uri, name, form, text) {
   const ending = word === "emit" ? (form ?? "system") : word;
-  return { path: `${name}.${ending}.txt`, language: LANGUAGES[ending] ?? "plaintext", text };
+  const file = decodeURIComponent(uri).split(/[/:]/).at(-1).replace(/\.nsd$/, "");
+  return { path: `${file}.${name}.${ending}.txt`, language: LANGUAGES[ending] ?? "plaintext", text };
 }
 
 const escaped = (text) =>
@@ -123,4 +128,4 @@ function experiments(symbols) {
   return (symbols ?? []).filter((symbol) => symbol.detail === "experiment");
 }
 
-module.exports = { FORMS, document, page, failures, place, experiments };
+module.exports = { FORMS, WORDS, document, page, failures, place, experiments };

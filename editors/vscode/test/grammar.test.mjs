@@ -11,14 +11,13 @@ import { fileURLToPath } from "node:url";
 import oniguruma from "vscode-oniguruma";
 import textmate from "vscode-textmate";
 
+import { built } from "./server.mjs";
+
 const here = fileURLToPath(new URL(".", import.meta.url));
-const root = join(here, "../../..");
-const target = process.env.CARGO_TARGET_DIR ?? join(root, "target");
 
 /** Texts with their tokens: `cargo build -p nsd-tests --example editors` makes what prints them. */
 function texts() {
-  const program = join(target, "debug/examples/editors");
-  const printed = execFileSync(program, ["--tokens"], { maxBuffer: 2 ** 28, encoding: "utf8" });
+  const printed = execFileSync(join(built, "examples/editors"), ["--tokens"], { maxBuffer: 2 ** 28, encoding: "utf8" });
   return JSON.parse(printed);
 }
 

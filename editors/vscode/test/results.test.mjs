@@ -48,12 +48,9 @@ function written(name, text) {
   return path;
 }
 
-test("every command of the server has a title, and every title a command", () => {
-  const source = readFileSync(join(here, "src/extension.js"), "utf8");
-  const own = [...source.matchAll(/registerCommand\("([^"]+)"/g)].map((found) => found[1]);
-  const known = [...server.capabilities.executeCommandProvider.commands, ...own];
-  const titles = described.contributes.commands.map(({ command }) => command);
-  assert.deepEqual(titles.toSorted(), known.toSorted());
+test("the commands of the server are those of the extension", () => {
+  const words = results.WORDS.map((word) => `nsdc.${word}`);
+  assert.deepEqual(server.capabilities.executeCommandProvider.commands.toSorted(), words.toSorted());
 });
 
 test("experiments are found in files that are not open", async () => {
@@ -73,9 +70,9 @@ test("every form can be opened", async () => {
     assert.notEqual(failed.status, 0);
     assert(answer.status === 0 && answer.text.length > 20, `${form}: ${answer.text}`);
   }
-  assert.deepEqual(results.document("emit", "a", "tex", "x"), { path: "a.tex.txt", language: "latex", text: "x" });
-  assert.equal(results.document("emit", "a", undefined, "x").path, "a.system.txt");
-  assert.equal(results.document("run", "a", undefined, "x").path, "a.run.txt");
+  assert.deepEqual(results.document("emit", "file:///m/b%20c.nsd", "a", "tex", "x"), { path: "b c.a.tex.txt", language: "latex", text: "x" });
+  assert.equal(results.document("emit", "file:///b.nsd", "a", undefined, "x").path, "b.a.system.txt");
+  assert.equal(results.document("run", "untitled:Untitled-1", "a", undefined, "x").path, "Untitled-1.a.run.txt");
 });
 
 test("what fails is found at its line", async () => {
@@ -122,6 +119,19 @@ test("a figure is a page that runs nothing", async () => {
   assert.equal(Buffer.from(data, "base64").toString("utf8"), answer.figure);
   assert.match(answer.figure, /^<svg/);
   assert.match(results.page({ text: "<b> & c" }), /<pre>&lt;b&gt; &amp; c<\/pre>/);
+});
+
+test("what is drawn or said cannot become a part of the page", () => {
+  const hostile = `</pre></body><script>alert(1)</script><img src=x onerror="alert(1)"> "' &lt;`;
+  const tags = (html) => [...html.matchAll(/<\/?\w+/g)].map(([tag]) => tag);
+  const around = ["<html", "<head", "<meta", "<meta", "<style", "</style", "</head", "<body"];
+  const said = results.page({ text: hostile });
+  assert.deepEqual(tags(said), [...around, "<pre", "</pre", "</body", "</html"]);
+  const figure = `<svg><script>alert(1)</script></svg>"><script>alert(1)</script>`;
+  const drawn = results.page({ figure, text: hostile });
+  assert.deepEqual(tags(drawn), [...around, "<img", "</body", "</html"]);
+  const [, data] = /<img alt="figure" src="data:image\/svg\+xml;base64,([A-Za-z0-9+\/=]*)">/.exec(drawn);
+  assert.equal(Buffer.from(data, "base64").toString("utf8"), figure);
 });
 
 test("figures are drawn again, once at a time, until they are closed", async () => {

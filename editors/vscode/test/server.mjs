@@ -1,15 +1,15 @@
 // A client of `nsdc lsp`, over pipes.
 
 import { spawn } from "node:child_process";
-import { join } from "node:path";
+import { join, resolve } from "node:path";
 import { fileURLToPath, pathToFileURL } from "node:url";
 
 import protocol from "vscode-languageserver-protocol/node";
 
 export const root = fileURLToPath(new URL("../../..", import.meta.url));
-const target = process.env.CARGO_TARGET_DIR ?? join(root, "target");
-/** What `cargo build -p nsdc` makes. */
-export const program = join(target, "debug/nsdc");
+/** What `cargo build` makes. */
+export const built = resolve(root, process.env.CARGO_TARGET_DIR || "target", "debug");
+export const program = join(built, "nsdc");
 
 export const uri = (path) => pathToFileURL(join(root, path)).toString();
 
