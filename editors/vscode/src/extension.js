@@ -112,10 +112,11 @@ async function cannotStart(text) {
 
 async function activate(context) {
   const log = vscode.window.createOutputChannel("nsdc", { log: true });
-  server = new Server(context.extensionPath, log, cannotStart);
   const answers = new Answers();
   const figures = new Figures(panel, (uri, name) => ask("plot", uri, name));
   const tests = new Tests(experimentsOf, (uri, name) => ask("test", uri, name));
+  const changed = (event) => tests.follow(event);
+  server = new Server({ folder: context.extensionPath, log, failed: cannotStart, changed });
   const restart = async () => {
     await server.restart();
     await tests.reopen();
@@ -129,7 +130,7 @@ async function activate(context) {
   };
   context.subscriptions.push(
     log,
-    tests,
+    tests.controller,
     vscode.workspace.registerTextDocumentContentProvider(SCHEME, answers),
     ...WORDS.map((word) => command(word, answered(word))),
     command("emitForm", async (args) => {

@@ -44,14 +44,14 @@ class Client extends LanguageClient {
 /** The server: it is started, stopped and started again, one after the other. */
 class Server {
   /**
-   * @param {string} folder that the program is started in: no folder of models, since some systems look for programs there
-   * @param {object} log what the client writes to
-   * @param {(text: string) => void} failed says why the program cannot be started
+   * @param {object} of
+   * @param {string} of.folder that the program is started in: no folder of models, since some systems look for programs there
+   * @param {object} of.log what the client writes to
+   * @param {(text: string) => void} of.failed says why the program cannot be started
+   * @param {(event: { uri: string, type: number }) => void} of.changed is told of files, once the server knows
    */
-  constructor(folder, log, failed) {
-    this.folder = folder;
-    this.log = log;
-    this.failed = failed;
+  constructor({ folder, log, failed, changed }) {
+    Object.assign(this, { folder, log, failed, changed });
     this.last = Promise.resolve();
     this.again = undefined;
     this.client = undefined;
@@ -84,8 +84,16 @@ class Server {
         initializationOptions: { inlayHints: settings().get("inlayHints") },
         initializationFailedHandler: () => false,
         outputChannel: this.log,
-        // What the server would show is shown by who asks.
-        middleware: { window: { showDocument: async () => ({ success: true }) } },
+        middleware: {
+          // What the server would show is shown by who asks.
+          window: { showDocument: async () => ({ success: true }) },
+          workspace: {
+            didChangeWatchedFile: async (event, next) => {
+              await next(event);
+              this.changed(event);
+            },
+          },
+        },
       });
       await this.client.start();
     } catch (error) {

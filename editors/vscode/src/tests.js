@@ -3,6 +3,7 @@
 "use strict";
 
 const vscode = require("vscode");
+const { FileChangeType } = require("vscode-languageclient/node");
 const { failures, place } = require("./results");
 
 const FILES = "**/*.nsd";
@@ -24,17 +25,14 @@ class Tests {
     this.controller.refreshHandler = () => this.readAll();
     const run = (request, token) => this.run(request, token);
     this.controller.createRunProfile("Test", vscode.TestRunProfileKind.Run, run, true);
-    this.watcher = vscode.workspace.createFileSystemWatcher(FILES);
-    // A file that cannot be read has no tests; why not is said where it is open.
-    const read = (uri) => this.read(uri).catch(() => this.forget(uri));
-    this.watcher.onDidCreate(read);
-    this.watcher.onDidChange(read);
-    this.watcher.onDidDelete((uri) => this.forget(uri));
   }
 
-  dispose() {
-    this.watcher.dispose();
-    this.controller.dispose();
+  /** What has become of a file; one that cannot be read has no tests, and why not is said where it is open. */
+  async follow({ uri, type }) {
+    const file = vscode.Uri.parse(uri);
+    if (!file.path.endsWith(".nsd")) return;
+    if (type === FileChangeType.Deleted) this.forget(file);
+    else await this.read(file).catch(() => this.forget(file));
   }
 
   open() {
