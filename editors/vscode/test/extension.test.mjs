@@ -127,10 +127,16 @@ const RELAY =
   "simulate fails of relay {\n  horizon 2;\n  expect x at end ~ 0 within 1e-9;\n  expect x at 0 ~ 2 within 1e-9;\n}\n";
 writeFileSync(fileURLToPath(relay), RELAY);
 
-// The program, which takes down where it is started.
+/** A program that takes down where it is started. */
+function noting(name, then) {
+  const path = join(folder, "bin", name);
+  writeFileSync(path, `#!/bin/sh\npwd >> '${folder}/starts'\n${then}\n`, { mode: 0o755 });
+  return path;
+}
+
 mkdirSync(join(folder, "bin"));
-const noted = join(folder, "bin/nsdc");
-writeFileSync(noted, `#!/bin/sh\npwd >> '${folder}/starts'\nexec '${program}' "$@"\n`, { mode: 0o755 });
+const noted = noting("nsdc", `exec '${program}' "$@"`);
+const ends = noting("ends", "exit 1");
 const starts = () => (existsSync(join(folder, "starts")) ? readFileSync(join(folder, "starts"), "utf8").trim().split("\n") : []);
 
 const settings = { path: noted, inlayHints: true };
@@ -195,7 +201,9 @@ const vscode = anything({
       return items.find((item) => picked.includes(item.label ?? item));
     },
     createWebviewPanel(_, title) {
-      const panel = { title, webview: { html: "" }, onDidDispose() {}, reveal() {} };
+      const pages = [];
+      const webview = { set html(page) { pages.push(page); } };
+      const panel = { title, pages, webview, onDidDispose() {}, reveal() {} };
       panels.push(panel);
       return panel;
     },
@@ -334,16 +342,16 @@ test("without a text in front the file is one that is seen, or chosen", async ()
 
 silent("a figure opens beside, and is drawn again when a file is saved", async () => {
   await commands.get("nsdc.plot")(oscillator, "crossing");
-  assert.equal(panels.length, 1);
-  assert.match(panels[0].webview.html, /data:image\/svg\+xml/);
-  panels[0].webview.html = "";
+  const [{ pages }] = panels;
+  assert.equal(pages.length, 1);
+  // This is no file of a disk.
   saved.fire({ uri: Uri.parse("git:/a.nsd") });
-  await commands.get("nsdc.plot")(relay, "settles");
-  assert.equal(panels[0].webview.html, "");
   saved.fire({ uri: Uri.parse(oscillator) });
-  await until(() => panels[0].webview.html !== "");
-  assert.match(panels[0].webview.html, /data:image\/svg\+xml/);
-  assert.equal(panels.length, 2);
+  await until(() => pages.length > 1);
+  await commands.get("nsdc.plot")(oscillator, "crossing");
+  assert.equal(pages.length, 3);
+  pages.forEach((page) => assert.match(page, /data:image\/svg\+xml/));
+  assert.equal(panels.length, 1);
   assert.equal(documents.length, 0);
 });
 
@@ -439,8 +447,9 @@ test("the program is not started in the folder, and a path from it on is taken i
   assert.deepEqual(messages, []);
 });
 
-for (const [path, why] of [["/nonexistent", /ENOENT/], ["/bin/false", /./]]) {
-  test(`what does not start is told once: ${path}`, async () => {
+for (const [title, path, why, tries] of [["is not there", "/nonexistent", /ENOENT/, 0], ["ends at once", ends, /./, 1]]) {
+  test(`a program that ${title} is tried once, and told once`, async () => {
+    const before = starts().length;
     settings.path = path;
     configured.fire(change);
     await until(() => messages.length > 0);
@@ -459,6 +468,7 @@ for (const [path, why] of [["/nonexistent", /ENOENT/], ["/bin/false", /./]]) {
     await controller.resolveHandler();
     await extension.deactivate();
     assert.deepEqual(messages, []);
+    assert.equal(starts().length, before + 2 * tries);
     settings.path = noted;
     configured.fire(change);
     await until(() => controller.items.size > 0);
