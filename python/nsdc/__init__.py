@@ -19,6 +19,7 @@ from ._errors import Diagnostic, Edit, Fix, InternalError, ModelError, RunError,
 from ._experiment import Experiment
 from ._figure import Figure
 from ._file import File, check, explain, load, loads
+from ._magic import load_ipython_extension
 from ._quantities import Quantities, Quantity
 from ._result import Event, Mode, Result
 from ._sweep import Sweep
@@ -45,6 +46,7 @@ __all__ = [
     "check",
     "explain",
     "load",
+    "load_ipython_extension",
     "loads",
     "modes",
     "order",

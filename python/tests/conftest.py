@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+
 import pytest
-from models import BALL, BELT
+from models import BALL, BELT, BUILT
 
 import nsdc
 
@@ -16,3 +19,11 @@ def ball() -> nsdc.Experiment:
 @pytest.fixture
 def belt() -> nsdc.Experiment:
     return nsdc.loads(BELT, "belt.nsd")["pulls"]
+
+
+@pytest.fixture(scope="session")
+def read() -> dict[str, dict]:
+    """Texts with their tokens, as the compiler reads them: `cargo build -p nsd-tests --example editors` makes what prints
+    them."""
+    printed = subprocess.run([BUILT / "examples/editors", "--tokens"], capture_output=True, check=True)
+    return json.loads(printed.stdout)

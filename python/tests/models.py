@@ -1,8 +1,13 @@
 """Models of several tests."""
 
+import os
 from pathlib import Path
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+
+#: What `cargo build` makes.
+BUILT = ROOT / (os.environ.get("CARGO_TARGET_DIR") or "target") / "debug"
 
 #: x' = v, v' = -g, and v := -e*v where it strikes.
 BALL = """

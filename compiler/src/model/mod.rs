@@ -36,7 +36,7 @@ pub use crate::model::errors::unsupported::Unsupported;
 pub use crate::model::expressions::rows::Comparison;
 pub use crate::model::expressions::tensor::{Shape, Tensor};
 pub use crate::model::hir::import::find;
-pub use crate::model::hir::index;
+pub use crate::model::hir::{index, reserved};
 pub use crate::model::names::kind::{Target, TargetKind};
 pub use crate::model::names::scope::{Hook, Scope};
 pub use crate::model::statements::cones::Cone;

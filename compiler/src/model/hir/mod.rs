@@ -10,7 +10,7 @@ pub(crate) mod import;
 pub mod index;
 pub(crate) mod order;
 mod references;
-pub(crate) mod reserved;
+pub mod reserved;
 mod settings;
 #[cfg(test)]
 mod tests;

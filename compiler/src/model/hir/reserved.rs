@@ -6,7 +6,7 @@ use crate::model::ModelError;
 use crate::source::Span;
 
 /// Built-in values.
-pub(crate) const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
+pub const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
 
 /// Built-in functions beside the elementary ones, with their least and greatest number of arguments.
 const FUNCTIONS: [(&str, usize, usize); 33] = [
@@ -46,7 +46,7 @@ const FUNCTIONS: [(&str, usize, usize); 33] = [
 ];
 
 /// The names of all built-in functions.
-pub(crate) fn function_names<'n>() -> impl Iterator<Item = &'n str> {
+pub fn function_names<'n>() -> impl Iterator<Item = &'n str> {
     let elementary = Function::ALL.iter().map(|function| function.name());
     elementary.chain(FUNCTIONS.iter().map(|&(name, ..)| name))
 }

@@ -1,0 +1,16 @@
+[
+  (body)
+  (experiment)
+  (mechanics)
+  (bindings)
+  (options)
+  (resets)
+  (rows)
+  (guess)
+  (initial)
+  (free)
+  (plot)
+  (animate)
+  (drawing_loop)
+  (matrix)
+] @fold
