@@ -367,6 +367,40 @@ fn stiff_steps_are_followed() {
     near(by_start[1], 1.0 / k, 1e-12);
 }
 
+/// x' = c g(t) - x with a pulse g = a exp(-((t - 1.234)/w)²) and c = 0 or 1 in the run, so that the derivative of x(T) by c
+/// is a w √π exp(1.234 - T + w²/4) however little the run itself sees of g: the time may be a state, and c one.
+#[test]
+fn pulses_that_a_run_does_not_see_move_its_derivatives() {
+    for width in [5e-4, 4e-3, 0.02, 0.1] {
+        let exact = 1000.0 * width * std::f64::consts::PI.sqrt();
+        let exact = exact * (1.234 - 2.0 + 0.25 * width * width).exp();
+        let pulse = |t: &str| format!("1000*exp(-(({t} - 1.234)/{width})^2)");
+        let (by_time, by_state) = (pulse("time"), pulse("s"));
+        let rates = [
+            ("p", format!("(p - 1)*{by_time} - x")),
+            ("p", format!("p*{by_time} - x")),
+            ("p", format!("p*{by_state} - x")),
+            ("z at 0", format!("z*{by_time} - x")),
+            ("z at 0", format!("z*{by_state} - x")),
+        ];
+        for (to, rate) in rates {
+            let text = format!(
+                "model m {{ param p = 1; state x = 0; state s = 0; state z = 0; s' = 1; z' = 0; x' = {rate}; }}
+                 simulate s of m {{ horizon 2; sensitivity to {to}; }}"
+            );
+            for (tolerance, close) in [(None, 1e-5), (Some(1e-12), 1e-9)] {
+                let run = run_within(&text, tolerance);
+                assert!(!warned(&run), "{text}: {:?}", run.warnings);
+                let found = slopes(&run, &run.samples.sensitivities[0])[0];
+                assert!(
+                    (found - exact).abs() <= close * exact,
+                    "{text}: {found}, not {exact}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn outputs_have_derivatives_without_states_and_without_switches() {
     let text = "model m { param a = 2; output e = a*time; }

@@ -11,7 +11,7 @@ use crate::expansion::field::run_balls;
 use crate::hybrid::form::{Library, Surface};
 use crate::hybrid::{HybridSystem, Input, Side};
 use crate::linalg::{DenseLu, Singular};
-use crate::tape::{Ball, Lane, Rounded, Tape};
+use crate::tape::{Ball, Lane, Rounded, Tame, Tape};
 
 /// Where inputs stand among the slots.
 #[derive(Clone, Copy)]
@@ -61,7 +61,7 @@ pub(super) struct Point<'a> {
 }
 
 impl Point<'_> {
-    fn value(&self, input: Input) -> f64 {
+    pub fn value(&self, input: Input) -> f64 {
         match input {
             Input::Time => self.t,
             Input::State(i) => self.x[i],
@@ -123,6 +123,18 @@ impl Group {
             .collect()
     }
 
+    /// Whether the middle of a part speaks for all of it, for every slope.
+    fn is_tame(&self, input: &impl Fn(Input) -> Ball, registers: &mut Vec<Tame>) -> bool {
+        let places: Vec<usize> = (0..self.inputs.len()).collect();
+        run_balls(
+            &self.slopes,
+            &places,
+            |place| input(self.inputs[place]),
+            registers,
+        );
+        self.slopes.results(registers).all(|slope| slope.is_tame)
+    }
+
     /// The slopes as functions of their own.
     fn differentiated(&self, slots: Slots) -> Group {
         Group::new(Arc::new(self.slopes.clone()), self.inputs.clone(), slots)
@@ -150,6 +162,14 @@ impl Psi {
                 let second = group.differentiated(slots);
                 Psi::Smooth(Box::new([group, second]))
             }
+        }
+    }
+
+    /// What is not affine.
+    fn groups(&self) -> &[Group] {
+        match self {
+            Psi::Affine(..) => &[],
+            Psi::Smooth(groups) => &**groups,
         }
     }
 
@@ -509,6 +529,17 @@ impl<'r> Functions<'r> {
             }
         }
         f
+    }
+
+    /// Whether all derivatives of rates, and those of what slides, are tame where inputs are in balls.
+    pub fn are_tame(&self, mode: &ModeFunctions, input: impl Fn(Input) -> Ball) -> bool {
+        let mut registers = Vec::new();
+        let mut groups = mode.blocks.iter().map(|(_, group)| &**group);
+        let kept = mode.kept.iter().flat_map(|psi| psi.groups());
+        groups.all(|group| group.is_tame(&input, &mut registers))
+            && kept
+                .into_iter()
+                .all(|group| group.is_tame(&input, &mut registers))
     }
 
     /// How far rounding may take f from what exact arithmetic gives.

@@ -6,6 +6,10 @@
 //! its ends and between its nodes, moves no entry by more than the tolerance: at the end, where it does so by its integral
 //! alone, and everywhere where instants are asked for inside. Where stiffness would take it far, Radau IIA goes on, whose
 //! linear systems are of the size of the state and serve all directions.
+//!
+//! What the run does not move by, it does not see: a pulse times a parameter or a state that is zero. A part is therefore
+//! halved until the derivatives of f are tame over it (`tape/enclosures/tame.rs`), so that no pulse of theirs is between the
+//! points that are looked at.
 
 use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
 use super::recording::Step;
@@ -13,7 +17,10 @@ use super::run::Run;
 use super::sizes::Sizes;
 use super::stiff::Stiff;
 use super::why::Why;
+use crate::expansion::series;
+use crate::hybrid::Input;
 use crate::integrate::tableau::{Family, Tableau, lagrange, monomials};
+use crate::tape::{Ball, NOTHING};
 
 /// Nodes of a part of a step.
 const NODES: usize = 9;
@@ -25,6 +32,8 @@ const PATIENCE: usize = 32;
 /// Iterations, and those of them that may diverge at first: powers of h|J| do before factorials are larger.
 const MOST_ITERATIONS: usize = 50;
 const FIRST: usize = 16;
+/// Parts of a step that are enclosed at most.
+const MOST_ENCLOSED: usize = 4000;
 /// A defect is rounding up to this part of its terms.
 const ROUNDING: f64 = 1e-14;
 /// Where the defect is looked at besides the ends: between nodes.
@@ -135,6 +144,7 @@ impl Variational {
     ) -> Vec<(usize, Why, Vec<usize>, f64)> {
         let length = way.step.length;
         let mut lost = Vec::new();
+        let mut enclosed = 0..MOST_ENCLOSED;
         let mut left = vec![([0.0, length], 0)];
         self.stiff.begin(way);
         while let Some((ends, halvings)) = left.pop() {
@@ -142,8 +152,14 @@ impl Variational {
                 break;
             }
             let is_stiff = self.patience > 0;
+            let is_tame = halvings >= MOST_HALVINGS || way.is_tame(functions, ends);
+            if !is_tame && enclosed.next().is_some() {
+                left.extend(halves(ends, halvings));
+                continue;
+            }
             let found = match way.run.limit.over() {
                 Some(over) => Err(Why::from(over)),
+                None if !is_tame => Err(Why::Rough),
                 None if is_stiff => self
                     .stiff
                     .part(functions, way, tangents, (ends, &self.points)),
@@ -167,9 +183,7 @@ impl Variational {
                     left = vec![([ends[0], length], 0)];
                     continue;
                 }
-                let middle = 0.5 * (ends[0] + ends[1]);
-                left.push(([middle, ends[1]], halvings + 1));
-                left.push(([ends[0], middle], halvings + 1));
+                left.extend(halves(ends, halvings));
                 continue;
             }
             let mut part = Part {
@@ -227,6 +241,12 @@ impl Variational {
         });
         Ok(values.collect())
     }
+}
+
+/// The halves of a part, the first one last.
+fn halves([a, b]: [f64; 2], halvings: usize) -> [([f64; 2], usize); 2] {
+    let middle = 0.5 * (a + b);
+    [([middle, b], halvings + 1), ([a, middle], halvings + 1)]
 }
 
 /// Σ_j w_j v_j.
@@ -289,7 +309,7 @@ impl Collocation<'_, '_> {
         let is_small = |k: usize| {
             let size = values.iter().fold(sizes[k], |most, s| most.max(s[k].abs()));
             // Where an entry has been small so far, its size is that of what it is made of.
-            let size = size / self.h + terms[k];
+            let size = size / self.h + terms[k] + NOTHING;
             let known = ROUNDING * terms[k] + noise[k];
             // Inside of a part the defect is much larger than what it makes of the end.
             let inside = match self.everywhere {
@@ -325,6 +345,7 @@ impl Collocation<'_, '_> {
                 let within = inner.iter().map(|s| s[k].abs());
                 let within = within.chain(next.iter().map(|slope| self.h * slope[k].abs()));
                 let size = within.fold(sizes[k], f64::max) + self.h * noise[k] / self.tolerance;
+                let size = size + NOTHING;
                 let changes = next
                     .iter()
                     .zip(&slopes)
@@ -399,7 +420,7 @@ impl Way<'_> {
         let is_alike = |i: usize, more: f64| {
             let (f, slope) = (linear.f[i], slope[i]);
             let size = f.abs() + slope.abs() + x[i].abs() / self.step.length;
-            let allowed = UNLIKE * size + ROUNDING * self.sizes.fastest[i] + more;
+            let allowed = UNLIKE * size + ROUNDING * self.sizes.fastest[i] + more + NOTHING;
             (f - slope).abs() <= allowed
         };
         if !(0..n).all(|i| is_alike(i, 0.0)) {
@@ -437,6 +458,28 @@ impl Way<'_> {
         }
         let shaken = functions.linearize(self.mode, &self.point(tau, &x, &alpha));
         shaken.map_err(|_| Why::Singular)
+    }
+
+    /// Whether no derivative of the functions hides anything in a part of the step.
+    fn is_tame(&self, functions: &mut Functions, [a, b]: [f64; 2]) -> bool {
+        let (middle, radius) = (0.5 * (a + b), 0.5 * (b - a));
+        let moving = |at: usize| {
+            let row = self.step.row(at);
+            let motion = series::motion(row, middle, radius);
+            Ball::new(series::value(row, middle), motion)
+        };
+        let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
+        let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
+        self.step.state(middle, &mut x, &mut vec![0.0; n]);
+        self.step.alpha(middle, &mut alpha);
+        let point = self.point(middle, &x, &alpha);
+        let sliding = &self.mode.sliding;
+        functions.are_tame(self.mode, |input| match input {
+            Input::Time => Ball::new(point.t, radius),
+            Input::State(i) => moving(i),
+            Input::Alpha(switch) if sliding.contains(&switch) => moving(n + switch),
+            _ => Ball::new(point.value(input), 0.0),
+        })
     }
 
     /// A point of the step.

@@ -30,7 +30,7 @@ use crate::runtime::limit::work;
 
 pub(crate) use crate::tape::enclosures::ball::Ball;
 pub(crate) use crate::tape::enclosures::rounded::Rounded;
-pub(crate) use crate::tape::enclosures::tame::Tame;
+pub(crate) use crate::tape::enclosures::tame::{NOTHING, Tame};
 pub(crate) use crate::tape::taylor::bulk::fill_all;
 pub use crate::tape::taylor::jet::Jet;
 pub(crate) use crate::tape::taylor::jet::{Recurrences, weights};

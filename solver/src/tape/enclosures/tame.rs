@@ -14,7 +14,7 @@ use crate::tape::{Ball, Elementary, Lane};
 pub(crate) const VANISHED: f64 = -100.0;
 
 /// e to that.
-const NOTHING: f64 = 3.7e-44;
+pub(crate) const NOTHING: f64 = 3.7e-44;
 
 /// The inverse of a number beyond this one is nothing, too; larger ones are not told apart.
 const ENORMOUS: f64 = 1e150;
