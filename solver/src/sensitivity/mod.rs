@@ -35,28 +35,27 @@ pub use why::{Loss, Why};
 use crate::event::Simulator;
 use crate::events::Approach;
 
-impl Simulator {
-    /// Differentiates a run of this simulator that has been recorded, with the surfaces that it came close to, at instants in
-    /// order, within the limit of its runs.
-    pub fn differentiate(
-        &self,
-        recording: &Recording,
-        approaches: &[Approach],
-        directions: &Directions,
-        instants: &[Moment],
-    ) -> Sensitivities {
-        let memory = &self.mode.memory;
-        let run = run::Run {
-            system: self.system.clone(),
-            coupling: &self.coupling,
-            observers: &self.mode.monitored.observers,
-            data: &memory.data,
-            parameters: &memory.values[memory.parameters()],
-            accuracy: self.settings.tolerance,
-            tolerance: (0.01 * self.settings.tolerance).clamp(1e-13, 1e-10),
-            limit: &self.settings.limit,
-        };
-        let forward = forward::Forward::new(&run, directions, instants);
-        forward.follow(recording, approaches)
-    }
+/// Differentiates a run of a simulator that has been recorded, with the surfaces that it came close to, at instants in order,
+/// within the limit of its runs.
+pub fn differentiate(
+    simulator: &Simulator,
+    recording: &Recording,
+    approaches: &[Approach],
+    directions: &Directions,
+    instants: &[Moment],
+) -> Sensitivities {
+    let Simulator { mode, settings, .. } = simulator;
+    let memory = &mode.memory;
+    let run = run::Run {
+        system: simulator.system.clone(),
+        coupling: &simulator.coupling,
+        observers: &mode.monitored.observers,
+        data: &memory.data,
+        parameters: &memory.values[memory.parameters()],
+        accuracy: settings.tolerance,
+        tolerance: (0.01 * settings.tolerance).clamp(1e-13, 1e-10),
+        limit: &settings.limit,
+    };
+    let forward = forward::Forward::new(&run, directions, instants);
+    forward.follow(recording, approaches)
 }

@@ -35,7 +35,7 @@ impl Search<'_, '_, '_> {
         let mut found: Vec<Sequence> = Vec::new();
         for control in &controls {
             for change in CHANGES {
-                if let Some(other) = self.changed(control, change) {
+                if let Some(other) = changed(self, control, change) {
                     keep_best(&mut found, other);
                 }
             }
@@ -51,22 +51,22 @@ impl Search<'_, '_, '_> {
             },
         }
     }
+}
 
-    /// The solution with a control changed by a share of its size, if events come in other intervals then.
-    fn changed(&mut self, control: &Quantity, change: f64) -> Option<Sequence> {
-        let mut w = self.w.to_vec();
-        let value = w[control.index] + change * control.size;
-        w[control.index] = value.max(control.lower).min(control.upper);
-        if w == self.w {
-            return None;
-        }
-        let values = self.reduced.at(&w)?;
-        let is_other = self.base.is_none_or(|base| values.events != base.events);
-        is_other.then(|| Sequence {
-            point: self.candidate(w, &values),
-            events: values.events,
-        })
+/// The solution with a control changed by a share of its size, if events come in other intervals then.
+fn changed(search: &mut Search<'_, '_, '_>, control: &Quantity, change: f64) -> Option<Sequence> {
+    let mut w = search.w.to_vec();
+    let value = w[control.index] + change * control.size;
+    w[control.index] = value.max(control.lower).min(control.upper);
+    if w == search.w {
+        return None;
     }
+    let values = search.reduced.at(&w)?;
+    let is_other = search.base.is_none_or(|base| values.events != base.events);
+    is_other.then(|| Sequence {
+        point: search.candidate(w, &values),
+        events: values.events,
+    })
 }
 
 /// Adds a sequence, or its point to one that is known, if it is better.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::HybridSystem;
-use nsd_solver::sensitivity::{Directions, Moment, Recording, Sensitivities};
+use nsd_solver::sensitivity::{Directions, Moment, Recording, Sensitivities, differentiate};
 
 use super::smoothed;
 use crate::limit::Limit;
@@ -118,7 +118,9 @@ impl<'e> Run<'e> for Events {
     ) -> Option<Sensitivities> {
         let simulator = self.coarse.as_ref()?;
         let approaches = &ended.outcome.approaches;
-        Some(simulator.differentiate(recording, approaches, directions, instants))
+        Some(differentiate(
+            simulator, recording, approaches, directions, instants,
+        ))
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {

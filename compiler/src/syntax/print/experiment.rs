@@ -89,19 +89,21 @@ impl Printer {
             }
             SettingKind::FreeIntervals(count) => self.line(format!("intervals {count} free;")),
             SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
-            SettingKind::Sensitivity(to) => {
-                let to = to.iter().map(|(path, at_start)| match at_start {
-                    true => format!("{path} at 0"),
-                    false => path.to_string(),
-                });
-                self.line(format!("sensitivity to {};", list(&to.collect::<Vec<_>>())));
-            }
+            SettingKind::Sensitivity(to) => self.sensitivity(to),
             SettingKind::Plot(items) => self.plot("plot", items),
             SettingKind::Animate(items) => self.plot("animate", items),
             SettingKind::Value { name, value } => self.line(format!("{name} {value};")),
             SettingKind::Expect(expect) => self.line(format!("expect {};", expectation(expect))),
             SettingKind::Bad => self.bad(),
         }
+    }
+
+    fn sensitivity(&mut self, to: &[(Path, bool)]) {
+        let to = to.iter().map(|(path, at_start)| match at_start {
+            true => format!("{path} at 0"),
+            false => path.to_string(),
+        });
+        self.line(format!("sensitivity to {};", list(&to.collect::<Vec<_>>())));
     }
 
     fn plot(&mut self, word: &str, items: &[PlotItem]) {
