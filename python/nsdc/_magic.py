@@ -6,7 +6,7 @@ import keyword
 import sys
 from typing import Any
 
-from ._errors import ModelError
+from ._errors import ModelError, diagnostics
 from ._file import loads
 
 USAGE = "`%%nsd NAME [EXPERIMENT]` takes the name that the file gets, and an experiment that is run"
@@ -42,7 +42,8 @@ def load_ipython_extension(shell: Any) -> None:
         if not name.isidentifier() or keyword.iskeyword(name) or len(rest) > 1:
             raise UsageError(USAGE)
         file = loads(cell, f"{name}.nsd")
-        said, rendered = file.check(), file._project.check()[1]
+        found, rendered = file._project.check()
+        said = diagnostics(found)
         if any(one.severity == "error" for one in said):
             raise CellError(said, rendered)
         shell.user_ns[name] = file

@@ -1,7 +1,9 @@
 """Models of several tests."""
 
 import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -24,6 +26,17 @@ model ball {
 /// A ball that is let go.
 simulate falls of ball { horizon 1; }
 """
+
+
+def agree(name: str, text: Any, tokens: Iterable[tuple[str, Any]], found: Sequence[str]) -> None:
+    """Tokens, in order, have the kinds that were found at all of their characters."""
+    at = 0
+    for kind, written in tokens:
+        at = text.index(written, at)
+        end = at + len(written)
+        assert set(found[at:end]) == {kind}, (name, written, text[max(at - 40, 0) : end + 40])
+        at = end
+
 
 #: A block on a belt: sticks, slips, and swings.
 BELT = """

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
-
-ROOT = Path(__file__).parents[2]
+from models import EXAMPLES, ROOT
 
 # Every optional field is in one of these.
 ALL = """
@@ -78,8 +77,8 @@ def test_diagnostics(tmp_path: Path) -> None:
     [("test", "oscillator.nsd"), ("verify", "oscillator.nsd"), ("verify", "tutorial_ocp.nsd"), ("solve", "two_minima.nl")],
 )
 def test_examples(command: str, name: str) -> None:
-    obeys(command, command, str(ROOT / "examples" / name))
+    obeys(command, command, str(EXAMPLES / name))
 
 
 def test_sweeps() -> None:
-    obeys("sweep", "sweep", str(ROOT / "examples/oscillator.nsd"), "crossing", "--over", "x[2]=[0.1, 0.2]")
+    obeys("sweep", "sweep", str(EXAMPLES / "oscillator.nsd"), "crossing", "--over", "x[2]=[0.1, 0.2]")

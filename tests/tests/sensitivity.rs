@@ -280,6 +280,23 @@ fn contacts_slip_and_stick() {
     );
 }
 
+/// With one e for all that act on each other Poisson's law is that of Newton. With friction that sticks beside it they agree
+/// for e = 0, and their derivatives do not.
+#[test]
+fn impulses_given_back_are_speeds_for_one_contact_alone() {
+    let rod = |mass: &str, e: &str| {
+        format!(
+            "model m {{ param e = 0.5; param g = 9.81; state q[2] = [0, 1]; state v[2] = [0.1, 0]; q' = v;
+               mechanics q, v {{ mass = {mass}; force = [0, -g];
+                 contact floor {{ gap = q[2]; slip = v[1]; restitution = poisson({e}); friction = 1; }} }} }}
+             simulate s of m {{ horizon 1; sensitivity to e; }}"
+        )
+    };
+    agrees(&rod("1", "e").replace("to e", "to e, g, v[1] at 0"), 2);
+    let fall = (2.0_f64 / (0.4 * 9.81)).sqrt();
+    loses(&rod("[2, 1; 1, 3]", "2*e - 1"), fall, "jumps");
+}
+
 #[test]
 fn contacts_close_and_open() {
     agrees(

@@ -8,15 +8,14 @@ use crate::project::prepared::{NotPrepared, Opened};
 use crate::simulate::Sensing;
 use crate::system::experiment::{ExperimentError, Sensed};
 
-/// What the experiment asks for, if it was compiled with its parameters open.
+/// What the experiment asks for, if it was compiled for that.
 ///
 /// # Errors
 ///
 /// Where the run is not differentiated by something of it.
 pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
     let (settings, system) = (&compiled.settings, &compiled.system);
-    let is_open = |sensed: &Sensed| sensed.is_initial || settings.values.is_open(sensed.var);
-    if settings.recording.sensed.is_empty() || !settings.recording.sensed.iter().all(is_open) {
+    if settings.recording.sensed.is_empty() {
         return Ok(None);
     }
     let opened =

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use nsd_solver::event::{Event, Observer, Segment};
-use nsd_solver::sensitivity::{Directions, Loss, Moment, Sensitivities, Why};
+use nsd_solver::sensitivity::{Directions, Loss, Moment, Sensitivities};
 
 use crate::report::{Moves, Sensitivity, Trajectory, Warning};
 use crate::simulate::record::reported::{Reported, is_before};
@@ -71,38 +71,34 @@ impl Sensing {
             });
         }
         trajectory.samples.sensitivities = all;
-        let mut told: Vec<(&Loss, Vec<&str>)> = Vec::new();
-        for (loss, (name, _)) in found.lost.iter().zip(&self.names) {
+        let mut told: Vec<(&Loss, Vec<usize>)> = Vec::new();
+        for (d, loss) in found.lost.iter().enumerate() {
             let Some(loss) = loss else { continue };
             match told.iter_mut().find(|(other, _)| *other == loss) {
-                Some((_, names)) => names.push(name),
-                None => told.push((loss, vec![name])),
+                Some((_, directions)) => directions.push(d),
+                None => told.push((loss, vec![d])),
             }
         }
         let warnings = told
             .iter()
-            .map(|(loss, names)| self.lost(system, loss, names));
+            .map(|(loss, directions)| self.lost(system, loss, directions));
         trajectory.warnings.extend(warnings);
     }
 
-    /// What is said where derivatives are not known any more.
-    fn lost(&self, system: &System, loss: &Loss, names: &[&str]) -> Warning {
-        let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-        let switches = loss.switches.iter().map(|&i| &system.switches[i]);
-        let mut surfaces: Vec<String> = switches
-            .map(|switch| format!("`{}`", switch.name))
-            .collect();
+    /// What is said where derivatives in these directions are not known any more.
+    fn lost(&self, system: &System, loss: &Loss, directions: &[usize]) -> Warning {
+        let names = directions.iter().map(|&d| format!("`{}`", self.names[d].0));
+        let names: Vec<String> = names.collect();
+        let switches = || loss.switches.iter().map(|&i| &system.switches[i]);
+        let surfaces = switches().map(|switch| format!("`{}`", switch.name));
+        let mut surfaces: Vec<String> = surfaces.collect();
         surfaces.dedup();
         let at = match surfaces.is_empty() {
             true => String::new(),
             false => format!(" at {}", surfaces.join(", ")),
         };
-        let why: Why = loss.why;
-        let own = self
-            .names
-            .iter()
-            .find(|(name, _)| names[0] == format!("`{name}`"));
-        let span = (loss.switches.iter()).find_map(|&i| system.switches[i].spans.first().copied());
+        let why = loss.why;
+        let span = switches().find_map(|switch| switch.spans.first().copied());
         Warning {
             code: "W0735".into(),
             message: format!(
@@ -110,7 +106,7 @@ impl Sensing {
                 names.join(", "),
                 loss.time
             ),
-            span: span.or(own.map(|(_, span)| *span)),
+            span: span.or(Some(self.names[directions[0]].1)),
         }
     }
 }

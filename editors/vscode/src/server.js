@@ -22,6 +22,9 @@ function program() {
   return join(folder.uri.fsPath, path);
 }
 
+/** Milliseconds in which the program has to answer once it is started. */
+const LIMIT = 20_000;
+
 /** A client that leaves commands, and what is said of a start that failed, to who has made it. */
 class Client extends LanguageClient {
   registerFeature(feature) {
@@ -34,6 +37,11 @@ class Client extends LanguageClient {
       error: (...given) => usual.error(...given),
       closed: () => (this.isRunning() ? usual.closed() : { action: CloseAction.DoNotRestart, handled: true }),
     };
+  }
+
+  fillInitializeParams(params) {
+    super.fillInitializeParams(params);
+    params.capabilities.window.showDocument.support = false;
   }
 
   error(message, data, notify) {
@@ -85,8 +93,6 @@ class Server {
         initializationFailedHandler: () => false,
         outputChannel: this.log,
         middleware: {
-          // What the server would show is shown by who asks.
-          window: { showDocument: async () => ({ success: true }) },
           workspace: {
             didChangeWatchedFile: async (event, next) => {
               await next(event);
@@ -95,10 +101,20 @@ class Server {
           },
         },
       });
-      await this.client.start();
+      await this.started();
     } catch (error) {
+      await this.end();
       this.failed(`nsdc: \`${settings().get("path")} lsp\` cannot be started: ${error.message ?? error}`);
     }
+  }
+
+  /** Waits for the answer of the program, but not for ever. */
+  async started() {
+    let timer;
+    const late = new Promise((_, reject) => {
+      timer = setTimeout(() => reject(new Error("it does not answer")), LIMIT);
+    });
+    await Promise.race([this.client.start(), late]).finally(() => clearTimeout(timer));
   }
 
   async end() {

@@ -30,7 +30,7 @@ class Tests {
   /** What has become of a file; one that cannot be read has no tests, and why not is said where it is open. */
   async follow({ uri, type }) {
     const file = vscode.Uri.parse(uri);
-    if (!file.path.endsWith(".nsd")) return;
+    if (!this.isOpen || !file.path.endsWith(".nsd")) return;
     if (type === FileChangeType.Deleted) this.forget(file);
     else await this.read(file).catch(() => this.forget(file));
   }

@@ -137,6 +137,14 @@ function noting(name, then) {
 mkdirSync(join(folder, "bin"));
 const noted = noting("nsdc", `exec '${program}' "$@"`);
 const ends = noting("ends", "exit 1");
+const mute = noting("mute", "exec sleep 1000");
+
+/** Milliseconds that the extension waits for an answer, and those that it waits here. */
+const LIMIT = 20_000;
+let patience = LIMIT;
+const { setTimeout: wait } = globalThis;
+globalThis.setTimeout = (call, delay, ...rest) => wait(call, delay === LIMIT ? patience : delay, ...rest);
+
 const starts = () => (existsSync(join(folder, "starts")) ? readFileSync(join(folder, "starts"), "utf8").trim().split("\n") : []);
 
 const settings = { path: noted, inlayHints: true };
@@ -447,10 +455,15 @@ test("the program is not started in the folder, and a path from it on is taken i
   assert.deepEqual(messages, []);
 });
 
-for (const [title, path, why, tries] of [["is not there", "/nonexistent", /ENOENT/, 0], ["ends at once", ends, /./, 1]]) {
+for (const [title, path, why, tries] of [
+  ["is not there", "/nonexistent", /ENOENT/, 0],
+  ["ends at once", ends, /./, 1],
+  ["never answers", mute, /does not answer/, 1],
+]) {
   test(`a program that ${title} is tried once, and told once`, async () => {
     const before = starts().length;
     settings.path = path;
+    patience = path === mute ? 300 : LIMIT;
     configured.fire(change);
     await until(() => messages.length > 0);
     assert.match(messages[0], why);
@@ -470,6 +483,7 @@ for (const [title, path, why, tries] of [["is not there", "/nonexistent", /ENOEN
     assert.deepEqual(messages, []);
     assert.equal(starts().length, before + 2 * tries);
     settings.path = noted;
+    patience = LIMIT;
     configured.fire(change);
     await until(() => controller.items.size > 0);
     await commands.get("nsdc.run")(oscillator, "crossing");

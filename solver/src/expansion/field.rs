@@ -410,10 +410,10 @@ impl Local {
 }
 
 /// Runs a tape on enclosures of its inputs.
-pub(crate) fn run_balls<L: Lane + From<Ball>>(
+pub(crate) fn run_balls<P: Copy, L: Lane + From<Ball>>(
     tape: &Tape,
-    from: &[usize],
-    input: impl Fn(usize) -> Ball,
+    from: &[P],
+    input: impl Fn(P) -> Ball,
     registers: &mut Vec<L>,
 ) {
     let wanted = tape.n_registers().max(from.len());

@@ -109,8 +109,7 @@ impl<'r> Forward<'r> {
             let behind = &recording.parts[at + 1..];
             match part {
                 Part::Step(step) => {
-                    let ends = behind.iter().find_map(Part::event);
-                    self.enter(step, ends.is_some_and(|event| event.accumulates));
+                    self.enter(step, behind);
                     self.step(step, behind.is_empty());
                     last = Some(step);
                     while let Some(approach) = approaches.next_if(|a| a.time <= step.until) {
@@ -156,9 +155,10 @@ impl<'r> Forward<'r> {
     }
 
     /// Comes to the start of a step.
-    fn enter(&mut self, step: &Step, accumulates: bool) {
+    fn enter(&mut self, step: &Step, behind: &[Part]) {
         let n = self.x.len();
         let (mut x, mut slope) = (vec![0.0; n], vec![0.0; n]);
+        // The start last: what follows is about x and its rate there.
         for share in [1.0, 0.5, 0.0] {
             step.state(share * step.length, &mut x, &mut slope);
             self.sizes.see(&x, &slope);
@@ -170,7 +170,11 @@ impl<'r> Forward<'r> {
         self.coefficients = coefficients;
         match self.sides.take() {
             None => {}
-            Some(sides) if *sides != *step.sides => self.changed(step, &sides, accumulates),
+            Some(sides) if *sides != *step.sides => {
+                let ends = behind.iter().find_map(Part::event);
+                let accumulates = ends.is_some_and(|event| event.accumulates);
+                self.changed(step, &sides, accumulates);
+            }
             Some(_) => self.stay(step, &x),
         }
         self.sides = Some(step.sides.clone());
@@ -402,11 +406,8 @@ impl<'r> Forward<'r> {
             let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
             let coefficients = self.run.coefficients(instant.time);
             let mode = self.functions.mode(sides);
-            let start = alpha.clone();
-            let point = self.point(instant.time, x, &start, &coefficients);
-            let solved = self.functions.solve_alpha(&mode, &point, &mut alpha);
-            let point = self.point(instant.time, x, &alpha, &coefficients);
-            let linear = solved.and_then(|()| self.functions.linearize(&mode, &point));
+            let point = self.point(instant.time, x, &[], &coefficients);
+            let linear = self.functions.solved(&mode, &point, &mut alpha);
             let of_direction = |(d, tangent): (usize, &Option<Vec<f64>>)| {
                 let linear = linear.as_ref().ok()?;
                 Some(whole(&self.functions, linear, tangent.as_ref()?, d))

@@ -125,13 +125,7 @@ impl Group {
 
     /// Whether the middle of a part speaks for all of it, for every slope.
     fn is_tame(&self, input: &impl Fn(Input) -> Ball, registers: &mut Vec<Tame>) -> bool {
-        let places: Vec<usize> = (0..self.inputs.len()).collect();
-        run_balls(
-            &self.slopes,
-            &places,
-            |place| input(self.inputs[place]),
-            registers,
-        );
+        run_balls(&self.slopes, &self.inputs, input, registers);
         self.slopes.results(registers).all(|slope| slope.is_tame)
     }
 
@@ -352,6 +346,9 @@ impl Equations {
 /// Key of what is compiled for the sides inside it.
 type Key = (usize, Box<[Side]>);
 
+/// -∂f/∂α of a switch by states, and of each its derivatives by t, states and directions.
+pub(super) type Kick = (Vec<f64>, Vec<Vec<f64>>);
+
 /// All functions of a system with their derivatives, made where they are met first.
 pub(super) struct Functions<'r> {
     pub system: Arc<HybridSystem>,
@@ -440,23 +437,21 @@ impl<'r> Functions<'r> {
     }
 
     /// -∂f/∂α of switches that slide, with its derivatives by t, states and directions, state by state.
-    pub fn kicks(
-        &mut self,
-        sides: &[Side],
-        point: &Point,
-        switches: &[usize],
-    ) -> Vec<(Vec<f64>, Vec<Vec<f64>>)> {
+    pub fn kicks(&mut self, sides: &[Side], point: &Point, switches: &[usize]) -> Vec<Kick> {
         let mode = self.mode(sides);
         let (n, first) = (self.slots.n_states, self.slots.parameter(0));
         let width = first + self.directions.len();
         let empty = || (vec![0.0; n], vec![vec![0.0; width]; n]);
         let mut kicks: Vec<_> = switches.iter().map(|_| empty()).collect();
+        let alphas: Vec<usize> = switches.iter().map(|&i| self.slots.alpha(i)).collect();
         for (states, group) in &mode.blocks {
+            if !group.entries.iter().any(|(_, slot)| alphas.contains(slot)) {
+                continue;
+            }
             let second = group.differentiated(self.slots);
             let slopes = group.slopes(point, &mut self.registers);
             let bends = second.slopes(point, &mut self.registers);
-            for (kick, &switch) in kicks.iter_mut().zip(switches) {
-                let alpha = self.slots.alpha(switch);
+            for (kick, &alpha) in kicks.iter_mut().zip(&alphas) {
                 for &(at, slot, slope) in &slopes {
                     if slot == alpha {
                         kick.0[states[at]] -= slope;
@@ -513,6 +508,9 @@ impl<'r> Functions<'r> {
         let mut sum = [0.0, 0.0];
         for &(slot, slope) in slopes {
             let [by, size] = self.by(slot, moved, direction);
+            if by == 0.0 && slot >= self.slots.alpha(0) {
+                continue;
+            }
             sum[0] += slope * by;
             sum[1] += (slope * size).abs();
         }
@@ -534,12 +532,9 @@ impl<'r> Functions<'r> {
     /// Whether all derivatives of rates, and those of what slides, are tame where inputs are in balls.
     pub fn are_tame(&self, mode: &ModeFunctions, input: impl Fn(Input) -> Ball) -> bool {
         let mut registers = Vec::new();
-        let mut groups = mode.blocks.iter().map(|(_, group)| &**group);
-        let kept = mode.kept.iter().flat_map(|psi| psi.groups());
-        groups.all(|group| group.is_tame(&input, &mut registers))
-            && kept
-                .into_iter()
-                .all(|group| group.is_tame(&input, &mut registers))
+        let rates = mode.blocks.iter().map(|(_, group)| &**group);
+        let mut all = rates.chain(mode.kept.iter().flat_map(|psi| psi.groups()));
+        all.all(|group| group.is_tame(&input, &mut registers))
     }
 
     /// How far rounding may take f from what exact arithmetic gives.
@@ -547,9 +542,8 @@ impl<'r> Functions<'r> {
         let mut errors = vec![0.0; self.slots.n_states];
         let mut registers: Vec<Rounded> = Vec::new();
         for (states, group) in &mode.blocks {
-            let places: Vec<usize> = (0..group.inputs.len()).collect();
-            let input = |place: usize| Ball::splat(point.value(group.inputs[place]));
-            run_balls(&group.values, &places, input, &mut registers);
+            let input = |input: Input| Ball::splat(point.value(input));
+            run_balls(&group.values, &group.inputs, input, &mut registers);
             for (&state, result) in states.iter().zip(group.values.results(&registers)) {
                 errors[state] = result.ball().radius;
             }
@@ -668,14 +662,26 @@ impl<'r> Functions<'r> {
         })
     }
 
+    /// The same where α_K is near what is given, and then what it is there.
+    pub fn solved(
+        &mut self,
+        mode: &ModeFunctions,
+        point: &Point,
+        alpha: &mut [f64],
+    ) -> Result<Linearized, Singular> {
+        self.solve_alpha(mode, point, alpha)?;
+        self.linearize(mode, &Point { alpha, ..*point })
+    }
+
     /// Solves φ_K = 0 for α_K by Newton's method from those that are given.
-    pub fn solve_alpha(
+    fn solve_alpha(
         &mut self,
         mode: &ModeFunctions,
         point: &Point,
         alpha: &mut [f64],
     ) -> Result<(), Singular> {
         const MOST: usize = 30;
+        const SOLVED: f64 = 1e-11;
         for _ in 0..MOST {
             let here = Point { alpha, ..*point };
             let (f, entries) = self.entries(mode, &here);
@@ -689,7 +695,7 @@ impl<'r> Functions<'r> {
                 alpha[i] -= delta;
                 change = change.max(delta.abs() / (1.0 + alpha[i].abs()));
             }
-            if change <= 1e-11 {
+            if change <= SOLVED {
                 return Ok(());
             }
         }

@@ -9,11 +9,12 @@
 
 use std::sync::Arc;
 
-use super::functions::{Functions, Group, Moved, Point};
+use super::functions::{Functions, Group, Kick, Moved, Point};
 use super::recording::Jump;
-use super::saltation::Slope;
+use super::saltation::{Slope, weigh};
 use super::why::Why;
-use crate::hybrid::{Effect, Guard, HybridSystem, Impact, Law, Reset, Side};
+use crate::contact::impact::impact_of;
+use crate::hybrid::{Effect, Guard, HybridSystem, Impact, ImpactLaw, Reset, Side};
 use crate::linalg::DenseLu;
 use crate::selector::coupling::Coupling;
 
@@ -80,21 +81,14 @@ pub(super) fn jumped(
 
 /// The laws of closed contacts that hang together with those that laws strike.
 fn beside(system: &HybridSystem, event: &Jump, coupling: &Coupling, laws: &[usize]) -> Vec<usize> {
-    fn contact(law: &Law) -> Option<(usize, &Vec<usize>)> {
-        match (&law.guard, &law.effect) {
-            (Guard::Strikes(normal), Effect::Impact(impact)) => Some((*normal, &impact.slips)),
-            _ => None,
-        }
-    }
-    let is_there = |&(law, (normal, _)): &(usize, (usize, &Vec<usize>))| {
+    let is_there = |&(law, (normal, _)): &(usize, (usize, &Impact))| {
         laws.contains(&law) || event.from[normal] == Side::Slide
     };
-    let all = system.laws.iter().enumerate();
-    let all = all.filter_map(|(at, law)| Some((at, contact(law)?)));
+    let all = (0..system.laws.len()).filter_map(|law| Some((law, impact_of(system, law)?)));
     let contacts: Vec<_> = all.filter(is_there).collect();
     let of_each = contacts.iter();
     let mut touching: Vec<usize> = of_each
-        .flat_map(|(_, (normal, slips))| [&[*normal], &slips[..]].concat())
+        .flat_map(|(_, (normal, impact))| [&[*normal], &impact.slips[..]].concat())
         .collect();
     touching.sort_unstable();
     let struck = contacts.iter().filter(|(law, _)| laws.contains(law));
@@ -151,9 +145,10 @@ fn reset_to(
     let values = group.values(&point, &mut functions.registers);
     let slopes = group.slopes(&point, &mut functions.registers);
     let slots = functions.slots;
-    let slides = |slot: usize| {
-        let switch = slot.checked_sub(slots.alpha(0));
-        switch.is_some_and(|i| i < slots.n_switches && event.from[i] == Side::Slide)
+    let slides = |slot| {
+        slots
+            .switch(slot)
+            .is_some_and(|i| event.from[i] == Side::Slide)
     };
     if slopes.iter().any(|&(_, slot, _)| slides(slot)) {
         return Err(Why::Jump);
@@ -165,11 +160,6 @@ fn reset_to(
         (state, value, Slope::of(functions, &own))
     };
     Ok(states.map(row).collect())
-}
-
-/// Derivatives by t, states and directions, one after another.
-fn whole(slope: &Slope) -> Vec<f64> {
-    [&[slope.time], &slope.x[..], &slope.by].concat()
 }
 
 /// What an impact stops or throws back.
@@ -236,10 +226,9 @@ impl Closed {
         }
         let psi = functions.psi(slip, 0, &self.sides);
         let after = psi.value(behind, &mut functions.registers);
-        let slopes = psi.slopes(behind, &mut functions.registers).into_iter();
-        let terms = slopes.filter(|(slot, _)| (1..=sizes.len()).contains(slot));
-        let terms = terms.map(|(slot, slope)| slope.abs() * sizes[slot - 1]);
-        if after.abs() <= STICKS * terms.sum::<f64>() {
+        let slopes = psi.slopes(behind, &mut functions.registers);
+        let terms = weigh(&slopes, sizes.len(), |state| sizes[state]);
+        if after.abs() <= STICKS * terms {
             (self.sides[slip], self.alpha[slip]) = (Side::Slide, 0.5);
             self.stopped.push(Stopped {
                 switch: slip,
@@ -251,6 +240,36 @@ impl Closed {
             self.alpha[slip] = 0.5 + 0.5 * self.sides[slip].sign();
         }
         Ok(())
+    }
+}
+
+/// h of what is stopped, with its slopes, and how those by states change.
+#[derive(Default)]
+struct Speeds {
+    h: Vec<f64>,
+    rows: Vec<Vec<f64>>,
+    bends: Vec<Vec<Vec<f64>>>,
+}
+
+impl Speeds {
+    fn of(functions: &mut Functions, point: &Point, sides: &[Side], switches: &[usize]) -> Self {
+        let mut speeds = Speeds::default();
+        for &i in switches {
+            let psi = functions.psi(i, functions.n_derivatives(i), sides);
+            let slopes = psi.slopes(point, &mut functions.registers);
+            speeds.h.push(psi.value(point, &mut functions.registers));
+            speeds.rows.push(Slope::of(functions, &slopes).entries());
+            speeds.bends.push(functions.bends(&psi, point));
+        }
+        speeds
+    }
+
+    /// δ(h_x d) of one of these and a kick, by column.
+    fn coupled(&self, i: usize, (kick, moves): &Kick, column: usize) -> f64 {
+        let (row, bends) = (&self.rows[i], &self.bends[i]);
+        let terms =
+            (0..kick.len()).map(|j| row[1 + j] * moves[j][column] + bends[j][column] * kick[j]);
+        terms.sum()
     }
 }
 
@@ -273,44 +292,43 @@ fn struck(
     let (n, k) = (functions.slots.n_states, stopped.len());
     let switches: Vec<usize> = stopped.iter().map(|stopped| stopped.switch).collect();
     let kicks = functions.kicks(&sides, &point, &switches);
-    // h with its slopes, and how these change.
-    let (mut h, mut h_rows, mut h_bends) = (Vec::new(), Vec::new(), Vec::new());
-    for &i in &switches {
-        let psi = functions.psi(i, functions.n_derivatives(i), &sides);
-        h.push(psi.value(&point, &mut functions.registers));
-        let slopes = psi.slopes(&point, &mut functions.registers);
-        h_rows.push(whole(&Slope::of(functions, &slopes)));
-        h_bends.push(functions.bends(&psi, &point));
-    }
+    let speeds = Speeds::of(functions, &point, &sides, &switches);
     let product = |row: &[f64], kick: &[f64]| -> f64 {
         row[1..=n].iter().zip(kick).map(|(a, b)| a * b).sum()
     };
     let of_row =
         |row: &Vec<f64>| -> Vec<f64> { kicks.iter().map(|kick| product(row, &kick.0)).collect() };
-    let matrix: Vec<f64> = h_rows.iter().flat_map(of_row).collect();
+    let matrix: Vec<f64> = speeds.rows.iter().flat_map(of_row).collect();
     let mut lu = DenseLu::new(k);
     if lu.factor(&matrix).is_err() {
         return Ok(None);
     }
-    let kept = |i: usize| -(1.0 + stopped[i].restitution) * h[i];
+    let kept = |i: usize| -(1.0 + stopped[i].restitution) * speeds.h[i];
     let mut lambda: Vec<f64> = (0..k).map(kept).collect();
     lu.solve(&mut lambda);
     let pushes = |at: usize| !functions.system.is_unilateral(switches[at]) || lambda[at] > 0.0;
     if !(0..k).all(pushes) {
         return Ok(None);
     }
+    let width = 1 + n + functions.n_directions();
+    let coupled = |i: usize, l: usize, column: usize| speeds.coupled(i, &kicks[l], column);
+    let slopes: Vec<Vec<f64>> = stopped.iter().map(|own| own.slope.entries()).collect();
+    // Poisson's law gives back impulses: those of Newton's law where e is the same for all that act on each other.
+    let is_apart = |i: usize, l: usize| {
+        let is_same = stopped[i].restitution == stopped[l].restitution && slopes[i] == slopes[l];
+        is_same || matrix[i * k + l] == 0.0 && (0..width).all(|at| coupled(i, l, at) == 0.0)
+    };
+    let is_poisson = |(_, impact): &(usize, &Impact)| impact.law == ImpactLaw::Poisson;
+    if impacts.iter().any(is_poisson) && !(0..k * k).all(|at| is_apart(at / k, at % k)) {
+        return Err(Why::Jump);
+    }
     let mut rows: Vec<Vec<f64>> = vec![Vec::new(); n];
     // By columns: δλ, and with it δx⁺.
-    for column in 0..1 + n + functions.n_directions() {
+    for column in 0..width {
         let change = |i: usize| {
-            let of_e = whole(&stopped[i].slope)[column] * h[i];
-            let of_h = (1.0 + stopped[i].restitution) * h_rows[i][column];
-            let of_kicks = kicks.iter().zip(&lambda).map(|(kick, lambda)| {
-                let moved = (0..n).map(|j| {
-                    h_rows[i][1 + j] * kick.1[j][column] + h_bends[i][j][column] * kick.0[j]
-                });
-                lambda * moved.sum::<f64>()
-            });
+            let of_e = slopes[i][column] * speeds.h[i];
+            let of_h = (1.0 + stopped[i].restitution) * speeds.rows[i][column];
+            let of_kicks = (0..k).map(|l| lambda[l] * coupled(i, l, column));
             -(of_e + of_h + of_kicks.sum::<f64>())
         };
         let mut changes: Vec<f64> = (0..k).map(change).collect();

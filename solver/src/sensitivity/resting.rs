@@ -5,12 +5,13 @@
 
 use super::functions::{Functions, Moved};
 use super::run::STAYS;
+use super::saltation::{rate_of, weigh};
 use super::variational::{Part, Variational, Way};
 use super::why::Why;
 use crate::hybrid::{HybridSystem, Role, Side};
 
 /// ψ of a switch at a point of a step.
-struct Seen {
+struct Surface {
     value: f64,
     slopes: Vec<(usize, f64)>,
     /// How large its terms have been in the run.
@@ -43,19 +44,22 @@ impl Way<'_> {
             if slides || is_other || system.is_idle(i, sides) || !is_read(&system, i) {
                 continue;
             }
-            let middle = method.points().len() / 2;
-            let places = [middle, 0, method.points().len() - 1];
-            let seen = places.map(|place| {
-                let [a, b] = part.ends;
-                self.stays_on(functions, i, a + (b - a) * method.points()[place])
-            });
-            let [Some(middle), Some(_), Some(end)] = seen else {
-                continue;
+            let [a, b] = part.ends;
+            let last = method.points().len() - 1;
+            let mut at = |place: usize| {
+                let tau = a + (b - a) * method.points()[place];
+                self.stays_on(functions, i, tau)
             };
+            let Some(middle) = at(last / 2) else { continue };
+            if at(0).is_none() {
+                continue;
+            }
+            let Some(end) = at(last) else { continue };
             for (d, values) in part.values.iter().enumerate() {
                 let Some(values) = values else { continue };
-                let at = |seen: &Seen, tangent: &[f64]| self.moves(functions, seen, tangent, d);
-                if at(&middle, &values[places[0]]) || at(&end, &values[places[2]]) {
+                let moves =
+                    |surface, place: usize| self.moves(functions, surface, &values[place], d);
+                if moves(&middle, last / 2) || moves(&end, last) {
                     lost.push((d, Why::Rests, vec![i]));
                 }
             }
@@ -64,7 +68,7 @@ impl Way<'_> {
     }
 
     /// ψ where it and its rate are zero as far as the run knows them.
-    fn stays_on(&self, functions: &mut Functions, switch: usize, tau: f64) -> Option<Seen> {
+    fn stays_on(&self, functions: &mut Functions, switch: usize, tau: f64) -> Option<Surface> {
         let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
         let (mut x, mut slope, mut alpha) = (vec![0.0; n], vec![0.0; n], vec![0.0; m]);
         self.step.state(tau, &mut x, &mut slope);
@@ -73,21 +77,11 @@ impl Way<'_> {
         let point = self.point(tau, &x, &alpha);
         let value = psi.value(&point, &mut functions.registers);
         let slopes = psi.slopes(&point, &mut functions.registers);
-        let state = |slot: usize| slot.checked_sub(1).filter(|state| *state < n);
-        let weigh = |sizes: &[f64]| -> f64 {
-            let terms = slopes.iter();
-            terms
-                .filter_map(|&(slot, c)| Some(c.abs() * sizes[state(slot)?]))
-                .sum()
-        };
-        let (terms, speeds) = (weigh(&self.sizes.largest), weigh(&self.sizes.fastest));
-        let rates = slopes.iter().map(|&(slot, c)| match slot {
-            0 => c,
-            slot => state(slot).map_or(0.0, |state| c * slope[state]),
-        });
-        let (share, rate) = (self.run.width(), rates.sum::<f64>());
+        let weighed = |sizes: &[f64]| weigh(&slopes, n, |state| sizes[state]);
+        let (terms, speeds) = (weighed(&self.sizes.largest), weighed(&self.sizes.fastest));
+        let (share, rate) = (self.run.width(), rate_of(&slopes, &slope));
         let stays = value.abs() <= share * terms && rate.abs() <= share * speeds;
-        stays.then_some(Seen {
+        stays.then_some(Surface {
             value,
             slopes,
             terms,
@@ -95,7 +89,7 @@ impl Way<'_> {
     }
 
     /// Whether a direction moves ψ, and that by more than ψ is large.
-    fn moves(&self, functions: &Functions, seen: &Seen, tangent: &[f64], d: usize) -> bool {
+    fn moves(&self, functions: &Functions, surface: &Surface, tangent: &[f64], d: usize) -> bool {
         let largest = self.sizes.tangents(d);
         let size = tangent
             .iter()
@@ -107,8 +101,9 @@ impl Way<'_> {
             size: &size,
             time: 0.0,
         };
-        let [sum, size] = functions.along(&seen.slopes, moved, d);
-        let is_close = seen.value.abs() * size <= self.run.width() * sum.abs() * seen.terms;
-        sum != 0.0 && sum.abs() > STAYS * self.run.faded() * size && is_close
+        let [sum, size] = functions.along(&surface.slopes, moved, d);
+        let is_close = surface.value.abs() * size <= self.run.width() * sum.abs() * surface.terms;
+        let is_off = sum != 0.0 && sum.abs() > STAYS * self.run.faded() * size && is_close;
+        is_off || sum.is_nan() || size.is_nan()
     }
 }

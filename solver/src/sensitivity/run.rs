@@ -13,6 +13,9 @@ const WIDTH: f64 = 100.0;
 /// The same of a surface that is met at a small angle.
 const NEAR: f64 = 10.0;
 
+/// Tangents are known to this share of how large they have been, at best.
+const FADED: f64 = 1e-3;
+
 /// What has been run.
 pub(super) struct Run<'r> {
     pub system: Arc<HybridSystem>,
@@ -40,13 +43,13 @@ impl Run<'_> {
         WIDTH * self.accuracy
     }
 
-    /// The share of how large tangents have been that is known of them at least, over that of their present terms.
-    pub fn faded(&self) -> f64 {
-        f64::max(1e-3, 10.0 * self.accuracy / STAYS)
-    }
-
     /// The same where ψ is met at a small angle.
     pub fn closeness(&self) -> f64 {
         NEAR * self.accuracy
+    }
+
+    /// The share of how large tangents have been that is known of them at least, over that of their present terms.
+    pub fn faded(&self) -> f64 {
+        f64::max(FADED, NEAR * self.accuracy / STAYS)
     }
 }

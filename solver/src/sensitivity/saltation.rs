@@ -57,6 +57,11 @@ impl Slope {
         }
     }
 
+    /// That row.
+    pub fn entries(&self) -> Vec<f64> {
+        [&[self.time], &self.x[..], &self.by].concat()
+    }
+
     /// Its derivative in a direction, with the size of its terms.
     pub fn along(&self, moved: Moved, direction: usize) -> [f64; 2] {
         let terms = |x: &[f64]| -> Vec<f64> {
@@ -71,11 +76,12 @@ impl Slope {
 
     /// Whether one is a multiple of the other.
     fn is_multiple(&self, other: &Slope) -> bool {
-        let all = |slope: &Slope| [&[slope.time], &slope.x[..], &slope.by].concat();
-        let (a, b) = (all(self), all(other));
+        /// sin² of an angle.
+        const PARALLEL: f64 = 1e-12;
+        let (a, b) = (self.entries(), other.entries());
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let (aa, ab, bb) = (dot(&a, &a), dot(&a, &b), dot(&b, &b));
-        aa * bb - ab * ab <= 1e-12 * aa * bb
+        aa * bb - ab * ab <= PARALLEL * aa * bb
     }
 }
 
@@ -191,7 +197,7 @@ impl Meeting<'_> {
                 let value = psi.value(&self.point, &mut functions.registers);
                 let is_on = slides || value.abs() <= known.width(&slopes, self.point.t);
                 let [sum, size] = functions.along(&slopes, moved, direction);
-                (is_on || met.contains(&i)) && sum.abs() > STAYS * size
+                (is_on || met.contains(&i)) && is_off(sum, size)
             })
         })
     }
@@ -246,7 +252,7 @@ impl Meeting<'_> {
             let slopes = linear.alpha(i);
             let is_at = distance <= known.width(&slopes, self.point.t) + known.share;
             let [sum, size] = functions.along(&slopes, moved, direction);
-            is_at && sum.abs() > STAYS * size
+            is_at && is_off(sum, size)
         })
     }
 }
@@ -327,10 +333,7 @@ impl<'a> Saltation<'a> {
             _ => {}
         }
         let mode = functions.mode(sides);
-        let start = alpha.clone();
-        let point = self.point(behind, &start);
-        let solved = functions.solve_alpha(&mode, &point, &mut alpha);
-        let linear = solved.and_then(|()| functions.linearize(&mode, &self.point(behind, &alpha)));
+        let linear = functions.solved(&mode, &self.point(behind, &[]), &mut alpha);
         let linear = linear.map_err(|_| Why::Singular)?;
         Ok((alpha, linear))
     }
@@ -436,7 +439,8 @@ impl<'a> Saltation<'a> {
     ) -> Result<Trigger, Failed> {
         let (event, system) = (self.event, functions.system.clone());
         let mut found: Vec<(f64, Trigger)> = Vec::new();
-        for i in self.met() {
+        let met = self.met();
+        for &i in &met {
             if system.is_idle(i, &event.from) {
                 continue;
             }
@@ -449,17 +453,11 @@ impl<'a> Saltation<'a> {
                 }
             };
             let rate = rate_of(&slopes, &before.f);
-            let weigh = |sizes: &Recent| -> f64 {
-                let n = before.f.len();
-                let states = slopes.iter().filter(|(slot, _)| (1..=n).contains(slot));
-                states
-                    .map(|&(slot, slope)| slope.abs() * sizes.of(slot - 1))
-                    .sum()
-            };
+            let weighed = |sizes: &Recent| weigh(&slopes, before.f.len(), |state| sizes.of(state));
             let by_time = slopes.iter().filter(|(slot, _)| *slot == 0);
-            let speed =
-                weigh(&self.sizes.speeds) + by_time.map(|(_, slope)| slope.abs()).sum::<f64>();
-            let width = self.run.closeness() * weigh(&self.sizes.states);
+            let by_time: f64 = by_time.map(|(_, slope)| slope.abs()).sum();
+            let speed = weighed(&self.sizes.speeds) + by_time;
+            let width = self.run.closeness() * weighed(&self.sizes.states);
             let least = match self.bend(functions, i, rate) {
                 Some(bend) => f64::max(TANGENTIAL * speed, (2.0 * bend.abs() * width).sqrt()),
                 None => UNKNOWN * speed,
@@ -478,7 +476,6 @@ impl<'a> Saltation<'a> {
             ));
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let met = self.met();
         let Some((_, trigger)) = found.first().cloned() else {
             let is_none = met.is_empty();
             return Err((if is_none { Why::Unknown } else { Why::Grazing }, met));
@@ -518,8 +515,21 @@ impl<'a> Saltation<'a> {
     }
 }
 
+/// Whether a sum is more than what rounding leaves of its terms; what is no number may be.
+fn is_off(sum: f64, size: f64) -> bool {
+    sum.is_nan() || size.is_nan() || sum.abs() > STAYS * size
+}
+
+/// How large the terms of a function by states are, by its slopes and the sizes of these.
+pub(super) fn weigh(slopes: &[(usize, f64)], n: usize, size: impl Fn(usize) -> f64) -> f64 {
+    let states = slopes.iter().filter(|(slot, _)| (1..=n).contains(slot));
+    states
+        .map(|&(slot, slope)| slope.abs() * size(slot - 1))
+        .sum()
+}
+
 /// How a function changes in time, by its slopes and the rates of states.
-fn rate_of(slopes: &[(usize, f64)], f: &[f64]) -> f64 {
+pub(super) fn rate_of(slopes: &[(usize, f64)], f: &[f64]) -> f64 {
     let rates = slopes.iter().map(|&(slot, slope)| match slot {
         0 => slope,
         slot => slope * f.get(slot - 1).copied().unwrap_or(0.0),

@@ -64,6 +64,13 @@ impl Implicit for Tangent<'_, '_, '_> {
     }
 }
 
+fn shape(way: Way) -> Shape {
+    Shape {
+        states: way.step.end.len(),
+        algebraic: way.mode.sliding.len(),
+    }
+}
+
 impl Stiff {
     pub fn new(tolerance: f64) -> Self {
         Stiff {
@@ -76,10 +83,7 @@ impl Stiff {
 
     /// Begins a step.
     pub fn begin(&mut self, way: Way) {
-        let shape = Shape {
-            states: way.step.end.len(),
-            algebraic: way.mode.sliding.len(),
-        };
+        let shape = shape(way);
         self.radau = self.radau.take().filter(|radau| radau.shape() == shape);
         if let Some(radau) = &mut self.radau {
             radau.restart(way.step.length);
@@ -94,17 +98,11 @@ impl Stiff {
         tangents: &[Option<Vec<f64>>],
         ([a, b], points): ([f64; 2], &[f64]),
     ) -> Result<Vec<Option<Values>>, Why> {
-        let n = way.step.end.len();
         let tableau = self
             .tableau
             .get_or_insert_with(|| Arc::new(Tableau::new(NODES)));
-        let radau = self.radau.get_or_insert_with(|| {
-            let shape = Shape {
-                states: n,
-                algebraic: way.mode.sliding.len(),
-            };
-            Radau::new(tableau.clone(), shape, self.tolerance)
-        });
+        let make = || Radau::new(tableau.clone(), shape(way), self.tolerance);
+        let radau = self.radau.get_or_insert_with(make);
         self.known.clear();
         let mut problem = Tangent {
             shaken: way.shaken(functions, a)?,
@@ -138,9 +136,8 @@ impl Tangent<'_, '_, '_> {
         let place = self.at(tau)?;
         let linear = self.known[place].1.as_ref()?;
         let moved = Moved::still(tangent);
-        let [_, alpha] = linear.along(self.functions, moved, self.direction);
+        let [known, alpha] = linear.along(self.functions, moved, self.direction);
         let terms = linear.terms(self.functions, moved, self.direction);
-        let [known, _] = linear.along(self.functions, moved, self.direction);
         let [shaken, _] = self.shaken.along(self.functions, moved, self.direction);
         // What is not known of rates counts as their rounding.
         let noise = difference(&known, &shaken).into_iter();

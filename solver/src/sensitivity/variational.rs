@@ -70,14 +70,15 @@ pub(super) type Values = Result<Vec<Vec<f64>>, TooLong>;
 /// Where the defect is looked at besides the nodes, where it is zero.
 struct Check {
     share: f64,
-    /// From the slopes at the nodes to that here.
-    weights: Vec<f64>,
+    /// From the slopes at the nodes to that here, and from the values at all points.
+    slopes: Vec<f64>,
+    values: Vec<f64>,
     /// Its weight in the integral of the polynomial through all that is known of the defect.
     integral: f64,
 }
 
 impl Check {
-    fn of(nodes: &[f64]) -> Vec<Check> {
+    fn of(nodes: &[f64], points: &[f64]) -> Vec<Check> {
         let shares = [0.0, 1.0, BETWEEN[0], BETWEEN[1]];
         let all = [nodes, &shares].concat();
         let coefficients = monomials(&all);
@@ -87,7 +88,8 @@ impl Check {
         };
         let check = |(at, &share): (usize, &f64)| Check {
             share,
-            weights: lagrange(nodes, &[share]),
+            slopes: lagrange(nodes, &[share]),
+            values: lagrange(points, &[share]),
             integral: integral(nodes.len() + at),
         };
         shares.iter().enumerate().map(check).collect()
@@ -108,9 +110,10 @@ pub(super) struct Variational {
 impl Variational {
     pub fn new(tolerance: f64) -> Self {
         let tableau = Tableau::new(Family::GaussLegendre, NODES).expect("there are Gauss methods");
+        let points = tableau.points();
         Variational {
-            points: tableau.points(),
-            checks: Check::of(&tableau.nodes),
+            checks: Check::of(&tableau.nodes, &points),
+            points,
             stiff: Stiff::new(tolerance),
             patience: 0,
             tableau,
@@ -295,9 +298,9 @@ impl Collocation<'_, '_> {
         let (mut missed, mut terms) = (vec![0.0; n], vec![0.0_f64; n]);
         let mut largest = vec![0.0_f64; n];
         for (check, linear) in self.method.checks.iter().zip(self.checks) {
-            let s = self.method.inside(&values, check.share);
+            let s = combined(&values, &check.values);
             let rates = self.along(linear, &s, d);
-            let slopes = combined(&slopes, &check.weights);
+            let slopes = combined(&slopes, &check.slopes);
             let own = linear.terms(self.functions, Moved::still(&s), d);
             for k in 0..n {
                 let defect = slopes[k] - rates[k];
@@ -346,17 +349,11 @@ impl Collocation<'_, '_> {
                 let within = within.chain(next.iter().map(|slope| self.h * slope[k].abs()));
                 let size = within.fold(sizes[k], f64::max) + self.h * noise[k] / self.tolerance;
                 let size = size + NOTHING;
-                let changes = next
-                    .iter()
-                    .zip(&slopes)
-                    .map(|(v, w)| self.h * (v[k] - w[k]).abs());
-                let own = crate::linalg::largest(&changes.collect::<Vec<f64>>());
+                let changes: [f64; NODES] =
+                    std::array::from_fn(|i| self.h * (next[i][k] - slopes[i][k]));
+                let own = crate::linalg::largest(&changes);
                 let own = if own == 0.0 { 0.0 } else { own / size };
-                change = if own > change || own.is_nan() {
-                    own
-                } else {
-                    change
-                };
+                change = crate::linalg::largest(&[change, own]);
             }
             slopes = next;
             if change <= 0.1 * self.tolerance {
@@ -426,11 +423,10 @@ impl Way<'_> {
         if !(0..n).all(|i| is_alike(i, 0.0)) {
             // Terms that cancel are known to the tolerance, and to what rounding leaves of them.
             let (accuracy, largest) = (10.0 * self.run.accuracy, &self.sizes.largest);
-            let moved = Moved::still(largest);
             let terms = linear.rates(
                 functions.slots,
                 |slot, slope| match slot {
-                    slot if (1..=n).contains(&slot) => (slope * moved.size[slot - 1]).abs(),
+                    slot if (1..=n).contains(&slot) => (slope * largest[slot - 1]).abs(),
                     _ => 0.0,
                 },
                 |_, slope| slope.abs(),
@@ -468,11 +464,10 @@ impl Way<'_> {
             let motion = series::motion(row, middle, radius);
             Ball::new(series::value(row, middle), motion)
         };
-        let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
-        let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
-        self.step.state(middle, &mut x, &mut vec![0.0; n]);
+        let n = functions.slots.n_states;
+        let mut alpha = vec![0.0; functions.slots.n_switches];
         self.step.alpha(middle, &mut alpha);
-        let point = self.point(middle, &x, &alpha);
+        let point = self.point(middle, &[], &alpha);
         let sliding = &self.mode.sliding;
         functions.are_tame(self.mode, |input| match input {
             Input::Time => Ball::new(point.t, radius),

@@ -35,7 +35,8 @@ impl Search<'_, '_, '_> {
         let mut found: Vec<Sequence> = Vec::new();
         for control in &controls {
             for change in CHANGES {
-                if let Some(other) = changed(self, control, change) {
+                let other = changed(self, control, change);
+                if let Some(other) = other.filter(|other| other.events != base.events) {
                     keep_best(&mut found, other);
                 }
             }
@@ -53,7 +54,7 @@ impl Search<'_, '_, '_> {
     }
 }
 
-/// The solution with a control changed by a share of its size, if events come in other intervals then.
+/// The solution with a control changed by a share of its size, if that is another point that has a run.
 fn changed(search: &mut Search<'_, '_, '_>, control: &Quantity, change: f64) -> Option<Sequence> {
     let mut w = search.w.to_vec();
     let value = w[control.index] + change * control.size;
@@ -62,8 +63,7 @@ fn changed(search: &mut Search<'_, '_, '_>, control: &Quantity, change: f64) -> 
         return None;
     }
     let values = search.reduced.at(&w)?;
-    let is_other = search.base.is_none_or(|base| values.events != base.events);
-    is_other.then(|| Sequence {
+    Some(Sequence {
         point: search.candidate(w, &values),
         events: values.events,
     })

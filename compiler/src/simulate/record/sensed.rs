@@ -15,15 +15,15 @@ use crate::system::System;
 const STAYS: f64 = 1e-9;
 
 /// Functions with their derivatives by states, α and open parameters.
-struct Differentiated<'t> {
-    values: &'t Tape,
+struct Differentiated {
+    values: Tape,
     slopes: Tape,
     /// (function, input) of every slope.
     entries: Vec<(usize, usize)>,
 }
 
-impl<'t> Differentiated<'t> {
-    fn of(values: &'t Tape, first: usize) -> Self {
+impl Differentiated {
+    fn of(values: Tape, first: usize) -> Self {
         let (entries, slopes) = values.partials(|input| input >= first);
         Differentiated {
             values,
@@ -33,7 +33,7 @@ impl<'t> Differentiated<'t> {
     }
 
     fn values(&self, inputs: &[f64]) -> Vec<f64> {
-        evaluated(self.values, inputs)
+        evaluated(&self.values, inputs)
     }
 }
 
@@ -49,7 +49,9 @@ pub(in crate::simulate) struct Rows<'r> {
     given: Given,
     times: &'r [f64],
     found: &'r Sensitivities,
-    surfaces: Tape,
+    /// Outputs and controls.
+    outputs: Differentiated,
+    surfaces: Differentiated,
     /// The inputs of functions by row; none from where on nothing is known.
     inputs: Vec<Option<Vec<f64>>>,
     /// How large states have been, of whose share ψ is known.
@@ -85,7 +87,8 @@ impl<'r> Rows<'r> {
             values.fold(0.0, f64::max)
         };
         Rows {
-            surfaces: reported.surfaces(system),
+            outputs: Differentiated::of(reported.outputs.clone(), first),
+            surfaces: Differentiated::of(reported.surfaces(system), first),
             sizes: (0..n).map(size).collect(),
             inputs,
             reported,
@@ -128,8 +131,7 @@ impl<'r> Rows<'r> {
     fn slopes(&self, direction: usize, parameters: &[f64]) -> Vec<Vec<f64>> {
         let [n, m] = self.reported.sizes();
         let first = 1 + self.given.data.len();
-        let outputs = Differentiated::of(&self.reported.outputs, first);
-        let surfaces = Differentiated::of(&self.surfaces, first);
+        let (outputs, n_outputs) = (&self.outputs, self.outputs.values.n_outputs());
         let by_switch = |&(output, input): &(usize, usize)| {
             let switch = input.checked_sub(first + n).filter(|switch| *switch < m)?;
             Some((output, switch))
@@ -139,13 +141,13 @@ impl<'r> Rows<'r> {
         let row = |k: usize| {
             let known = self.found.at(k, direction).zip(self.inputs[k].as_ref());
             let Some((tangent, inputs)) = known else {
-                return vec![f64::NAN; self.reported.outputs.n_outputs()];
+                return vec![f64::NAN; n_outputs];
             };
             let by = |input: usize| match (input - first).checked_sub(n + m) {
                 None => tangent[input - first],
                 Some(parameter) => parameters[parameter],
             };
-            let mut slopes = vec![0.0; self.reported.outputs.n_outputs()];
+            let mut slopes = vec![0.0; n_outputs];
             let partials = evaluated(&outputs.slopes, inputs);
             for (&(output, input), partial) in outputs.entries.iter().zip(partials) {
                 let by = by(input);
@@ -155,7 +157,7 @@ impl<'r> Rows<'r> {
             for &(output, switch) in &looks {
                 let bends = match last {
                     Some((known, bends)) if known == switch => bends,
-                    _ => self.bends(&surfaces, (k, switch), by),
+                    _ => self.bends((k, switch), by),
                 };
                 last = Some((switch, bends));
                 if bends {
@@ -168,12 +170,8 @@ impl<'r> Rows<'r> {
     }
 
     /// Whether a row is on the surface of a switch, moves off it with a direction, and is not where the run passes it.
-    fn bends(
-        &self,
-        surfaces: &Differentiated,
-        (k, switch): (usize, usize),
-        by: impl Fn(usize) -> f64,
-    ) -> bool {
+    fn bends(&self, (k, switch): (usize, usize), by: impl Fn(usize) -> f64) -> bool {
+        let surfaces = &self.surfaces;
         let Some(inputs) = &self.inputs[k] else {
             return false;
         };

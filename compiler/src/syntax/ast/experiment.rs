@@ -16,6 +16,8 @@ pub struct Experiment {
     pub settings: Vec<ExperimentSetting>,
     /// Parameters that stay open, for runs with others of their values; no file says so.
     pub open: Vec<Path>,
+    /// Whether runs are differentiated as is asked for; no file says so.
+    pub differentiates: bool,
     /// The whole item.
     pub span: Span,
 }

@@ -35,6 +35,7 @@ pub(crate) fn experiment(reading: &mut Reading, mut parts: Parts, span: Span) ->
         model,
         settings,
         open: Vec::new(),
+        differentiates: false,
         span,
     }
 }

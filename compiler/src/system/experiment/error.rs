@@ -509,7 +509,7 @@ pub enum ExperimentError {
     #[diagnostic(
         code(E0527),
         help(
-            "give it by numbers and by parameters that are not free, or take `{name}` out of `free`"
+            "give it by numbers and by parameters that are not free, or take `{name}` out of `free` or `sensitivity to`"
         )
     )]
     DependsOnFree {

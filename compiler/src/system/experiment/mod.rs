@@ -75,6 +75,9 @@ pub fn evaluate<'e>(
         statements.setting(&mut reader, &setting.kind, setting.span);
     }
     statements.check(&mut reader, experiment);
+    if !experiment.differentiates {
+        statements.recording.sensed.clear();
+    }
     let is_optimize = statements.draft.is_some();
     let draft = statements.draft.take();
     let optimize = draft.and_then(|draft| draft.finish(&mut reader, experiment));

@@ -67,8 +67,9 @@ impl<'e> Sensed<'e> {
 }
 
 impl Experiment {
-    /// Lets the parameters stay open that the run is to be differentiated by.
+    /// Lets runs be differentiated as is asked for: the parameters stay open by which they are.
     pub(crate) fn open_sensed(&mut self) {
+        self.differentiates = true;
         let params = self.sensed().filter(|(_, at_start)| !at_start);
         let params: Vec<Path> = params.map(|(path, _)| path.clone()).collect();
         self.open.extend(params);

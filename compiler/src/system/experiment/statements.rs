@@ -211,12 +211,11 @@ impl Statements<'_, '_> {
     fn undifferentiated(&self) -> Option<String> {
         let method = self.numerics.method.kind();
         let by_events = matches!(method, MethodKind::Auto | MethodKind::Event);
-        let why = if !by_events {
-            return Some(format!(
-                "runs by `method {}` are not differentiated",
-                method.word()
-            ));
-        } else if self.numerics.lowerings.contains(&Lowering::TimeFreezing) {
+        if !by_events {
+            let word = method.word();
+            return Some(format!("runs by `method {word}` are not differentiated"));
+        }
+        let why = if self.numerics.lowerings.contains(&Lowering::TimeFreezing) {
             "time is frozen where states jump"
         } else if self.kicks.is_some() {
             "`perturb` moves the state"
