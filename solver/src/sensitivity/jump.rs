@@ -322,11 +322,12 @@ fn struck(
     if impacts.iter().any(is_poisson) && !(0..k * k).all(|at| is_apart(at / k, at % k)) {
         return Err(Why::Jump);
     }
+    let by_e = |i: usize, column: usize| slopes[i][column] * speeds.h[i];
     let mut rows: Vec<Vec<f64>> = vec![Vec::new(); n];
     // By columns: δλ, and with it δx⁺.
     for column in 0..width {
         let change = |i: usize| {
-            let of_e = slopes[i][column] * speeds.h[i];
+            let of_e = by_e(i, column);
             let of_h = (1.0 + stopped[i].restitution) * speeds.rows[i][column];
             let of_kicks = (0..k).map(|l| lambda[l] * coupled(i, l, column));
             -(of_e + of_h + of_kicks.sum::<f64>())
