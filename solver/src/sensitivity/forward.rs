@@ -6,6 +6,7 @@ use super::recording::{Jump, Part, Recording, Step};
 use super::run::Run;
 use super::saltation::{Known, Meeting, Saltation};
 use super::sizes::Sizes;
+use super::taylor::Tangent;
 use super::variational::{self, Variational, Way};
 use super::why::{Loss, Why};
 use crate::events::Approach;
@@ -302,18 +303,15 @@ impl<'r> Forward<'r> {
             sizes: &self.sizes,
         };
         let found = &mut self.found;
-        let asked = found.instants[found.points.len()..].iter();
-        let asked = asked.take_while(|moment| moment.time < step.until);
-        let asked: Vec<f64> = asked.map(|moment| moment.time - step.start).collect();
         let mut seen = Seen::default();
-        let see = |functions: &mut Functions, method: &Variational, part: &variational::Part| {
-            seen.take(functions, way, part);
-            found.read(functions, way, method, (part, is_last));
-            way.rests(functions, method, part)
+        let see = |functions: &mut Functions, part: &variational::Part| {
+            seen.take(functions, part);
+            found.read(functions, way, (part, is_last));
+            way.rests(functions, part)
         };
         let lost = self
             .method
-            .follow(&mut self.functions, (way, &asked), &mut self.tangents, see);
+            .follow(&mut self.functions, way, &mut self.tangents, see);
         for (d, tangent, terms) in seen.0 {
             self.sizes.see_tangent(d, &tangent);
             self.sizes.add_terms(d, terms.into_iter());
@@ -452,17 +450,14 @@ fn whole(
 struct Seen(Vec<(usize, Vec<f64>, Vec<f64>)>);
 
 impl Seen {
-    fn take(&mut self, functions: &mut Functions, way: Way, part: &variational::Part) {
+    fn take(&mut self, functions: &Functions, part: &variational::Part) {
         let [a, b] = part.ends;
-        let Ok(linear) = way.linearize(functions, 0.5 * (a + b)) else {
-            return;
-        };
-        for (d, values) in part.values.iter().enumerate() {
-            let Some(values) = values else { continue };
-            let tangent = values.last().cloned().unwrap_or_default();
-            let terms = linear.terms(functions, Moved::still(&tangent), d);
+        for (d, tangent) in part.tangents.iter().enumerate() {
+            let Some(tangent) = tangent else { continue };
+            let end = tangent.at(b - a);
+            let terms = part.middle.terms(functions, Moved::still(&end), d);
             let terms = terms.into_iter().map(|term| (b - a) * term).collect();
-            self.0.push((d, tangent, terms));
+            self.0.push((d, end, terms));
         }
     }
 }
@@ -473,7 +468,6 @@ impl Sensitivities {
         &mut self,
         functions: &mut Functions,
         way: Way,
-        method: &Variational,
         (part, is_last): (&variational::Part, bool),
     ) {
         let [a, b] = part.ends;
@@ -494,11 +488,11 @@ impl Sensitivities {
             step.state(tau, &mut x, &mut vec![0.0; n]);
             step.known_alpha(tau, &mut alpha);
             let linear = way.linearize(functions, tau);
-            let of_direction = |(d, values): (usize, &Option<Vec<Vec<f64>>>)| {
-                let tangent = method.inside(values.as_ref()?, (tau - a) / (b - a));
+            let of_direction = |(d, tangent): (usize, &Option<Tangent>)| {
+                let tangent = tangent.as_ref()?.at(tau - a);
                 Some(whole(functions, linear.as_ref().ok()?, &tangent, d))
             };
-            let tangents = part.values.iter().enumerate().map(of_direction).collect();
+            let tangents = part.tangents.iter().enumerate().map(of_direction).collect();
             self.points.push([x, alpha].concat());
             self.tangents.push(tangents);
         }

@@ -2,16 +2,18 @@
 //!
 //! Derivatives are rows over *slots*: t, the states, all α, the parameters.
 
+use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
+use super::taylor::{ORDER, Series};
 use crate::expansion::field::run_balls;
 use crate::hybrid::form::{Library, Surface};
 use crate::hybrid::{HybridSystem, Input, Side};
 use crate::linalg::{DenseLu, Singular};
-use crate::tape::{Ball, Lane, Rounded, Tame, Tape};
+use crate::tape::{Ball, Jet, Lane, Rounded, Tame, Tape};
 
 /// Where inputs stand among the slots.
 #[derive(Clone, Copy)]
@@ -94,6 +96,8 @@ pub(super) struct Group {
     slopes: Tape,
     /// (function, slot) of every slope.
     entries: Vec<(usize, usize)>,
+    /// The slopes as series, once somebody has asked for them.
+    jet: RefCell<Option<Jet>>,
 }
 
 impl Group {
@@ -106,6 +110,34 @@ impl Group {
             inputs,
             values,
             slopes,
+            jet: RefCell::new(None),
+        }
+    }
+
+    /// Hands on (function, slot, derivative) as series, where inputs are series.
+    pub fn series(
+        &self,
+        input: impl Fn(Input) -> Series,
+        mut take: impl FnMut(usize, usize, &Series),
+    ) {
+        let mut jet = self.jet.borrow_mut();
+        let jet = jet.get_or_insert_with(|| {
+            let mut jet = Jet::new(&self.slopes, ORDER);
+            jet.bound_degrees(self.inputs.iter().map(|input| match input {
+                Input::Time => 1,
+                Input::State(_) | Input::Alpha(_) => usize::MAX,
+                Input::Coefficient(_) | Input::Parameter(_) | Input::Number(_) => 0,
+            }));
+            jet
+        });
+        for (place, &of) in self.inputs.iter().enumerate() {
+            jet.set_input_row(place, &input(of));
+        }
+        jet.fill();
+        for (at, &(function, slot)) in self.entries.iter().enumerate() {
+            if let Ok(row) = jet.output_row(at).try_into() {
+                take(function, slot, row);
+            }
         }
     }
 
@@ -194,6 +226,34 @@ impl Psi {
         }
     }
 
+    /// Hands on (slot, derivative) as series, where inputs are series.
+    pub fn series(&self, input: impl Fn(Input) -> Series, mut take: impl FnMut(usize, &Series)) {
+        match self {
+            Psi::Affine(_, terms) => {
+                for &(slot, c) in terms {
+                    let mut series = [0.0; ORDER + 1];
+                    series[0] = c;
+                    take(slot, &series);
+                }
+            }
+            Psi::Smooth(groups) => groups[0].series(input, |_, slot, row| take(slot, row)),
+        }
+    }
+
+    /// The same of ((slot, slot), second derivative).
+    pub fn bent_series(
+        &self,
+        input: impl Fn(Input) -> Series,
+        mut take: impl FnMut([usize; 2], &Series),
+    ) {
+        if let Psi::Smooth(groups) = self {
+            let [group, second] = &**groups;
+            second.series(input, |at, slot, row| {
+                take([group.entries[at].1, slot], row)
+            });
+        }
+    }
+
     /// (slot, slot, second derivative).
     fn bends(&self, point: &Point, registers: &mut Vec<f64>) -> Vec<(usize, usize, f64)> {
         match self {
@@ -214,9 +274,9 @@ pub(super) struct ModeFunctions {
     /// The switches that slide by an equation for α.
     pub sliding: Vec<usize>,
     /// The rates, with the states that they are of.
-    blocks: Vec<(Vec<usize>, Rc<Group>)>,
+    pub blocks: Vec<(Vec<usize>, Rc<Group>)>,
     /// h of each that slides, of which dh/dt = φ.
-    kept: Vec<Rc<Psi>>,
+    pub kept: Vec<Rc<Psi>>,
 }
 
 /// f with its derivatives at a point of a mode, those of α_K in it.
@@ -429,6 +489,11 @@ impl<'r> Functions<'r> {
         });
         self.modes.insert(sides.into(), mode.clone());
         mode
+    }
+
+    /// The derivatives of parameters in a direction.
+    pub fn direction(&self, direction: usize) -> &'r [f64] {
+        &self.directions[direction]
     }
 
     /// How many directions there are.

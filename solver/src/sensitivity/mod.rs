@@ -24,6 +24,7 @@ mod run;
 mod saltation;
 mod sizes;
 mod stiff;
+mod taylor;
 mod variational;
 mod why;
 

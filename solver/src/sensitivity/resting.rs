@@ -6,7 +6,7 @@
 use super::functions::{Functions, Moved};
 use super::run::STAYS;
 use super::saltation::{rate_of, weigh};
-use super::variational::{Part, Variational, Way};
+use super::variational::{Part, Way};
 use super::why::Why;
 use crate::hybrid::{HybridSystem, Role, Side};
 
@@ -29,12 +29,7 @@ fn is_read(system: &HybridSystem, i: usize) -> bool {
 
 impl Way<'_> {
     /// The directions that move off a surface on which a part of a step stays, with its switch.
-    pub fn rests(
-        &self,
-        functions: &mut Functions,
-        method: &Variational,
-        part: &Part,
-    ) -> Vec<(usize, Why, Vec<usize>)> {
+    pub fn rests(&self, functions: &mut Functions, part: &Part) -> Vec<(usize, Why, Vec<usize>)> {
         let system = functions.system.clone();
         let sides = &self.step.sides;
         let mut lost = Vec::new();
@@ -45,21 +40,18 @@ impl Way<'_> {
                 continue;
             }
             let [a, b] = part.ends;
-            let last = method.points().len() - 1;
-            let mut at = |place: usize| {
-                let tau = a + (b - a) * method.points()[place];
-                self.stays_on(functions, i, tau)
-            };
-            let Some(middle) = at(last / 2) else { continue };
-            if at(0).is_none() {
+            let mut at = |share: f64| self.stays_on(functions, i, a + (b - a) * share);
+            let Some(middle) = at(0.5) else { continue };
+            if at(0.0).is_none() {
                 continue;
             }
-            let Some(end) = at(last) else { continue };
-            for (d, values) in part.values.iter().enumerate() {
-                let Some(values) = values else { continue };
-                let moves =
-                    |surface, place: usize| self.moves(functions, surface, &values[place], d);
-                if moves(&middle, last / 2) || moves(&end, last) {
+            let Some(end) = at(1.0) else { continue };
+            for (d, tangent) in part.tangents.iter().enumerate() {
+                let Some(tangent) = tangent else { continue };
+                let moves = |surface, share: f64| {
+                    self.moves(functions, surface, &tangent.at((b - a) * share), d)
+                };
+                if moves(&middle, 0.5) || moves(&end, 1.0) {
                     lost.push((d, Why::Rests, vec![i]));
                 }
             }

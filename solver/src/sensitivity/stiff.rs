@@ -5,9 +5,9 @@
 use std::sync::Arc;
 
 use super::functions::{Functions, Linearized, Moved};
-use super::variational::{TooLong, Values, Way, difference};
+use super::taylor::Tangent as Polynomial;
+use super::variational::{Found, Known, TooLong, Way, difference};
 use super::why::Why;
-use crate::expansion::series;
 use crate::integrate::radau::{Implicit, Radau, Shape, Start, Tableau};
 
 /// Nodes; the order is 13.
@@ -90,14 +90,15 @@ impl Stiff {
         }
     }
 
-    /// The values of a part of a step at some points, by direction.
+    /// Tangents along a part of a step.
     pub fn part(
         &mut self,
         functions: &mut Functions,
         way: Way,
         tangents: &[Option<Vec<f64>>],
-        ([a, b], points): ([f64; 2], &[f64]),
-    ) -> Result<Vec<Option<Values>>, Why> {
+        [a, b]: [f64; 2],
+    ) -> Result<Known, Why> {
+        let middle = way.linearize(functions, 0.5 * (a + b))?;
         let tableau = self
             .tableau
             .get_or_insert_with(|| Arc::new(Tableau::new(NODES)));
@@ -122,11 +123,11 @@ impl Stiff {
             let Some(start) = problem.start(a, tangent) else {
                 break;
             };
-            found.push(Some(solved(radau, &mut problem, &start, (b - a, points))));
+            found.push(Some(solved(radau, &mut problem, &start, b - a)));
         }
         match problem.failed {
             Some(why) => Err(why),
-            None => Ok(found),
+            None => Ok((middle, found)),
         }
     }
 }
@@ -164,13 +165,8 @@ impl Tangent<'_, '_, '_> {
     }
 }
 
-/// S at some points of a part of a length.
-fn solved(
-    radau: &mut Radau,
-    problem: &mut Tangent,
-    start: &Start,
-    (h, points): (f64, &[f64]),
-) -> Values {
+/// S along a part of a length.
+fn solved(radau: &mut Radau, problem: &mut Tangent, start: &Start, h: f64) -> Found {
     radau
         .solve(problem, start, h)
         .map_err(|_| TooLong::Divergent)?;
@@ -182,10 +178,7 @@ fn solved(
         }
     }
     let n = problem.way.step.end.len();
-    let at = |share: &f64| {
-        (0..n)
-            .map(|i| series::value(radau.series(i), share * h))
-            .collect()
-    };
-    Ok(points.iter().map(at).collect())
+    let rows = (0..n).flat_map(|i| radau.series(i));
+    let coefficients: Vec<f64> = rows.copied().collect();
+    Ok(Polynomial::new(radau.series(0).len(), coefficients))
 }

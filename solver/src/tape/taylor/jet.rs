@@ -142,6 +142,19 @@ impl Jet {
         self.recurrences = place(&self.tape, &self.degrees, self.stride);
     }
 
+    /// The same for all inputs, in order.
+    pub(crate) fn bound_degrees(&mut self, degrees: impl Iterator<Item = usize>) {
+        let degrees = degrees.map(|degree| u32::try_from(degree).unwrap_or(UNBOUNDED));
+        self.degrees = degrees.collect();
+        self.data.fill(0.0);
+        self.recurrences = place(&self.tape, &self.degrees, self.stride);
+    }
+
+    /// Sets all coefficients of an input.
+    pub(crate) fn set_input_row(&mut self, input: usize, row: &[f64]) {
+        self.data[input * self.stride..][..self.stride].copy_from_slice(row);
+    }
+
     /// Sets the coefficient of order `k` of an input.
     pub fn set_input(&mut self, input: usize, k: usize, value: f64) {
         assert!(

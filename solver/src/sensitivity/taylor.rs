@@ -1,0 +1,288 @@
+//! S' = f_x S + f_p along a part of a step by Taylor series, as the run itself.
+//!
+//! The slopes of f and of φ along the polynomials of the step are series in time, J = Σ J_k τᵏ and so on, from which those of a
+//! tangent and of A = ∂α_K/∂p follow order by order:
+//!
+//! 0 = Σ_j φ_x,j S_{k-j} + Σ_j φ_α,j A_{k-j} + φ_p,k,   (k + 1) S_{k+1} = Σ_j f_x,j S_{k-j} + Σ_j f_α,j A_{k-j} + f_p,k,
+//!
+//! with one factorization of φ_α,0 for all orders and directions (Barrio 2006, for variational equations).
+
+use super::functions::{Functions, ModeFunctions, Psi};
+use super::variational::Way;
+use crate::expansion::series;
+use crate::hybrid::Input;
+use crate::linalg::{DenseLu, Singular};
+use crate::tape::convolve;
+
+/// The highest power of time.
+pub(super) const ORDER: usize = 28;
+const STRIDE: usize = ORDER + 1;
+
+/// A series in the time since the start of a part.
+pub(super) type Series = [f64; STRIDE];
+
+/// What a rate or a φ depends on.
+#[derive(Clone, Copy)]
+enum By {
+    State(usize),
+    /// α of what slides, by its place among that.
+    Alpha(usize),
+    Parameter(usize),
+}
+
+/// ∂f/∂slot or ∂φ/∂slot along a part.
+struct Slope {
+    of: usize,
+    by: By,
+    /// The highest power that is not zero.
+    degree: usize,
+    series: Series,
+}
+
+impl Slope {
+    fn new(of: usize, by: By, series: Series) -> Self {
+        let degree = series.iter().rposition(|&c| c != 0.0).unwrap_or(0);
+        Slope {
+            of,
+            by,
+            degree,
+            series,
+        }
+    }
+
+    /// The coefficient of order k of its product with a series, from those of an order on.
+    fn product(&self, with: &[f64], k: usize, from: usize) -> f64 {
+        let last = self.degree.min(k);
+        match from <= last {
+            true => convolve(&self.series[from..=last], &with[k - last..=k - from]),
+            false => 0.0,
+        }
+    }
+}
+
+/// A tangent along a part: a polynomial for each state in the time since its start.
+#[derive(Clone, Debug)]
+pub(super) struct Tangent {
+    stride: usize,
+    coefficients: Vec<f64>,
+}
+
+impl Tangent {
+    /// `stride` coefficients for each state.
+    pub fn new(stride: usize, coefficients: Vec<f64>) -> Self {
+        Tangent {
+            stride,
+            coefficients,
+        }
+    }
+
+    /// S that long after the start.
+    pub fn at(&self, tau: f64) -> Vec<f64> {
+        let rows = self.coefficients.chunks(self.stride);
+        rows.map(|row| series::value(row, tau)).collect()
+    }
+
+    /// S' that long after the start.
+    pub fn slope(&self, tau: f64) -> Vec<f64> {
+        let rows = self.coefficients.chunks(self.stride);
+        rows.map(|row| series::slope(row, tau)).collect()
+    }
+
+    /// The largest term of each entry at an instant, and the larger one of the last two.
+    pub fn terms(&self, tau: f64) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let rows = self.coefficients.chunks(self.stride);
+        rows.map(move |row| {
+            let last = series::magnitude(row, tau, self.stride - 2);
+            [series::magnitude(row, tau, 0), last]
+        })
+    }
+}
+
+/// The slopes of a mode along a part of a step.
+pub(super) struct Slopes {
+    rates: Vec<Slope>,
+    phi: Vec<Slope>,
+    n_sliding: usize,
+    /// φ_α at the start, where anything slides.
+    lu: Option<DenseLu>,
+}
+
+impl Slopes {
+    /// From an instant of a step on.
+    pub fn new(functions: &mut Functions, way: Way, start: f64) -> Result<Self, Singular> {
+        let point = Around::new(functions, way, start);
+        let (mode, slots) = (way.mode, functions.slots);
+        let by = |slot: usize| match slots.switch(slot) {
+            Some(switch) => Some(By::Alpha(mode.sliding.binary_search(&switch).ok()?)),
+            None if slot == 0 => None,
+            None if slot <= slots.n_states => Some(By::State(slot - 1)),
+            None => Some(By::Parameter(slot - slots.parameter(0))),
+        };
+        let mut rates: Vec<(usize, usize, Series)> = Vec::new();
+        for (states, group) in &mode.blocks {
+            group.series(
+                |input| point.series(input),
+                |at, slot, row| rates.push((states[at], slot, *row)),
+            );
+        }
+        rates.sort_by_key(|&(state, ..)| state);
+        let mut phi = Vec::new();
+        for (at, of) in mode.kept.iter().enumerate() {
+            point.phi(of, &rates, |slot, series| {
+                phi.extend(by(slot).map(|by| Slope::new(at, by, series)));
+            });
+        }
+        let rates = rates.into_iter();
+        let rates =
+            rates.filter_map(|(state, slot, series)| Some(Slope::new(state, by(slot)?, series)));
+        Ok(Slopes {
+            rates: rates.collect(),
+            n_sliding: mode.sliding.len(),
+            lu: factored(mode, &phi)?,
+            phi,
+        })
+    }
+
+    /// The tangent of a direction from its start on.
+    pub fn tangent(&self, start: &[f64], parameters: &[f64]) -> Tangent {
+        let mut s = vec![0.0; start.len() * STRIDE];
+        for (row, &start) in s.chunks_mut(STRIDE).zip(start) {
+            row[0] = start;
+        }
+        let mut order = vec![0.0; self.n_sliding];
+        let mut a = vec![0.0; self.n_sliding * STRIDE];
+        let term = |slope: &Slope, s: &[f64], a: &[f64], k: usize, from: usize| match slope.by {
+            By::State(i) => slope.product(&s[i * STRIDE..], k, 0),
+            By::Alpha(i) => slope.product(&a[i * STRIDE..], k, from),
+            By::Parameter(i) if parameters[i] == 0.0 => 0.0,
+            By::Parameter(i) => slope.series[k] * parameters[i],
+        };
+        for k in 0..STRIDE {
+            if let Some(lu) = &self.lu {
+                order.fill(0.0);
+                for slope in &self.phi {
+                    order[slope.of] -= term(slope, &s, &a, k, 1);
+                }
+                lu.solve(&mut order);
+                for (row, order) in a.chunks_mut(STRIDE).zip(&order) {
+                    row[k] = *order;
+                }
+            }
+            if k == ORDER {
+                break;
+            }
+            for slope in &self.rates {
+                s[slope.of * STRIDE + k + 1] += term(slope, &s, &a, k, 0);
+            }
+            for row in s.chunks_mut(STRIDE) {
+                row[k + 1] /= (k + 1) as f64;
+            }
+        }
+        Tangent::new(STRIDE, s)
+    }
+}
+
+/// φ_α at the start, factored.
+fn factored(mode: &ModeFunctions, phi: &[Slope]) -> Result<Option<DenseLu>, Singular> {
+    let n = mode.sliding.len();
+    if n == 0 {
+        return Ok(None);
+    }
+    let mut matrix = vec![0.0; n * n];
+    for slope in phi {
+        if let By::Alpha(column) = slope.by {
+            matrix[slope.of * n + column] += slope.series[0];
+        }
+    }
+    let mut lu = DenseLu::new(n);
+    lu.factor(&matrix)?;
+    Ok(Some(lu))
+}
+
+/// What functions read, along a part of a step.
+struct Around<'a> {
+    time: f64,
+    /// States, and all α.
+    rows: Vec<Series>,
+    way: Way<'a>,
+}
+
+impl<'a> Around<'a> {
+    fn new(functions: &Functions, way: Way<'a>, start: f64) -> Self {
+        let n = functions.slots.n_states + functions.slots.n_switches;
+        let row = |at: usize| {
+            let mut row = series::around(way.step.row(at), start);
+            // What nothing but outputs looks at.
+            if row[0].is_nan() {
+                row = constant(0.5);
+            }
+            row
+        };
+        Around {
+            time: way.step.start + start,
+            rows: (0..n).map(row).collect(),
+            way,
+        }
+    }
+
+    fn series(&self, input: Input) -> Series {
+        match input {
+            Input::Time => {
+                let mut time = constant(self.time);
+                time[1] = 1.0;
+                time
+            }
+            Input::State(i) => self.rows[i],
+            Input::Alpha(switch) => self.rows[self.way.step.end.len() + switch],
+            Input::Coefficient(i) => constant(self.way.coefficients[i]),
+            Input::Parameter(i) => constant(self.way.run.parameters[i]),
+            Input::Number(number) => constant(number),
+        }
+    }
+
+    /// The slopes of φ = h_t + h_x f by slots, from those of f.
+    fn phi(&self, of: &Psi, rates: &[(usize, usize, Series)], mut add: impl FnMut(usize, Series)) {
+        let n = self.way.step.end.len();
+        let is_state = |slot: usize| (1..=n).contains(&slot);
+        of.series(
+            |input| self.series(input),
+            |slot, slope| {
+                if is_state(slot) {
+                    let first = rates.partition_point(|rate| rate.0 < slot - 1);
+                    let own = rates[first..].iter();
+                    for (_, by, rate) in own.take_while(|rate| rate.0 == slot - 1) {
+                        add(*by, product(slope, rate));
+                    }
+                }
+            },
+        );
+        of.bent_series(
+            |input| self.series(input),
+            |[a, b], bend| match a {
+                0 => add(b, *bend),
+                a if is_state(a) => add(b, product(bend, &self.rate(a - 1))),
+                _ => {}
+            },
+        );
+    }
+
+    /// x' of a state.
+    fn rate(&self, state: usize) -> Series {
+        let row = &self.rows[state];
+        let mut rate = constant(0.0);
+        for (k, rate) in rate[..ORDER].iter_mut().enumerate() {
+            *rate = (k + 1) as f64 * row[k + 1];
+        }
+        rate
+    }
+}
+
+fn constant(value: f64) -> Series {
+    let mut series = [0.0; STRIDE];
+    series[0] = value;
+    series
+}
+
+fn product(a: &Series, b: &Series) -> Series {
+    std::array::from_fn(|k| convolve(&a[..=k], &b[..=k]))
+}
