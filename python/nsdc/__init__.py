@@ -15,10 +15,12 @@
 
 from ._commands import CommandError, modes, order, verify
 from ._core import __version__
-from ._errors import Diagnostic, Edit, Fix, InternalError, ModelError, RunError, Span
+from ._errors import DerivativeError, Diagnostic, Edit, Fix, InternalError, ModelError, RunError, Span
 from ._experiment import Experiment
 from ._figure import Figure
 from ._file import File, check, explain, load, loads
+from ._function import Function
+from ._gradient import Gradient, Moves
 from ._magic import load_ipython_extension
 from ._quantities import Quantities, Quantity
 from ._result import Event, Mode, Result
@@ -26,6 +28,7 @@ from ._sweep import Sweep
 
 __all__ = [
     "CommandError",
+    "DerivativeError",
     "Diagnostic",
     "Edit",
     "Event",
@@ -33,9 +36,12 @@ __all__ = [
     "Figure",
     "File",
     "Fix",
+    "Function",
+    "Gradient",
     "InternalError",
     "Mode",
     "ModelError",
+    "Moves",
     "Quantities",
     "Quantity",
     "Result",

@@ -188,6 +188,27 @@ class InternalError(RuntimeError):
     """
 
 
+class DerivativeError(RuntimeError):
+    """A run has no derivative, or none that is known, where one is needed; `result` is what it came to.
+
+    >>> import nsdc
+    >>> rests = nsdc.loads("model m { state x = 0; x' = -sign(x); } simulate s of m { horizon 1; }")["s"]
+    >>> try:
+    ...     rests.vjp(["x"])
+    ... except nsdc.DerivativeError as error:
+    ...     print(error.result.status, error.result.warnings[0].code)
+    solved W0735
+    """
+
+    def __init__(self, result: Result) -> None:
+        super().__init__(result)
+        self.result = result
+
+    def __str__(self) -> str:
+        lost = [str(one) for one in self.result.warnings if one.code == "W0735"]
+        return "\n".join(lost) or "an output has no derivative at an instant that is asked for"
+
+
 class RunError(RuntimeError):
     """A run did not end as `solved`; `result` is what it came to.
 

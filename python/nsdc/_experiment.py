@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from . import _core, _sweep
 from ._commands import Emitted, command
-from ._quantities import Quantities, Quantity, count, finite, given
+from ._function import Function, Pullback, Values
+from ._quantities import ENTRY, Quantities, Quantity, count, entry, finite, given, real
 from ._result import Result
 
 if TYPE_CHECKING:
@@ -21,13 +22,14 @@ if TYPE_CHECKING:
     from ._sweep import Sweep
 
 #: What else runs and sweeps take by name.
-KEYWORDS = ("params", "settings", "time_limit", "multipliers", "outputs", "zip", "threads", "seed", "on", "chunk")
+KEYWORDS = ("params", "settings", "sensitivities", "time_limit", "multipliers", "outputs", "zip", "threads", "seed", "on", "chunk")
 #: The settings that a run takes by name, with the words of the language.
 SETTINGS = {
     "method": "method",
     "horizon": "horizon",
     "tolerance": "tolerance",
     "every": "output every",
+    "at": "output at",
 }
 
 
@@ -158,6 +160,7 @@ class Experiment:
         *,
         params: Mapping[str, ArrayLike] | None = None,
         settings: Mapping[str, Any] | None = None,
+        sensitivities: Sequence[str] = (),
         time_limit: float | None = None,
         multipliers: bool = False,
         **values: Any,
@@ -165,10 +168,11 @@ class Experiment:
         """Runs it.
 
         Keywords are names of parameters, initial values and inputs, with numbers or arrays of their shapes, and the settings
-        `method` ("event", "fesd { steps = 20; }"), `horizon`, `tolerance` and `every`, with numbers or with words of the
-        language. `params` takes names that are no keywords, such as `motor.k` or `x[2]`, and `settings` those that are also
+        `method` ("event", "fesd { steps = 20; }"), `horizon`, `tolerance`, `every` and `at`, the instants of rows, with numbers
+        or with words of the language. `params` takes names that are no keywords, such as `motor.k` or `x[2]`, and `settings` those that are also
         names of the model. `time_limit` is in seconds.
-        With `multipliers`, the result keeps those of the method.
+        With `multipliers`, the result keeps those of the method. `sensitivities` names parameters and states, whole or by
+        entry: by these parameters, and by the initial values of these states, the run is differentiated, see `Result.grad`.
 
         What a simulation is compiled to is kept: further runs of the thread with the same settings and values on the same
         sides of zero compile nothing, nor do those with another `tolerance` as a number. What comes of a run depends on its own
@@ -178,15 +182,66 @@ class Experiment:
         for unknown names and for what is no number, `ValueError` for wrong shapes and for numbers that are not finite.
         """
         asked = self._asked(_both(values, params), settings or {}, time_limit)
+        if sensitivities:
+            asked["settings"].append(("sensitivities", self._sensitivity(sensitivities)))
         # A figure of an optimum has what was solved.
         is_drawn = self.kind == "optimize"
         run = self.file._project.run(self.name, asked, multipliers, is_drawn)
         return Result(run, self, asked)
 
+    def _sensitivity(self, names: Sequence[str]) -> str:
+        """The statement that asks for derivatives by parameters and by initial values."""
+        if isinstance(names, str):
+            raise TypeError(f"sensitivities: expected a list of names, got {names!r}")
+        known = {**self.parameters, **self.states}
+
+        def sensed(name: str) -> str:
+            plain = name.removesuffix(" at 0")
+            is_start = plain != name
+            if plain not in known:
+                plain = entry(known, plain)
+            is_start |= ENTRY.sub(r"\g<base>", plain) in self.states
+            return f"{plain} at 0" if is_start else plain
+
+        return f"sensitivity to {', '.join(map(sensed, names))}"
+
     def prepare(self, **values: Any) -> Experiment:
         """Compiles it for runs that give these values, as the first of them would; the experiment itself."""
         self.run(**{"time_limit": 0, **values})
         return self
+
+    def function(
+        self,
+        by: Sequence[str],
+        of: Sequence[str] | None = None,
+        at: ArrayLike | None = None,
+        **asked: Any,
+    ) -> Function:
+        """Its states, outputs and controls as a function of parameters and initial values, with derivatives: see `Function`.
+
+        `by` names parameters and states, whole or by entry, and `of` what the function gives, all that is reported without it:
+        at the end, or at the m instants `at`, behind what jumps there. The rest is as for `run`, and holds whenever the
+        function is called.
+        """
+        return Function(self, by, of, at, asked)
+
+    def vjp(
+        self,
+        by: Sequence[str],
+        of: Sequence[str] | None = None,
+        at: ArrayLike | None = None,
+        **asked: Any,
+    ) -> tuple[Values, Pullback]:
+        """The values of `function` where parameters and initial values are as the experiment or `asked` has them, and a
+        function that takes a sensitivity of something to these values, by name, to its gradient by what `by` names.
+
+        >>> import nsdc
+        >>> decay = nsdc.loads("model m { param k = 1; state x = 2; x' = -k*x; } simulate d of m { horizon 1; }")["d"]
+        >>> values, pull = decay.vjp(["k", "x"])
+        >>> {name: round(float(one), 9) for name, one in pull({"x": 1}).items()}
+        {'k': -0.735758882, 'x': 0.367879441}
+        """
+        return self.function(by, of, at, **asked).vjp({})
 
     def sweep(
         self,
@@ -265,6 +320,9 @@ def _setting(name: str, value: Any) -> float | str:
     """A setting as a number, or in the words of the language."""
     if isinstance(value, str):
         return value
+    if name == "at":
+        numbers = real(name, value)
+        return f"[{', '.join(map(repr, finite(name, numbers, numbers.shape).tolist()))}]"
     try:
         number = float(value)
     except (TypeError, ValueError):

@@ -121,6 +121,26 @@ def fixed(values: list[float]) -> NDArray[np.float64]:
     return found
 
 
+def rows(
+    values: Mapping[str, NDArray[np.float64]], name: str, behind: int = 0
+) -> NDArray[np.float64]:
+    """The rows of a quantity or of an entry of one, `x` or `x[1]`; the last axes, so many, are not of the quantity.
+
+    `KeyError` where there is none of that name."""
+    if name in values:
+        return values[name]
+    match = ENTRY.match(name)
+    if match and match["base"] in values:
+        whole = values[match["base"]]
+        axes = whole.ndim - behind
+        names = entries(match["base"], whole.shape[1:axes])
+        plain = re.sub(r"\s", "", name)
+        if plain in names:
+            flat = whole.reshape(len(whole), len(names), *whole.shape[axes:])
+            return flat[:, names.index(plain)]
+    raise KeyError(f"{name}; there are {', '.join(values)}")
+
+
 def shaped_like(
     flat: NDArray[np.float64], shape: tuple[int, ...]
 ) -> float | NDArray[np.float64]:

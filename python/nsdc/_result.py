@@ -19,7 +19,8 @@ from . import _core
 from ._dense import Dense
 from ._errors import Diagnostic, RunError, diagnostics
 from ._figure import Figure
-from ._quantities import ENTRY, entries, fixed, shaped_like
+from ._gradient import Gradient
+from ._quantities import entries, fixed, rows, shaped_like
 
 if TYPE_CHECKING:
     import pandas
@@ -151,6 +152,19 @@ class Result:
         return Dense.of(*self._of_run().pieces())
 
     @cached_property
+    def _gradient(self) -> Gradient | None:
+        run = self._of_run()
+        return Gradient(run) if run.directions() else None
+
+    @property
+    def grad(self) -> Gradient:
+        """The derivatives that `run` was asked for by `sensitivities`, or the experiment by `sensitivity to`: `grad["x"]` has
+        the shape of `r["x"]`, and behind it that of what it is differentiated by. `ValueError` where none was asked for."""
+        if self._gradient is None:
+            raise ValueError('no derivatives were asked for: run it with `sensitivities=["mu", ..]`')
+        return self._gradient
+
+    @cached_property
     def report(self) -> str:
         """The report that `nsdc run` prints."""
         return self._of_run().text()
@@ -178,7 +192,7 @@ class Result:
 
     def __getstate__(self) -> dict[str, Any]:
         kept = ["_summary", "time", "_reported", "_values", "_dense", "report", "_messages", "_svg"]
-        kept += ["json", "csv"]
+        kept += ["json", "csv", "_gradient"]
         state = {name: getattr(self, name) for name in kept}
         return {**state, "_run": None, "_experiment": self._experiment, "_asked": self._asked}
 
@@ -211,16 +225,7 @@ class Result:
 
         A read-only view without a copy; `x[1]` is the first entry of `x`, as in the language.
         """
-        if name in self._values:
-            return self._values[name]
-        match = ENTRY.match(name)
-        if match and match["base"] in self._values:
-            values = self._values[match["base"]]
-            names = entries(match["base"], values.shape[1:])
-            plain = re.sub(r"\s", "", name)
-            if plain in names:
-                return values.reshape(len(values), -1)[:, names.index(plain)]
-        raise KeyError(f"{name}; there are {', '.join(self._values)}")
+        return rows(self._values, name)
 
     def __call__(
         self, time: ArrayLike, derivative: int = 0, side: str = "right"

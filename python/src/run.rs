@@ -1,6 +1,6 @@
 //! What came of a run.
 
-use nsdc::report::Samples;
+use nsdc::report::{Samples, Sensitivity, Series};
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
@@ -29,6 +29,14 @@ impl Run {
     /// The rows, which are made where nobody has read them yet.
     fn rows(&self) -> &Samples {
         &self.run.trajectory.samples
+    }
+
+    /// The derivatives of what stands at this place among states, outputs and controls.
+    fn derivative(&self, direction: usize, place: usize) -> Option<&Series> {
+        let Sensitivity {
+            states, outputs, ..
+        } = self.rows().sensitivities.get(direction)?;
+        states.iter().chain(outputs).nth(place)
     }
 }
 
@@ -108,6 +116,43 @@ impl Run {
             let series = run.rows().series().nth(place);
             series.map_or(&[], |series| &series.values)
         })
+    }
+
+    /// By what the run is differentiated, with the instants from which on its derivatives are not known.
+    fn directions(&self, py: Python<'_>) -> PyResult<Vec<(String, Option<f64>)>> {
+        let rows = detached(py, || self.rows())?;
+        let told = rows.sensitivities.iter();
+        Ok(told.map(|by| (by.to.clone(), by.until)).collect())
+    }
+
+    /// The derivatives of what stands at this place, by direction.
+    fn derivatives<'py>(
+        this: &Bound<'py, Self>,
+        direction: usize,
+        place: usize,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let run = this.get();
+        let found = run.derivative(direction, place);
+        let series = found.ok_or_else(|| PyKeyError::new_err((direction, place)))?;
+        let shape = [&[run.rows().time.len()], &series.shape[..]].concat();
+        arrays::view(this, &shape, |run| {
+            let series = run.derivative(direction, place);
+            series.map_or(&[], |series| &series.values)
+        })
+    }
+
+    /// The instants of events, and their derivatives by direction.
+    fn moves<'py>(
+        &self,
+        py: Python<'py>,
+        direction: usize,
+    ) -> PyResult<[Bound<'py, PyArray1<f64>>; 2]> {
+        let by = self.rows().sensitivities.get(direction);
+        let by = by.ok_or_else(|| PyKeyError::new_err(direction))?;
+        let time = by.events.iter().map(|event| event.time);
+        let derivative = by.events.iter().map(|event| event.derivative);
+        let columns = [time.collect::<Vec<f64>>(), derivative.collect()];
+        Ok(columns.map(|column| PyArray1::from_vec(py, column)))
     }
 
     /// The entries of states, the first and last instants of pieces, their numbers of coefficients, and all coefficients: of

@@ -1,0 +1,135 @@
+"""An experiment as a function of parameters and initial values, with its derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._errors import DerivativeError
+from ._quantities import Quantity, entry, finite, real
+
+if TYPE_CHECKING:
+    from ._experiment import Experiment
+    from ._result import Result
+
+#: Arrays by name.
+Values = dict[str, NDArray[np.float64]]
+#: Derivatives by what is differentiated, and by what it is differentiated by: of the shape of the one, and behind it the other's.
+Jacobian = dict[str, Values]
+#: From derivatives of a number by what a function gives, by name, to its derivatives by what the function takes.
+Pullback = Callable[[Mapping[str, ArrayLike]], Values]
+
+
+class Function:
+    """What an experiment gives, as a function of some of its parameters and initial values.
+
+    It takes and gives arrays by name. What it is not given is as in the experiment.
+
+    >>> import nsdc
+    >>> relay = nsdc.loads('''
+    ...     model relay { param a = 0.5; state x = 1; x' = -a - sign(x); }
+    ...     simulate s of relay { horizon 1; }''')["s"]
+    >>> f = relay.function(["a", "x"], at=[0.25, 0.5])
+    >>> f({"x": 2})["x"]
+    array([1.625, 1.25 ])
+    >>> values, jacobian = f.linearized({"x": 2})
+    >>> jacobian["x"]["a"]
+    array([-0.25, -0.5 ])
+
+    `RunError` where a run does not end as `solved`, and `DerivativeError` where a derivative is not known.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        by: Sequence[str],
+        of: Sequence[str] | None,
+        at: ArrayLike | None,
+        asked: Mapping[str, Any],
+    ) -> None:
+        if isinstance(by, str) or isinstance(of, str):
+            raise TypeError("by, of: expected lists of names")
+        known = {**experiment.parameters, **experiment.states}
+        given = {**experiment.states, **experiment.outputs, **experiment.controls}
+        self._experiment = experiment
+        self._asked = dict(asked)
+        self._at = None if at is None else real("at", at)
+        if self._at is not None:
+            if self._at.ndim != 1 or not len(self._at):
+                raise ValueError(f"at: expected instants, got an array of shape {self._at.shape}")
+            self._asked["settings"] = {"at": self._at, **self._asked.get("settings", {})}
+        #: What it takes, with shapes.
+        self.inputs = {name: _shape(known, name) for name in by}
+        rows = () if self._at is None else self._at.shape
+        #: What it gives, with shapes.
+        self.outputs = {name: rows + _shape(given, name) for name in (given if of is None else of)}
+        if not self.inputs or not self.outputs:
+            raise ValueError("by, of: expected one name or more")
+
+    def _run(self, inputs: Mapping[str, ArrayLike], sensitivities: Sequence[str]) -> Result:
+        for name in inputs:
+            if name not in self.inputs:
+                raise TypeError(f"`{name}` is none of {', '.join(self.inputs)}")
+        asked, params = dict(self._asked), dict(inputs)
+        params.update(asked.pop("params", {}))
+        result = self._experiment.run(params=params, sensitivities=sensitivities, **asked)
+        return result.raise_for_status()
+
+    def _rows(self, time: NDArray[np.float64]) -> Any:
+        """The places of rows, those behind what jumps there."""
+        if self._at is None:
+            return -1
+        places = np.searchsorted(time, self._at, side="right") - 1
+        if np.any(places < 0) or np.any(time[places] != self._at):
+            raise ValueError("at: instants outside of the run")
+        return places
+
+    def __call__(self, inputs: Mapping[str, ArrayLike]) -> Values:
+        """The values, where it is given these."""
+        result = self._run(inputs, ())
+        rows = self._rows(result.time)
+        return {name: np.array(result[name][rows]) for name in self.outputs}
+
+    def linearized(self, inputs: Mapping[str, ArrayLike]) -> tuple[Values, Jacobian]:
+        """The values and all derivatives there, `jacobian["x"]["mu"]` of x by mu."""
+        result = self._run(inputs, list(self.inputs))
+        rows = self._rows(result.time)
+        values = {name: np.array(result[name][rows]) for name in self.outputs}
+        ends = np.cumsum([np.prod(shape, dtype=int) for shape in self.inputs.values()])
+        jacobian: Jacobian = {}
+        for name, shape in self.outputs.items():
+            derivatives = result.grad[name][rows]
+            if not np.all(np.isfinite(derivatives)):
+                raise DerivativeError(result)
+            parts = zip(self.inputs.items(), np.split(derivatives, ends[:-1], axis=-1))
+            jacobian[name] = {by: part.reshape(shape + own) for (by, own), part in parts}
+        return values, jacobian
+
+    def vjp(self, inputs: Mapping[str, ArrayLike]) -> tuple[Values, Pullback]:
+        """The values, and what takes derivatives of a number by them to its derivatives by the inputs."""
+        values, jacobian = self.linearized(inputs)
+
+        def pull(weights: Mapping[str, ArrayLike]) -> Values:
+            for name in weights:
+                if name not in self.outputs:
+                    raise TypeError(f"`{name}` is none of {', '.join(self.outputs)}")
+            flat = {name: finite(name, one, self.outputs[name]) for name, one in weights.items()}
+            found = {by: np.zeros(shape) for by, shape in self.inputs.items()}
+            for name, weight in flat.items():
+                for by, shape in self.inputs.items():
+                    slopes = jacobian[name][by].reshape(weight.size, -1)
+                    found[by] += (weight @ slopes).reshape(shape)
+            return found
+
+        return values, pull
+
+
+def _shape(known: Mapping[str, Quantity], name: str) -> tuple[int, ...]:
+    """The shape of a quantity or of an entry."""
+    if name in known:
+        return known[name].shape
+    entry(known, name)
+    return ()

@@ -1,0 +1,164 @@
+"""Derivatives of runs against closed forms, and through JAX and PyTorch against differences."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+import nsdc
+
+#: x falls with a + 1, then slides at 0.
+RELAY = """
+model relay { param a = 0.5; state x = 1; x' = -a - sign(x); }
+simulate settles of relay { horizon 1; }
+"""
+OSCILLATOR = """
+model oscillator {
+  param omega = 1; param c = 0.1;
+  state x[2] = [1, 0];
+  output energy = dot(x, x)/2;
+  x[1]' = x[2]; x[2]' = -omega^2*x[1] - c*sign(x[2] - 0.3);
+}
+simulate cycles of oscillator { horizon 3; tolerance 1e-11; }
+"""
+
+
+@pytest.fixture
+def oscillator() -> nsdc.Experiment:
+    return nsdc.loads(OSCILLATOR, "oscillator.nsd")["cycles"]
+
+
+def test_a_ball_is_differentiated(ball: nsdc.Experiment) -> None:
+    result = ball.run(g=2, q=1, v=0, horizon=1.5, sensitivities=["g", "q"])
+    gradient = result.grad
+    assert gradient.to == ["g", "q at 0"] and np.all(np.isinf(gradient.until))
+    # It strikes at t* = √(2q/g), and moves with e √(2qg) - g (t - t*) behind that, e = 1/2.
+    assert gradient.events.time == pytest.approx([1], abs=1e-11)
+    assert gradient.events.by == pytest.approx(np.array([[-0.25, 0.5]]), abs=1e-10)
+    behind = result.time > 1
+    since = result.time[behind] - 1
+    by_g = 0.25 - since - 0.5
+    by_q = 0.5 * np.ones_like(since) + 1
+    assert gradient["v"].shape == (*result.time.shape, 2)
+    assert gradient["v"][behind] == pytest.approx(np.stack([by_g, by_q], axis=-1), abs=1e-10)
+    assert gradient.end["v"] == pytest.approx(np.array([-0.75, 1.5]), abs=1e-10)
+    with pytest.raises(ValueError, match="read-only"):
+        gradient["v"][0] = 0
+    with pytest.raises(KeyError, match="there are q, v"):
+        gradient["w"]
+
+
+def test_entries_and_outputs_are_differentiated(oscillator: nsdc.Experiment) -> None:
+    result = oscillator.run(sensitivities=["x[1]", "c"], at=[0, 1.5, 3], c=0, horizon=3)
+    gradient = result.grad
+    assert gradient.to == ["x[1] at 0", "c"] and result.time.tolist() == [0, 1.5, 3]
+    t = result.time
+    assert gradient["x"].shape == (3, 2, 2)
+    assert gradient["x[1]"][:, 0] == pytest.approx(np.cos(t), abs=1e-9)
+    assert gradient["x"][:, 1, 0] == pytest.approx(-np.sin(t), abs=1e-9)
+    # x is (cos t, -sin t), whose energy is 1/2 whatever the phase is.
+    assert gradient["energy"][:, 0] == pytest.approx(np.ones(3), abs=1e-9)
+
+
+def test_a_result_keeps_its_derivatives(ball: nsdc.Experiment) -> None:
+    result = ball.run(sensitivities=["g"])
+    kept = pickle.loads(pickle.dumps(result)).grad
+    assert kept.to == ["g"] and np.array_equal(kept["q"], result.grad["q"])
+    with pytest.raises(ValueError, match="sensitivities"):
+        ball.run().grad
+    with pytest.raises(ValueError, match="sensitivities"):
+        pickle.loads(pickle.dumps(ball.run())).grad
+
+
+@pytest.mark.parametrize(
+    ("names", "error", "match"),
+    [
+        (["gg"], TypeError, "did you mean `g`"),
+        ("g", TypeError, "a list of names"),
+        (["g", "g"], nsdc.ModelError, "E0531"),
+        (["g at 0"], nsdc.ModelError, "E0530|E0527|no sensitivity"),
+        (["energy"], TypeError, "no parameter, initial value"),
+        (["g; horizon 3"], TypeError, "no parameter, initial value"),
+    ],
+)
+def test_wrong_names_are_told(ball: nsdc.Experiment, names: list[str], error: type, match: str) -> None:
+    with pytest.raises(error, match=match):
+        ball.run(sensitivities=names)
+
+
+def test_a_function_gives_values_and_derivatives() -> None:
+    relay = nsdc.loads(RELAY)["settles"]
+    f = relay.function(["a", "x"], at=[0.25, 0.5])
+    assert f.inputs == {"a": (), "x": ()} and f.outputs == {"x": (2,)}
+    values, pull = f.vjp({"a": 0.25, "x": 2})
+    assert values["x"] == pytest.approx([2 - 1.25 / 4, 2 - 1.25 / 2], abs=1e-11)
+    pulled = pull({"x": [1, 10]})
+    assert pulled["a"] == pytest.approx(-0.25 - 5) and pulled["x"] == pytest.approx(11)
+    # At the end it slides.
+    values, pull = relay.vjp(["a", "x"])
+    assert abs(values["x"]) < 1e-12 and abs(pull({"x": 1})["x"]) < 1e-12
+    with pytest.raises(ValueError, match="expected an array of shape"):
+        f.vjp({})[1]({"x": 1})
+    for wrong in ({"by": []}, {"by": ["b"]}, {"by": "a"}, {"by": ["a"], "of": ["y"]}, {"by": ["a"], "at": 1}):
+        with pytest.raises((TypeError, ValueError)):
+            relay.function(**wrong)
+    with pytest.raises(TypeError, match="none of a"):
+        f({"b": 1})
+    with pytest.raises((ValueError, nsdc.ModelError)):
+        relay.function(["a"], at=[2])({})
+
+
+def test_what_has_no_derivative_is_an_error() -> None:
+    # A start on the surface.
+    relay = nsdc.loads(RELAY)["settles"]
+    with pytest.raises(nsdc.DerivativeError, match="W0735"):
+        relay.vjp(["x"], x=0)
+    with pytest.raises(nsdc.RunError):
+        relay.vjp(["a"], time_limit=0)
+
+
+def test_jax_goes_through_runs(ball: nsdc.Experiment, oscillator: nsdc.Experiment) -> None:
+    jax = pytest.importorskip("jax")
+    from jax.test_util import check_grads
+
+    import nsdc.jax
+
+    jax.config.update("jax_enable_x64", True)
+    f = nsdc.jax.function(oscillator, ["omega", "c", "x"], at=[1, 3])
+    inputs = {"omega": 1.1, "c": 0.2, "x": np.array([1.0, 0.1])}
+    check_grads(f, (inputs,), order=1, modes=["rev"])
+    bounced = nsdc.jax.function(ball, ["g", "q"], ["q", "v"], g=2, horizon=1.5, tolerance=1e-11)
+    check_grads(bounced, ({"g": 2.0, "q": 0.9},), order=1, modes=["rev"])
+
+    def height(g: float, q: float) -> float:
+        return bounced({"g": g, "q": q})["q"]
+
+    heights = np.linspace(0.5, 1, 5)
+    slopes = jax.jit(jax.vmap(jax.grad(height, argnums=(0, 1)), in_axes=(None, 0)))(2.0, heights)
+    for k, q in enumerate(heights):
+        _, pull = ball.vjp(["g", "q"], ["q"], g=2, q=q, horizon=1.5, tolerance=1e-11)
+        for name, slope in zip(("g", "q"), slopes):
+            assert slope[k] == pytest.approx(pull({"q": 1})[name], abs=1e-9)
+    with pytest.raises(TypeError, match="expected values of g, q"):
+        bounced({"g": 2.0})
+    with pytest.raises(ValueError, match="expected shape"):
+        bounced({"g": np.ones(2), "q": 1.0})
+
+
+def test_torch_goes_through_runs(ball: nsdc.Experiment, oscillator: nsdc.Experiment) -> None:
+    torch = pytest.importorskip("torch", reason="PyTorch is not among the requirements of tests")
+    import nsdc.torch
+
+    def tensor(*values: float) -> object:
+        return torch.tensor(values if len(values) > 1 else values[0], dtype=torch.float64, requires_grad=True)
+
+    f = nsdc.torch.function(oscillator, ["omega", "x"], ["x", "energy"], at=[1, 3])
+
+    def flat(omega: object, x: object) -> tuple[object, ...]:
+        return tuple(f({"omega": omega, "x": x}).values())
+
+    assert torch.autograd.gradcheck(flat, (tensor(1.1), tensor(1, 0.1)))
+    bounced = nsdc.torch.function(ball, ["g"], ["q"], horizon=1.5, tolerance=1e-11)
+    assert torch.autograd.gradcheck(lambda g: bounced({"g": g})["q"], (tensor(2),))
