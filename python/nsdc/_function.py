@@ -73,8 +73,8 @@ class Function:
         for name in inputs:
             if name not in self.inputs:
                 raise TypeError(f"`{name}` is none of {', '.join(self.inputs)}")
-        asked, params = dict(self._asked), dict(inputs)
-        params.update(asked.pop("params", {}))
+        asked = {name: one for name, one in self._asked.items() if name not in inputs}
+        params = {**asked.pop("params", {}), **inputs}
         result = self._experiment.run(params=params, sensitivities=sensitivities, **asked)
         return result.raise_for_status()
 

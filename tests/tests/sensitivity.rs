@@ -787,11 +787,37 @@ fn differentiated(project: &Project, experiment: &str) -> Option<Trajectory> {
     })
 }
 
+/// What is zero has terms that move what is run: x' = p x and x' = 1 + p sign(x) are x₀ eᵖᵗ, and x₀ + (1 - p) t up to
+/// t* = -x₀/(1 - p) and (1 + p) (t - t*) from then on. Where nothing but p makes it jump there may be no derivative.
+#[test]
+fn parameters_that_are_zero_have_derivatives() {
+    let run = run_at(
+        "model m { param p = 0; state x = 2; x' = p*x; } simulate s of m { horizon 3; sensitivity to p; }",
+        1e-10,
+    );
+    assert!((slopes(&run, &run.samples.sensitivities[0])[0] - 6.0).abs() < 1e-9);
+    let run = run_at(
+        "model m { param p = 0; state x = -1; x' = 1 + p*sign(x); } simulate s of m { horizon 3; sensitivity to p; }",
+        1e-10,
+    );
+    assert!(!warned(&run), "{:?}", run.warnings);
+    let by_p = &run.samples.sensitivities[0];
+    // x(3) = (1 + p) (3 - 1/(1 - p)).
+    assert!((slopes(&run, by_p)[0] - 1.0).abs() < 1e-9, "{by_p:?}");
+    let run = run_at(
+        "model m { param p = 0; state x = 0; x' = -p*sign(x); } simulate s of m { horizon 1; sensitivity to p; }",
+        1e-10,
+    );
+    let by_p = slopes(&run, &run.samples.sensitivities[0])[0];
+    // A start on the surface: it slides for p > 0, and has two solutions for p < 0.
+    assert!(by_p.is_nan() && warned(&run), "{by_p}");
+}
+
 /// Other methods, and what is no number of a run, are refused.
 #[test]
 fn what_has_no_sensitivity_is_refused() {
     let model =
-        "model m { param a = 1; param zero = 0; param b = 2; state x = 1; x' = -a*x^b + zero; }";
+        "model m { param a = 1; param zero = 0; param b = 2; state x = 1; x' = -a*x^b + x^zero; }";
     let code = |settings: &str| {
         let text = format!("{model} simulate s of m {{ horizon 1; {settings} }}");
         let project = Project::from_text("model.nsd", &text);

@@ -396,12 +396,24 @@ impl Opened {
 
     /// Those with which an experiment has been compiled, if no other value of theirs is another system.
     pub fn inputs(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
+        Opened::where_no(compiled, |_| true)
+    }
+
+    /// The same for a simulation in which they keep their values: what is zero may be open, as its terms are there.
+    pub fn kept(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
+        Opened::where_no(compiled, |why| why != Structural::Zero)
+    }
+
+    fn where_no(
+        compiled: &crate::Compiled<'_>,
+        decides: impl Fn(Structural) -> bool,
+    ) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         let values = &settings.values;
         let places = open_places(compiled);
         let ranges = values.open_ranges(&compiled.model);
         let range = |place: usize| ranges[&variable(system.exogenous.params[place].var)];
-        if let Some((at, why)) = deciding(compiled, &places, range) {
+        if let Some((at, why)) = deciding(compiled, &places, range, decides) {
             return Err(NotPrepared::Structural(
                 system.exogenous.params[at].name.clone(),
                 why,
@@ -435,10 +447,12 @@ fn deciding(
     compiled: &crate::Compiled<'_>,
     places: &[usize],
     range: impl Fn(usize) -> Interval,
+    decides: impl Fn(Structural) -> bool,
 ) -> Option<(usize, Structural)> {
     let (system, settings) = (&compiled.system, &compiled.settings);
     let why = hybrid::structural(system);
-    if let Some(found) = places.iter().find_map(|&at| Some((at, why[at]?))) {
+    let found = |&at: &usize| Some((at, why[at].filter(|&why| decides(why))?));
+    if let Some(found) = places.iter().find_map(found) {
         return Some(found);
     }
     let is_optimal = settings.optimize.is_some();

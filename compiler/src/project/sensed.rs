@@ -19,7 +19,7 @@ pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagno
         return Ok(None);
     }
     let opened =
-        Opened::of(compiled).map_err(|error| no_input(&settings.recording.sensed, &error))?;
+        Opened::kept(compiled).map_err(|error| no_input(&settings.recording.sensed, &error))?;
     let n = system.states.len();
     let (entries, slopes) = opened.start.partials(|_| true);
     let parameters: Vec<f64> = opened.parameters.iter().map(|p| p.value).collect();

@@ -307,8 +307,8 @@ impl Way<'_> {
         Ok(linear)
     }
 
-    /// The functions beside the run, as far as its tolerance goes: tangents are no better known than what that makes of their
-    /// rates.
+    /// The functions beside the run, as far as its tolerance goes, and rounding of the time: tangents are no better known than
+    /// what that makes of their rates.
     pub fn shaken(&self, functions: &mut Functions, tau: f64) -> Result<Linearized, Why> {
         let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
         let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
@@ -320,7 +320,9 @@ impl Way<'_> {
             share = (share + 0.618_033_988_749_895).fract();
             *x += self.run.accuracy * size * (2.0 * share - 1.0).signum();
         }
-        let shaken = functions.linearize(self.mode, &self.point(tau, &x, &alpha));
+        let mut point = self.point(tau, &x, &alpha);
+        point.t *= 1.0 + 4.0 * f64::EPSILON;
+        let shaken = functions.linearize(self.mode, &point);
         shaken.map_err(|_| Why::Singular)
     }
 

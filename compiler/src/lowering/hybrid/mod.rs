@@ -102,9 +102,9 @@ pub fn structural(system: &System) -> Vec<Option<Structural>> {
     let exponents: FxHashSet<Var> = variables_of(&exponents(&all)).into_iter().collect();
     let narrowing = narrowing(system);
     let why = |param: &system::Param| match variable(param.var) {
-        _ if param.value == 0.0 => Some(Structural::Zero),
         var if exponents.contains(&var) => Some(Structural::Exponent),
         var if narrowing.contains(&var) => Some(Structural::Narrow),
+        _ if param.value == 0.0 => Some(Structural::Zero),
         _ => None,
     };
     system.exogenous.params.iter().map(why).collect()
