@@ -22,7 +22,7 @@ class _Call(torch.autograd.Function):  # type: ignore[misc]
         arrays = {name: one.detach().cpu().numpy() for name, one in zip(called.inputs, inputs)}
 
         def tensor(values: Any) -> Any:
-            return torch.as_tensor(values).to(inputs[0])
+            return torch.tensor(values).to(inputs[0])
 
         if not any(ctx.needs_input_grad):
             return tuple(map(tensor, called(arrays).values()))

@@ -54,6 +54,7 @@ impl Slope {
     fn product(&self, with: &[f64], k: usize, from: usize) -> f64 {
         let last = self.degree.min(k);
         match from <= last {
+            true if last == 0 => self.series[0] * with[k],
             true => convolve(&self.series[from..=last], &with[k - last..=k - from]),
             false => 0.0,
         }
@@ -143,14 +144,15 @@ impl Slopes {
         })
     }
 
-    /// The tangent of a direction from its start on.
-    pub fn tangent(&self, start: &[f64], parameters: &[f64]) -> Tangent {
+    /// The tangent of a direction from its start on, up to the highest order, or to where terms seem to be nothing h later.
+    pub fn tangent(&self, start: &[f64], parameters: &[f64], h: Option<f64>) -> Tangent {
         let mut s = vec![0.0; start.len() * STRIDE];
         for (row, &start) in s.chunks_mut(STRIDE).zip(start) {
             row[0] = start;
         }
         let mut order = vec![0.0; self.n_sliding];
         let mut a = vec![0.0; self.n_sliding * STRIDE];
+        let mut ending = h.map(|h| Ending::new(start, h));
         let term = |slope: &Slope, s: &[f64], a: &[f64], k: usize, from: usize| match slope.by {
             By::State(i) => slope.product(&s[i * STRIDE..], k, 0),
             By::Alpha(i) => slope.product(&a[i * STRIDE..], k, from),
@@ -177,8 +179,48 @@ impl Slopes {
             for row in s.chunks_mut(STRIDE) {
                 row[k + 1] /= (k + 1) as f64;
             }
+            let next = s.chunks(STRIDE).map(|row| row[k + 1]);
+            if ending.as_mut().is_some_and(|ending| ending.ends(next)) {
+                break;
+            }
         }
         Tangent::new(STRIDE, s)
+    }
+}
+
+/// Whether several orders in a row have been nothing for every entry.
+struct Ending {
+    h: f64,
+    power: f64,
+    largest: Vec<f64>,
+    count: usize,
+}
+
+impl Ending {
+    /// So many orders, below this part of the largest term.
+    const ORDERS: usize = 3;
+    const NOTHING: f64 = 1e-18;
+
+    fn new(start: &[f64], h: f64) -> Self {
+        Ending {
+            h,
+            power: 1.0,
+            largest: start.iter().map(|s| s.abs()).collect(),
+            count: 0,
+        }
+    }
+
+    /// Takes the coefficients of the next order.
+    fn ends(&mut self, coefficients: impl Iterator<Item = f64>) -> bool {
+        self.power *= self.h;
+        let mut is_nothing = true;
+        for (largest, c) in self.largest.iter_mut().zip(coefficients) {
+            let term = c.abs() * self.power;
+            is_nothing &= term <= Self::NOTHING * *largest;
+            *largest = largest.max(term);
+        }
+        self.count = if is_nothing { self.count + 1 } else { 0 };
+        self.count >= Self::ORDERS
     }
 }
 

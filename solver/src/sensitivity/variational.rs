@@ -167,22 +167,33 @@ fn expanded(
     tangents: &[Option<Vec<f64>>],
     [a, b]: [f64; 2],
 ) -> Result<Known, Why> {
+    let half = 0.5 * (a + b);
     let slopes = Slopes::new(functions, way, a).map_err(|_| Why::Singular)?;
-    let middle = way.linearize(functions, 0.5 * (a + b))?;
-    let expansion = Expansion {
+    let middle = way.linearize(functions, half)?;
+    let mut expansion = Expansion {
         end: way.linearize(functions, b)?,
-        shaken: way.shaken(functions, 0.5 * (a + b))?,
+        shaken: None,
         middle: &middle,
         slopes,
-        functions,
         h: b - a,
         tolerance: way.run.tolerance,
     };
-    let found = tangents.iter().enumerate().map(|(d, tangent)| {
-        let tangent = tangent.as_ref()?;
-        Some(expansion.solve(tangent, way.sizes.tangents(d), d))
-    });
-    let found = found.collect();
+    let solve = |expansion: &Expansion, functions: &Functions, d: usize| {
+        let tangent = tangents[d].as_ref()?;
+        Some(expansion.solve(functions, tangent, way.sizes.tangents(d), d))
+    };
+    let mut found: Vec<Option<Found>> = Vec::new();
+    for d in 0..tangents.len() {
+        let mut one = solve(&expansion, functions, d);
+        if let Some(Err(_)) = one {
+            // What is not known of the run may be why.
+            if expansion.shaken.is_none() {
+                expansion.shaken = Some(way.shaken(functions, half)?);
+            }
+            one = solve(&expansion, functions, d);
+        }
+        found.push(one);
+    }
     Ok((middle, found))
 }
 
@@ -198,37 +209,45 @@ pub(super) fn difference(v: &[f64], w: &[f64]) -> Vec<f64> {
 }
 
 /// The series of tangents along a part of a step.
-struct Expansion<'a, 'r> {
-    functions: &'a Functions<'r>,
+struct Expansion<'a> {
     slopes: Slopes,
     middle: &'a Linearized,
     end: Linearized,
-    /// In the middle, beside the run.
-    shaken: Linearized,
+    /// In the middle, beside the run, where that matters.
+    shaken: Option<Linearized>,
     h: f64,
     tolerance: f64,
 }
 
-impl Expansion<'_, '_> {
+impl Expansion<'_> {
     /// S of a direction, from how large its entries have been.
-    fn solve(&self, start: &[f64], largest: impl Fn(usize) -> f64, d: usize) -> Found {
+    fn solve(
+        &self,
+        functions: &Functions,
+        start: &[f64],
+        largest: impl Fn(usize) -> f64,
+        d: usize,
+    ) -> Found {
         let h = self.h;
-        let tangent = self.slopes.tangent(start, self.functions.direction(d));
-        let noise = self.noise(start, d);
-        let at = |linear: &Linearized, tau: f64| {
-            let s = tangent.at(tau);
-            let defect = difference(&tangent.slope(tau), &self.along(linear, &s, d));
-            let terms = linear.terms(self.functions, Moved::still(&s), d);
-            (s, defect, terms)
+        // What begins at a high order is seen at a second look.
+        let ends = self.shaken.is_none().then_some(h);
+        let tangent = self.slopes.tangent(start, functions.direction(d), ends);
+        let noise = match &self.shaken {
+            Some(shaken) => self.noise(functions, shaken, (start, d)),
+            None => vec![0.0; start.len()],
         };
-        let [(_, inside, terms), (end, missed, last_terms)] =
-            [at(self.middle, 0.5 * h), at(&self.end, h)];
+        let missed = |linear: &Linearized, tau: f64, s: &[f64]| {
+            difference(&tangent.slope(tau), &along(functions, linear, s, d))
+        };
+        let end = tangent.at(h);
+        let terms = self.end.terms(functions, Moved::still(&end), d);
+        let inside = missed(self.middle, 0.5 * h, &tangent.at(0.5 * h));
+        let missed = missed(&self.end, h, &end);
         for (k, [whole, last]) in tangent.terms(h).enumerate() {
-            let terms = terms[k].max(last_terms[k]);
             let size = largest(k).max(start[k].abs()).max(end[k].abs());
             // Where an entry has been small so far, its size is that of what it is made of.
-            let size = size / h + terms + NOTHING;
-            let allowed = self.tolerance * size + ROUNDING * terms + noise[k];
+            let size = size / h + terms[k] + NOTHING;
+            let allowed = self.tolerance * size + ROUNDING * terms[k] + noise[k];
             let is_within = |rate: f64| rate <= allowed;
             if !is_within(f64::EPSILON * whole / h) {
                 return Err(TooLong::Divergent);
@@ -242,31 +261,37 @@ impl Expansion<'_, '_> {
         Ok(tangent)
     }
 
-    fn along(&self, linear: &Linearized, s: &[f64], d: usize) -> Vec<f64> {
-        let [f, _] = linear.along(self.functions, Moved::still(s), d);
-        f
-    }
-
     /// What the error of the run and rounding make of the rates of a tangent, and of the rates that follow from these.
-    fn noise(&self, tangent: &[f64], d: usize) -> Vec<f64> {
+    fn noise(
+        &self,
+        functions: &Functions,
+        shaken: &Linearized,
+        (tangent, d): (&[f64], usize),
+    ) -> Vec<f64> {
         const ROUNDS: usize = 3;
+        let rates = |linear: &Linearized, s: &[f64]| along(functions, linear, s, d);
         let middle = self.middle;
-        let known = self.along(middle, tangent, d);
-        let mut noise = difference(&known, &self.along(&self.shaken, tangent, d));
-        let terms = middle.terms(self.functions, Moved::still(tangent), d);
+        let mut noise = difference(&rates(middle, tangent), &rates(shaken, tangent));
+        let terms = middle.terms(functions, Moved::still(tangent), d);
         for (noise, term) in noise.iter_mut().zip(terms) {
             *noise = noise.max(ROUNDING * term);
         }
-        let rest = self.along(middle, &vec![0.0; tangent.len()], d);
+        let rest = rates(middle, &vec![0.0; tangent.len()]);
         for _ in 0..ROUNDS {
             let moved: Vec<f64> = noise.iter().map(|noise| self.h * noise).collect();
-            let more = difference(&self.along(middle, &moved, d), &rest);
+            let more = difference(&rates(middle, &moved), &rest);
             for (noise, more) in noise.iter_mut().zip(more) {
                 *noise = noise.max(more);
             }
         }
         noise
     }
+}
+
+/// S' of a direction.
+fn along(functions: &Functions, linear: &Linearized, s: &[f64], d: usize) -> Vec<f64> {
+    let [f, _] = linear.along(functions, Moved::still(s), d);
+    f
 }
 
 impl Way<'_> {
