@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from . import _core, _sweep
 from ._commands import Emitted, command
 from ._function import Function, Pullback, Values
-from ._quantities import ENTRY, Quantities, Quantity, count, entry, finite, given, real
+from ._quantities import ENTRY, Quantities, Quantity, both, count, entry, finite, given, real
 from ._result import Result
 
 if TYPE_CHECKING:
@@ -181,9 +181,15 @@ class Experiment:
         A run that fails is a result whose `status` says so. `ModelError` where the experiment does not compile, `TypeError`
         for unknown names and for what is no number, `ValueError` for wrong shapes and for numbers that are not finite.
         """
-        asked = self._asked(_both(values, params), settings or {}, time_limit)
-        if sensitivities:
-            asked["settings"].append(("sensitivities", self._sensitivity(sensitivities)))
+        asked = self._asked(both(values, params), settings or {}, time_limit)
+        return self._run(asked, sensitivities, multipliers)
+
+    def _run(
+        self, asked: _core.Asked, sensitivities: Sequence[str], multipliers: bool = False
+    ) -> Result:
+        if len(sensitivities):
+            statement = ("sensitivities", self._sensitivity(sensitivities))
+            asked = {**asked, "settings": [*asked["settings"], statement]}
         # A figure of an optimum has what was solved.
         is_drawn = self.kind == "optimize"
         run = self.file._project.run(self.name, asked, multipliers, is_drawn)
@@ -215,15 +221,19 @@ class Experiment:
         by: Sequence[str],
         of: Sequence[str] | None = None,
         at: ArrayLike | None = None,
-        **asked: Any,
+        *,
+        params: Mapping[str, ArrayLike] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        time_limit: float | None = None,
+        **values: Any,
     ) -> Function:
         """Its states, outputs and controls as a function of parameters and initial values, with derivatives: see `Function`.
 
         `by` names parameters and states, whole or by entry, and `of` what the function gives, all that is reported without it:
         at the end, or at the m instants `at`, behind what jumps there. The rest is as for `run`, and holds whenever the
-        function is called.
+        function is called, but for what it is given then.
         """
-        return Function(self, by, of, at, asked)
+        return Function(self, by, of, at, params=params, settings=settings, time_limit=time_limit, **values)
 
     def vjp(
         self,
@@ -274,7 +284,7 @@ class Experiment:
         Runs that fail are rows. Ctrl-C keeps what is finished.
         """
         known = [*SETTINGS, *KEYWORDS]
-        axes, rest = _sweep.split(self._known, _both(values, params), known)
+        axes, rest = _sweep.split(self._known, both(values, params), known)
         asked = self._asked(rest, settings or {}, time_limit)
         plan = _sweep.Plan(self, asked, axes, zip, count("seed", seed, 0))
         engine = _sweep.Engine(
@@ -290,7 +300,7 @@ class Experiment:
     ) -> Emitted:
         """A form of the lowering, as `nsdc emit --ir` prints it: `system`, `dcs`, `mpcc`, `nl`, .., or `tex`, which a notebook
         shows as mathematics; with values of parameters and initial values."""
-        found = given(self._known, _both(values, params))
+        found = given(self._known, both(values, params))
         sets = [f"--set={name}={value!r}" for name, value in found]
         text = command(self.file, "emit", self.name, f"--ir={ir}", *sets)
         return Emitted(text, ir)
@@ -307,21 +317,14 @@ class Experiment:
         return "".join(parts)
 
 
-def _both(
-    values: Mapping[str, Any], params: Mapping[str, Any] | None
-) -> list[tuple[str, Any]]:
-    """What is given by keywords, and by names."""
-    if params is not None and not isinstance(params, Mapping):
-        raise TypeError(f"params: expected values by name, got {params!r}")
-    return [*values.items(), *(params or {}).items()]
-
-
 def _setting(name: str, value: Any) -> float | str:
     """A setting as a number, or in the words of the language."""
     if isinstance(value, str):
         return value
     if name == "at":
         numbers = real(name, value)
+        if numbers.ndim != 1 or not len(numbers):
+            raise ValueError(f"at: expected instants, got an array of shape {numbers.shape}")
         return f"[{', '.join(map(repr, finite(name, numbers, numbers.shape).tolist()))}]"
     try:
         number = float(value)

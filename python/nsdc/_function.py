@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
 from ._errors import DerivativeError
-from ._quantities import Quantity, entry, finite, real
+from ._quantities import Quantity, both, entry, finite, given, real
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
@@ -46,37 +47,52 @@ class Function:
         self,
         experiment: Experiment,
         by: Sequence[str],
-        of: Sequence[str] | None,
-        at: ArrayLike | None,
-        asked: Mapping[str, Any],
+        of: Sequence[str] | None = None,
+        at: ArrayLike | None = None,
+        *,
+        params: Mapping[str, ArrayLike] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        time_limit: float | None = None,
+        **values: Any,
     ) -> None:
         if isinstance(by, str) or isinstance(of, str):
             raise TypeError("by, of: expected lists of names")
         known = {**experiment.parameters, **experiment.states}
-        given = {**experiment.states, **experiment.outputs, **experiment.controls}
-        self._experiment = experiment
-        self._asked = dict(asked)
+        reported = {**experiment.states, **experiment.outputs, **experiment.controls}
+        settings = dict(settings or {})
         self._at = None if at is None else real("at", at)
         if self._at is not None:
             if self._at.ndim != 1 or not len(self._at):
                 raise ValueError(f"at: expected instants, got an array of shape {self._at.shape}")
-            self._asked["settings"] = {"at": self._at, **self._asked.get("settings", {})}
+            if "at" in settings:
+                raise TypeError("`at` is given twice")
+            settings["at"] = self._at
+        self._experiment = experiment
+        self._asked = experiment._asked(both(values, params), settings, time_limit)
         #: What it takes, with shapes.
         self.inputs = {name: _shape(known, name) for name in by}
         rows = () if self._at is None else self._at.shape
         #: What it gives, with shapes.
-        self.outputs = {name: rows + _shape(given, name) for name in (given if of is None else of)}
+        self.outputs = {name: rows + _shape(reported, name) for name in (reported if of is None else of)}
         if not self.inputs or not self.outputs:
             raise ValueError("by, of: expected one name or more")
+        # What is named twice.
+        given(known, [(name, np.zeros(shape)) for name, shape in self.inputs.items()])
+        if len(self.inputs) < len(by):
+            raise TypeError(f"`{next(name for name in by if list(by).count(name) > 1)}` is given twice")
+
+    def check(self, names: Collection[str]) -> None:
+        """`TypeError` where these are not all of the inputs and nothing else."""
+        if set(names) != self.inputs.keys():
+            raise TypeError(f"expected values of {', '.join(self.inputs)}, got {', '.join(names) or 'none'}")
 
     def _run(self, inputs: Mapping[str, ArrayLike], sensitivities: Sequence[str]) -> Result:
         for name in inputs:
             if name not in self.inputs:
                 raise TypeError(f"`{name}` is none of {', '.join(self.inputs)}")
-        asked = {name: one for name, one in self._asked.items() if name not in inputs}
-        params = {**asked.pop("params", {}), **inputs}
-        result = self._experiment.run(params=params, sensitivities=sensitivities, **asked)
-        return result.raise_for_status()
+        values = {**dict(self._asked["values"]), **dict(given(self._experiment._known, inputs.items()))}
+        asked: _core.Asked = {**self._asked, "values": list(values.items())}
+        return self._experiment._run(asked, sensitivities).raise_for_status()
 
     def _rows(self, time: NDArray[np.float64]) -> Any:
         """The places of rows, those behind what jumps there."""
@@ -93,19 +109,22 @@ class Function:
         rows = self._rows(result.time)
         return {name: np.array(result[name][rows]) for name in self.outputs}
 
-    def linearized(self, inputs: Mapping[str, ArrayLike]) -> tuple[Values, Jacobian]:
-        """The values and all derivatives there, `jacobian["x"]["mu"]` of x by mu."""
-        result = self._run(inputs, list(self.inputs))
+    def linearized(
+        self, inputs: Mapping[str, ArrayLike], by: Collection[str] | None = None
+    ) -> tuple[Values, Jacobian]:
+        """The values and all derivatives there, `jacobian["x"]["mu"]` of x by mu; or the derivatives by some inputs alone."""
+        shapes = {name: shape for name, shape in self.inputs.items() if by is None or name in by}
+        result = self._run(inputs, list(shapes))
         rows = self._rows(result.time)
         values = {name: np.array(result[name][rows]) for name in self.outputs}
-        ends = np.cumsum([np.prod(shape, dtype=int) for shape in self.inputs.values()])
+        ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes.values()])
         jacobian: Jacobian = {}
         for name, shape in self.outputs.items():
             derivatives = result.grad[name][rows]
             if not np.all(np.isfinite(derivatives)):
                 raise DerivativeError(result)
-            parts = zip(self.inputs.items(), np.split(derivatives, ends[:-1], axis=-1))
-            jacobian[name] = {by: part.reshape(shape + own) for (by, own), part in parts}
+            parts = zip(shapes.items(), np.split(derivatives, ends[:-1], axis=-1))
+            jacobian[name] = {of: part.reshape(shape + own) for (of, own), part in parts}
         return values, jacobian
 
     def vjp(self, inputs: Mapping[str, ArrayLike]) -> tuple[Values, Pullback]:

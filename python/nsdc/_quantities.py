@@ -151,7 +151,7 @@ def shaped_like(
 def unknown(name: str, known: Iterable[str], settings: Iterable[str] = ()) -> TypeError:
     """That a name is none of those that are known."""
     known, all_known = list(known), [*known, *settings]
-    close = difflib.get_close_matches(name, all_known, n=1)
+    close = difflib.get_close_matches(name, [one for one in all_known if one != name], n=1)
     help = f"did you mean `{close[0]}`?" if close else f"there are {', '.join(known) or 'none'}"
     return TypeError(f"`{name}` is no parameter, initial value or input; {help}")
 
@@ -184,6 +184,15 @@ def real(name: str, value: Any) -> NDArray[np.float64]:
     if found.dtype.kind not in "biuf":
         raise TypeError(f"{name}: expected numbers, got {type(value).__name__} of {found.dtype}")
     return found.astype(float)
+
+
+def both(
+    values: Mapping[str, Any], params: Mapping[str, Any] | None
+) -> list[tuple[str, Any]]:
+    """What is given by keywords, and by names."""
+    if params is not None and not isinstance(params, Mapping):
+        raise TypeError(f"params: expected values by name, got {params!r}")
+    return [*values.items(), *(params or {}).items()]
 
 
 def given(

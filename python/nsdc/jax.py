@@ -8,17 +8,26 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 from numpy.typing import ArrayLike
 
 from ._function import Function, Values
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
+
+
+@cache
+def _pool(process: int) -> ThreadPoolExecutor:
+    """The threads of a process, which keep what they have compiled; there are none of those behind a fork."""
+    has_affinity = hasattr(os, "sched_getaffinity")
+    return ThreadPoolExecutor(len(os.sched_getaffinity(process)) if has_affinity else os.cpu_count())
 
 
 def function(
@@ -42,16 +51,10 @@ def function(
 
     Under `jax.vmap` runs go to all cores.
     """
-    called = Function(experiment, by, of, at, asked)
+    called = Function(experiment, by, of, at, **asked)
 
     def shapes(names: Mapping[str, tuple[int, ...]]) -> dict[str, jax.ShapeDtypeStruct]:
         return {name: jax.ShapeDtypeStruct(shape, jnp.result_type(float)) for name, shape in names.items()}
-
-    outputs = shapes(called.outputs)
-    slopes = {
-        name: shapes({by: shape + own for by, own in called.inputs.items()})
-        for name, shape in called.outputs.items()
-    }
 
     def run(call: Callable[[Values], Any], like: Any, inputs: Mapping[str, Any]) -> Any:
         """Calls back with arrays that have the inputs' shapes, and axes of `jax.vmap` in front of them."""
@@ -61,8 +64,7 @@ def function(
             name, first = next(iter(arrays.items()))
             batch = first.shape[: first.ndim - len(called.inputs[name])]
             rows = [{name: value[k] for name, value in arrays.items()} for k in np.ndindex(batch)]
-            with ThreadPoolExecutor(os.cpu_count()) as pool:
-                found = list(pool.map(call, rows)) if batch else [call(rows[0])]
+            found = list(_pool(os.getpid()).map(call, rows)) if batch else [call(rows[0])]
 
             def stacked(like: Any, *leaves: Any) -> Any:
                 return np.reshape(np.array(leaves, dtype=like.dtype), batch + like.shape)
@@ -71,28 +73,41 @@ def function(
 
         return jax.pure_callback(back, like, inputs, vmap_method="broadcast_all")
 
-    @jax.custom_vjp
+    @jax.custom_vjp  # type: ignore[untyped-decorator]
     def values(inputs: Mapping[str, Any]) -> Any:
-        return run(called, outputs, inputs)
+        return run(called, shapes(called.outputs), inputs)
 
     def forward(inputs: Mapping[str, Any]) -> Any:
-        return run(called.linearized, (outputs, slopes), inputs)
+        # By what somebody differentiates; the others need not have a derivative.
+        asked = [name for name, one in inputs.items() if one.perturbed]
+        slopes = {
+            name: shapes({by: shape + called.inputs[by] for by in asked})
+            for name, shape in called.outputs.items()
+        }
+        plain = {name: one.value for name, one in inputs.items()}
+        if not asked:
+            return run(called, shapes(called.outputs), plain), slopes
+
+        def linearized(inputs: Values) -> Any:
+            return called.linearized(inputs, asked)
+
+        return run(linearized, (shapes(called.outputs), slopes), plain)
 
     def backward(slopes: Mapping[str, Mapping[str, Any]], weights: Mapping[str, Any]) -> Any:
         def pulled(by: str) -> Any:
             parts = (
                 jnp.tensordot(weight, slopes[name][by], axes=jnp.ndim(weight))
                 for name, weight in weights.items()
+                if by in slopes[name] and not isinstance(weight, SymbolicZero)
             )
-            return sum(parts)
+            return sum(parts, start=jnp.zeros(called.inputs[by]))
 
         return ({by: pulled(by) for by in called.inputs},)
 
-    values.defvjp(forward, backward)
+    values.defvjp(forward, backward, symbolic_zeros=True)
 
     def checked(inputs: Mapping[str, Any]) -> dict[str, Any]:
-        if inputs.keys() != called.inputs.keys():
-            raise TypeError(f"expected values of {', '.join(called.inputs)}, got {', '.join(inputs) or 'none'}")
+        called.check(inputs)
         arrays = {name: jnp.asarray(value, dtype=float) for name, value in inputs.items()}
         for name, value in arrays.items():
             if value.shape != called.inputs[name]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -18,29 +19,34 @@ class _Call(torch.autograd.Function):  # type: ignore[misc]
     """Inputs and outputs are tensors in the order of their names."""
 
     @staticmethod
-    def forward(ctx: Any, called: Function, *inputs: Any) -> tuple[Any, ...]:
-        arrays = {name: one.detach().cpu().numpy() for name, one in zip(called.inputs, inputs)}
+    def forward(ctx: Any, called: Function, dtype: Any, *inputs: Any) -> tuple[Any, ...]:
+        pairs = zip(called.inputs, inputs)
+        arrays = {name: one.detach().to("cpu", torch.float64).numpy() for name, one in pairs}
 
         def tensor(values: Any) -> Any:
-            return torch.tensor(values).to(inputs[0])
+            return torch.tensor(values, dtype=dtype, device=inputs[0].device)
 
-        if not any(ctx.needs_input_grad):
+        needed = zip(called.inputs, ctx.needs_input_grad[2:])
+        ctx.asked = [name for name, is_needed in needed if is_needed]
+        ctx.names = list(called.inputs)
+        if not ctx.asked:
             return tuple(map(tensor, called(arrays).values()))
-        values, jacobian = called.linearized(arrays)
-        ctx.n_inputs = len(inputs)
+        values, jacobian = called.linearized(arrays, ctx.asked)
         ctx.save_for_backward(*(tensor(slopes) for row in jacobian.values() for slopes in row.values()))
         return tuple(map(tensor, values.values()))
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, *weights: Any) -> tuple[Any, ...]:
-        slopes = ctx.saved_tensors
+        slopes, asked = ctx.saved_tensors, ctx.asked
 
-        def pulled(by: int) -> Any:
-            parts = zip(weights, slopes[by :: ctx.n_inputs])
+        def pulled(by: str) -> Any:
+            if by not in asked:
+                return None
+            parts = zip(weights, slopes[asked.index(by) :: len(asked)])
             return sum(torch.tensordot(weight, slope, dims=weight.ndim) for weight, slope in parts)
 
-        return (None, *map(pulled, range(ctx.n_inputs)))
+        return (None, None, *map(pulled, ctx.names))
 
 
 def function(
@@ -50,17 +56,19 @@ def function(
     at: ArrayLike | None = None,
     **asked: Any,
 ) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
-    """The function that `Experiment.function` is, from a dict of tensors to a dict of tensors of the type of the first one,
-    differentiable in reverse mode.
+    """The function that `Experiment.function` is, from a dict of tensors to a dict of tensors, differentiable in reverse mode
+    by `backward` and `torch.autograd`.
 
-    Runs are in double precision; `torch.float64` keeps it.
+    Runs are in double precision, which `torch.float64` keeps: values have the type that the inputs have together, or the default
+    one where that has no fractions.
     """
-    called = Function(experiment, by, of, at, asked)
+    called = Function(experiment, by, of, at, **asked)
 
     def run(inputs: Mapping[str, Any]) -> dict[str, Any]:
-        if inputs.keys() != called.inputs.keys():
-            raise TypeError(f"expected values of {', '.join(called.inputs)}, got {', '.join(inputs) or 'none'}")
+        called.check(inputs)
         tensors = [torch.as_tensor(inputs[name]) for name in called.inputs]
-        return dict(zip(called.outputs, _Call.apply(called, *tensors)))
+        types = [tensor.dtype for tensor in tensors if tensor.is_floating_point()]
+        dtype = reduce(torch.promote_types, types) if types else torch.get_default_dtype()
+        return dict(zip(called.outputs, _Call.apply(called, dtype, *tensors)))
 
     return run

@@ -106,8 +106,20 @@ def test_a_function_gives_values_and_derivatives() -> None:
             relay.function(**wrong)
     with pytest.raises(TypeError, match="none of a"):
         f({"b": 1})
+    for by, asked in ((["a", "a"], {}), (["a"], {"at": [1], "settings": {"at": [1]}}), (["a"], {"sensitivities": ["x"]})):
+        with pytest.raises(TypeError):
+            relay.function(by, **asked)
     with pytest.raises((ValueError, nsdc.ModelError)):
         relay.function(["a"], at=[2])({})
+
+
+def test_inputs_replace_what_is_asked_for_otherwise(oscillator: nsdc.Experiment) -> None:
+    for by, asked, given in (
+        (["x[1]"], {"x": [3, 4]}, {"x[1]": 1}),
+        (["x"], {"params": {"x[1]": 5}}, {"x": [1, 4]}),
+    ):
+        f = oscillator.function(by, ["x"], at=[0], **asked)
+        assert f(given)["x"].tolist() == [[1, 4]]
 
 
 def test_what_has_no_derivative_is_an_error() -> None:
@@ -141,6 +153,11 @@ def test_jax_goes_through_runs(ball: nsdc.Experiment, oscillator: nsdc.Experimen
         _, pull = ball.vjp(["g", "q"], ["q"], g=2, q=q, horizon=1.5, tolerance=1e-11)
         for name, slope in zip(("g", "q"), slopes):
             assert slope[k] == pytest.approx(pull({"q": 1})[name], abs=1e-9)
+    # At rest on the surface there is a derivative by a alone.
+    relay = nsdc.jax.function(nsdc.loads(RELAY)["settles"], ["a", "x"])
+    assert abs(jax.grad(lambda a: relay({"a": a, "x": 1.0})["x"])(0.5)) < 1e-12
+    with pytest.raises(Exception, match="W0735"):
+        jax.grad(lambda x: relay({"a": 0.5, "x": x})["x"])(0.0)
     with pytest.raises(TypeError, match="expected values of g, q"):
         bounced({"g": 2.0})
     with pytest.raises(ValueError, match="expected shape"):
@@ -160,5 +177,7 @@ def test_torch_goes_through_runs(ball: nsdc.Experiment, oscillator: nsdc.Experim
         return tuple(f({"omega": omega, "x": x}).values())
 
     assert torch.autograd.gradcheck(flat, (tensor(1.1), tensor(1, 0.1)))
+    whole = f({"omega": 1, "x": [1, 2]})["x"]
+    assert whole.dtype == torch.get_default_dtype() and not torch.equal(whole, whole.round())
     bounced = nsdc.torch.function(ball, ["g"], ["q"], horizon=1.5, tolerance=1e-11)
     assert torch.autograd.gradcheck(lambda g: bounced({"g": g})["q"], (tensor(2),))

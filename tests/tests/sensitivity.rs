@@ -384,6 +384,39 @@ fn stiff_steps_are_followed() {
     near(by_start[1], 1.0 / k, 1e-12);
 }
 
+/// y' = -k (y - cos t) + p with p = 0: what the run knows of y - cos t, within its tolerance, is what moves y with k.
+#[test]
+fn stiff_steps_know_as_much_as_the_run() {
+    for k in [1e3_f64, 1e4, 1e5, 1e6] {
+        let text = format!(
+            "model m {{ param k = {k}; param p = 0; state c = 0; state y = 1; c' = 1; y' = -k*(y - cos(c)) + p; }}
+            simulate s of m {{ horizon 10; sensitivity to k, p; }}"
+        );
+        let run = run_within(&text, None);
+        assert!(!warned(&run), "{k}: {:?}", run.warnings);
+        let [by_k, by_p] = [0, 1].map(|d| slopes(&run, &run.samples.sensitivities[d])[1]);
+        let (c, s, square) = (10.0_f64.cos(), 10.0_f64.sin(), k * k + 1.0);
+        let exact = (2.0 * k * c + s) / square - 2.0 * k * (k * k * c + k * s) / (square * square);
+        assert!((by_k - exact).abs() <= 1e-7 / k, "{k}: {by_k}, not {exact}");
+        assert!((by_p - 1.0 / k).abs() <= 1e-7 / k, "{k}: {by_p}");
+    }
+}
+
+/// A pulse that is narrower than can be looked for is said to be lost.
+#[test]
+fn pulses_too_narrow_to_be_seen_are_lost() {
+    for width in ["1e-9", "1e-10"] {
+        let text = format!(
+            "model m {{ param p = 0; state c = 0; state y = 0; c' = 1; y' = p*exp(-((c - 0.312345)/{width})^2)/{width}; }}
+            simulate s of m {{ horizon 1; sensitivity to p; }}"
+        );
+        let run = run_within(&text, None);
+        let found = slopes(&run, &run.samples.sensitivities[0])[1];
+        let exact = std::f64::consts::PI.sqrt();
+        assert!(warned(&run) || (found - exact).abs() < 1e-5, "{found}");
+    }
+}
+
 /// x' = c g(t) - x with a pulse g = a exp(-((t - 1.234)/w)²) and c = 0 or 1 in the run, so that the derivative of x(T) by c
 /// is a w √π exp(1.234 - T + w²/4) however little the run itself sees of g: the time may be a state, and c one.
 #[test]

@@ -83,6 +83,13 @@ impl Tangent {
         rows.map(|row| series::value(row, tau)).collect()
     }
 
+    /// The highest power of time.
+    pub fn order(&self) -> usize {
+        let rows = self.coefficients.chunks(self.stride);
+        let orders = rows.filter_map(|row| row.iter().rposition(|&c| c != 0.0));
+        orders.max().unwrap_or(0)
+    }
+
     /// S' that long after the start.
     pub fn slope(&self, tau: f64) -> Vec<f64> {
         let rows = self.coefficients.chunks(self.stride);
@@ -142,6 +149,22 @@ impl Slopes {
             lu: factored(mode, &phi)?,
             phi,
         })
+    }
+
+    /// How large the terms of the rates of a tangent are at the start.
+    pub fn terms(&self, start: &[f64], parameters: &[f64]) -> Vec<f64> {
+        let mut terms = vec![0.0; start.len()];
+        for slope in &self.rates {
+            let by = match slope.by {
+                By::State(i) => start[i],
+                By::Alpha(_) => 0.0,
+                By::Parameter(i) => parameters[i],
+            };
+            if by != 0.0 {
+                terms[slope.of] += (slope.series[0] * by).abs();
+            }
+        }
+        terms
     }
 
     /// The tangent of a direction from its start on, up to the highest order, or to where terms seem to be nothing h later.

@@ -13,7 +13,7 @@ use super::recording::Step;
 use super::run::Run;
 use super::sizes::Sizes;
 use super::stiff::Stiff;
-use super::taylor::{ORDER, Slopes, Tangent};
+use super::taylor::{Slopes, Tangent};
 use super::why::Why;
 use crate::expansion::series;
 use crate::hybrid::Input;
@@ -26,8 +26,11 @@ const STIFF: usize = 4;
 const PATIENCE: usize = 32;
 /// Parts of a step that are enclosed at most.
 const MOST_ENCLOSED: usize = 4000;
-/// A defect is rounding up to this part of its terms.
+/// A defect is rounding up to this part of its terms, and as far as functions move with so much of what they read.
 const ROUNDING: f64 = 1e-14;
+const NOISE: f64 = 16.0 * f64::EPSILON;
+/// Of a series that has begun to converge, the last terms are no larger than this part of the largest.
+const DECAYED: f64 = 1e-3;
 
 /// A part of a step.
 pub(super) struct Part {
@@ -98,8 +101,8 @@ impl Variational {
                 break;
             }
             let is_stiff = self.patience > 0;
-            let is_tame = halvings >= MOST_HALVINGS || way.is_tame(functions, ends);
-            if !is_tame && enclosed.next().is_some() {
+            let is_tame = way.is_tame(functions, ends);
+            if !is_tame && halvings < MOST_HALVINGS && enclosed.next().is_some() {
                 left.extend(halves(ends, halvings));
                 continue;
             }
@@ -186,9 +189,9 @@ fn expanded(
     for d in 0..tangents.len() {
         let mut one = solve(&expansion, functions, d);
         if let Some(Err(_)) = one {
-            // What is not known of the run may be why.
+            // Rounding of the functions may be why.
             if expansion.shaken.is_none() {
-                expansion.shaken = Some(way.shaken(functions, half)?);
+                expansion.shaken = Some(way.shaken(functions, half, NOISE)?);
             }
             one = solve(&expansion, functions, d);
         }
@@ -213,7 +216,7 @@ struct Expansion<'a> {
     slopes: Slopes,
     middle: &'a Linearized,
     end: Linearized,
-    /// In the middle, beside the run, where that matters.
+    /// In the middle, beside the run by rounding, where that matters.
     shaken: Option<Linearized>,
     h: f64,
     tolerance: f64,
@@ -231,7 +234,19 @@ impl Expansion<'_> {
         let h = self.h;
         // What begins at a high order is seen at a second look.
         let ends = self.shaken.is_none().then_some(h);
-        let tangent = self.slopes.tangent(start, functions.direction(d), ends);
+        let direction = functions.direction(d);
+        let tangent = self.slopes.tangent(start, direction, ends);
+        let first_terms = self.slopes.terms(start, direction);
+        let known = |k: usize| largest(k).max(start[k].abs()).max(h * first_terms[k]);
+        for (k, [whole, last]) in tangent.terms(h).enumerate() {
+            let known = if known(k) > 0.0 { known(k) } else { whole };
+            let allowed = self.tolerance * known;
+            // Its sum is what terms leave of each other, or no sum.
+            let is_sum = f64::EPSILON * whole <= allowed;
+            if !is_sum || !(last <= DECAYED * whole || last <= allowed) {
+                return Err(TooLong::Divergent);
+            }
+        }
         let noise = match &self.shaken {
             Some(shaken) => self.noise(functions, shaken, (start, d)),
             None => vec![0.0; start.len()],
@@ -243,48 +258,29 @@ impl Expansion<'_> {
         let terms = self.end.terms(functions, Moved::still(&end), d);
         let inside = missed(self.middle, 0.5 * h, &tangent.at(0.5 * h));
         let missed = missed(&self.end, h, &end);
-        for (k, [whole, last]) in tangent.terms(h).enumerate() {
-            let size = largest(k).max(start[k].abs()).max(end[k].abs());
+        let order = tangent.order() as f64;
+        for (k, [_, last]) in tangent.terms(h).enumerate() {
             // Where an entry has been small so far, its size is that of what it is made of.
-            let size = size / h + terms[k] + NOTHING;
+            let size = known(k).max(end[k].abs()) / h + terms[k] + NOTHING;
             let allowed = self.tolerance * size + ROUNDING * terms[k] + noise[k];
-            let is_within = |rate: f64| rate <= allowed;
-            if !is_within(f64::EPSILON * whole / h) {
-                return Err(TooLong::Divergent);
-            }
             // The defect at the end is that of the first term that is missing.
-            let missed = missed[k] / (ORDER + 1) as f64;
-            if ![last / h, inside[k], missed].into_iter().all(is_within) {
+            let defects = [last / h, inside[k], missed[k] / (order + 1.0)];
+            if !defects.into_iter().all(|rate| rate <= allowed) {
                 return Err(TooLong::Inexact);
             }
         }
         Ok(tangent)
     }
 
-    /// What the error of the run and rounding make of the rates of a tangent, and of the rates that follow from these.
+    /// What rounding makes of the rates of a tangent.
     fn noise(
         &self,
         functions: &Functions,
         shaken: &Linearized,
         (tangent, d): (&[f64], usize),
     ) -> Vec<f64> {
-        const ROUNDS: usize = 3;
-        let rates = |linear: &Linearized, s: &[f64]| along(functions, linear, s, d);
-        let middle = self.middle;
-        let mut noise = difference(&rates(middle, tangent), &rates(shaken, tangent));
-        let terms = middle.terms(functions, Moved::still(tangent), d);
-        for (noise, term) in noise.iter_mut().zip(terms) {
-            *noise = noise.max(ROUNDING * term);
-        }
-        let rest = rates(middle, &vec![0.0; tangent.len()]);
-        for _ in 0..ROUNDS {
-            let moved: Vec<f64> = noise.iter().map(|noise| self.h * noise).collect();
-            let more = difference(&rates(middle, &moved), &rest);
-            for (noise, more) in noise.iter_mut().zip(more) {
-                *noise = noise.max(more);
-            }
-        }
-        noise
+        let rates = |linear: &Linearized| along(functions, linear, tangent, d);
+        difference(&rates(self.middle), &rates(shaken))
     }
 }
 
@@ -332,9 +328,9 @@ impl Way<'_> {
         Ok(linear)
     }
 
-    /// The functions beside the run, as far as its tolerance goes, and rounding of the time: tangents are no better known than
-    /// what that makes of their rates.
-    pub fn shaken(&self, functions: &mut Functions, tau: f64) -> Result<Linearized, Why> {
+    /// The functions beside the run by a share of how large states are, and by rounding of the time: tangents are no better
+    /// known than what that makes of their rates.
+    pub fn shaken(&self, functions: &mut Functions, tau: f64, by: f64) -> Result<Linearized, Why> {
         let (n, m) = (functions.slots.n_states, functions.slots.n_switches);
         let (mut x, mut alpha) = (vec![0.0; n], vec![0.0; m]);
         self.step.state(tau, &mut x, &mut vec![0.0; n]);
@@ -343,7 +339,7 @@ impl Way<'_> {
         for (x, size) in x.iter_mut().zip(&self.sizes.largest) {
             // Signs in proportions that do not cancel.
             share = (share + 0.618_033_988_749_895).fract();
-            *x += self.run.accuracy * size * (2.0 * share - 1.0).signum();
+            *x += by * size * (2.0 * share - 1.0).signum();
         }
         let mut point = self.point(tau, &x, &alpha);
         point.t *= 1.0 + 4.0 * f64::EPSILON;
