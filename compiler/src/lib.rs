@@ -3,6 +3,7 @@
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod diagnostics;
+pub mod fit;
 pub mod lowering;
 pub mod model;
 pub mod nl;
@@ -136,7 +137,8 @@ fn compile_to<'e>(
         resolved(exprs, file, (home, name), &with, diags)
     })?;
     clock.time("system", || {
-        let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
+        let settings =
+            system::experiment::evaluate(&model, experiment, (overrides, &file.data), diags)?;
         missing_guesses(file, &settings, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         // What cannot be run is refused before it is lowered, which may be long.

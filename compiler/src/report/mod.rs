@@ -27,6 +27,7 @@ mod sample;
 pub mod sliding;
 mod status;
 
+pub use crate::fit::{Bound, Direction, Estimate, Fit, Measurements, Search};
 pub use crate::report::sliding::branches::{Boundary, Change, Map, Sample};
 pub use crate::report::sliding::plane::{Plane, PlaneCurve, words_of};
 pub use dense::{Dense, Piece};
@@ -71,8 +72,17 @@ pub struct Trajectory {
     pub objective: Option<f64>,
     /// How an optimum was found, and what a simulation says about it; none in a simulation.
     pub optimum: Option<Optimum>,
-    /// What many runs with other seeds say together, where the experiment asks for them.
+    /// What several runs say together, where the experiment asks for them.
+    pub several: Several,
+}
+
+/// What several runs say together.
+#[derive(Clone, Debug, Default)]
+pub struct Several {
+    /// Those with other seeds.
     pub ensemble: Option<Ensemble>,
+    /// Those with other parameters, beside measurements.
+    pub fit: Option<Fit>,
 }
 
 /// An experiment as it was run.
@@ -82,7 +92,7 @@ pub struct Setup {
     pub experiment: String,
     /// Name of the model.
     pub model: String,
-    /// Simulation or optimal control.
+    /// Simulation, optimal control or parameter estimation.
     pub kind: Kind,
     /// The method and the options it ran with.
     pub method: Method,
@@ -189,7 +199,7 @@ pub struct Multipliers {
     pub values: Vec<Series>,
 }
 
-/// Simulation or optimal control.
+/// Simulation, optimal control or parameter estimation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
     /// `simulate`
@@ -197,6 +207,8 @@ pub enum Kind {
     Simulate,
     /// `optimize`
     Optimize,
+    /// `fit`
+    Fit,
 }
 
 impl Kind {
@@ -205,6 +217,7 @@ impl Kind {
         match self {
             Kind::Simulate => "simulate",
             Kind::Optimize => "optimize",
+            Kind::Fit => "fit",
         }
     }
 }

@@ -47,6 +47,7 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     origin(trajectory, text)?;
     optimum(trajectory, text)?;
     ensemble(trajectory, text)?;
+    fit(trajectory, text)?;
     for skipped in &trajectory.setup.skipped {
         writeln!(text, "  skipped {skipped}")?;
     }
@@ -300,9 +301,132 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     writeln!(text, ", {}", duration(seconds))
 }
 
+/// What the data say of parameters.
+fn fit(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(fit) = &trajectory.several.fit else {
+        return Ok(());
+    };
+    let count: usize = fit.data.iter().map(|data| data.time.len()).sum();
+    let (found, free) = (
+        counted(count, "measurement"),
+        counted(fit.free.len(), "free number"),
+    );
+    writeln!(text, "\n  fit of {free} to {found}")?;
+    for data in &fit.data {
+        write!(
+            text,
+            "    {} of {}: {}",
+            data.quantity,
+            data.file,
+            counted(data.time.len(), "value")
+        )?;
+        for (count, what) in [
+            (data.missing, "missing"),
+            (data.outside, "outside of the run"),
+        ] {
+            if count > 0 {
+                write!(text, ", {count} {what}")?;
+            }
+        }
+        writeln!(text)?;
+    }
+    let number = |value: Option<f64>| value.map_or("none".to_owned(), |v| significant(v, 6));
+    let rows = fit.estimates.iter().map(|estimate| {
+        let interval = match (estimate.interval, estimate.at_bound, estimate.is_determined) {
+            (Some([low, high]), ..) => {
+                format!("{} to {}", significant(low, 8), significant(high, 8))
+            }
+            (None, Some(_), _) => "at a bound".to_owned(),
+            (None, None, false) => "not determined".to_owned(),
+            (None, None, true) => "none".to_owned(),
+        };
+        [
+            estimate.name.clone(),
+            significant(estimate.value, 10),
+            number(estimate.standard_error),
+            interval,
+        ]
+    });
+    table(
+        text,
+        ["", "value", "standard error", "95 % interval"],
+        rows.collect(),
+    )?;
+    let names: Vec<&str> = fit.estimates.iter().map(|one| one.name.as_str()).collect();
+    let pairs = (0..names.len()).flat_map(|j| (j + 1..names.len()).map(move |k| (j, k)));
+    let rows = pairs.filter_map(|(j, k)| {
+        let correlation = fit.correlation[j][k]?;
+        Some([
+            format!("{} and {}", names[j], names[k]),
+            significant(correlation, 4),
+        ])
+    });
+    let rows: Vec<[String; 2]> = rows.collect();
+    if !rows.is_empty() {
+        let count = rows.len();
+        table(
+            text,
+            ["", "correlation"],
+            rows.into_iter().take(MAX_ROWS).collect(),
+        )?;
+        rest(text, count)?;
+    }
+    let rows = fit.directions.iter().take(MAX_ROWS).map(|one| {
+        let said = if one.is_determined {
+            ""
+        } else {
+            "not determined"
+        };
+        [
+            one.powers(),
+            significant(one.singular_value, 6),
+            said.to_owned(),
+        ]
+    });
+    table(
+        text,
+        ["determined together", "singular value", ""],
+        rows.collect(),
+    )?;
+    rest(text, fit.directions.len())?;
+    writeln!(
+        text,
+        "  residuals {} in norm, standard deviation {}, {} degrees of freedom",
+        significant(fit.residual_norm, 6),
+        number(fit.deviation),
+        fit.degrees_of_freedom
+    )?;
+    let search = &fit.search;
+    write!(
+        text,
+        "  {}, {}, gradient {:.1e}",
+        counted(search.iterations, "iteration"),
+        counted(search.runs, "run"),
+        search.gradient
+    )?;
+    if search.failed_steps > 0 {
+        write!(
+            text,
+            ", {} rejected as their runs failed",
+            counted(search.failed_steps, "step")
+        )?;
+    }
+    if search.starts > 1 {
+        write!(
+            text,
+            ", {} of {} starts at the best",
+            search.best_starts, search.starts
+        )?;
+        if search.failed_starts > 0 {
+            write!(text, ", {} without a run", search.failed_starts)?;
+        }
+    }
+    writeln!(text)
+}
+
 /// Quantiles at the last instant.
 fn ensemble(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    let Some(ensemble) = &trajectory.ensemble else {
+    let Some(ensemble) = &trajectory.several.ensemble else {
         return Ok(());
     };
     let last_seed = ensemble.first_seed + ensemble.runs as u64 - 1;

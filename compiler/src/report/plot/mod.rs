@@ -135,7 +135,7 @@ impl<'a> Figure<'a> {
     /// The SVG text.
     pub fn write(&self) -> String {
         let (history, units) = (&self.trajectory.history, self.units);
-        let many = self.trajectory.ensemble.as_ref();
+        let many = self.trajectory.several.ensemble.as_ref();
         let panels = self.panels.iter();
         let panels = panels.map(|group| Panel::new(group, units, many));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();
@@ -236,7 +236,7 @@ impl<'a> Figure<'a> {
         layout: &Layout,
     ) {
         let (history, instants) = (&self.trajectory.history, &self.samples.time);
-        let many = self.trajectory.ensemble.as_ref();
+        let many = self.trajectory.several.ensemble.as_ref();
         let [left, right] = layout.panels;
         let (top, bottom) = layout.vertical;
         let beside = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
