@@ -3,7 +3,7 @@
 use nsd_solver::optimization::least_squares::Fitted;
 
 use super::Searched;
-use super::runs::Runs;
+use super::runs::{Runs, Way};
 use super::statistics::{self, PART, Singular};
 use crate::report::Warning;
 use crate::report::forms::json::as_map;
@@ -121,7 +121,7 @@ pub struct Measurements {
 pub(super) fn told(
     runs: &Runs<'_, '_>,
     fit: &experiment::Fit<'_>,
-    best: &Fitted,
+    (best, way): (&Fitted, &Way),
     searched: &Searched,
 ) -> Fit {
     let bounds: Vec<Option<Bound>> = (best.point.iter().zip(runs.bounds()))
@@ -134,7 +134,7 @@ pub(super) fn told(
     let n = bounds.len();
     let open: Vec<usize> = (0..n).filter(|&j| bounds[j].is_none()).collect();
     let sizes = runs.sizes(&best.point);
-    let directions = statistics::directions(&best.at, &sizes, &open, runs.has_differences());
+    let directions = statistics::directions(&best.at, &sizes, &open, way.has_differences());
     let n_determined = directions.iter().filter(|one| one.is_determined).count();
     let variance = statistics::variance(&best.at, fit.loss, n_determined);
     let degrees_of_freedom = best.at.residuals.len().saturating_sub(n_determined);

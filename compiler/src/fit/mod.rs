@@ -13,12 +13,12 @@ mod statistics;
 use nsd_solver::optimization::least_squares::{self, Fitted, Status};
 
 pub use found::{Bound, Direction, Estimate, Fit, Measurements, Search};
-use runs::Runs;
+use runs::{Runs, Way};
 
 use crate::Compiled;
 use crate::diagnostics::Diagnostics;
 use crate::project::watch::{Progress, Watch};
-use crate::report::{Failure, Kind, Trajectory, Warning};
+use crate::report::{Failure, Kind, Trajectory};
 use crate::simulate::Request;
 use crate::system::experiment;
 
@@ -28,7 +28,7 @@ const SAME: f64 = 1e-6;
 /// What has come of all starts.
 struct Searched {
     /// The best of them.
-    best: Option<(Fitted, Vec<usize>)>,
+    best: Option<(Fitted, Way)>,
     starts: usize,
     /// Starts whose runs fail.
     failed: usize,
@@ -56,13 +56,12 @@ pub(crate) fn run<'e>(
     // Where no start leads anywhere, the run of the first says why.
     let mut trajectory = runs.told(compiled, &point, request, watch);
     trajectory.setup.kind = Kind::Fit;
-    let Some((best, events)) = &searched.best else {
+    let Some((best, way)) = &searched.best else {
         return Ok(trajectory);
     };
-    let found = found::told(&runs, fit, best, &searched);
+    let found = found::told(&runs, fit, (best, way), &searched);
     trajectory.warnings.extend(found.warnings(fit));
-    trajectory.warnings.extend(runs.warnings());
-    trajectory.warnings.extend(changed(events, fit));
+    trajectory.warnings.extend(way.warnings(fit));
     trajectory.objective = Some(best.cost);
     if trajectory.failure.is_none() {
         let failure = failure(best, &trajectory, compiled, request);
@@ -95,7 +94,7 @@ fn search(runs: &mut Runs<'_, '_>, fit: &experiment::Fit<'_>, watch: &mut dyn Wa
         searched.starts += 1;
         let start = runs.start(number as u64, fit.starts.as_ref());
         let found = least_squares::solve(runs, &start, &bounds, fit.loss);
-        let events = runs.take_events();
+        let way = runs.take_way();
         let Some(found) = found else {
             searched.failed += 1;
             continue;
@@ -103,26 +102,13 @@ fn search(runs: &mut Runs<'_, '_>, fit: &experiment::Fit<'_>, watch: &mut dyn Wa
         costs.push(found.cost);
         let is_better = |(best, _): &(Fitted, _)| found.cost < best.cost;
         if searched.best.as_ref().is_none_or(is_better) {
-            searched.best = Some((found, events));
+            searched.best = Some((found, way));
         }
     }
     let best = costs.iter().copied().fold(f64::INFINITY, f64::min);
     let is_best = |cost: &&f64| **cost <= best + SAME * best.abs();
     searched.n_best = costs.iter().filter(is_best).count();
     searched
-}
-
-/// That events have come or gone on the way, where the objective is not smooth.
-fn changed(events: &[usize], fit: &experiment::Fit<'_>) -> Option<Warning> {
-    let (first, last) = (events.first()?, events.last()?);
-    let changes = events.len() - 1;
-    (changes > 0).then(|| Warning {
-        code: "W0743".into(),
-        message: format!(
-            "the number of events has changed {changes} times on the way, from {first} to {last}: the sum of squares is not smooth there, and other minima may be near; several `starts` look for them"
-        ),
-        span: fit.free.first().map(|freed| freed.span),
-    })
 }
 
 /// Why what was found is not known to be a minimum.

@@ -7,7 +7,7 @@ use nsd_solver::optimization::least_squares::{Linearized, Residuals};
 use nsd_solver::optimization::mpcc::deviate;
 
 use crate::Compiled;
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Diagnostics, counted};
 use crate::limit::Limit;
 use crate::project::sensed::{Sensor, Target};
 use crate::project::watch::{Progress, Watch};
@@ -27,9 +27,25 @@ pub(super) struct Runs<'f, 'e> {
     request: Request,
     /// Their number.
     count: usize,
-    /// The number of events of the last run, and of those that led to where the search is, each once.
-    events: (usize, Vec<usize>),
-    /// For each direction, why its derivative was a difference of runs.
+    /// What there is to say of the last run.
+    last: Seen,
+    /// The same where the search is.
+    taken: Seen,
+    /// The numbers of events on the way of a search, each time it was another one.
+    events: Vec<usize>,
+}
+
+/// The way of a search.
+pub(super) struct Way {
+    pub events: Vec<usize>,
+    lost: Vec<Option<String>>,
+}
+
+/// What there is to say of a run.
+#[derive(Clone, Default)]
+struct Seen {
+    events: usize,
+    /// For each direction, why its derivative is a difference of runs.
     lost: Vec<Option<String>>,
 }
 
@@ -62,7 +78,6 @@ impl<'f, 'e> Runs<'f, 'e> {
             system: system.clone(),
             settings,
             plan,
-            lost: vec![None; sensor.targets.len()],
             sensor,
             request: Request {
                 dense: false,
@@ -71,7 +86,9 @@ impl<'f, 'e> Runs<'f, 'e> {
                 limit: limit.clone(),
             },
             count: 0,
-            events: (0, Vec::new()),
+            last: Seen::default(),
+            taken: Seen::default(),
+            events: Vec::new(),
         })
     }
 
@@ -80,14 +97,13 @@ impl<'f, 'e> Runs<'f, 'e> {
         self.count
     }
 
-    /// The number of events on the way of a search, each time it was another one.
-    pub fn take_events(&mut self) -> Vec<usize> {
-        std::mem::take(&mut self.events.1)
-    }
-
-    /// Whether some derivatives are those of differences.
-    pub fn has_differences(&self) -> bool {
-        self.lost.iter().any(Option::is_some)
+    /// The way of a search that has ended: the number of events, each time it was another one, and for each direction why its
+    /// derivative at the end is a difference of runs.
+    pub fn take_way(&mut self) -> Way {
+        Way {
+            events: std::mem::take(&mut self.events),
+            lost: std::mem::take(&mut self.taken.lost),
+        }
     }
 
     /// What free quantities may be.
@@ -242,7 +258,7 @@ impl<'f, 'e> Runs<'f, 'e> {
             || "an output has no derivative".to_owned(),
             |w| w.message.clone(),
         );
-        self.lost[k].get_or_insert(why);
+        self.last.lost[k] = Some(why);
         // Errors of the runs over h, and h² of the differences, are alike.
         let h = self.sizes(point)[k] * self.settings.numerics.tolerance.cbrt();
         let [low, high] = self.bounds()[k];
@@ -277,11 +293,18 @@ impl<'f, 'e> Runs<'f, 'e> {
             .all(|slope| slope.is_finite())
             .then_some(filled)
     }
+}
 
-    /// What derivatives were differences, and why.
-    pub fn warnings(&self) -> impl Iterator<Item = Warning> + '_ {
-        let all = self.lost.iter().zip(&self.fit.sensed);
-        all.filter_map(|(why, sensed)| {
+impl Way {
+    /// Whether some derivatives are those of differences.
+    pub fn has_differences(&self) -> bool {
+        self.lost.iter().any(Option::is_some)
+    }
+
+    /// Which, and why, and that events have come or gone, where the objective is not smooth.
+    pub fn warnings(&self, fit: &Fit<'_>) -> Vec<Warning> {
+        let all = self.lost.iter().zip(&fit.sensed);
+        let differences = all.filter_map(|(why, sensed)| {
             let why = why.as_ref()?;
             Some(Warning {
                 code: "W0744".into(),
@@ -291,25 +314,39 @@ impl<'f, 'e> Runs<'f, 'e> {
                 ),
                 span: Some(sensed.span),
             })
-        })
+        });
+        let mut warnings: Vec<Warning> = differences.collect();
+        if let [first, .., last] = self.events[..] {
+            let times = counted(self.events.len() - 1, "time");
+            warnings.push(Warning {
+                code: "W0743".into(),
+                message: format!(
+                    "the number of events has changed {times} on the way, from {first} to {last}: the sum of squares is not smooth there, and other minima may be near; several `starts` look for them"
+                ),
+                span: fit.free.first().map(|freed| freed.span),
+            });
+        }
+        warnings
     }
 }
 
 impl Residuals for Runs<'_, '_> {
     fn at(&mut self, point: &[f64]) -> Option<Linearized> {
         let run = self.run(point, true)?;
-        let n_events = run.history.events.len();
         let residuals = self.residuals(&run)?;
         let (m, n) = (residuals.len(), point.len());
         if !residuals.iter().all(|r| r.is_finite()) || run.samples.sensitivities.len() != n {
             return None;
         }
+        self.last = Seen {
+            events: run.history.events.len(),
+            lost: vec![None; n],
+        };
         let mut jacobian = DMatrix::zeros(m, n);
         for k in 0..n {
             let slope = self.slope(point, k, &run, &residuals)?;
             jacobian.set_column(k, &DVector::from_vec(slope));
         }
-        self.events.0 = n_events;
         Some(Linearized {
             residuals: DVector::from_vec(residuals),
             jacobian,
@@ -317,9 +354,9 @@ impl Residuals for Runs<'_, '_> {
     }
 
     fn taken(&mut self) {
-        let (last, way) = &mut self.events;
-        if way.last() != Some(last) {
-            way.push(*last);
+        self.taken = self.last.clone();
+        if self.events.last() != Some(&self.taken.events) {
+            self.events.push(self.taken.events);
         }
     }
 
