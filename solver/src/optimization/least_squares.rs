@@ -123,12 +123,12 @@ pub fn solve(
     let at = problem.at(point.as_slice())?;
     problem.taken();
     let noise = problem.noise();
-    let mut search = Search::new(point, at, bounds, loss, noise);
+    let mut search = Search::new(point, at, bounds, loss);
     let (mut lambda, mut growth) = (FIRST, 2.0);
     let (mut iterations, mut failures) = (0, 0);
     let mut status = Status::IterationLimit;
     for _ in 0..MOST {
-        if search.gradient() <= TARGET {
+        if search.gradient(noise) <= TARGET {
             status = Status::Solved;
             break;
         }
@@ -161,8 +161,8 @@ pub fn solve(
             }
         }
     }
-    let gradient = search.gradient();
-    if status != Status::Over && gradient <= SMALL {
+    let gradient = search.gradient(0.0);
+    if status != Status::Over && search.gradient(noise) <= SMALL {
         status = Status::Solved;
     }
     Some(Fitted {
@@ -190,7 +190,6 @@ struct Search<'b> {
     at: Linearized,
     bounds: &'b [[f64; 2]],
     loss: Loss,
-    noise: f64,
     cost: f64,
     /// √ω r and √ω J.
     residuals: DVector<f64>,
@@ -202,13 +201,7 @@ struct Search<'b> {
 }
 
 impl<'b> Search<'b> {
-    fn new(
-        point: DVector<f64>,
-        at: Linearized,
-        bounds: &'b [[f64; 2]],
-        loss: Loss,
-        noise: f64,
-    ) -> Self {
+    fn new(point: DVector<f64>, at: Linearized, bounds: &'b [[f64; 2]], loss: Loss) -> Self {
         let n = point.len();
         let mut search = Search {
             residuals: at.residuals.clone(),
@@ -220,7 +213,6 @@ impl<'b> Search<'b> {
             at: at.clone(),
             bounds,
             loss,
-            noise,
         };
         search.moves(point, at);
         search
@@ -249,12 +241,12 @@ impl<'b> Search<'b> {
         low == high || p <= low && slope > 0.0 || p >= high && slope < 0.0
     }
 
-    /// See [`Fitted::gradient`].
-    fn gradient(&self) -> f64 {
+    /// See [`Fitted::gradient`]; less what is rounding.
+    fn gradient(&self, noise: f64) -> f64 {
         let length = self.residuals.norm();
         let cosine = |j: usize| {
             let column = self.jacobian.column(j).norm();
-            let along = (self.slope[j].abs() / column - self.noise).max(0.0);
+            let along = (self.slope[j].abs() / column - noise).max(0.0);
             if along > 0.0 { along / length } else { 0.0 }
         };
         let open = (0..self.point.len()).filter(|&j| !self.is_held(j));

@@ -135,9 +135,12 @@ impl<'a> Figure<'a> {
     /// The SVG text.
     pub fn write(&self) -> String {
         let (history, units) = (&self.trajectory.history, self.units);
-        let many = self.trajectory.several.ensemble.as_ref();
+        let several = &self.trajectory.several;
+        let many = several.ensemble.as_ref();
         let panels = self.panels.iter();
-        let panels = panels.map(|group| Panel::new(group, units, many));
+        let panels = panels.map(|group| Panel::new(group, units, several));
+        let measured = several.fit.iter().flat_map(|fit| &fit.data);
+        let panels = panels.chain(measured.map(Panel::of_residuals));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();
         let bands = Bands::new(history);
         let legend = match many {
