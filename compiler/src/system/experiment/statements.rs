@@ -176,8 +176,13 @@ impl<'m, 'e> Statements<'m, 'e> {
         span: Span,
     ) {
         match (&mut self.draft, free) {
-            (None, true) if self.fit.is_some() => not_for_fit(reader, "`horizon free`", span),
-            (None, true) => not_for_simulate(reader, "horizon free", span),
+            (None, true) => {
+                self.horizon = Some((None, span));
+                match self.fit {
+                    Some(_) => not_for_fit(reader, "`horizon free`", span),
+                    None => not_for_simulate(reader, "horizon free", span),
+                }
+            }
             (Some(draft), true) => {
                 self.horizon = Some((draft.free_horizon(reader, range, value), span));
             }
