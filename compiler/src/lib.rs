@@ -517,6 +517,13 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
             if experiment.is_sensed() && !found.has_errors() {
                 check_sensed(file, experiment, &mut found);
             }
+            // What a fit frees is open already.
+            if compiled.settings.fit.is_some()
+                && !found.has_errors()
+                && let Err(more) = project::sensed::sensing(&compiled)
+            {
+                found.append(more);
+            }
         }
         add(found);
     }

@@ -627,6 +627,10 @@ fn mistakes_are_told_at_their_places() {
         "E0504",
         "0",
     );
+    let ranged = "model m { param k = 1; state x in [-k, k] = 1; x' = -k*x; }
+         fit f of m { horizon 1; data \"data.csv\" { x -> a; } free { k; } }";
+    let found = project(ranged, data).check();
+    assert_eq!(found.list()[0].code.as_deref(), Some("E0527"));
     let late = "time,a\n5,1\n6,1\n";
     is(one(base, late), "E0542", "a");
     is(

@@ -273,7 +273,7 @@ impl<'f, 'e> Runs<'f, 'e> {
         if ends.len() < 2 {
             ends.push((point[k], here.to_vec()));
         }
-        let [(a, low), (b, high)] = &ends[..2] else {
+        let [(a, low), (b, high)] = &ends[..] else {
             return None;
         };
         let differences = low

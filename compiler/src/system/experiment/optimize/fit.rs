@@ -14,6 +14,7 @@ use crate::model::errors::tables::{Places, TableError};
 use crate::source::Span;
 use crate::source::table::{Fit as Between, Sources};
 use crate::syntax::{self, Domain, ExprKind, Ident, Measured, Path, SettingKind};
+use crate::system::values::bounds;
 
 /// What a `fit` asks for besides what a simulation does.
 #[derive(Clone, Debug, Default)]
@@ -175,12 +176,31 @@ impl<'e> Fit<'e> {
         })
     }
 
+    /// Refuses ranges that move with what is free: what is watched in runs has numbers for bounds.
+    fn watched(&self, reader: &mut Reader<'_, 'e>) {
+        let quantities = &reader.model.quantities;
+        let all = (quantities.states.iter().chain(&quantities.algebraics))
+            .chain(quantities.controls.iter().chain(&quantities.inputs))
+            .chain(&quantities.connected);
+        let moving = all.filter_map(|quantity| {
+            let domain = quantity.domain.as_ref()?;
+            let ends = (0..quantity.vars.len()).flat_map(|k| bounds(domain, k));
+            let free = reader.values.free.first_in(&ends.collect::<Vec<_>>())?;
+            let what = format!("the range of `{}`", quantity.name);
+            Some((reader.values).depends_on_free(reader.model, what, free, quantity.span))
+        });
+        for error in moving.collect::<Vec<_>>() {
+            reader.error(error);
+        }
+    }
+
     /// Everything, once all settings have been read; `None` after an error.
     pub(crate) fn finish(
         self,
         reader: &mut Reader<'_, 'e>,
         experiment: &syntax::Experiment,
     ) -> Option<Self> {
+        self.watched(reader);
         let has =
             |is_it: fn(&SettingKind) -> bool| experiment.settings.iter().any(|s| is_it(&s.kind));
         let missing = if !has(|kind| matches!(kind, SettingKind::Data(_))) {
