@@ -178,8 +178,8 @@ class Experiment:
         for unknown names and for what is no number, `ValueError` for wrong shapes and for numbers that are not finite.
         """
         asked = self._asked(_both(values, params), settings or {}, time_limit)
-        # A figure of an optimum has what was solved.
-        is_drawn = self.kind == "optimize"
+        # A figure of an optimum, or of a fit, has what was found.
+        is_drawn = self.kind != "simulate"
         run = self.file._project.run(self.name, asked, multipliers, is_drawn)
         return Result(run, self, asked)
 

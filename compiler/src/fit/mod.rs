@@ -57,16 +57,24 @@ pub(crate) fn run<'e>(
     let mut trajectory = runs.told(compiled, &point, request, watch);
     trajectory.setup.kind = Kind::Fit;
     let Some((best, way)) = &searched.best else {
+        if trajectory.failure.is_none() {
+            let what = "derivatives of the run are not known where the search begins".to_owned();
+            trajectory.fails(Failure::NotFitted {
+                what,
+                is_limit: false,
+                span: compiled.settings.span,
+            });
+        }
         return Ok(trajectory);
     };
     let found = found::told(&runs, fit, (best, way), &searched);
     trajectory.warnings.extend(found.warnings(fit));
     trajectory.warnings.extend(way.warnings(fit));
     trajectory.objective = Some(best.cost);
-    if trajectory.failure.is_none() {
-        let failure = failure(best, &trajectory, compiled, request);
-        trajectory.status = failure.as_ref().map_or(trajectory.status, Failure::status);
-        trajectory.failure = failure;
+    if trajectory.failure.is_none()
+        && let Some(failure) = failure(best, &trajectory, compiled, request)
+    {
+        trajectory.fails(failure);
     }
     trajectory.several.fit = Some(found);
     Ok(trajectory)

@@ -233,6 +233,9 @@ impl<'f, 'e> Runs<'f, 'e> {
             for &[t, y] in &column.points {
                 // Where something jumps, it is what comes behind.
                 let row = time.partition_point(|&other| other <= t).checked_sub(1)?;
+                if time[row] < t {
+                    return None;
+                }
                 let y = if less_data { y } else { 0.0 };
                 all.push(column.weight * (series.at(row)[entry] - y));
             }

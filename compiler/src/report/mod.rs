@@ -529,6 +529,12 @@ impl History {
 }
 
 impl Trajectory {
+    /// Lets it end so.
+    pub(crate) fn fails(&mut self, failure: Failure) {
+        self.status = failure.status();
+        self.failure = Some(failure);
+    }
+
     /// What a run warns of, and why it has ended.
     pub(crate) fn diagnostics(&self) -> Diagnostics {
         let mut found = Diagnostics::new();
