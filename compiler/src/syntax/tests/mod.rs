@@ -328,7 +328,8 @@ fn reads_every_setting_of_a_fit() {
         v[2] -> "speed [m/s]" weight 1/0.05;
         a.b -> data;
       }
-      data "other.csv" {}
+      data "other.csv" {
+      }
       loss squared;
       loss huber(2*d);
     }
