@@ -3,7 +3,6 @@
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod diagnostics;
-pub mod fit;
 pub mod lowering;
 pub mod model;
 pub mod nl;
@@ -518,7 +517,7 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
                 check_sensed(file, experiment, &mut found);
             }
             // What a fit frees is open already.
-            if compiled.settings.fit.is_some()
+            if compiled.settings.recording.fit.is_some()
                 && !found.has_errors()
                 && let Err(more) = project::sensed::sensing(&compiled)
             {

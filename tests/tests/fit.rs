@@ -521,7 +521,7 @@ fn where_nothing_is_gained_and_the_gradient_stays_it_is_no_solution() {
 fn errors(settings: &str, data: &str) -> Vec<(String, String)> {
     let text = format!(
         "model m {{ param k = 1; param zero = 0; param e = 2; param kind in {{1, 2}} = 1; state x = 1; state y[2] = [1, 2];
-           let square = x^2; x' = -k*x + zero; y' = -e*y; output power = x^e; }}
+           let square = x^2; x' = -k*x^e + zero; y' = -y; output power = x^2; }}
          fit f of m {{ {settings} }}"
     );
     let files: Memory = [("model.nsd", text.as_str()), ("data.csv", data)]

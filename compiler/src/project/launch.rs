@@ -9,9 +9,10 @@ use crate::project::{Project, ensemble, sensed};
 use crate::report::Trajectory;
 use crate::simulate::{self, Request};
 use crate::source::Span;
+use crate::study::fit;
 use crate::syntax::{GuessSource, Path};
 use crate::system::experiment::{ExperimentError, Optimize};
-use crate::{Compiled, compile, fit, threads};
+use crate::{Compiled, compile, threads};
 
 /// Largest file of guesses that is read, in bytes.
 const MAX_BYTES: usize = 1 << 28;
@@ -37,7 +38,7 @@ fn within(
     watch: &mut dyn Watch,
     depth: usize,
 ) -> Result<Trajectory, Diagnostics> {
-    if let Some(fit) = compiled.settings.fit.clone() {
+    if let Some(fit) = compiled.settings.recording.fit.clone() {
         return fit::run(compiled, &fit, request, watch);
     }
     let (system, settings) = (&compiled.system, &compiled.settings);

@@ -27,9 +27,9 @@ mod sample;
 pub mod sliding;
 mod status;
 
-pub use crate::fit::{Bound, Direction, Estimate, Fit, Measurements, Search};
 pub use crate::report::sliding::branches::{Boundary, Change, Map, Sample};
 pub use crate::report::sliding::plane::{Plane, PlaneCurve, words_of};
+pub use crate::study::fit::{Bound, Direction, Estimate, Fit, Measurements, Search};
 pub use dense::{Dense, Piece};
 pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};

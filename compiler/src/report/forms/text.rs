@@ -4,8 +4,8 @@ use std::fmt::{self, Display, Write};
 
 use crate::diagnostics::counted;
 use crate::report::{
-    Bands, Constraint, Event, EventKind, History, MethodOption, ModeTexts, Samples, Series,
-    Stationarity, Stats, Status, Trajectory,
+    Bands, Constraint, Event, EventKind, Fit, History, MethodOption, ModeTexts, Samples, Search,
+    Series, Stationarity, Stats, Status, Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
@@ -330,7 +330,24 @@ fn fit(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         }
         writeln!(text)?;
     }
-    let number = |value: Option<f64>| value.map_or("none".to_owned(), |v| significant(v, 6));
+    estimates(fit, text)?;
+    directions(fit, text)?;
+    writeln!(
+        text,
+        "  residuals {} in norm, standard deviation {}, {} degrees of freedom",
+        significant(fit.residual_norm, 6),
+        known(fit.deviation),
+        fit.degrees_of_freedom
+    )?;
+    search(&fit.search, text)
+}
+
+fn known(value: Option<f64>) -> String {
+    value.map_or("none".to_owned(), |value| significant(value, 6))
+}
+
+/// Free numbers, and how they hang together.
+fn estimates(fit: &Fit, text: &mut String) -> fmt::Result {
     let rows = fit.estimates.iter().map(|estimate| {
         let interval = match (estimate.interval, estimate.at_bound, estimate.is_determined) {
             (Some([low, high]), ..) => {
@@ -343,60 +360,45 @@ fn fit(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         [
             estimate.name.clone(),
             significant(estimate.value, 10),
-            number(estimate.standard_error),
+            known(estimate.standard_error),
             interval,
         ]
     });
-    table(
-        text,
-        ["", "value", "standard error", "95 % interval"],
-        rows.collect(),
-    )?;
+    let heads = ["", "value", "standard error", "95 % interval"];
+    table(text, heads, rows.collect())?;
     let names: Vec<&str> = fit.estimates.iter().map(|one| one.name.as_str()).collect();
     let pairs = (0..names.len()).flat_map(|j| (j + 1..names.len()).map(move |k| (j, k)));
     let rows = pairs.filter_map(|(j, k)| {
-        let correlation = fit.correlation[j][k]?;
-        Some([
-            format!("{} and {}", names[j], names[k]),
-            significant(correlation, 4),
-        ])
+        let correlation = significant(fit.correlation[j][k]?, 4);
+        Some([format!("{} and {}", names[j], names[k]), correlation])
     });
-    let rows: Vec<[String; 2]> = rows.collect();
-    if !rows.is_empty() {
-        let count = rows.len();
-        table(
-            text,
-            ["", "correlation"],
-            rows.into_iter().take(MAX_ROWS).collect(),
-        )?;
-        rest(text, count)?;
+    let mut rows: Vec<[String; 2]> = rows.collect();
+    let count = rows.len();
+    if count == 0 {
+        return Ok(());
     }
+    rows.truncate(MAX_ROWS);
+    table(text, ["", "correlation"], rows)?;
+    rest(text, count)
+}
+
+/// What the data determine together.
+fn directions(fit: &Fit, text: &mut String) -> fmt::Result {
     let rows = fit.directions.iter().take(MAX_ROWS).map(|one| {
-        let said = if one.is_determined {
-            ""
-        } else {
-            "not determined"
+        let said = match one.is_determined {
+            true => "",
+            false => "not determined",
         };
-        [
-            one.powers(),
-            significant(one.singular_value, 6),
-            said.to_owned(),
-        ]
+        let value = significant(one.singular_value, 6);
+        [one.powers(), value, said.to_owned()]
     });
-    table(
-        text,
-        ["determined together", "singular value", ""],
-        rows.collect(),
-    )?;
-    rest(text, fit.directions.len())?;
-    writeln!(
-        text,
-        "  residuals {} in norm, standard deviation {}, {} degrees of freedom",
-        significant(fit.residual_norm, 6),
-        number(fit.deviation),
-        fit.degrees_of_freedom
-    )?;
-    let search = &fit.search;
+    let heads = ["determined together", "singular value", ""];
+    table(text, heads, rows.collect())?;
+    rest(text, fit.directions.len())
+}
+
+/// How a fit was looked for.
+fn search(search: &Search, text: &mut String) -> fmt::Result {
     write!(
         text,
         "  {}, {}, gradient {:.1e}",
@@ -405,18 +407,12 @@ fn fit(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         search.gradient
     )?;
     if search.failed_steps > 0 {
-        write!(
-            text,
-            ", {} rejected as their runs failed",
-            counted(search.failed_steps, "step")
-        )?;
+        let steps = counted(search.failed_steps, "step");
+        write!(text, ", {steps} rejected as their runs failed")?;
     }
     if search.starts > 1 {
-        write!(
-            text,
-            ", {} of {} starts at the best",
-            search.best_starts, search.starts
-        )?;
+        let (best, all) = (search.best_starts, search.starts);
+        write!(text, ", {best} of {all} starts at the best")?;
         if search.failed_starts > 0 {
             write!(text, ", {} without a run", search.failed_starts)?;
         }

@@ -84,7 +84,7 @@ pub fn evaluate<'e>(
     let optimize = draft.and_then(|draft| draft.finish(&mut reader, experiment));
     let fit = statements.fit.take();
     let fit = fit.and_then(|fit| fit.finish(&mut reader, experiment));
-    if let Some(fit) = &fit {
+    if let Some(fit) = fit {
         statements.recording.follow(fit);
     }
     let failed = reader.failed || optimize.is_some() != is_optimize;
@@ -99,7 +99,6 @@ pub fn evaluate<'e>(
         },
         recording: statements.recording,
         optimize,
-        fit,
         kicks: statements.kicks,
         runs: statements.runs.map(|(n, _)| n),
         expects: statements.expects,

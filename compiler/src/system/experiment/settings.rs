@@ -28,8 +28,6 @@ pub struct Settings<'e> {
     pub recording: Recording<'e>,
     /// What is optimized; `None` for a simulation.
     pub optimize: Option<Optimize<'e>>,
-    /// What is fitted, by simulations; `None` for other experiments.
-    pub fit: Option<Fit<'e>>,
     /// Random vectors that are added to the state; none where nothing disturbs it.
     pub kicks: Option<Perturbation>,
     /// How often the experiment is run, with other random vectors each time; none for once.
@@ -68,12 +66,15 @@ pub struct Recording<'e> {
     pub figures: Figures<'e>,
     /// By what the run is differentiated.
     pub sensed: Vec<Sensed<'e>>,
+    /// What runs are fitted to; `None` for other experiments.
+    pub fit: Option<Fit<'e>>,
 }
 
 impl<'e> Recording<'e> {
     /// Lets runs tell what a fit needs of them.
-    pub(super) fn follow(&mut self, fit: &Fit<'e>) {
+    pub(super) fn follow(&mut self, fit: Fit<'e>) {
         self.sensed = fit.sensed.clone();
+        let fit = self.fit.insert(fit);
         let Some(outputs) = &mut self.outputs else {
             return;
         };
@@ -92,7 +93,7 @@ impl<'e> Settings<'e> {
     /// side of zero.
     pub(crate) fn open_ranges(&self, model: &Model<'e>) -> FxHashMap<Var, Interval> {
         let mut ranges = self.values.open_ranges(model);
-        for freed in self.fit.iter().flat_map(|fit| &fit.free) {
+        for freed in self.recording.fit.iter().flat_map(|fit| &fit.free) {
             let range = ranges.get_mut(&freed.var);
             range
                 .into_iter()

@@ -8,6 +8,7 @@ use super::super::error::ExperimentError;
 use super::super::reader::{Reader, unknown_choice};
 use super::super::sensed::Sensed;
 use super::super::settings::Kept;
+use super::free::freed;
 use super::{Freed, Starts, one_argument};
 use crate::model::TargetKind;
 use crate::model::errors::tables::{Places, TableError};
@@ -88,7 +89,7 @@ impl<'e> Fit<'e> {
             }
             SettingKind::Value { name, value } if name.name == "loss" => {
                 reader.once("`loss`", span);
-                self.loss = reader.loss(value).unwrap_or_default();
+                self.loss = loss(reader, value).unwrap_or_default();
             }
             other => not_for_fit(reader, &format!("`{}`", other.word()), span),
         }
@@ -101,7 +102,7 @@ impl<'e> Fit<'e> {
         domain: Option<&Domain>,
         is_state: bool,
     ) {
-        let entries = reader.freed(path, domain, is_state, &self.free);
+        let entries = freed(reader, path, domain, is_state, &self.free);
         for entry in entries.into_iter().flatten() {
             if let Some(free) = entry
                 .moving
@@ -259,22 +260,20 @@ pub(crate) fn not_for_fit(reader: &mut Reader<'_, '_>, setting: &str, span: Span
     });
 }
 
-impl Reader<'_, '_> {
-    /// `squared` or `huber(d)`
-    fn loss(&mut self, value: &syntax::Expr) -> Option<Loss> {
-        if matches!(&value.kind, ExprKind::Name(name) if name == "squared") {
-            return Some(Loss::Squared);
-        }
-        if let Some(("huber", bound)) = one_argument(value) {
-            return self
-                .positive("the bound of Huber's loss", bound)
-                .map(Loss::Huber);
-        }
-        let word = Ident {
-            name: value.to_string(),
-            span: value.span,
-        };
-        self.error(unknown_choice("loss", &word, &["squared", "huber(d)"]));
-        None
+/// `squared` or `huber(d)`
+fn loss(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<Loss> {
+    if matches!(&value.kind, ExprKind::Name(name) if name == "squared") {
+        return Some(Loss::Squared);
     }
+    if let Some(("huber", bound)) = one_argument(value) {
+        return reader
+            .positive("the bound of Huber's loss", bound)
+            .map(Loss::Huber);
+    }
+    let word = Ident {
+        name: value.to_string(),
+        span: value.span,
+    };
+    reader.error(unknown_choice("loss", &word, &["squared", "huber(d)"]));
+    None
 }

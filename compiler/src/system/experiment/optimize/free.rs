@@ -19,106 +19,106 @@ pub(super) struct Entry<'e> {
     pub moving: Option<[Expr<'e>; 2]>,
 }
 
-impl<'e> Reader<'_, 'e> {
-    /// `x[1] free in [0, 1]`, or `k` or `k in [0, 1]` of parameters.
-    pub(super) fn freed(
-        &mut self,
-        path: &Path,
-        domain: Option<&syntax::Domain>,
-        is_state: bool,
-        earlier: &[Freed],
-    ) -> Option<Vec<Entry<'e>>> {
-        let model = self.model;
-        let Some(target) = model.scope.target(path, self.diags) else {
-            self.failed = true;
-            return None;
-        };
-        let quantity: &Quantity<'e> = match target.kind {
-            TargetKind::State(k) if is_state => &model.quantities.states[k],
-            TargetKind::Param(k) if !is_state => &model.quantities.params[k],
-            kind => {
-                self.error(ExperimentError::NotFree {
-                    name: with::path_text(model, path, &target),
-                    kind: kind.word(),
-                    expected: if is_state { "state" } else { "param" },
-                    span: path.span,
-                });
-                return None;
-            }
-        };
-        let given = match domain {
-            None => None,
-            Some(syntax::Domain::Box(lower, upper)) => {
-                let lower = self.shaped("the lower bound", lower, target.shape)?;
-                let upper = self.shaped("the upper bound", upper, target.shape)?;
-                Some((lower, upper))
-            }
-            Some(syntax::Domain::Set(_)) => {
-                self.no_interval(path.span);
-                return None;
-            }
-        };
-        if let (false, Some(Domain::Set(_))) = (is_state, &quantity.domain) {
-            self.no_interval(path.span);
-            return None;
-        }
-        let mut freed: Vec<Entry<'e>> = Vec::new();
-        for (place, &entry) in target.entries.iter().enumerate() {
-            let var = quantity.vars[entry].as_variable()?;
-            if let Some(first) = earlier.iter().find(|known| known.var == var) {
-                self.error(ExperimentError::Twice {
-                    what: format!("`{}`", model.exprs.name(var)),
-                    first: first.span,
-                    second: path.span,
-                });
-                return None;
-            }
-            let given = given
-                .as_ref()
-                .map(|(lower, upper)| [lower[place], upper[place]]);
-            freed.push(self.freed_entry(quantity, entry, given, path.span)?);
-        }
-        Some(freed)
-    }
-
-    /// An entry of a quantity within its domain and the range that is given, whose ends may depend on what is free.
-    fn freed_entry(
-        &mut self,
-        quantity: &Quantity<'e>,
-        entry: usize,
-        given: Option<[Expr<'e>; 2]>,
-        span: Span,
-    ) -> Option<Entry<'e>> {
-        let symbol = quantity.vars[entry];
-        let mut range = Freed {
-            var: symbol.as_variable()?,
-            lower: f64::NEG_INFINITY,
-            upper: f64::INFINITY,
-            span,
-        };
-        if let Some(Domain::Box(lower, upper)) = &quantity.domain {
-            range = self.within_ends(range, [lower.data[entry], upper.data[entry]]);
-        }
-        if let Some(ends) = given {
-            range = self.within_ends(range, ends);
-        }
-        let Freed { lower, upper, .. } = range;
-        if lower > upper {
-            self.error(ExperimentError::NeverHolds {
-                why: format!("no number is in [{lower}, {upper}]"),
-                span,
+/// `x[1] free in [0, 1]`, or `k` or `k in [0, 1]` of parameters.
+pub(super) fn freed<'e>(
+    reader: &mut Reader<'_, 'e>,
+    path: &Path,
+    domain: Option<&syntax::Domain>,
+    is_state: bool,
+    earlier: &[Freed],
+) -> Option<Vec<Entry<'e>>> {
+    let model = reader.model;
+    let Some(target) = model.scope.target(path, reader.diags) else {
+        reader.failed = true;
+        return None;
+    };
+    let quantity: &Quantity<'e> = match target.kind {
+        TargetKind::State(k) if is_state => &model.quantities.states[k],
+        TargetKind::Param(k) if !is_state => &model.quantities.params[k],
+        kind => {
+            reader.error(ExperimentError::NotFree {
+                name: with::path_text(model, path, &target),
+                kind: kind.word(),
+                expected: if is_state { "state" } else { "param" },
+                span: path.span,
             });
             return None;
         }
-        let is_moving = |ends: &[Expr<'e>; 2]| self.values.free.first_in(ends).is_some();
-        Some(Entry {
-            freed: range,
-            name: quantity.shape.entry_name(&quantity.name, entry),
-            symbol,
-            moving: given.filter(is_moving),
-        })
+    };
+    let given = match domain {
+        None => None,
+        Some(syntax::Domain::Box(lower, upper)) => {
+            let lower = reader.shaped("the lower bound", lower, target.shape)?;
+            let upper = reader.shaped("the upper bound", upper, target.shape)?;
+            Some((lower, upper))
+        }
+        Some(syntax::Domain::Set(_)) => {
+            reader.no_interval(path.span);
+            return None;
+        }
+    };
+    if let (false, Some(Domain::Set(_))) = (is_state, &quantity.domain) {
+        reader.no_interval(path.span);
+        return None;
     }
+    let mut freed: Vec<Entry<'e>> = Vec::new();
+    for (place, &entry) in target.entries.iter().enumerate() {
+        let var = quantity.vars[entry].as_variable()?;
+        if let Some(first) = earlier.iter().find(|known| known.var == var) {
+            reader.error(ExperimentError::Twice {
+                what: format!("`{}`", model.exprs.name(var)),
+                first: first.span,
+                second: path.span,
+            });
+            return None;
+        }
+        let given = given
+            .as_ref()
+            .map(|(lower, upper)| [lower[place], upper[place]]);
+        freed.push(freed_entry(reader, quantity, entry, given, path.span)?);
+    }
+    Some(freed)
+}
 
+/// An entry of a quantity within its domain and the range that is given, whose ends may depend on what is free.
+fn freed_entry<'e>(
+    reader: &mut Reader<'_, 'e>,
+    quantity: &Quantity<'e>,
+    entry: usize,
+    given: Option<[Expr<'e>; 2]>,
+    span: Span,
+) -> Option<Entry<'e>> {
+    let symbol = quantity.vars[entry];
+    let mut range = Freed {
+        var: symbol.as_variable()?,
+        lower: f64::NEG_INFINITY,
+        upper: f64::INFINITY,
+        span,
+    };
+    if let Some(Domain::Box(lower, upper)) = &quantity.domain {
+        range = reader.within_ends(range, [lower.data[entry], upper.data[entry]]);
+    }
+    if let Some(ends) = given {
+        range = reader.within_ends(range, ends);
+    }
+    let Freed { lower, upper, .. } = range;
+    if lower > upper {
+        reader.error(ExperimentError::NeverHolds {
+            why: format!("no number is in [{lower}, {upper}]"),
+            span,
+        });
+        return None;
+    }
+    let is_moving = |ends: &[Expr<'e>; 2]| reader.values.free.first_in(ends).is_some();
+    Some(Entry {
+        freed: range,
+        name: quantity.shape.entry_name(&quantity.name, entry),
+        symbol,
+        moving: given.filter(is_moving),
+    })
+}
+
+impl<'e> Reader<'_, 'e> {
     /// Expressions of parameters in a shape.
     fn shaped(
         &mut self,

@@ -8,6 +8,7 @@ use super::super::error::ExperimentError;
 use super::super::fesd;
 use super::super::method::MethodKind;
 use super::super::reader::{Reader, out_of_range, unknown_choice};
+use super::free::freed;
 use super::goal::Words;
 use super::{At, Cost, Discretization, Freed, Lengths, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
@@ -226,7 +227,7 @@ impl<'m, 'e> Draft<'m, 'e> {
         is_state: bool,
     ) -> Option<Vec<Freed>> {
         let earlier: Vec<Freed> = self.params.iter().chain(&self.initial).copied().collect();
-        let entries = reader.freed(path, domain, is_state, &earlier)?;
+        let entries = freed(reader, path, domain, is_state, &earlier)?;
         let freed = entries.into_iter().map(|entry| {
             if let Some([lower, upper]) = entry.moving {
                 let members = vec![lower, entry.symbol, upper];
