@@ -10,7 +10,6 @@
 //! - pieces follow each other in time and have one number of rows, switches among them.
 
 mod dense;
-mod ensemble;
 mod event;
 pub mod expect;
 mod failure;
@@ -24,20 +23,22 @@ pub mod roads;
 mod rows;
 #[cfg(test)]
 mod sample;
+mod several;
 pub mod sliding;
 mod status;
 
 pub use crate::report::sliding::branches::{Boundary, Change, Map, Sample};
 pub use crate::report::sliding::plane::{Plane, PlaneCurve, words_of};
-pub use crate::study::fit::{Bound, Direction, Estimate, Fit, Measurements, Search};
 pub use dense::{Dense, Piece};
-pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use modes::ModeTexts;
 pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
 pub(crate) use rows::{Course, curve};
 pub use rows::{Rows, curve::refine};
+pub use several::{
+    Bands, Bound, Direction, Ensemble, Estimate, Fit, Measurements, Search, Several,
+};
 pub use status::{Certificate, Stationarity, Stats, Status};
 
 use std::sync::Arc;
@@ -74,15 +75,6 @@ pub struct Trajectory {
     pub optimum: Option<Optimum>,
     /// What several runs say together, where the experiment asks for them.
     pub several: Several,
-}
-
-/// What several runs say together.
-#[derive(Clone, Debug, Default)]
-pub struct Several {
-    /// Those with other seeds.
-    pub ensemble: Option<Ensemble>,
-    /// Those with other parameters, beside measurements.
-    pub fit: Option<Fit>,
 }
 
 /// An experiment as it was run.

@@ -12,7 +12,6 @@ mod statistics;
 
 use nsd_solver::optimization::least_squares::{self, Fitted, Status};
 
-pub use found::{Bound, Direction, Estimate, Fit, Measurements, Search};
 use runs::{Runs, Way};
 
 use crate::Compiled;
@@ -68,7 +67,7 @@ pub(crate) fn run<'e>(
         return Ok(trajectory);
     };
     let found = found::told(&runs, fit, (best, way), &searched);
-    trajectory.warnings.extend(found.warnings(fit));
+    trajectory.warnings.extend(found::warnings(&found, fit));
     trajectory.warnings.extend(way.warnings(fit));
     trajectory.objective = Some(best.cost);
     if trajectory.failure.is_none()
