@@ -136,7 +136,8 @@ fn compile_to<'e>(
         resolved(exprs, file, (home, name), &with, diags)
     })?;
     clock.time("system", || {
-        let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
+        let settings =
+            system::experiment::evaluate(&model, experiment, (overrides, &file.data), diags)?;
         missing_guesses(file, &settings, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         // What cannot be run is refused before it is lowered, which may be long.
@@ -514,6 +515,13 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
             }
             if experiment.is_sensed() && !found.has_errors() {
                 check_sensed(file, experiment, &mut found);
+            }
+            // What a fit frees is open already.
+            if compiled.settings.recording.fit.is_some()
+                && !found.has_errors()
+                && let Err(more) = project::sensed::sensing(&compiled)
+            {
+                found.append(more);
             }
         }
         add(found);

@@ -190,8 +190,8 @@ class Experiment:
         if len(sensitivities):
             statement = ("sensitivities", self._sensitivity(sensitivities))
             asked = {**asked, "settings": [*asked["settings"], statement]}
-        # A figure of an optimum has what was solved.
-        is_drawn = self.kind == "optimize"
+        # A figure of an optimum, or of a fit, has what was found.
+        is_drawn = self.kind != "simulate"
         run = self.file._project.run(self.name, asked, multipliers, is_drawn)
         return Result(run, self, asked)
 

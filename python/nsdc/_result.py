@@ -314,9 +314,14 @@ class Result:
 
     @property
     def free(self) -> dict[str, float]:
-        """The values that an optimization found for its free parameters."""
-        optimum = self.optimum or {}
-        return dict(optimum.get("free", {}))
+        """The values that an optimization or a fit found for its free parameters."""
+        found = self.optimum or self.fit or {}
+        return dict(found.get("free", {}))
+
+    @property
+    def fit(self) -> dict[str, Any] | None:
+        """What measurements say of parameters: `estimates`, `covariance`, residuals; none of other experiments."""
+        return self._summary.get("fit")
 
     @property
     def constraints(self) -> list[dict[str, Any]]:

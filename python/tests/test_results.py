@@ -227,3 +227,21 @@ def test_multipliers_are_kept_where_they_are_asked_for(belt: nsdc.Experiment) ->
     assert multipliers is not None and len(multipliers) > 1
     assert all(len(values) == len(multipliers["time"]) for values in multipliers.values())
     assert belt.run(horizon=1, method="fesd { steps = 4; }").multipliers is None
+
+
+def test_fits_are_those_of_a_regression() -> None:
+    text = """model line { param a = -1; state x = 0; x' = a; }
+        fit f of line { horizon 2; data "data.csv" { x -> y; } free { a; } initial { x free; } }"""
+    file = nsdc.loads(text, files={"data.csv": "time,y\n0,2.1\n1,-1.1\n2,-3.9\n"})
+    result = file["f"].run()
+    times, values = np.array([0.0, 1.0, 2.0]), np.array([2.1, -1.1, -3.9])
+    (slope, start), covariance = np.polyfit(times, values, 1, cov="unscaled")
+    squares = float(np.sum((start + slope * times - values) ** 2))
+    assert result.status == "solved" and result.fit is not None
+    assert result.free == pytest.approx({"a": slope, "x at 0": start}, abs=1e-7)
+    # One degree of freedom.
+    np.testing.assert_allclose(result.fit["covariance"], squares * covariance, atol=1e-7)
+    assert abs(result["x"][-1] - (start + 2 * slope)) < 1e-7
+    # Values that are given are where the search begins.
+    assert file["f"].run(a=5).free == pytest.approx(result.free, abs=1e-6)
+    assert "<circle" in result._repr_html_()

@@ -29,6 +29,7 @@ simulate empties of tank { horizon 1; }
 simulate shakes of noise { horizon 1; perturb every 0.1 by sphere(0.1) seed 1; runs 3; }
 simulate slips of block { horizon 4; }
 simulate fails of blows { horizon 2; }
+fit suits of noise { horizon 2; data "noise.csv" { x -> x weight 10; } initial { x free; } loss huber(1); }
 optimize goes of drive { horizon 1; intervals 3; free { p; } subject to { x >= -5; }
   minimize final((x - 0.2)^2) + integral(u^2); }
 """
@@ -54,11 +55,12 @@ def obeys(name: str, *args: str) -> list[dict[str, Any]]:
 def test_runs(tmp_path: Path) -> None:
     path = tmp_path / "all.nsd"
     path.write_text(ALL)
+    (tmp_path / "noise.csv").write_text("time,x\n0,1.1\n0.5,\n1,0.4\n1.5,0.2\n9,0\n")
     found = obeys("run", "run", str(path))
     path = tmp_path / "element.nsd"
     path.write_text("model m { state x = 1; x' = -sign(x); } simulate s of m { horizon 2; method fesd; }")
     found += obeys("run", "run", str(path), "--multipliers")
-    for field in ["optimum", "ensemble", "averaged", "multipliers"]:
+    for field in ["optimum", "ensemble", "fit", "averaged", "multipliers"]:
         assert any(field in run for run in found), field
     events = [event for run in found for event in run.get("events", [])]
     assert any("sliding" in event for event in events)

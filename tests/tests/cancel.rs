@@ -87,7 +87,7 @@ fn all_runs_of_an_ensemble_end() {
             ..Options::default()
         };
         let run = project.run("s", &options, &mut ()).expect("it compiles");
-        let ensemble = run.trajectory.ensemble.expect("it has seeds");
+        let ensemble = run.trajectory.several.ensemble.expect("it has seeds");
         (run.trajectory.status, ensemble.failed_seeds.len())
     };
     assert_eq!(failed(false), (Status::Solved, 0));

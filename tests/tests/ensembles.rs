@@ -23,6 +23,7 @@ fn many(text: &str, n_threads: usize) -> (Trajectory, Ensemble) {
             &mut hear,
         );
         let ensemble = trajectory
+            .several
             .ensemble
             .clone()
             .expect("the experiment has runs");

@@ -26,6 +26,7 @@ mod faults;
 mod features;
 mod feet;
 mod fesd;
+mod fit;
 mod forms;
 mod free;
 mod friction_in_space;

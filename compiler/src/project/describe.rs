@@ -101,6 +101,7 @@ impl Project {
             kind: match experiment.kind {
                 ExperimentKind::Simulate => "simulate",
                 ExperimentKind::Optimize => "optimize",
+                ExperimentKind::Fit => "fit",
             },
             model: experiment.model.to_string(),
             doc: doc(experiment.span, &self.sources),

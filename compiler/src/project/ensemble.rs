@@ -167,7 +167,7 @@ pub fn add(
         }
         Bands { name, values }
     });
-    trajectory.ensemble = Some(Ensemble {
+    trajectory.several.ensemble = Some(Ensemble {
         runs: count,
         first_seed: seeds.start,
         failed_seeds: failed,

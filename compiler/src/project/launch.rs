@@ -9,6 +9,7 @@ use crate::project::{Project, ensemble, sensed};
 use crate::report::Trajectory;
 use crate::simulate::{self, Request};
 use crate::source::Span;
+use crate::study::fit;
 use crate::syntax::{GuessSource, Path};
 use crate::system::experiment::{ExperimentError, Optimize};
 use crate::{Compiled, compile, threads};
@@ -18,7 +19,7 @@ const MAX_BYTES: usize = 1 << 28;
 /// Experiments that start from each other.
 const MAX_DEPTH: usize = 8;
 
-/// The trajectory of an experiment; of an optimization, the system is the solved one afterwards.
+/// The trajectory of an experiment; of an optimization or a fit, the system is the solved one afterwards.
 pub fn launch(
     project: &Project,
     compiled: &mut Compiled<'_>,
@@ -37,6 +38,9 @@ fn within(
     watch: &mut dyn Watch,
     depth: usize,
 ) -> Result<Trajectory, Diagnostics> {
+    if let Some(fit) = compiled.settings.recording.fit.clone() {
+        return fit::run(compiled, &fit, request, watch);
+    }
     let (system, settings) = (&compiled.system, &compiled.settings);
     let Some(task) = &settings.optimize else {
         let mut told = |progress| watch.progress(&Progress::Simulation(progress));

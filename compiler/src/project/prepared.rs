@@ -411,7 +411,7 @@ impl Opened {
         let (system, settings) = (&compiled.system, &compiled.settings);
         let values = &settings.values;
         let places = open_places(compiled);
-        let ranges = values.open_ranges(&compiled.model);
+        let ranges = settings.open_ranges(&compiled.model);
         let range = |place: usize| ranges[&variable(system.exogenous.params[place].var)];
         if let Some((at, why)) = deciding(compiled, &places, range, decides) {
             return Err(NotPrepared::Structural(

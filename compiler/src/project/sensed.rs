@@ -1,11 +1,13 @@
 //! By what a run is differentiated, in the parameters and states of its system.
 
 use nsd_solver::sensitivity::Directions;
+use nsd_solver::tape::Tape;
 
 use crate::Compiled;
 use crate::diagnostics::Diagnostics;
 use crate::project::prepared::{NotPrepared, Opened};
 use crate::simulate::Sensing;
+use crate::source::Span;
 use crate::system::experiment::{ExperimentError, Sensed};
 
 /// What the experiment asks for, if it was compiled for that.
@@ -14,52 +16,113 @@ use crate::system::experiment::{ExperimentError, Sensed};
 ///
 /// Where the run is not differentiated by something of it.
 pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
-    let (settings, system) = (&compiled.settings, &compiled.system);
-    if settings.recording.sensed.is_empty() {
-        return Ok(None);
+    let sensor = Sensor::new(compiled, Opened::kept)?;
+    Ok(sensor.map(|sensor| sensor.at(&sensor.values())))
+}
+
+/// What a run is differentiated by.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Target {
+    /// A parameter, by its number among those that stay open.
+    Parameter(usize),
+    /// An initial value, by the number of its state.
+    Initial(usize),
+}
+
+/// By what runs of an experiment are differentiated, whatever the open parameters are.
+pub(crate) struct Sensor {
+    pub opened: Opened,
+    pub targets: Vec<Target>,
+    names: Vec<(String, Span)>,
+    /// (state, parameter) of the derivatives of initial values.
+    entries: Vec<(usize, usize)>,
+    slopes: Tape,
+}
+
+impl Sensor {
+    /// What an experiment asks for, with the parameters that `open` finds; none where that is nothing.
+    ///
+    /// # Errors
+    ///
+    /// Where the run is not differentiated by something of it.
+    pub fn new(
+        compiled: &Compiled<'_>,
+        open: impl Fn(&Compiled<'_>) -> Result<Opened, NotPrepared>,
+    ) -> Result<Option<Self>, Diagnostics> {
+        let (settings, system) = (&compiled.settings, &compiled.system);
+        let all = &settings.recording.sensed;
+        if all.is_empty() {
+            return Ok(None);
+        }
+        let opened = open(compiled).map_err(|error| no_input(all, &error))?;
+        let mut targets = Vec::new();
+        for sensed in all {
+            let not_there = || refused(sensed, "the experiment does not need it".to_owned());
+            let place = match sensed.is_initial {
+                true => {
+                    let mut states = system.states.iter();
+                    let place = states.position(|state| state.var == sensed.var);
+                    place.map(Target::Initial)
+                }
+                false => {
+                    if let Some(other) = settings.values.free.follows(sensed.var) {
+                        let other = compiled.model.exprs.name(other);
+                        let why = format!("it follows from `{other}`, which is asked for, too");
+                        return Err(refused(sensed, why));
+                    }
+                    let is_it = |&place: &usize| system.exogenous.params[place].var == sensed.var;
+                    let place = opened.places.iter().position(is_it);
+                    place.map(Target::Parameter)
+                }
+            };
+            targets.push(place.ok_or_else(not_there)?);
+        }
+        let (entries, slopes) = opened.start.partials(|_| true);
+        let names = all.iter();
+        Ok(Some(Sensor {
+            targets,
+            names: names
+                .map(|sensed| (sensed.name.clone(), sensed.span))
+                .collect(),
+            entries,
+            slopes,
+            opened,
+        }))
     }
-    let opened =
-        Opened::kept(compiled).map_err(|error| no_input(&settings.recording.sensed, &error))?;
-    let n = system.states.len();
-    let (entries, slopes) = opened.start.partials(|_| true);
-    let parameters: Vec<f64> = opened.parameters.iter().map(|p| p.value).collect();
-    let mut values = vec![0.0; slopes.n_outputs()];
-    slopes.eval(&parameters, &mut values, &mut slopes.scratch());
-    let mut directions = Directions::default();
-    for sensed in &settings.recording.sensed {
-        let (mut initial, mut by) = (vec![0.0; n], vec![0.0; parameters.len()]);
-        let not_there = || refused(sensed, "the experiment does not need it".to_owned());
-        if sensed.is_initial {
-            let mut states = system.states.iter();
-            let place = states.position(|state| state.var == sensed.var);
-            initial[place.ok_or_else(not_there)?] = 1.0;
-        } else {
-            if let Some(other) = settings.values.free.follows(sensed.var) {
-                let other = compiled.model.exprs.name(other);
-                let why = format!("it follows from `{other}`, which is asked for, too");
-                return Err(refused(sensed, why));
-            }
-            let is_it = |&place: &usize| system.exogenous.params[place].var == sensed.var;
-            let place = opened.places.iter().position(is_it);
-            let place = place.ok_or_else(not_there)?;
-            by[place] = 1.0;
-            for (&(state, input), value) in entries.iter().zip(&values) {
-                if input == place {
-                    initial[state] += value;
+
+    /// The values of the open parameters with which the experiment was compiled.
+    pub fn values(&self) -> Vec<f64> {
+        self.opened.parameters.iter().map(|p| p.value).collect()
+    }
+
+    /// The directions where the open parameters have these values.
+    pub fn at(&self, parameters: &[f64]) -> Sensing {
+        let mut values = vec![0.0; self.slopes.n_outputs()];
+        (self.slopes).eval(parameters, &mut values, &mut self.slopes.scratch());
+        let n = self.opened.start.n_outputs();
+        let mut directions = Directions::default();
+        for target in &self.targets {
+            let (mut initial, mut by) = (vec![0.0; n], vec![0.0; parameters.len()]);
+            match *target {
+                Target::Initial(state) => initial[state] = 1.0,
+                Target::Parameter(place) => {
+                    by[place] = 1.0;
+                    for (&(state, input), value) in self.entries.iter().zip(&values) {
+                        if input == place {
+                            initial[state] += value;
+                        }
+                    }
                 }
             }
+            directions.initial.push(initial);
+            directions.parameters.push(by);
         }
-        directions.initial.push(initial);
-        directions.parameters.push(by);
+        Sensing {
+            open: self.opened.places.clone(),
+            directions,
+            names: self.names.clone(),
+        }
     }
-    let names = settings.recording.sensed.iter();
-    Ok(Some(Sensing {
-        open: opened.places,
-        directions,
-        names: names
-            .map(|sensed| (sensed.name.clone(), sensed.span))
-            .collect(),
-    }))
 }
 
 fn refused(sensed: &Sensed<'_>, why: String) -> Diagnostics {

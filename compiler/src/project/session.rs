@@ -139,8 +139,8 @@ impl<'e> Session<'e> {
             .project
             .ask(experiment, &options.values, &options.settings);
         let asked = asked.ok()?;
-        // An optimum is looked for with all that its experiment says, anew, and derivatives are those of one compilation.
-        if asked.experiment.kind == ExperimentKind::Optimize || asked.experiment.is_sensed() {
+        // An optimum, or a fit, is looked for with all that its experiment says, anew, and derivatives are those of one compilation.
+        if asked.experiment.kind != ExperimentKind::Simulate || asked.experiment.is_sensed() {
             return None;
         }
         let (file, names, diags) = (&self.project.file, asked.overrides, &mut Diagnostics::new());

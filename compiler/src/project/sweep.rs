@@ -22,8 +22,10 @@ use crate::report::{Trajectory, Warning};
 use crate::simulate::Request;
 use crate::source::SourceMap;
 use crate::study::sweep::{Grid, Points, Row, Table, columns, over};
-use crate::syntax::{Bind, Expect, Experiment, ExperimentSetting, ExprKind, SettingKind};
-use crate::system::experiment::{Sampling, Settings};
+use crate::syntax::{
+    Bind, Expect, Experiment, ExperimentKind, ExperimentSetting, ExprKind, SettingKind,
+};
+use crate::system::experiment::{ExperimentError, Sampling, Settings};
 use crate::{Compiled, check_names, compile};
 
 /// An experiment with the quantities that are swept.
@@ -132,6 +134,16 @@ impl<'p> Sweep<'p> {
         let overrides = sweep.at(&first);
         let names = check_names(&project.file, &sweep.experiment, &overrides, &mut diags);
         (sweep.states, sweep.units) = names.ok_or(diags)?;
+        if sweep.experiment.kind == ExperimentKind::Fit {
+            let mut diags = Diagnostics::new();
+            let name = &sweep.experiment.name;
+            diags.push(ExperimentError::NotSimulated {
+                name: name.name.clone(),
+                what: "a sweep",
+                span: name.span,
+            });
+            return Err(diags);
+        }
         match sweep.mistakes(&first) {
             Some(diags) => Err(diags),
             None => Ok(sweep),

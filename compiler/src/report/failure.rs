@@ -419,6 +419,21 @@ pub enum Failure {
         lines: Vec<LabeledSpan>,
     },
 
+    /// A fit that ended without a minimum.
+    #[error("no least sum of squares was found: {what}")]
+    #[diagnostic(
+        code(E0741),
+        help(
+            "try other values to start from in `with`, several `starts`, closer bounds, or a smaller `tolerance`"
+        )
+    )]
+    NotFitted {
+        what: String,
+        is_limit: bool,
+        #[label("this fit")]
+        span: Span,
+    },
+
     /// A feasible point whose multipliers leave open that the objective falls.
     #[error(
         "no optimum was shown: a feasible point was reached that is {class}-stationary, {missing}"
@@ -494,12 +509,15 @@ impl Failure {
     /// The language's word for how the run ended.
     pub fn status(&self) -> Status {
         match self {
-            Failure::Limit { .. } | Failure::Chattering { .. } => Status::IterationLimit,
+            Failure::Limit { .. }
+            | Failure::Chattering { .. }
+            | Failure::NotFitted { is_limit: true, .. } => Status::IterationLimit,
             Failure::TimeLimit { .. } => Status::TimeLimit,
             Failure::Canceled { .. } => Status::Canceled,
             Failure::Infeasible { .. } => Status::LocallyInfeasible,
             Failure::Unbounded { .. } => Status::Unbounded,
             Failure::Weak { .. }
+            | Failure::NotFitted { .. }
             | Failure::NotOptimal {
                 is_feasible: true, ..
             } => Status::Feasible,

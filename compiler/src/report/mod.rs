@@ -10,7 +10,6 @@
 //! - pieces follow each other in time and have one number of rows, switches among them.
 
 mod dense;
-mod ensemble;
 mod event;
 pub mod expect;
 mod failure;
@@ -24,19 +23,22 @@ pub mod roads;
 mod rows;
 #[cfg(test)]
 mod sample;
+mod several;
 pub mod sliding;
 mod status;
 
 pub use crate::report::sliding::branches::{Boundary, Change, Map, Sample};
 pub use crate::report::sliding::plane::{Plane, PlaneCurve, words_of};
 pub use dense::{Dense, Piece};
-pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use modes::ModeTexts;
 pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
 pub(crate) use rows::{Course, curve};
 pub use rows::{Rows, curve::refine};
+pub use several::{
+    Bands, Bound, Direction, Ensemble, Estimate, Fit, Measurements, Search, Several,
+};
 pub use status::{Certificate, Stationarity, Stats, Status};
 
 use std::sync::Arc;
@@ -71,8 +73,8 @@ pub struct Trajectory {
     pub objective: Option<f64>,
     /// How an optimum was found, and what a simulation says about it; none in a simulation.
     pub optimum: Option<Optimum>,
-    /// What many runs with other seeds say together, where the experiment asks for them.
-    pub ensemble: Option<Ensemble>,
+    /// What several runs say together, where the experiment asks for them.
+    pub several: Several,
 }
 
 /// An experiment as it was run.
@@ -82,7 +84,7 @@ pub struct Setup {
     pub experiment: String,
     /// Name of the model.
     pub model: String,
-    /// Simulation or optimal control.
+    /// Simulation, optimal control or parameter estimation.
     pub kind: Kind,
     /// The method and the options it ran with.
     pub method: Method,
@@ -189,7 +191,7 @@ pub struct Multipliers {
     pub values: Vec<Series>,
 }
 
-/// Simulation or optimal control.
+/// Simulation, optimal control or parameter estimation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
     /// `simulate`
@@ -197,6 +199,8 @@ pub enum Kind {
     Simulate,
     /// `optimize`
     Optimize,
+    /// `fit`
+    Fit,
 }
 
 impl Kind {
@@ -205,6 +209,7 @@ impl Kind {
         match self {
             Kind::Simulate => "simulate",
             Kind::Optimize => "optimize",
+            Kind::Fit => "fit",
         }
     }
 }
@@ -516,6 +521,12 @@ impl History {
 }
 
 impl Trajectory {
+    /// Lets it end so.
+    pub(crate) fn fails(&mut self, failure: Failure) {
+        self.status = failure.status();
+        self.failure = Some(failure);
+    }
+
     /// What a run warns of, and why it has ended.
     pub(crate) fn diagnostics(&self) -> Diagnostics {
         let mut found = Diagnostics::new();

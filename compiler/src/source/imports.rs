@@ -303,14 +303,19 @@ fn circle(read: &[Read], members: &[usize]) -> ImportError {
     }
 }
 
-/// Reads the data that the signals of a file name.
+/// Reads the data that the signals and the experiments of a file name.
 fn read_data(file: &mut File, key: &str, loader: &mut dyn Loader) {
     let models = file.items.iter().filter_map(|item| match item {
         Item::Model(model) => Some(&model.body),
         _ => None,
     });
     let mut data = table::Sources::new();
-    for path in models.flatten().filter_map(syntax::data_of) {
+    let experiments = file.items.iter().filter_map(|item| match item {
+        Item::Experiment(experiment) => Some(experiment.measured()),
+        _ => None,
+    });
+    let measured = experiments.flatten().map(|data| data.file.as_str());
+    for path in models.flatten().filter_map(syntax::data_of).chain(measured) {
         data.entry(path.to_owned()).or_insert_with(|| {
             let source = match loader.data(key, path) {
                 Ok(bytes) => Source::read(bytes),

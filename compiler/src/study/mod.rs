@@ -1,5 +1,6 @@
-//! Studies of an experiment: orders of convergence, modes, sweeps.
+//! Studies of an experiment: fits, orders of convergence, modes, sweeps.
 
+pub mod fit;
 pub mod modes;
 pub mod order;
 pub mod sweep;

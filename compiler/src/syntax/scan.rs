@@ -76,6 +76,8 @@ pub struct Repair<'t> {
     last_word: &'t str,
     /// The last token that is neither blank nor out of place.
     last: &'t str,
+    /// Whether it is inside of the braces of `data "..." {`, where an arrow leads to a column.
+    in_data: bool,
 }
 
 impl<'t> Repair<'t> {
@@ -88,6 +90,7 @@ impl<'t> Repair<'t> {
             wrong: Vec::new(),
             last_word: "x",
             last: "",
+            in_data: false,
         }
     }
 
@@ -191,7 +194,14 @@ impl<'t> Repair<'t> {
             }
             TokenKind::Word => self.last_word = token.text,
             TokenKind::Stray => self.stray(token, span),
-            TokenKind::Symbol => self.symbol(token, next, span),
+            TokenKind::Symbol => {
+                match token.text {
+                    "{" => self.in_data = self.last_word == "data" && self.last.starts_with('"'),
+                    "}" => self.in_data = false,
+                    _ => {}
+                }
+                self.symbol(token, next, span);
+            }
             _ => {}
         }
         if !token.is_blank() && token.kind != TokenKind::Stray {
@@ -239,6 +249,7 @@ impl<'t> Repair<'t> {
             "**" => ("^", "^"),
             "=<" => ("<=", "<="),
             "=>" => (">=", ">="),
+            "->" if self.in_data => return,
             "->" => ("=", "="),
             _ => return,
         };

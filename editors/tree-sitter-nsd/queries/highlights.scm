@@ -31,19 +31,20 @@
 (option name: (identifier) @property)
 (method name: (identifier) @constant)
 (lower (identifier) @constant)
+(measured column: (identifier) @property)
 (drawing name: (identifier) @function.call)
 
 [
-  "model" "fn" "simulate" "optimize" "const" "param" "state" "discrete" "control" "input"
+  "model" "fn" "simulate" "optimize" "fit" "const" "param" "state" "discrete" "control" "input"
   "algebraic" "let" "output" "signal" "switch" "part" "region" "jump" "contact"
 ] @keyword
 
 [
-  "always" "animate" "argmin" "at" "by" "chattering" "controls" "elements" "error" "every" "expect"
+  "always" "animate" "argmin" "at" "by" "chattering" "controls" "data" "elements" "error" "every" "expect"
   "final" "free" "golden" "guess" "hidden" "horizon" "in" "indicator" "initial" "intervals" "is"
-  "linear" "lower" "lowering" "mechanics" "method" "metric" "minimize" "mode" "nonlinear" "numbers"
+  "linear" "loss" "lower" "lowering" "mechanics" "method" "metric" "minimize" "mode" "nonlinear" "numbers"
   "of" "on" "onto" "perturb" "phase" "plot" "project" "runs" "scheme" "seed" "sensitivity" "slide"
-  "sliding" "solves" "starts" "status" "subject" "title" "to" "tolerance" "variational" "warning" "when"
+  "sliding" "solves" "starts" "status" "subject" "title" "to" "tolerance" "variational" "warning" "weight" "when"
   "where" "width" "with" "within"
 ] @keyword
 

@@ -1,10 +1,11 @@
-//! Nonlinear programs with complementarity constraints, and the linear, quadratic and conic ones inside them.
+//! Nonlinear programs with complementarity constraints, the linear, quadratic and conic ones inside them, and least squares.
 
 pub mod cell;
 pub mod conic;
 pub mod ipm;
 pub mod kernels;
 pub mod lcp;
+pub mod least_squares;
 pub mod mpcc;
 pub mod nl;
 pub mod problem;

@@ -17,7 +17,7 @@ use crate::grammar::Grammar;
 const FOLDERS: [&str; 3] = ["examples", "stdlib", "compiler/src/syntax/tests/samples"];
 
 /// Places where a word may be a name, `@`, or where it looks as if it might.
-const PLACES: [&str; 59] = [
+const PLACES: [&str; 61] = [
     "const @ = 1;",
     "fn @(a) = a;",
     "fn f(@, b) = @ + b*@;",
@@ -58,6 +58,8 @@ const PLACES: [&str; 59] = [
     "simulate s of m { guess { from @; from \"a.json\"; @ = 1; @.b = 2; } }",
     "simulate s of m { guess { from = 1; from.a = 2; } }",
     "simulate s of m { perturb every @ by @ seed 3; starts @ by @(1) seed 2; on chattering slide; intervals [1, @] free; }",
+    "fit @ of @ { data \"@\" { @ -> @; a.@[1] -> @ weight @; b -> \"@\" weight 2; } data \"b.csv\" {} }",
+    "fit s of m { loss squared; loss @(2); initial { @ free; } }",
     "simulate s of m { sensitivity to @, a.@[1] at 0; sensitivity to @ at 0; }",
     "simulate s of m { intervals @; elements @; scheme @; controls @; }",
     "simulate s of m { plot { @; @, a; a, @ + 1; phase @, b; title \"@\"; width 8 cm; } }",

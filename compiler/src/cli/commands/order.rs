@@ -130,9 +130,10 @@ impl Forms {
         if compiled.as_ref().is_some_and(steps) {
             compiled = compile(exprs, file, &self.automatic, overrides, &mut clock, diags);
         }
-        if self.own.kind == ExperimentKind::Optimize && !diags.has_errors() {
+        if self.own.kind != ExperimentKind::Simulate && !diags.has_errors() {
             let (name, span) = (self.own.name.name.clone(), self.own.name.span);
-            diags.push(ExperimentError::NotSimulated { name, span });
+            let what = "`nsdc order`";
+            diags.push(ExperimentError::NotSimulated { name, what, span });
         }
         compiled
     }

@@ -90,7 +90,7 @@ impl<'t> Around<'t> {
 
     fn is_in_experiment(&self) -> bool {
         let head = self.heads.first().and_then(|head| head.first());
-        head.is_some_and(|token| matches!(token.text, "simulate" | "optimize"))
+        head.is_some_and(|token| matches!(token.text, "simulate" | "optimize" | "fit"))
     }
 
     fn last(&self) -> &'t str {
@@ -189,10 +189,10 @@ impl Known<'_> {
     fn of_file(&self, around: &Around<'_>) -> Vec<CompletionItem> {
         match (around.word(0), around.last()) {
             ("", _) => words(starts(Place::File).iter().map(|(word, _)| *word)),
-            ("simulate" | "optimize", "of") => self.names(|kind| {
+            ("simulate" | "optimize" | "fit", "of") => self.names(|kind| {
                 matches!(kind, Kind::Model | Kind::File | Kind::Module | Kind::Alias)
             }),
-            ("simulate" | "optimize", _) if around.before.len() == 2 => words(["of"]),
+            ("simulate" | "optimize" | "fit", _) if around.before.len() == 2 => words(["of"]),
             ("expect", "expect") => words(["error", "warning"]),
             ("expect", "error") => codes('E'),
             ("expect", "warning") => codes('W'),
@@ -220,7 +220,7 @@ impl Known<'_> {
         }
         let is_optimize = around.block() == "optimize";
         match (around.word(0), around.before.len()) {
-            ("", _) => settings(is_optimize),
+            ("", _) => settings(around.block()),
             ("method", 1) if is_optimize => words(["mpcc"]),
             ("method", 1) => {
                 let method = |word: &str| {
@@ -232,6 +232,7 @@ impl Known<'_> {
             ("lower", _) => words(Lowering::ALL.map(Lowering::word)),
             ("on", 1) => words(["chattering slide"]),
             ("controls", 1) => words(["constant", "linear"]),
+            ("loss", 1) => words(["squared", "huber"]),
             ("subject" | "sensitivity", 1) => words(["to"]),
             ("expect", 1) => {
                 let begin = words([
@@ -459,25 +460,26 @@ fn codes(letter: char) -> Vec<CompletionItem> {
     pages.map(code).collect()
 }
 
-/// Settings of an experiment with their meaning.
-fn settings(is_optimize: bool) -> Vec<CompletionItem> {
-    let sections = match is_optimize {
-        false => &[reference::SIMULATE][..],
-        true => &[reference::OPTIMIZE, reference::SIMULATE],
+/// Settings of a kind of experiment with their meaning.
+fn settings(kind: &str) -> Vec<CompletionItem> {
+    const OF_RUNS: [&str; 4] = ["perturb", "on", "runs", "sensitivity"];
+    let sections = match kind {
+        "optimize" => &[reference::OPTIMIZE, reference::SIMULATE][..],
+        "fit" => &[reference::FIT, reference::SIMULATE],
+        _ => &[reference::SIMULATE],
     };
-    let only = |word: &str| match is_optimize {
-        false => reference::of_statement(reference::SIMULATE, word).is_some(),
-        true => !matches!(word, "perturb" | "on" | "runs" | "sensitivity"),
-    };
-    let all = starts(Place::Experiment).iter().map(|(word, _)| *word);
-    let all = all.filter(|word| only(word) || *word == "expect");
-    let setting = |word: &str| {
+    let said = |word: &str| {
         let mut said = sections
             .iter()
             .filter_map(|section| reference::of_statement(section, word));
-        item(word, CompletionItemKind::KEYWORD, said.next())
+        said.next()
     };
-    all.map(setting).collect()
+    let all = starts(Place::Experiment).iter().map(|(word, _)| *word);
+    let is_of_runs_alone = |word: &str| kind != "simulate" && OF_RUNS.contains(&word);
+    let all =
+        all.filter(|word| !is_of_runs_alone(word) && said(word).is_some() || *word == "expect");
+    all.map(|word| item(word, CompletionItemKind::KEYWORD, said(word)))
+        .collect()
 }
 
 /// How the function around a position is called.

@@ -127,8 +127,9 @@ fn of_word(analysis: &Analysis, word: &str, position: Position) -> Option<String
         };
     };
     let sections = match experiment.kind {
-        ExperimentKind::Simulate => [reference::SIMULATE, reference::OPTIMIZE],
-        ExperimentKind::Optimize => [reference::OPTIMIZE, reference::SIMULATE],
+        ExperimentKind::Simulate => [reference::SIMULATE, reference::OPTIMIZE, reference::FIT],
+        ExperimentKind::Optimize => [reference::OPTIMIZE, reference::SIMULATE, reference::FIT],
+        ExperimentKind::Fit => [reference::FIT, reference::SIMULATE, reference::OPTIMIZE],
     };
     let said = sections
         .iter()

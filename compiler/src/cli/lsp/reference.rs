@@ -11,6 +11,8 @@ pub const MODEL: &str = "## Statements of a model";
 pub const SIMULATE: &str = "## Experiments";
 /// About settings of optimizations.
 pub const OPTIMIZE: &str = "### Optimal control";
+/// About settings of fits.
+pub const FIT: &str = "### Fits";
 /// About functions.
 const FUNCTIONS: &str = "## Expressions";
 /// About methods.
@@ -121,7 +123,8 @@ mod tests {
     #[test]
     fn settings_functions_and_methods_are_told() {
         for (word, _) in starts(Place::Experiment) {
-            let said = of_statement(SIMULATE, word).or_else(|| of_statement(OPTIMIZE, word));
+            let mut sections = [SIMULATE, OPTIMIZE, FIT].into_iter();
+            let said = sections.find_map(|section| of_statement(section, word));
             assert!(
                 said.is_some(),
                 "the reference has no row for the setting `{word}`"

@@ -37,6 +37,12 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                         self.resolver.path(path, None, Role::Reads);
                     }
                 }
+                SettingKind::Data(data) => {
+                    for measured in &data.columns {
+                        self.resolver.path(&measured.path, None, Role::Reads);
+                        self.resolver.exprs(&measured.weight);
+                    }
+                }
                 SettingKind::Perturb {
                     every: count,
                     by,
@@ -66,6 +72,9 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                 }
                 // Their values are words of the language.
                 SettingKind::Value { name, .. } if matches!(&*name.name, "controls" | "scheme") => {
+                }
+                SettingKind::Value { name, value } if name.name == "loss" => {
+                    self.worded().word(value);
                 }
                 SettingKind::Value { value, .. } | SettingKind::FreeIntervals(value) => {
                     self.resolver.expr(value);

@@ -7,8 +7,9 @@ use serde::ser::{Serialize, SerializeSeq, Serializer};
 use nsd_solver::optimization::mpcc::Spread;
 
 use crate::report::{
-    Averaged, Bands, Check, Confirmation, Ensemble, EventKind, History, Kind, Method, MethodOption,
-    Multipliers, Optimum, Quality, Samples, Series, Stationarity, Status, Trajectory, Warning,
+    Averaged, Bands, Check, Confirmation, Ensemble, EventKind, Fit, History, Kind, Method,
+    MethodOption, Multipliers, Optimum, Quality, Samples, Series, Stationarity, Status, Trajectory,
+    Warning,
 };
 
 /// The object, without a line break.
@@ -88,6 +89,8 @@ struct Account<'a> {
     optimum: Option<&'a Optimum>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ensemble: Option<&'a Ensemble>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fit: Option<&'a Fit>,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     averaged: &'a [Averaged],
     skipped: &'a [String],
@@ -131,7 +134,8 @@ impl<'a> From<&'a Trajectory> for Account<'a> {
             history: &trajectory.history,
             quality: &trajectory.quality,
             optimum: trajectory.optimum.as_ref(),
-            ensemble: trajectory.ensemble.as_ref(),
+            ensemble: trajectory.several.ensemble.as_ref(),
+            fit: trajectory.several.fit.as_ref(),
             averaged: &trajectory.history.averaged,
             skipped: &trajectory.setup.skipped,
             warnings: (trajectory.warnings.iter().cloned())

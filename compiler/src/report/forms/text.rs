@@ -4,8 +4,8 @@ use std::fmt::{self, Display, Write};
 
 use crate::diagnostics::counted;
 use crate::report::{
-    Bands, Constraint, Event, EventKind, History, MethodOption, ModeTexts, Samples, Series,
-    Stationarity, Stats, Status, Trajectory,
+    Bands, Constraint, Event, EventKind, Fit, History, MethodOption, ModeTexts, Samples, Search,
+    Series, Stationarity, Stats, Status, Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
@@ -47,6 +47,7 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     origin(trajectory, text)?;
     optimum(trajectory, text)?;
     ensemble(trajectory, text)?;
+    fit(trajectory, text)?;
     for skipped in &trajectory.setup.skipped {
         writeln!(text, "  skipped {skipped}")?;
     }
@@ -300,9 +301,128 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     writeln!(text, ", {}", duration(seconds))
 }
 
+/// What the data say of parameters.
+fn fit(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(fit) = &trajectory.several.fit else {
+        return Ok(());
+    };
+    let count: usize = fit.data.iter().map(|data| data.time.len()).sum();
+    let (found, free) = (
+        counted(count, "measurement"),
+        counted(fit.free.len(), "free number"),
+    );
+    writeln!(text, "\n  fit of {free} to {found}")?;
+    for data in &fit.data {
+        write!(
+            text,
+            "    {} of {}: {}",
+            data.quantity,
+            data.file,
+            counted(data.time.len(), "value")
+        )?;
+        for (count, what) in [
+            (data.missing, "missing"),
+            (data.outside, "outside of the run"),
+        ] {
+            if count > 0 {
+                write!(text, ", {count} {what}")?;
+            }
+        }
+        writeln!(text)?;
+    }
+    estimates(fit, text)?;
+    directions(fit, text)?;
+    writeln!(
+        text,
+        "  residuals {} in norm, standard deviation {}, {} degrees of freedom",
+        significant(fit.residual_norm, 6),
+        known(fit.deviation),
+        fit.degrees_of_freedom
+    )?;
+    search(&fit.search, text)
+}
+
+fn known(value: Option<f64>) -> String {
+    value.map_or("none".to_owned(), |value| significant(value, 6))
+}
+
+/// Free numbers, and how they hang together.
+fn estimates(fit: &Fit, text: &mut String) -> fmt::Result {
+    let rows = fit.estimates.iter().map(|estimate| {
+        let interval = match (estimate.interval, estimate.at_bound, estimate.is_determined) {
+            (Some([low, high]), ..) => {
+                format!("{} to {}", significant(low, 8), significant(high, 8))
+            }
+            (None, Some(_), _) => "at a bound".to_owned(),
+            (None, None, false) => "not determined".to_owned(),
+            (None, None, true) => "none".to_owned(),
+        };
+        [
+            estimate.name.clone(),
+            significant(estimate.value, 10),
+            known(estimate.standard_error),
+            interval,
+        ]
+    });
+    let heads = ["", "value", "standard error", "95 % interval"];
+    table(text, heads, rows.collect())?;
+    let names: Vec<&str> = fit.estimates.iter().map(|one| one.name.as_str()).collect();
+    let pairs = (0..names.len()).flat_map(|j| (j + 1..names.len()).map(move |k| (j, k)));
+    let rows = pairs.filter_map(|(j, k)| {
+        let correlation = significant(fit.correlation[j][k]?, 4);
+        Some([format!("{} and {}", names[j], names[k]), correlation])
+    });
+    let mut rows: Vec<[String; 2]> = rows.collect();
+    let count = rows.len();
+    if count == 0 {
+        return Ok(());
+    }
+    rows.truncate(MAX_ROWS);
+    table(text, ["", "correlation"], rows)?;
+    rest(text, count)
+}
+
+/// What the data determine together.
+fn directions(fit: &Fit, text: &mut String) -> fmt::Result {
+    let rows = fit.directions.iter().take(MAX_ROWS).map(|one| {
+        let said = match one.is_determined {
+            true => "",
+            false => "not determined",
+        };
+        let value = significant(one.singular_value, 6);
+        [one.powers(), value, said.to_owned()]
+    });
+    let heads = ["determined together", "singular value", ""];
+    table(text, heads, rows.collect())?;
+    rest(text, fit.directions.len())
+}
+
+/// How a fit was looked for.
+fn search(search: &Search, text: &mut String) -> fmt::Result {
+    write!(
+        text,
+        "  {}, {}, gradient {:.1e}",
+        counted(search.iterations, "iteration"),
+        counted(search.runs, "run"),
+        search.gradient
+    )?;
+    if search.failed_steps > 0 {
+        let steps = counted(search.failed_steps, "step");
+        write!(text, ", {steps} rejected as their runs failed")?;
+    }
+    if search.starts > 1 {
+        let (best, all) = (search.best_starts, search.starts);
+        write!(text, ", {best} of {all} starts at the best")?;
+        if search.failed_starts > 0 {
+            write!(text, ", {} without a run", search.failed_starts)?;
+        }
+    }
+    writeln!(text)
+}
+
 /// Quantiles at the last instant.
 fn ensemble(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    let Some(ensemble) = &trajectory.ensemble else {
+    let Some(ensemble) = &trajectory.several.ensemble else {
         return Ok(());
     };
     let last_seed = ensemble.first_seed + ensemble.runs as u64 - 1;

@@ -105,7 +105,7 @@ fn numbers(trajectory: &Trajectory, tolerance: f64) -> Vec<Line> {
     let objective = tolerance.max(CLOSEST);
     let close = match trajectory.setup.kind {
         Kind::Simulate => tolerance.max(SAFETY * estimate).max(CLOSEST),
-        Kind::Optimize => objective.sqrt(),
+        Kind::Optimize | Kind::Fit => objective.sqrt(),
     };
     let mut lines = Vec::new();
     let mut add = |name: String, value: f64, within: f64| {

@@ -135,9 +135,12 @@ impl<'a> Figure<'a> {
     /// The SVG text.
     pub fn write(&self) -> String {
         let (history, units) = (&self.trajectory.history, self.units);
-        let many = self.trajectory.ensemble.as_ref();
+        let several = &self.trajectory.several;
+        let many = several.ensemble.as_ref();
         let panels = self.panels.iter();
-        let panels = panels.map(|group| Panel::new(group, units, many));
+        let panels = panels.map(|group| Panel::new(group, units, several));
+        let measured = several.fit.iter().flat_map(|fit| &fit.data);
+        let panels = panels.chain(measured.map(Panel::of_residuals));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();
         let bands = Bands::new(history);
         let legend = match many {
@@ -236,7 +239,7 @@ impl<'a> Figure<'a> {
         layout: &Layout,
     ) {
         let (history, instants) = (&self.trajectory.history, &self.samples.time);
-        let many = self.trajectory.ensemble.as_ref();
+        let many = self.trajectory.several.ensemble.as_ref();
         let [left, right] = layout.panels;
         let (top, bottom) = layout.vertical;
         let beside = panels.iter().map(Panel::right_space).fold(0.0, f64::max);

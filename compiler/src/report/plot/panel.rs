@@ -7,7 +7,7 @@ use super::canvas::{Align, Canvas, Point, Stroke, TEXT_SIZE, mixed, shade, wides
 use super::frame::{Frame, MARGIN, left_space};
 use super::marks::LINES;
 use crate::model::Units;
-use crate::report::{Ensemble, Samples, Series};
+use crate::report::{Ensemble, Measurements, Samples, Series, Several};
 
 /// Panels before scalar quantities share one.
 const MAX_PANELS: usize = 8;
@@ -24,6 +24,8 @@ pub const MANY: [RGBColor; 4] = [
     RGBColor(220, 140, 30),
 ];
 
+/// Radius of a measurement.
+const DOT: f64 = 1.3;
 /// Width of the line of one of many runs.
 pub const SINGLE: f64 = 0.5;
 /// How much of its colour the outer and the inner band of quantiles have.
@@ -34,7 +36,15 @@ pub struct Panel {
     /// Name of the vertical axis.
     title: String,
     curves: Vec<Curve>,
+    dots: Vec<Dots>,
     axis: Axis,
+}
+
+/// What was measured.
+struct Dots {
+    time: Vec<f64>,
+    values: Vec<f64>,
+    color: RGBColor,
 }
 
 struct Curve {
@@ -63,10 +73,18 @@ pub fn arrange(samples: &Samples) -> Vec<Vec<&Series>> {
 }
 
 impl Panel {
-    /// The entries of these, with quantiles of many runs.
-    pub fn new(group: &[&Series], units: &Units, many: Option<&Ensemble>) -> Self {
+    /// The entries of these, with quantiles of many runs, and with what was measured of them.
+    pub fn new(group: &[&Series], units: &Units, several: &Several) -> Self {
         let entries: Vec<_> = group.iter().flat_map(|series| series.columns()).collect();
-        let n = entries.len();
+        let (n, many) = (entries.len(), several.ensemble.as_ref());
+        let measured = several.fit.iter().flat_map(|fit| &fit.data);
+        let measured: Vec<(usize, &Measurements)> = measured
+            .filter_map(|data| {
+                let mut names = entries.iter();
+                let place = names.position(|(name, _)| *name == data.quantity)?;
+                Some((place, data))
+            })
+            .collect();
         let curves: Vec<Curve> = entries
             .into_iter()
             .enumerate()
@@ -100,17 +118,39 @@ impl Panel {
                 .chain(quantiles)
                 .collect::<Vec<_>>()
         };
-        let axis = Axis::around(curves.iter().flat_map(drawn));
+        let dots = measured.iter().map(|&(curve, data)| Dots {
+            time: data.time.clone(),
+            values: data.measured.clone(),
+            color: curves[curve].color,
+        });
+        let dots: Vec<Dots> = dots.collect();
+        let measured = dots.iter().flat_map(|dots| dots.values.iter().copied());
+        let axis = Axis::around(curves.iter().flat_map(drawn).chain(measured));
         Panel {
             title,
             curves,
+            dots,
             axis,
         }
     }
 
-    /// Whether it has no curve.
+    /// The run less what was measured.
+    pub fn of_residuals(data: &Measurements) -> Self {
+        Panel {
+            title: format!("{} - {}", data.quantity, data.column),
+            curves: Vec::new(),
+            axis: Axis::around(data.residuals.iter().copied().chain([0.0])),
+            dots: vec![Dots {
+                time: data.time.clone(),
+                values: data.residuals.clone(),
+                color: LINES[0],
+            }],
+        }
+    }
+
+    /// Whether it shows nothing.
     pub fn is_empty(&self) -> bool {
-        self.curves.is_empty()
+        self.curves.is_empty() && self.dots.is_empty()
     }
 
     /// Whether quantiles of some curve are known.
@@ -160,6 +200,11 @@ impl Panel {
             let values = instants.iter().zip(&curve.values);
             let points = values.map(|(&t, &value)| (time.at(t), axis.at(value)));
             canvas.line(&interrupted(points), Stroke(width, curve.color));
+        }
+        for dots in &self.dots {
+            for (&t, &value) in dots.time.iter().zip(&dots.values) {
+                canvas.disc((time.at(t), axis.at(value)), DOT, dots.color);
+            }
         }
 
         frame.border(canvas);

@@ -78,6 +78,31 @@ pub enum Fault {
 
 /// Reads a column as a function of time.
 pub(crate) fn table(bytes: &[u8], column: &str, fit: Fit) -> Result<Table, Fault> {
+    let (times, values) = rows(bytes, column, Rows::OfFunction)?;
+    if times.len() < fit.n_rows() {
+        return Err(Fault::Few {
+            found: times.len(),
+            needed: fit.n_rows(),
+        });
+    }
+    let table = Table::new(fit, &times, &values);
+    match table.pieces.is_finite() {
+        true => Ok(table),
+        false => Err(Fault::Steep),
+    }
+}
+
+/// What rows are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rows {
+    /// Those of a function: one for each instant, each with a value.
+    OfFunction,
+    /// Measurements: several may be of one instant, and some cells are empty or `nan`.
+    OfMeasurements,
+}
+
+/// Times and the values of a column; a value that is missing is not a number.
+pub(crate) fn rows(bytes: &[u8], column: &str, kind: Rows) -> Result<(Vec<f64>, Vec<f64>), Fault> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut reader = ReaderBuilder::new()
         .flexible(true)
@@ -88,6 +113,7 @@ pub(crate) fn table(bytes: &[u8], column: &str, fit: Fit) -> Result<Table, Fault
         Err(_) => return Err(Fault::NotText),
     };
     let place = place(&names, column)?;
+    let is_measured = kind == Rows::OfMeasurements;
 
     let (mut times, mut values) = (Vec::new(), Vec::new());
     let mut record = StringRecord::new();
@@ -115,8 +141,14 @@ pub(crate) fn table(bytes: &[u8], column: &str, fit: Fit) -> Result<Table, Fault
                 text: text.to_owned(),
             })
         };
-        let (time, value) = (number(0)?, number(place)?);
-        if let Some(&before) = times.last().filter(|before| **before >= time) {
+        let is_missing = |text: &str| text.is_empty() || text.eq_ignore_ascii_case("nan");
+        let value = match is_measured && is_missing(&record[place]) {
+            true => f64::NAN,
+            false => number(place)?,
+        };
+        let time = number(0)?;
+        let follows = |before: f64| before < time || is_measured && before == time;
+        if let Some(&before) = times.last().filter(|before| !follows(**before)) {
             let line = line();
             return Err(Fault::Order { line, time, before });
         }
@@ -126,19 +158,9 @@ pub(crate) fn table(bytes: &[u8], column: &str, fit: Fit) -> Result<Table, Fault
         times.push(time);
         values.push(value);
     }
-    if times.is_empty() {
-        return Err(Fault::Empty);
-    }
-    if times.len() < fit.n_rows() {
-        return Err(Fault::Few {
-            found: times.len(),
-            needed: fit.n_rows(),
-        });
-    }
-    let table = Table::new(fit, &times, &values);
-    match table.pieces.is_finite() {
-        true => Ok(table),
-        false => Err(Fault::Steep),
+    match times.is_empty() {
+        true => Err(Fault::Empty),
+        false => Ok((times, values)),
     }
 }
 

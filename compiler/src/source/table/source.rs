@@ -53,6 +53,14 @@ impl Source {
     }
 }
 
+impl Source {
+    /// The measurements in a column: times that do not decrease, and values, which are not numbers where none was taken.
+    pub(crate) fn measured(&self, column: &str) -> Result<(Vec<f64>, Vec<f64>), Fault> {
+        let bytes = self.content.as_deref().unwrap_or_default();
+        read::rows(bytes, column, read::Rows::OfMeasurements)
+    }
+}
+
 impl PartialEq for Source {
     fn eq(&self, other: &Self) -> bool {
         self.content == other.content

@@ -3,10 +3,10 @@
 use super::{Bind, Binder, Domain, Expr, Ident, Path, Row, Setting};
 use crate::source::Span;
 
-/// `simulate NAME of MODEL { ... }` or `optimize ...`
+/// `simulate NAME of MODEL { ... }`, `optimize ...` or `fit ...`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Experiment {
-    /// Which of the two it is.
+    /// Which of them it is.
     pub kind: ExperimentKind,
     /// Declared name.
     pub name: Ident,
@@ -22,13 +22,27 @@ pub struct Experiment {
     pub span: Span,
 }
 
-/// Simulation or optimal control.
+impl Experiment {
+    /// The files of data that it is fitted to.
+    pub fn measured(&self) -> impl Iterator<Item = &Data> {
+        self.settings
+            .iter()
+            .filter_map(|setting| match &setting.kind {
+                SettingKind::Data(data) => Some(data),
+                _ => None,
+            })
+    }
+}
+
+/// Simulation, optimal control or parameter estimation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExperimentKind {
     /// `simulate`
     Simulate,
     /// `optimize`
     Optimize,
+    /// `fit`
+    Fit,
 }
 
 /// A setting of an experiment, with the span of its statement.
@@ -119,11 +133,13 @@ pub enum SettingKind {
         /// Seed.
         seed: Option<Expr>,
     },
+    /// `data "measured.csv" { q -> position; }`
+    Data(Data),
     /// `plot { x, v; phase q, v; title "Fall"; width 8 cm; }`
     Plot(Vec<PlotItem>),
     /// `animate { disc q, r; trace q[1], q[2]; speed 0.5; title "Fall"; width 8 cm; }`
     Animate(Vec<PlotItem>),
-    /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`
+    /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `loss`
     Value {
         /// Which setting.
         name: Ident,
@@ -137,6 +153,33 @@ pub enum SettingKind {
 }
 
 impl SettingKind {
+    /// How it begins.
+    pub fn word(&self) -> &str {
+        match self {
+            SettingKind::With(_) => "with",
+            SettingKind::Guess { .. } => "guess",
+            SettingKind::Method { .. } => "method",
+            SettingKind::Horizon { .. } => "horizon",
+            SettingKind::Output { .. } => "output",
+            SettingKind::Lower(_) => "lower",
+            SettingKind::SubjectTo { .. } => "subject to",
+            SettingKind::Final(_) => "final",
+            SettingKind::Initial { .. } => "initial",
+            SettingKind::Free(_) => "free",
+            SettingKind::FreeIntervals(_) => "intervals",
+            SettingKind::OnChattering => "on chattering",
+            SettingKind::Sensitivity(_) => "sensitivity to",
+            SettingKind::Data(_) => "data",
+            SettingKind::Perturb { .. } => "perturb",
+            SettingKind::Starts { .. } => "starts",
+            SettingKind::Plot(_) => "plot",
+            SettingKind::Animate(_) => "animate",
+            SettingKind::Value { name, .. } => &name.name,
+            SettingKind::Expect(_) => "expect",
+            SettingKind::Bad => "",
+        }
+    }
+
     /// Whether it takes the place of another one of the same experiment.
     pub(crate) fn replaces(&self, old: &SettingKind) -> bool {
         match (self, old) {
@@ -160,6 +203,30 @@ impl SettingKind {
             *paths = old;
         }
     }
+}
+
+/// What was measured, in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Data {
+    /// The file, as it is written.
+    pub file: String,
+    /// Where it stands.
+    pub span: Span,
+    /// Its columns with what they are measurements of.
+    pub columns: Vec<Measured>,
+}
+
+/// `q -> position weight 2;`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// What is measured.
+    pub path: Path,
+    /// The name of the column.
+    pub column: Ident,
+    /// What a difference of the two is multiplied by.
+    pub weight: Option<Expr>,
+    /// The statement.
+    pub span: Span,
 }
 
 /// Where a `guess` is taken from.

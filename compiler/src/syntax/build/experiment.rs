@@ -20,7 +20,8 @@ enum Member<A, B> {
 pub(crate) fn experiment(reading: &mut Reading, mut parts: Parts, span: Span) -> Experiment {
     let kind = match parts.one(Rule::experiment_kind).as_str() {
         "simulate" => ExperimentKind::Simulate,
-        _ => ExperimentKind::Optimize,
+        "optimize" => ExperimentKind::Optimize,
+        _ => ExperimentKind::Fit,
     };
     let name = reading.ident(parts.one(Rule::name));
     let model = path(reading, parts.one(Rule::path));
@@ -90,6 +91,7 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
         Rule::sensitivity => {
             SettingKind::Sensitivity(parts.map(|to| sensed(reading, to)).collect())
         }
+        Rule::data => data(reading, parts),
         Rule::plot => SettingKind::Plot(plot_items(reading, parts, Place::Plot)),
         Rule::animate => SettingKind::Animate(plot_items(reading, parts, Place::Animation)),
         Rule::free_intervals => SettingKind::FreeIntervals(expr(reading, parts.one(Rule::expr))),
@@ -131,6 +133,40 @@ fn horizon(reading: &mut Reading, mut parts: Parts) -> SettingKind {
             .maybe(Rule::interval)
             .map(|range| interval(reading, range)),
         value: parts.maybe(Rule::expr).map(|value| expr(reading, value)),
+    }
+}
+
+fn data(reading: &mut Reading, mut parts: Parts) -> SettingKind {
+    let file = parts.one(Rule::string);
+    let (name, span) = (unquoted(&file).to_owned(), reading.span(&file));
+    let build = |reading: &mut Reading, pair: Pair<Rule>| Some(measured(reading, pair));
+    let columns = members(reading, parts, Place::Data, build, |_| None);
+    SettingKind::Data(Data {
+        file: name,
+        span,
+        columns: columns.into_iter().flatten().collect(),
+    })
+}
+
+fn measured(reading: &mut Reading, pair: Pair<Rule>) -> Measured {
+    let span = reading.span(&pair);
+    let mut parts = parts(pair);
+    let path = path(reading, parts.one(Rule::path));
+    let column = match parts.maybe(Rule::name) {
+        Some(name) => reading.ident(name),
+        None => {
+            let string = parts.one(Rule::string);
+            Ident {
+                name: unquoted(&string).to_owned(),
+                span: reading.span(&string),
+            }
+        }
+    };
+    Measured {
+        path,
+        column,
+        weight: behind(reading, &mut parts, Rule::weight),
+        span,
     }
 }
 

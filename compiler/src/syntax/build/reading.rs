@@ -113,8 +113,8 @@ pub(crate) fn end_of(pair: &Pair<Rule>) -> usize {
 /// True for what a list of statements could not read.
 pub(crate) fn is_bad(rule: Rule) -> bool {
     use Rule::{
-        bad_bind, bad_drawing, bad_free, bad_guess, bad_item, bad_option, bad_plot, bad_reset,
-        bad_row, bad_setting, bad_statement,
+        bad_bind, bad_drawing, bad_free, bad_guess, bad_item, bad_measured, bad_option, bad_plot,
+        bad_reset, bad_row, bad_setting, bad_statement,
     };
     matches!(
         rule,
@@ -127,6 +127,7 @@ pub(crate) fn is_bad(rule: Rule) -> bool {
             | bad_setting
             | bad_guess
             | bad_free
+            | bad_measured
             | bad_plot
             | bad_drawing
     )

@@ -217,6 +217,7 @@ fn rule_for(
         Place::Resets if is_name => Ok(Rule::reset),
         Place::Options | Place::Mechanics if is_name => Ok(Rule::option),
         Place::Free if is_name => Ok(Rule::free_path),
+        Place::Data if is_name => Ok(Rule::measured),
         Place::Plot => Ok(Rule::plot_panel),
         Place::Animation | Place::Shapes if is_name => Ok(Rule::drawing),
         _ => Err(unknown(reading, place, text, first)),

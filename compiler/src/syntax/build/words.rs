@@ -27,6 +27,8 @@ pub enum Place {
     Guess,
     /// Parameters of `free`.
     Free,
+    /// Columns of `data`.
+    Data,
     /// What a `plot` draws.
     Plot,
     /// What an `animate` draws.
@@ -50,6 +52,7 @@ const FILE: Starts = &[
     ("model", Rule::model),
     ("simulate", Rule::experiment),
     ("optimize", Rule::experiment),
+    ("fit", Rule::experiment),
     ("expect", Rule::expect_diagnostic),
 ];
 
@@ -85,6 +88,8 @@ const EXPERIMENT: Starts = &[
     ("perturb", Rule::perturb),
     ("on", Rule::on_chattering),
     ("sensitivity", Rule::sensitivity),
+    ("data", Rule::data),
+    ("loss", Rule::value),
     ("runs", Rule::value),
     ("intervals", Rule::value),
     ("elements", Rule::value),
@@ -126,7 +131,7 @@ pub fn starts(place: Place) -> Starts {
         Place::Plot => PLOT,
         Place::Animation => ANIMATION,
         Place::Shapes => &[("for", Rule::drawing_for)],
-        Place::Binds | Place::Resets | Place::Options | Place::Free => &[],
+        Place::Binds | Place::Resets | Place::Options | Place::Free | Place::Data => &[],
     }
 }
 
@@ -141,6 +146,7 @@ pub fn member(place: Place) -> &'static str {
         Place::Resets => "reset",
         Place::Options | Place::Mechanics => "option",
         Place::Free => "freed parameter",
+        Place::Data => "column of data",
         Place::Plot => "member of a plot",
         Place::Animation => "member of an animation",
         Place::Shapes => "shape of an animation",
@@ -159,7 +165,7 @@ pub fn belongs(word: &str, place: Place) -> Option<(&'static str, &'static str)>
     let there = if is_in(MODEL) {
         "into a model"
     } else if is_in(EXPERIMENT) {
-        "into a `simulate` or an `optimize`"
+        "into an experiment"
     } else if is_in(FILE) {
         "to the top level of a file; a `}` may be missing before it"
     } else {
@@ -272,6 +278,8 @@ pub fn describe(rule: Rule) -> &'static str {
         Rule::within => "`within`",
         Rule::by => "`by`",
         Rule::seed => "`seed`",
+        Rule::weight => "`weight`",
+        Rule::arrow => "`->`",
         Rule::length => "`cm`|`mm`|`px`",
         Rule::number => "a number",
         Rule::string => "a string",

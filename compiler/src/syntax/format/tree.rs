@@ -198,6 +198,8 @@ fn is_member(rule: Rule) -> bool {
             | free_intervals
             | sensitivity
             | sensed
+            | data
+            | measured
             | plot
             | plot_panel
             | plot_phase

@@ -4,12 +4,14 @@ use super::expression::arith;
 use super::statement::domain;
 use super::{Printer, list};
 use crate::syntax::ast::*;
+use crate::syntax::build::words::RESERVED;
 
 impl Printer {
     pub(super) fn experiment(&mut self, item: &Experiment) {
         let word = match item.kind {
             ExperimentKind::Simulate => "simulate",
             ExperimentKind::Optimize => "optimize",
+            ExperimentKind::Fit => "fit",
         };
         self.block(
             format!("{word} {} of {}", item.name, item.model),
@@ -90,6 +92,7 @@ impl Printer {
             SettingKind::FreeIntervals(count) => self.line(format!("intervals {count} free;")),
             SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
             SettingKind::Sensitivity(to) => self.sensitivity(to),
+            SettingKind::Data(data) => self.data(data),
             SettingKind::Plot(items) => self.plot("plot", items),
             SettingKind::Animate(items) => self.plot("animate", items),
             SettingKind::Value { name, value } => self.line(format!("{name} {value};")),
@@ -104,6 +107,22 @@ impl Printer {
             false => path.to_string(),
         });
         self.line(format!("sensitivity to {};", list(&to.collect::<Vec<_>>())));
+    }
+
+    fn data(&mut self, data: &Data) {
+        self.block(format!("data \"{}\"", data.file), "", |printer| {
+            for Measured {
+                path,
+                column,
+                weight,
+                ..
+            } in &data.columns
+            {
+                let weight = weight.as_ref().map(|weight| format!(" weight {weight}"));
+                let weight = weight.unwrap_or_default();
+                printer.line(format!("{path} -> {}{weight};", quoted(&column.name)));
+            }
+        });
     }
 
     fn plot(&mut self, word: &str, items: &[PlotItem]) {
@@ -140,6 +159,20 @@ fn phase([x, y]: &[Expr; 2]) -> String {
     match x.starts_with('-') {
         true => format!("phase ({x}), {y};"),
         false => format!("phase {x}, {y};"),
+    }
+}
+
+/// The name of a column, in quotes where it is no name of the language.
+fn quoted(column: &str) -> String {
+    let is_start = |c: char| c == '_' || c.is_ascii_alphabetic();
+    let is_plain = column.starts_with(is_start)
+        && column
+            .chars()
+            .all(|c| c == '_' || c.is_ascii_alphanumeric())
+        && !RESERVED.contains(&column);
+    match is_plain {
+        true => column.to_owned(),
+        false => format!("\"{column}\""),
     }
 }
 

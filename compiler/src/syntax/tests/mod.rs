@@ -313,6 +313,30 @@ fn reads_what_figures_show() {
 }
 
 #[test]
+fn reads_every_setting_of_a_fit() {
+    assert_snapshot!(canonical(
+        r#"
+        fit it of m {
+          data "measured.csv" { q -> position; v[2] -> "speed [m/s]" weight 1/0.05; a.b->data; }
+          data "other.csv" {} loss squared; loss huber(2*d);
+        }
+        "#
+    ), @r#"
+    fit it of m {
+      data "measured.csv" {
+        q -> position;
+        v[2] -> "speed [m/s]" weight 1/0.05;
+        a.b -> data;
+      }
+      data "other.csv" {
+      }
+      loss squared;
+      loss huber(2*d);
+    }
+    "#);
+}
+
+#[test]
 fn reads_every_setting_of_an_optimization() {
     assert_snapshot!(canonical(
         r#"

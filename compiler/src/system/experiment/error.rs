@@ -109,10 +109,11 @@ pub enum ExperimentError {
 
     /// A setting of the other kind of experiment.
     #[error("`{setting}` is no setting of a simulation")]
-    #[diagnostic(code(E0509), help("it belongs to `optimize`"))]
+    #[diagnostic(code(E0509), help("it belongs to {home}"))]
     NotForSimulate {
         setting: String,
-        #[label("needs an `optimize` experiment")]
+        home: &'static str,
+        #[label("needs an experiment of another kind")]
         span: Span,
     },
 
@@ -375,11 +376,12 @@ pub enum ExperimentError {
     #[error("`{name}` is no simulation")]
     #[diagnostic(
         code(E0521),
-        help("`nsdc order` compares methods of simulation; name a `simulate` experiment")
+        help("{what} is about simulations; name a `simulate` experiment")
     )]
     NotSimulated {
         name: String,
-        #[label("optimizes")]
+        what: &'static str,
+        #[label("looks for numbers itself")]
         span: Span,
     },
 
@@ -556,12 +558,72 @@ pub enum ExperimentError {
     #[error("the sensitivity to `{name}` is not known: {why}")]
     #[diagnostic(
         code(E0532),
-        help("leave out `sensitivity to`, or compare runs with other values")
+        help("leave it out of `sensitivity to` or `free`, or compare runs with other values")
     )]
     NoSensitivity {
         name: String,
         why: String,
         #[label("asked for here")]
+        span: Span,
+    },
+
+    /// A setting of another kind of experiment.
+    #[error("{setting} is no setting of a fit")]
+    #[diagnostic(
+        code(E0540),
+        help(
+            "a fit has `data`, `free`, `initial`, `loss` and `starts`, and of a simulation `with`, `horizon`, `tolerance`, `method`, `output`, `plot`, `animate` and `expect`"
+        )
+    )]
+    NotForFit {
+        setting: String,
+        #[label("belongs to another kind of experiment")]
+        span: Span,
+    },
+
+    /// A fit without data, or without something that is free.
+    #[error("the fit `{name}` has no `{what}`")]
+    #[diagnostic(
+        code(E0541),
+        help("{}", match *what {
+            "data" => "add `data \"measured.csv\" {{ q -> column; }}`, with what was measured of which quantity",
+            _ => "add `free {{ mu in [0, 1]; }}` with the parameters that are looked for",
+        })
+    )]
+    NothingToFit {
+        name: String,
+        what: &'static str,
+        #[label("nothing to fit")]
+        span: Span,
+    },
+
+    /// A column whose values are all missing or outside of the run.
+    #[error("column `{column}` of `{file}` has no value between 0 and the horizon")]
+    #[diagnostic(
+        code(E0542),
+        help(
+            "a run begins at time 0, and the first column of the file is time: give a horizon that reaches the data"
+        )
+    )]
+    NoMeasurements {
+        column: String,
+        file: String,
+        #[label("nothing to compare with")]
+        span: Span,
+    },
+
+    /// What no column of numbers is compared with.
+    #[error("`{name}` is not compared with a column of data: {why}")]
+    #[diagnostic(
+        code(E0543),
+        help(
+            "name a state, an output or an entry of one: `x[2] -> column`; an `output` may be any function of states"
+        )
+    )]
+    NotMeasured {
+        name: String,
+        why: String,
+        #[label("no measured quantity")]
         span: Span,
     },
 

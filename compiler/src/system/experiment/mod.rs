@@ -24,6 +24,7 @@ use rustc_hash::FxHashMap;
 use super::values;
 use crate::diagnostics::Diagnostics;
 use crate::model::Model;
+use crate::source::table::Sources;
 use crate::syntax::{self, Bind, SettingKind};
 
 pub use animation::{Animation, Drawing, DrawingKind};
@@ -35,8 +36,8 @@ pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions};
 pub use optimize::{
-    At, Cost, Freed, Integral, Lengths, MpccOptions, Optimize, Row, Shape, Starts, Term, Tied,
-    relaxation_word, steering_word,
+    At, Column, Cost, Fit, Freed, Integral, Lengths, MpccOptions, Optimize, Row, Shape, Starts,
+    Term, Tied, relaxation_word, steering_word,
 };
 pub use perturb::Perturbation;
 pub use plot::{Drawn, Figures, Plot, Sheet};
@@ -47,11 +48,11 @@ use statements::Statements;
 
 /// The settings of an experiment of `model`; `None` after an error.
 ///
-/// `overrides` come from outside the file and replace what `with` says.
+/// `overrides` come from outside the file and replace what `with` says; `data` are the files of data that it names.
 pub fn evaluate<'e>(
     model: &Model<'e>,
     experiment: &syntax::Experiment,
-    overrides: &[Bind],
+    (overrides, data): (&[Bind], &Sources),
     diags: &mut Diagnostics,
 ) -> Option<Settings<'e>> {
     // `None` where something was reported.
@@ -65,7 +66,7 @@ pub fn evaluate<'e>(
         failed: false,
     };
 
-    let mut statements = Statements::new(model, experiment.kind);
+    let mut statements = Statements::new(model, data, experiment.kind);
     // The horizon bounds what others may be, wherever it stands.
     let is_horizon =
         |setting: &&syntax::ExperimentSetting| matches!(setting.kind, SettingKind::Horizon { .. });
@@ -81,6 +82,11 @@ pub fn evaluate<'e>(
     let is_optimize = statements.draft.is_some();
     let draft = statements.draft.take();
     let optimize = draft.and_then(|draft| draft.finish(&mut reader, experiment));
+    let fit = statements.fit.take();
+    let fit = fit.and_then(|fit| fit.finish(&mut reader, experiment));
+    if let Some(fit) = fit {
+        statements.recording.follow(fit);
+    }
     let failed = reader.failed || optimize.is_some() != is_optimize;
     let (horizon, _) = statements.horizon?;
     let settings = Settings {

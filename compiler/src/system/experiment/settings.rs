@@ -3,12 +3,12 @@
 use rustc_hash::FxHashMap;
 
 use super::method::{EventOptions, Lowering, Method};
-use super::optimize::Optimize;
+use super::optimize::{Fit, Optimize};
 use super::perturb::Perturbation;
 use super::plot::Figures;
 use super::sensed::Sensed;
-use crate::expr::Expr;
-use crate::model::TargetKind;
+use crate::expr::{Expr, Interval, Var};
+use crate::model::{Model, TargetKind};
 use crate::source::Span;
 use crate::syntax::{Expect, Sliding};
 use crate::system::values::Values;
@@ -66,6 +66,41 @@ pub struct Recording<'e> {
     pub figures: Figures<'e>,
     /// By what the run is differentiated.
     pub sensed: Vec<Sensed<'e>>,
+    /// What runs are fitted to; `None` for other experiments.
+    pub fit: Option<Fit<'e>>,
+}
+
+impl<'e> Recording<'e> {
+    /// Lets runs tell what a fit needs of them.
+    pub(super) fn follow(&mut self, fit: Fit<'e>) {
+        self.sensed = fit.sensed.clone();
+        let fit = self.fit.insert(fit);
+        let Some(outputs) = &mut self.outputs else {
+            return;
+        };
+        for column in &fit.columns {
+            let is_known =
+                |kept: &Kept<'_>| column.kept.entries.iter().all(|e| kept.entries.contains(e));
+            if !outputs.iter().any(is_known) {
+                outputs.push(column.kept.clone());
+            }
+        }
+    }
+}
+
+impl<'e> Settings<'e> {
+    /// Where parameters that stay open may be: where a fit looks for them, or where they were declared to be, and on their
+    /// side of zero.
+    pub(crate) fn open_ranges(&self, model: &Model<'e>) -> FxHashMap<Var, Interval> {
+        let mut ranges = self.values.open_ranges(model);
+        for freed in self.recording.fit.iter().flat_map(|fit| &fit.free) {
+            let range = ranges.get_mut(&freed.var);
+            range
+                .into_iter()
+                .for_each(|range| *range = Interval::new(freed.lower, freed.upper));
+        }
+        ranges
+    }
 }
 
 impl Settings<'_> {

@@ -4,7 +4,7 @@ use super::animation::Animation;
 use super::capabilities::Feature;
 use super::error::ExperimentError;
 use super::method::{self, Lowering, Method, MethodKind};
-use super::optimize::Draft;
+use super::optimize::{Draft, Fit, not_for_fit};
 use super::perturb::Perturbation;
 use super::plot::Plot;
 use super::reader::Reader;
@@ -14,6 +14,7 @@ use super::with;
 use crate::expr::Expr;
 use crate::model::{Model, TargetKind};
 use crate::source::Span;
+use crate::source::table::Sources;
 use crate::syntax::{self, Expect, ExperimentKind, OutputWhen, SettingKind};
 
 const DEFAULT_TOLERANCE: f64 = 1e-8;
@@ -29,6 +30,9 @@ const MOST_RUNS: f64 = 1e4;
 pub(crate) struct Statements<'m, 'e> {
     /// Of an optimization, what only that has.
     pub draft: Option<Draft<'m, 'e>>,
+    /// Of a fit, with the files of data that it may name.
+    pub fit: Option<Fit<'e>>,
+    data: &'m Sources,
     pub horizon: Option<(Option<f64>, Span)>,
     pub numerics: Numerics<'e>,
     pub recording: Recording<'e>,
@@ -40,13 +44,15 @@ pub(crate) struct Statements<'m, 'e> {
 
 impl<'m, 'e> Statements<'m, 'e> {
     /// What holds where nothing is said.
-    pub fn new(model: &'m Model<'e>, kind: ExperimentKind) -> Self {
+    pub fn new(model: &'m Model<'e>, data: &'m Sources, kind: ExperimentKind) -> Self {
         let (draft, tolerance) = match kind {
-            ExperimentKind::Simulate => (None, DEFAULT_TOLERANCE),
+            ExperimentKind::Simulate | ExperimentKind::Fit => (None, DEFAULT_TOLERANCE),
             ExperimentKind::Optimize => (Some(Draft::new(model)), DEFAULT_OPTIMIZE_TOLERANCE),
         };
         Statements {
             draft,
+            fit: (kind == ExperimentKind::Fit).then(Fit::default),
+            data,
             horizon: None,
             numerics: Numerics {
                 tolerance,
@@ -115,6 +121,10 @@ impl<'m, 'e> Statements<'m, 'e> {
     /// A setting of simulations alone, or of optimizations alone.
     fn of_one_kind(&mut self, reader: &mut Reader<'_, 'e>, kind: &SettingKind, span: Span) {
         let is_optimize = self.draft.is_some();
+        if let Some(fit) = &mut self.fit {
+            let end = self.horizon.and_then(|(end, _)| end);
+            return fit.setting(reader, self.data, (kind, span), end);
+        }
         match kind {
             SettingKind::Value { name, .. } if name.name == "runs" && is_optimize => {
                 reader.not_for_optimize("runs", span);
@@ -151,7 +161,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                     let end = self.horizon.and_then(|(end, _)| end);
                     draft.setting(reader, kind, span, end);
                 }
-                None => not_for_simulate(reader, &word_of(kind), span),
+                None => not_for_simulate(reader, kind.word(), span),
             },
         }
     }
@@ -166,7 +176,13 @@ impl<'m, 'e> Statements<'m, 'e> {
         span: Span,
     ) {
         match (&mut self.draft, free) {
-            (None, true) => not_for_simulate(reader, "horizon free", span),
+            (None, true) => {
+                self.horizon = Some((None, span));
+                match self.fit {
+                    Some(_) => not_for_fit(reader, "`horizon free`", span),
+                    None => not_for_simulate(reader, "horizon free", span),
+                }
+            }
             (Some(draft), true) => {
                 self.horizon = Some((draft.free_horizon(reader, range, value), span));
             }
@@ -191,8 +207,9 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some((_, span)) = (self.runs).filter(|_| !experiment.settings.iter().any(disturbs)) {
             reader.error(ExperimentError::SameRuns { span });
         }
-        if let (Some(sensed), Some(why)) = (self.recording.sensed.first(), self.undifferentiated())
-        {
+        let fitted = self.fit.iter().flat_map(|fit| &fit.sensed);
+        let mut sensed = self.recording.sensed.iter().chain(fitted);
+        if let (Some(sensed), Some(why)) = (sensed.next(), self.undifferentiated()) {
             reader.error(ExperimentError::NoSensitivity {
                 name: sensed.name.clone(),
                 why,
@@ -231,23 +248,18 @@ impl Statements<'_, '_> {
 fn not_for_simulate(reader: &mut Reader<'_, '_>, setting: &str, span: Span) {
     reader.error(ExperimentError::NotForSimulate {
         setting: setting.to_owned(),
+        home: home_of(setting),
         span,
     });
 }
 
-/// How a setting of optimal control begins.
-fn word_of(setting: &SettingKind) -> String {
+/// What a setting belongs to that simulations do not have.
+fn home_of(setting: &str) -> &'static str {
     match setting {
-        SettingKind::Value { name, .. } => &name.name,
-        SettingKind::Guess { .. } => "guess",
-        SettingKind::SubjectTo { .. } => "subject to",
-        SettingKind::Final(_) => "final",
-        SettingKind::Initial { .. } => "initial",
-        SettingKind::Free(_) => "free",
-        SettingKind::FreeIntervals(_) => "intervals",
-        _ => "starts",
+        "data" | "loss" => "`fit`",
+        "free" | "starts" => "`optimize` or `fit`",
+        _ => "`optimize`",
     }
-    .to_owned()
 }
 
 impl Sampling {
@@ -285,7 +297,7 @@ impl Sampling {
 
 impl<'e> Kept<'e> {
     /// What a path of an `output` statement names.
-    fn read(reader: &mut Reader<'_, 'e>, path: &syntax::Path) -> Option<Self> {
+    pub(super) fn read(reader: &mut Reader<'_, 'e>, path: &syntax::Path) -> Option<Self> {
         let Some(target) = reader.model.scope.target(path, reader.diags) else {
             reader.failed = true;
             return None;

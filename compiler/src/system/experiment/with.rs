@@ -40,6 +40,9 @@ pub(crate) fn given<'e>(
         span: experiment.span,
         ..Given::default()
     };
+    if experiment.kind == syntax::ExperimentKind::Fit {
+        given.open = given.free.keys().copied().collect();
+    }
     let mut complete = stay_open(model, experiment, &mut given, diags);
     let binds = experiment
         .settings

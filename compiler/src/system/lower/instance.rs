@@ -160,6 +160,6 @@ fn known(model: &Model<'_>, settings: &Settings<'_>) -> Known {
     let freed = freed.map(|freed| (freed.var, Interval::new(freed.lower, freed.upper)));
     Known {
         numbers: params.map(|var| (var, values.numbers[&var])).collect(),
-        ranges: freed.chain(values.open_ranges(model)).collect(),
+        ranges: freed.chain(settings.open_ranges(model)).collect(),
     }
 }

@@ -68,7 +68,14 @@ pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         };
         let verified = match experiment.kind {
             ExperimentKind::Optimize => optimum::verify(&mut project, &subject, streams)?,
-            ExperimentKind::Simulate if smooths(experiment) => Some(other_model(experiment)),
+            ExperimentKind::Simulate if smooths(experiment) => {
+                let reason = "smoothing changes the model, not compared";
+                Some(not_compared(experiment, "simulate", reason))
+            }
+            ExperimentKind::Fit => {
+                let reason = "runs of a fit are differentiated, which only those by events are, not compared";
+                Some(not_compared(experiment, "fit", reason))
+            }
             ExperimentKind::Simulate => simulation::verify(&mut project, &subject, streams)?,
         };
         let Some(verified) = verified else {
@@ -105,13 +112,12 @@ fn smooths(experiment: &Experiment) -> bool {
 }
 
 /// That an experiment is not compared.
-fn other_model(experiment: &Experiment) -> Verified {
+fn not_compared(experiment: &Experiment, kind: &str, reason: &str) -> Verified {
     let (name, model) = (&experiment.name.name, &experiment.model.head.name);
-    let reason = "smoothing changes the model, not compared";
     Verified {
         text: format!("{name} of {model}: {reason}\n"),
         json: serde_json::json!({
-            "experiment": name, "model": model, "kind": "simulate", "agree": null, "reason": reason,
+            "experiment": name, "model": model, "kind": kind, "agree": null, "reason": reason,
         })
         .to_string(),
         exit: Exit::Success,

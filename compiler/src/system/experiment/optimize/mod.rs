@@ -1,14 +1,18 @@
-//! Settings of an `optimize` experiment.
+//! Settings of an `optimize` experiment, and of a `fit`.
 //!
 //! Costs and constraints are expressions of the model here, and what is integrated has a variable of its own; the
 //! system puts switches into them as it does with rates.
 
 mod bounds;
+mod fit;
+mod free;
 mod goal;
 mod rows;
 mod settings;
 mod start;
 
+pub(crate) use fit::not_for_fit;
+pub use fit::{Column, Fit};
 pub(crate) use settings::Draft;
 pub use settings::{relaxation_word, steering_word};
 pub(crate) use start::{LARGEST_SEED, one_argument};

@@ -5,13 +5,14 @@ use nsd_solver::optimization::mpcc::{Relaxation, Steering};
 use rustc_hash::FxHashSet;
 
 use super::super::error::ExperimentError;
+use super::super::fesd;
 use super::super::method::MethodKind;
 use super::super::reader::{Reader, out_of_range, unknown_choice};
-use super::super::{fesd, with};
+use super::free::freed;
 use super::goal::Words;
 use super::{At, Cost, Discretization, Freed, Lengths, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
-use crate::model::{self, Comparison, Domain, Model, Quantity, TargetKind};
+use crate::model::{self, Comparison, Model};
 use crate::source::Span;
 use crate::syntax::{self, GuessSource, Ident, Path, Relation, Row, Setting, SettingKind};
 
@@ -217,7 +218,7 @@ impl<'m, 'e> Draft<'m, 'e> {
         self.comparisons.push((at, comparison));
     }
 
-    /// `x[1] free in [0, 1]`, or `k` or `k in [0, 1]` of parameters. Bounds that hold free parameters are constraints.
+    /// What is freed, within bounds; those that hold free parameters are constraints.
     fn freed(
         &mut self,
         reader: &mut Reader<'_, 'e>,
@@ -225,95 +226,16 @@ impl<'m, 'e> Draft<'m, 'e> {
         domain: Option<&syntax::Domain>,
         is_state: bool,
     ) -> Option<Vec<Freed>> {
-        let model = reader.model;
-        let Some(target) = model.scope.target(path, reader.diags) else {
-            reader.failed = true;
-            return None;
-        };
-        let quantity: &Quantity<'e> = match target.kind {
-            TargetKind::State(k) if is_state => &model.quantities.states[k],
-            TargetKind::Param(k) if !is_state => &model.quantities.params[k],
-            kind => {
-                reader.error(ExperimentError::NotFree {
-                    name: with::path_text(model, path, &target),
-                    kind: kind.word(),
-                    expected: if is_state { "state" } else { "param" },
-                    span: path.span,
-                });
-                return None;
-            }
-        };
-        let given = match domain {
-            None => None,
-            Some(syntax::Domain::Box(lower, upper)) => {
-                let lower = reader.shaped("the lower bound", lower, target.shape)?;
-                let upper = reader.shaped("the upper bound", upper, target.shape)?;
-                Some((lower, upper))
-            }
-            Some(syntax::Domain::Set(_)) => {
-                reader.no_interval(path.span);
-                return None;
-            }
-        };
-        if let (false, Some(Domain::Set(_))) = (is_state, &quantity.domain) {
-            reader.no_interval(path.span);
-            return None;
-        }
         let earlier: Vec<Freed> = self.params.iter().chain(&self.initial).copied().collect();
-        let mut freed: Vec<Freed> = Vec::new();
-        for (place, &entry) in target.entries.iter().enumerate() {
-            let var = quantity.vars[entry].as_variable()?;
-            if let Some(first) = earlier.iter().find(|known| known.var == var) {
-                reader.error(ExperimentError::Twice {
-                    what: format!("`{}`", model.exprs.name(var)),
-                    first: first.span,
-                    second: path.span,
-                });
-                return None;
+        let entries = freed(reader, path, domain, is_state, &earlier)?;
+        let freed = entries.into_iter().map(|entry| {
+            if let Some([lower, upper]) = entry.moving {
+                let members = vec![lower, entry.symbol, upper];
+                self.relate(At::Start, members, Relation::LessEqual, path.span);
             }
-            let given = given
-                .as_ref()
-                .map(|(lower, upper)| [lower[place], upper[place]]);
-            freed.push(self.freed_entry(reader, quantity, entry, given, path.span)?);
-        }
-        Some(freed)
-    }
-
-    /// An entry of a quantity within its domain and the range that is given, whose ends may depend on what is free.
-    fn freed_entry(
-        &mut self,
-        reader: &mut Reader<'_, 'e>,
-        quantity: &Quantity<'e>,
-        entry: usize,
-        given: Option<[Expr<'e>; 2]>,
-        span: Span,
-    ) -> Option<Freed> {
-        let symbol = quantity.vars[entry];
-        let mut range = Freed {
-            var: symbol.as_variable()?,
-            lower: f64::NEG_INFINITY,
-            upper: f64::INFINITY,
-            span,
-        };
-        if let Some(Domain::Box(lower, upper)) = &quantity.domain {
-            range = reader.within_ends(range, [lower.data[entry], upper.data[entry]]);
-        }
-        if let Some(ends) = given {
-            range = reader.within_ends(range, ends);
-            if reader.values.free.first_in(&ends).is_some() {
-                let members = vec![ends[0], symbol, ends[1]];
-                self.relate(At::Start, members, Relation::LessEqual, span);
-            }
-        }
-        let Freed { lower, upper, .. } = range;
-        if lower > upper {
-            reader.error(ExperimentError::NeverHolds {
-                why: format!("no number is in [{lower}, {upper}]"),
-                span,
-            });
-            return None;
-        }
-        Some(range)
+            entry.freed
+        });
+        Some(freed.collect())
     }
 
     fn rows(&mut self, reader: &mut Reader<'_, 'e>, rows: &[Row], at: At) {
@@ -503,46 +425,6 @@ impl<'e> Reader<'_, 'e> {
     pub(crate) fn not_for_optimize(&mut self, setting: &str, span: Span) {
         self.error(ExperimentError::NotForOptimize {
             setting: setting.to_owned(),
-            span,
-        });
-    }
-
-    /// Expressions of parameters in a shape.
-    fn shaped(
-        &mut self,
-        what: &str,
-        value: &syntax::Expr,
-        shape: model::Shape,
-    ) -> Option<Vec<Expr<'e>>> {
-        let scope = &self.model.scope;
-        let Some(tensor) = scope.expr_as(value, shape, what, None, self.diags) else {
-            self.failed = true;
-            return None;
-        };
-        self.guesses(what, &tensor.data, value.span)?;
-        Some(tensor.data)
-    }
-
-    /// The range cut by two ends, where these are numbers.
-    fn within_ends(&self, range: Freed, ends: [Expr<'e>; 2]) -> Freed {
-        let number = |e: Expr<'e>| match self.values.free.first_in(&[e]) {
-            None => Some(self.values.numbers_of(self.model, &[e]).ok()?[0]),
-            Some(_) => None,
-        };
-        let [lower, upper] = ends.map(number);
-        Freed {
-            lower: lower.map_or(range.lower, |lower| range.lower.max(lower)),
-            upper: upper.map_or(range.upper, |upper| range.upper.min(upper)),
-            ..range
-        }
-    }
-
-    /// That what is freed may have some values only.
-    fn no_interval(&mut self, span: Span) {
-        self.error(ExperimentError::OutOfRange {
-            what: "what is free".to_owned(),
-            expected: "in an interval `[lo, hi]`".to_owned(),
-            found: "a finite set".to_owned(),
             span,
         });
     }

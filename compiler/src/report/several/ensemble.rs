@@ -14,7 +14,10 @@ pub struct Ensemble {
     /// Instants of the quantiles.
     pub time: Vec<f64>,
     /// One for every entry of states and outputs.
-    #[serde(rename = "quantiles", serialize_with = "super::forms::json::quantiles")]
+    #[serde(
+        rename = "quantiles",
+        serialize_with = "crate::report::forms::json::quantiles"
+    )]
     pub bands: Vec<Bands>,
 }
 
