@@ -215,6 +215,7 @@ mod tests {
             }
         }
         Outcome {
+            stopped: Vec::new(),
             status,
             time: tau,
             x: vec![t],

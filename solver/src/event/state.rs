@@ -46,6 +46,10 @@ pub(crate) struct Trial {
 pub(crate) struct Jumps {
     /// Laws that have jumped, in order.
     pub fired: Vec<usize>,
+    /// Laws that are to jump at this instant, which was known before.
+    pub due: Vec<usize>,
+    /// Laws that end the run here.
+    pub stopped: Vec<usize>,
     /// The state before the first jump.
     pub before: Vec<f64>,
     pub registers: Vec<f64>,
@@ -71,6 +75,7 @@ impl Jumps {
     /// Forgets the instant before.
     pub(crate) fn begin(&mut self) {
         self.fired.clear();
+        self.stopped.clear();
         self.closed.clear();
         self.struck.clear();
         self.end = None;

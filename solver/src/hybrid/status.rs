@@ -40,6 +40,11 @@ pub enum Status {
         /// The law.
         law: usize,
     },
+    /// What is to end the run holds at its start.
+    StopsAtStart {
+        /// The law.
+        law: usize,
+    },
     /// Jumps follow each other without end, at one instant.
     EndlessJumps {
         /// Laws that jumped last.

@@ -195,6 +195,7 @@ impl<F: Free> Stepper<F> {
         };
         self.solution(
             Outcome {
+                stopped: Vec::new(),
                 stats,
                 ..Outcome::at(status, t, x, sides)
             },

@@ -52,7 +52,7 @@ impl Printer {
                 );
             }
             Stmt::Jump(stmt) => self.block(
-                format!("jump {} when {}", stmt.name, stmt.guard),
+                jump_head(stmt),
                 "",
                 |printer| {
                     printer.binds(&stmt.resets, ":=");
@@ -199,6 +199,19 @@ fn sizes(shape: &[Expr]) -> String {
     match shape.is_empty() {
         true => String::new(),
         false => format!("[{}]", list(shape)),
+    }
+}
+
+/// What stands before the resets of a jump.
+fn jump_head(jump: &Jump) -> String {
+    let name = jump.name.iter().map(|name| format!("jump {name} "));
+    let name: String = name.collect();
+    match &jump.when {
+        JumpWhen::Guard(guard) => format!("{name}when {guard}"),
+        JumpWhen::Every { period, offset } => {
+            let offset = offset.iter().map(|offset| format!(" offset {offset}"));
+            format!("{name}every {period}{}", offset.collect::<String>())
+        }
     }
 }
 

@@ -29,6 +29,8 @@ pub enum Feature {
     Perturbations,
     /// Chattering that goes on as sliding.
     Averages,
+    /// Conditions that end a run.
+    Stops,
     /// Jumps and relays while a clock stands still.
     TimeFreezing,
     /// Impulses where finite elements meet.
@@ -59,7 +61,7 @@ pub(crate) const POISSON: &str = "`method event`, which is the default, simulate
 
 impl Feature {
     /// All of them, in the order in which they are told.
-    pub const ALL: [Feature; 11] = [
+    pub const ALL: [Feature; 12] = [
         Feature::Poisson,
         Feature::Contacts,
         Feature::Relays,
@@ -69,6 +71,7 @@ impl Feature {
         Feature::Nonlinear,
         Feature::Perturbations,
         Feature::Averages,
+        Feature::Stops,
         Feature::TimeFreezing,
         Feature::Impulses,
     ];
@@ -79,12 +82,13 @@ impl Feature {
             Feature::Contacts => "`contact`",
             Feature::Poisson => "`poisson(e)`",
             Feature::Relays => "`hysteresis`",
-            Feature::Jumps => "`jump`",
+            Feature::Jumps => "`jump`, `every`",
             Feature::Projections => "`project`",
             Feature::Algebraic => "algebraic states",
             Feature::Nonlinear => "`sliding nonlinear`",
             Feature::Perturbations => "`perturb`",
             Feature::Averages => "`on chattering slide`",
+            Feature::Stops => "`stop when`",
             Feature::TimeFreezing => "`lower timefreezing`",
             Feature::Impulses => "`lower impact`",
         }

@@ -42,7 +42,7 @@ pub use perturb::Perturbation;
 pub use plot::{Drawn, Figures, Plot, Sheet};
 use reader::Reader;
 pub use sensed::Sensed;
-pub use settings::{Kept, Numerics, Recording, Sampling, Settings};
+pub use settings::{Kept, Numerics, Recording, Sampling, Settings, Stop};
 use statements::Statements;
 
 /// The settings of an experiment of `model`; `None` after an error.
@@ -95,6 +95,7 @@ pub fn evaluate<'e>(
         optimize,
         kicks: statements.kicks,
         runs: statements.runs.map(|(n, _)| n),
+        stops: statements.stops,
         expects: statements.expects,
         span: experiment.span,
         values,

@@ -30,6 +30,8 @@ pub struct Settings<'e> {
     pub optimize: Option<Optimize<'e>>,
     /// Random vectors that are added to the state; none where nothing disturbs it.
     pub kicks: Option<Perturbation>,
+    /// Conditions that end the run; the horizon is its limit.
+    pub stops: Vec<Stop<'e>>,
     /// How often the experiment is run, with other random vectors each time; none for once.
     pub runs: Option<usize>,
     /// Assertions, in order, with the span of each statement.
@@ -105,6 +107,19 @@ impl Settings<'_> {
     pub fn steps_through_contacts(&self) -> bool {
         self.optimize.is_none() && matches!(self.numerics.method, Method::Timestepping(_))
     }
+}
+
+/// A condition that ends a run where it becomes true.
+#[derive(Clone, Debug)]
+pub struct Stop<'e> {
+    /// Its text.
+    pub name: String,
+    /// 1 where it holds, 0 elsewhere.
+    pub guard: Expr<'e>,
+    /// The comparisons in it that hold on their surface, too: `<=` and `>=`.
+    pub reached: Vec<Expr<'e>>,
+    /// The condition.
+    pub span: Span,
 }
 
 /// A quantity that `output` names.
