@@ -42,8 +42,8 @@
   "always" "animate" "argmin" "at" "by" "chattering" "controls" "elements" "error" "every" "expect"
   "final" "free" "golden" "guess" "hidden" "horizon" "in" "indicator" "initial" "intervals" "is"
   "linear" "lower" "lowering" "mechanics" "method" "metric" "minimize" "mode" "nonlinear" "numbers"
-  "of" "on" "onto" "perturb" "phase" "plot" "project" "runs" "scheme" "seed" "sensitivity" "slide"
-  "sliding" "solves" "starts" "status" "subject" "title" "to" "tolerance" "variational" "warning" "when"
+  "of" "offset" "on" "onto" "perturb" "phase" "plot" "project" "runs" "scheme" "seed" "sensitivity" "slide"
+  "sliding" "solves" "starts" "status" "stop" "subject" "title" "to" "tolerance" "variational" "warning" "when"
   "where" "width" "with" "within"
 ] @keyword
 

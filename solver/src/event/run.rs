@@ -147,8 +147,8 @@ impl Simulator {
             });
         }
         state.selection.begun = true;
-        match (started, state.jumps.stopped.first()) {
-            (Ok(()), Some(&law)) => Err(Status::StopsAtStart { law }),
+        match (started, state.jumps.stopped.pop()) {
+            (Ok(()), Some(law)) => Err(Status::StopsAtStart { law }),
             (started, _) => started,
         }
     }

@@ -231,6 +231,7 @@ impl Known<'_> {
             }
             ("lower", _) => words(Lowering::ALL.map(Lowering::word)),
             ("on", 1) => words(["chattering slide"]),
+            ("stop", 1) => words(["when"]),
             ("controls", 1) => words(["constant", "linear"]),
             ("subject" | "sensitivity", 1) => words(["to"]),
             ("expect", 1) => {
@@ -467,7 +468,7 @@ fn settings(is_optimize: bool) -> Vec<CompletionItem> {
     };
     let only = |word: &str| match is_optimize {
         false => reference::of_statement(reference::SIMULATE, word).is_some(),
-        true => !matches!(word, "perturb" | "on" | "runs" | "sensitivity"),
+        true => !matches!(word, "perturb" | "on" | "runs" | "sensitivity" | "stop"),
     };
     let all = starts(Place::Experiment).iter().map(|(word, _)| *word);
     let all = all.filter(|word| only(word) || *word == "expect");
