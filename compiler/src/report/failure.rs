@@ -185,7 +185,9 @@ pub enum Failure {
     #[error("at t = {time}, the run stops before it has begun")]
     #[diagnostic(
         code(E0736),
-        help("start where the condition does not hold, or ask for more: `stop when q <= 0 and v < 0;`")
+        help(
+            "start where the condition does not hold, or ask for more: `stop when q <= 0 and v < 0;`"
+        )
     )]
     StopsAtStart {
         time: f64,

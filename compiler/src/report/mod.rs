@@ -493,7 +493,9 @@ impl Samples {
 impl History {
     /// What has ended the run before its horizon.
     pub fn stop(&self) -> Option<&Event> {
-        self.events.last().filter(|event| event.kind == EventKind::Stop)
+        self.events
+            .last()
+            .filter(|event| event.kind == EventKind::Stop)
     }
 
     /// Instants at which the mode changes, the start excluded.

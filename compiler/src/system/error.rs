@@ -555,7 +555,9 @@ pub enum SystemError {
     #[error("the {what} of these instants is {found}: it has to be {expected}")]
     #[diagnostic(
         code(E0424),
-        help("write `every T offset t` with numbers and parameters: a `jump .. when` is for what states decide")
+        help(
+            "write `every T offset t` with numbers and parameters: a `jump .. when` is for what states decide"
+        )
     )]
     Instants {
         what: &'static str,

@@ -129,7 +129,9 @@ impl<'a> JumpLaws<'a> {
 
     /// The laws that end the run, where these laws strike: what is struck is on its surface.
     pub(crate) fn stopping(&self, state: &mut State, struck: &[usize]) -> Vec<usize> {
-        let hit = struck.iter().filter_map(|&law| self.system.laws[law].closes());
+        let hit = struck
+            .iter()
+            .filter_map(|&law| self.system.laws[law].closes());
         let hit: Vec<usize> = hit.collect();
         let mut stopping = Vec::new();
         for (l, law) in self.system.laws.iter().enumerate() {

@@ -106,6 +106,7 @@ impl Simulator {
         let mut state = std::mem::take(&mut self.state);
         state.begin(t0, x0, self.system.n_switches());
         self.stepper.stiffness.reset();
+        self.stepper.order.reset();
         let mut history = History::default();
         let status = match self.begin(&mut state, [t0, t1], observer) {
             Err(status) => status,
@@ -161,6 +162,7 @@ impl Simulator {
         [t0, t1]: [f64; 2],
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
+        self.mode.memory.order = self.stepper.order.full();
         if !state.approaches.pending.is_empty() {
             state
                 .approaches
@@ -215,6 +217,7 @@ impl Simulator {
             is_scheduled: is_known,
             length: step.length,
         };
+        self.mode.memory.order = self.stepper.order.full();
         self.next_mode(state, step.triggers, meets, t1)?;
         let jumped = !state.jumps.fired.is_empty();
         let stopped = !state.jumps.stopped.is_empty();
@@ -360,6 +363,7 @@ impl Simulator {
         let from = &before.from;
         self.stepper.stiffness.after_event();
         state.report.stats.events += 1;
+        state.report.stats.scheduled += usize::from(before.is_scheduled);
         let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
         let more = slides(&state.point.sides) > slides(from);
         if *from != state.point.sides {

@@ -127,7 +127,10 @@ impl Simulator {
     /// Takes note of the laws whose instant it is.
     pub(super) fn let_due(&self, state: &mut State) {
         let t = state.point.t;
-        let due = self.system.periodic().filter(|(_, instants)| instants.holds(t));
+        let due = self
+            .system
+            .periodic()
+            .filter(|(_, instants)| instants.holds(t));
         state.jumps.due.clear();
         state.jumps.due.extend(due.map(|(law, _)| law));
     }

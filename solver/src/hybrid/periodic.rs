@@ -58,7 +58,13 @@ mod tests {
     /// Walks from instant to instant: number k is k T, whatever came before.
     #[test]
     fn instants_are_multiples_of_the_period() {
-        for (period, offset) in [(0.1, 0.0), (0.1, 0.02), (1e-3, 0.7), (3.0, 10.0), (0.3, 1e-9)] {
+        for (period, offset) in [
+            (0.1, 0.0),
+            (0.1, 0.02),
+            (1e-3, 0.7),
+            (3.0, 10.0),
+            (0.3, 1e-9),
+        ] {
             let instants = Periodic { period, offset };
             let mut t = -1.0;
             for k in 0..2000 {

@@ -271,6 +271,8 @@ pub struct Stats {
     pub factorizations: usize,
     /// Changes of mode.
     pub events: usize,
+    /// Those among them whose instant was known before the run.
+    pub scheduled: usize,
     /// Functions of blocks and surfaces that were met for the first time.
     pub functions: usize,
 }

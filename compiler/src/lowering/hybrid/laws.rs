@@ -38,12 +38,10 @@ pub(crate) fn compile<'e>(
             guard: match (law.strikes, law.when) {
                 (Some(switch), _) => Guard::Strikes(switch),
                 (None, When::Guard(condition)) => guard(condition),
-                (None, When::Every(model::Periodic { period, offset })) => {
-                    Guard::Every(Periodic {
-                        period: number(period),
-                        offset: number(offset),
-                    })
-                }
+                (None, When::Every(model::Periodic { period, offset })) => Guard::Every(Periodic {
+                    period: number(period),
+                    offset: number(offset),
+                }),
             },
             effect: match &law.stops {
                 Some(on_surface) => Effect::Stop(on_surface.clone()),

@@ -96,15 +96,16 @@ fn when<'e>(
     when: &JumpWhen,
 ) -> Result<(When<'e>, Span), Reported> {
     Ok(match when {
-        JumpWhen::Guard(condition) => (
-            When::Guard(guard(lowering, condition)?),
-            condition.span,
-        ),
+        JumpWhen::Guard(condition) => (When::Guard(guard(lowering, condition)?), condition.span),
         JumpWhen::Every { period, offset } => {
             let zero = lowering.constant(0.0);
-            let span = offset.as_ref().map_or(period.span, |offset| period.span.to(offset.span));
+            let span = offset
+                .as_ref()
+                .map_or(period.span, |offset| period.span.to(offset.span));
             let period = lowering.scalar(period, "a period");
-            let offset = offset.as_ref().map(|offset| lowering.scalar(offset, "an offset"));
+            let offset = offset
+                .as_ref()
+                .map(|offset| lowering.scalar(offset, "an offset"));
             let (period, offset) = (period?, offset.unwrap_or(Ok(zero))?);
             (When::Every(Periodic { period, offset }), span)
         }

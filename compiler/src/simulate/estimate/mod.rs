@@ -80,7 +80,9 @@ impl Estimate {
         if matches!(fine.status, Status::Over(_)) {
             return None;
         }
-        let events = (outcome.stats.events as f64).sqrt();
+        // Instants that are known before the run move nothing.
+        let events = outcome.stats.events - outcome.stats.scheduled;
+        let events = (events as f64).sqrt();
         let relative = |(i, &difference): (usize, &f64)| {
             // What the rounding of one instant moves the state by.
             let rounding = f64::EPSILON * outcome.activity[i] * outcome.time;

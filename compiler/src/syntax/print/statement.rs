@@ -51,13 +51,9 @@ impl Printer {
                     |printer| printer.rows(&stmt.rows),
                 );
             }
-            Stmt::Jump(stmt) => self.block(
-                jump_head(stmt),
-                "",
-                |printer| {
-                    printer.binds(&stmt.resets, ":=");
-                },
-            ),
+            Stmt::Jump(stmt) => self.block(jump_head(stmt), "", |printer| {
+                printer.binds(&stmt.resets, ":=");
+            }),
             Stmt::Mechanics(stmt) => {
                 self.block(format!("mechanics {}, {}", stmt.q, stmt.v), "", |printer| {
                     printer.options(&stmt.options);

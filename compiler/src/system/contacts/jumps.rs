@@ -91,7 +91,11 @@ fn check_instants<'e>(
     let (what, found, expected) = if !(number > 0.0 && number.is_finite()) {
         ("period", number, "a positive number")
     } else if number < least {
-        ("period", number, "long enough to be told from rounding of the horizon")
+        (
+            "period",
+            number,
+            "long enough to be told from rounding of the horizon",
+        )
     } else if !(first >= 0.0 && first.is_finite()) {
         ("offset", first, "a number that is not negative")
     } else {

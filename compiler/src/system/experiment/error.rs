@@ -508,7 +508,9 @@ pub enum ExperimentError {
     #[error("`{by}` does not end a run where a condition becomes true")]
     #[diagnostic(
         code(E0533),
-        help("leave out `stop when`, and choose the horizon; or use `method event`, which is the default")
+        help(
+            "leave out `stop when`, and choose the horizon; or use `method event`, which is the default"
+        )
     )]
     NoStop {
         by: String,

@@ -311,7 +311,9 @@ impl<'e> Stop<'e> {
         let (guard, span) = (guard?, condition.span);
         if let Some(value) = guard.as_constant() {
             let value = value > 0.5;
-            reader.diags.push(DynamicsError::ConstantComparison { value, span });
+            reader
+                .diags
+                .push(DynamicsError::ConstantComparison { value, span });
             reader.failed = true;
             return None;
         }
@@ -348,7 +350,10 @@ fn holds_on_surface(
             for (relation, right) in rest {
                 let is_weak = matches!(relation, Relation::LessEqual | Relation::GreaterEqual);
                 let one = syntax::Expr {
-                    kind: ExprKind::Compare(Box::new(left.clone()), vec![(*relation, right.clone())]),
+                    kind: ExprKind::Compare(
+                        Box::new(left.clone()),
+                        vec![(*relation, right.clone())],
+                    ),
                     span: left.span.to(right.span),
                 };
                 match (is_weak, is_plain) {

@@ -1,7 +1,7 @@
 //! What moves and jumps, in α of collected switches.
 
-use super::translation::Translation;
 use super::stops::Stopping;
+use super::translation::Translation;
 use super::{rates, task};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;

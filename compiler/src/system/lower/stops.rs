@@ -50,7 +50,10 @@ fn on_surface<'e>(translation: &Translation<'_, 'e>, holds: Expr<'e>) -> Option<
 }
 
 /// The laws, once only the switches `kept` are left.
-pub(super) fn finished<'e>(stops: Vec<Stopping<'e>>, kept: &[usize]) -> impl Iterator<Item = Law<'e>> {
+pub(super) fn finished<'e>(
+    stops: Vec<Stopping<'e>>,
+    kept: &[usize],
+) -> impl Iterator<Item = Law<'e>> {
     stops.into_iter().map(|stop| {
         let on_surface = stop.on_surface.iter();
         let place = |&(k, alpha): &(usize, f64)| Some((kept.binary_search(&k).ok()?, alpha));

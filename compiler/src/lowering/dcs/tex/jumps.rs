@@ -85,7 +85,10 @@ pub(crate) fn laws<'e>(system: &System<'e>, dcs: &Dcs<'e>, writer: &mut Writer<'
                 ),
                 When::Every(Periodic { period, offset }) => {
                     let instants = [period, offset].map(|e| writer.formula(e));
-                    format!("t = {} + k\\,{}, \\quad k = 0, 1, \\dots", instants[1], instants[0])
+                    format!(
+                        "t = {} + k\\,{}, \\quad k = 0, 1, \\dots",
+                        instants[1], instants[0]
+                    )
                 }
             },
         };
