@@ -433,7 +433,7 @@ fn held(k: f64, t: f64) -> f64 {
 
 #[test]
 fn gains_have_sensitivities_and_periods_none() {
-    let project = Project::from_text("m.nsd", format!("{HELD} sensitivity to k, x at 0; }}"));
+    let project = Project::from_text("m.nsd", &format!("{HELD} sensitivity to k, x at 0; }}"));
     let found = project.run("s", &Options::default(), &mut ());
     let found: Trajectory = found.expect("it is differentiated").trajectory;
     let by = |k: usize| {
@@ -456,7 +456,7 @@ fn prepared_runs_have_other_gains_and_no_other_periods() {
             values: vec![(name.to_owned(), value)],
             ..Options::default()
         };
-        let run = Project::from_text("m.nsd", text.clone()).run("s", &options, &mut ());
+        let run = Project::from_text("m.nsd", &text).run("s", &options, &mut ());
         let run = run.expect("it compiles").trajectory;
         let row = run.samples.time.iter().position(|t| *t == 1.0);
         run.samples.states[0].at(row.expect("it is recorded"))[0]

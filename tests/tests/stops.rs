@@ -250,7 +250,7 @@ fn what_does_not_stop_is_refused() {
 #[test]
 fn the_instant_has_a_derivative() {
     let text = ball("stop when q <= 0; sensitivity to g, q at 0;");
-    let project = Project::from_text("m.nsd", text);
+    let project = Project::from_text("m.nsd", &text);
     let found = project.run("s", &Options::default(), &mut ());
     let found = found.expect("it is differentiated").trajectory;
     let time = (2.0 / G).sqrt();
@@ -302,7 +302,7 @@ fn the_estimate_is_that_of_the_end() {
 /// A parameter decides whether the run stops at all, and when.
 #[test]
 fn other_values_stop_at_other_times() {
-    let project = Project::from_text("m.nsd", ball("stop when q <= 0; output q, v;"));
+    let project = Project::from_text("m.nsd", &ball("stop when q <= 0; output q, v;"));
     for g in [1.0_f64, 5.0, 20.0] {
         let options = Options {
             values: vec![("g".to_owned(), g)],

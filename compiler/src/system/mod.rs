@@ -288,6 +288,14 @@ pub struct Law<'e> {
 }
 
 impl<'e> Law<'e> {
+    /// What it is called in a message.
+    pub fn title(&self) -> String {
+        match self.stops {
+            Some(_) => format!("`stop when {}`", self.name),
+            None => format!("jump `{}`", self.name),
+        }
+    }
+
     /// The expressions in it.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> {
         let values = self.resets.iter().map(|reset| reset.1);

@@ -110,13 +110,18 @@ impl Feature {
                 let (name, span) = match system.jumps.impulsive.is_empty() {
                     true => system.jumps.first_jump()?,
                     // Contacts are a matter of the method.
-                    false => system
-                        .jumps
-                        .laws
-                        .first()
-                        .map(|law| (law.name.as_str(), law.span))?,
+                    false => {
+                        let mut laws = system.jumps.laws.iter();
+                        let law = laws.find(|law| law.stops.is_none())?;
+                        (law.name.as_str(), law.span)
+                    }
                 };
                 Some((name.to_owned(), span))
+            }
+            (Feature::Stops, Seen::System(system)) => {
+                let mut laws = system.jumps.laws.iter();
+                let stop = laws.find(|law| law.stops.is_some())?;
+                Some((stop.name.clone(), stop.span))
             }
             (Feature::Relays | Feature::Projections | Feature::Algebraic, Seen::System(system)) => {
                 let mut switches = system.switches.iter().enumerate();
@@ -173,6 +178,10 @@ impl Feature {
             },
             Feature::Projections => ExperimentError::Projection { method: word, span },
             Feature::Algebraic => ExperimentError::Algebraic { method: word, span },
+            Feature::Stops => ExperimentError::NoStop {
+                by: format!("method {word}"),
+                span,
+            },
             _ => return None,
         })
     }
