@@ -376,7 +376,7 @@ fn instants_have_to_be_known() {
             "model m {{ state x = 1; x' = -x; param p = 1; {body} }} simulate s of m {{ horizon 1; }}"
         )
     };
-    assert_eq!(codes(&other("every 1 { p := 2; }")), ["E0314"]);
+    assert_eq!(codes(&other("every 1 { p := 2; }")), ["E0303"]);
     assert_eq!(codes(&other("every 1 { x := 2; x := 3; }")), ["E0318"]);
     assert_eq!(
         codes(&other(
@@ -419,7 +419,7 @@ fn other_methods_refuse_samples() {
         assert_eq!(codes(&text(settings)), [code], "{settings}");
     }
     let optimal = "model m { state x = 1; control c in [-1, 1]; x' = -x + c + u; discrete u = 0; every 0.1 { u := x; } }
-      optimize s of m { horizon 1; intervals 5; minimize x^2; }";
+      optimize s of m { horizon 1; intervals 5; minimize integral(x^2); }";
     assert_eq!(codes(optimal), ["E0904"]);
 }
 

@@ -45,7 +45,7 @@ fn a_fall_ends_on_the_ground() {
     for settings in [
         "stop when q <= 0;",
         "stop when q < 0;",
-        "stop when not (q > 0);",
+        "stop when not q > 0;",
         "stop when 0 >= q;",
         "stop when q <= 0 and v < 0;",
         "stop when q <= 0; output every 0.1;",
@@ -133,7 +133,7 @@ fn rest_is_on_the_surface() {
              simulate s of m {{ horizon 5; stop when {stop}; }}"
         )
     };
-    for stop in ["v <= 0", "not (v > 0)", "abs(v) <= 0"] {
+    for stop in ["v <= 0", "not v > 0", "v <= 0 and time > 1"] {
         let found = run(&text(stop), "s");
         assert_near(&[last(&found)], &[2.0], 1e-12);
         assert_eq!(times(&found, EventKind::Stop).len(), 1, "{stop}");
@@ -170,8 +170,12 @@ fn impacts_end_runs_before_and_behind_them() {
         // Nothing of the model changes by a condition that is not met: a contact stays one.
         let never = solved(&text("q <= -1"), "s");
         let plain = solved(&text("time > 9"), "s");
-        assert_eq!(never.history.modes, plain.history.modes);
-        assert_eq!(warned(&never), ["W0736"]);
+        let modes = |run: &Trajectory| -> Vec<(f64, String)> {
+            let modes = run.history.modes.iter();
+            modes.map(|mode| (mode.from, mode.mode.clone())).collect()
+        };
+        assert_eq!(modes(&never), modes(&plain));
+        assert!(warned(&never).contains(&"W0736"));
     }
 }
 
@@ -236,13 +240,13 @@ fn what_does_not_stop_is_refused() {
         ("stop when q;", "E0209"),
         ("stop when p <= 0;", "E0101"),
         ("stop when 1 > 0;", "E0308"),
-        ("stop when g <= 0;", "E0403"),
+        ("stop when g <= 0;", "E0308"),
         ("stop when q^2 < 0;", "E0404"),
     ] {
         assert_eq!(codes(&ball(settings)), [code], "{settings}");
     }
     let optimal = "model m { state x = 1; control u in [-1, 1]; x' = u; }
-      optimize s of m { horizon 1; intervals 5; minimize x^2; stop when x <= 0; }";
+      optimize s of m { horizon 1; intervals 5; minimize integral(x^2); stop when x <= 0; }";
     assert_eq!(codes(optimal), ["E0516"]);
 }
 

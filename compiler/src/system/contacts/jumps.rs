@@ -87,7 +87,12 @@ fn check_instants<'e>(
 ) {
     let horizon = instance.settings.horizon;
     let least = LEAST_SHARE * horizon;
-    let [number, first] = [period, offset].map(|e| instance.number(e));
+    let is_param = |var: &Var| instance.params.numbers.contains_key(var);
+    let number = |e: Expr<'e>| match variables_of(&[e]).iter().all(is_param) {
+        true => instance.number(e),
+        false => f64::NAN,
+    };
+    let [number, first] = [period, offset].map(number);
     let (what, found, expected) = if !(number > 0.0 && number.is_finite()) {
         ("period", number, "a positive number")
     } else if number < least {

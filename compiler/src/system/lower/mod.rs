@@ -77,7 +77,7 @@ pub fn lower<'e>(
     let used = regions.weights.iter().chain(&regions.guards).copied();
     let used: Vec<Expr<'e>> = used.chain(recorded.exprs()).collect();
     motion.add_forces(&mut translation, &used, diags);
-    motion.stops = stops::lower(&mut translation);
+    motion.stops = stops::lower(&mut translation, diags);
     check_entangled(&translation.switches, diags);
     if let Some(task) = &mut task {
         let rows = task::coefficient_rows(instance, &motion.contacts);

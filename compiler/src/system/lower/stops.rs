@@ -3,8 +3,9 @@
 //! They are read behind all forces: what stops a run is no reason why a surface is not that of a contact.
 
 use super::translation::Translation;
+use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
-use crate::model::When;
+use crate::model::{DynamicsError, When};
 use crate::source::Span;
 use crate::system::Law;
 use crate::system::switches::affine::at;
@@ -19,22 +20,33 @@ pub(crate) struct Stopping<'e> {
 }
 
 /// All conditions of an experiment.
-pub(super) fn lower<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Stopping<'e>> {
-    let settings = translation.instance.settings;
-    let lower = |stop: &crate::system::experiment::Stop<'e>| {
-        let guard = translation.in_alphas(stop.guard, stop.span);
+pub(super) fn lower<'e>(
+    translation: &mut Translation<'_, 'e>,
+    diags: &mut Diagnostics,
+) -> Vec<Stopping<'e>> {
+    let mut found = Vec::new();
+    for stop in &translation.instance.settings.stops {
+        let span = stop.span;
+        let guard = translation.in_alphas(stop.guard, span);
+        // What parameters decide is none of a run; what is no surface is told elsewhere.
+        if let Some(value) = guard.as_constant()
+            && translation.switches.refused.is_empty()
+        {
+            let value = value > 0.5;
+            diags.push(DynamicsError::ConstantComparison { value, span });
+        }
         let reached = stop.reached.iter().filter_map(|&comparison| {
-            let holds = translation.in_alphas(comparison, stop.span);
+            let holds = translation.in_alphas(comparison, span);
             on_surface(translation, holds)
         });
-        Stopping {
+        found.push(Stopping {
             name: stop.name.clone(),
             guard,
             on_surface: reached.collect(),
-            span: stop.span,
-        }
-    };
-    settings.stops.iter().map(lower).collect()
+            span,
+        });
+    }
+    found
 }
 
 /// The switch of a comparison, and the α for which it holds.
