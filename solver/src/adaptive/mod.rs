@@ -285,7 +285,6 @@ struct Run {
 impl Run {
     fn outcome(self, status: Status) -> Outcome {
         Outcome {
-            stopped: Vec::new(),
             stats: self.stats,
             moved: self.rounding.moved(),
             ..Outcome::at(status, self.t, self.x, self.sides)

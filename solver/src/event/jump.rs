@@ -127,13 +127,12 @@ impl<'a> JumpLaws<'a> {
         jumps.filter_map(holds).collect()
     }
 
-    /// The laws that end the run, where these laws strike: what is struck is on its surface.
-    pub(crate) fn stopping(&self, state: &mut State, struck: &[usize]) -> Vec<usize> {
+    /// Whether a law ends the run where these laws strike: what is struck is on its surface.
+    pub(crate) fn stops(&self, state: &mut State, struck: &[usize]) -> bool {
         let hit = struck
             .iter()
             .filter_map(|&law| self.system.laws[law].closes());
         let hit: Vec<usize> = hit.collect();
-        let mut stopping = Vec::new();
         for (l, law) in self.system.laws.iter().enumerate() {
             let Effect::Stop(on_surface) = &law.effect else {
                 continue;
@@ -145,10 +144,20 @@ impl<'a> JumpLaws<'a> {
                 known.filter(|_| is_on).map(|(_, alpha)| *alpha)
             };
             if law.holds(state, on) {
-                stopping.push(l);
+                state.jumps.known.stopped = Some(l);
+                return true;
             }
         }
-        stopping
+        false
+    }
+
+    /// Takes note of the laws whose instant it is.
+    pub(crate) fn let_due(&self, state: &mut State) {
+        let t = state.point.t;
+        let due = self.system.periodic();
+        let due = due.filter(|(_, instants)| instants.holds(t));
+        state.jumps.known.due.clear();
+        state.jumps.known.due.extend(due.map(|(law, _)| law));
     }
 
     /// Lets laws jump together.

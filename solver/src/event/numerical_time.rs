@@ -215,7 +215,6 @@ mod tests {
             }
         }
         Outcome {
-            stopped: Vec::new(),
             status,
             time: tau,
             x: vec![t],

@@ -1,5 +1,6 @@
 //! The loop of a run: step, event, next mode.
 
+use super::jump::JumpLaws;
 use super::{Cause, Event, Observer, Segment, Simulator};
 use crate::event::state::{Report, State};
 use crate::events::simultaneous::Simultaneous;
@@ -9,6 +10,7 @@ use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::Bands;
 use crate::hybrid::periodic::are_one;
 use crate::hybrid::point::Point;
+use crate::hybrid::status::Stats;
 use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
 use crate::integrate::step::Step;
 use crate::runtime::pace::Pace;
@@ -148,7 +150,7 @@ impl Simulator {
             });
         }
         state.selection.begun = true;
-        match (started, state.jumps.stopped.pop()) {
+        match (started, state.jumps.known.stopped.take()) {
             (Ok(()), Some(law)) => Err(Status::StopsAtStart { law }),
             (started, _) => started,
         }
@@ -204,7 +206,7 @@ impl Simulator {
             is_due: state.point.t >= instant || are_one(state.point.t, instant),
         };
         if meets.is_due {
-            self.let_due(state);
+            JumpLaws::new(&mut self.mode).let_due(state);
         }
         let is_known = meets.breakpoint || meets.kick.is_some() || meets.is_due;
         if step.triggers.is_empty() && !is_known {
@@ -220,7 +222,7 @@ impl Simulator {
         self.mode.memory.order = self.stepper.order.full();
         self.next_mode(state, step.triggers, meets, t1)?;
         let jumped = !state.jumps.fired.is_empty();
-        let stopped = !state.jumps.stopped.is_empty();
+        let stopped = state.jumps.known.stopped.is_some();
         let folded = state
             .selection
             .decisions
@@ -344,7 +346,7 @@ impl Simulator {
             false => Met::Surfaces(triggers),
         };
         self.pass(state, met, t1)?;
-        if let Some(kick) = meets.kick.filter(|_| state.jumps.stopped.is_empty()) {
+        if let Some(kick) = meets.kick.filter(|_| state.jumps.known.stopped.is_none()) {
             self.kick(state, kick, t1)?;
         }
         state.selection.fold = None;
@@ -437,7 +439,6 @@ fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Out
     };
     Outcome {
         status,
-        stopped: std::mem::take(&mut state.jumps.stopped),
         time: state.point.t,
         x: state.point.x.clone(),
         sides: state.point.sides.to_vec(),
@@ -458,7 +459,10 @@ fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Out
         complementarity: state.report.complementarity,
         notes: std::mem::take(&mut state.report.notes),
         approaches: std::mem::take(&mut state.approaches.known),
-        stats: state.report.stats,
+        stats: Stats {
+            stopped_by: state.jumps.known.stopped.take(),
+            ..state.report.stats
+        },
     }
 }
 

@@ -34,7 +34,7 @@ impl Simulator {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         self.load(state);
-        self.let_due(state);
+        JumpLaws::new(&mut self.mode).let_due(state);
         let on = self.selector().place(state, horizon, &[])?;
         let t1 = state.point.t + horizon;
         self.pass(state, Met::Surfaces(on), t1)
@@ -58,10 +58,10 @@ impl Simulator {
         // At the start no side is one before.
         let is_step = |i: &usize| state.selection.begun && self.system.switches[*i].is_plain();
         let mut steps: Vec<usize> = on.iter().copied().filter(is_step).collect();
-        let mut due = std::mem::take(&mut state.jumps.due);
+        let mut due = std::mem::take(&mut state.jumps.known.due);
         for _ in 0..MAX_ROUNDS {
             let mut fired = JumpLaws::new(&mut self.mode).struck(state);
-            if !fired.is_empty() && self.stops(state, &fired) {
+            if !fired.is_empty() && JumpLaws::new(&mut self.mode).stops(state, &fired) {
                 return Ok(());
             }
             if fired.is_empty() {
@@ -78,7 +78,7 @@ impl Simulator {
                     self.selector().pass(state, met, t1)?;
                 }
                 steps.clear();
-                if self.stops(state, &[]) {
+                if JumpLaws::new(&mut self.mode).stops(state, &[]) {
                     return Ok(());
                 }
                 fired = JumpLaws::new(&mut self.mode).holding(state);
@@ -116,23 +116,6 @@ impl Simulator {
             last = fired;
         }
         Err(Status::EndlessJumps { laws: last })
-    }
-
-    /// Whether the run ends here, where these laws strike.
-    fn stops(&mut self, state: &mut State, struck: &[usize]) -> bool {
-        state.jumps.stopped = JumpLaws::new(&mut self.mode).stopping(state, struck);
-        !state.jumps.stopped.is_empty()
-    }
-
-    /// Takes note of the laws whose instant it is.
-    pub(super) fn let_due(&self, state: &mut State) {
-        let t = state.point.t;
-        let due = self
-            .system
-            .periodic()
-            .filter(|(_, instants)| instants.holds(t));
-        state.jumps.due.clear();
-        state.jumps.due.extend(due.map(|(law, _)| law));
     }
 
     /// Kicks the state at one of these instants, and finds the mode where it is then. Sliding does not survive where

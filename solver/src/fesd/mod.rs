@@ -220,7 +220,6 @@ impl<'s> Simulator<'s> {
         let record = run.record;
         Solution {
             outcome: Outcome {
-                stopped: Vec::new(),
                 status,
                 time: run.place.t,
                 x: run.place.x,

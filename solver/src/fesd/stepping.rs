@@ -166,7 +166,6 @@ impl<'s> Stepper<'s> {
         let sides = sides.map(Vec::from);
         let sides = sides.unwrap_or_else(|| vec![Side::Plus; self.alpha.len()]);
         Outcome {
-            stopped: Vec::new(),
             alpha: self.alpha.clone(),
             stats,
             ..Outcome::at(status, t, x, sides)

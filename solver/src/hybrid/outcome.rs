@@ -9,8 +9,6 @@ use crate::events::Approach;
 pub struct Outcome {
     /// Why it ended.
     pub status: Status,
-    /// The laws that have ended it, before its horizon.
-    pub stopped: Vec<usize>,
     /// When.
     pub time: f64,
     /// Where.
@@ -44,7 +42,6 @@ impl Outcome {
         let n = x.len();
         Outcome {
             status,
-            stopped: Vec::new(),
             time,
             x,
             alpha: sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect(),

@@ -254,7 +254,7 @@ impl Note {
     }
 }
 
-/// Counts of a run.
+/// What a run has counted, and what has ended it.
 #[derive(Clone, Copy, Default, Debug, PartialEq, Eq)]
 pub struct Stats {
     /// Accepted steps.
@@ -275,4 +275,6 @@ pub struct Stats {
     pub scheduled: usize,
     /// Functions of blocks and surfaces that were met for the first time.
     pub functions: usize,
+    /// The law that has ended the run, before its horizon.
+    pub stopped_by: Option<usize>,
 }

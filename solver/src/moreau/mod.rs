@@ -195,7 +195,6 @@ impl<F: Free> Stepper<F> {
         };
         self.solution(
             Outcome {
-                stopped: Vec::new(),
                 stats,
                 ..Outcome::at(status, t, x, sides)
             },

@@ -58,7 +58,7 @@ pub(super) struct Estimate {
 
 /// How far two runs that a condition ends are apart there, each at its own instant, and by how much these differ.
 fn stop_error(comparison: &Comparison, [outcome, fine]: [&Outcome; 2]) -> f64 {
-    if outcome.stopped.is_empty() {
+    if outcome.stats.stopped_by.is_none() {
         return 0.0;
     }
     let sizes = comparison.sizes(&outcome.x);
@@ -107,7 +107,7 @@ impl Estimate {
         };
         let touches = Touches::find(outcome, &comparison.misses, known, &comparison.scale);
         let error = error.max(rounding);
-        let parted = match outcome.stopped == fine.stopped {
+        let parted = match outcome.stats.stopped_by == fine.stats.stopped_by {
             true => comparison.parted(error),
             false => Some(outcome.time.min(fine.time)),
         };

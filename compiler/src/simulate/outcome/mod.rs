@@ -254,8 +254,8 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
 
 /// That no condition has ended a run which was to end at one.
 pub(super) fn unstopped(outcome: &Outcome, settings: &Settings) -> Option<Warning> {
-    let is_whole = outcome.status == Status::Solved && outcome.stopped.is_empty();
-    let first = settings.stops.first().filter(|_| is_whole)?;
+    let is_whole = outcome.status == Status::Solved && outcome.stats.stopped_by.is_none();
+    let first = settings.numerics.stops.first().filter(|_| is_whole)?;
     Some(Warning {
         code: "W0736".into(),
         message: format!(

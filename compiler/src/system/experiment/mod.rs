@@ -95,7 +95,6 @@ pub fn evaluate<'e>(
         optimize,
         kicks: statements.kicks,
         runs: statements.runs.map(|(n, _)| n),
-        stops: statements.stops,
         expects: statements.expects,
         span: experiment.span,
         values,

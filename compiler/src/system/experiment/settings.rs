@@ -30,8 +30,6 @@ pub struct Settings<'e> {
     pub optimize: Option<Optimize<'e>>,
     /// Random vectors that are added to the state; none where nothing disturbs it.
     pub kicks: Option<Perturbation>,
-    /// Conditions that end the run; the horizon is its limit.
-    pub stops: Vec<Stop<'e>>,
     /// How often the experiment is run, with other random vectors each time; none for once.
     pub runs: Option<usize>,
     /// Assertions, in order, with the span of each statement.
@@ -55,6 +53,8 @@ pub struct Numerics<'e> {
     pub lowerings: Vec<Lowering>,
     /// Whether chattering that fades and never ends goes on as sliding.
     pub averages: bool,
+    /// Conditions that end the run; the horizon is its limit.
+    pub stops: Vec<Stop<'e>>,
 }
 
 /// What is told of a run.

@@ -33,7 +33,6 @@ pub(crate) struct Statements<'m, 'e> {
     pub numerics: Numerics<'e>,
     pub recording: Recording<'e>,
     pub kicks: Option<Perturbation>,
-    pub stops: Vec<Stop<'e>>,
     pub runs: Option<(usize, Span)>,
     pub averages: Option<Span>,
     pub expects: Vec<(Expect, Span)>,
@@ -54,10 +53,10 @@ impl<'m, 'e> Statements<'m, 'e> {
                 method: Method::Auto,
                 lowerings: Vec::new(),
                 averages: false,
+                stops: Vec::new(),
             },
             recording: Recording::default(),
             kicks: None,
-            stops: Vec::new(),
             runs: None,
             averages: None,
             expects: Vec::new(),
@@ -134,7 +133,9 @@ impl<'m, 'e> Statements<'m, 'e> {
                 }
             }
             SettingKind::Stop(_) if is_optimize => reader.not_for_optimize("stop when", span),
-            SettingKind::Stop(condition) => self.stops.extend(Stop::read(reader, condition)),
+            SettingKind::Stop(condition) => {
+                self.numerics.stops.extend(Stop::read(reader, condition))
+            }
             SettingKind::Sensitivity(_) if is_optimize => {
                 reader.not_for_optimize("sensitivity to", span);
             }
@@ -207,7 +208,7 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some(span) = self.averages.filter(|_| !averages) {
             reader.error(ExperimentError::NoChattering { span });
         }
-        if let (Some(stop), Some(by)) = (self.stops.first(), self.unstopped()) {
+        if let (Some(stop), Some(by)) = (self.numerics.stops.first(), self.unstopped()) {
             reader.error(ExperimentError::NoStop {
                 by,
                 span: stop.span,

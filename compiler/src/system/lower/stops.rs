@@ -25,7 +25,7 @@ pub(super) fn lower<'e>(
     diags: &mut Diagnostics,
 ) -> Vec<Stopping<'e>> {
     let mut found = Vec::new();
-    for stop in &translation.instance.settings.stops {
+    for stop in &translation.instance.settings.numerics.stops {
         let span = stop.span;
         let guard = translation.in_alphas(stop.guard, span);
         // What parameters decide is none of a run; what is no surface is told elsewhere.

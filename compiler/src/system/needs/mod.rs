@@ -60,7 +60,7 @@ impl<'e> Needs<'e> {
         let mut closure = Closure::new(model, settings);
         let listed = listed.flat_map(|kept| &kept.entries);
         let listed = listed.chain(&named.exprs).chain(&named.surfaces);
-        let stops = settings.stops.iter().map(|stop| stop.guard);
+        let stops = settings.numerics.stops.iter().map(|stop| stop.guard);
         let drawn = settings.recording.figures.entries();
         for e in listed.copied().chain(drawn).chain(stops) {
             closure.reach(e);

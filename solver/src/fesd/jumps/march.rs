@@ -56,7 +56,6 @@ impl Reached {
         let last = self.sides.last().map(|(_, sides)| sides.to_vec());
         let sides = last.unwrap_or_else(|| vec![Side::Plus; self.n_switches]);
         Outcome {
-            stopped: Vec::new(),
             stats: Stats {
                 steps: self.grid.steps,
                 newton_iterations: self.work.iterations,
