@@ -1,11 +1,13 @@
 //! The order of series up to an instant that is known before the run.
 //!
-//! A step that ends there is shorter than its series allow, (h/ρ)^(p+1) ≪ tolerance. Terms above the least order q with
-//! (h/ρ)^(q+1) ≤ ε, that of rounding, say nothing in it, and are not computed.
+//! Where laws jump at instants t_0 + k T, steps are shorter than their series allow, (h/ρ)^(p+1) ≪ tolerance. Terms above
+//! the least order q with (h/ρ)^(q+1) ≤ ε √tolerance say nothing in them, and are not computed: that is far below the
+//! rounding ε, so that two runs of one order are not blind to what both leave out.
 
 use crate::expansion::mode::Mode;
 use crate::expansion::scales::Scales;
 use crate::expansion::step_size::StepSize;
+use crate::hybrid::HybridSystem;
 
 /// The least order that is looked at.
 const LEAST: usize = 6;
@@ -20,22 +22,30 @@ const KEPT: usize = 256;
 pub(crate) struct ShortOrder {
     full: usize,
     chosen: usize,
+    /// (h/ρ)^(q+1) at most; zero where no law jumps at known instants.
+    tolerance: f64,
     /// Steps since the last choice.
     steps: usize,
 }
 
 impl ShortOrder {
-    pub(crate) fn new(full: usize) -> Self {
+    /// That of a system with series of full order, and the tolerance of a step.
+    pub(crate) fn new(system: &HybridSystem, full: usize, tolerance: f64) -> Self {
+        let is_periodic = system.periodic().next().is_some();
         ShortOrder {
             full,
             chosen: full,
+            tolerance: match is_periodic {
+                true => f64::EPSILON * tolerance.sqrt(),
+                false => 0.0,
+            },
             steps: PATIENCE,
         }
     }
 
     /// Forgets the run before.
     pub(crate) fn reset(&mut self) {
-        *self = ShortOrder::new(self.full);
+        (self.chosen, self.steps) = (self.full, PATIENCE);
     }
 
     /// The order of all other series.
@@ -51,22 +61,38 @@ impl ShortOrder {
         };
     }
 
-    /// Chooses the order of later steps by one whose series allow h up to the known instant `remaining` ahead.
-    pub(super) fn learn(&mut self, mode: &Mode, scales: &Scales, [h, remaining]: [f64; 2]) {
+    /// Whether the order of a step suffices whose series allow h, up to the known instant `remaining` ahead. It chooses
+    /// that of later steps.
+    pub(super) fn suffices(
+        &mut self,
+        mode: &mut Mode,
+        scales: &Scales,
+        [h, remaining]: [f64; 2],
+    ) -> bool {
+        let tolerance = self.tolerance;
+        if tolerance == 0.0 {
+            return true;
+        }
+        let covers = |mode: &Mode, order: usize| {
+            let step_size = StepSize { mode, tolerance };
+            h >= remaining && step_size.covers(scales, order, remaining)
+        };
         self.steps += 1;
-        let is_full = mode.memory.order == self.full;
-        if h < remaining {
-            (self.chosen, self.steps) = (self.full, 0);
-        } else if !is_full && self.steps > KEPT {
-            (self.chosen, self.steps) = (self.full, PATIENCE);
-        } else if is_full && self.steps > PATIENCE {
-            let tolerance = f64::EPSILON;
-            let suffices = |q: &usize| {
-                let step_size = StepSize { mode, tolerance };
-                step_size.covers(scales, *q, remaining)
-            };
-            let found = (LEAST..self.full).find(suffices);
+        if mode.memory.order < self.full {
+            let suffices = covers(mode, mode.memory.order);
+            if !suffices || self.steps > KEPT {
+                self.chosen = self.full;
+                self.steps = if suffices { PATIENCE } else { 0 };
+            }
+            if !suffices {
+                mode.memory.order = self.full;
+            }
+            return suffices;
+        }
+        if self.steps > PATIENCE {
+            let found = (LEAST..self.full).find(|&q| covers(mode, q));
             (self.chosen, self.steps) = (found.unwrap_or(self.full), 0);
         }
+        true
     }
 }

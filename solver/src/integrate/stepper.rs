@@ -59,7 +59,7 @@ impl Stepper {
             local_tolerance: settings.local_tolerance(),
             roots: RootFinder::new(order.max(MOST_NODES)),
             stiffness: Stiffness::new(settings.local_tolerance()),
-            order: ShortOrder::new(order),
+            order: ShortOrder::new(system, order, settings.local_tolerance()),
             coefficients: Coefficients::of(system),
             probes: Probes::new(system.n_states()),
             rounding: Rounding::default(),
@@ -138,8 +138,8 @@ impl Stepper {
         {
             return Ok(Step::at_once(switch));
         }
-        if goal < t1 {
-            self.order.learn(mode, &state.scales, [h, remaining]);
+        if goal < t1 && !self.order.suffices(mode, &state.scales, [h, remaining]) {
+            return self.explicit_step(mode, state, goal, t1);
         }
         let tolerance = self.local_tolerance;
         let mut h = self.coefficients.expand(mode, tolerance, h);
