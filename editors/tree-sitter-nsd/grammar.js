@@ -25,7 +25,7 @@ const PREC = { if: 1, or: 2, and: 3, not: 4, compare: 5, add: 6, multiply: 7, un
 const DECLARED = words("decl_kind");
 const DEFINED = words("named_kind");
 /** Words that begin statements where a name may begin one, too. */
-const STATEMENTS = [...DECLARED, ...DEFINED, ..."const switch part region hidden project jump mechanics contact from".split(" ")];
+const STATEMENTS = [...DECLARED, ...DEFINED, ..."const switch part region hidden project jump every mechanics contact from".split(" ")];
 /** Words that begin what else begins with an expression. */
 const LEADING = "phase title width mode status warning lowering numbers every at free".split(" ");
 
@@ -48,6 +48,7 @@ module.exports = grammar({
     [$._known_factor],
     [$._comprehension],
     [$._word_as_name, $.width],
+    [$._instants, $._word_as_path],
   ],
   rules: {
     source_file: ($) =>
