@@ -25,7 +25,7 @@ const PREC = { if: 1, or: 2, and: 3, not: 4, compare: 5, add: 6, multiply: 7, un
 const DECLARED = words("decl_kind");
 const DEFINED = words("named_kind");
 /** Words that begin statements where a name may begin one, too. */
-const STATEMENTS = [...DECLARED, ...DEFINED, ..."const switch part region hidden project jump mechanics contact from".split(" ")];
+const STATEMENTS = [...DECLARED, ...DEFINED, ..."const switch part region hidden project jump every mechanics contact from".split(" ")];
 /** Words that begin what else begins with an expression. */
 const LEADING = "phase title width mode status warning lowering numbers every at free".split(" ");
 
@@ -48,6 +48,7 @@ module.exports = grammar({
     [$._known_factor],
     [$._comprehension],
     [$._word_as_name, $.width],
+    [$._instants, $._word_as_path],
   ],
   rules: {
     source_file: ($) =>
@@ -84,6 +85,7 @@ module.exports = grammar({
         $.hidden,
         $.projection,
         $.jump,
+        $.sampled,
         $.mechanics,
         $.contact,
         $.loop,
@@ -154,7 +156,10 @@ module.exports = grammar({
     hidden: ($) => closed("hidden", "on", $.path, $.body),
     projection: ($) =>
       seq("project", $.path, "onto", $.rows, choice(ended("metric", $._expression), optional(";"))),
-    jump: ($) => closed("jump", field("name", $.identifier), "when", $._expression, $.resets),
+    jump: ($) =>
+      closed("jump", field("name", $.identifier), choice(seq("when", $._expression), $._instants), $.resets),
+    sampled: ($) => prec.dynamic(1, closed($._instants, $.resets)),
+    _instants: ($) => seq("every", $._expression, optional(seq("offset", $._expression))),
     resets: ($) => block($.reset),
     reset: ($) => ended($.path, ":=", $._expression),
     mechanics: ($) => closed("mechanics", $.path, ",", $.path, block(choice($.contact, $.option))),
@@ -213,6 +218,7 @@ module.exports = grammar({
         $.perturb,
         $.starts,
         $.chattering,
+        $.stop,
         $.sensitivity,
         $.data,
         $.plot,
@@ -247,6 +253,7 @@ module.exports = grammar({
     _by: ($) => seq("by", $._expression),
     _seed: ($) => seq("seed", $.number),
     chattering: () => ended("on", "chattering", "slide"),
+    stop: ($) => ended("stop", "when", $._expression),
     sensitivity: ($) => ended("sensitivity", "to", list($.sensed)),
     data: ($) => closed("data", $.string, block($.measured)),
     measured: ($) => ended($.path, "->", field("column", choice($.identifier, $.string)), optional(seq("weight", $._expression))),

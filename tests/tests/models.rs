@@ -95,6 +95,8 @@ const EXAMPLES: &[&str] = &[
     "push_crate.nsd: push",
     "quarter_car.nsd: on_waves",
     "rectifier.nsd: rectifies",
+    "sampled_motor.nsd: settles",
+    "sampled_motor.nsd: turns",
     "schedule.nsd: day",
     "servo.nsd: tracked",
     "servo.nsd: wound_up",

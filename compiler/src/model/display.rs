@@ -67,7 +67,7 @@ impl<'e> fmt::Display for Model<'e> {
             writeln!(f, "0 <= {a} perp {b} >= 0")?;
         }
         for jump in &self.statements.jumps {
-            writeln!(f, "jump {} {}", jump.name, jump.guard)?;
+            writeln!(f, "jump {} {}", jump.name, jump.when)?;
             for reset in &jump.resets {
                 writeln!(f, "  {} := {}", self.entry_name(reset.entry), reset.value)?;
             }

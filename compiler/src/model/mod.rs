@@ -46,6 +46,7 @@ pub use resolve::{check_file, resolve};
 pub(crate) use units::check_experiment;
 pub use units::{UnitError, Units};
 
+use std::fmt;
 use std::sync::Arc;
 
 use crate::expr::{Expr, Exprs};
@@ -343,19 +344,79 @@ pub struct Hidden<'e> {
     pub span: Span,
 }
 
-/// `jump NAME when guard { v := -e*v; }`
+/// `jump NAME when guard { v := -e*v; }`, `every T offset t { u := -k*x; }`
 #[derive(Clone, Debug)]
 pub struct Jump<'e> {
-    /// Declared name, with the indices of enclosing loops.
+    /// Declared name, with the indices of enclosing loops; `every T` where there is none.
     pub name: String,
-    /// 1 where it happens, 0 elsewhere.
-    pub guard: Expr<'e>,
-    /// Where the guard stands.
-    pub guard_span: Span,
+    /// When it happens.
+    pub when: When<'e>,
+    /// Where that stands.
+    pub when_span: Span,
     /// New values over values before the jump; each entry once.
     pub resets: Vec<Reset<'e>>,
     /// The statement.
     pub span: Span,
+}
+
+/// When states jump.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum When<'e> {
+    /// Where a condition, 1 or 0, becomes 1.
+    Guard(Expr<'e>),
+    /// At known instants.
+    Every(Periodic<'e>),
+}
+
+/// The instants t + k T, k = 0, 1, 2, ..
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Periodic<'e> {
+    /// T, over parameters.
+    pub period: Expr<'e>,
+    /// t, over parameters.
+    pub offset: Expr<'e>,
+}
+
+impl<'e> When<'e> {
+    /// The condition, where it is one.
+    pub fn guard(self) -> Option<Expr<'e>> {
+        match self {
+            When::Guard(guard) => Some(guard),
+            When::Every(_) => None,
+        }
+    }
+
+    /// The expressions in it.
+    pub fn exprs(self) -> impl Iterator<Item = Expr<'e>> {
+        match self {
+            When::Guard(guard) => [Some(guard), None],
+            When::Every(Periodic { period, offset }) => [Some(period), Some(offset)],
+        }
+        .into_iter()
+        .flatten()
+    }
+
+    /// The same, to be changed.
+    pub fn exprs_mut(&mut self) -> impl Iterator<Item = &mut Expr<'e>> {
+        match self {
+            When::Guard(guard) => [Some(guard), None],
+            When::Every(Periodic { period, offset }) => [Some(period), Some(offset)],
+        }
+        .into_iter()
+        .flatten()
+    }
+}
+
+impl fmt::Display for When<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            When::Guard(guard) => write!(f, "when {guard}"),
+            When::Every(Periodic { period, offset }) if offset.is_zero() => {
+                write!(f, "every {period}")
+            }
+            When::Every(Periodic { period, offset }) => write!(f, "every {period} offset {offset}"),
+        }
+    }
 }
 
 /// `mechanics q, v { mass = M; force = f; }`

@@ -65,11 +65,15 @@ pub enum EventKind {
     Zeno,
     /// Several solutions go on from here and one was chosen.
     Branch,
+    /// A state jumps at an instant that is known before the run.
+    Sample,
+    /// A condition ends the run.
+    Stop,
 }
 
 impl EventKind {
     /// All of them.
-    pub const ALL: [EventKind; 14] = [
+    pub const ALL: [EventKind; 16] = [
         EventKind::Crossing,
         EventKind::EnterSliding,
         EventKind::LeaveSliding,
@@ -84,6 +88,8 @@ impl EventKind {
         EventKind::Fold,
         EventKind::Zeno,
         EventKind::Branch,
+        EventKind::Sample,
+        EventKind::Stop,
     ];
 
     /// The word of the language.
@@ -103,6 +109,8 @@ impl EventKind {
             EventKind::Fold => "fold",
             EventKind::Zeno => "zeno",
             EventKind::Branch => "branch",
+            EventKind::Sample => "sample",
+            EventKind::Stop => "stop",
         }
     }
 }

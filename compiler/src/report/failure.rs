@@ -181,6 +181,20 @@ pub enum Failure {
         laws: Vec<LabeledSpan>,
     },
 
+    /// A condition that ends a run holds before it has begun.
+    #[error("at t = {time}, the run stops before it has begun")]
+    #[diagnostic(
+        code(E0736),
+        help(
+            "start where the condition does not hold, or ask for more: `stop when q <= 0 and v < 0;`"
+        )
+    )]
+    StopsAtStart {
+        time: f64,
+        #[label(collection)]
+        laws: Vec<LabeledSpan>,
+    },
+
     /// Jumps without end at one instant.
     #[error("at t = {time}, jumps follow each other without end")]
     #[diagnostic(

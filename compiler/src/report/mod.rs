@@ -496,6 +496,13 @@ impl Samples {
 }
 
 impl History {
+    /// What has ended the run before its horizon.
+    pub fn stop(&self) -> Option<&Event> {
+        self.events
+            .last()
+            .filter(|event| event.kind == EventKind::Stop)
+    }
+
     /// Instants at which the mode changes, the start excluded.
     pub fn switch_times(&self) -> Vec<f64> {
         self.modes.iter().skip(1).map(|mode| mode.from).collect()

@@ -389,6 +389,9 @@ fn assemble<'e>(
         ..Trajectory::default()
     };
     recorder.fill(system, &names, outcome, &mut trajectory);
+    trajectory
+        .warnings
+        .extend(outcome::unstopped(outcome, settings));
     trajectory.history.averaged = outcome::averaged(system, outcome);
     trajectory
 }

@@ -150,7 +150,8 @@ impl Printed<'_, '_> {
                 "jump {} when {} is struck",
                 law.name, self.system.switches[k].psi
             )?,
-            None => writeln!(f, "jump {} when {}", law.name, law.guard)?,
+            None if law.stops.is_some() => writeln!(f, "stop {}", law.when)?,
+            None => writeln!(f, "jump {} {}", law.name, law.when)?,
         }
         for (state, value) in &law.resets {
             writeln!(f, "  {} := {value}", self.system.states[*state].name)?;

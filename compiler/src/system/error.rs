@@ -551,6 +551,22 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// Instants that follow each other by nothing, or by what is no number before the run.
+    #[error("the {what} of these instants is {found}: it has to be {expected}")]
+    #[diagnostic(
+        code(E0424),
+        help(
+            "write `every T offset t` with numbers and parameters: a `jump .. when` is for what states decide"
+        )
+    )]
+    Instants {
+        what: &'static str,
+        found: String,
+        expected: &'static str,
+        #[label("of these instants")]
+        span: Span,
+    },
+
     /// A remainder by nothing.
     #[error("the period is {period}")]
     #[diagnostic(code(E0423), help("a period is a number above zero"))]

@@ -74,7 +74,7 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Exprs, Var, variables_of};
-use crate::model::Data;
+use crate::model::{Data, When};
 use crate::source::Span;
 
 /// x' = f(t, x, p, α), α ∈ step(ψ(t, x, p)).
@@ -275,14 +275,32 @@ impl Relay {
 pub struct Law<'e> {
     /// Name in the model.
     pub name: String,
-    /// 1 where it happens, multi-affine in α.
-    pub guard: Expr<'e>,
+    /// When it happens; a guard is multi-affine in α.
+    pub when: When<'e>,
     /// The unilateral switch whose surface is struck when it happens, where the law is a contact.
     pub strikes: Option<usize>,
     /// New values by index of the state; each once.
     pub resets: Vec<(usize, Expr<'e>)>,
+    /// Where the run ends when it happens, switches with what their α counts as on their surface.
+    pub stops: Option<Vec<(usize, f64)>>,
     /// The statement.
     pub span: Span,
+}
+
+impl<'e> Law<'e> {
+    /// What it is called in a message.
+    pub fn title(&self) -> String {
+        match self.stops {
+            Some(_) => format!("`stop when {}`", self.name),
+            None => format!("jump `{}`", self.name),
+        }
+    }
+
+    /// The expressions in it.
+    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> {
+        let values = self.resets.iter().map(|reset| reset.1);
+        values.chain(self.when.exprs())
+    }
 }
 
 impl System<'_> {
@@ -401,7 +419,8 @@ impl Jumps<'_> {
 
     /// The first jump or contact, by which states jump.
     pub fn first_jump(&self) -> Option<(&str, Span)> {
-        let laws = self.laws.iter().map(|law| (law.name.as_str(), law.span));
+        let laws = self.laws.iter().filter(|law| law.stops.is_none());
+        let laws = laws.map(|law| (law.name.as_str(), law.span));
         let contacts = self.contacts.iter();
         let contacts = contacts.map(|contact| (contact.name.as_str(), contact.span));
         let impulsive = self.impulsive.iter();

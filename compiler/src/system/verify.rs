@@ -3,7 +3,7 @@
 use rustc_hash::FxHashSet;
 
 use super::regions::are_weights;
-use super::{Body, Contact, Impulsive, Output, Role, Subsystem, Switch, System, Task};
+use super::{Body, Contact, Impulsive, Law, Output, Role, Subsystem, Switch, System, Task};
 use crate::expr::{Expr, Var, has_kinks, variables_of};
 use crate::system::switches::affine::is_affine;
 use crate::system::switches::interaction::{positions, subsystems};
@@ -45,14 +45,12 @@ fn verify_terms(system: &System<'_>, alphas: &[Var]) -> Result<(), String> {
     let recorded = recorded.flat_map(|output: &Output<'_>| &output.exprs);
     let partitions = system.coupling.partitions.iter();
     let indicators = partitions.flat_map(|p| &p.indicators);
-    let resets = system.jumps.laws.iter().flat_map(|law| &law.resets);
     let all: Vec<Expr<'_>> = (multi_affine(system).map(|named| named.1))
         .chain(recorded.chain(indicators).copied())
         .chain(system.recorded.limits.iter().map(|limit| limit.value))
         .chain(system.switches.iter().map(|switch| switch.psi))
         .chain(system.task.iter().flat_map(Task::exprs))
-        .chain(resets.map(|reset| reset.1))
-        .chain(system.jumps.laws.iter().map(|law| law.guard))
+        .chain(system.jumps.laws.iter().flat_map(Law::exprs))
         .chain(system.jumps.contacts.iter().flat_map(Contact::exprs))
         .chain(system.jumps.impulsive.iter().flat_map(Impulsive::exprs))
         .chain(system.jumps.bodies.iter().flat_map(Body::exprs))

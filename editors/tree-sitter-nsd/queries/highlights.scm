@@ -43,8 +43,8 @@
   "always" "animate" "argmin" "at" "by" "chattering" "controls" "data" "elements" "error" "every" "expect"
   "final" "free" "golden" "guess" "hidden" "horizon" "in" "indicator" "initial" "intervals" "is"
   "linear" "loss" "lower" "lowering" "mechanics" "method" "metric" "minimize" "mode" "nonlinear" "numbers"
-  "of" "on" "onto" "perturb" "phase" "plot" "project" "runs" "scheme" "seed" "sensitivity" "slide"
-  "sliding" "solves" "starts" "status" "subject" "title" "to" "tolerance" "variational" "warning" "weight" "when"
+  "of" "offset" "on" "onto" "perturb" "phase" "plot" "project" "runs" "scheme" "seed" "sensitivity" "slide"
+  "sliding" "solves" "starts" "status" "stop" "subject" "title" "to" "tolerance" "variational" "warning" "weight" "when"
   "where" "width" "with" "within"
 ] @keyword
 

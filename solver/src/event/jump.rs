@@ -1,12 +1,14 @@
 //! Jumps of the state at an event: x⁺ = r(t, x⁻).
 //!
-//! A law jumps where its guard, a function of the sides of switches, becomes true; or where the state
+//! A law jumps where its guard, a function of the sides of switches, becomes true; at instants t_0 + k T; or where the state
 //! strikes a closed surface: ψ = 0 and ψ' < 0 for a *unilateral* switch, which may be above its surface
 //! or be kept on it by x' = f(x) + d (1 - α), α ≤ 1, and is never below.
 //!
 //! 1. What strikes jumps first: only then do rates decide what is open and what closed.
 //! 2. The rates on all surfaces that meet decide the sides.
-//! 3. Laws whose guards hold on these sides jump together, all from the values before.
+//! 3. Laws whose guards hold on these sides, and those whose instant it is, jump together, all from the values before.
+//!
+//! A law that ends the run does so before anything jumps that the same round would let jump.
 //!
 //! A contact that is approached, but turns back by itself before ψ is known to be negative, ψ'²/(4ψ'') ≤ ε/8, is
 //! grazed and not struck.
@@ -117,24 +119,45 @@ impl<'a> JumpLaws<'a> {
         any
     }
 
-    /// The laws whose guards hold on the present sides.
+    /// The laws whose guards hold on the present sides, but those that end the run.
     pub(crate) fn holding(&self, state: &mut State) -> Vec<usize> {
-        let mut holding = Vec::new();
+        let laws = self.system.laws.iter().enumerate();
+        let jumps = laws.filter(|(_, law)| !matches!(law.effect, Effect::Stop(_)));
+        let holds = |(l, law): (usize, &Law)| law.holds(state, |_| None).then_some(l);
+        jumps.filter_map(holds).collect()
+    }
+
+    /// Whether a law ends the run where these laws strike: what is struck is on its surface.
+    pub(crate) fn stops(&self, state: &mut State, struck: &[usize]) -> bool {
+        let hit = struck
+            .iter()
+            .filter_map(|&law| self.system.laws[law].closes());
+        let hit: Vec<usize> = hit.collect();
         for (l, law) in self.system.laws.iter().enumerate() {
-            let Guard::Sides { switches, holds } = &law.guard else {
+            let Effect::Stop(on_surface) = &law.effect else {
                 continue;
             };
-            let registers = &mut state.jumps.registers;
-            registers.resize(holds.n_registers().max(switches.len()), 0.0);
-            for (register, &switch) in registers.iter_mut().zip(switches) {
-                *register = 0.5 + 0.5 * state.point.sides[switch].sign();
-            }
-            holds.run(registers);
-            if holds.results(registers).next().is_some_and(|v| v > 0.75) {
-                holding.push(l);
+            let sides = state.point.sides.clone();
+            let on = |switch: usize| {
+                let is_on = sides[switch] == Side::Slide || hit.contains(&switch);
+                let known = on_surface.iter().find(|(other, _)| *other == switch);
+                known.filter(|_| is_on).map(|(_, alpha)| *alpha)
+            };
+            if law.holds(state, on) {
+                state.jumps.known.stopped = Some(l);
+                return true;
             }
         }
-        holding
+        false
+    }
+
+    /// Takes note of the laws whose instant it is.
+    pub(crate) fn let_due(&self, state: &mut State) {
+        let t = state.point.t;
+        let due = self.system.periodic();
+        let due = due.filter(|(_, instants)| instants.holds(t));
+        state.jumps.known.due.clear();
+        state.jumps.known.due.extend(due.map(|(law, _)| law));
     }
 
     /// Lets laws jump together.
@@ -181,11 +204,26 @@ impl<'a> JumpLaws<'a> {
 }
 
 impl Law {
+    /// Whether a guard holds on the present sides, with other α of some switches.
+    fn holds(&self, state: &mut State, alpha: impl Fn(usize) -> Option<f64>) -> bool {
+        let Guard::Sides { switches, holds } = &self.guard else {
+            return false;
+        };
+        let registers = &mut state.jumps.registers;
+        registers.resize(holds.n_registers().max(switches.len()), 0.0);
+        for (register, &switch) in registers.iter_mut().zip(switches) {
+            let side = state.point.sides[switch];
+            *register = alpha(switch).unwrap_or(0.5 + 0.5 * side.sign());
+        }
+        holds.run(registers);
+        holds.results(registers).next().is_some_and(|v| v > 0.75)
+    }
+
     /// The switch that closes where jumps of this law end.
     pub fn closes(&self) -> Option<usize> {
         match self.guard {
             Guard::Strikes(switch) => Some(switch),
-            Guard::Sides { .. } => None,
+            Guard::Sides { .. } | Guard::Every(_) => None,
         }
     }
 }

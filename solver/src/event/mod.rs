@@ -118,7 +118,7 @@ impl Simulator {
 
     /// Order of the Taylor series.
     pub fn order(&self) -> usize {
-        self.mode.memory.order
+        self.stepper.order.full()
     }
 
     /// Order of the implicit method that takes over where a mode is stiff.

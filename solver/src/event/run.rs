@@ -1,5 +1,6 @@
 //! The loop of a run: step, event, next mode.
 
+use super::jump::JumpLaws;
 use super::{Cause, Event, Observer, Segment, Simulator};
 use crate::event::state::{Report, State};
 use crate::events::simultaneous::Simultaneous;
@@ -7,7 +8,9 @@ use crate::events::{Approach, chattering, zeno};
 use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::Bands;
+use crate::hybrid::periodic::are_one;
 use crate::hybrid::point::Point;
+use crate::hybrid::status::Stats;
 use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
 use crate::integrate::step::Step;
 use crate::runtime::pace::Pace;
@@ -84,6 +87,8 @@ impl History {
 struct Meets {
     breakpoint: bool,
     kick: Option<f64>,
+    /// Whether it is an instant at which laws jump.
+    is_due: bool,
 }
 
 /// The step before an event.
@@ -103,6 +108,7 @@ impl Simulator {
         let mut state = std::mem::take(&mut self.state);
         state.begin(t0, x0, self.system.n_switches());
         self.stepper.stiffness.reset();
+        self.stepper.order.reset();
         let mut history = History::default();
         let status = match self.begin(&mut state, [t0, t1], observer) {
             Err(status) => status,
@@ -144,7 +150,10 @@ impl Simulator {
             });
         }
         state.selection.begun = true;
-        started
+        match (started, state.jumps.known.stopped.take()) {
+            (Ok(()), Some(law)) => Err(Status::StopsAtStart { law }),
+            (started, _) => started,
+        }
     }
 
     /// One step, and the next mode where it ends in an event; how the run ends where it does.
@@ -155,6 +164,7 @@ impl Simulator {
         [t0, t1]: [f64; 2],
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
+        self.mode.memory.order = self.stepper.order.full();
         if !state.approaches.pending.is_empty() {
             state
                 .approaches
@@ -179,6 +189,11 @@ impl Simulator {
         let kick = self.settings.next_kick(state.point.t);
         let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
         let goal = goal.min(self.pieces.until).min(kick);
+        let instant = self.system.next_instant(state.point.t);
+        let goal = match are_one(goal, instant) {
+            true => goal,
+            false => goal.min(instant),
+        };
         let mut step = self.stepper.step(&mut self.mode, state, goal, t1)?;
         self.take(state, history, &mut step, goal, observer)?;
         history.end_accumulation(&self.system, state, &step, observer);
@@ -188,28 +203,39 @@ impl Simulator {
         let meets = Meets {
             breakpoint: state.point.t >= self.pieces.until && state.point.t < t1,
             kick: (state.point.t >= kick && state.point.t < t1).then_some(kick),
+            is_due: state.point.t >= instant || are_one(state.point.t, instant),
         };
-        if step.triggers.is_empty() && !meets.breakpoint && meets.kick.is_none() {
+        if meets.is_due {
+            JumpLaws::new(&mut self.mode).let_due(state);
+        }
+        let is_known = meets.breakpoint || meets.kick.is_some() || meets.is_due;
+        if step.triggers.is_empty() && !is_known {
             return Ok(());
         }
         self.locate(state, history, &mut step, meets, [t0, t1])?;
         let before = Before {
             from: state.point.sides.clone(),
             met: step.triggers.clone(),
-            is_scheduled: meets.breakpoint || meets.kick.is_some(),
+            is_scheduled: is_known,
             length: step.length,
         };
+        self.mode.memory.order = self.stepper.order.full();
         self.next_mode(state, step.triggers, meets, t1)?;
         let jumped = !state.jumps.fired.is_empty();
+        let stopped = state.jumps.known.stopped.is_some();
         let folded = state
             .selection
             .decisions
             .iter()
             .any(|decision| decision.folds);
-        if before.from == state.point.sides && !jumped && !folded {
+        if before.from == state.point.sides && !jumped && !folded && !stopped {
             return Ok(());
         }
-        self.record(state, history, before, t1, observer)
+        self.record(state, history, before, t1, observer)?;
+        match stopped {
+            true => Err(Status::Solved),
+            false => Ok(()),
+        }
     }
 
     /// Moves to the end of a step, projecting the drift off the sliding surfaces, and hands the step on.
@@ -320,7 +346,7 @@ impl Simulator {
             false => Met::Surfaces(triggers),
         };
         self.pass(state, met, t1)?;
-        if let Some(kick) = meets.kick {
+        if let Some(kick) = meets.kick.filter(|_| state.jumps.known.stopped.is_none()) {
             self.kick(state, kick, t1)?;
         }
         state.selection.fold = None;
@@ -339,6 +365,7 @@ impl Simulator {
         let from = &before.from;
         self.stepper.stiffness.after_event();
         state.report.stats.events += 1;
+        state.report.stats.scheduled += usize::from(before.is_scheduled);
         let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
         let more = slides(&state.point.sides) > slides(from);
         if *from != state.point.sides {
@@ -377,7 +404,8 @@ impl Simulator {
         }
         let undisturbed = t1
             .min(self.pieces.until)
-            .min(self.settings.next_kick(state.point.t));
+            .min(self.settings.next_kick(state.point.t))
+            .min(self.system.next_instant(state.point.t));
         let (mode, point) = (&mut self.mode, &state.point);
         let here = chattering::Here {
             t: point.t,
@@ -431,7 +459,10 @@ fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Out
         complementarity: state.report.complementarity,
         notes: std::mem::take(&mut state.report.notes),
         approaches: std::mem::take(&mut state.approaches.known),
-        stats: state.report.stats,
+        stats: Stats {
+            stopped_by: state.jumps.known.stopped.take(),
+            ..state.report.stats
+        },
     }
 }
 

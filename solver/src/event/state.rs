@@ -41,11 +41,21 @@ pub(crate) struct Trial {
     pub alpha: Vec<f64>,
 }
 
+/// What is known of an instant besides the state.
+#[derive(Default)]
+pub(crate) struct Known {
+    /// Laws that are to jump at it, whatever the state is.
+    pub due: Vec<usize>,
+    /// The law that ends the run.
+    pub stopped: Option<usize>,
+}
+
 /// What has happened at the present instant, and memory for it.
 #[derive(Default)]
 pub(crate) struct Jumps {
     /// Laws that have jumped, in order.
     pub fired: Vec<usize>,
+    pub known: Known,
     /// The state before the first jump.
     pub before: Vec<f64>,
     pub registers: Vec<f64>,
@@ -71,6 +81,7 @@ impl Jumps {
     /// Forgets the instant before.
     pub(crate) fn begin(&mut self) {
         self.fired.clear();
+        self.known.stopped = None;
         self.closed.clear();
         self.struck.clear();
         self.end = None;

@@ -34,6 +34,7 @@ impl Simulator {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         self.load(state);
+        JumpLaws::new(&mut self.mode).let_due(state);
         let on = self.selector().place(state, horizon, &[])?;
         let t1 = state.point.t + horizon;
         self.pass(state, Met::Surfaces(on), t1)
@@ -57,8 +58,12 @@ impl Simulator {
         // At the start no side is one before.
         let is_step = |i: &usize| state.selection.begun && self.system.switches[*i].is_plain();
         let mut steps: Vec<usize> = on.iter().copied().filter(is_step).collect();
+        let mut due = std::mem::take(&mut state.jumps.known.due);
         for _ in 0..MAX_ROUNDS {
             let mut fired = JumpLaws::new(&mut self.mode).struck(state);
+            if !fired.is_empty() && JumpLaws::new(&mut self.mode).stops(state, &fired) {
+                return Ok(());
+            }
             if fired.is_empty() {
                 // What stops at a contact may no longer stick there.
                 if !state.jumps.fired.is_empty()
@@ -67,9 +72,17 @@ impl Simulator {
                 {
                     *on = self.selector().place_kept(state, t1 - state.point.t)?;
                 }
-                self.selector().pass(state, met, t1)?;
+                // What nothing meets goes on as it was, up to what jumps.
+                let is_met = !matches!(&met, Met::Surfaces(on) if on.is_empty());
+                if is_met || due.is_empty() || !state.selection.begun {
+                    self.selector().pass(state, met, t1)?;
+                }
                 steps.clear();
+                if JumpLaws::new(&mut self.mode).stops(state, &[]) {
+                    return Ok(());
+                }
                 fired = JumpLaws::new(&mut self.mode).holding(state);
+                fired.append(&mut due);
             }
             if fired.is_empty() {
                 return Ok(());
@@ -114,6 +127,14 @@ impl Simulator {
         }
         self.stepper.stiffness.after_event();
         let on = self.selector().place(state, t1 - state.point.t, &[])?;
-        self.pass(state, Met::Surfaces(on), t1)
+        let fired = std::mem::take(&mut state.jumps.fired);
+        let before = std::mem::take(&mut state.jumps.before);
+        self.pass(state, Met::Surfaces(on), t1)?;
+        // What has jumped at this instant has done so before the kick.
+        if !fired.is_empty() {
+            state.jumps.fired.splice(0..0, fired);
+            state.jumps.before = before;
+        }
+        Ok(())
     }
 }

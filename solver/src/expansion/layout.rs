@@ -36,7 +36,7 @@ pub(crate) struct Memory {
     n_parameters: usize,
     /// Functions of time that are made of pieces.
     pub data: Vec<Arc<Piecewise>>,
-    /// The order of an expansion of the states.
+    /// The order of an expansion of the states, up to that for which rows have room.
     pub order: usize,
     /// Length of a row: the orders of a series.
     pub stride: usize,
@@ -139,7 +139,7 @@ impl Memory {
 
     /// The series whose row starts here, as far as those of states are known.
     pub(crate) fn series(&self, start: usize) -> &[f64] {
-        &self.rows[start..start + self.stride - LOOKAHEAD]
+        &self.rows[start..=start + self.order]
     }
 
     /// Where the row of a state starts.

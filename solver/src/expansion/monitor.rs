@@ -27,10 +27,12 @@ fn observers(system: &HybridSystem) -> Vec<bool> {
         match &law.guard {
             Guard::Sides { switches, .. } => switches.iter().for_each(|&i| used[i] = true),
             Guard::Strikes(switch) => used[*switch] = true,
+            Guard::Every(_) => {}
         }
         let inputs = match &law.effect {
             Effect::Reset(reset) => &reset.inputs,
             Effect::Impact(impact) => &impact.inputs,
+            Effect::Stop(_) => continue,
         };
         for input in inputs {
             if let Input::Alpha(switch) = input {

@@ -61,6 +61,19 @@ impl StepSize<'_> {
         })
     }
 
+    /// Whether the series of all states, cut behind an order, still allow a step h.
+    pub(crate) fn covers(&self, scales: &Scales, order: usize, h: f64) -> bool {
+        let mut last = LastTerms {
+            order,
+            worst: [0.0; 3],
+        };
+        for i in 0..self.mode.n {
+            let c = self.mode.x_series(i);
+            last.see(c, scales.of_error(i, c, h, self.tolerance));
+        }
+        last.radius() + self.tolerance.ln() / (order + 1) as f64 >= h.ln()
+    }
+
     /// That of every ψ that is monitored.
     pub(crate) fn of_psi(&self, bands: &Bands, longest: f64) -> f64 {
         let (mode, tolerance) = (self.mode, self.tolerance);

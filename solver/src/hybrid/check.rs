@@ -1,6 +1,7 @@
 //! What every [`HybridSystem`] satisfies: whatever one refers to is there, and in order.
 
 use super::form::{Argument, Instance};
+use super::periodic::Periodic;
 use super::system::{Effect, Guard, HybridSystem, Input, Law, SwitchKind};
 use crate::tape::Tape;
 
@@ -162,8 +163,19 @@ impl Check<'_> {
                 must(is_met, "what is struck is a unilateral surface")?;
                 Some(*switch)
             }
+            Guard::Every(Periodic { period, offset }) => {
+                let is_one = *period > 0.0 && period.is_finite() && *offset >= 0.0;
+                must(is_one && offset.is_finite(), "a period is positive")?;
+                None
+            }
         };
         let (inputs, tape) = match &law.effect {
+            Effect::Stop(on_surface) => {
+                return must(
+                    on_surface.iter().all(|(i, _)| *i < n),
+                    "what ends a run looks at switches",
+                );
+            }
             Effect::Reset(reset) => {
                 let is_whole = reset.values.n_outputs() == reset.states.len();
                 let are_states = reset.states.iter().all(|i| *i < self.system.n_states());

@@ -4,6 +4,7 @@ pub(crate) mod breakpoints;
 pub mod check;
 pub(crate) mod form;
 pub(crate) mod outcome;
+pub(crate) mod periodic;
 pub(crate) mod piecewise;
 pub(crate) mod point;
 pub(crate) mod settings;
@@ -13,6 +14,7 @@ pub(crate) mod system;
 
 pub use form::{Argument, Form, Instance, Partials};
 pub use outcome::Outcome;
+pub use periodic::{LEAST_SHARE, Periodic};
 pub use piecewise::{Piece, Piecewise, write_pieces};
 pub use settings::Settings;
 pub use side::Side;

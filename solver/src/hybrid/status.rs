@@ -40,6 +40,11 @@ pub enum Status {
         /// The law.
         law: usize,
     },
+    /// What is to end the run holds at its start.
+    StopsAtStart {
+        /// The law.
+        law: usize,
+    },
     /// Jumps follow each other without end, at one instant.
     EndlessJumps {
         /// Laws that jumped last.
@@ -249,7 +254,7 @@ impl Note {
     }
 }
 
-/// Counts of a run.
+/// What a run has counted, and what has ended it.
 #[derive(Clone, Copy, Default, Debug, PartialEq, Eq)]
 pub struct Stats {
     /// Accepted steps.
@@ -266,6 +271,10 @@ pub struct Stats {
     pub factorizations: usize,
     /// Changes of mode.
     pub events: usize,
+    /// Those among them whose instant was known before the run.
+    pub scheduled: usize,
     /// Functions of blocks and surfaces that were met for the first time.
     pub functions: usize,
+    /// The law that has ended the run, before its horizon.
+    pub stopped_by: Option<usize>,
 }

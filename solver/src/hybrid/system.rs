@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Side;
 use super::form::{Argument, Form, Instance};
+use crate::hybrid::periodic::Periodic;
 use crate::hybrid::piecewise::Piecewise;
 use crate::tape::Tape;
 
@@ -241,6 +242,21 @@ impl HybridSystem {
         self.stops.get(next).copied().unwrap_or(f64::INFINITY)
     }
 
+    /// The laws that jump at known instants.
+    pub(crate) fn periodic(&self) -> impl Iterator<Item = (usize, Periodic)> {
+        let laws = self.laws.iter().enumerate();
+        laws.filter_map(|(l, law)| match law.guard {
+            Guard::Every(instants) => Some((l, instants)),
+            _ => None,
+        })
+    }
+
+    /// The first instant behind t at which one of them does.
+    pub(crate) fn next_instant(&self, t: f64) -> f64 {
+        let next = self.periodic().map(|(_, instants)| instants.next(t));
+        next.fold(f64::INFINITY, f64::min)
+    }
+
     /// Whether f is continuous across the surface of a switch.
     pub fn is_continuous(&self, switch: usize) -> bool {
         self.switches[switch].is_continuous
@@ -346,6 +362,9 @@ pub enum Effect {
     Reset(Reset),
     /// Gives impulses along the forces of closed contacts; its guard is [`Guard::Strikes`].
     Impact(Impact),
+    /// Ends the run, before anything jumps there. For switches of its guard, with what their α counts as where the state
+    /// is on their surface.
+    Stop(Vec<(usize, f64)>),
 }
 
 /// The impulses of a contact x' = f + (1 - α_n)(D - Σ (2α_t - 1) T).
@@ -374,6 +393,8 @@ pub enum Guard {
     },
     /// When the surface of a unilateral switch is reached from above.
     Strikes(usize),
+    /// At these instants, whatever the state is.
+    Every(Periodic),
 }
 
 impl Guard {
@@ -382,6 +403,7 @@ impl Guard {
         match self {
             Guard::Sides { switches, .. } => switches.contains(&switch),
             Guard::Strikes(struck) => *struck == switch,
+            Guard::Every(_) => false,
         }
     }
 }

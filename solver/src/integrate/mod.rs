@@ -2,9 +2,10 @@
 
 pub(crate) mod drift;
 pub(crate) mod implicit;
+pub(crate) mod order;
 pub(crate) mod probes;
 pub(crate) mod radau;
-pub(crate) mod rounding;
+mod rounding;
 pub(crate) mod singular;
 pub(crate) mod singular_rates;
 pub(crate) mod step;

@@ -1,6 +1,7 @@
 //! One step: expand, bound, cut at the first event, and check.
 
 use super::implicit::Workspace;
+use super::order::ShortOrder;
 use super::probes::Probes;
 use super::rounding::Rounding;
 use super::singular::{ends_at_root, is_on_root};
@@ -40,6 +41,7 @@ pub(crate) struct Stepper {
     pub local_tolerance: f64,
     pub roots: RootFinder,
     pub stiffness: Stiffness,
+    pub order: ShortOrder,
     pub coefficients: Coefficients,
     pub probes: Probes,
     rounding: Rounding,
@@ -57,6 +59,7 @@ impl Stepper {
             local_tolerance: settings.local_tolerance(),
             roots: RootFinder::new(order.max(MOST_NODES)),
             stiffness: Stiffness::new(settings.local_tolerance()),
+            order: ShortOrder::new(system, order, settings.local_tolerance()),
             coefficients: Coefficients::of(system),
             probes: Probes::new(system.n_states()),
             rounding: Rounding::default(),
@@ -83,6 +86,8 @@ impl Stepper {
         goal: f64,
         t1: f64,
     ) -> Result<Step, Status> {
+        self.order
+            .take(mode, goal < t1 && state.selection.onsets.is_empty());
         if !state.selection.onsets.is_empty()
             && let Some(step) = self.slip_onset_step(mode, state, goal, t1)
         {
@@ -132,6 +137,9 @@ impl Stepper {
             && let Some(switch) = (Roots { mode }).wakes(&mut state.bands, h)
         {
             return Ok(Step::at_once(switch));
+        }
+        if goal < t1 && !self.order.suffices(mode, &state.scales, [h, remaining]) {
+            return self.explicit_step(mode, state, goal, t1);
         }
         let tolerance = self.local_tolerance;
         let mut h = self.coefficients.expand(mode, tolerance, h);

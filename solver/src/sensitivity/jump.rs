@@ -120,7 +120,8 @@ fn together(
                 }
             }
             (Guard::Strikes(normal), Effect::Impact(impact)) => impacts.push((*normal, impact)),
-            (Guard::Sides { .. }, Effect::Impact(_)) => return Err(Why::Jump),
+            (Guard::Sides { .. } | Guard::Every(_), Effect::Impact(_)) => return Err(Why::Jump),
+            (_, Effect::Stop(_)) => {}
         }
     }
     match (impacts.is_empty(), rows.is_empty()) {

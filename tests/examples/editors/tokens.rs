@@ -17,7 +17,7 @@ use crate::grammar::Grammar;
 const FOLDERS: [&str; 3] = ["examples", "stdlib", "compiler/src/syntax/tests/samples"];
 
 /// Places where a word may be a name, `@`, or where it looks as if it might.
-const PLACES: [&str; 61] = [
+const PLACES: [&str; 64] = [
     "const @ = 1;",
     "fn @(a) = a;",
     "fn f(@, b) = @ + b*@;",
@@ -35,6 +35,8 @@ const PLACES: [&str; 61] = [
     "model m { region a indicator @ { state' = 1; } hidden on @ { @' += 1; } }",
     "model m { project @ onto { @ >= 0; a <= @ <= b; for @ in 1..@ { @[i] >= 0; } } metric @; @' = 1; }",
     "model m { jump @ when @ <= 0 and v < @ { @ := -e*@; @[1] := 2; } }",
+    "model m { every @ { @ := -@; } every 0.1 offset @ { @[1] := 2; } jump @ every 2*@ offset 1 { a := @; } }",
+    "model m { every' = offset; offset' = every; every[1]' += every.offset; let stop = every; }",
     "model m { mechanics @, v { @ = 1; mass = @; contact @ { gap = @; @ = 2; } } }",
     "model m { part @[i in 1..n] = @ { @ = 2; @.@ = @; } }",
     "model m { part a = @.@; for @ in 1..n, j in @+1..@ { @' = j; } }",
@@ -61,6 +63,7 @@ const PLACES: [&str; 61] = [
     "fit @ of @ { data \"@\" { @ -> @; a.@[1] -> @ weight @; b -> \"@\" weight 2; } data \"b.csv\" {} }",
     "fit s of m { loss squared; loss @(2); initial { @ free; } }",
     "simulate s of m { sensitivity to @, a.@[1] at 0; sensitivity to @ at 0; }",
+    "simulate s of m { stop when @ <= 0 and a > @; }",
     "simulate s of m { intervals @; elements @; scheme @; controls @; }",
     "simulate s of m { plot { @; @, a; a, @ + 1; phase @, b; title \"@\"; width 8 cm; } }",
     "simulate s of m { plot { phase - a; phase[1]; phase; phase, a; phase a, b; width - 3; width, 2; title; } }",

@@ -231,6 +231,7 @@ impl Known<'_> {
             }
             ("lower", _) => words(Lowering::ALL.map(Lowering::word)),
             ("on", 1) => words(["chattering slide"]),
+            ("stop", 1) => words(["when"]),
             ("controls", 1) => words(["constant", "linear"]),
             ("loss", 1) => words(["squared", "huber"]),
             ("subject" | "sensitivity", 1) => words(["to"]),
@@ -462,7 +463,7 @@ fn codes(letter: char) -> Vec<CompletionItem> {
 
 /// Settings of a kind of experiment with their meaning.
 fn settings(kind: &str) -> Vec<CompletionItem> {
-    const OF_RUNS: [&str; 4] = ["perturb", "on", "runs", "sensitivity"];
+    const OF_RUNS: [&str; 5] = ["perturb", "on", "runs", "sensitivity", "stop"];
     let sections = match kind {
         "optimize" => &[reference::OPTIMIZE, reference::SIMULATE][..],
         "fit" => &[reference::FIT, reference::SIMULATE],

@@ -87,7 +87,7 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
 fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
     if let Some(law) = system.jumps.laws.first().filter(|_| takes != Takes::Jumps) {
         return Err(DcsError::Jump {
-            name: law.name.clone(),
+            title: law.title(),
             help: match (law.strikes, &system.task) {
                 (Some(_), None) => {
                     "`lower timefreezing;` makes motion of it, and `method event` runs it as it is"

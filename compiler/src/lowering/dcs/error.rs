@@ -51,11 +51,11 @@ pub enum DcsError {
     },
 
     /// A jump has no complementarity form.
-    #[error("jump `{name}` cannot be lowered to complementarity yet")]
+    #[error("{title} cannot be lowered to complementarity yet")]
     #[diagnostic(code(E0904), help("{help}"))]
     Jump {
-        /// Its name.
-        name: String,
+        /// What it is called.
+        title: String,
         /// What takes it.
         help: &'static str,
         /// Its statement.

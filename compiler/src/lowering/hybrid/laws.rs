@@ -1,10 +1,11 @@
 //! Laws by which states jump, and impacts, as the simulator sees them.
 
-use nsd_solver::hybrid::{Effect, Guard, Impact, Input, Law, Reset};
+use nsd_solver::hybrid::{Effect, Guard, Impact, Input, Law, Periodic, Reset};
 use rustc_hash::FxHashMap;
 
 use super::tape;
 use crate::expr::{self, Expr, Substitution, Var};
+use crate::model::{self, When};
 use crate::system::{self, System};
 
 /// Compiles the laws of a system, jumps first and then contacts; `inputs` are what variables stand for, and
@@ -17,28 +18,39 @@ pub(crate) fn compile<'e>(
     let in_numbers = |e: Expr<'e>| numbers.iter().fold(e, |e, numbers| e.substitute(numbers));
     let inputs_of = |vars: &[Var]| vars.iter().map(|var| inputs[var]).collect();
     let jump = |law: &system::Law<'e>| {
-        let guard = in_numbers(law.guard);
-        let alphas = expr::variables_of(&[guard]);
-        let switches = alphas.iter().filter_map(|alpha| match inputs.get(alpha) {
-            Some(Input::Alpha(switch)) => Some(*switch),
-            _ => None,
-        });
+        let guard = |guard: Expr<'e>| {
+            let guard = in_numbers(guard);
+            let alphas = expr::variables_of(&[guard]);
+            let switches = alphas.iter().filter_map(|alpha| match inputs.get(alpha) {
+                Some(Input::Alpha(switch)) => Some(*switch),
+                _ => None,
+            });
+            Guard::Sides {
+                switches: switches.collect(),
+                holds: tape(&alphas, &[guard]),
+            }
+        };
+        let number = |e: Expr<'e>| in_numbers(e).as_constant().unwrap_or(f64::NAN);
         let values = law.resets.iter().map(|&(_, value)| in_numbers(value));
         let values: Vec<Expr<'e>> = values.collect();
         let vars = expr::variables_of(&values);
         Law {
-            guard: match law.strikes {
-                Some(switch) => Guard::Strikes(switch),
-                None => Guard::Sides {
-                    switches: switches.collect(),
-                    holds: tape(&alphas, &[guard]),
-                },
+            guard: match (law.strikes, law.when) {
+                (Some(switch), _) => Guard::Strikes(switch),
+                (None, When::Guard(condition)) => guard(condition),
+                (None, When::Every(model::Periodic { period, offset })) => Guard::Every(Periodic {
+                    period: number(period),
+                    offset: number(offset),
+                }),
             },
-            effect: Effect::Reset(Reset {
-                inputs: inputs_of(&vars),
-                states: law.resets.iter().map(|&(state, _)| state).collect(),
-                values: tape(&vars, &values),
-            }),
+            effect: match &law.stops {
+                Some(on_surface) => Effect::Stop(on_surface.clone()),
+                None => Effect::Reset(Reset {
+                    inputs: inputs_of(&vars),
+                    states: law.resets.iter().map(|&(state, _)| state).collect(),
+                    values: tape(&vars, &values),
+                }),
+            },
         }
     };
     let impact = |contact: &system::Contact<'e>| {

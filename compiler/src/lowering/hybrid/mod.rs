@@ -72,6 +72,9 @@ pub enum Structural {
     /// It may decide where no step passes over.
     #[error("may make a function of time narrow")]
     Narrow,
+    /// It decides at which instants states jump.
+    #[error("decides at which instants states jump")]
+    Sampling,
     /// Its values are listed, or bounded by other parameters, or it has bounds and follows from others.
     #[error("is in a set, or in a range that moves")]
     Range,
@@ -88,10 +91,10 @@ pub enum Structural {
 
 /// For each parameter, why it may be no input.
 pub fn structural(system: &System) -> Vec<Option<Structural>> {
-    let laws = system.jumps.laws.iter().flat_map(|law| {
-        let values = law.resets.iter().map(|&(_, value)| value);
-        values.chain([law.guard])
-    });
+    let laws = system.jumps.laws.iter().flat_map(system::Law::exprs);
+    let instants = (system.jumps.laws.iter()).filter(|law| law.when.guard().is_none());
+    let instants: Vec<Expr> = instants.flat_map(|law| law.when.exprs()).collect();
+    let sampling: FxHashSet<Var> = variables_of(&instants).into_iter().collect();
     let jumps = &system.jumps;
     let contacts = jumps.contacts.iter().flat_map(system::Contact::exprs);
     let impulsive = (jumps.impulsive.iter()).flat_map(system::Impulsive::exprs);
@@ -104,6 +107,7 @@ pub fn structural(system: &System) -> Vec<Option<Structural>> {
     let why = |param: &system::Param| match variable(param.var) {
         var if exponents.contains(&var) => Some(Structural::Exponent),
         var if narrowing.contains(&var) => Some(Structural::Narrow),
+        var if sampling.contains(&var) => Some(Structural::Sampling),
         _ if param.value == 0.0 => Some(Structural::Zero),
         _ => None,
     };

@@ -67,7 +67,13 @@ impl<'f> Collector<'_, 'f> {
                 Stmt::Region(region) => self.region(region, place),
                 Stmt::Jump(jump) => {
                     let item = Definition::Word("jump", jump.span);
-                    self.in_loops(&jump.name, item, "a `jump`", place, jump.span);
+                    let what = "a `jump`";
+                    match &jump.name {
+                        Some(name) => self.in_loops(name, item, what, place, jump.span),
+                        None => {
+                            self.misplaced(what, outside_loops, jump.span);
+                        }
+                    }
                 }
                 Stmt::Contact(contact) => self.contact(contact, place),
                 Stmt::Mechanics(mechanics) => {

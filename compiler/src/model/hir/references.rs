@@ -300,7 +300,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
             Stmt::Equation { residual, .. } => self.expr(residual),
             Stmt::Complementarity { left, right, .. } => self.exprs([left, right]),
             Stmt::Jump(jump) => {
-                self.expr(&jump.guard);
+                self.exprs(jump.when.exprs());
                 self.binds(&jump.resets);
             }
             Stmt::Program(program) => {

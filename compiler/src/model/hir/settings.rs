@@ -84,6 +84,7 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                     self.expect(expect);
                     self.resolver.of_runs = &[];
                 }
+                SettingKind::Stop(condition) => self.resolver.expr(condition),
                 SettingKind::Lower(_) | SettingKind::OnChattering | SettingKind::Bad => {}
             }
         }

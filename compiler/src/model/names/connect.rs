@@ -65,7 +65,8 @@ fn check_guards(model: &Model<'_>, diags: &mut Diagnostics) -> bool {
         .filter(|region| !region.is_else);
     let regions = regions.map(|region| (region.guard, region.guard_span));
     let jumps = model.statements.jumps.iter();
-    let guards = regions.chain(jumps.map(|jump| (jump.guard, jump.guard_span)));
+    let jumps = jumps.filter_map(|jump| Some((jump.when.guard()?, jump.when_span)));
+    let guards = regions.chain(jumps);
     let mut fine = true;
     for (guard, span) in guards {
         if let Some(value) = guard.as_constant() {
@@ -209,7 +210,7 @@ impl<'e> Connected<'e> {
         }
         for jump in &mut model.statements.jumps {
             let values = jump.resets.iter_mut().map(|reset| &mut reset.value);
-            self.replace_each([&mut jump.guard].into_iter().chain(values));
+            self.replace_each(jump.when.exprs_mut().chain(values));
         }
         for rounded in &mut model.rounded {
             let argument = [&mut rounded.argument].into_iter();

@@ -1,11 +1,13 @@
-//! `jump NAME when guard { x := ..; }`: laws by which states jump.
+//! `jump NAME when guard { x := ..; }`, `every T offset t { x := ..; }`: laws by which states jump.
 
 use super::dynamics::{Walk, guard};
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Meaning, Reported};
 use crate::model::names::target;
-use crate::model::{DynamicsError, Jump, Reset, TargetKind};
+use crate::model::{DynamicsError, Jump, Periodic, Reset, TargetKind, When};
+use crate::source::Span;
 use crate::syntax;
+use crate::syntax::JumpWhen;
 
 impl<'e> Walk<'e> {
     /// One law, with everything in it looked at.
@@ -14,7 +16,7 @@ impl<'e> Walk<'e> {
         lowering: &mut Lowering<'_, 'e>,
         jump: &syntax::Jump,
     ) -> Result<(), Reported> {
-        let guard = guard(lowering, &jump.guard);
+        let when = when(lowering, &jump.when);
         let mut resets: Vec<Reset<'e>> = Vec::new();
         let mut result = Ok(());
         for bind in &jump.resets {
@@ -34,13 +36,18 @@ impl<'e> Walk<'e> {
                 Err(Reported) => result = Err(Reported),
             }
         }
-        let guard = guard?;
+        let (when, when_span) = when?;
         result?;
-        let name = self.indexed(&jump.name.name);
+        let name = match (&jump.name, &jump.when) {
+            (Some(name), _) => name.name.clone(),
+            (None, JumpWhen::Guard(_)) => String::new(),
+            (None, JumpWhen::Every { period, .. }) => format!("every {period}"),
+        };
+        let name = self.indexed(&name);
         self.found.jumps.push(Jump {
             name: format!("{}{name}", lowering.names.scope.prefix),
-            guard,
-            guard_span: jump.guard.span,
+            when,
+            when_span,
             resets,
             span: jump.span,
         });
@@ -81,4 +88,26 @@ impl<'e> Walk<'e> {
         };
         Ok(target.entries.iter().zip(&value.data).map(reset).collect())
     }
+}
+
+/// When a law jumps, and where that stands.
+fn when<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    when: &JumpWhen,
+) -> Result<(When<'e>, Span), Reported> {
+    Ok(match when {
+        JumpWhen::Guard(condition) => (When::Guard(guard(lowering, condition)?), condition.span),
+        JumpWhen::Every { period, offset } => {
+            let zero = lowering.constant(0.0);
+            let span = offset
+                .as_ref()
+                .map_or(period.span, |offset| period.span.to(offset.span));
+            let period = lowering.scalar(period, "a period");
+            let offset = offset
+                .as_ref()
+                .map(|offset| lowering.scalar(offset, "an offset"));
+            let (period, offset) = (period?, offset.unwrap_or(Ok(zero))?);
+            (When::Every(Periodic { period, offset }), span)
+        }
+    })
 }

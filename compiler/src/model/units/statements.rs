@@ -6,8 +6,8 @@ use super::infer::{Inference, factor, is};
 use crate::model::hir::Definition;
 use crate::model::statements::restitution;
 use crate::syntax::{
-    Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, OutputWhen, Part,
-    PlotItem, PlotKind, ProgramKind, RegionGuard, Row, SettingKind, Stmt,
+    Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, JumpWhen,
+    OutputWhen, Part, PlotItem, PlotKind, ProgramKind, RegionGuard, Row, SettingKind, Stmt,
 };
 
 /// Whether what statements and settings say fits.
@@ -64,7 +64,16 @@ impl<'f> Checker<'f, '_> {
                 self.dims.expr(right);
             }
             Stmt::Jump(jump) => {
-                self.dims.expr(&jump.guard);
+                if let JumpWhen::Guard(guard) = &jump.when {
+                    self.dims.expr(guard);
+                }
+                if let JumpWhen::Every { period, offset } = &jump.when {
+                    let time = self.time();
+                    self.dims.expect("the period", time, period, None);
+                    if let Some(offset) = offset {
+                        self.dims.expect("the offset", time, offset, None);
+                    }
+                }
                 self.binds(&jump.resets);
             }
             // Refused before units are looked at, or without values of their own.
@@ -230,12 +239,17 @@ impl<'f> Checker<'f, '_> {
         }
     }
 
-    /// The settings of an experiment of the model in sight.
-    pub fn experiment(&mut self, experiment: &'f Experiment, overrides: &'f [Bind]) {
-        let time = match self.dims.place.has_units {
+    /// The unit of time: none where the model declares none at all.
+    fn time(&self) -> Dim {
+        match self.dims.place.has_units {
             true => Dim::Known(Dimension::TIME),
             false => Dim::Unknown,
-        };
+        }
+    }
+
+    /// The settings of an experiment of the model in sight.
+    pub fn experiment(&mut self, experiment: &'f Experiment, overrides: &'f [Bind]) {
+        let time = self.time();
         self.binds(overrides);
         for setting in &experiment.settings {
             match &setting.kind {
@@ -250,6 +264,9 @@ impl<'f> Checker<'f, '_> {
                             .expect("the time of an output", time, instants, None);
                     }
                 },
+                SettingKind::Stop(condition) => {
+                    self.dims.expr(condition);
+                }
                 SettingKind::Perturb { every, .. } => {
                     self.dims.expect("the period", time, every, None);
                 }

@@ -182,6 +182,11 @@ pub fn evaluate(
     trajectory: &Trajectory,
     findings: &Findings,
 ) -> Vec<Check> {
+    let stop = trajectory.history.stop();
+    let subject = &Subject {
+        horizon: stop.map_or(subject.horizon, |stop| stop.time),
+        ..*subject
+    };
     let one = |(expect, span): &(Expect, Span)| Check {
         text: text(subject.sources, *span),
         span: *span,

@@ -159,9 +159,10 @@ fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     let Some(&time) = end.time.first() else {
         return Ok(());
     };
-    let reached = match trajectory.status {
-        Status::Solved => "at the end",
-        _ => "reached",
+    let reached = match (trajectory.status, trajectory.history.stop()) {
+        (_, Some(stop)) => format!("stopped where {}", stop.surface),
+        (Status::Solved, _) => "at the end".to_owned(),
+        _ => "reached".to_owned(),
     };
     let time = significant(time, 12);
     writeln!(text, "\n  {reached}, time = {time}")?;
@@ -181,8 +182,17 @@ fn events(history: &History, text: &mut String) -> fmt::Result {
     if history.events.is_empty() {
         return Ok(());
     }
+    let (samples, events): (Vec<&Event>, Vec<&Event>) =
+        (history.events.iter()).partition(|event| event.kind == EventKind::Sample);
+    // Known before the run, and as many as there are periods.
+    if !samples.is_empty() {
+        writeln!(text, "\n  {}", counted(samples.len(), "sample"))?;
+    }
+    if events.is_empty() {
+        return Ok(());
+    }
     let texts = ModeTexts::new(history, MAX_MODE);
-    let rows = history.events.iter().take(MAX_ROWS).map(|event| {
+    let rows = events.iter().take(MAX_ROWS).map(|event| {
         [
             significant(event.time, 12),
             event.kind.as_str().to_owned(),
@@ -191,7 +201,7 @@ fn events(history: &History, text: &mut String) -> fmt::Result {
         ]
     });
     let mut rows: Vec<_> = rows.collect();
-    writeln!(text, "\n  {}", counted(history.events.len(), "event"))?;
+    writeln!(text, "\n  {}", counted(events.len(), "event"))?;
     match rows.iter().all(|[.., change]| change.is_empty()) {
         true => {
             let rows = rows
@@ -208,7 +218,7 @@ fn events(history: &History, text: &mut String) -> fmt::Result {
             table(text, ["time", "kind", "surface", "mode"], rows)?;
         }
     }
-    rest(text, history.events.len())?;
+    rest(text, events.len())?;
     sliding_modes(history, text)
 }
 

@@ -119,6 +119,8 @@ pub fn mark(canvas: &Canvas<'_>, kind: EventKind, (x, y): Point, r: f64) {
                 canvas.line(&[(x, y - r), (x, y + r)], stroke);
             }
         }
+        Sample => {}
+        Stop => canvas.line(&[(x, y - 1.6 * r), (x, y + 1.6 * r)], Stroke(2.0, INK)),
         Branch => {
             canvas.line(&[(x, y - r), (x, y + r)], stroke);
             canvas.line(&[(x - r, y), (x + r, y)], stroke);
@@ -158,7 +160,8 @@ impl Legend {
             1 => entries.push((Entry::Band(OTHER), "1 other mode".into())),
             n => entries.push((Entry::Band(OTHER), format!("{n} other modes"))),
         }
-        for kind in EventKind::ALL {
+        let marked = |kind: &EventKind| *kind != EventKind::Sample;
+        for kind in EventKind::ALL.into_iter().filter(marked) {
             if history.events.iter().any(|event| event.kind == kind) {
                 entries.push((Entry::Event(kind), kind.as_str().replace('_', " ")));
             }

@@ -342,13 +342,14 @@ fn draw_event_marks(canvas: &Canvas<'_>, history: &History, time: &Axis, y: f64)
     }
 }
 
-/// Where events are marked: those of one kind at one place once.
+/// Where events are marked: those of one kind at one place once, and none that are as many as there are periods.
 fn places(history: &History, time: &Axis) -> Vec<(f64, super::EventKind)> {
     let mut places: Vec<(f64, super::EventKind)> = Vec::new();
     for event in &history.events {
         let x = time.at(event.time);
         let same = |(other, kind): &(f64, _)| (x - other).abs() < 0.3 && *kind == event.kind;
-        let inside = (time.lo..=time.hi).contains(&event.time);
+        let is_sample = event.kind == super::EventKind::Sample;
+        let inside = (time.lo..=time.hi).contains(&event.time) && !is_sample;
         if inside && !places.iter().rev().take(8).any(same) {
             places.push((x, event.kind));
         }

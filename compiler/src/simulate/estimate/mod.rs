@@ -56,6 +56,19 @@ pub(super) struct Estimate {
     pub touches: Touches,
 }
 
+/// How far two runs that a condition ends are apart there, each at its own instant, and by how much these differ.
+fn stop_error(comparison: &Comparison, [outcome, fine]: [&Outcome; 2]) -> f64 {
+    if outcome.stats.stopped_by.is_none() {
+        return 0.0;
+    }
+    let sizes = comparison.sizes(&outcome.x);
+    let ends = outcome.x.iter().zip(&fine.x).zip(sizes);
+    let states = ends.filter(|(_, size)| *size > 0.0);
+    let states = states.map(|((x, other), size)| (x - other).abs() / size);
+    let time = (outcome.time - fine.time).abs() / outcome.time;
+    states.fold(time, f64::max)
+}
+
 impl Estimate {
     /// How far a finer run is from another one, whose states are measured by so much at least. Nothing where the time was
     /// too short.
@@ -67,7 +80,9 @@ impl Estimate {
         if matches!(fine.status, Status::Over(_)) {
             return None;
         }
-        let events = (outcome.stats.events as f64).sqrt();
+        // Instants that are known before the run move nothing.
+        let events = outcome.stats.events - outcome.stats.scheduled;
+        let events = (events as f64).sqrt();
         let relative = |(i, &difference): (usize, &f64)| {
             // What the rounding of one instant moves the state by.
             let rounding = f64::EPSILON * outcome.activity[i] * outcome.time;
@@ -83,7 +98,7 @@ impl Estimate {
             }
         };
         let error = comparison.difference.iter().enumerate().map(relative);
-        let error = error.fold(0.0, f64::max);
+        let error = error.fold(stop_error(comparison, [outcome, fine]), f64::max);
         // Below rounding the two runs agree by chance.
         let rounding = f64::EPSILON * (outcome.stats.steps as f64).sqrt();
         let known = |i: usize| {
@@ -92,7 +107,10 @@ impl Estimate {
         };
         let touches = Touches::find(outcome, &comparison.misses, known, &comparison.scale);
         let error = error.max(rounding);
-        let parted = comparison.parted(error);
+        let parted = match outcome.stats.stopped_by == fine.stats.stopped_by {
+            true => comparison.parted(error),
+            false => Some(outcome.time.min(fine.time)),
+        };
         Some(Estimate {
             touches,
             error,

@@ -48,6 +48,10 @@ pub(super) fn failure(
             time,
             laws: of_laws(system, &[*law]),
         },
+        Status::StopsAtStart { law } => Failure::StopsAtStart {
+            time,
+            laws: of_laws(system, &[*law]),
+        },
         Status::EndlessJumps { laws } => Failure::EndlessJumps {
             time,
             laws: of_laws(system, laws),
@@ -248,6 +252,20 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
     sampled(system).chain(notes).chain(root).collect()
 }
 
+/// That no condition has ended a run which was to end at one.
+pub(super) fn unstopped(outcome: &Outcome, settings: &Settings) -> Option<Warning> {
+    let is_whole = outcome.status == Status::Solved && outcome.stats.stopped_by.is_none();
+    let first = settings.numerics.stops.first().filter(|_| is_whole)?;
+    Some(Warning {
+        code: "W0736".into(),
+        message: format!(
+            "no condition of `stop when` became true: the run goes to its horizon, t = {}",
+            settings.horizon
+        ),
+        span: Some(first.span),
+    })
+}
+
 /// What a run has noted, in words.
 pub(super) fn warning(system: &System, note: &Note) -> Warning {
     let names_of = |switches: &[usize]| {
@@ -395,7 +413,13 @@ fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time
 fn of_laws(system: &System, laws: &[usize]) -> Vec<LabeledSpan> {
     let label = |&l: &usize| {
         let (name, span) = law_of(system, l);
-        LabeledSpan::new_with_span(Some(format!("jump `{name}`")), span)
+        let laws = &system.jumps.laws;
+        let stops = laws.get(l).is_some_and(|law| law.stops.is_some());
+        let label = match stops {
+            true => "holds here".to_owned(),
+            false => format!("jump `{name}`"),
+        };
+        LabeledSpan::new_with_span(Some(label), span)
     };
     laws.iter().map(label).collect()
 }

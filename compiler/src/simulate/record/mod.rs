@@ -298,6 +298,8 @@ impl<'s, 'e> Recorder<'s, 'e> {
         }
         let last = modes.last().map_or("", |mode| &mode.mode);
         events.extend(jumps.flat_map(|jump| jump.events(names, last)));
+        let stops = outcome.stats.stopped_by.into_iter();
+        events.extend(stops.map(|law| names.event(outcome.time, law, last)));
         let switches = self.system.switches.iter();
         History {
             events,

@@ -4,6 +4,7 @@ use nsd_solver::hybrid::Side;
 use nsd_solver::selector::Decision;
 
 use crate::expr::{Expr, Var, variables_of};
+use crate::model::When;
 use crate::report::{self, EventKind};
 use crate::source::Span;
 use crate::system::{Role, System};
@@ -329,16 +330,29 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         }
     }
 
-    /// A law by its index.
-    pub(crate) fn law(&self, law: usize) -> (String, Span) {
+    /// The event that a law is, by its index, in a mode.
+    pub(crate) fn event(&self, time: f64, law: usize, mode: &str) -> report::Event {
         let (name, span) = law_of(self.system, law);
-        (name.to_owned(), span)
+        let law = self.system.jumps.laws.get(law);
+        report::Event {
+            time,
+            kind: match law.map(|law| (&law.stops, law.when)) {
+                Some((Some(_), _)) => EventKind::Stop,
+                Some((_, When::Every(_))) => EventKind::Sample,
+                _ => EventKind::Jump,
+            },
+            surface: name.to_owned(),
+            from: mode.to_owned(),
+            to: mode.to_owned(),
+            span: Some(span),
+            sliding: Vec::new(),
+        }
     }
 }
 
 /// Switches that occur in guards and resets of laws only.
 fn only_watched(system: &System) -> Vec<bool> {
-    if system.jumps.first_jump().is_none() {
+    if system.jumps.first_jump().is_none() && system.jumps.laws.is_empty() {
         return vec![false; system.switches.len()];
     }
     let recorded = system.recorded.signals();

@@ -3,7 +3,7 @@
 //! At an instant t at which a mode changes, data step or the state is kicked, a column g has the values g(t⁻), in the row
 //! that ends a step, and g(t⁺), in a row behind it. Where no column jumps the second row says nothing, and is left out.
 
-use crate::report::{self, EventKind, Piece, Samples, curve};
+use crate::report::{self, Piece, Samples, curve};
 use crate::simulate::record::modes::ModeNames;
 use crate::system::System;
 
@@ -37,18 +37,8 @@ impl Jump {
         names: &'j ModeNames,
         mode: &'j str,
     ) -> impl Iterator<Item = report::Event> + 'j {
-        self.laws.iter().map(move |&law| {
-            let (surface, span) = names.law(law);
-            report::Event {
-                time: self.time,
-                kind: EventKind::Jump,
-                surface,
-                from: mode.to_owned(),
-                to: mode.to_owned(),
-                span: Some(span),
-                sliding: Vec::new(),
-            }
-        })
+        let laws = self.laws.iter();
+        laws.map(move |&law| names.event(self.time, law, mode))
     }
 }
 

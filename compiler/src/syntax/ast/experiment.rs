@@ -113,6 +113,8 @@ pub enum SettingKind {
     FreeIntervals(Expr),
     /// `on chattering slide;`
     OnChattering,
+    /// `stop when q <= 0;`
+    Stop(Expr),
     /// `sensitivity to mu, x[1] at 0;`: parameters, and initial values, which are marked.
     Sensitivity(Vec<(Path, bool)>),
     /// `perturb every 0.16 by sphere(1e-4) seed 1;`

@@ -22,7 +22,7 @@ pub enum Stmt {
     Hidden(Hidden),
     /// `project x onto { ... } metric E;`
     Project(Project),
-    /// `jump NAME when c <= 0 { v := -e*v; }`
+    /// `jump NAME when c <= 0 { v := -e*v; }`, `every 0.1 { u := -k*x; }`
     Jump(Jump),
     /// `mechanics q, v { ... }`
     Mechanics(Mechanics),
@@ -328,17 +328,43 @@ pub enum Relation {
     Equal,
 }
 
-/// `jump NAME when guard { v := -e*v; }`
+/// `jump NAME when guard { v := -e*v; }`, or, with or without `jump NAME`, `every T offset t { u := -k*x; }`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Jump {
-    /// Declared name.
-    pub name: Ident,
+    /// Declared name; what happens at given instants needs none.
+    pub name: Option<Ident>,
     /// When it happens.
-    pub guard: Expr,
+    pub when: JumpWhen,
     /// Resets: target and value before the jump.
     pub resets: Vec<Bind>,
     /// The statement.
     pub span: Span,
+}
+
+/// When states jump.
+#[derive(Clone, Debug, PartialEq)]
+pub enum JumpWhen {
+    /// `when guard`: where it becomes true.
+    Guard(Expr),
+    /// `every T offset t`: at t + k T.
+    Every {
+        /// T.
+        period: Expr,
+        /// t; zero without it.
+        offset: Option<Expr>,
+    },
+}
+
+impl JumpWhen {
+    /// The expressions in it.
+    pub fn exprs(&self) -> impl Iterator<Item = &Expr> {
+        match self {
+            JumpWhen::Guard(guard) => [Some(guard), None],
+            JumpWhen::Every { period, offset } => [Some(period), offset.as_ref()],
+        }
+        .into_iter()
+        .flatten()
+    }
 }
 
 /// `mechanics q, v { mass = M; force = f; contact ... }`

@@ -88,6 +88,7 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
             seed: behind(reading, &mut parts, Rule::seed),
         },
         Rule::on_chattering => SettingKind::OnChattering,
+        Rule::stop => SettingKind::Stop(expr(reading, parts.one(Rule::expr))),
         Rule::sensitivity => {
             SettingKind::Sensitivity(parts.map(|to| sensed(reading, to)).collect())
         }
@@ -257,8 +258,8 @@ fn unquoted<'t>(string: &Pair<'t, Rule>) -> &'t str {
     string.as_str().trim_matches('"')
 }
 
-/// The expression behind a word: `by`, `seed`, `every`, `at`, `within`.
-fn behind(reading: &mut Reading, parts: &mut Parts, rule: Rule) -> Option<Expr> {
+/// The expression behind a word: `by`, `seed`, `every`, `offset`, `at`, `within`.
+pub(super) fn behind(reading: &mut Reading, parts: &mut Parts, rule: Rule) -> Option<Expr> {
     let inner = self::parts(parts.maybe(rule)?).next()?;
     let span = reading.span(&inner);
     Some(match inner.as_rule() {

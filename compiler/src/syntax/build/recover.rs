@@ -369,7 +369,7 @@ fn explain(
             "a product has a `*`, as in `3*x`; a unit behind a number is a known one, as in `3 m`";
         is_behind_number.then(|| Help::from(text))
     };
-    let of_order = || order(failure, found_text, &text[start..]);
+    let of_order = || order(failure, &text[start..]);
     let help = help(place, failure, found_text, begins);
     let help = help.or_else(of_order).or_else(behind_number);
     let before = before.map_or("", |before| before.text);
@@ -479,7 +479,7 @@ fn help(place: Place, failure: &Failure, found: &str, begins: bool) -> Option<He
 }
 
 /// The form of a statement whose words stand in another order.
-fn order(failure: &Failure, found: &str, statement: &str) -> Option<Help> {
+fn order(failure: &Failure, statement: &str) -> Option<Help> {
     let words: Vec<&str> = (significant(statement, 0).map(|token| token.text))
         .take(2)
         .collect();
@@ -489,9 +489,6 @@ fn order(failure: &Failure, found: &str, statement: &str) -> Option<Help> {
         }
         ["expect", "mode"] => {
             "the instant stands before the mode: `expect mode at 2 is sliding(s);`".into()
-        }
-        _ if found == "every" && failure.expects(Rule::kw_when) => {
-            "a jump has a guard, `jump NAME when clock >= period { .. }`; `sampler` in `std.control` is one in every period".into()
         }
         _ => return None,
     })

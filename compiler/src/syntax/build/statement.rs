@@ -3,6 +3,7 @@
 use nsd_grammar::Rule;
 use pest::iterators::Pair;
 
+use super::experiment::behind;
 use super::expression::{binder, expr, path, relation};
 use super::reading::{Parts, Reading, is_bad, parts};
 use super::recover::recover;
@@ -112,9 +113,9 @@ fn statement(reading: &mut Reading, pair: Pair<Rule>) -> Stmt {
                 .map(|metric| expr(reading, self::parts(metric).one(Rule::expr))),
             span,
         }),
-        Rule::jump => Stmt::Jump(Jump {
-            name: reading.ident(parts.one(Rule::name)),
-            guard: expr(reading, parts.one(Rule::expr)),
+        Rule::jump | Rule::sampled => Stmt::Jump(Jump {
+            name: parts.maybe(Rule::name).map(|name| reading.ident(name)),
+            when: jump_when(reading, &mut parts),
             resets: given(reading, parts.one(Rule::resets), Place::Resets),
             span,
         }),
@@ -283,6 +284,16 @@ fn region(reading: &mut Reading, mut parts: Parts, span: Span) -> Region {
         guard,
         body: body(reading, parts.one(Rule::body)),
         span,
+    }
+}
+
+fn jump_when(reading: &mut Reading, parts: &mut Parts) -> JumpWhen {
+    match behind(reading, parts, Rule::every) {
+        Some(period) => JumpWhen::Every {
+            period,
+            offset: behind(reading, parts, Rule::offset),
+        },
+        None => JumpWhen::Guard(expr(reading, parts.one(Rule::expr))),
     }
 }
 

@@ -166,6 +166,7 @@ fn is_member(rule: Rule) -> bool {
             | hidden
             | project
             | jump
+            | sampled
             | mechanics
             | contact
             | for_loop
@@ -195,6 +196,7 @@ fn is_member(rule: Rule) -> bool {
             | perturb
             | starts
             | on_chattering
+            | stop
             | free_intervals
             | sensitivity
             | sensed

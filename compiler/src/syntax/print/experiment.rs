@@ -91,6 +91,7 @@ impl Printer {
             }
             SettingKind::FreeIntervals(count) => self.line(format!("intervals {count} free;")),
             SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
+            SettingKind::Stop(condition) => self.line(format!("stop when {condition};")),
             SettingKind::Sensitivity(to) => self.sensitivity(to),
             SettingKind::Data(data) => self.data(data),
             SettingKind::Plot(items) => self.plot("plot", items),

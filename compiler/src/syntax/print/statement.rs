@@ -51,13 +51,9 @@ impl Printer {
                     |printer| printer.rows(&stmt.rows),
                 );
             }
-            Stmt::Jump(stmt) => self.block(
-                format!("jump {} when {}", stmt.name, stmt.guard),
-                "",
-                |printer| {
-                    printer.binds(&stmt.resets, ":=");
-                },
-            ),
+            Stmt::Jump(stmt) => self.block(jump_head(stmt), "", |printer| {
+                printer.binds(&stmt.resets, ":=");
+            }),
             Stmt::Mechanics(stmt) => {
                 self.block(format!("mechanics {}, {}", stmt.q, stmt.v), "", |printer| {
                     printer.options(&stmt.options);
@@ -199,6 +195,19 @@ fn sizes(shape: &[Expr]) -> String {
     match shape.is_empty() {
         true => String::new(),
         false => format!("[{}]", list(shape)),
+    }
+}
+
+/// What stands before the resets of a jump.
+fn jump_head(jump: &Jump) -> String {
+    let name = jump.name.iter().map(|name| format!("jump {name} "));
+    let name: String = name.collect();
+    match &jump.when {
+        JumpWhen::Guard(guard) => format!("{name}when {guard}"),
+        JumpWhen::Every { period, offset } => {
+            let offset = offset.iter().map(|offset| format!(" offset {offset}"));
+            format!("{name}every {period}{}", offset.collect::<String>())
+        }
     }
 }
 

@@ -8,9 +8,11 @@
 //!
 //! for a jump by Δ takes the place of the time -Δ/(d c̈). Any other law is a guard and a reset, no more.
 
+use nsd_solver::hybrid::LEAST_SHARE;
+
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
-use crate::model::Jump;
+use crate::model::{Jump, Periodic, When};
 use crate::system::lower::instance::Instance;
 use crate::system::lower::translation::Translation;
 use crate::system::regions::conjunction::literals;
@@ -21,7 +23,7 @@ use crate::system::{Law, SystemError};
 pub(crate) struct Lowered<'e> {
     /// Index into the jumps of the model.
     pub jump: usize,
-    pub guard: Expr<'e>,
+    pub when: When<'e>,
     /// The switch of c, where the law is a contact.
     pub strikes: Option<usize>,
     /// New values by place of the state.
@@ -31,7 +33,7 @@ pub(crate) struct Lowered<'e> {
 impl<'e> Lowered<'e> {
     /// What it depends on; a contact looks at the surface that it strikes and at nothing else.
     pub fn reads(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
-        let guard = self.strikes.is_none().then_some(self.guard);
+        let guard = self.when.guard().filter(|_| self.strikes.is_none());
         let resets = self.resets.iter().map(|reset| reset.1);
         resets.chain(guard)
     }
@@ -45,7 +47,10 @@ struct Contact<'e> {
 }
 
 /// All laws that set a state that is kept.
-pub(crate) fn laws<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Lowered<'e>> {
+pub(crate) fn laws<'e>(
+    translation: &mut Translation<'_, 'e>,
+    diags: &mut Diagnostics,
+) -> Vec<Lowered<'e>> {
     let instance = translation.instance;
     let mut laws = Vec::new();
     for (j, jump) in instance.model.statements.jumps.iter().enumerate() {
@@ -59,12 +64,57 @@ pub(crate) fn laws<'e>(translation: &mut Translation<'_, 'e>) -> Vec<Lowered<'e>
         }
         laws.push(Lowered {
             jump: j,
-            guard: translation.in_alphas(jump.guard, jump.guard_span),
+            when: match jump.when {
+                When::Guard(guard) => When::Guard(translation.in_alphas(guard, jump.when_span)),
+                When::Every(instants) => {
+                    check_instants(instance, jump, instants, diags);
+                    When::Every(instants)
+                }
+            },
             strikes: None,
             resets,
         });
     }
     laws
+}
+
+/// Looks at the period and the offset of known instants.
+fn check_instants<'e>(
+    instance: &Instance<'_, 'e>,
+    jump: &Jump<'e>,
+    Periodic { period, offset }: Periodic<'e>,
+    diags: &mut Diagnostics,
+) {
+    let horizon = instance.settings.horizon;
+    let least = LEAST_SHARE * horizon;
+    let is_param = |var: &Var| instance.params.numbers.contains_key(var);
+    let number = |e: Expr<'e>| match variables_of(&[e]).iter().all(is_param) {
+        true => instance.number(e),
+        false => f64::NAN,
+    };
+    let [number, first] = [period, offset].map(number);
+    let (what, found, expected) = if !(number > 0.0 && number.is_finite()) {
+        ("period", number, "a positive number")
+    } else if number < least {
+        (
+            "period",
+            number,
+            "long enough to be told from rounding of the horizon",
+        )
+    } else if !(first >= 0.0 && first.is_finite()) {
+        ("offset", first, "a number that is not negative")
+    } else {
+        return;
+    };
+    diags.push(SystemError::Instants {
+        what,
+        found: match found.is_nan() {
+            true => "no number".to_owned(),
+            false => found.to_string(),
+        },
+        expected,
+        span: jump.when_span,
+    });
 }
 
 /// Finds the laws that are contacts, and lets these push; `used` is what else reads α.
@@ -81,7 +131,7 @@ pub(crate) fn find_contacts<'e>(
         let guards = laws.iter().enumerate().filter(|(other, _)| *other != at);
         let resets = laws.iter().flat_map(|law| &law.resets);
         let elsewhere: Vec<Expr<'e>> = (used.iter().chain(&*rates).copied())
-            .chain(guards.map(|(_, law)| law.guard))
+            .chain(guards.filter_map(|(_, law)| law.when.guard()))
             .chain(resets.map(|reset| reset.1))
             .collect();
         let flow = Flow {
@@ -123,7 +173,7 @@ impl<'e> Flow<'_, '_, 'e> {
 
     /// The contact that a law is.
     fn contact(&self, law: &Lowered<'e>, elsewhere: &[Expr<'e>]) -> Option<Contact<'e>> {
-        let (switch, gap) = self.struck(law.guard)?;
+        let (switch, gap) = self.struck(law.when.guard()?)?;
         let alpha = self.switches.list[switch].alpha;
         let shared = |e: &Expr<'e>| variables_of(&[*e]).contains(&alpha);
         let relay = self.switches.list[switch].relay.is_some();
@@ -214,7 +264,8 @@ impl<'e> Flow<'_, '_, 'e> {
 
     /// Whether every comparison of a guard and its rate are the same after the jump, up to positive factors.
     fn stays(&self, law: &Lowered<'e>) -> bool {
-        let Some(literals) = literals(law.guard, self.switches) else {
+        let guard = law.when.guard();
+        let Some(literals) = guard.and_then(|guard| literals(guard, self.switches)) else {
             return false;
         };
         let after = law.resets.iter();
@@ -237,7 +288,7 @@ impl<'e> Flow<'_, '_, 'e> {
 fn stays_in_guard(jump: &Jump) -> SystemError {
     SystemError::StaysInGuard {
         name: jump.name.clone(),
-        guard: jump.guard_span,
+        guard: jump.when_span,
         span: jump.resets.first().map_or(jump.span, |reset| reset.span),
     }
 }
@@ -248,18 +299,19 @@ pub(crate) fn finished_laws<'e>(
     switches: &Switches<'e>,
     laws: Vec<Lowered<'e>>,
     kept: &[usize],
-) -> Vec<Law<'e>> {
+) -> impl Iterator<Item = Law<'e>> {
     let exprs = instance.model.exprs;
     let finish = |law: Lowered<'e>| {
         let jump = &instance.model.statements.jumps[law.jump];
         let closed = |k: usize| 1.0 - exprs.expr(switches.list[k].alpha);
         Law {
             name: jump.name.clone(),
-            guard: law.strikes.map_or(law.guard, closed),
+            when: law.strikes.map_or(law.when, |k| When::Guard(closed(k))),
             strikes: law.strikes.and_then(|k| kept.binary_search(&k).ok()),
             resets: law.resets,
+            stops: None,
             span: jump.span,
         }
     };
-    laws.into_iter().map(finish).collect()
+    laws.into_iter().map(finish)
 }

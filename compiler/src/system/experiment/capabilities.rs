@@ -29,6 +29,8 @@ pub enum Feature {
     Perturbations,
     /// Chattering that goes on as sliding.
     Averages,
+    /// Conditions that end a run.
+    Stops,
     /// Jumps and relays while a clock stands still.
     TimeFreezing,
     /// Impulses where finite elements meet.
@@ -59,7 +61,7 @@ pub(crate) const POISSON: &str = "`method event`, which is the default, simulate
 
 impl Feature {
     /// All of them, in the order in which they are told.
-    pub const ALL: [Feature; 11] = [
+    pub const ALL: [Feature; 12] = [
         Feature::Poisson,
         Feature::Contacts,
         Feature::Relays,
@@ -69,6 +71,7 @@ impl Feature {
         Feature::Nonlinear,
         Feature::Perturbations,
         Feature::Averages,
+        Feature::Stops,
         Feature::TimeFreezing,
         Feature::Impulses,
     ];
@@ -79,12 +82,13 @@ impl Feature {
             Feature::Contacts => "`contact`",
             Feature::Poisson => "`poisson(e)`",
             Feature::Relays => "`hysteresis`",
-            Feature::Jumps => "`jump`",
+            Feature::Jumps => "`jump`, `every`",
             Feature::Projections => "`project`",
             Feature::Algebraic => "algebraic states",
             Feature::Nonlinear => "`sliding nonlinear`",
             Feature::Perturbations => "`perturb`",
             Feature::Averages => "`on chattering slide`",
+            Feature::Stops => "`stop when`",
             Feature::TimeFreezing => "`lower timefreezing`",
             Feature::Impulses => "`lower impact`",
         }
@@ -106,13 +110,18 @@ impl Feature {
                 let (name, span) = match system.jumps.impulsive.is_empty() {
                     true => system.jumps.first_jump()?,
                     // Contacts are a matter of the method.
-                    false => system
-                        .jumps
-                        .laws
-                        .first()
-                        .map(|law| (law.name.as_str(), law.span))?,
+                    false => {
+                        let mut laws = system.jumps.laws.iter();
+                        let law = laws.find(|law| law.stops.is_none())?;
+                        (law.name.as_str(), law.span)
+                    }
                 };
                 Some((name.to_owned(), span))
+            }
+            (Feature::Stops, Seen::System(system)) => {
+                let mut laws = system.jumps.laws.iter();
+                let stop = laws.find(|law| law.stops.is_some())?;
+                Some((stop.name.clone(), stop.span))
             }
             (Feature::Relays | Feature::Projections | Feature::Algebraic, Seen::System(system)) => {
                 let mut switches = system.switches.iter().enumerate();
@@ -169,6 +178,10 @@ impl Feature {
             },
             Feature::Projections => ExperimentError::Projection { method: word, span },
             Feature::Algebraic => ExperimentError::Algebraic { method: word, span },
+            Feature::Stops => ExperimentError::NoStop {
+                by: format!("method {word}"),
+                span,
+            },
             _ => return None,
         })
     }

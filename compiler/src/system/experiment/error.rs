@@ -506,6 +506,20 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A condition that ends runs, by a method that does not go from event to event.
+    #[error("`{by}` does not end a run where a condition becomes true")]
+    #[diagnostic(
+        code(E0533),
+        help(
+            "leave out `stop when`, and choose the horizon; or use `method event`, which is the default"
+        )
+    )]
+    NoStop {
+        by: String,
+        #[label("of `method event`")]
+        span: Span,
+    },
+
     /// Something that must be known before the run and depends on what is optimized.
     #[error("{what} cannot depend on the free parameter `{name}`")]
     #[diagnostic(

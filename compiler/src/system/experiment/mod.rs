@@ -43,7 +43,7 @@ pub use perturb::Perturbation;
 pub use plot::{Drawn, Figures, Plot, Sheet};
 use reader::Reader;
 pub use sensed::Sensed;
-pub use settings::{Kept, Numerics, Recording, Sampling, Settings};
+pub use settings::{Kept, Numerics, Recording, Sampling, Settings, Stop};
 use statements::Statements;
 
 /// The settings of an experiment of `model`; `None` after an error.

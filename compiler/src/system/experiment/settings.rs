@@ -53,6 +53,8 @@ pub struct Numerics<'e> {
     pub lowerings: Vec<Lowering>,
     /// Whether chattering that fades and never ends goes on as sliding.
     pub averages: bool,
+    /// Conditions that end the run; the horizon is its limit.
+    pub stops: Vec<Stop<'e>>,
 }
 
 /// What is told of a run.
@@ -140,6 +142,19 @@ impl Settings<'_> {
     pub fn steps_through_contacts(&self) -> bool {
         self.optimize.is_none() && matches!(self.numerics.method, Method::Timestepping(_))
     }
+}
+
+/// A condition that ends a run where it becomes true.
+#[derive(Clone, Debug)]
+pub struct Stop<'e> {
+    /// Its text.
+    pub name: String,
+    /// 1 where it holds, 0 elsewhere.
+    pub guard: Expr<'e>,
+    /// The comparisons in it that hold on their surface, too: `<=` and `>=`.
+    pub reached: Vec<Expr<'e>>,
+    /// The condition.
+    pub span: Span,
 }
 
 /// A quantity that `output` names.

@@ -9,13 +9,13 @@ use super::perturb::Perturbation;
 use super::plot::Plot;
 use super::reader::Reader;
 use super::sensed::Sensed;
-use super::settings::{Kept, Numerics, Recording, Sampling};
+use super::settings::{Kept, Numerics, Recording, Sampling, Stop};
 use super::with;
 use crate::expr::Expr;
-use crate::model::{Model, TargetKind};
+use crate::model::{DynamicsError, Model, TargetKind};
 use crate::source::Span;
 use crate::source::table::Sources;
-use crate::syntax::{self, Expect, ExperimentKind, OutputWhen, SettingKind};
+use crate::syntax::{self, Expect, ExperimentKind, ExprKind, OutputWhen, Relation, SettingKind};
 
 const DEFAULT_TOLERANCE: f64 = 1e-8;
 /// An optimum has the accuracy of a grid that the user chose.
@@ -59,6 +59,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                 method: Method::Auto,
                 lowerings: Vec::new(),
                 averages: false,
+                stops: Vec::new(),
             },
             recording: Recording::default(),
             kicks: None,
@@ -141,6 +142,10 @@ impl<'m, 'e> Statements<'m, 'e> {
                     false => self.averages = Some(span),
                 }
             }
+            SettingKind::Stop(_) if is_optimize => reader.not_for_optimize("stop when", span),
+            SettingKind::Stop(condition) => {
+                self.numerics.stops.extend(Stop::read(reader, condition))
+            }
             SettingKind::Sensitivity(_) if is_optimize => {
                 reader.not_for_optimize("sensitivity to", span);
             }
@@ -220,10 +225,26 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some(span) = self.averages.filter(|_| !averages) {
             reader.error(ExperimentError::NoChattering { span });
         }
+        if let (Some(stop), Some(by)) = (self.numerics.stops.first(), self.unstopped()) {
+            reader.error(ExperimentError::NoStop {
+                by,
+                span: stop.span,
+            });
+        }
     }
 }
 
 impl Statements<'_, '_> {
+    /// What does not end runs at conditions.
+    fn unstopped(&self) -> Option<String> {
+        let method = self.numerics.method.kind();
+        if !method.takes(Feature::Stops) {
+            return Some(format!("method {}", method.word()));
+        }
+        let is_frozen = self.numerics.lowerings.contains(&Lowering::TimeFreezing);
+        is_frozen.then(|| "lower timefreezing".to_owned())
+    }
+
     /// Why runs are not differentiated.
     fn undifferentiated(&self) -> Option<String> {
         let method = self.numerics.method.kind();
@@ -292,6 +313,74 @@ impl Sampling {
                 Some(Sampling::At(times))
             }
         }
+    }
+}
+
+impl<'e> Stop<'e> {
+    /// What a `stop when` statement says.
+    fn read(reader: &mut Reader<'_, 'e>, condition: &syntax::Expr) -> Option<Self> {
+        let guard = reader.model.scope.condition(condition, None, reader.diags);
+        reader.failed |= guard.is_none();
+        let (guard, span) = (guard?, condition.span);
+        if let Some(value) = guard.as_constant() {
+            let value = value > 0.5;
+            reader
+                .diags
+                .push(DynamicsError::ConstantComparison { value, span });
+            reader.failed = true;
+            return None;
+        }
+        let mut reached = Vec::new();
+        let mut comparisons = |comparison: &syntax::Expr| {
+            let holds = reader.model.scope.condition(comparison, None, reader.diags);
+            reached.extend(holds);
+        };
+        holds_on_surface(condition, true, &mut comparisons);
+        Some(Stop {
+            name: condition.to_string(),
+            guard,
+            reached,
+            span,
+        })
+    }
+}
+
+/// The comparisons of a condition that hold where both sides are equal; where `is_plain` is false it is negated.
+fn holds_on_surface(
+    condition: &syntax::Expr,
+    is_plain: bool,
+    found: &mut impl FnMut(&syntax::Expr),
+) {
+    match &condition.kind {
+        ExprKind::And(members) | ExprKind::Or(members) => {
+            for member in members {
+                holds_on_surface(member, is_plain, found);
+            }
+        }
+        ExprKind::Not(inner) => holds_on_surface(inner, !is_plain, found),
+        ExprKind::Compare(first, rest) => {
+            let mut left = &**first;
+            for (relation, right) in rest {
+                let is_weak = matches!(relation, Relation::LessEqual | Relation::GreaterEqual);
+                let one = syntax::Expr {
+                    kind: ExprKind::Compare(
+                        Box::new(left.clone()),
+                        vec![(*relation, right.clone())],
+                    ),
+                    span: left.span.to(right.span),
+                };
+                match (is_weak, is_plain) {
+                    (true, true) => found(&one),
+                    (false, false) => found(&syntax::Expr {
+                        span: one.span,
+                        kind: ExprKind::Not(Box::new(one)),
+                    }),
+                    _ => {}
+                }
+                left = right;
+            }
+        }
+        _ => {}
     }
 }
 

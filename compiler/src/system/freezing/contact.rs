@@ -74,7 +74,7 @@ pub(super) fn contacts<'e>(
     let mut found = Vec::new();
     for (law, jump) in system.jumps.laws.iter().enumerate() {
         let Some(switch) = jump.strikes else {
-            let what = format!("jump `{}`, which is no contact", jump.name);
+            let what = format!("{}, which is no contact", jump.title());
             return Err(refused(system, what, jump.span));
         };
         let states = jump.resets.iter().map(|reset| reset.0);

@@ -4,6 +4,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::instance::Instance;
 use super::motion::Motion;
+use super::stops;
 use super::translation::Translation;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
@@ -99,7 +100,9 @@ impl<'e> Parts<'e> {
             },
             switches,
             jumps: Jumps {
-                laws: finished_laws(instance, collected, motion.laws, &kept),
+                laws: finished_laws(instance, collected, motion.laws, &kept)
+                    .chain(stops::finished(motion.stops, &kept))
+                    .collect(),
                 bodies: motion.bodies,
                 contacts: finished_contacts(motion.contacts, &kept),
                 impulsive: motion.impulsive,
@@ -148,7 +151,7 @@ fn skipped<'e>(
     laws: &[Lowered<'e>],
     dropped: Vec<usize>,
 ) -> Vec<String> {
-    let guards = laws.iter().map(|law| law.guard);
+    let guards = laws.iter().filter_map(|law| law.when.guard());
     let watched: Vec<usize> = guards
         .flat_map(|e| collected.entries.occurring(e))
         .collect();

@@ -16,6 +16,7 @@ pub(crate) mod instance;
 mod motion;
 mod rates;
 mod recorded;
+mod stops;
 mod surfaces;
 mod task;
 pub(crate) mod translation;
@@ -76,6 +77,8 @@ pub fn lower<'e>(
     let used = regions.weights.iter().chain(&regions.guards).copied();
     let used: Vec<Expr<'e>> = used.chain(recorded.exprs()).collect();
     motion.add_forces(&mut translation, &used, diags);
+    motion.stops = stops::lower(&mut translation, diags);
+    check_entangled(&translation.switches, diags);
     if let Some(task) = &mut task {
         let rows = task::coefficient_rows(instance, &motion.contacts);
         task.rows.extend(rows);

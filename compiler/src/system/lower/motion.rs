@@ -1,5 +1,6 @@
 //! What moves and jumps, in α of collected switches.
 
+use super::stops::Stopping;
 use super::translation::Translation;
 use super::{rates, task};
 use crate::diagnostics::Diagnostics;
@@ -18,6 +19,7 @@ pub(crate) struct Motion<'e> {
     pub integrals: Vec<State<'e>>,
     pub algebraics: Vec<State<'e>>,
     pub laws: Vec<Lowered<'e>>,
+    pub stops: Vec<Stopping<'e>>,
     pub bodies: Vec<Body<'e>>,
     pub contacts: Vec<Contact<'e>>,
     pub impulsive: Vec<Impulsive<'e>>,
@@ -34,7 +36,8 @@ impl<'e> Motion<'e> {
             rates: rates::lower(translation, regions, diags),
             integrals: task::integrals(translation, diags),
             algebraics: Vec::new(),
-            laws: laws(translation),
+            laws: laws(translation, diags),
+            stops: Vec::new(),
             bodies: Vec::new(),
             contacts: Vec::new(),
             impulsive: Vec::new(),
@@ -77,6 +80,7 @@ impl<'e> Motion<'e> {
     /// What α act on besides the rates.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         (self.laws.iter().flat_map(Lowered::reads))
+            .chain(self.stops.iter().map(|stop| stop.guard))
             .chain(self.contacts.iter().flat_map(Contact::exprs))
             .chain(self.bodies.iter().flat_map(Body::exprs))
     }

@@ -60,7 +60,9 @@ impl<'e> Needs<'e> {
         let mut closure = Closure::new(model, settings);
         let listed = listed.flat_map(|kept| &kept.entries);
         let listed = listed.chain(&named.exprs).chain(&named.surfaces);
-        for e in listed.copied().chain(settings.recording.figures.entries()) {
+        let stops = settings.numerics.stops.iter().map(|stop| stop.guard);
+        let drawn = settings.recording.figures.entries();
+        for e in listed.copied().chain(drawn).chain(stops) {
             closure.reach(e);
         }
         if let Some(task) = &settings.optimize {
@@ -220,7 +222,8 @@ impl<'e> Needed<'e> {
         }
         for jump in &model.statements.jumps {
             for reset in &jump.resets {
-                needed.add(reset.entry, &[reset.value, jump.guard]);
+                needed.add(reset.entry, &[reset.value]);
+                needed.add(reset.entry, jump.when.guard().as_slice());
             }
         }
         needed

@@ -4,6 +4,7 @@
 
 use crate::expr::{Expr, Substitution};
 use crate::lowering::dcs::{Dcs, Friction, SlipLaw, Tangent};
+use crate::model::{Periodic, When};
 use crate::system::System;
 
 use super::names::name_parts;
@@ -77,10 +78,19 @@ pub(crate) fn laws<'e>(system: &System<'e>, dcs: &Dcs<'e>, writer: &mut Writer<'
                 "\\text{{where }} {} = 0 \\text{{ is struck}}",
                 writer.formula(system.switches[switch].psi)
             ),
-            None => format!(
-                "\\text{{when }} {} = 1",
-                writer.formula(law.guard.substitute(&alphas))
-            ),
+            None => match law.when {
+                When::Guard(guard) => format!(
+                    "\\text{{when }} {} = 1",
+                    writer.formula(guard.substitute(&alphas))
+                ),
+                When::Every(Periodic { period, offset }) => {
+                    let instants = [period, offset].map(|e| writer.formula(e));
+                    format!(
+                        "t = {} + k\\,{}, \\quad k = 0, 1, \\dots",
+                        instants[1], instants[0]
+                    )
+                }
+            },
         };
         for &(state, value) in &law.resets {
             let after = state_at(system.states[state].var, "+");

@@ -1,0 +1,98 @@
+//! The order of series up to an instant that is known before the run.
+//!
+//! Where laws jump at instants t_0 + k T, steps are shorter than their series allow, (h/ρ)^(p+1) ≪ tolerance. Terms above
+//! the least order q with (h/ρ)^(q+1) ≤ ε √tolerance say nothing in them, and are not computed: that is far below the
+//! rounding ε, so that two runs of one order are not blind to what both leave out.
+
+use crate::expansion::mode::Mode;
+use crate::expansion::scales::Scales;
+use crate::expansion::step_size::StepSize;
+use crate::hybrid::HybridSystem;
+
+/// The least order that is looked at.
+const LEAST: usize = 6;
+
+/// Steps of full order from one look to the next, where the last one has shown nothing.
+const PATIENCE: usize = 16;
+
+/// Steps of a lower order before a look whether one is lower still.
+const KEPT: usize = 256;
+
+/// The order of the steps that end at known instants.
+pub(crate) struct ShortOrder {
+    full: usize,
+    chosen: usize,
+    /// (h/ρ)^(q+1) at most; zero where no law jumps at known instants.
+    tolerance: f64,
+    /// Steps since the last choice.
+    steps: usize,
+}
+
+impl ShortOrder {
+    /// That of a system with series of full order, and the tolerance of a step.
+    pub(crate) fn new(system: &HybridSystem, full: usize, tolerance: f64) -> Self {
+        let is_periodic = system.periodic().next().is_some();
+        ShortOrder {
+            full,
+            chosen: full,
+            tolerance: match is_periodic {
+                true => f64::EPSILON * tolerance.sqrt(),
+                false => 0.0,
+            },
+            steps: PATIENCE,
+        }
+    }
+
+    /// Forgets the run before.
+    pub(crate) fn reset(&mut self) {
+        (self.chosen, self.steps) = (self.full, PATIENCE);
+    }
+
+    /// The order of all other series.
+    pub(crate) fn full(&self) -> usize {
+        self.full
+    }
+
+    /// Takes the order of the next step, which is to end at a known instant or not.
+    pub(super) fn take(&mut self, mode: &mut Mode, is_known: bool) {
+        mode.memory.order = match is_known && mode.sliding.is_empty() {
+            true => self.chosen,
+            false => self.full,
+        };
+    }
+
+    /// Whether the order of a step suffices whose series allow h, up to the known instant `remaining` ahead. It chooses
+    /// that of later steps.
+    pub(super) fn suffices(
+        &mut self,
+        mode: &mut Mode,
+        scales: &Scales,
+        [h, remaining]: [f64; 2],
+    ) -> bool {
+        let tolerance = self.tolerance;
+        if tolerance == 0.0 {
+            return true;
+        }
+        let covers = |mode: &Mode, order: usize| {
+            let step_size = StepSize { mode, tolerance };
+            h >= remaining && step_size.covers(scales, order, remaining)
+        };
+        self.steps += 1;
+        if mode.memory.order < self.full {
+            let suffices = covers(mode, mode.memory.order);
+            if !suffices || self.steps > KEPT {
+                self.chosen = self.full;
+                self.steps = if suffices { PATIENCE } else { 0 };
+            }
+            if !suffices {
+                mode.memory.order = self.full;
+            }
+            return suffices;
+        }
+        if self.steps > PATIENCE {
+            let found = (LEAST..self.full).find(|&q| covers(mode, q));
+            (self.chosen, self.steps) = (found.unwrap_or(self.full), 0);
+        }
+        true
+    }
+}
