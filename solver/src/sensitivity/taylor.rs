@@ -151,6 +151,48 @@ impl Slopes {
         })
     }
 
+    /// The spectral radius of |J| at the start, J = f_x - f_α φ_α⁻¹ φ_x: how fast S may change by itself, in whatever units.
+    pub fn fastest(&self, n: usize) -> f64 {
+        const ROUNDS: usize = 20;
+        let mut of_alpha = vec![vec![0.0; self.n_sliding]; n];
+        let mut jacobian = vec![0.0; n * n];
+        for slope in &self.phi {
+            if let By::State(i) = slope.by {
+                of_alpha[i][slope.of] -= slope.series[0];
+            }
+        }
+        for column in &mut of_alpha {
+            if let Some(lu) = &self.lu {
+                lu.solve(column);
+            }
+        }
+        for slope in &self.rates {
+            let row = &mut jacobian[slope.of * n..][..n];
+            match slope.by {
+                By::State(i) => row[i] += slope.series[0],
+                By::Alpha(at) => {
+                    for (entry, column) in row.iter_mut().zip(&of_alpha) {
+                        *entry += slope.series[0] * column[at];
+                    }
+                }
+                By::Parameter(_) => {}
+            }
+        }
+        let (mut v, mut growth) = (vec![1.0; n], 0.0);
+        for _ in 0..ROUNDS {
+            let rows = jacobian.chunks(n.max(1));
+            let product = |row: &[f64]| row.iter().zip(&v).map(|(a, v)| a.abs() * v).sum();
+            let next: Vec<f64> = rows.map(product).collect();
+            let largest = crate::linalg::largest(&next);
+            if largest == 0.0 || !largest.is_finite() {
+                return largest;
+            }
+            growth += largest.ln();
+            v = next.into_iter().map(|v| v / largest).collect();
+        }
+        (growth / ROUNDS as f64).exp()
+    }
+
     /// How large the terms of the rates of a tangent are at the start.
     pub fn terms(&self, start: &[f64], parameters: &[f64]) -> Vec<f64> {
         let mut terms = vec![0.0; start.len()];

@@ -31,6 +31,8 @@ const ROUNDING: f64 = 1e-14;
 const NOISE: f64 = 16.0 * f64::EPSILON;
 /// Of a series that has begun to converge, the last terms are no larger than this part of the largest.
 const DECAYED: f64 = 1e-3;
+/// A part is stiff where S may change by itself this many times over it.
+const FAST: f64 = 4.0;
 
 /// A part of a step.
 pub(super) struct Part {
@@ -244,7 +246,12 @@ impl Expansion<'_> {
             // Its sum is what terms leave of each other, or no sum.
             let is_sum = f64::EPSILON * whole <= allowed;
             if !is_sum || !(last <= DECAYED * whole || last <= allowed) {
-                return Err(TooLong::Divergent);
+                let is_fast = h * self.slopes.fastest(start.len()) > FAST;
+                return Err(if is_fast {
+                    TooLong::Divergent
+                } else {
+                    TooLong::Inexact
+                });
             }
         }
         let noise = match &self.shaken {
