@@ -9,6 +9,7 @@ use nsd_solver::optimization::mpcc::deviate;
 use crate::Compiled;
 use crate::diagnostics::{Diagnostics, counted};
 use crate::limit::Limit;
+use crate::project::prepared::Opened;
 use crate::project::sensed::{Sensor, Target};
 use crate::project::watch::{Progress, Watch};
 use crate::report::{Samples, Sensitivity, Series, Trajectory, Warning};

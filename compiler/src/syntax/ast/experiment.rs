@@ -171,6 +171,7 @@ impl SettingKind {
             SettingKind::FreeIntervals(_) => "intervals",
             SettingKind::OnChattering => "on chattering",
             SettingKind::Sensitivity(_) => "sensitivity to",
+            SettingKind::Stop(_) => "stop when",
             SettingKind::Data(_) => "data",
             SettingKind::Perturb { .. } => "perturb",
             SettingKind::Starts { .. } => "starts",
