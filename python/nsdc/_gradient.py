@@ -13,7 +13,14 @@ from ._quantities import rows
 
 
 class Moves(NamedTuple):
-    """The instants of events, and how they move."""
+    """The instants of events, and how they move.
+
+    >>> import nsdc
+    >>> relay = nsdc.loads("model m { state x = 2; x' = -sign(x); } simulate s of m { horizon 3; }")["s"]
+    >>> moves = relay.run(sensitivities=["x"]).grad.events
+    >>> moves.time.round(9), moves.by.round(9)
+    (array([2.]), array([[1.]]))
+    """
 
     #: The instants, shape (k,).
     time: NDArray[np.float64]
