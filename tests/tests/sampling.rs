@@ -467,3 +467,39 @@ fn prepared_runs_have_other_gains_and_no_other_periods() {
         Err(NotPrepared::Structural(_, Structural::Sampling))
     ));
 }
+
+/// A period that other parameters give, and one with kinks: samples up to 1 of each.
+#[test]
+fn periods_are_functions_of_parameters() {
+    let derived = "model m { param h = 0.11; param T = 2*h; discrete n = 0;
+      every T offset h { n := n + 1; } }";
+    let part = "model counter { param T = 1; discrete n = 0; every T offset T/2 { n := n + 1; } }
+      model m { param h = 0.11; part a = counter { T = 2*h; } output n = a.n; }";
+    let kinked = "model m { param h = 0.11; discrete n = 0;
+      every max(abs(-2*h), 1e-3) offset if h > 0.01 then h else 2*h { n := n + 1; } }";
+    for model in [derived, part, kinked] {
+        let text = format!("{model} simulate s of m {{ horizon 1; output n at [1]; }}");
+        let project = Project::from_text("m.nsd", &text);
+        for h in [0.01, 0.11, 0.3, 0.45] {
+            let options = Options {
+                values: vec![("h".to_owned(), h)],
+                ..Options::default()
+            };
+            let run = project.run("s", &options, &mut ()).expect("it compiles");
+            let first = if model == kinked && h == 0.01 {
+                2.0 * h
+            } else {
+                h
+            };
+            let samples = ((1.0 - first) / (2.0 * h)).floor() + 1.0;
+            assert_near(&end(&run.trajectory, "n"), &[samples], 0.0);
+        }
+        let refused = Prepared::from_text(&text, "s", &["h"]);
+        assert!(matches!(
+            refused,
+            Err(NotPrepared::Structural(_, Structural::Sampling))
+        ));
+        let text = text.replace("horizon 1;", "horizon 1; sensitivity to h;");
+        assert_eq!(codes(&text), ["E0532"]);
+    }
+}
