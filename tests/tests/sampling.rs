@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use nsd_tests::random::Random;
-use nsd_tests::{assert_near, codes, end, run, solved, times};
+use nsd_tests::{DataFiles, assert_near, codes, end, run, run_with_data, solved, times};
 use nsdc::lowering::hybrid::Structural;
 use nsdc::project::prepared::{NotPrepared, Prepared};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
@@ -501,5 +501,41 @@ fn periods_are_functions_of_parameters() {
         ));
         let text = text.replace("horizon 1;", "horizon 1; sensitivity to h;");
         assert_eq!(codes(&text), ["E0532"]);
+    }
+}
+
+/// Rows of data at 0.1 k and multiples of 0.1 in binary numbers: all samples read what begins at their instant, whatever
+/// else is met there; data at the horizon, too.
+#[test]
+fn known_instants_that_differ_by_rounding_are_one() {
+    let rows: String = (0..=80)
+        .map(|k| format!("{}.{},{k}\n", k / 10, k % 10))
+        .collect();
+    let files = DataFiles(vec![("rows.csv", format!("t,r\n{rows}"))]);
+    for (horizon, perturb) in [
+        (5.05, ""),
+        (5.05, "perturb every 0.3 by sphere(1e-9) seed 1;"),
+        (0.3, ""),
+        (0.6, ""),
+        (0.7, ""),
+        (1.7, ""),
+    ] {
+        let text = format!(
+            "model m {{ signal r = table(\"rows.csv\", \"r\", fit=hold); signal f = floor(time/0.1);
+              signal g = floor(time/0.3);
+              discrete n = 0; discrete a = 0; discrete b = 0; discrete c = 0; discrete d = 0;
+              every 0.1 {{ a := a + (r - n)^2; b := b + (f - n)^2; n := n + 1; }}
+              every 0.3 {{ c := c + (3*g - f)^2; d := d + (3*g - r)^2; }} }}
+            simulate s of m {{ horizon {horizon:?}; {perturb} output a, b, c, d; }}"
+        );
+        let found = run_with_data(&text, &files, "s");
+        // Roundings are known up to the horizon: floor(0.3/0.1) is 2 there.
+        let names: &[&str] = match horizon == 5.05 {
+            true => &["a", "b", "c", "d"],
+            false => &["a"],
+        };
+        for name in names {
+            assert_near(&end(&found, name), &[0.0], 1e-4);
+        }
     }
 }

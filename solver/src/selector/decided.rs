@@ -199,7 +199,9 @@ impl Selector<'_> {
             self.mode.surfaces.stand_for(i, 0);
         }
         let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
-        self.pieces.until = self.mode.memory.load(&self.system, state.point.t);
+        // The end of a run may be a rounding before it.
+        let instant = state.point.t.max(self.pieces.until);
+        self.pieces.until = self.mode.memory.load(&self.system, instant);
         self.bands().measure(state, &switches, t1 - state.point.t);
         let mut open = triggers.to_vec();
         if !switches.is_empty() {
