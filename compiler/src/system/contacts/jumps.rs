@@ -13,7 +13,6 @@ use nsd_solver::hybrid::LEAST_SHARE;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Jump, Periodic, When};
-use crate::report::forms::text::significant;
 use crate::system::lower::instance::Instance;
 use crate::system::lower::translation::Translation;
 use crate::system::regions::conjunction::literals;
@@ -115,7 +114,7 @@ fn check_instants<'e>(
         what,
         found: match found.is_nan() {
             true => "no number".to_owned(),
-            false => significant(found, 6),
+            false => found.to_string(),
         },
         expected,
         span: jump.when_span,
