@@ -204,6 +204,27 @@ fn nonlinear_sliding_is_run_by_what_knows_its_modes() {
     );
 }
 
+/// What does not end where a condition becomes true is left out, whether or not its switches jump.
+#[test]
+fn only_what_stops_is_compared_where_a_run_stops() {
+    let folder = folder("order_stops");
+    for rate in ["-1 - 0.5*sign(x - 0.5) - 0.2*x", "-x"] {
+        let text = format!(
+            "model m {{ state x = 1; x' = {rate}; }} simulate s of m {{ horizon 3; stop when x <= 0.2; }}"
+        );
+        fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+        let ran = nsdc(&folder, &["order", "m.nsd", "--time-limit", "1"]);
+        assert_eq!(ran.status, 0, "{rate}: {}", ran.err);
+        for method in ["fesd", "timestepping", "smoothing", "adaptive"] {
+            let mut lines = ran.out.lines().map(str::trim_start);
+            let is_left_out = |line: &str| {
+                line.starts_with(&format!("{method}  left out")) && line.contains("stop when")
+            };
+            assert!(lines.any(is_left_out), "{method}: {}", ran.out);
+        }
+    }
+}
+
 #[test]
 fn an_order_of_what_is_exact_is_none() {
     let folder = folder("order_contact");

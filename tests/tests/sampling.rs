@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use nsd_tests::random::Random;
-use nsd_tests::{assert_near, codes, end, run, solved, times};
+use nsd_tests::{DataFiles, assert_near, codes, end, run, run_with_data, solved, times};
 use nsdc::lowering::hybrid::Structural;
 use nsdc::project::prepared::{NotPrepared, Prepared};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
@@ -466,4 +466,76 @@ fn prepared_runs_have_other_gains_and_no_other_periods() {
         refused,
         Err(NotPrepared::Structural(_, Structural::Sampling))
     ));
+}
+
+/// A period that other parameters give, and one with kinks: samples up to 1 of each.
+#[test]
+fn periods_are_functions_of_parameters() {
+    let derived = "model m { param h = 0.11; param T = 2*h; discrete n = 0;
+      every T offset h { n := n + 1; } }";
+    let part = "model counter { param T = 1; discrete n = 0; every T offset T/2 { n := n + 1; } }
+      model m { param h = 0.11; part a = counter { T = 2*h; } output n = a.n; }";
+    let kinked = "model m { param h = 0.11; discrete n = 0;
+      every max(abs(-2*h), 1e-3) offset if h > 0.01 then h else 2*h { n := n + 1; } }";
+    for model in [derived, part, kinked] {
+        let text = format!("{model} simulate s of m {{ horizon 1; output n at [1]; }}");
+        let project = Project::from_text("m.nsd", &text);
+        for h in [0.01, 0.11, 0.3, 0.45] {
+            let options = Options {
+                values: vec![("h".to_owned(), h)],
+                ..Options::default()
+            };
+            let run = project.run("s", &options, &mut ()).expect("it compiles");
+            let first = if model == kinked && h == 0.01 {
+                2.0 * h
+            } else {
+                h
+            };
+            let samples = ((1.0 - first) / (2.0 * h)).floor() + 1.0;
+            assert_near(&end(&run.trajectory, "n"), &[samples], 0.0);
+        }
+        let refused = Prepared::from_text(&text, "s", &["h"]);
+        assert!(matches!(
+            refused,
+            Err(NotPrepared::Structural(_, Structural::Sampling))
+        ));
+        let text = text.replace("horizon 1;", "horizon 1; sensitivity to h;");
+        assert_eq!(codes(&text), ["E0532"]);
+    }
+}
+
+/// Rows of data at 0.1 k and multiples of 0.1 in binary numbers: all samples read what begins at their instant, whatever
+/// else is met there; data at the horizon, too.
+#[test]
+fn known_instants_that_differ_by_rounding_are_one() {
+    let rows: String = (0..=80)
+        .map(|k| format!("{}.{},{k}\n", k / 10, k % 10))
+        .collect();
+    let files = DataFiles(vec![("rows.csv", format!("t,r\n{rows}"))]);
+    for (horizon, perturb) in [
+        (5.05, ""),
+        (5.05, "perturb every 0.3 by sphere(1e-9) seed 1;"),
+        (0.3, ""),
+        (0.6, ""),
+        (0.7, ""),
+        (1.7, ""),
+    ] {
+        let text = format!(
+            "model m {{ signal r = table(\"rows.csv\", \"r\", fit=hold); signal f = floor(time/0.1);
+              signal g = floor(time/0.3);
+              discrete n = 0; discrete a = 0; discrete b = 0; discrete c = 0; discrete d = 0;
+              every 0.1 {{ a := a + (r - n)^2; b := b + (f - n)^2; n := n + 1; }}
+              every 0.3 {{ c := c + (3*g - f)^2; d := d + (3*g - r)^2; }} }}
+            simulate s of m {{ horizon {horizon:?}; {perturb} output a, b, c, d; }}"
+        );
+        let found = run_with_data(&text, &files, "s");
+        // Roundings are known up to the horizon: floor(0.3/0.1) is 2 there.
+        let names: &[&str] = match horizon == 5.05 {
+            true => &["a", "b", "c", "d"],
+            false => &["a"],
+        };
+        for name in names {
+            assert_near(&end(&found, name), &[0.0], 1e-4);
+        }
+    }
 }

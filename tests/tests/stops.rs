@@ -340,3 +340,102 @@ fn disturbed_runs_end_at_their_own_time() {
     assert!(first.history.stop().is_some() && second.history.stop().is_some());
     assert!((last(&first) - last(&second)).abs() > 1e-6);
 }
+
+/// Ends of runs of a model.
+#[track_caller]
+fn ends(model: &str, stops: &[(&str, Option<f64>)]) {
+    for (stop, time) in stops {
+        let text = format!(
+            "model m {{ {model} }} simulate s of m {{ horizon 3; tolerance 1e-10; stop when {stop}; }}"
+        );
+        let found = run(&text, "s");
+        assert!(
+            found.status != Status::NumericalFailure,
+            "{stop}: {:?}",
+            found.failure
+        );
+        let stopped = found.history.stop().map(|event| event.time);
+        let is_near = match (stopped, *time) {
+            (Some(stopped), Some(time)) => (stopped - time).abs() <= 1e-9,
+            (stopped, time) => stopped == time,
+        };
+        assert!(is_near, "{model} {stop}: {stopped:?}, not {time:?}");
+    }
+}
+
+/// What stands on its surface makes `<=` and `>=` true, `<` and `>` false, whichever way they are written.
+#[test]
+fn what_stands_on_a_surface_is_on_it() {
+    ends(
+        "discrete n = 0; discrete d = 5; discrete z = 1; state x = 0; x' = 1;
+         every 0.1 { n := n + 1; d := d - 1; } jump zero when x >= 0.75 and z > 0.5 { z := 0; }",
+        &[
+            ("n > 5", Some(0.5)),
+            ("n >= 5", Some(0.4)),
+            ("5 < n", Some(0.5)),
+            ("-n < -5", Some(0.5)),
+            ("not n <= 5", Some(0.5)),
+            ("d <= 0", Some(0.4)),
+            ("d < 0", Some(0.5)),
+            ("z <= 0", Some(0.75)),
+            ("z < 0", None),
+        ],
+    );
+    ends(
+        "signal r = floor(time/0.25); state x = 0; x' = 1;",
+        &[("r > 7", Some(2.0)), ("r >= 7", Some(1.75))],
+    );
+    ends(
+        "state a = 1; state b = 1; state c = 1; a' = -sign(a); b' = -sign(b); c' = -sign(c);",
+        &[
+            ("a < 0 or b < 0 or c < 0", None),
+            ("a <= 0 and b <= 0 and c <= 0", Some(1.0)),
+        ],
+    );
+}
+
+/// Behind an impact that stops a ball, and where bounces end: q = v = 0.
+#[test]
+fn rest_behind_impacts_is_on_the_surface() {
+    let ball = |e: &str| {
+        format!(
+            "state q = 1; state v = 0; q' = v;
+             mechanics q, v {{ mass = 1; force = -9.81; contact floor {{ gap = q; restitution = {e}; }} }}"
+        )
+    };
+    let time = (2.0 / G).sqrt();
+    ends(
+        &ball("0"),
+        &[
+            ("v > 0", None),
+            ("v < -9", None),
+            ("v >= 0 and time > 0.1", Some(time)),
+            ("v <= 0 and q <= 0 and time > 1.5", Some(1.5)),
+        ],
+    );
+    // Each bounce takes half of the time of the one before.
+    ends(
+        &ball("0.5"),
+        &[
+            ("q <= 0 and v > 0", None),
+            ("v > 0 and q <= 0 and time > 2.5", None),
+            ("v > 0", Some(time)),
+        ],
+    );
+}
+
+/// A relay flips where it is reached, and takes the state away.
+#[test]
+fn thresholds_of_relays_are_reached() {
+    // 20 = 25 - 6 exp(-t/10)
+    let time = 10.0 * 1.2_f64.ln();
+    ends(
+        "state T = 19; switch h = hysteresis(T, on = 18, off = 20, start = 1);
+         T' = if h > 0.5 then (25 - T)/10 else -T/10;",
+        &[
+            ("T >= 20", Some(time)),
+            ("T > 20", None),
+            ("T > 20.5", None),
+        ],
+    );
+}

@@ -14,8 +14,8 @@ use crate::lowering::dcs;
 use crate::project::clock::Instant;
 use crate::simulate::record::modes::ModeNames;
 use crate::system::experiment::{
-    EventOptions, FesdOptions, Lowering, Method, Settings, SmoothingOptions, SteppingOptions,
-    beside_branches,
+    EventOptions, Feature, FesdOptions, Lowering, Method, MethodKind, Settings, SmoothingOptions,
+    SteppingOptions, beside_branches,
 };
 use crate::system::switches::smoothing;
 use crate::system::{Role, Switch, System};
@@ -142,6 +142,13 @@ impl<'s, 'e> Bench<'s, 'e> {
         }
         if let Some((name, _)) = self.system.jumps.first_jump() {
             return Some(format!("`{name}` sets states"));
+        }
+        let takes_stops = |method: MethodKind| method.takes(Feature::Stops);
+        let takes_stops = [MethodKind::Smoothing, MethodKind::Adaptive].map(takes_stops);
+        let mut laws = self.system.jumps.laws.iter();
+        let stop = laws.find(|law| law.stops.is_some());
+        if let Some(law) = stop.filter(|_| takes_stops.contains(&false)) {
+            return Some(format!("{} ends the run before its horizon", law.title()));
         }
         let is_kept = |switch: &Switch| switch.unilateral || switch.role != Role::Step;
         let is_kept = switches().any(is_kept);

@@ -151,6 +151,8 @@ impl Printed<'_, '_> {
                 law.name, self.system.switches[k].psi
             )?,
             None if law.stops.is_some() => writeln!(f, "stop {}", law.when)?,
+            // What has no name is called by its instants.
+            None if law.name.starts_with("every ") => writeln!(f, "jump {}", law.when)?,
             None => writeln!(f, "jump {} {}", law.name, law.when)?,
         }
         for (state, value) in &law.resets {

@@ -55,7 +55,11 @@ fn verify_terms(system: &System<'_>, alphas: &[Var]) -> Result<(), String> {
         .chain(system.jumps.impulsive.iter().flat_map(Impulsive::exprs))
         .chain(system.jumps.bodies.iter().flat_map(Body::exprs))
         .collect();
-    if all.iter().any(|&e| has_kinks(e)) {
+    // Instants are numbers, whatever function of parameters they are.
+    let laws = system.jumps.laws.iter();
+    let instants = laws.filter(|law| law.when.guard().is_none());
+    let instants: Vec<Expr<'_>> = instants.flat_map(|law| law.when.exprs()).collect();
+    if all.iter().any(|&e| has_kinks(e) && !instants.contains(&e)) {
         return Err("a nonsmooth term is left".into());
     }
     let controls = system.task.iter().flat_map(|task| &task.controls);

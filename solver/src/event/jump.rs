@@ -127,23 +127,19 @@ impl<'a> JumpLaws<'a> {
         jumps.filter_map(holds).collect()
     }
 
-    /// Whether a law ends the run where these laws strike: what is struck is on its surface.
-    pub(crate) fn stops(&self, state: &mut State, struck: &[usize]) -> bool {
-        let hit = struck
-            .iter()
-            .filter_map(|&law| self.system.laws[law].closes());
-        let hit: Vec<usize> = hit.collect();
+    /// Whether a law ends the run where the state is on the surfaces of these switches.
+    pub(crate) fn stops(&self, state: &mut State, on: &[usize]) -> bool {
         for (l, law) in self.system.laws.iter().enumerate() {
             let Effect::Stop(on_surface) = &law.effect else {
                 continue;
             };
-            let sides = state.point.sides.clone();
-            let on = |switch: usize| {
-                let is_on = sides[switch] == Side::Slide || hit.contains(&switch);
+            let alpha = |switch: usize| {
                 let known = on_surface.iter().find(|(other, _)| *other == switch);
-                known.filter(|_| is_on).map(|(_, alpha)| *alpha)
+                known
+                    .filter(|_| on.contains(&switch))
+                    .map(|(_, alpha)| *alpha)
             };
-            if law.holds(state, on) {
+            if law.holds(state, alpha) {
                 state.jumps.known.stopped = Some(l);
                 return true;
             }

@@ -8,7 +8,7 @@ use crate::events::{Approach, chattering, zeno};
 use crate::expansion::mode::Mode;
 use crate::expansion::monitor::Monitor;
 use crate::expansion::scales::Bands;
-use crate::hybrid::periodic::are_one;
+use crate::hybrid::periodic::{are_one, latest};
 use crate::hybrid::point::Point;
 use crate::hybrid::status::Stats;
 use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
@@ -89,6 +89,41 @@ struct Meets {
     kick: Option<f64>,
     /// Whether it is an instant at which laws jump.
     is_due: bool,
+}
+
+/// Instants behind a point that are known before the run.
+struct Ahead {
+    breakpoint: f64,
+    kick: f64,
+    /// Where laws jump.
+    instant: f64,
+}
+
+impl Ahead {
+    fn all(&self) -> [f64; 3] {
+        [self.breakpoint, self.kick, self.instant]
+    }
+
+    /// Where a step ends at the latest, which is not to go beyond `end`.
+    fn goal(&self, end: f64) -> f64 {
+        match latest(self.all()) {
+            goal if goal < end && !are_one(goal, end) => goal,
+            _ => end,
+        }
+    }
+
+    /// What is met where a step has ended.
+    fn meets(&self, t: f64, t1: f64) -> Meets {
+        let is_due = t >= self.instant || are_one(t, self.instant);
+        let is_inside = t < t1;
+        Meets {
+            // What jumps at the end of a run reads data that go on there.
+            breakpoint: (t >= self.breakpoint || are_one(t, self.breakpoint))
+                && (is_inside || is_due),
+            kick: (t >= self.kick && is_inside).then_some(self.kick),
+            is_due,
+        }
+    }
 }
 
 /// The step before an event.
@@ -186,25 +221,20 @@ impl Simulator {
 
         // Find the solution in the current mode and cut it at its first event.
         self.mode.enter(&state.point.sides);
-        let kick = self.settings.next_kick(state.point.t);
-        let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
-        let goal = goal.min(self.pieces.until).min(kick);
-        let instant = self.system.next_instant(state.point.t);
-        let goal = match are_one(goal, instant) {
-            true => goal,
-            false => goal.min(instant),
+        let ahead = Ahead {
+            breakpoint: self.pieces.until,
+            kick: self.settings.next_kick(state.point.t),
+            instant: self.system.next_instant(state.point.t),
         };
+        let end = history.limit.as_ref().map_or(t1, |(_, end)| *end);
+        let goal = ahead.goal(end);
         let mut step = self.stepper.step(&mut self.mode, state, goal, t1)?;
         self.take(state, history, &mut step, goal, observer)?;
         history.end_accumulation(&self.system, state, &step, observer);
 
         // At an event, the rates on all surfaces that meet decide the next mode.
         disarm(&mut self.mode, &state.point, &mut state.bands);
-        let meets = Meets {
-            breakpoint: state.point.t >= self.pieces.until && state.point.t < t1,
-            kick: (state.point.t >= kick && state.point.t < t1).then_some(kick),
-            is_due: state.point.t >= instant || are_one(state.point.t, instant),
-        };
+        let meets = ahead.meets(state.point.t, t1);
         if meets.is_due {
             JumpLaws::new(&mut self.mode).let_due(state);
         }

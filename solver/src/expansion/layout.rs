@@ -4,6 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use crate::hybrid::periodic::latest;
 use crate::hybrid::{HybridSystem, Input, Piecewise, write_pieces};
 use crate::tape::{self, Ball, Depends, Lane, Rounded, Row, UNBOUNDED};
 
@@ -173,15 +174,17 @@ impl Memory {
         }
     }
 
-    /// Takes the coefficients that hold from `t` on, and gives the instant at which they change.
+    /// Takes the coefficients that hold from `t` on, and gives the instant at which they change: the last of those that
+    /// are one with the first of them.
     pub(crate) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
         self.version += 1;
         let places = self.coefficients();
-        let until = write_pieces(&self.data, t, &mut self.values[places.clone()]);
+        write_pieces(&self.data, t, &mut self.values[places.clone()]);
         for place in places {
             self.rows[place * self.stride] = self.values[place];
         }
-        until.min(system.next_stop(t))
+        let ends = self.data.iter().map(|data| data.piece(t).end);
+        latest(ends.chain([system.next_stop(t)]))
     }
 
     /// Sets t, x and α at a point.

@@ -51,6 +51,13 @@ pub(crate) fn are_one(a: f64, b: f64) -> bool {
     a == b || (a - b).abs() < ONE * a.abs().max(b.abs())
 }
 
+/// The last of the instants that are one with the first of them; infinity where there is none.
+pub(crate) fn latest(instants: impl IntoIterator<Item = f64> + Clone) -> f64 {
+    let first = (instants.clone().into_iter()).fold(f64::INFINITY, f64::min);
+    let one = instants.into_iter().filter(|&t| are_one(t, first));
+    one.fold(first, f64::max)
+}
+
 #[cfg(test)]
 mod tests {
     use super::{Periodic, are_one};

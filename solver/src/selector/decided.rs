@@ -163,25 +163,31 @@ impl Selector<'_> {
 
     /// True when a relay on its threshold goes beyond it, in the present mode.
     fn leaves(&mut self, state: &mut State, relay: usize, t1: f64) -> bool {
+        let ahead = self.ahead(state, relay, t1 - state.point.t);
+        let side = state.point.sides[relay].sign();
+        ahead.is_none_or(|rate| rate * side < 0.0)
+    }
+
+    /// The first term by which ψ leaves its band in the present mode, in a step within this time; zero where it stays,
+    /// none where that is not known.
+    pub(crate) fn ahead(&mut self, state: &mut State, switch: usize, time: f64) -> Option<f64> {
         let tolerance = self.settings.local_tolerance();
         let mut alpha = state.point.alpha.clone();
         let mode = &mut *self.mode;
         mode.enter(&state.point.sides);
         let expanded = Expansion { mode }.around(state.point.t, &state.point.x, &mut alpha);
-        if expanded.is_err() {
-            return true;
-        }
+        expanded.ok()?;
         state.scales.measure(mode, &mut state.bands);
         let bands = &mut state.bands;
-        Monitor { mode, bands }.expand(relay);
+        Monitor { mode, bands }.expand(switch);
         mode.monitored.switches.clear();
-        mode.monitored.switches.push(relay);
+        mode.monitored.switches.push(switch);
         let step_size = StepSize { mode, tolerance };
-        let h = step_size.of_states(&state.scales, t1 - state.point.t);
+        let h = step_size.of_states(&state.scales, time);
         let h = step_size.of_psi(&state.bands, h);
-        let c = mode.psi_series(relay);
-        let leading = series::leading(c, h, state.bands.width[relay]);
-        leading.is_some_and(|k| c[k] * state.point.sides[relay].sign() < 0.0)
+        let c = mode.psi_series(switch);
+        let leading = series::leading(c, h, state.bands.width[switch]);
+        Some(leading.map_or(0.0, |k| c[k]))
     }
 
     /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
@@ -199,7 +205,9 @@ impl Selector<'_> {
             self.mode.surfaces.stand_for(i, 0);
         }
         let last: Vec<f64> = switches.iter().map(|&i| self.mode.psi(i)).collect();
-        self.pieces.until = self.mode.memory.load(&self.system, state.point.t);
+        // The end of a run may be a rounding before it.
+        let instant = state.point.t.max(self.pieces.until);
+        self.pieces.until = self.mode.memory.load(&self.system, instant);
         self.bands().measure(state, &switches, t1 - state.point.t);
         let mut open = triggers.to_vec();
         if !switches.is_empty() {

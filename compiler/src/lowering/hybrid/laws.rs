@@ -3,7 +3,7 @@
 use nsd_solver::hybrid::{Effect, Guard, Impact, Input, Law, Periodic, Reset};
 use rustc_hash::FxHashMap;
 
-use super::tape;
+use super::{tape, variable};
 use crate::expr::{self, Expr, Substitution, Var};
 use crate::model::{self, When};
 use crate::system::{self, System};
@@ -30,7 +30,6 @@ pub(crate) fn compile<'e>(
                 holds: tape(&alphas, &[guard]),
             }
         };
-        let number = |e: Expr<'e>| in_numbers(e).as_constant().unwrap_or(f64::NAN);
         let values = law.resets.iter().map(|&(_, value)| in_numbers(value));
         let values: Vec<Expr<'e>> = values.collect();
         let vars = expr::variables_of(&values);
@@ -39,8 +38,8 @@ pub(crate) fn compile<'e>(
                 (Some(switch), _) => Guard::Strikes(switch),
                 (None, When::Guard(condition)) => guard(condition),
                 (None, When::Every(model::Periodic { period, offset })) => Guard::Every(Periodic {
-                    period: number(period),
-                    offset: number(offset),
+                    period: number_of(system, period),
+                    offset: number_of(system, offset),
                 }),
             },
             effect: match &law.stops {
@@ -70,4 +69,12 @@ pub(crate) fn compile<'e>(
     };
     let (laws, contacts) = (system.jumps.laws.iter(), system.jumps.contacts.iter());
     laws.map(jump).chain(contacts.map(impact)).collect()
+}
+
+/// The value of a function of parameters that are not open.
+fn number_of(system: &System, e: Expr) -> f64 {
+    let params: FxHashMap<Var, f64> = (system.exogenous.numbers())
+        .map(|(var, value)| (variable(var), value))
+        .collect();
+    e.eval(&|var| params[&var])
 }

@@ -66,7 +66,11 @@ pub(crate) fn laws<'e>(
             jump: j,
             when: match jump.when {
                 When::Guard(guard) => When::Guard(translation.in_alphas(guard, jump.when_span)),
-                When::Every(instants) => {
+                When::Every(Periodic { period, offset }) => {
+                    // Only their numbers matter, whatever function of parameters they are.
+                    let [period, offset] =
+                        [period, offset].map(|e| e.substitute(&translation.given));
+                    let instants = Periodic { period, offset };
                     check_instants(instance, jump, instants, diags);
                     When::Every(instants)
                 }

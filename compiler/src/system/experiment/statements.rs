@@ -335,7 +335,7 @@ impl<'e> Stop<'e> {
             let holds = reader.model.scope.condition(comparison, None, reader.diags);
             reached.extend(holds);
         };
-        holds_on_surface(condition, true, &mut comparisons);
+        hold_on_surface(condition, &mut comparisons);
         Some(Stop {
             name: condition.to_string(),
             guard,
@@ -345,19 +345,15 @@ impl<'e> Stop<'e> {
     }
 }
 
-/// The comparisons of a condition that hold where both sides are equal; where `is_plain` is false it is negated.
-fn holds_on_surface(
-    condition: &syntax::Expr,
-    is_plain: bool,
-    found: &mut impl FnMut(&syntax::Expr),
-) {
+/// What holds where both sides of a comparison of a condition are equal: `a <= b` for this one, `not a < b` for that one.
+fn hold_on_surface(condition: &syntax::Expr, found: &mut impl FnMut(&syntax::Expr)) {
     match &condition.kind {
         ExprKind::And(members) | ExprKind::Or(members) => {
             for member in members {
-                holds_on_surface(member, is_plain, found);
+                hold_on_surface(member, found);
             }
         }
-        ExprKind::Not(inner) => holds_on_surface(inner, !is_plain, found),
+        ExprKind::Not(inner) => hold_on_surface(inner, found),
         ExprKind::Compare(first, rest) => {
             let mut left = &**first;
             for (relation, right) in rest {
@@ -369,13 +365,12 @@ fn holds_on_surface(
                     ),
                     span: left.span.to(right.span),
                 };
-                match (is_weak, is_plain) {
-                    (true, true) => found(&one),
-                    (false, false) => found(&syntax::Expr {
+                match is_weak {
+                    true => found(&one),
+                    false => found(&syntax::Expr {
                         span: one.span,
                         kind: ExprKind::Not(Box::new(one)),
                     }),
-                    _ => {}
                 }
                 left = right;
             }

@@ -84,14 +84,15 @@ pub(crate) fn laws<'e>(system: &System<'e>, dcs: &Dcs<'e>, writer: &mut Writer<'
                     writer.formula(guard.substitute(&alphas))
                 ),
                 When::Every(Periodic { period, offset }) => {
-                    let instants = [period, offset].map(|e| writer.formula(e));
-                    format!(
-                        "t = {} + k\\,{}, \\quad k = 0, 1, \\dots",
-                        instants[1], instants[0]
-                    )
+                    let first = writer.formula(offset);
+                    let period = writer.within(period, Binding::Power);
+                    format!("t = {first} + k\\,{period}, \\quad k = 0, 1, \\dots")
                 }
             },
         };
+        if law.stops.is_some() {
+            lines.push(format!("&\\text{{ends }} {when}"));
+        }
         for &(state, value) in &law.resets {
             let after = state_at(system.states[state].var, "+");
             let value = at(writer, value.substitute(&alphas), "-");
