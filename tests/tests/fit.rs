@@ -206,6 +206,45 @@ fn a_decay_has_the_minimum_that_a_search_finds() {
     );
 }
 
+/// x = c exp(-a t) with both free: the columns of J are exp(-a t) and -c t exp(-a t), whatever x(0) depends on in the model.
+#[test]
+fn a_free_initial_value_depends_on_nothing_else_that_is_free() {
+    let mut random = Random(21);
+    let points: Vec<[f64; 2]> = (0..=30)
+        .map(|k| 0.1 * f64::from(k))
+        .map(|t| [t, 2.0 * (-0.7 * t).exp() + 0.02 * normal(&mut random)])
+        .collect();
+    let data = table("time,y", rows(&points));
+    for given in [
+        "state x = a; x' = -a*x; } fit f of d {",
+        "state x = 1; x' = -a*x; } fit f of d { with { x = 8*a; }",
+    ] {
+        let text = format!(
+            "model d {{ param a = 1; {given} horizon 3; data \"data.csv\" {{ x -> y; }} free {{ a; }} initial {{ x free; }} }}"
+        );
+        let (run, fit) = fitted(&text, &data);
+        assert_eq!(run.status, Status::Solved, "{:?}", run.failure);
+        let (a, c) = (estimate(&fit, "a"), estimate(&fit, "x at 0"));
+        // r is orthogonal to both columns, and the standard errors are those of them.
+        let columns = points.iter().map(|[t, y]| {
+            let e = (-a.value * t).exp();
+            (c.value * e - y, -c.value * t * e, e)
+        });
+        let sum = |f: &dyn Fn((f64, f64, f64)) -> f64| columns.clone().map(f).sum::<f64>();
+        close(sum(&|(r, by_a, _)| r * by_a), 0.0, 1e-5);
+        close(sum(&|(r, _, by_c)| r * by_c), 0.0, 1e-5);
+        let (aa, ac, cc) = (
+            sum(&|(_, a, _)| a * a),
+            sum(&|(_, a, c)| a * c),
+            sum(&|(_, _, c)| c * c),
+        );
+        let scale = sum(&|(r, _, _)| r * r) / 29.0 / (aa * cc - ac * ac);
+        let errors = [a, c].map(|one| one.standard_error.expect("determined"));
+        close(errors[0], (scale * cc).sqrt(), 1e-6);
+        close(errors[1], (scale * aa).sqrt(), 1e-6);
+    }
+}
+
 #[test]
 fn a_bound_that_is_reached_is_said_and_the_rest_is_at_its_best_there() {
     let points = line_data();

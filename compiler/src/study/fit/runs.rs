@@ -61,6 +61,7 @@ impl<'f, 'e> Runs<'f, 'e> {
         limit: &Limit,
     ) -> Result<Self, Diagnostics> {
         let sensor = Sensor::new(compiled)?.expect("a fit has something that is free");
+        let sensor = sensor.with_given_initial();
         let (system, settings) = (&compiled.system, &compiled.settings);
         let plan = Plan::of_method(system, settings, &sensor.opened.places);
         let points = fit.columns.iter().flat_map(|column| &column.points);
