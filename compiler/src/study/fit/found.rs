@@ -25,7 +25,12 @@ pub(super) fn told(
     let n = bounds.len();
     let open: Vec<usize> = (0..n).filter(|&j| bounds[j].is_none()).collect();
     let sizes = runs.sizes(&best.point);
-    let open_sizes: Vec<f64> = open.iter().map(|&j| sizes[j]).collect();
+    // Relative changes are those of the values themselves.
+    let relative = |&j: &usize| match best.point[j].abs() {
+        0.0 => sizes[j],
+        size => size,
+    };
+    let open_sizes: Vec<f64> = open.iter().map(relative).collect();
     let directions = Directions::new(&best.at, &open);
     let variance = statistics::variance(&best.at, fit.loss, directions.rank());
     let degrees_of_freedom = (best.at.residuals.len()).saturating_sub(directions.rank());

@@ -376,8 +376,10 @@ impl Residuals for Runs<'_, '_> {
             true => tolerance.powf(2.0 / 3.0),
             false => tolerance,
         };
+        // By how much numbers that are rounded change r.
+        let rounding = (jacobian.abs() * DVector::from_vec(self.sizes_at(point))).norm();
         Some(Linearized {
-            noise: tolerance * self.compared_size(&run)?,
+            noise: tolerance * self.compared_size(&run)? + f64::EPSILON * rounding,
             rank: (RANK * accuracy).clamp(f64::EPSILON.sqrt(), 1e-2),
             residuals: DVector::from_vec(residuals),
             jacobian,
