@@ -37,6 +37,8 @@ pub(crate) struct Sensor {
     /// (state, parameter) of the derivatives of initial values.
     entries: Vec<(usize, usize)>,
     slopes: Tape,
+    /// States whose initial values depend on no parameter, whatever the model says.
+    given: Vec<usize>,
 }
 
 impl Sensor {
@@ -86,8 +88,19 @@ impl Sensor {
                 .collect(),
             entries,
             slopes,
+            given: Vec::new(),
             opened,
         }))
+    }
+
+    /// The same where initial values among the targets are numbers of their own, as parameters are.
+    pub fn with_given_initial(mut self) -> Self {
+        let targets = self.targets.iter().filter_map(|target| match *target {
+            Target::Initial(state) => Some(state),
+            Target::Parameter(_) => None,
+        });
+        self.given = targets.collect();
+        self
     }
 
     /// The values of the open parameters with which the experiment was compiled.
@@ -108,7 +121,7 @@ impl Sensor {
                 Target::Parameter(place) => {
                     by[place] = 1.0;
                     for (&(state, input), value) in self.entries.iter().zip(&values) {
-                        if input == place {
+                        if input == place && !self.given.contains(&state) {
                             initial[state] += value;
                         }
                     }

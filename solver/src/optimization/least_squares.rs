@@ -10,7 +10,15 @@
 //!
 //! for those p that are not held at a bound by the gradient, D_j being the largest length of column j so far (Moré 1978). What
 //! would go beyond a bound goes as far as that, and the others are solved for with it. λ follows the ratio of what is gained
-//! and what the linear model gains (Nielsen 1999). A point where r is not known is a step that is rejected.
+//! and what the linear model gains (Nielsen 1999). A point where r is not known, or is beyond what numbers can tell, is a step
+//! that is rejected; where the gain is below the rounding of the sum, a step is judged by the offset.
+//!
+//! The search ends by the relative offset (Bates & Watts 1981): with Q an orthonormal basis of what columns of √ω J span,
+//! those that no bound holds,
+//!
+//! ‖Qᵀ √ω r‖ / s,   s² = ‖ω r‖² / (m - rank),
+//!
+//! bounds how far p is from the minimum of the linear model, in units of its standard errors.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -21,6 +29,10 @@ pub struct Linearized {
     pub residuals: DVector<f64>,
     /// J = dr/dp.
     pub jacobian: DMatrix<f64>,
+    /// The length of what is not known of r.
+    pub noise: f64,
+    /// What is not known of J: directions that change r by less than this part, columns being of length one, are rounding.
+    pub rank: f64,
 }
 
 /// Residuals as functions of p.
@@ -31,8 +43,8 @@ pub trait Residuals {
     /// Told that the last point is where the search is now.
     fn taken(&mut self) {}
 
-    /// The length below which a change of r is rounding.
-    fn noise(&self) -> f64;
+    /// How far p_j has to go to be somewhere else.
+    fn sizes(&self, p: &[f64]) -> Vec<f64>;
 
     /// Whether the method should go on no more.
     fn is_over(&self) -> bool;
@@ -69,8 +81,11 @@ impl Loss {
 /// How a search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// At a point where the projected gradient vanishes: see [`Fitted::gradient`].
+    /// At a point where the offset vanishes, or is that of what is not known of r: see [`Fitted::offset`].
     Solved,
+    /// At a point where r changes with some p to second order only, if at all, and is not small; with none if no number is
+    /// given, else the sum is less away from there.
+    Flat(Option<usize>),
     /// At a point from where no step gains anything.
     Stalled,
     /// After as many iterations as there may be.
@@ -88,8 +103,8 @@ pub struct Fitted {
     pub at: Linearized,
     /// Σ ρ(r).
     pub cost: f64,
-    /// The largest cosine of the angle between residuals and what a parameter changes, of those that no bound holds.
-    pub gradient: f64,
+    /// The relative offset.
+    pub offset: f64,
     /// Steps that were taken.
     pub iterations: usize,
     /// Steps that were rejected, as r was not known at their ends.
@@ -100,16 +115,18 @@ pub struct Fitted {
 
 /// Steps, rejected ones among them.
 const MOST: usize = 200;
-/// The search goes on until the cosine is below this, or no step gains anything ..
+/// The search goes on until the offset is below this, or no step gains anything ..
 const TARGET: f64 = 1e-9;
-/// .. and is solved where it then is below this: p is off by this times the root of the number of residuals, in units of its
-/// own standard error.
-const SMALL: f64 = 1e-4;
+/// .. and is solved where it then is below this.
+const SMALL: f64 = 1e-3;
 /// λ in the beginning (Nielsen 1999), and where a step is as good as none.
 const FIRST: f64 = 1e-3;
 const LARGEST: f64 = 1e14;
-/// A step gains at least this part of what its model gains.
+/// A step gains at least this part of what its model gains ..
 const LEAST_RATIO: f64 = 1e-4;
+/// .. and where that is below this part of the sum, the offset becomes this part of what it was.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+const LESS: f64 = 0.5;
 
 /// Looks for a minimum from a point, which is moved into the bounds; none where r is not known there.
 pub fn solve(
@@ -120,15 +137,13 @@ pub fn solve(
 ) -> Option<Fitted> {
     let point = DVector::from_iterator(start.len(), start.iter().copied());
     let point = projected(&point, bounds);
-    let at = problem.at(point.as_slice())?;
+    let mut search = Search::at(point.clone(), problem.at(point.as_slice())?, bounds, loss)?;
     problem.taken();
-    let noise = problem.noise();
-    let mut search = Search::new(point, at, bounds, loss);
     let (mut lambda, mut growth) = (FIRST, 2.0);
     let (mut iterations, mut failures) = (0, 0);
     let mut status = Status::IterationLimit;
     for _ in 0..MOST {
-        if search.gradient(noise) <= TARGET {
+        if search.offset <= TARGET {
             status = Status::Solved;
             break;
         }
@@ -138,22 +153,32 @@ pub fn solve(
         }
         let step = search.step(lambda);
         let gain = search.gain(&step);
-        if lambda > LARGEST || gain.abs() <= (noise * noise).max(f64::EPSILON * search.cost) {
+        if lambda > LARGEST || gain <= 0.0 {
             status = Status::Stalled;
             break;
         }
         let trial = projected(&(&search.point + step), bounds);
         let found = problem.at(trial.as_slice());
+        let found = found.and_then(|at| Search::at(trial, at, bounds, loss));
         failures += usize::from(found.is_none());
-        let cost = |at: &Linearized| at.residuals.iter().map(|&r| loss.of(r)).sum::<f64>();
-        let ratio = |at: &Linearized| (search.cost - cost(at)) / gain;
-        match found.filter(|at| gain > 0.0 && ratio(at) > LEAST_RATIO) {
-            Some(at) => {
-                lambda *= (1.0 - (2.0 * ratio(&at) - 1.0).powi(3)).max(1.0 / 3.0);
+        let is_rounding = gain <= ROUNDING * search.cost;
+        let ratio = |other: &Search<'_>| search.gained(other) / gain;
+        let is_better = |other: &Search<'_>| match is_rounding {
+            true => other.offset < LESS * search.offset,
+            false => ratio(other) > LEAST_RATIO,
+        };
+        match found.filter(is_better) {
+            Some(other) => {
+                lambda *=
+                    (1.0 - (2.0 * ratio(&other) - 1.0).clamp(-1.0, 1.0).powi(3)).max(1.0 / 3.0);
                 growth = 2.0;
                 iterations += 1;
                 problem.taken();
-                search.moves(trial, at);
+                search = other.after(&search);
+            }
+            None if is_rounding => {
+                status = Status::Stalled;
+                break;
             }
             None => {
                 lambda *= growth;
@@ -161,15 +186,14 @@ pub fn solve(
             }
         }
     }
-    let gradient = search.gradient(0.0);
-    if status != Status::Over && search.gradient(noise) <= SMALL {
-        status = Status::Solved;
+    if status != Status::Over && search.is_solved() {
+        status = search.flat(problem).map_or(Status::Solved, Status::Flat);
     }
     Some(Fitted {
         point: search.point.as_slice().to_vec(),
         at: search.at,
         cost: search.cost,
-        gradient,
+        offset: search.offset,
         iterations,
         failures,
         status,
@@ -198,40 +222,53 @@ struct Search<'b> {
     slope: DVector<f64>,
     /// D.
     scale: DVector<f64>,
+    /// The relative offset, and ‖Qᵀ √ω r‖.
+    offset: f64,
+    inside: f64,
 }
 
 impl<'b> Search<'b> {
-    fn new(point: DVector<f64>, at: Linearized, bounds: &'b [[f64; 2]], loss: Loss) -> Self {
-        let n = point.len();
+    /// None where sums of squares are no numbers, or are rounded to zero.
+    fn at(point: DVector<f64>, at: Linearized, bounds: &'b [[f64; 2]], loss: Loss) -> Option<Self> {
+        let weights = at.residuals.map(|r| loss.weight(r).sqrt());
+        let residuals = at.residuals.component_mul(&weights);
+        let mut jacobian = at.jacobian.clone();
+        for mut column in jacobian.column_iter_mut() {
+            column.component_mul_assign(&weights);
+        }
+        let slope = jacobian.tr_mul(&residuals);
+        let is_told = |squares: f64, largest: f64| {
+            squares.is_finite() && (squares >= f64::MIN_POSITIVE || largest == 0.0)
+        };
+        let cost = at.residuals.iter().map(|&r| loss.of(r)).sum();
+        let mut columns = jacobian.column_iter();
+        let is_known = is_told(cost, at.residuals.amax())
+            && columns.all(|column| is_told(column.norm_squared(), column.amax()))
+            && slope.iter().all(|slope| slope.is_finite());
+        if !is_known {
+            return None;
+        }
         let mut search = Search {
-            residuals: at.residuals.clone(),
-            jacobian: at.jacobian.clone(),
-            slope: DVector::zeros(n),
-            scale: DVector::zeros(n),
-            cost: 0.0,
-            point: point.clone(),
-            at: at.clone(),
+            scale: DVector::from_iterator(point.len(), jacobian.column_iter().map(|c| c.norm())),
+            offset: 0.0,
+            inside: 0.0,
+            residuals,
+            jacobian,
+            slope,
+            cost,
+            point,
+            at,
             bounds,
             loss,
         };
-        search.moves(point, at);
-        search
+        search.measures();
+        Some(search)
     }
 
-    fn moves(&mut self, point: DVector<f64>, at: Linearized) {
-        let loss = self.loss;
-        let weights = at.residuals.map(|r| loss.weight(r).sqrt());
-        self.cost = at.residuals.iter().map(|&r| loss.of(r)).sum();
-        self.residuals = at.residuals.component_mul(&weights);
-        self.jacobian = at.jacobian.clone();
-        for mut column in self.jacobian.column_iter_mut() {
-            column.component_mul_assign(&weights);
-        }
-        self.slope = self.jacobian.tr_mul(&self.residuals);
-        for (scale, column) in self.scale.iter_mut().zip(self.jacobian.column_iter()) {
-            *scale = scale.max(column.norm());
-        }
-        (self.point, self.at) = (point, at);
+    /// The same behind another point.
+    fn after(mut self, earlier: &Self) -> Self {
+        self.scale = self.scale.sup(&earlier.scale);
+        self
     }
 
     /// Whether the gradient holds p_j at a bound.
@@ -241,23 +278,79 @@ impl<'b> Search<'b> {
         low == high || p <= low && slope > 0.0 || p >= high && slope < 0.0
     }
 
-    /// See [`Fitted::gradient`]; less what is rounding.
-    fn gradient(&self, noise: f64) -> f64 {
-        let length = self.residuals.norm();
-        let cosine = |j: usize| {
-            let column = self.jacobian.column(j).norm();
-            let along = (self.slope[j].abs() / column - noise).max(0.0);
-            if along > 0.0 { along / length } else { 0.0 }
-        };
+    /// What no bound holds, and whether r changes with it.
+    fn open(&self) -> impl Iterator<Item = (usize, bool)> {
         let open = (0..self.point.len()).filter(|&j| !self.is_held(j));
-        open.map(cosine).fold(0.0, f64::max)
+        open.map(|j| (j, self.jacobian.column(j).amax() > 0.0))
+    }
+
+    /// The relative offset of columns that are of length one.
+    fn measures(&mut self) {
+        let felt = self.open().filter(|(_, is_felt)| *is_felt);
+        let columns: Vec<DVector<f64>> = felt
+            .map(|(j, _)| self.jacobian.column(j).normalize())
+            .collect();
+        if columns.is_empty() || self.cost == 0.0 {
+            return;
+        }
+        let qr = DMatrix::from_columns(&columns).col_piv_qr();
+        let diagonal = qr.r().diagonal();
+        let largest = diagonal[0];
+        let rank = (diagonal.iter())
+            .take_while(|&&part| part > self.at.rank * largest)
+            .count();
+        let mut rotated = self.residuals.clone();
+        qr.q_tr_mul(&mut rotated);
+        self.inside = rotated.rows(0, rank).norm();
+        let loss = self.loss;
+        let length = self.at.residuals.map(|r| loss.weight(r) * r).norm();
+        let freedom = self.residuals.len().saturating_sub(rank).max(1);
+        self.offset = self.inside / length * (freedom as f64).sqrt();
+    }
+
+    /// Whether it is a minimum as far as r is known.
+    fn is_solved(&self) -> bool {
+        self.offset <= SMALL || self.inside <= self.at.noise
+    }
+
+    /// See [`Status::Flat`].
+    fn flat(&self, problem: &mut dyn Residuals) -> Option<Option<usize>> {
+        if self.residuals.norm() <= self.at.noise {
+            return None;
+        }
+        let open: Vec<(usize, bool)> = self.open().collect();
+        if !open.is_empty() && open.iter().all(|(_, is_felt)| !is_felt) {
+            return Some(None);
+        }
+        let sizes = problem.sizes(self.point.as_slice());
+        let mut still = open.iter().filter(|(_, is_felt)| !is_felt);
+        let is_less = |problem: &mut dyn Residuals, j: usize, size: f64| {
+            let mut other = self.point.clone();
+            other[j] += size;
+            let other = projected(&other, self.bounds);
+            let at = problem.at(other.as_slice());
+            let other = at.and_then(|at| Search::at(other, at, self.bounds, self.loss));
+            other.is_some_and(|other| self.gained(&other) > ROUNDING * self.cost)
+        };
+        let found =
+            still.find(|&&(j, _)| is_less(problem, j, sizes[j]) || is_less(problem, j, -sizes[j]));
+        found.map(|&(j, _)| Some(j))
+    }
+
+    /// By how much the sum is less at another point.
+    fn gained(&self, other: &Self) -> f64 {
+        let pairs = self.at.residuals.iter().zip(other.at.residuals.iter());
+        pairs
+            .map(|(&here, &there)| self.loss.of(here) - self.loss.of(there))
+            .sum()
     }
 
     /// The step for λ: what it takes beyond a bound goes as far as that, and the others are the best with it.
     fn step(&self, lambda: f64) -> DVector<f64> {
         let n = self.point.len();
         let mut step = DVector::zeros(n);
-        let mut open: Vec<usize> = (0..n).filter(|&j| !self.is_held(j)).collect();
+        let felt = self.open().filter(|(_, is_felt)| *is_felt);
+        let mut open: Vec<usize> = felt.map(|(j, _)| j).collect();
         loop {
             let solved = self.solved(lambda, &open, &step);
             let rest = |j: usize| self.bounds[j].map(|bound| bound - self.point[j]);
@@ -331,11 +424,13 @@ mod tests {
             Some(Linearized {
                 jacobian: DMatrix::from_row_slice(r.len(), p.len(), &rows),
                 residuals: DVector::from_vec(r),
+                noise: 0.0,
+                rank: 1e-12,
             })
         }
 
-        fn noise(&self) -> f64 {
-            0.0
+        fn sizes(&self, p: &[f64]) -> Vec<f64> {
+            vec![1.0; p.len()]
         }
 
         fn is_over(&self) -> bool {
@@ -402,5 +497,79 @@ mod tests {
         let f = |p: &[f64]| Some((vec![p[0] - 1.0, 2.0], vec![-1.0, 0.0]));
         let found = found(f, &[0.0], &[OPEN]);
         assert_eq!(found.status, Status::Stalled);
+    }
+
+    #[test]
+    fn an_outlier_beyond_rounding_hides_no_step() {
+        // As above, with an outlier whose cost rounds by more than the others have.
+        let data = [0.0, 0.1, 0.2, 1e14];
+        let f = |p: &[f64]| Some((data.iter().map(|y| p[0] - y).collect(), vec![1.0; 4]));
+        let found = solve(&mut Problem(f), &[50.0], &[OPEN], Loss::Huber(1.0)).unwrap();
+        assert_eq!(found.status, Status::Solved);
+        assert!(
+            (found.point[0] - 1.3 / 3.0).abs() < 1e-3,
+            "{}",
+            found.point[0]
+        );
+    }
+
+    #[test]
+    fn the_offset_bounds_the_distance_in_standard_errors() {
+        // p + q t and p + 1.001 q t, of 40 points: columns are nearly parallel, and each alone nearly orthogonal to r.
+        let at = |p: &[f64]| {
+            let times = (0..40).map(|k| 1.0 + 1e-3 * f64::from(k));
+            let rows: Vec<[f64; 3]> = times
+                .enumerate()
+                .map(|(k, t)| [p[0] + p[1] * t - [0.0, 1e-3][k % 2], 1.0, t])
+                .collect();
+            let r = rows.iter().map(|row| row[0]).collect();
+            Some((r, rows.iter().flat_map(|row| [row[1], row[2]]).collect()))
+        };
+        let mut problem = Problem(at);
+        let (point, bounds) = (DVector::from_vec(vec![0.2, -0.2]), [OPEN; 2]);
+        let known = Residuals::at(&mut problem, point.as_slice()).unwrap();
+        let there = super::Search::at(point, known, &bounds, Loss::Squared).unwrap();
+        // (JᵀJ)⁻¹ in closed form.
+        let sums = (0..40).map(|k| 1.0 + 1e-3 * f64::from(k));
+        let (n, t, tt) = sums.fold((0.0, 0.0, 0.0), |(n, a, b), t| (n + 1.0, a + t, b + t * t));
+        let scale = (there.cost / 38.0 / (n * tt - t * t)).sqrt();
+        let minimum = found(at, &[0.2, -0.2], &bounds);
+        let off = (minimum.point[0] - 0.2).abs() / (scale * tt.sqrt());
+        assert!(
+            off > 0.5 && off <= there.offset * 1.0001,
+            "{off}, {}",
+            there.offset
+        );
+    }
+
+    #[test]
+    fn where_nothing_changes_to_first_order_there_is_no_solution() {
+        // A maximum of (p² - 4)², alone and beside a number that is found.
+        let alone = |p: &[f64]| Some((vec![p[0] * p[0] - 4.0], vec![2.0 * p[0]]));
+        assert_eq!(found(alone, &[0.0], &[OPEN]).status, Status::Flat(None));
+        let beside = |p: &[f64]| {
+            let r = vec![p[0] * p[0] - 4.0, p[1] - 1.0, p[1] - 1.5];
+            Some((r, vec![2.0 * p[0], 0.0, 0.0, 1.0, 0.0, 1.0]))
+        };
+        let moved = found(beside, &[0.0, 0.0], &[OPEN; 2]);
+        assert_eq!(moved.status, Status::Flat(Some(0)));
+        assert!((moved.point[1] - 1.25).abs() < 1e-9);
+        // What r does not depend on at all keeps nothing from being found.
+        let unused = |p: &[f64]| Some((vec![p[1] - 1.0, p[1] - 1.5], vec![0.0, 1.0, 0.0, 1.0]));
+        assert_eq!(
+            found(unused, &[0.0, 0.0], &[OPEN; 2]).status,
+            Status::Solved
+        );
+    }
+
+    #[test]
+    fn squares_that_are_no_numbers_are_not_known() {
+        for size in [1e170, 1e-170] {
+            let f = |p: &[f64]| Some((vec![size * (p[0] - 1.0)], vec![size]));
+            assert!(solve(&mut Problem(f), &[0.0], &[OPEN], Loss::Squared).is_none());
+        }
+        let zero = |_: &[f64]| Some((vec![0.0], vec![1.0]));
+        let zero = found(zero, &[0.0], &[OPEN]);
+        assert_eq!((zero.status, zero.offset), (Status::Solved, 0.0));
     }
 }

@@ -52,14 +52,14 @@ pub fn run(args: &PlotArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let (mut exit, mut sources) = (Exit::Success, Vec::new());
     for experiment in &experiments {
         let asked = (&project, &overrides[..]);
-        let Some((source, status)) = curves(asked, experiment, (&limit, everything), streams)?
+        let Some((found, status)) = curves(asked, experiment, (&limit, everything), streams)?
         else {
             return Ok(Exit::Wrong);
         };
         if status != Status::Solved {
             exit = Exit::Failed;
         }
-        sources.push(source);
+        sources.extend(found);
     }
     for path in &args.data {
         match measured(path).and_then(|source| belonging(source, &sources)) {
@@ -107,13 +107,14 @@ fn is_of(name: &str, asked: &str) -> bool {
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
 }
 
-/// The curves of an experiment, those of its `plot` alone where not everything is asked for, and how its run ended; nothing where it does not compile, which has been printed.
+/// The curves of an experiment, those of its `plot` alone where not everything is asked for, with the measurements of a fit,
+/// and how its run ended; nothing where it does not compile, which has been printed.
 fn curves(
     (project, overrides): (&Project, &[Bind]),
     experiment: &Experiment,
     (limit, everything): (&Limit, bool),
     streams: &mut Streams<'_>,
-) -> io::Result<Option<(Source, Status)>> {
+) -> io::Result<Option<(Vec<Source>, Status)>> {
     let (exprs, mut diags, mut clock) = (Exprs::new(), Diagnostics::new(), Clock::default());
     let file = &project.file;
     let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
@@ -153,14 +154,22 @@ fn curves(
         }
     };
     let columns = unique(fine.series().flat_map(Series::columns));
-    let source = Source {
+    let mut sources = vec![Source {
         name: trajectory.setup.experiment,
         time: fine.time,
         columns,
         units: Units::of(&compiled.model),
         is_measured: false,
-    };
-    Ok(Some((source, trajectory.status)))
+    }];
+    let data = trajectory.several.fit.into_iter().flat_map(|fit| fit.data);
+    sources.extend(data.map(|data| Source {
+        name: format!("{} of {}", data.column, data.file),
+        time: data.time,
+        columns: vec![(data.quantity, data.measured)],
+        units: Units::default(),
+        is_measured: true,
+    }));
+    Ok(Some((sources, trajectory.status)))
 }
 
 /// Each quantity once, as a plot may draw it again in a phase portrait.

@@ -56,15 +56,18 @@ pub enum TableError {
     #[error("the times in `{path}` do not increase: {time} comes after {before}")]
     #[diagnostic(
         code(E0241),
-        help(
-            "sort the rows by time, and keep one row for each instant; `fit = hold` jumps at a row"
-        )
+        help("{}", match fit {
+            Some(_) => "sort the rows by time, and keep one row for each instant; `fit = hold` jumps at a row",
+            None => "sort the rows by time; several may be of one instant",
+        })
     )]
     Order {
         path: String,
         time: f64,
         before: f64,
         line: u64,
+        /// What is between the rows; nothing where these are measurements.
+        fit: Option<Fit>,
         #[label("in line {line} of the file")]
         span: Span,
     },
@@ -106,8 +109,8 @@ pub(crate) struct Places {
 }
 
 impl TableError {
-    /// What is wrong with the file that a signal names.
-    pub(crate) fn of(fault: Fault, path: &str, column: &str, fit: Fit, at: Places) -> Self {
+    /// What is wrong with a file that a signal names, with what it has between rows, or measurements.
+    pub(crate) fn of(fault: Fault, path: &str, column: &str, fit: Option<Fit>, at: Places) -> Self {
         let data = |what: String, why: String, help: &str| TableError::Data {
             what,
             why,
@@ -174,13 +177,14 @@ impl TableError {
                 time,
                 before,
                 line,
+                fit,
                 span: at.path,
             },
             Fault::Few { found, needed } => TableError::Few {
                 path: path.to_owned(),
                 found,
                 needed,
-                fit,
+                fit: fit.unwrap_or(Fit::Hold),
                 span: at.fit,
             },
         }

@@ -49,7 +49,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let table = source.table(parts.column, parts.fit);
         let (path, column, fit) = (parts.path, parts.column, parts.fit);
         let table =
-            table.map_err(|fault| TableError::of(fault, path, column, fit, parts.places))?;
+            table.map_err(|fault| TableError::of(fault, path, column, Some(fit), parts.places))?;
         let known = (self.draft.model.definitions.data.iter())
             .find(|data| std::sync::Arc::ptr_eq(&data.table, &table));
         if let Some(data) = known {

@@ -322,6 +322,21 @@ fn fit(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         counted(fit.free.len(), "free number"),
     );
     writeln!(text, "\n  fit of {free} to {found}")?;
+    measured(fit, text)?;
+    estimates(fit, text)?;
+    directions(fit, text)?;
+    writeln!(
+        text,
+        "  residuals {} in norm, standard deviation {}, {} degrees of freedom",
+        significant(fit.residual_norm, 6),
+        known(fit.deviation),
+        fit.degrees_of_freedom
+    )?;
+    search(&fit.search, text)
+}
+
+/// Columns of data.
+fn measured(fit: &Fit, text: &mut String) -> fmt::Result {
     for data in &fit.data {
         write!(
             text,
@@ -340,16 +355,7 @@ fn fit(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         }
         writeln!(text)?;
     }
-    estimates(fit, text)?;
-    directions(fit, text)?;
-    writeln!(
-        text,
-        "  residuals {} in norm, standard deviation {}, {} degrees of freedom",
-        significant(fit.residual_norm, 6),
-        known(fit.deviation),
-        fit.degrees_of_freedom
-    )?;
-    search(&fit.search, text)
+    Ok(())
 }
 
 fn known(value: Option<f64>) -> String {
@@ -364,8 +370,8 @@ fn estimates(fit: &Fit, text: &mut String) -> fmt::Result {
                 format!("{} to {}", significant(low, 8), significant(high, 8))
             }
             (None, Some(_), _) => "at a bound".to_owned(),
-            (None, None, false) => "not determined".to_owned(),
-            (None, None, true) => "none".to_owned(),
+            (None, None, Some(false)) => "not determined".to_owned(),
+            (None, None, _) => "none".to_owned(),
         };
         [
             estimate.name.clone(),
@@ -411,10 +417,10 @@ fn directions(fit: &Fit, text: &mut String) -> fmt::Result {
 fn search(search: &Search, text: &mut String) -> fmt::Result {
     write!(
         text,
-        "  {}, {}, gradient {:.1e}",
+        "  {}, {}, {:.1e} standard errors from the minimum",
         counted(search.iterations, "iteration"),
         counted(search.runs, "run"),
-        search.gradient
+        search.offset
     )?;
     if search.failed_steps > 0 {
         let steps = counted(search.failed_steps, "step");

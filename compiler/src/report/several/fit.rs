@@ -42,8 +42,8 @@ pub struct Estimate {
     pub interval: Option<[f64; 2]>,
     /// Where it is at a bound.
     pub at_bound: Option<Bound>,
-    /// Whether the data determine it.
-    pub is_determined: bool,
+    /// Whether the data determine it; none where a bound holds it.
+    pub is_determined: Option<bool>,
 }
 
 /// A bound of a parameter.
@@ -59,9 +59,9 @@ pub enum Bound {
 /// A direction in the space of parameters that no bound holds.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Direction {
-    /// How much residuals change with relative changes of the parameters along it.
+    /// How much residuals change along it where they change by a length of one with each parameter alone.
     pub singular_value: f64,
-    /// These relative changes, a vector of length one: exponents of a product of powers that changes alone.
+    /// Relative changes of the parameters along it, a vector of length one: exponents of a product of powers that changes alone.
     #[serde(serialize_with = "as_map")]
     pub combination: Vec<(String, f64)>,
     /// Whether the data determine it.
@@ -77,8 +77,9 @@ pub struct Search {
     pub failed_steps: usize,
     /// Runs of all starts.
     pub runs: usize,
-    /// The largest cosine of the angle between residuals and what a parameter changes.
-    pub gradient: f64,
+    /// The relative offset: how far the parameters are at most from the minimum of the linear model, in units of their
+    /// standard errors.
+    pub offset: f64,
     /// From how many points it was looked for.
     pub starts: usize,
     /// From how many of them there was no run.
@@ -108,6 +109,18 @@ pub struct Measurements {
     pub missing: usize,
     /// Rows before the start or behind the horizon.
     pub outside: usize,
+}
+
+impl Fit {
+    /// Leaves out what holds at a minimum only.
+    pub(crate) fn withholds_errors(&mut self) {
+        for estimate in &mut self.estimates {
+            (estimate.standard_error, estimate.interval) = (None, None);
+        }
+        for rows in [&mut self.covariance, &mut self.correlation] {
+            rows.iter_mut().for_each(|row| row.fill(None));
+        }
+    }
 }
 
 impl Direction {

@@ -1,10 +1,10 @@
 //! What the data say of parameters, as it is reported.
 
-use nsd_solver::optimization::least_squares::Fitted;
+use nsd_solver::optimization::least_squares::{Fitted, Residuals};
 
 use super::Searched;
-use super::runs::{Runs, Way};
-use super::statistics::{self, PART, Singular};
+use super::runs::Runs;
+use super::statistics::{self, Directions, PART, Singular};
 use crate::report::{Bound, Direction, Estimate, Fit, Measurements, Search, Warning};
 use crate::system::experiment;
 
@@ -12,7 +12,7 @@ use crate::system::experiment;
 pub(super) fn told(
     runs: &Runs<'_, '_>,
     fit: &experiment::Fit<'_>,
-    (best, way): (&Fitted, &Way),
+    best: &Fitted,
     searched: &Searched,
 ) -> Fit {
     let bounds: Vec<Option<Bound>> = (best.point.iter().zip(runs.bounds()))
@@ -25,12 +25,16 @@ pub(super) fn told(
     let n = bounds.len();
     let open: Vec<usize> = (0..n).filter(|&j| bounds[j].is_none()).collect();
     let sizes = runs.sizes(&best.point);
-    let directions = statistics::directions(&best.at, &sizes, &open, way.has_differences());
-    let n_determined = directions.iter().filter(|one| one.is_determined).count();
-    let variance = statistics::variance(&best.at, fit.loss, n_determined);
-    let degrees_of_freedom = best.at.residuals.len().saturating_sub(n_determined);
-    let open_sizes: Vec<f64> = open.iter().map(|&j| sizes[j]).collect();
-    let of_open = variance.map(|s| statistics::covariance(&directions, &open_sizes, s));
+    // Relative changes are those of the values themselves.
+    let relative = |&j: &usize| match best.point[j].abs() {
+        0.0 => sizes[j],
+        size => size,
+    };
+    let open_sizes: Vec<f64> = open.iter().map(relative).collect();
+    let directions = Directions::new(&best.at, &open);
+    let variance = statistics::variance(&best.at, fit.loss, directions.rank());
+    let degrees_of_freedom = (best.at.residuals.len()).saturating_sub(directions.rank());
+    let of_open = variance.map(|s| directions.covariance(s));
     let mut covariance = vec![vec![None; n]; n];
     for (a, row) in of_open.iter().flatten().enumerate() {
         for (b, &entry) in row.iter().enumerate() {
@@ -38,7 +42,10 @@ pub(super) fn told(
         }
     }
     let error = |j: usize| covariance[j][j].map(f64::sqrt);
-    let correlation = |j: usize, k: usize| Some(covariance[j][k]? / (error(j)? * error(k)?));
+    let correlation = |j: usize, k: usize| {
+        let unit = error(j)? * error(k)?;
+        (unit > 0.0).then_some(covariance[j][k]? / unit)
+    };
     let t = statistics::student(degrees_of_freedom.max(1));
     let name = |j: usize| fit.sensed[j].name.clone();
     let estimate = |j: usize| {
@@ -50,14 +57,14 @@ pub(super) fn told(
             standard_error,
             interval: standard_error.map(|error| [value - t * error, value + t * error]),
             at_bound: bounds[j],
-            is_determined: place.is_some_and(|at| statistics::is_determined(&directions, at)),
+            is_determined: place.map(|at| directions.is_determined(at)),
         }
     };
     let direction = |one: &Singular| Direction {
         singular_value: one.value,
-        combination: (open.iter().zip(&one.vector))
+        combination: (open.iter().zip(directions.relative(one, &open_sizes)))
             .filter(|(_, part)| part.abs() >= PART)
-            .map(|(&j, &part)| (name(j), part))
+            .map(|(&j, part)| (name(j), part))
             .collect(),
         is_determined: one.is_determined,
     };
@@ -68,7 +75,7 @@ pub(super) fn told(
             .map(|j| (0..n).map(|k| correlation(j, k)).collect())
             .collect(),
         covariance,
-        directions: directions.iter().map(direction).collect(),
+        directions: directions.all.iter().map(direction).collect(),
         residual_norm: best.at.residuals.norm(),
         deviation: variance.map(f64::sqrt),
         degrees_of_freedom,
@@ -76,7 +83,7 @@ pub(super) fn told(
             iterations: best.iterations,
             failed_steps: best.failures,
             runs: runs.count(),
-            gradient: best.gradient,
+            offset: best.offset,
             starts: searched.starts,
             failed_starts: searched.failed,
             best_starts: searched.n_best,

@@ -16,9 +16,11 @@ use runs::{Runs, Way};
 
 use crate::Compiled;
 use crate::diagnostics::Diagnostics;
+use crate::limit::{Limit, Over};
 use crate::project::watch::{Progress, Watch};
 use crate::report::{Failure, Kind, Trajectory};
 use crate::simulate::Request;
+use crate::source::Span;
 use crate::system::experiment;
 
 /// Objectives that differ by less than this are one; as for several starts of an optimization.
@@ -29,6 +31,8 @@ struct Searched {
     /// The best of them.
     best: Option<(Fitted, Way)>,
     starts: usize,
+    /// Whether it had to end before all starts were tried.
+    is_over: bool,
     /// Starts whose runs fail.
     failed: usize,
     /// Starts that lead to the best objective.
@@ -52,8 +56,16 @@ pub(crate) fn run<'e>(
         Some((best, _)) => best.point.clone(),
         None => runs.guess(),
     };
-    // Where no start leads anywhere, the run of the first says why.
-    let mut trajectory = runs.told(compiled, &point, request, watch);
+    // Where no start leads anywhere, the run of the first says why. What was found is run whatever the limit of the search.
+    let over = request.limit.over();
+    let last = match &searched.best {
+        Some(_) if over.is_some() => &Request {
+            limit: Limit::default(),
+            ..request.clone()
+        },
+        _ => request,
+    };
+    let mut trajectory = runs.told(compiled, &point, last, watch);
     trajectory.setup.kind = Kind::Fit;
     let Some((best, way)) = &searched.best else {
         if trajectory.failure.is_none() {
@@ -66,14 +78,18 @@ pub(crate) fn run<'e>(
         }
         return Ok(trajectory);
     };
-    let found = found::told(&runs, fit, (best, way), &searched);
+    let mut found = found::told(&runs, fit, best, &searched);
     trajectory.warnings.extend(found::warnings(&found, fit));
     trajectory.warnings.extend(way.warnings(fit));
     trajectory.objective = Some(best.cost);
+    let unfinished = over.filter(|_| searched.is_over || best.status == Status::Over);
     if trajectory.failure.is_none()
-        && let Some(failure) = failure(best, &trajectory, compiled, request)
+        && let Some(failure) = failure(best, fit, &trajectory, (compiled.settings.span, unfinished))
     {
         trajectory.fails(failure);
+    }
+    if best.status != Status::Solved {
+        found.withholds_errors();
     }
     trajectory.several.fit = Some(found);
     Ok(trajectory)
@@ -86,12 +102,14 @@ fn search(runs: &mut Runs<'_, '_>, fit: &experiment::Fit<'_>, watch: &mut dyn Wa
     let mut searched = Searched {
         best: None,
         starts: 0,
+        is_over: false,
         failed: 0,
         n_best: 0,
     };
     let mut costs = Vec::new();
     for number in 0..n_starts {
         if number > 0 && least_squares::Residuals::is_over(runs) {
+            searched.is_over = true;
             break;
         }
         watch.progress(&Progress::Runs {
@@ -112,35 +130,46 @@ fn search(runs: &mut Runs<'_, '_>, fit: &experiment::Fit<'_>, watch: &mut dyn Wa
             searched.best = Some((found, way));
         }
     }
-    let best = costs.iter().copied().fold(f64::INFINITY, f64::min);
-    let is_best = |cost: &&f64| **cost <= best + SAME * best.abs();
-    searched.n_best = costs.iter().filter(is_best).count();
+    if let Some((best, _)) = &searched.best {
+        // Sums below what is not known of r are alike.
+        let most = best.cost * (1.0 + SAME) + best.at.noise.powi(2);
+        searched.n_best = costs.iter().filter(|cost| **cost <= most).count();
+    }
     searched
 }
 
 /// Why what was found is not known to be a minimum.
 fn failure(
     best: &Fitted,
+    fit: &experiment::Fit<'_>,
     trajectory: &Trajectory,
-    compiled: &Compiled<'_>,
-    request: &Request,
+    (span, unfinished): (Span, Option<Over>),
 ) -> Option<Failure> {
-    let span = compiled.settings.span;
+    let far = |why: &str| {
+        let offset = best.offset;
+        format!(
+            "{why}, and the linear model has its minimum up to {offset:.1e} standard errors from here"
+        )
+    };
+    if let Some(over) = unfinished {
+        let time = trajectory.samples.time.last().copied().unwrap_or(0.0);
+        return Some(Failure::over(over, time, span));
+    }
     let what = match best.status {
-        Status::Solved => return None,
-        Status::Over => {
-            let time = trajectory.samples.time.last().copied().unwrap_or(0.0);
-            let over = request.limit.over()?;
-            return Some(Failure::over(over, time, span));
+        Status::Solved | Status::Over => return None,
+        Status::Flat(None) => {
+            "nothing measured changes to first order with what is free, and residuals are not small"
+                .to_owned()
         }
-        Status::IterationLimit => "the limit of iterations was reached",
-        Status::Stalled => "no step makes the sum of squares smaller",
+        Status::Flat(Some(at)) => format!(
+            "nothing measured changes to first order with `{}`, and the sum of squares is smaller away from here",
+            fit.sensed[at].name
+        ),
+        Status::IterationLimit => far("the limit of iterations was reached"),
+        Status::Stalled => far("no step makes the sum of squares smaller"),
     };
     Some(Failure::NotFitted {
-        what: format!(
-            "{what}, and residuals are not orthogonal to what parameters change: the cosine is {:.1e}",
-            best.gradient
-        ),
+        what,
         is_limit: best.status == Status::IterationLimit,
         span,
     })

@@ -17,6 +17,9 @@ use crate::simulate::{Plan, Request};
 use crate::system::System;
 use crate::system::experiment::{Column, Fit, Sampling, Settings, Starts};
 
+/// Derivatives are known up to this many times the tolerance of runs, and differences up to as many times its power 2/3.
+const RANK: f64 = 100.0;
+
 /// The runs of one fit.
 pub(super) struct Runs<'f, 'e> {
     fit: &'f Fit<'e>,
@@ -62,6 +65,7 @@ impl<'f, 'e> Runs<'f, 'e> {
         limit: &Limit,
     ) -> Result<Self, Diagnostics> {
         let sensor = Sensor::new(compiled, Opened::of)?.expect("a fit has something that is free");
+        let sensor = sensor.with_given_initial();
         let (system, settings) = (&compiled.system, &compiled.settings);
         let plan = Plan::of_method(system, settings, &sensor.opened.places);
         let points = fit.columns.iter().flat_map(|column| &column.points);
@@ -128,15 +132,18 @@ impl<'f, 'e> Runs<'f, 'e> {
         guess.collect()
     }
 
-    /// The size of free quantities at a point: their magnitudes, or the widths of their bounds where they are zero.
-    pub fn sizes(&self, point: &[f64]) -> Vec<f64> {
-        let sizes = point.iter().zip(self.bounds()).map(|(p, [low, high])| {
+    /// The size of free quantities at a point: their magnitudes there, or in the experiment if these are larger; the widths of
+    /// their bounds, or one, where they are zero in the experiment.
+    fn sizes_at(&self, point: &[f64]) -> Vec<f64> {
+        let all = point.iter().zip(self.guess()).zip(self.bounds());
+        let sizes = all.map(|((p, guess), [low, high])| {
             let width = high - low;
-            match p.abs() {
+            let usual = match guess.abs() {
                 size if size > 0.0 => size,
                 _ if width > 0.0 && width.is_finite() => width,
                 _ => 1.0,
-            }
+            };
+            p.abs().max(usual)
         });
         sizes.collect()
     }
@@ -147,7 +154,7 @@ impl<'f, 'e> Runs<'f, 'e> {
         let Some(starts) = starts.filter(|_| number > 0) else {
             return guess;
         };
-        let sizes = self.sizes(&guess);
+        let sizes = self.sizes_at(&guess);
         let moved = guess.iter().zip(sizes).enumerate().map(|(k, (p, size))| {
             p + starts.deviation * size * deviate(starts.seed, number, k as u64)
         });
@@ -244,6 +251,21 @@ impl<'f, 'e> Runs<'f, 'e> {
         Some(all)
     }
 
+    /// The length of by how much, with their weights, columns change in a run.
+    fn compared_size(&self, run: &Trajectory) -> Option<f64> {
+        let of = |column: &Column<'e>| quantity(&run.samples, column);
+        let mut values = self.compared(&run.samples.time, of, false)?;
+        let mut left = &mut values[..];
+        for column in &self.fit.columns {
+            let (of_column, rest) = left.split_at_mut(column.points.len());
+            let low = of_column.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = of_column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            of_column.fill(high - low);
+            left = rest;
+        }
+        Some(DVector::from_vec(values).norm())
+    }
+
     /// A column of J, with what is not known of it by differences.
     fn slope(
         &mut self,
@@ -264,8 +286,11 @@ impl<'f, 'e> Runs<'f, 'e> {
         );
         self.last.lost[k] = Some(why);
         // Errors of the runs over h, and h² of the differences, are alike.
-        let h = self.sizes(point)[k] * self.settings.numerics.tolerance.cbrt();
+        let h = self.sizes_at(point)[k] * self.settings.numerics.tolerance.cbrt();
         let [low, high] = self.bounds()[k];
+        if low == high {
+            return Some(vec![0.0; here.len()]);
+        }
         let mut ends = Vec::new();
         for end in [(point[k] - h).max(low), (point[k] + h).min(high)] {
             let mut other = point.to_vec();
@@ -300,12 +325,7 @@ impl<'f, 'e> Runs<'f, 'e> {
 }
 
 impl Way {
-    /// Whether some derivatives are those of differences.
-    pub fn has_differences(&self) -> bool {
-        self.lost.iter().any(Option::is_some)
-    }
-
-    /// Which, and why, and that events have come or gone, where the objective is not smooth.
+    /// Derivatives that are those of differences, and why, and that events have come or gone, where the objective is not smooth.
     pub fn warnings(&self, fit: &Fit<'_>) -> Vec<Warning> {
         let all = self.lost.iter().zip(&fit.sensed);
         let differences = all.filter_map(|(why, sensed)| {
@@ -351,7 +371,17 @@ impl Residuals for Runs<'_, '_> {
             let slope = self.slope(point, k, &run, &residuals)?;
             jacobian.set_column(k, &DVector::from_vec(slope));
         }
+        let tolerance = self.settings.numerics.tolerance;
+        let has_differences = self.last.lost.iter().any(Option::is_some);
+        let accuracy = match has_differences {
+            true => tolerance.powf(2.0 / 3.0),
+            false => tolerance,
+        };
+        // By how much numbers that are rounded change r.
+        let rounding = (jacobian.abs() * DVector::from_vec(self.sizes_at(point))).norm();
         Some(Linearized {
+            noise: tolerance * self.compared_size(&run)? + f64::EPSILON * rounding,
+            rank: (RANK * accuracy).clamp(f64::EPSILON.sqrt(), 1e-2),
             residuals: DVector::from_vec(residuals),
             jacobian,
         })
@@ -364,12 +394,8 @@ impl Residuals for Runs<'_, '_> {
         }
     }
 
-    fn noise(&self) -> f64 {
-        let sizes = self.fit.columns.iter().flat_map(|column| {
-            let values = column.points.iter();
-            values.map(|[_, y]| (column.weight * y).powi(2))
-        });
-        self.settings.numerics.tolerance * sizes.sum::<f64>().sqrt()
+    fn sizes(&self, point: &[f64]) -> Vec<f64> {
+        self.sizes_at(point)
     }
 
     fn is_over(&self) -> bool {

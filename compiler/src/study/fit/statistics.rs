@@ -1,68 +1,130 @@
 //! What residuals and their derivatives say of parameters.
 //!
-//! With J S = U Σ Vᵀ, S the sizes of parameters, directions S v_i are determined in the order of their singular values; the
-//! covariance of the estimates is s² (JᵀJ)⁻¹ = s² Σ_i (S v_i)(S v_i)ᵀ/σ_i², s² = Σ r²/(m - n). With Huber's loss,
-//! s² = Σ (ω r)²/(m - n)/κ², κ being the share of residuals within its bound (Huber & Ronchetti 2009, chapter 7).
+//! With J C⁻¹ = U Σ Vᵀ, C the lengths of columns, directions C⁻¹ v_i are determined in the order of their singular values; the
+//! covariance of the estimates is s² (JᵀJ)⁻¹ = s² Σ_i (C⁻¹ v_i)(C⁻¹ v_i)ᵀ/σ_i², s² = Σ r²/(m - n). A parameter whose column is
+//! zero is a direction by itself, with σ = 0. With Huber's loss, s² = Σ (ω r)²/(m - n)/κ², κ being the share of residuals
+//! within its bound (Huber & Ronchetti 2009, chapter 7).
 
-use nalgebra::{DMatrix, SVD};
+use nalgebra::{DMatrix, DVector, SVD};
 use nsd_solver::optimization::least_squares::{Linearized, Loss};
 
-/// Directions whose singular value is this part of the largest one, or less, are not determined: derivatives of runs, and
-/// differences of runs, are no more accurate.
-const RANK: f64 = 1e-6;
-const RANK_OF_DIFFERENCES: f64 = 1e-4;
-/// A parameter has a part in a direction where its component is at least this.
+/// A parameter has a part in a direction, as it is told, where its component is at least this.
 pub(super) const PART: f64 = 1e-3;
+/// A parameter is determined where directions that are not, as far as they are known, add at most this part to its variance.
+const ADDED: f64 = 0.01;
 
 /// A right singular vector.
 pub(super) struct Singular {
+    /// σ
     pub value: f64,
-    /// Relative changes of the parameters.
+    /// v, in units of C⁻¹.
     pub vector: Vec<f64>,
     pub is_determined: bool,
 }
 
-/// Singular values of the columns that are open, in units of sizes, largest first.
-pub(super) fn directions(
-    at: &Linearized,
-    sizes: &[f64],
-    open: &[usize],
-    has_differences: bool,
-) -> Vec<Singular> {
-    let columns = open.iter().map(|&j| at.jacobian.column(j) * sizes[j]);
-    let columns: Vec<_> = columns.collect();
-    if columns.is_empty() {
-        return Vec::new();
-    }
-    // Rows of zeros, so that there is a right vector for every parameter.
-    let m = at.jacobian.nrows().max(open.len());
-    let mut scaled = DMatrix::zeros(m, open.len());
-    for (k, column) in columns.iter().enumerate() {
-        scaled.view_mut((0, k), (column.len(), 1)).copy_from(column);
-    }
-    let svd = SVD::new(scaled, false, true);
-    let largest = svd.singular_values.max();
-    let rank = if has_differences {
-        RANK_OF_DIFFERENCES
-    } else {
-        RANK
-    };
-    let vectors = svd.v_t.expect("it was asked for");
-    let all = svd.singular_values.iter().enumerate();
-    let mut all: Vec<Singular> = all
-        .map(|(i, &value)| {
-            let row = vectors.row(i);
-            // The largest component has a plus.
-            let sign = row[row.iamax_full().1].signum();
+/// Directions of the columns that are open, best determined first.
+pub(super) struct Directions {
+    pub all: Vec<Singular>,
+    /// Where not zero, lengths of columns.
+    pub lengths: Vec<f64>,
+    /// Singular values up to this are rounding.
+    least: f64,
+}
+
+impl Directions {
+    pub fn new(at: &Linearized, open: &[usize]) -> Self {
+        let n = open.len();
+        let lengths: Vec<f64> = open.iter().map(|&j| at.jacobian.column(j).norm()).collect();
+        let (felt, still): (Vec<usize>, Vec<usize>) = (0..n).partition(|&k| lengths[k] > 0.0);
+        // Rows of zeros, so that there is a right vector for every parameter.
+        let m = at.jacobian.nrows().max(felt.len());
+        let mut scaled = DMatrix::zeros(m, felt.len());
+        for (place, &k) in felt.iter().enumerate() {
+            let column = at.jacobian.column(open[k]) / lengths[k];
+            scaled
+                .view_mut((0, place), (column.len(), 1))
+                .copy_from(&column);
+        }
+        let mut all = Vec::new();
+        let mut least = 0.0;
+        if !felt.is_empty() {
+            let svd = SVD::new(scaled, false, true);
+            least = at.rank * svd.singular_values.max();
+            let vectors = svd.v_t.expect("it was asked for");
+            all.extend(svd.singular_values.iter().enumerate().map(|(i, &value)| {
+                let mut vector = vec![0.0; n];
+                for (&k, &part) in felt.iter().zip(vectors.row(i).iter()) {
+                    vector[k] = part;
+                }
+                Singular {
+                    value,
+                    vector,
+                    is_determined: value > least,
+                }
+            }));
+        }
+        all.sort_by(|a: &Singular, b| b.value.total_cmp(&a.value));
+        all.extend(still.into_iter().map(|k| {
             Singular {
-                value,
-                vector: row.iter().map(|v| sign * v).collect(),
-                is_determined: value > rank * largest,
+                value: 0.0,
+                vector: (0..n)
+                    .map(|other| f64::from(u8::from(other == k)))
+                    .collect(),
+                is_determined: false,
             }
-        })
-        .collect();
-    all.sort_by(|a, b| b.value.total_cmp(&a.value));
-    all
+        }));
+        Directions {
+            all,
+            lengths,
+            least,
+        }
+    }
+
+    /// How many are determined.
+    pub fn rank(&self) -> usize {
+        self.all.iter().filter(|one| one.is_determined).count()
+    }
+
+    /// Relative changes of the parameters along one, where these have sizes: of length one, the largest with a plus.
+    pub fn relative(&self, one: &Singular, sizes: &[f64]) -> Vec<f64> {
+        let parts = one.vector.iter().zip(&self.lengths).zip(sizes);
+        let parts = parts.map(|((&v, &length), size)| match length {
+            0.0 => v,
+            length => v / (length * size),
+        });
+        let parts = DVector::from_iterator(sizes.len(), parts);
+        let sign = parts[parts.iamax()].signum();
+        (parts.normalize() * sign).as_slice().to_vec()
+    }
+
+    /// The covariance of parameters; nothing of those that are not determined.
+    pub fn covariance(&self, variance: f64) -> Vec<Vec<Option<f64>>> {
+        let n = self.lengths.len();
+        let known: Vec<bool> = (0..n).map(|j| self.is_determined(j)).collect();
+        let entry = |j: usize, k: usize| {
+            let parts = self.all.iter().filter(|one| one.is_determined);
+            let parts = parts.map(|one| (one.vector[j] / one.value) * (one.vector[k] / one.value));
+            let units = || variance / self.lengths[j] / self.lengths[k];
+            (known[j] && known[k]).then(|| units() * parts.sum::<f64>())
+        };
+        (0..n)
+            .map(|j| (0..n).map(|k| entry(j, k)).collect())
+            .collect()
+    }
+
+    /// Whether directions that are not determined cannot matter to a parameter.
+    pub fn is_determined(&self, parameter: usize) -> bool {
+        let (mut kept, mut left) = (0.0, 0.0);
+        for one in &self.all {
+            let part = one.vector[parameter];
+            match one.is_determined {
+                true => kept += (part / one.value).powi(2),
+                false if part != 0.0 => left += (part / self.least).powi(2),
+                false => {}
+            }
+        }
+        self.lengths[parameter] > 0.0 && left <= ADDED * kept
+    }
 }
 
 /// s², where there are more residuals than parameters that are determined.
@@ -73,31 +135,6 @@ pub(super) fn variance(at: &Linearized, loss: Loss, n_determined: usize) -> Opti
     let inner = at.residuals.iter().filter(|&&r| loss.weight(r) == 1.0);
     let share = inner.count() as f64 / m as f64;
     (share > 0.0).then(|| squares.sum::<f64>() / freedom as f64 / (share * share))
-}
-
-/// The covariance of parameters that are open, in that order; nothing of those that are not determined.
-pub(super) fn covariance(
-    directions: &[Singular],
-    sizes: &[f64],
-    variance: f64,
-) -> Vec<Vec<Option<f64>>> {
-    let n = sizes.len();
-    let known: Vec<bool> = (0..n).map(|j| is_determined(directions, j)).collect();
-    let entry = |j: usize, k: usize| {
-        let parts = directions.iter().filter(|one| one.is_determined);
-        let parts = parts.map(|one| one.vector[j] * one.vector[k] / (one.value * one.value));
-        let value = variance * sizes[j] * sizes[k] * parts.sum::<f64>();
-        (known[j] && known[k]).then_some(value)
-    };
-    (0..n)
-        .map(|j| (0..n).map(|k| entry(j, k)).collect())
-        .collect()
-}
-
-/// Whether no direction that is not determined moves a parameter.
-pub(super) fn is_determined(directions: &[Singular], parameter: usize) -> bool {
-    let mut open = directions.iter().filter(|one| !one.is_determined);
-    open.all(|one| one.vector[parameter].abs() < PART)
 }
 
 /// The quantile of Student's t: P(|T| <= t) = 0.95 with this many degrees of freedom.

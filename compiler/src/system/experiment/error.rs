@@ -572,7 +572,9 @@ pub enum ExperimentError {
     #[error("the sensitivity to `{name}` is not known: {why}")]
     #[diagnostic(
         code(E0532),
-        help("leave it out of `sensitivity to` or `free`, or compare runs with other values")
+        help(
+            "leave it out of `sensitivity to` or `free`, or compare runs with other values; what is zero where runs begin takes another value by `with`"
+        )
     )]
     NoSensitivity {
         name: String,
@@ -600,8 +602,8 @@ pub enum ExperimentError {
     #[diagnostic(
         code(E0541),
         help("{}", match *what {
-            "data" => "add `data \"measured.csv\" {{ q -> column; }}`, with what was measured of which quantity",
-            _ => "add `free {{ mu in [0, 1]; }}` with the parameters that are looked for",
+            "data" => "add `data \"measured.csv\" { q -> column; }`, with what was measured of which quantity",
+            _ => "add `free { mu in [0, 1]; }` with the parameters that are looked for",
         })
     )]
     NothingToFit {

@@ -91,7 +91,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                     self.numerics.method = chosen;
                 }
             }
-            SettingKind::Lower(names) => {
+            SettingKind::Lower(names) if self.fit.is_none() => {
                 let named = names
                     .iter()
                     .filter_map(|name| method::lowering(reader, name));

@@ -13,7 +13,7 @@ use super::{Freed, Starts, one_argument};
 use crate::model::TargetKind;
 use crate::model::errors::tables::{Places, TableError};
 use crate::source::Span;
-use crate::source::table::{Fit as Between, Sources};
+use crate::source::table::Sources;
 use crate::syntax::{self, Domain, ExprKind, Ident, Measured, Path, SettingKind};
 use crate::system::values::bounds;
 
@@ -147,6 +147,23 @@ impl<'e> Fit<'e> {
             reader.error(ExperimentError::NotMeasured { name, why, span });
             return None;
         }
+        let mut earlier = self.columns.iter();
+        let is_same = |other: &&Column<'_>| {
+            let pairs = [
+                (&other.kept.name, &kept.name),
+                (&other.name, &measured.column.name),
+                (&other.file, &data.file),
+            ];
+            pairs.iter().all(|(a, b)| a == b)
+        };
+        if let Some(other) = earlier.find(is_same) {
+            reader.error(ExperimentError::Twice {
+                what: format!("column `{}` of `{}`", other.name, kept.name),
+                first: other.span,
+                second: measured.span,
+            });
+            return None;
+        }
         let weight = match &measured.weight {
             Some(weight) => reader.positive("the weight", weight)?,
             None => 1.0,
@@ -250,7 +267,7 @@ fn rows(
         fit: data.span,
     };
     let rows = source.measured(&column.name);
-    rows.map_err(|fault| TableError::of(fault, &data.file, &column.name, Between::Hold, places))
+    rows.map_err(|fault| TableError::of(fault, &data.file, &column.name, None, places))
 }
 
 pub(crate) fn not_for_fit(reader: &mut Reader<'_, '_>, setting: &str, span: Span) {
