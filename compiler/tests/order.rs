@@ -217,9 +217,8 @@ fn only_what_stops_is_compared_where_a_run_stops() {
         assert_eq!(ran.status, 0, "{rate}: {}", ran.err);
         for method in ["fesd", "timestepping", "smoothing", "adaptive"] {
             let mut lines = ran.out.lines().map(str::trim_start);
-            let is_left_out = |line: &str| {
-                line.starts_with(&format!("{method}  left out")) && line.contains("stop when")
-            };
+            let is_left_out =
+                |line: &str| line.starts_with(method) && line.contains("left out: `stop when");
             assert!(lines.any(is_left_out), "{method}: {}", ran.out);
         }
     }

@@ -17,6 +17,7 @@ pub(crate) mod perturbation;
 mod run;
 mod sliding_modes;
 pub(crate) mod state;
+mod stops;
 #[cfg(test)]
 pub(crate) mod tests;
 mod transition;

@@ -2,9 +2,9 @@
 
 use super::Simulator;
 use super::jump::JumpLaws;
+use super::stops::Stops;
 use crate::contact::impact::Impacts;
 use crate::event::state::State;
-use crate::events::bands::BandWidths;
 use crate::hybrid::{Effect, Side, Status};
 use crate::selector::select::{Met, Selector};
 
@@ -67,7 +67,7 @@ impl Simulator {
                 .filter_map(|&law| self.system.laws[law].closes())
                 .collect();
             reached.extend_from_slice(&steps);
-            if !reached.is_empty() && self.stops(state, reached, t1) {
+            if !reached.is_empty() && Stops::of(self).end(state, reached, t1) {
                 return Ok(());
             }
             if fired.is_empty() {
@@ -84,7 +84,7 @@ impl Simulator {
                     self.selector().pass(state, met, t1)?;
                 }
                 steps.clear();
-                if self.stops(state, Vec::new(), t1) {
+                if Stops::of(self).end(state, Vec::new(), t1) {
                     return Ok(());
                 }
                 fired = JumpLaws::new(&mut self.mode).holding(state);
@@ -122,42 +122,6 @@ impl Simulator {
             last = fired;
         }
         Err(Status::EndlessJumps { laws: last })
-    }
-
-    /// Whether a law ends the run here. On the surfaces of its switches is what is `reached`, what slides, and what is
-    /// where ψ is zero and stays so.
-    fn stops(&mut self, state: &mut State, reached: Vec<usize>, t1: f64) -> bool {
-        let system = self.system.clone();
-        let laws = system.laws.iter();
-        let watched = laws.filter_map(|law| match &law.effect {
-            Effect::Stop(on_surface) => Some(on_surface.iter().map(|(switch, _)| *switch)),
-            _ => None,
-        });
-        let mut on = reached;
-        for i in watched.flatten() {
-            let is_on = match state.point.sides[i] {
-                Side::Slide => true,
-                _ => {
-                    system.switches[i].is_plain()
-                        && system.relay(i).is_none()
-                        && self.rests_on(state, i, t1)
-                }
-            };
-            on.extend(is_on.then_some(i));
-        }
-        JumpLaws::new(&mut self.mode).stops(state, &on)
-    }
-
-    /// Whether ψ is zero, and stays so in the present mode.
-    fn rests_on(&mut self, state: &mut State, switch: usize, t1: f64) -> bool {
-        self.mode.move_to(&state.point);
-        self.mode.enter_surfaces(&state.point.sides);
-        let mode = &mut self.mode;
-        mode.surfaces.stand_for(switch, 0);
-        BandWidths { mode }.measure(state, &[switch], t1 - state.point.t);
-        let is_zero = self.mode.psi(switch).abs() <= state.bands.width[switch];
-        let time = (t1 - state.point.t).max(state.scales.last_step);
-        is_zero && self.selector().ahead(state, switch, time) == Some(0.0)
     }
 
     /// Kicks the state at one of these instants, and finds the mode where it is then. Sliding does not survive where

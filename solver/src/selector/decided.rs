@@ -163,31 +163,11 @@ impl Selector<'_> {
 
     /// True when a relay on its threshold goes beyond it, in the present mode.
     fn leaves(&mut self, state: &mut State, relay: usize, t1: f64) -> bool {
-        let ahead = self.ahead(state, relay, t1 - state.point.t);
+        let tolerance = self.settings.local_tolerance();
+        let mode = &mut *self.mode;
+        let ahead = Onward { mode, tolerance }.leads(state, relay, t1 - state.point.t);
         let side = state.point.sides[relay].sign();
         ahead.is_none_or(|rate| rate * side < 0.0)
-    }
-
-    /// The first term by which ψ leaves its band in the present mode, in a step within this time; zero where it stays,
-    /// none where that is not known.
-    pub(crate) fn ahead(&mut self, state: &mut State, switch: usize, time: f64) -> Option<f64> {
-        let tolerance = self.settings.local_tolerance();
-        let mut alpha = state.point.alpha.clone();
-        let mode = &mut *self.mode;
-        mode.enter(&state.point.sides);
-        let expanded = Expansion { mode }.around(state.point.t, &state.point.x, &mut alpha);
-        expanded.ok()?;
-        state.scales.measure(mode, &mut state.bands);
-        let bands = &mut state.bands;
-        Monitor { mode, bands }.expand(switch);
-        mode.monitored.switches.clear();
-        mode.monitored.switches.push(switch);
-        let step_size = StepSize { mode, tolerance };
-        let h = step_size.of_states(&state.scales, time);
-        let h = step_size.of_psi(&state.bands, h);
-        let c = mode.psi_series(switch);
-        let leading = series::leading(c, h, state.bands.width[switch]);
-        Some(leading.map_or(0.0, |k| c[k]))
     }
 
     /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
@@ -242,5 +222,35 @@ impl Selector<'_> {
             Met::Surfaces(on) => self.change(state, &on, t1),
             Met::Breakpoint(on) => self.pass_breakpoint(state, &on, t1),
         }
+    }
+}
+
+/// What ψ does in the present mode.
+pub(crate) struct Onward<'m> {
+    pub mode: &'m mut Mode,
+    /// That of a step.
+    pub tolerance: f64,
+}
+
+impl Onward<'_> {
+    /// The first term by which ψ leaves its band, in a step within this time; zero where it stays, none where that is not
+    /// known.
+    pub(crate) fn leads(self, state: &mut State, switch: usize, time: f64) -> Option<f64> {
+        let Onward { mode, tolerance } = self;
+        let mut alpha = state.point.alpha.clone();
+        mode.enter(&state.point.sides);
+        let expanded = Expansion { mode }.around(state.point.t, &state.point.x, &mut alpha);
+        expanded.ok()?;
+        state.scales.measure(mode, &mut state.bands);
+        let bands = &mut state.bands;
+        Monitor { mode, bands }.expand(switch);
+        mode.monitored.switches.clear();
+        mode.monitored.switches.push(switch);
+        let step_size = StepSize { mode, tolerance };
+        let h = step_size.of_states(&state.scales, time);
+        let h = step_size.of_psi(&state.bands, h);
+        let c = mode.psi_series(switch);
+        let leading = series::leading(c, h, state.bands.width[switch]);
+        Some(leading.map_or(0.0, |k| c[k]))
     }
 }

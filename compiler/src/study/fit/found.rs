@@ -15,13 +15,7 @@ pub(super) fn told(
     best: &Fitted,
     searched: &Searched,
 ) -> Fit {
-    let bounds: Vec<Option<Bound>> = (best.point.iter().zip(runs.bounds()))
-        .map(|(&p, [low, high])| match p {
-            p if p <= low => Some(Bound::Lower),
-            p if p >= high => Some(Bound::Upper),
-            _ => None,
-        })
-        .collect();
+    let bounds = reached(runs, best);
     let n = bounds.len();
     let open: Vec<usize> = (0..n).filter(|&j| bounds[j].is_none()).collect();
     let sizes = runs.sizes(&best.point);
@@ -90,6 +84,17 @@ pub(super) fn told(
         },
         data: measurements(fit, best.at.residuals.as_slice()),
     }
+}
+
+/// The bounds at which numbers are.
+fn reached(runs: &Runs<'_, '_>, best: &Fitted) -> Vec<Option<Bound>> {
+    let pairs = best.point.iter().zip(runs.bounds());
+    let bound = |(&p, [low, high]): (&f64, [f64; 2])| match p {
+        p if p <= low => Some(Bound::Lower),
+        p if p >= high => Some(Bound::Upper),
+        _ => None,
+    };
+    pairs.map(bound).collect()
 }
 
 fn measurements(fit: &experiment::Fit<'_>, residuals: &[f64]) -> Vec<Measurements> {
