@@ -213,7 +213,7 @@ fn misplaced_statements_say_where_they_belong() {
     assert_snapshot!(check("state x = 0;\nsimulate s of m {\n  param k = 1;\n  foo 3;\n}\n"), @r"
     E0018 at 1:1: `state` does not belong at the top level of a file | move it into a model
     E0018 at 3:3: `param` does not belong in an experiment | move it into a model
-    E0012 at 4:3: no setting of an experiment starts with `foo` | start with `with`, `horizon`, `tolerance`, `method`, `lower`, `output`, `perturb`, `on`, `sensitivity`, `data`, `loss`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `subject`, `initial`, `free`, `final`, `guess`, `starts`, `plot`, `animate`, `expect`
+    E0012 at 4:3: no setting of an experiment starts with `foo` | start with `with`, `horizon`, `tolerance`, `method`, `lower`, `output`, `perturb`, `on`, `stop`, `sensitivity`, `data`, `loss`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `subject`, `initial`, `free`, `final`, `guess`, `starts`, `plot`, `animate`, `expect`
     // a statement that could not be read
     simulate s of m {
       // a statement that could not be read
@@ -244,7 +244,7 @@ fn members_of_blocks_are_checked_one_by_one() {
     E0010 at 4:44: expected an expression, found `;`
     E0010 at 5:19: expected `<=`, `>=`, `=` or an operator, found `;`
     E0010 at 5:50: expected an expression, found `;`
-    E0012 at 5:56: no statement of a model starts with `metric` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `mechanics`, `contact`, `for`, or the derivative of a state
+    E0012 at 5:56: no statement of a model starts with `metric` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `every`, `mechanics`, `contact`, `for`, or the derivative of a state
     model m {
       part b = disc {
         q = 2;
@@ -275,7 +275,7 @@ fn members_of_blocks_are_checked_one_by_one() {
     E0010 at 4:15: expected `<=`, `>=`, `=` or an operator, found `free`
     E0010 at 4:29: expected an expression, found `;`
     E0010 at 5:17: expected `<=`, `>=`, `=` or an operator, found `;`
-    E0012 at 5:21: no setting of an experiment starts with `at` | start with `with`, `horizon`, `tolerance`, `method`, `lower`, `output`, `perturb`, `on`, `sensitivity`, `data`, `loss`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `subject`, `initial`, `free`, `final`, `guess`, `starts`, `plot`, `animate`, `expect`
+    E0012 at 5:21: no setting of an experiment starts with `at` | start with `with`, `horizon`, `tolerance`, `method`, `lower`, `output`, `perturb`, `on`, `stop`, `sensitivity`, `data`, `loss`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `subject`, `initial`, `free`, `final`, `guess`, `starts`, `plot`, `animate`, `expect`
     E0010 at 6:18: expected an expression, found `;`
     optimize o of m {
       guess {
@@ -323,13 +323,13 @@ fn derivatives_and_names_in_the_wrong_places() {
 #[test]
 fn what_is_no_statement_at_all() {
     assert_snapshot!(in_model("{ x' = 1; }\n[1, 2];\n+;\nif x > 0 { x' = 1; } else { x' = 2; }\n\"text\";\n3 = x;"), @r"
-    E0012 at 2:1: no statement of a model starts with `{` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `mechanics`, `contact`, `for`, or the derivative of a state
-    E0012 at 3:1: no statement of a model starts with `[` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `mechanics`, `contact`, `for`, or the derivative of a state
-    E0012 at 4:1: no statement of a model starts with `+` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `mechanics`, `contact`, `for`, or the derivative of a state
+    E0012 at 2:1: no statement of a model starts with `{` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `every`, `mechanics`, `contact`, `for`, or the derivative of a state
+    E0012 at 3:1: no statement of a model starts with `[` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `every`, `mechanics`, `contact`, `for`, or the derivative of a state
+    E0012 at 4:1: no statement of a model starts with `+` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `every`, `mechanics`, `contact`, `for`, or the derivative of a state
     E0012 at 5:1: no statement of a model starts with `if` | cases of the dynamics are written `region NAME where ... { ... }`
     E0012 at 5:22: no statement of a model starts with `else` | cases of the dynamics are written `region NAME where ... { ... }`
-    E0012 at 6:1: no statement of a model starts with a string | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `mechanics`, `contact`, `for`, or the derivative of a state
-    E0012 at 7:1: no statement of a model starts with `3` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `mechanics`, `contact`, `for`, or the derivative of a state
+    E0012 at 6:1: no statement of a model starts with a string | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `every`, `mechanics`, `contact`, `for`, or the derivative of a state
+    E0012 at 7:1: no statement of a model starts with `3` | start with `const`, `param`, `state`, `discrete`, `control`, `input`, `algebraic`, `let`, `output`, `signal`, `switch`, `part`, `region`, `hidden`, `project`, `jump`, `every`, `mechanics`, `contact`, `for`, or the derivative of a state
     model m {
       // a statement that could not be read
       // a statement that could not be read
