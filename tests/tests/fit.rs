@@ -618,6 +618,20 @@ fn where_nothing_measured_changes_to_first_order_it_is_no_solution() {
     assert!(fit.estimates[0].standard_error.is_none());
 }
 
+/// One value, which infinitely many lines go through.
+#[test]
+fn fewer_measurements_than_what_is_free_do_not_determine_it() {
+    let text = format!(
+        "{LINE} fit f of line {{ horizon 2; data \"data.csv\" {{ x -> x; }} free {{ a; b; }} }}"
+    );
+    let (run, fit) = fitted(&text, "t,x\n1.5,3.2\n");
+    assert_eq!((run.status, codes(&run)), (Status::Solved, vec!["W0741"]));
+    let [a, b] = ["a", "b"].map(|name| estimate(&fit, name));
+    close(b.value + 1.5 * a.value, 3.2, 1e-9);
+    let known = |one: &Estimate| one.is_determined == Some(true) || one.standard_error.is_some();
+    assert!(!known(a) && !known(b), "{a:?} {b:?}");
+}
+
 #[test]
 fn data_that_are_zero_are_met() {
     let text = format!(

@@ -402,6 +402,25 @@ fn stiff_steps_know_as_much_as_the_run() {
     }
 }
 
+/// What moves nothing but itself does so beside what is stiff, whatever else is asked for: v' = u - m with u ≈ sin(w t).
+#[test]
+fn directions_of_a_stiff_run_do_not_see_each_other() {
+    for to in ["m, w", "w, m"] {
+        let text = format!(
+            "model l {{ param m = 0.5; param w = 1; state v = 0; state u = 0; v' = u - m; u' = -1e4*(u - sin(w*time)); }}
+            simulate s of l {{ horizon 3; sensitivity to {to}; }}"
+        );
+        let run = run_within(&text, None);
+        assert!(!warned(&run), "{to}: {:?}", run.warnings);
+        let by_m = run.samples.sensitivities.iter().find(|by| by.to == "m");
+        let found = slopes(&run, by_m.expect("it is asked for"));
+        assert!(
+            (found[0] + 3.0).abs() < 1e-9 && found[1].abs() < 1e-12,
+            "{to}: {found:?}"
+        );
+    }
+}
+
 /// A pulse that is narrower than can be looked for is said to be lost.
 #[test]
 fn pulses_too_narrow_to_be_seen_are_lost() {

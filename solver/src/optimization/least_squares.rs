@@ -294,10 +294,9 @@ impl<'b> Search<'b> {
             return;
         }
         let qr = DMatrix::from_columns(&columns).col_piv_qr();
-        let diagonal = qr.r().diagonal();
-        let largest = diagonal[0];
-        let rank = (diagonal.iter())
-            .take_while(|&&part| part > self.at.rank * largest)
+        let r = qr.r();
+        let rank = (0..r.nrows().min(r.ncols()))
+            .take_while(|&k| r[(k, k)].abs() > self.at.rank * r[(0, 0)].abs())
             .count();
         let mut rotated = self.residuals.clone();
         qr.q_tr_mul(&mut rotated);

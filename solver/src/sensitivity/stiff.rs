@@ -167,6 +167,8 @@ impl Tangent<'_, '_, '_> {
 
 /// S along a part of a length.
 fn solved(radau: &mut Radau, problem: &mut Tangent, start: &Start, h: f64) -> Found {
+    // Other directions say nothing of this one.
+    radau.hold(start, h);
     radau
         .solve(problem, start, h)
         .map_err(|_| TooLong::Divergent)?;

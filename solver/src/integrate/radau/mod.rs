@@ -165,6 +165,17 @@ impl Radau {
         self.newton.forget();
     }
 
+    /// Takes a point that stays for what the next step goes on from: of another problem with the same Jacobian.
+    pub(crate) fn hold(&mut self, start: &Start, h: f64) {
+        let rows = self.polynomials.series.chunks_mut(self.polynomials.n);
+        for (row, &y) in rows.zip(&start.y) {
+            row.fill(0.0);
+            row[0] = y;
+        }
+        self.polynomials.origin = start.t;
+        self.polynomials.reach = h;
+    }
+
     /// Degree of the polynomials.
     pub(crate) fn degree(&self) -> usize {
         self.tableau.s
