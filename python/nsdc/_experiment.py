@@ -169,8 +169,8 @@ class Experiment:
 
         Keywords are names of parameters, initial values and inputs, with numbers or arrays of their shapes, and the settings
         `method` ("event", "fesd { steps = 20; }"), `horizon`, `tolerance`, `every` and `at`, the instants of rows, with numbers
-        or with words of the language. `params` takes names that are no keywords, such as `motor.k` or `x[2]`, and `settings` those that are also
-        names of the model. `time_limit` is in seconds.
+        or with words of the language. `params` takes names that are no keywords, such as `motor.k` or `x[2]`, and `settings`
+        those that are also names of the model. `time_limit` is in seconds.
         With `multipliers`, the result keeps those of the method. `sensitivities` names parameters and states, whole or by
         entry: by these parameters, and by the initial values of these states, the run is differentiated, see `Result.grad`.
 
@@ -221,11 +221,7 @@ class Experiment:
         by: Sequence[str],
         of: Sequence[str] | None = None,
         at: ArrayLike | None = None,
-        *,
-        params: Mapping[str, ArrayLike] | None = None,
-        settings: Mapping[str, Any] | None = None,
-        time_limit: float | None = None,
-        **values: Any,
+        **asked: Any,
     ) -> Function:
         """Its states, outputs and controls as a function of parameters and initial values, with derivatives: see `Function`.
 
@@ -233,7 +229,7 @@ class Experiment:
         at the end, or at the m instants `at`, behind what jumps there. The rest is as for `run`, and holds whenever the
         function is called, but for what it is given then.
         """
-        return Function(self, by, of, at, params=params, settings=settings, time_limit=time_limit, **values)
+        return Function(self, by, of, at, **asked)
 
     def vjp(
         self,

@@ -434,6 +434,7 @@ fn thresholds_of_relays_are_reached() {
          T' = if h > 0.5 then (25 - T)/10 else -T/10;",
         &[
             ("T >= 20", Some(time)),
+            ("T >= 20 and h > 0.5", Some(time)),
             ("T > 20", None),
             ("T > 20.5", None),
         ],

@@ -375,6 +375,15 @@ impl Ready {
     }
 }
 
+/// A number of a run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Target {
+    /// A parameter, by its number among those that stay open.
+    Parameter(usize),
+    /// An initial value, by the number of its state.
+    Initial(usize),
+}
+
 /// The parameters of an experiment that stay open.
 pub(crate) struct Opened {
     /// Their numbers in the system.
@@ -396,15 +405,16 @@ impl Opened {
 
     /// Those with which an experiment has been compiled, if no other value of theirs is another system.
     pub fn inputs(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
-        Opened::where_no(compiled, |_| true)
+        Opened::unless(compiled, |_| true)
     }
 
     /// The same for a simulation in which they keep their values: what is zero may be open, as its terms are there.
     pub fn kept(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
-        Opened::where_no(compiled, |why| why != Structural::Zero)
+        Opened::unless(compiled, |why| why != Structural::Zero)
     }
 
-    fn where_no(
+    /// Those of which none has a value that decides about the system.
+    fn unless(
         compiled: &crate::Compiled<'_>,
         decides: impl Fn(Structural) -> bool,
     ) -> Result<Self, NotPrepared> {
@@ -439,6 +449,19 @@ impl Opened {
         let mut initial = vec![0.0; self.start.n_outputs()];
         (self.start).eval(parameters, &mut initial, &mut self.start.scratch());
         initial
+    }
+
+    /// Gives the system these values and x(0); whether it is the one that was compiled then.
+    pub fn set(&self, system: &mut System<'_>, parameters: &[f64], x0: &[f64]) -> bool {
+        for (&place, &value) in self.places.iter().zip(parameters) {
+            system.exogenous.params[place].value = value;
+        }
+        for (state, &x0) in system.states.iter_mut().zip(x0) {
+            state.initial = x0;
+        }
+        let mut diags = Diagnostics::new();
+        system.check_start(&mut diags);
+        diags.is_empty() && system.starts_relays_as_compiled()
     }
 }
 

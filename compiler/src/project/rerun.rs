@@ -10,7 +10,7 @@ use crate::model::Model;
 use crate::optimize;
 use crate::project::clock::{Clock, Instant};
 use crate::project::ensemble::Source;
-use crate::project::prepared::{Opened, Parameter, check_parameters};
+use crate::project::prepared::{Opened, Parameter, Target, check_parameters};
 use crate::project::watch::{Progress, Watch};
 use crate::project::{Project, launch};
 use crate::report::Trajectory;
@@ -19,15 +19,6 @@ use crate::syntax::Path;
 use crate::system::System;
 use crate::system::values::{Values, bounds};
 use crate::{Compiled, compile};
-
-/// What changes from run to run.
-#[derive(Clone, Copy, Debug)]
-enum Change {
-    /// A parameter, by its number among those that stay open.
-    Parameter(usize),
-    /// An initial value, by the number of its state.
-    Initial(usize),
-}
 
 /// Why an experiment has to be compiled for each value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +34,7 @@ pub(crate) struct Rerun<'e> {
     compiled: Compiled<'e>,
     work: Work<'e>,
     /// None for what stays as it is.
-    changes: Vec<Option<Change>>,
+    changes: Vec<Option<Target>>,
     /// The tolerance of the experiment.
     own_tolerance: f64,
     /// What it has taken to compile, until a run has told it.
@@ -95,9 +86,9 @@ impl<'e> Rerun<'e> {
                 let state = system.states.iter().find(|state| state.name == name)?;
                 let mut limits = system.recorded.limits.iter();
                 let is_bounded = limits.any(|limit| limit.value == state.var);
-                (!is_bounded).then_some(Change::Initial(place))
+                (!is_bounded).then_some(Target::Initial(place))
             };
-            parameter.map(Change::Parameter).or_else(initial)
+            parameter.map(Target::Parameter).or_else(initial)
         };
         let changes = names.iter().map(|name| match name {
             Some(name) => change(name).map(Some),
@@ -155,8 +146,8 @@ impl<'e> Rerun<'e> {
     /// The value with which one of the names was compiled; none of an initial value, and of what stays as it is.
     pub fn value(&self, name: usize) -> Option<f64> {
         match self.changes[name]? {
-            Change::Parameter(at) => Some(self.work.parameters()[at].value),
-            Change::Initial(_) => None,
+            Target::Parameter(at) => Some(self.work.parameters()[at].value),
+            Target::Initial(_) => None,
         }
     }
 
@@ -170,7 +161,7 @@ impl<'e> Rerun<'e> {
         let known = self.work.parameters().iter();
         let mut open: Vec<f64> = known.map(|parameter| parameter.value).collect();
         for (change, &value) in self.changes.iter().zip(values) {
-            if let Some(Change::Parameter(at)) = *change {
+            if let Some(Target::Parameter(at)) = *change {
                 open[at] = value;
             }
         }
@@ -187,23 +178,14 @@ impl<'e> Rerun<'e> {
         let open = self.open(values);
         let mut x0 = self.work.initial(&open)?;
         for (change, &value) in self.changes.iter().zip(values) {
-            if let Some(Change::Initial(state)) = *change {
+            if let Some(Target::Initial(state)) = *change {
                 x0[state] = value;
             }
         }
         match &mut self.work {
             Work::Events { plan, opened } => {
-                let system = &mut self.compiled.system;
-                for (&place, &value) in opened.places.iter().zip(&open) {
-                    system.exogenous.params[place].value = value;
-                }
-                for (state, x0) in system.states.iter_mut().zip(x0) {
-                    state.initial = x0;
-                }
+                let is_same = opened.set(&mut self.compiled.system, &open, &x0);
                 let (system, settings) = (&self.compiled.system, &self.compiled.settings);
-                let mut diags = Diagnostics::new();
-                system.check_start(&mut diags);
-                let is_same = diags.is_empty() && system.starts_relays_as_compiled();
                 let told = &mut |progress| watch.progress(&Progress::Simulation(progress));
                 let run = || plan.run(system, settings, request, told);
                 is_same.then(run)

@@ -5,7 +5,7 @@ use nsd_solver::tape::Tape;
 
 use crate::Compiled;
 use crate::diagnostics::Diagnostics;
-use crate::project::prepared::{NotPrepared, Opened};
+use crate::project::prepared::{NotPrepared, Opened, Target};
 use crate::simulate::Sensing;
 use crate::source::Span;
 use crate::system::experiment::{ExperimentError, Sensed};
@@ -18,15 +18,6 @@ use crate::system::experiment::{ExperimentError, Sensed};
 pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
     let sensor = Sensor::new(compiled, Opened::kept)?;
     Ok(sensor.map(|sensor| sensor.at(&sensor.values())))
-}
-
-/// What a run is differentiated by.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Target {
-    /// A parameter, by its number among those that stay open.
-    Parameter(usize),
-    /// An initial value, by the number of its state.
-    Initial(usize),
 }
 
 /// By what runs of an experiment are differentiated, whatever the open parameters are.

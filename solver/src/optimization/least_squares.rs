@@ -83,8 +83,8 @@ impl Loss {
 pub enum Status {
     /// At a point where the offset vanishes, or is that of what is not known of r: see [`Fitted::offset`].
     Solved,
-    /// At a point where r changes with some p to second order only, if at all, and is not small; with none if no number is
-    /// given, else the sum is less away from there.
+    /// At a point where r, which is not small, changes to second order at most: with all p, or with the one of this number,
+    /// away from which the sum is less.
     Flat(Option<usize>),
     /// At a point from where no step gains anything.
     Stalled,

@@ -123,10 +123,11 @@ impl Group {
         let mut jet = self.jet.borrow_mut();
         let jet = jet.get_or_insert_with(|| {
             let mut jet = Jet::new(&self.slopes, ORDER);
-            jet.bound_degrees(self.inputs.iter().map(|input| match input {
-                Input::Time => 1,
-                Input::State(_) | Input::Alpha(_) => usize::MAX,
-                Input::Coefficient(_) | Input::Parameter(_) | Input::Number(_) => 0,
+            let degrees = self.inputs.iter().enumerate();
+            jet.bound_degrees(degrees.filter_map(|(place, input)| match input {
+                Input::Time => Some((place, 1)),
+                Input::State(_) | Input::Alpha(_) => None,
+                Input::Coefficient(_) | Input::Parameter(_) | Input::Number(_) => Some((place, 0)),
             }));
             jet
         });

@@ -69,7 +69,7 @@ pub(crate) fn run<'e>(
     trajectory.setup.kind = Kind::Fit;
     let Some((best, way)) = &searched.best else {
         if trajectory.failure.is_none() {
-            let what = "derivatives of the run are not known where the search begins".to_owned();
+            let what = "where the search begins, derivatives of the run are not known, or squares of weighted differences are beyond the range of numbers".to_owned();
             trajectory.fails(Failure::NotFitted {
                 what,
                 is_limit: false,

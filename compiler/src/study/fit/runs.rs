@@ -9,8 +9,8 @@ use nsd_solver::optimization::mpcc::deviate;
 use crate::Compiled;
 use crate::diagnostics::{Diagnostics, counted};
 use crate::limit::Limit;
-use crate::project::prepared::Opened;
-use crate::project::sensed::{Sensor, Target};
+use crate::project::prepared::{Opened, Target};
+use crate::project::sensed::Sensor;
 use crate::project::watch::{Progress, Watch};
 use crate::report::{Samples, Sensitivity, Series, Trajectory, Warning};
 use crate::simulate::{Plan, Request};
@@ -161,8 +161,8 @@ impl<'f, 'e> Runs<'f, 'e> {
         moved.collect()
     }
 
-    /// Gives a system these numbers; those of the open parameters.
-    fn set(&self, system: &mut System<'e>, point: &[f64]) -> Vec<f64> {
+    /// The open parameters and x(0) with these numbers.
+    fn numbers(&self, point: &[f64]) -> [Vec<f64>; 2] {
         let (opened, mut values) = (&self.sensor.opened, self.sensor.values());
         let targets = || self.sensor.targets.iter().zip(point);
         for (target, &p) in targets() {
@@ -176,13 +176,7 @@ impl<'f, 'e> Runs<'f, 'e> {
                 initial[state] = p;
             }
         }
-        for (&place, &value) in opened.places.iter().zip(&values) {
-            system.exogenous.params[place].value = value;
-        }
-        for (state, x0) in system.states.iter_mut().zip(initial) {
-            state.initial = x0;
-        }
-        values
+        [values, initial]
     }
 
     /// The run of what was found, with all that the experiment says; the system of `compiled` is that of it.
@@ -193,7 +187,10 @@ impl<'f, 'e> Runs<'f, 'e> {
         request: &Request,
         watch: &mut dyn Watch,
     ) -> Trajectory {
-        self.set(&mut compiled.system, point);
+        let [values, initial] = self.numbers(point);
+        self.sensor
+            .opened
+            .set(&mut compiled.system, &values, &initial);
         let (system, settings) = (&compiled.system, &compiled.settings);
         let told = &mut |progress| watch.progress(&Progress::Simulation(progress));
         self.plan.run(system, settings, request, told)
@@ -204,17 +201,15 @@ impl<'f, 'e> Runs<'f, 'e> {
         if !point.iter().all(|p| p.is_finite()) {
             return None;
         }
-        let mut system = self.system.clone();
-        let values = self.set(&mut system, point);
-        let mut diags = Diagnostics::new();
-        system.check_start(&mut diags);
-        if !diags.is_empty() || !system.starts_relays_as_compiled() {
+        let [values, initial] = self.numbers(point);
+        let opened = &self.sensor.opened;
+        if !opened.set(&mut self.system, &values, &initial) {
             return None;
         }
         let sensing = differentiates.then(|| self.sensor.at(&values));
         let asked = (&self.request, sensing.as_ref());
-        let run = (self.plan).run_sensed(&system, &self.settings, asked, &mut |_| {});
-        self.system = system;
+        let (system, settings) = (&self.system, &self.settings);
+        let run = (self.plan).run_sensed(system, settings, asked, &mut |_| {});
         self.count += 1;
         run.failure.is_none().then_some(run)
     }

@@ -12,7 +12,7 @@ use super::sensed::Sensed;
 use super::settings::{Kept, Numerics, Recording, Sampling, Stop};
 use super::with;
 use crate::expr::Expr;
-use crate::model::{DynamicsError, Model, TargetKind};
+use crate::model::{Model, TargetKind};
 use crate::source::Span;
 use crate::source::table::Sources;
 use crate::syntax::{self, Expect, ExperimentKind, ExprKind, OutputWhen, Relation, SettingKind};
@@ -322,14 +322,6 @@ impl<'e> Stop<'e> {
         let guard = reader.model.scope.condition(condition, None, reader.diags);
         reader.failed |= guard.is_none();
         let (guard, span) = (guard?, condition.span);
-        if let Some(value) = guard.as_constant() {
-            let value = value > 0.5;
-            reader
-                .diags
-                .push(DynamicsError::ConstantComparison { value, span });
-            reader.failed = true;
-            return None;
-        }
         let mut reached = Vec::new();
         let mut comparisons = |comparison: &syntax::Expr| {
             let holds = reader.model.scope.condition(comparison, None, reader.diags);

@@ -49,7 +49,7 @@ pub(super) fn lower<'e>(
     found
 }
 
-/// The switch of a comparison, and the α for which it holds.
+/// The switch of a comparison, and the α for which it holds; none of what a relay remembers, which has no surface.
 fn on_surface<'e>(translation: &Translation<'_, 'e>, holds: Expr<'e>) -> Option<(usize, f64)> {
     let entries = &translation.switches.entries;
     let mut alphas = entries.alphas_of(holds).into_iter();
@@ -58,7 +58,9 @@ fn on_surface<'e>(translation: &Translation<'_, 'e>, holds: Expr<'e>) -> Option<
     };
     let side = [0.0, 1.0].into_iter();
     let mut side = side.filter(|&side| at(holds, alpha, side).as_constant() == Some(1.0));
-    Some((entries.of_alpha(alpha)?, side.next()?))
+    let switch = entries.of_alpha(alpha)?;
+    let has_surface = translation.switches.list[switch].relay.is_none();
+    has_surface.then_some((switch, side.next()?))
 }
 
 /// The laws, once only the switches `kept` are left.

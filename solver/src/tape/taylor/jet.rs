@@ -137,15 +137,14 @@ impl Jet {
     ///
     /// Clears all coefficients.
     pub fn bound_degree(&mut self, input: usize, degree: usize) {
-        self.degrees[input] = u32::try_from(degree).unwrap_or(UNBOUNDED);
-        self.data.fill(0.0);
-        self.recurrences = place(&self.tape, &self.degrees, self.stride);
+        self.bound_degrees([(input, degree)]);
     }
 
-    /// The same for all inputs, in order.
-    pub(crate) fn bound_degrees(&mut self, degrees: impl Iterator<Item = usize>) {
-        let degrees = degrees.map(|degree| u32::try_from(degree).unwrap_or(UNBOUNDED));
-        self.degrees = degrees.collect();
+    /// The same of several inputs.
+    pub(crate) fn bound_degrees(&mut self, degrees: impl IntoIterator<Item = (usize, usize)>) {
+        for (input, degree) in degrees {
+            self.degrees[input] = u32::try_from(degree).unwrap_or(UNBOUNDED);
+        }
         self.data.fill(0.0);
         self.recurrences = place(&self.tape, &self.degrees, self.stride);
     }
