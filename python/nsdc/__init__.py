@@ -13,48 +13,35 @@
 (True, True)
 """
 
-from ._commands import CommandError, modes, order, verify
-from ._core import __version__
-from ._errors import DerivativeError, Diagnostic, Edit, Fix, InternalError, ModelError, RunError, Span
-from ._experiment import Experiment
-from ._figure import Figure
-from ._file import File, check, explain, load, loads
-from ._function import Function
-from ._gradient import Gradient, Moves
-from ._magic import load_ipython_extension
-from ._quantities import Quantities, Quantity
-from ._result import Event, Mode, Result
-from ._sweep import Sweep
+from importlib import import_module
 
-__all__ = [
-    "CommandError",
-    "DerivativeError",
-    "Diagnostic",
-    "Edit",
-    "Event",
-    "Experiment",
-    "Figure",
-    "File",
-    "Fix",
-    "Function",
-    "Gradient",
-    "InternalError",
-    "Mode",
-    "ModelError",
-    "Moves",
-    "Quantities",
-    "Quantity",
-    "Result",
-    "RunError",
-    "Span",
-    "Sweep",
-    "__version__",
-    "check",
-    "explain",
-    "load",
-    "load_ipython_extension",
-    "loads",
-    "modes",
-    "order",
-    "verify",
-]
+# Each name comes with its first use, and NumPy with it: importing the package costs next to nothing.
+_MODULES = {
+    "_commands": "CommandError modes order verify",
+    "_core": "__version__",
+    "_errors": "DerivativeError Diagnostic Edit Fix InternalError ModelError RunError Span",
+    "_experiment": "Experiment",
+    "_figure": "Figure",
+    "_file": "File check explain load loads",
+    "_function": "Function",
+    "_gradient": "Gradient Moves",
+    "_magic": "load_ipython_extension",
+    "_quantities": "Quantities Quantity",
+    "_result": "Event Mode Result",
+    "_sweep": "Sweep",
+}
+_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

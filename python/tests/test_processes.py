@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,14 +21,26 @@ import nsdc
 ENDLESS = "model m { state x = 1; state y = 0; x' = -y; y' = x + 0.1*sign(x); } simulate s of m { horizon 1e9; }"
 
 
-def test_importing_is_quick_and_imports_little() -> None:
-    told = subprocess.run(
-        [sys.executable, "-c", "import nsdc, sys; print([m for m in ('pandas', 'xarray', 'pyarrow', 'matplotlib', 'distributed', 'ray') if m in sys.modules])"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert told.stdout.strip() == "[]"
+def test_importing_imports_little() -> None:
+    """Neither NumPy nor anything else that is not there without it; what is used brings what it needs."""
+    code = """
+import nsdc, sys
+print([m for m in ('numpy', 'pandas', 'xarray', 'pyarrow', 'matplotlib', 'distributed', 'ray') if m in sys.modules])
+assert nsdc.check("model m { state x = 1; x' = 0; }") == []
+print([m for m in ('pandas', 'xarray', 'pyarrow', 'matplotlib', 'distributed', 'ray') if m in sys.modules])
+"""
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ["[]", "[]"]
+
+
+def test_names_are_those_of_the_types() -> None:
+    stub = (Path(nsdc.__file__).with_suffix(".pyi")).read_text()
+    typed = [name.split(" as ")[1] for line in stub.splitlines() for name in line.split(" import ")[1].split(", ")]
+    assert sorted(typed) == nsdc.__all__
+    assert all(getattr(nsdc, name) is not None for name in nsdc.__all__)
+    assert set(nsdc.__all__) <= set(dir(nsdc))
+    with pytest.raises(AttributeError, match="laod"):
+        nsdc.laod  # type: ignore[attr-defined]  # noqa: B018
 
 
 def test_other_threads_go_on() -> None:

@@ -11,6 +11,7 @@ mod cancel;
 mod causes;
 mod chattering;
 mod coefficients;
+mod comparisons;
 mod compositions;
 mod cones;
 mod contact_properties;

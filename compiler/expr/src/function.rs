@@ -319,6 +319,28 @@ functions! {
         steep: Steep::Nowhere,
         unit: Unit::Dropped,
     }
+    /// What a > 0 says: 1 for positive values, 0 for others. A step, where 0 is not looked at.
+    Positive positive {
+        value: |a| indicator(a, a > 0.0),
+        slope: |w, _| 0.0 * w,
+        image: |a| Interval::new(indicator(a.low, a.low > 0.0), indicator(a.high, a.high > 0.0)),
+        code: None,
+        opcode: None,
+        tex: ("\\operatorname{step}\\left(", "\\right)"),
+        steep: Steep::Nowhere,
+        unit: Unit::Dropped,
+    }
+    /// What a >= 0 says: 0 for negative values, 1 for others. A step, where 0 is not looked at.
+    NonNegative nonnegative {
+        value: |a| indicator(a, a >= 0.0),
+        slope: |w, _| 0.0 * w,
+        image: |a| Interval::new(indicator(a.low, a.low >= 0.0), indicator(a.high, a.high >= 0.0)),
+        code: None,
+        opcode: None,
+        tex: ("\\operatorname{step}\\left(", "\\right)"),
+        steep: Steep::Nowhere,
+        unit: Unit::Dropped,
+    }
     /// -1 for negative, 1 for positive values; set-valued at 0, where a number has 0.
     Sign sign {
         value: signum,
@@ -360,9 +382,20 @@ impl Function {
         self.definition().code.is_none()
     }
 
-    /// The name in the language.
+    /// The name in the language, where comparisons are steps.
     pub fn name(self) -> &'static str {
-        self.definition().name
+        match self {
+            Self::Positive | Self::NonNegative => Self::Step.name(),
+            _ => self.definition().name,
+        }
+    }
+
+    /// Of a function that is 0 below and 1 above 0, its value there.
+    pub fn on_surface(self) -> Option<f64> {
+        match self {
+            Self::Step | Self::Positive | Self::NonNegative => Some(self.value(0.0)),
+            _ => None,
+        }
     }
 
     /// The value at a number. At 0, `sign` is 0 and `step` is 1/2.
@@ -408,6 +441,14 @@ impl BinaryFunction {
             Self::Min => x.min(y),
             Self::Max => x.max(y),
         }
+    }
+}
+
+/// 1 where a comparison of `a` holds, else 0.
+fn indicator(a: f64, holds: bool) -> f64 {
+    match a.is_nan() {
+        true => a,
+        false => f64::from(holds),
     }
 }
 

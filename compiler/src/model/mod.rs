@@ -386,6 +386,14 @@ impl<'e> When<'e> {
         }
     }
 
+    /// The same with another condition, where it is one.
+    pub fn map_guard(self, f: impl FnOnce(Expr<'e>) -> Expr<'e>) -> Self {
+        match self {
+            When::Guard(guard) => When::Guard(f(guard)),
+            When::Every(instants) => When::Every(instants),
+        }
+    }
+
     /// The expressions in it.
     pub fn exprs(self) -> impl Iterator<Item = Expr<'e>> {
         match self {

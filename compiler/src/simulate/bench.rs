@@ -146,7 +146,7 @@ impl<'s, 'e> Bench<'s, 'e> {
         let takes_stops = |method: MethodKind| method.takes(Feature::Stops);
         let takes_stops = [MethodKind::Smoothing, MethodKind::Adaptive].map(takes_stops);
         let mut laws = self.system.jumps.laws.iter();
-        let stop = laws.find(|law| law.stops.is_some());
+        let stop = laws.find(|law| law.stops);
         if let Some(law) = stop.filter(|_| takes_stops.contains(&false)) {
             return Some(format!("{} ends the run before its horizon", law.title()));
         }

@@ -150,7 +150,7 @@ impl Printed<'_, '_> {
                 "jump {} when {} is struck",
                 law.name, self.system.switches[k].psi
             )?,
-            None if law.stops.is_some() => writeln!(f, "stop {}", law.when)?,
+            None if law.stops => writeln!(f, "stop {}", law.when)?,
             // What has no name is called by its instants.
             None if law.name.starts_with("every ") => writeln!(f, "jump {}", law.when)?,
             None => writeln!(f, "jump {} {}", law.name, law.when)?,

@@ -129,6 +129,8 @@ pub struct Coupling<'e> {
 pub struct Jumps<'e> {
     /// Laws by which states jump, in order.
     pub laws: Vec<Law<'e>>,
+    /// What stands for comparisons in laws.
+    pub comparisons: Vec<Comparison>,
     /// Bodies that have contacts, and others.
     pub bodies: Vec<Body<'e>>,
     /// Contacts between bodies, in order.
@@ -270,6 +272,17 @@ impl Relay {
     }
 }
 
+/// A comparison with the surface of a switch in a law, which reads numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Comparison {
+    /// What stands for it in laws.
+    pub var: Var,
+    /// The switch, with whose α it agrees off the surface.
+    pub switch: usize,
+    /// Its value on the surface: 1 for `>=`, 0 for `>`.
+    pub on_surface: f64,
+}
+
 /// A law by which states jump: x⁺ = r(t, x, p, α).
 #[derive(Clone, Debug)]
 pub struct Law<'e> {
@@ -281,8 +294,8 @@ pub struct Law<'e> {
     pub strikes: Option<usize>,
     /// New values by index of the state; each once.
     pub resets: Vec<(usize, Expr<'e>)>,
-    /// Where the run ends when it happens, switches with what their α counts as on their surface.
-    pub stops: Option<Vec<(usize, f64)>>,
+    /// Whether the run ends when it happens.
+    pub stops: bool,
     /// The statement.
     pub span: Span,
 }
@@ -291,8 +304,8 @@ impl<'e> Law<'e> {
     /// What it is called in a message.
     pub fn title(&self) -> String {
         match self.stops {
-            Some(_) => format!("`stop when {}`", self.name),
-            None => format!("jump `{}`", self.name),
+            true => format!("`stop when {}`", self.name),
+            false => format!("jump `{}`", self.name),
         }
     }
 
@@ -419,7 +432,7 @@ impl Jumps<'_> {
 
     /// The first jump or contact, by which states jump.
     pub fn first_jump(&self) -> Option<(&str, Span)> {
-        let laws = self.laws.iter().filter(|law| law.stops.is_none());
+        let laws = self.laws.iter().filter(|law| !law.stops);
         let laws = laws.map(|law| (law.name.as_str(), law.span));
         let contacts = self.contacts.iter();
         let contacts = contacts.map(|contact| (contact.name.as_str(), contact.span));

@@ -70,6 +70,7 @@ fn verify_terms(system: &System<'_>, alphas: &[Var]) -> Result<(), String> {
         .chain([system.time])
         .filter_map(Expr::as_variable)
         .chain(alphas.iter().copied())
+        .chain(system.jumps.comparisons.iter().map(|known| known.var))
         .collect();
     let mut unknown = variables_of(&all).into_iter();
     match unknown.find(|var| !known.contains(var)) {

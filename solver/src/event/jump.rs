@@ -21,6 +21,7 @@ use std::sync::Arc;
 use crate::event::state::{Jumps, State};
 use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
+use crate::hybrid::system::on_surface;
 use crate::hybrid::{Effect, Guard, HybridSystem, Law, Side, Status};
 use crate::selector::closing::{Bent, Closing};
 use crate::selector::select::TOUCH;
@@ -122,24 +123,15 @@ impl<'a> JumpLaws<'a> {
     /// The laws whose guards hold on the present sides, but those that end the run.
     pub(crate) fn holding(&self, state: &mut State) -> Vec<usize> {
         let laws = self.system.laws.iter().enumerate();
-        let jumps = laws.filter(|(_, law)| !matches!(law.effect, Effect::Stop(_)));
-        let holds = |(l, law): (usize, &Law)| law.holds(state, |_| None).then_some(l);
+        let jumps = laws.filter(|(_, law)| !matches!(law.effect, Effect::Stop));
+        let holds = |(l, law): (usize, &Law)| law.holds(state, &[]).then_some(l);
         jumps.filter_map(holds).collect()
     }
 
-    /// Whether a law ends the run where the state is on the surfaces of these switches.
-    pub(crate) fn stops(&self, state: &mut State, on: &[usize]) -> bool {
+    /// Whether a law ends the run, where the surfaces of these switches are reached besides those that hold the state.
+    pub(crate) fn stops(&self, state: &mut State, reached: &[usize]) -> bool {
         for (l, law) in self.system.laws.iter().enumerate() {
-            let Effect::Stop(on_surface) = &law.effect else {
-                continue;
-            };
-            let alpha = |switch: usize| {
-                let known = on_surface.iter().find(|(other, _)| *other == switch);
-                known
-                    .filter(|_| on.contains(&switch))
-                    .map(|(_, alpha)| *alpha)
-            };
-            if law.holds(state, alpha) {
+            if matches!(law.effect, Effect::Stop) && law.holds(state, reached) {
                 state.jumps.known.stopped = Some(l);
                 return true;
             }
@@ -163,16 +155,21 @@ impl<'a> JumpLaws<'a> {
         }
         self.mode.move_to(&state.point);
         let Jumps {
-            registers, values, ..
+            registers,
+            values,
+            known,
+            ..
         } = &mut state.jumps;
+        known.read_on.extend_from_slice(&known.on);
         values.clear();
         for &l in laws {
             let Effect::Reset(reset) = &self.system.laws[l].effect else {
                 continue;
             };
-            let (inputs, states, tape) = (&reset.inputs, &reset.states, &reset.values);
-            registers.resize(tape.n_registers().max(inputs.len()), 0.0);
-            for (register, &input) in registers.iter_mut().zip(inputs) {
+            let (states, tape) = (&reset.states, &reset.values);
+            let inputs = reset.inputs_on(&known.on, &state.point.sides);
+            registers.resize(tape.n_registers().max(reset.inputs.len()), 0.0);
+            for (register, input) in registers.iter_mut().zip(inputs) {
                 *register = self.mode.memory.value(input);
             }
             tape.run(registers);
@@ -200,16 +197,24 @@ impl<'a> JumpLaws<'a> {
 }
 
 impl Law {
-    /// Whether a guard holds on the present sides, with other α of some switches.
-    fn holds(&self, state: &mut State, alpha: impl Fn(usize) -> Option<f64>) -> bool {
-        let Guard::Sides { switches, holds } = &self.guard else {
+    /// Whether a guard holds on the present sides, and on the surfaces that hold the state or are `reached`.
+    fn holds(&self, state: &mut State, reached: &[usize]) -> bool {
+        let Guard::Sides {
+            switches,
+            compared,
+            holds,
+        } = &self.guard
+        else {
             return false;
         };
-        let registers = &mut state.jumps.registers;
+        let Jumps {
+            registers, known, ..
+        } = &mut state.jumps;
         registers.resize(holds.n_registers().max(switches.len()), 0.0);
-        for (register, &switch) in registers.iter_mut().zip(switches) {
-            let side = state.point.sides[switch];
-            *register = alpha(switch).unwrap_or(0.5 + 0.5 * side.sign());
+        for (place, (register, switch)) in registers.iter_mut().zip(switches).enumerate() {
+            let is_on = known.on.contains(switch) || reached.contains(switch);
+            let on_surface = on_surface(compared, place).filter(|_| is_on);
+            *register = on_surface.unwrap_or(0.5 + 0.5 * state.point.sides[*switch].sign());
         }
         holds.run(registers);
         holds.results(registers).next().is_some_and(|v| v > 0.75)

@@ -16,8 +16,8 @@ pub(crate) mod observer;
 pub(crate) mod perturbation;
 mod run;
 mod sliding_modes;
+mod standing;
 pub(crate) mod state;
-mod stops;
 #[cfg(test)]
 pub(crate) mod tests;
 mod transition;
@@ -47,6 +47,8 @@ pub struct Simulator {
     pub(crate) pieces: Pieces,
     pub(crate) stepper: Stepper,
     pub(crate) projection: Projection,
+    /// The switches that laws look at.
+    looked_at: Vec<usize>,
     /// Memory that one run leaves to the next.
     pub(crate) state: State,
 }
@@ -62,6 +64,7 @@ impl Simulator {
             coupling: Coupling::new(system.clone()),
             pieces: Pieces::new(&system),
             projection: Projection::default(),
+            looked_at: standing::looked_at(&system),
             state: State::default(),
             system,
         }

@@ -179,6 +179,7 @@ impl Simulator {
                 to: &state.point.sides,
                 accumulates: false,
                 cause: Cause {
+                    on: &state.jumps.known.read_on,
                     is_scheduled: true,
                     ..Cause::default()
                 },
@@ -426,6 +427,7 @@ impl Simulator {
                 accumulates: end.is_some() && waits.is_none(),
                 cause: Cause {
                     met: &before.met,
+                    on: &state.jumps.known.read_on,
                     is_scheduled: before.is_scheduled,
                     is_in_limit: waits.is_some(),
                 },

@@ -48,6 +48,10 @@ pub(crate) struct Known {
     pub due: Vec<usize>,
     /// The law that ends the run.
     pub stopped: Option<usize>,
+    /// Switches on whose surface laws find the state.
+    pub on: Vec<usize>,
+    /// Those of them that were so where something has jumped.
+    pub read_on: Vec<usize>,
 }
 
 /// What has happened at the present instant, and memory for it.
@@ -87,6 +91,7 @@ impl Jumps {
         self.end = None;
         self.owed.0.clear();
         self.owed.1.clear();
+        self.known.read_on.clear();
     }
 
     /// The state before the jumps of this instant, `after` where there were none.

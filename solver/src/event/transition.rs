@@ -2,7 +2,7 @@
 
 use super::Simulator;
 use super::jump::JumpLaws;
-use super::stops::Stops;
+use super::standing::Stand;
 use crate::contact::impact::Impacts;
 use crate::event::state::State;
 use crate::hybrid::{Effect, Side, Status};
@@ -67,8 +67,11 @@ impl Simulator {
                 .filter_map(|&law| self.system.laws[law].closes())
                 .collect();
             reached.extend_from_slice(&steps);
-            if !reached.is_empty() && Stops::of(self).end(state, reached, t1) {
-                return Ok(());
+            if !reached.is_empty() {
+                self.find_surfaces(state, Stand::Stays, t1);
+                if JumpLaws::new(&mut self.mode).stops(state, &reached) {
+                    return Ok(());
+                }
             }
             if fired.is_empty() {
                 // What stops at a contact may no longer stick there.
@@ -84,10 +87,14 @@ impl Simulator {
                     self.selector().pass(state, met, t1)?;
                 }
                 steps.clear();
-                if Stops::of(self).end(state, Vec::new(), t1) {
+                self.find_surfaces(state, Stand::Stays, t1);
+                if JumpLaws::new(&mut self.mode).stops(state, &[]) {
                     return Ok(());
                 }
                 fired = JumpLaws::new(&mut self.mode).holding(state);
+                if !due.is_empty() {
+                    self.find_surfaces(state, Stand::Is, t1);
+                }
                 fired.append(&mut due);
             }
             if fired.is_empty() {

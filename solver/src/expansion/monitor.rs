@@ -32,7 +32,7 @@ fn observers(system: &HybridSystem) -> Vec<bool> {
         let inputs = match &law.effect {
             Effect::Reset(reset) => &reset.inputs,
             Effect::Impact(impact) => &impact.inputs,
-            Effect::Stop(_) => continue,
+            Effect::Stop => continue,
         };
         for input in inputs {
             if let Input::Alpha(switch) = input {

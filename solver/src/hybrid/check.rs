@@ -150,8 +150,14 @@ impl Check<'_> {
     fn law(&self, law: &Law) -> Result<(), Fault> {
         let n = self.system.n_switches();
         let strikes = match &law.guard {
-            Guard::Sides { switches, holds } => {
+            Guard::Sides {
+                switches,
+                compared,
+                holds,
+            } => {
+                let are_there = compared.iter().all(|known| known.0 < switches.len());
                 let is_of = holds.n_inputs() == switches.len() && holds.n_outputs() == 1;
+                let is_of = is_of && are_there;
                 must(
                     is_of && switches.iter().all(|i| *i < n),
                     "a guard is a function of sides",
@@ -170,16 +176,16 @@ impl Check<'_> {
             }
         };
         let (inputs, tape) = match &law.effect {
-            Effect::Stop(on_surface) => {
-                return must(
-                    on_surface.iter().all(|(i, _)| *i < n),
-                    "what ends a run looks at switches",
-                );
-            }
+            Effect::Stop => return Ok(()),
             Effect::Reset(reset) => {
                 let is_whole = reset.values.n_outputs() == reset.states.len();
                 let are_states = reset.states.iter().all(|i| *i < self.system.n_states());
                 must(is_whole && are_states, "a reset sets states")?;
+                let is_switch = |&(place, _): &(usize, f64)| {
+                    matches!(reset.inputs.get(place), Some(Input::Alpha(_)))
+                };
+                let are_switches = reset.compared.iter().all(is_switch);
+                must(are_switches, "a reset compares with surfaces")?;
                 (&reset.inputs, &reset.values)
             }
             Effect::Impact(impact) => {

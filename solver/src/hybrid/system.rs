@@ -362,9 +362,8 @@ pub enum Effect {
     Reset(Reset),
     /// Gives impulses along the forces of closed contacts; its guard is [`Guard::Strikes`].
     Impact(Impact),
-    /// Ends the run, before anything jumps there. For switches of its guard, with what their α counts as where the state
-    /// is on their surface.
-    Stop(Vec<(usize, f64)>),
+    /// Ends the run, before anything jumps there.
+    Stop,
 }
 
 /// The impulses of a contact x' = f + (1 - α_n)(D - Σ (2α_t - 1) T).
@@ -388,6 +387,8 @@ pub enum Guard {
     Sides {
         /// The switches.
         switches: Vec<usize>,
+        /// Which of them are comparisons, by place, with their values on the surface.
+        compared: Vec<(usize, f64)>,
         /// From their α to 0 or 1.
         holds: Tape,
     },
@@ -413,10 +414,40 @@ impl Guard {
 pub struct Reset {
     /// What the inputs of the tape are.
     pub inputs: Vec<Input>,
+    /// Which of them are comparisons, by place, with their values on the surface.
+    pub compared: Vec<(usize, f64)>,
     /// The states.
     pub states: Vec<usize>,
     /// To their new values.
     pub values: Tape,
+}
+
+impl Reset {
+    /// What the inputs are where the state stands on surfaces: a comparison has its value there, and any other switch the
+    /// mean of both sides, unless it slides.
+    pub(crate) fn inputs_on<'r>(
+        &'r self,
+        on: &'r [usize],
+        sides: &'r [Side],
+    ) -> impl Iterator<Item = Input> + 'r {
+        let inputs = self.inputs.iter().enumerate();
+        inputs.map(|(place, &input)| match input {
+            Input::Alpha(switch) if on.contains(&switch) => {
+                match on_surface(&self.compared, place) {
+                    Some(value) => Input::Number(value),
+                    None if sides[switch] == Side::Slide => input,
+                    None => Input::Number(0.5),
+                }
+            }
+            _ => input,
+        })
+    }
+}
+
+/// The value of a comparison on its surface.
+pub(crate) fn on_surface(compared: &[(usize, f64)], place: usize) -> Option<f64> {
+    let mut compared = compared.iter();
+    compared.find(|known| known.0 == place).map(|known| known.1)
 }
 
 /// Rates that are computed together.

@@ -121,7 +121,7 @@ fn together(
             }
             (Guard::Strikes(normal), Effect::Impact(impact)) => impacts.push((*normal, impact)),
             (Guard::Sides { .. } | Guard::Every(_), Effect::Impact(_)) => return Err(Why::Jump),
-            (_, Effect::Stop(_)) => {}
+            (_, Effect::Stop) => {}
         }
     }
     match (impacts.is_empty(), rows.is_empty()) {
@@ -140,7 +140,7 @@ fn reset_to(
 ) -> Result<Vec<(usize, f64, Slope)>, Why> {
     let group = Group::new(
         Arc::new(reset.values.clone()),
-        reset.inputs.clone(),
+        reset.inputs_on(&event.on, &event.from).collect(),
         functions.slots,
     );
     let values = group.values(&point, &mut functions.registers);

@@ -42,6 +42,8 @@ pub(super) struct Jump {
     pub from: Box<[Side]>,
     pub to: Box<[Side]>,
     pub met: Vec<usize>,
+    /// Switches on whose surface laws have found the state.
+    pub on: Vec<usize>,
     pub is_scheduled: bool,
     /// Events accumulate here, or the run goes on from here as if it was their limit.
     pub accumulates: bool,
@@ -118,6 +120,7 @@ impl Observer for Recording {
             from: event.from.into(),
             to: event.to.into(),
             met: event.cause.met.to_vec(),
+            on: event.cause.on.to_vec(),
             is_scheduled: event.cause.is_scheduled,
             accumulates: event.accumulates || event.cause.is_in_limit,
             folds: event.decisions.iter().any(|decision| decision.folds),

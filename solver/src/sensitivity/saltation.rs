@@ -162,7 +162,7 @@ impl Meeting<'_> {
         let reads = |&law: &usize| match &system.laws[law].effect {
             Effect::Reset(reset) => reset.inputs.contains(&Input::Alpha(i)),
             Effect::Impact(impact) => impact.inputs.contains(&Input::Alpha(i)),
-            Effect::Stop(_) => false,
+            Effect::Stop => false,
         };
         let is_outer = |k: usize| self.sides[k] == Side::Slide || met.contains(&k);
         let mut outer = (0..self.sides.len()).filter(|&k| is_outer(k));

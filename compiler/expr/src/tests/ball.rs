@@ -114,7 +114,12 @@ impl Dual {
             Function::Cosh => x.map(f64::sinh),
             Function::Tanh => number(1.0) + minus(value * value),
             Function::Erf => x.map(|x| std::f64::consts::FRAC_2_SQRT_PI * (-x * x).exp()),
-            Function::Floor | Function::Step | Function::Sign | Function::Abs => number(f64::NAN),
+            Function::Floor
+            | Function::Step
+            | Function::Positive
+            | Function::NonNegative
+            | Function::Sign
+            | Function::Abs => number(f64::NAN),
         };
         Self {
             value,

@@ -27,6 +27,7 @@ pub(crate) fn compile<'e>(
             });
             Guard::Sides {
                 switches: switches.collect(),
+                compared: compared(system, &alphas),
                 holds: tape(&alphas, &[guard]),
             }
         };
@@ -42,10 +43,11 @@ pub(crate) fn compile<'e>(
                     offset: number_of(system, offset),
                 }),
             },
-            effect: match &law.stops {
-                Some(on_surface) => Effect::Stop(on_surface.clone()),
-                None => Effect::Reset(Reset {
+            effect: match law.stops {
+                true => Effect::Stop,
+                false => Effect::Reset(Reset {
                     inputs: inputs_of(&vars),
+                    compared: compared(system, &vars),
                     states: law.resets.iter().map(|&(state, _)| state).collect(),
                     values: tape(&vars, &values),
                 }),
@@ -69,6 +71,17 @@ pub(crate) fn compile<'e>(
     };
     let (laws, contacts) = (system.jumps.laws.iter(), system.jumps.contacts.iter());
     laws.map(jump).chain(contacts.map(impact)).collect()
+}
+
+/// Which inputs are comparisons, with their values on the surface.
+fn compared(system: &System, inputs: &[Var]) -> Vec<(usize, f64)> {
+    let inputs = inputs.iter().enumerate();
+    let compared = inputs.filter_map(|(place, var)| {
+        let mut comparisons = system.jumps.comparisons.iter();
+        let comparison = comparisons.find(|comparison| comparison.var == *var)?;
+        Some((place, comparison.on_surface))
+    });
+    compared.collect()
 }
 
 /// The value of a function of parameters that are not open.

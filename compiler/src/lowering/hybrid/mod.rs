@@ -178,6 +178,8 @@ impl<'e> Lowering<'e> {
         for (i, switch) in system.switches.iter().enumerate() {
             inputs.insert(variable(switch.alpha), Input::Alpha(i));
         }
+        let comparisons = system.jumps.comparisons.iter();
+        inputs.extend(comparisons.map(|known| (known.var, Input::Alpha(known.switch))));
         inputs.extend(sticking.iter().map(|&(i, sigma)| (sigma, Input::Alpha(i))));
         for (i, param) in system.exogenous.chosen(open).enumerate() {
             inputs.insert(variable(param.var), Input::Parameter(i));

@@ -1,6 +1,6 @@
 //! Comparisons as switching functions, and small questions about expressions.
 
-use crate::expr::{Expr, Function, Node, has_kinks, rewrite, variables_of};
+use crate::expr::{Expr, Node, has_kinks, rewrite, variables_of};
 use crate::model::expressions::Lowering;
 use crate::model::names::scope::{Reported, Value};
 use crate::model::{DynamicsError, Shape, Surface, Tensor};
@@ -58,7 +58,7 @@ pub(crate) fn compare<'e>(
     ))
 }
 
-/// `a > b` is `step(a - b)`, `a < b` is `1 - step(a - b)`.
+/// `a > b` is `positive(a - b)`, `a < b` is `1 - nonnegative(a - b)`.
 #[inline(never)]
 fn relation<'e>(
     lowering: &mut Lowering<'_, 'e>,
@@ -96,7 +96,12 @@ fn relation<'e>(
     };
     let span = left.span.to(right.span);
     lowering.surfaces.push(Surface::new(name, psi, span));
-    Ok(if above { psi.step() } else { 1.0 - psi.step() })
+    let is_strict = matches!(relation, Relation::Less | Relation::Greater);
+    let holds = match above == is_strict {
+        true => psi.positive(),
+        false => psi.nonnegative(),
+    };
+    Ok(if above { holds } else { 1.0 - holds })
 }
 
 /// The switching function that compares two values, and its name.
@@ -233,7 +238,7 @@ pub(crate) fn corners_are_empty(condition: Expr<'_>) -> bool {
     let exprs = condition.exprs();
     let mut sides: Vec<(Expr<'_>, Expr<'_>)> = vec![];
     let of_sides = rewrite(condition, &mut |node| match node.node() {
-        Node::Unary(Function::Step, psi) => {
+        Node::Unary(function, psi) if function.on_surface().is_some() => {
             let (scale, surface) = psi.split_scale();
             let known = sides
                 .iter()

@@ -414,7 +414,7 @@ fn of_laws(system: &System, laws: &[usize]) -> Vec<LabeledSpan> {
     let label = |&l: &usize| {
         let (name, span) = law_of(system, l);
         let laws = &system.jumps.laws;
-        let stops = laws.get(l).is_some_and(|law| law.stops.is_some());
+        let stops = laws.get(l).is_some_and(|law| law.stops);
         let label = match stops {
             true => "holds here".to_owned(),
             false => format!("jump `{name}`"),

@@ -336,8 +336,8 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         let law = self.system.jumps.laws.get(law);
         report::Event {
             time,
-            kind: match law.map(|law| (&law.stops, law.when)) {
-                Some((Some(_), _)) => EventKind::Stop,
+            kind: match law.map(|law| (law.stops, law.when)) {
+                Some((true, _)) => EventKind::Stop,
                 Some((_, When::Every(_))) => EventKind::Sample,
                 _ => EventKind::Jump,
             },

@@ -28,6 +28,8 @@ pub(crate) struct Lowered<'e> {
     pub strikes: Option<usize>,
     /// New values by place of the state.
     pub resets: Vec<(usize, Expr<'e>)>,
+    /// Both in what stands for comparisons in laws.
+    compared: (When<'e>, Vec<(usize, Expr<'e>)>),
 }
 
 impl<'e> Lowered<'e> {
@@ -35,7 +37,14 @@ impl<'e> Lowered<'e> {
     pub fn reads(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         let guard = self.when.guard().filter(|_| self.strikes.is_none());
         let resets = self.resets.iter().map(|reset| reset.1);
-        resets.chain(guard)
+        resets.chain(guard).chain(self.compares())
+    }
+
+    /// The same in what stands for comparisons, which may say nothing off their surfaces: `n > 3` is not `n >= 3`.
+    fn compares(&self) -> impl Iterator<Item = Expr<'e>> {
+        let (when, resets) = &self.compared;
+        let guard = when.guard().filter(|_| self.strikes.is_none());
+        resets.iter().map(|reset| reset.1).chain(guard)
     }
 }
 
@@ -56,27 +65,35 @@ pub(crate) fn laws<'e>(
     for (j, jump) in instance.model.statements.jumps.iter().enumerate() {
         let resets = jump.resets.iter().filter_map(|reset| {
             let place = instance.place(reset.entry)?;
-            Some((place, translation.in_alphas(reset.value, reset.span)))
+            Some((place, translation.replace_in_law(reset.value, reset.span)))
         });
         let resets: Vec<(usize, Expr<'e>)> = resets.collect();
         if resets.is_empty() && !jump.resets.is_empty() {
             continue;
         }
+        let when = match jump.when {
+            When::Guard(guard) => When::Guard(translation.replace_in_law(guard, jump.when_span)),
+            When::Every(Periodic { period, offset }) => {
+                // Only their numbers matter, whatever function of parameters they are.
+                let [period, offset] = [period, offset].map(|e| e.substitute(&translation.given));
+                let instants = Periodic { period, offset };
+                check_instants(instance, jump, instants, diags);
+                When::Every(instants)
+            }
+        };
+        let entries = &translation.switches.entries;
+        let (merged, compared) = (|e| entries.merged(e), |e| entries.in_law(e));
+        let with = |f: &dyn Fn(Expr<'e>) -> Expr<'e>| {
+            let resets = resets.iter().map(|&(place, value)| (place, f(value)));
+            (when.map_guard(f), resets.collect::<Vec<_>>())
+        };
+        let ((when, resets), compared) = (with(&merged), with(&compared));
         laws.push(Lowered {
             jump: j,
-            when: match jump.when {
-                When::Guard(guard) => When::Guard(translation.in_alphas(guard, jump.when_span)),
-                When::Every(Periodic { period, offset }) => {
-                    // Only their numbers matter, whatever function of parameters they are.
-                    let [period, offset] =
-                        [period, offset].map(|e| e.substitute(&translation.given));
-                    let instants = Periodic { period, offset };
-                    check_instants(instance, jump, instants, diags);
-                    When::Every(instants)
-                }
-            },
+            when,
             strikes: None,
             resets,
+            compared,
         });
     }
     laws
@@ -308,12 +325,13 @@ pub(crate) fn finished_laws<'e>(
     let finish = |law: Lowered<'e>| {
         let jump = &instance.model.statements.jumps[law.jump];
         let closed = |k: usize| 1.0 - exprs.expr(switches.list[k].alpha);
+        let (when, resets) = law.compared;
         Law {
             name: jump.name.clone(),
-            when: law.strikes.map_or(law.when, |k| When::Guard(closed(k))),
+            when: law.strikes.map_or(when, |k| When::Guard(closed(k))),
             strikes: law.strikes.and_then(|k| kept.binary_search(&k).ok()),
-            resets: law.resets,
-            stops: None,
+            resets,
+            stops: false,
             span: jump.span,
         }
     };

@@ -112,7 +112,7 @@ impl Feature {
                     // Contacts are a matter of the method.
                     false => {
                         let mut laws = system.jumps.laws.iter();
-                        let law = laws.find(|law| law.stops.is_none())?;
+                        let law = laws.find(|law| !law.stops)?;
                         (law.name.as_str(), law.span)
                     }
                 };
@@ -120,7 +120,7 @@ impl Feature {
             }
             (Feature::Stops, Seen::System(system)) => {
                 let mut laws = system.jumps.laws.iter();
-                let stop = laws.find(|law| law.stops.is_some())?;
+                let stop = laws.find(|law| law.stops)?;
                 Some((stop.name.clone(), stop.span))
             }
             (Feature::Relays | Feature::Projections | Feature::Algebraic, Seen::System(system)) => {

@@ -151,8 +151,6 @@ pub struct Stop<'e> {
     pub name: String,
     /// 1 where it holds, 0 elsewhere.
     pub guard: Expr<'e>,
-    /// The comparisons in it that hold on their surface, too: `<=` and `>=`.
-    pub reached: Vec<Expr<'e>>,
     /// The condition.
     pub span: Span,
 }

@@ -15,7 +15,7 @@ use crate::expr::Expr;
 use crate::model::{Model, TargetKind};
 use crate::source::Span;
 use crate::source::table::Sources;
-use crate::syntax::{self, Expect, ExperimentKind, ExprKind, OutputWhen, Relation, SettingKind};
+use crate::syntax::{self, Expect, ExperimentKind, OutputWhen, SettingKind};
 
 const DEFAULT_TOLERANCE: f64 = 1e-8;
 /// An optimum has the accuracy of a grid that the user chose.
@@ -322,52 +322,11 @@ impl<'e> Stop<'e> {
         let guard = reader.model.scope.condition(condition, None, reader.diags);
         reader.failed |= guard.is_none();
         let (guard, span) = (guard?, condition.span);
-        let mut reached = Vec::new();
-        let mut comparisons = |comparison: &syntax::Expr| {
-            let holds = reader.model.scope.condition(comparison, None, reader.diags);
-            reached.extend(holds);
-        };
-        hold_on_surface(condition, &mut comparisons);
         Some(Stop {
             name: condition.to_string(),
             guard,
-            reached,
             span,
         })
-    }
-}
-
-/// What holds where both sides of a comparison of a condition are equal: `a <= b` for this one, `not a < b` for that one.
-fn hold_on_surface(condition: &syntax::Expr, found: &mut impl FnMut(&syntax::Expr)) {
-    match &condition.kind {
-        ExprKind::And(members) | ExprKind::Or(members) => {
-            for member in members {
-                hold_on_surface(member, found);
-            }
-        }
-        ExprKind::Not(inner) => hold_on_surface(inner, found),
-        ExprKind::Compare(first, rest) => {
-            let mut left = &**first;
-            for (relation, right) in rest {
-                let is_weak = matches!(relation, Relation::LessEqual | Relation::GreaterEqual);
-                let one = syntax::Expr {
-                    kind: ExprKind::Compare(
-                        Box::new(left.clone()),
-                        vec![(*relation, right.clone())],
-                    ),
-                    span: left.span.to(right.span),
-                };
-                match is_weak {
-                    true => found(&one),
-                    false => found(&syntax::Expr {
-                        span: one.span,
-                        kind: ExprKind::Not(Box::new(one)),
-                    }),
-                }
-                left = right;
-            }
-        }
-        _ => {}
     }
 }
 

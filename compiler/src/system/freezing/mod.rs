@@ -360,8 +360,7 @@ impl<'e> Motion<'_, 'e> {
         // What is recorded, watched and read is that of the original.
         whole.recorded = Recorded::default();
         whole.provenance.skipped = Vec::new();
-        (whole.jumps.laws, whole.jumps.contacts, whole.jumps.bodies) =
-            (Vec::new(), Vec::new(), Vec::new());
+        whole.jumps = super::Jumps::default();
         whole.provenance.readings = Readings::default();
         debug_assert_eq!(
             whole.verify(),

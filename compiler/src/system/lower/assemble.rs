@@ -16,12 +16,12 @@ use crate::system::experiment::Settings;
 use crate::system::needs::skipped;
 use crate::system::regions::partitions::Regions;
 use crate::system::regions::subsystems_of;
+use crate::system::switches::Switches;
 use crate::system::switches::continuity::Entered;
 use crate::system::switches::switched::Switched;
-use crate::system::switches::{Collected, Switches};
 use crate::system::{
-    Contact, Continuity, Coupling, Exogenous, Jumps, Param, Provenance, Readings, Recorded, Role,
-    State, Switch, System, SystemError, Task,
+    Comparison, Contact, Continuity, Coupling, Exogenous, Jumps, Param, Provenance, Readings,
+    Recorded, Role, State, Switch, System, SystemError, Task,
 };
 
 /// All parts of a system in α of collected switches.
@@ -51,7 +51,7 @@ impl<'e> Parts<'e> {
             .chain(self.task.iter().flat_map(Task::exprs))
             .chain(guards.chain(&self.named).copied())
             .collect();
-        let (kept, dropped) = used(&collected.list, &roots);
+        let (kept, dropped) = used(collected, &roots);
         let mut switches = kept_switches(collected, &kept, &motion.contacts);
         let alphas: Vec<Var> = kept.iter().map(|&k| collected.list[k].alpha).collect();
         let on = |psi: fn(&Switch<'e>) -> Expr<'e>| {
@@ -101,8 +101,9 @@ impl<'e> Parts<'e> {
             switches,
             jumps: Jumps {
                 laws: finished_laws(instance, collected, motion.laws, &kept)
-                    .chain(stops::finished(motion.stops, &kept))
+                    .chain(stops::finished(motion.stops))
                     .collect(),
+                comparisons: comparisons(collected, &kept),
                 bodies: motion.bodies,
                 contacts: finished_contacts(motion.contacts, &kept),
                 impulsive: motion.impulsive,
@@ -121,7 +122,11 @@ fn kept_switches<'e>(
 ) -> Vec<Switch<'e>> {
     for (place, &k) in kept.iter().enumerate() {
         let alpha = collected.list[k].alpha;
-        (collected.exprs()).rename(alpha, &format!("alpha[{}]", place + 1));
+        let name = format!("alpha[{}]", place + 1);
+        (collected.exprs()).rename(alpha, &name);
+        for (var, _) in collected.entries.compared(k) {
+            (collected.exprs()).rename(var, &name);
+        }
     }
     let place = |k: usize| kept.binary_search(&k).ok();
     let mut switches: Vec<Switch<'e>> = kept.iter().map(|&k| finished(collected, k)).collect();
@@ -141,6 +146,20 @@ fn kept_switches<'e>(
         }
     }
     switches
+}
+
+/// The comparisons of laws.
+fn comparisons<'e>(collected: &Switches<'e>, kept: &[usize]) -> Vec<Comparison> {
+    let kept = kept.iter().enumerate();
+    let compared = kept.flat_map(|(switch, &k)| {
+        let compared = collected.entries.compared(k);
+        compared.map(move |(var, on_surface)| Comparison {
+            var,
+            switch,
+            on_surface,
+        })
+    });
+    compared.collect()
 }
 
 /// What the experiment does without. What else the guard of a contact compares follows from its gap.
@@ -183,12 +202,13 @@ fn named_readings<'e>(
 
 /// The switches that the expressions reach, also through ψ, in the order of the source with
 /// inner ones first; and the others.
-fn used<'e>(list: &[Collected<'e>], roots: &[Expr<'e>]) -> (Vec<usize>, Vec<usize>) {
-    let number: FxHashMap<Var, usize> = list
-        .iter()
-        .enumerate()
-        .map(|(k, switch)| (switch.alpha, k))
-        .collect();
+fn used<'e>(collected: &Switches<'e>, roots: &[Expr<'e>]) -> (Vec<usize>, Vec<usize>) {
+    let list = &collected.list;
+    let mut number: FxHashMap<Var, usize> = FxHashMap::default();
+    for (k, switch) in list.iter().enumerate() {
+        let compared = collected.entries.compared(k).map(|(var, _)| var);
+        number.extend(compared.chain([switch.alpha]).map(|var| (var, k)));
+    }
     let inside = |e: &[Expr<'e>]| {
         variables_of(e)
             .into_iter()

@@ -80,7 +80,11 @@ impl<'e> Motion<'e> {
     /// What α act on besides the rates.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         (self.laws.iter().flat_map(Lowered::reads))
-            .chain(self.stops.iter().map(|stop| stop.guard))
+            .chain(
+                self.stops
+                    .iter()
+                    .flat_map(|stop| [stop.guard, stop.compared]),
+            )
             .chain(self.contacts.iter().flat_map(Contact::exprs))
             .chain(self.bodies.iter().flat_map(Body::exprs))
     }

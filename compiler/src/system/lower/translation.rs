@@ -50,13 +50,25 @@ impl<'m, 'e> Translation<'m, 'e> {
 
     /// An expression of the model in entry variables.
     pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+        let e = self.round(e, span);
+        self.switches.replace(e, span)
+    }
+
+    /// The same of an expression of a law.
+    pub fn replace_in_law(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+        let e = self.round(e, span);
+        self.switches.replace_in_law(e, span)
+    }
+
+    /// An expression in nonsmooth terms of states, time and data.
+    fn round(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
         let e = e.substitute(&self.given).substitute(&self.named);
         let n_known = self.roundings.data.len();
         let e = self.roundings.replace(e, span);
         for held in &self.roundings.data[n_known..] {
             self.switches.give(held.var);
         }
-        self.switches.replace(e, span)
+        e
     }
 
     /// An expression of the model in α.

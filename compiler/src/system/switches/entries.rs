@@ -25,6 +25,21 @@ pub(crate) enum Entry {
     Nonlinear,
     /// `abs`, `min` or `max`.
     Kink,
+    /// ψ > 0 in a law.
+    Above,
+    /// ψ >= 0 in a law.
+    NotBelow,
+}
+
+impl Entry {
+    /// That of -ψ, as one minus which ψ enters.
+    pub fn flipped(self) -> Self {
+        match self {
+            Entry::Above => Entry::NotBelow,
+            Entry::NotBelow => Entry::Above,
+            other => other,
+        }
+    }
 }
 
 /// α of a switch and its entry variables.
@@ -46,6 +61,8 @@ pub(crate) struct Entries<'e> {
     choices: Substitution<'e>,
     /// [`Entry::Term`] variables to their α.
     strict: Substitution<'e>,
+    /// [`Entry::Above`] and [`Entry::NotBelow`] variables with what stands for them in laws.
+    compared: Vec<(Var, Var)>,
     /// The expression that is looked at.
     pub here: Span,
     /// How many switches an expression is nonlinear in, and where it stands, if they are too many.
@@ -61,6 +78,7 @@ impl<'e> Entries<'e> {
             merge: Substitution::new(),
             choices: Substitution::new(),
             strict: Substitution::new(),
+            compared: Vec::new(),
             here: Span::default(),
             entangled: Cell::new(None),
         }
@@ -110,8 +128,10 @@ impl<'e> Entries<'e> {
         let alpha = self.exprs.expr(self.list[k].alpha);
         self.list[k].vars.push((entry, var));
         self.merge.insert(var, self.value_of(k, entry));
-        if entry == Entry::Term {
-            self.strict.insert(var, alpha);
+        match entry {
+            Entry::Term => self.strict.insert(var, alpha),
+            Entry::Above | Entry::NotBelow => self.compared.push((var, self.fresh("alpha"))),
+            _ => {}
         }
         self.exprs.expr(var)
     }
@@ -152,6 +172,31 @@ impl<'e> Entries<'e> {
             return e.substitute(&self.choices);
         }
         multi_affine(e, &bent).substitute(&self.choices)
+    }
+
+    /// An expression of a law, whose comparisons have variables of their own.
+    pub fn in_law(&self, e: Expr<'e>) -> Expr<'e> {
+        let compared = self.compared.iter();
+        let compared = compared.map(|&(var, known)| (var, self.exprs.expr(known)));
+        self.merged(e.substitute(&compared.collect()))
+    }
+
+    /// What stands for comparisons with the surface of a switch in laws, with their values on it.
+    pub fn compared(&self, k: usize) -> impl Iterator<Item = (Var, f64)> + '_ {
+        let vars = self.list[k].vars.iter();
+        vars.filter_map(|&(entry, var)| {
+            let known = self.compared.iter().find(|known| known.0 == var)?;
+            Some((known.1, f64::from(entry == Entry::NotBelow)))
+        })
+    }
+
+    /// A condition of a law where neither the sides nor the surfaces of switches make a difference.
+    pub fn constant_in_law(&self, condition: Expr<'e>) -> Option<f64> {
+        let on_surface = (0..self.list.len()).flat_map(|k| self.compared(k));
+        let on_surface = on_surface.map(|(var, value)| (var, self.exprs.constant(value)));
+        let on_surface = self.in_law(condition).substitute(&on_surface.collect());
+        let value = self.merged(condition).as_constant()?;
+        (on_surface.as_constant() == Some(value)).then_some(value)
     }
 
     /// The expression in α, with powers of them as they stand.

@@ -33,7 +33,7 @@ use crate::system::switches::affine::at;
 use crate::system::switches::entries::{Entries, Entry};
 use crate::system::switches::known::Known;
 use crate::system::switches::surface::Form;
-use crate::system::switches::terms::{at_alpha, beside_infinite, compared};
+use crate::system::switches::terms::{at_alpha, beside_infinite, compared, in_law};
 
 /// A switch while it is collected.
 pub(crate) struct Collected<'e> {
@@ -101,6 +101,8 @@ pub(crate) struct Switches<'e> {
     pub index: FxHashMap<Expr<'e>, usize>,
     /// What enters expressions.
     pub entries: Entries<'e>,
+    /// Whether the expressions are those of laws.
+    in_laws: bool,
 }
 
 impl<'e> Switches<'e> {
@@ -114,6 +116,7 @@ impl<'e> Switches<'e> {
             params,
             index: FxHashMap::default(),
             entries: Entries::new(exprs),
+            in_laws: false,
         }
     }
 
@@ -126,6 +129,14 @@ impl<'e> Switches<'e> {
     pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
         self.entries.here = span;
         transform(&[e], &mut |written, e| self.replace_node(written, e))[0]
+    }
+
+    /// The same of an expression of a law.
+    pub fn replace_in_law(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+        self.in_laws = true;
+        let replaced = self.replace(e, span);
+        self.in_laws = false;
+        replaced
     }
 
     /// Replaces a node, of which the terms below are replaced.
@@ -141,6 +152,11 @@ impl<'e> Switches<'e> {
             return at_alpha(e, self.exprs.constant(0.5));
         }
         let written = compared(written).map_or(psi, |(written, _)| written);
+        let entry = if self.in_laws {
+            in_law(e, entry)
+        } else {
+            entry
+        };
         at_alpha(e, self.enter(psi, written, entry))
     }
 
@@ -165,6 +181,13 @@ impl<'e> Switches<'e> {
             (Form::Parameter(value), _) if value != 0.0 || entry == Entry::Kink => {
                 return self.exprs.constant(if value >= 0.0 { 1.0 } else { 0.0 });
             }
+            // A law compares numbers.
+            (Form::Constant(_) | Form::Parameter(_), Entry::Above) => {
+                return self.exprs.constant(0.0);
+            }
+            (Form::Constant(_) | Form::Parameter(_), Entry::NotBelow) => {
+                return self.exprs.constant(1.0);
+            }
             (form, _) => {
                 if self.refused.iter().all(|refused| refused.psi != psi) {
                     self.refused.push(Refused {
@@ -181,7 +204,10 @@ impl<'e> Switches<'e> {
         if let (Form::Regular, true) = (form, k == n_known) {
             self.list[k].written = written;
         }
-        let tau = self.entries.variable(k, entry);
+        let tau = match flipped {
+            true => self.entries.variable(k, entry.flipped()),
+            false => self.entries.variable(k, entry),
+        };
         if flipped { 1.0 - tau } else { tau }
     }
 

@@ -1,6 +1,6 @@
 //! What nonsmooth terms are in the α of their switch.
 //!
-//! step(ψ) -> α,  sign(ψ) -> 2α - 1,  abs(y) -> (2α - 1) y with ψ = y,
+//! step(ψ), ψ > 0, ψ >= 0 -> α,  sign(ψ) -> 2α - 1,  abs(y) -> (2α - 1) y with ψ = y,
 //! max(a, b) -> α a + (1 - α) b with ψ = a - b,  min(a, b) -> (1 - α) a + α b.
 
 use crate::expr::{BinaryFunction, Expr, Function, Node, variables_of};
@@ -13,7 +13,9 @@ pub(crate) fn compared(e: Expr) -> Option<(Expr, Entry)> {
         return None;
     }
     match e.node() {
-        Node::Unary(Function::Step, psi) => Some((psi, Entry::Condition)),
+        Node::Unary(function, psi) if function.on_surface().is_some() => {
+            Some((psi, Entry::Condition))
+        }
         Node::Unary(Function::Sign, psi) => Some((psi, Entry::Term)),
         Node::Unary(Function::Abs, y) => Some((y, Entry::Kink)),
         Node::Binary(BinaryFunction::Max | BinaryFunction::Min, a, b) => Some((a - b, Entry::Kink)),
@@ -21,10 +23,19 @@ pub(crate) fn compared(e: Expr) -> Option<(Expr, Entry)> {
     }
 }
 
+/// How the switch of a nonsmooth term enters a law, which reads numbers at an instant.
+pub(crate) fn in_law(e: Expr, entry: Entry) -> Entry {
+    match e.node() {
+        Node::Unary(Function::Positive, _) => Entry::Above,
+        Node::Unary(Function::NonNegative, _) => Entry::NotBelow,
+        _ => entry,
+    }
+}
+
 /// A nonsmooth term with this α; others stay as they are.
 pub(crate) fn at_alpha<'e>(e: Expr<'e>, alpha: Expr<'e>) -> Expr<'e> {
     match e.node() {
-        Node::Unary(Function::Step, _) => alpha,
+        Node::Unary(function, _) if function.on_surface().is_some() => alpha,
         Node::Unary(Function::Sign, _) => 2.0 * alpha - 1.0,
         Node::Unary(Function::Abs, y) => (2.0 * alpha - 1.0) * y,
         Node::Binary(BinaryFunction::Max, a, b) => alpha * a + (1.0 - alpha) * b,

@@ -316,9 +316,8 @@ fn has_jumps(e: Expr) -> bool {
     transform(&[e], &mut |_, e| {
         jumps |= matches!(
             e.node(),
-            Node::Unary(Function::Sign | Function::Step, _)
-                | Node::Binary(BinaryFunction::Atan2, ..)
-        );
+            Node::Unary(Function::Sign, _) | Node::Binary(BinaryFunction::Atan2, ..)
+        ) || matches!(e.node(), Node::Unary(function, _) if function.on_surface().is_some());
         e
     });
     jumps

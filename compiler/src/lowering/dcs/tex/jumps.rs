@@ -68,8 +68,12 @@ fn slips<'e>(dcs: &Dcs<'e>, friction: &Friction<'e>, writer: &mut Writer<'e>) ->
 
 /// The lines of the laws of a system, with α as the complementarity system has them.
 pub(crate) fn laws<'e>(system: &System<'e>, dcs: &Dcs<'e>, writer: &mut Writer<'e>) -> Vec<String> {
-    let alphas: Substitution = (system.switches.iter().zip(&dcs.switches.alphas))
+    let alphas = &dcs.switches.alphas;
+    let compared = system.jumps.comparisons.iter();
+    let compared = compared.map(|comparison| (comparison.var, alphas[comparison.switch]));
+    let alphas: Substitution = (system.switches.iter().zip(alphas))
         .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
+        .chain(compared)
         .collect();
     let mut lines = Vec::new();
     for law in &system.jumps.laws {
@@ -90,7 +94,7 @@ pub(crate) fn laws<'e>(system: &System<'e>, dcs: &Dcs<'e>, writer: &mut Writer<'
                 }
             },
         };
-        if law.stops.is_some() {
+        if law.stops {
             lines.push(format!("&\\text{{ends }} {when}"));
         }
         for &(state, value) in &law.resets {
