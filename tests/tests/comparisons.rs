@@ -229,33 +229,23 @@ fn signs_of_nothing_are_zero_in_laws() {
     assert_eq!(ends(&found), [0.0; 3]);
 }
 
-/// What slides is on its surface, and what rests on a contact has no gap.
+/// What slides is on its surface.
 #[test]
-fn what_slides_or_rests_is_on_its_surface() {
+fn what_slides_is_on_its_surface() {
     let found = solved(
         "model m {
            state x = 0.5; state u = 0; state v = 0;
            x' = 0.3 - sign(x); u' = 0; v' = 0;
-           every 1 offset 1 { u := if x > 0 then 2 else if x < 0 then 3 else 4; v := if x >= 0 and x <= 0 then 1 else -1; }
+           every 1 offset 1 {
+             u := if x > 0 then 2 else if x < 0 then 3 else 4;
+             v := if x >= 0 and x <= 0 then 1 else -1;
+           }
          }
          simulate s of m { horizon 1.5; }",
         "s",
     );
-    assert_eq!((end(&found, "u"), end(&found, "v")), (vec![4.0], vec![1.0]));
-    let found = solved(
-        "model ball {
-           state h = 1; state v = 0; state lies = 0;
-           h' = v; lies' = 0;
-           mechanics h, v {
-             mass = 1; force = -9.81;
-             contact floor { gap = h; restitution = 0.5; }
-           }
-           every 1 offset 5 { lies := if h > 0 then -1 else 1; }
-         }
-         simulate s of ball { horizon 6; }",
-        "s",
-    );
-    assert_eq!(end(&found, "lies"), [1.0]);
+    let ends = ["u", "v"].map(|state| end(&found, state)[0]);
+    assert_eq!(ends, [4.0, 1.0]);
 }
 
 /// A law that comes with an event reads the side to which the state goes, and so holds what has brought it about.

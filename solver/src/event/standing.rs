@@ -32,37 +32,54 @@ pub(super) enum Stand {
     Is,
 }
 
-impl Simulator {
-    /// Finds the surfaces of switches of laws that hold the state.
-    pub(super) fn find_surfaces(&mut self, state: &mut State, stand: Stand, t1: f64) {
+/// The surfaces of switches of laws.
+pub(super) struct Surfaces<'m> {
+    mode: &'m mut Mode,
+    looked_at: &'m [usize],
+    /// That of a step.
+    tolerance: f64,
+}
+
+impl<'m> Surfaces<'m> {
+    pub fn of(simulator: &'m mut Simulator) -> Self {
+        Surfaces {
+            tolerance: simulator.settings.local_tolerance(),
+            mode: &mut simulator.mode,
+            looked_at: &simulator.looked_at,
+        }
+    }
+
+    /// Finds those that hold the state.
+    pub fn find(&mut self, state: &mut State, stand: Stand, t1: f64) {
         let mut on = std::mem::take(&mut state.jumps.known.on);
         on.clear();
-        let (mode, tolerance) = (&mut self.mode, self.settings.local_tolerance());
-        for &i in &self.looked_at {
+        for &i in self.looked_at {
             let holds = match state.point.sides[i] {
                 Side::Slide => true,
                 _ => {
-                    self.system.switches[i].is_plain()
-                        && is_zero(mode, state, i, t1)
-                        && (stand == Stand::Is || stays(mode, state, i, (t1, tolerance)))
+                    self.mode.system.switches[i].is_plain()
+                        && self.is_zero(state, i, t1)
+                        && (stand == Stand::Is || self.stays(state, i, t1))
                 }
             };
             on.extend(holds.then_some(i));
         }
         state.jumps.known.on = on;
     }
-}
 
-fn is_zero(mode: &mut Mode, state: &mut State, switch: usize, t1: f64) -> bool {
-    mode.move_to(&state.point);
-    mode.enter_surfaces(&state.point.sides);
-    mode.surfaces.stand_for(switch, 0);
-    BandWidths { mode }.measure(state, &[switch], t1 - state.point.t);
-    mode.psi(switch).abs() <= state.bands.width[switch]
-}
+    fn is_zero(&mut self, state: &mut State, switch: usize, t1: f64) -> bool {
+        let mode = &mut *self.mode;
+        mode.move_to(&state.point);
+        mode.enter_surfaces(&state.point.sides);
+        mode.surfaces.stand_for(switch, 0);
+        BandWidths { mode }.measure(state, &[switch], t1 - state.point.t);
+        mode.psi(switch).abs() <= state.bands.width[switch]
+    }
 
-/// Whether ψ stays what it is in the present mode.
-fn stays(mode: &mut Mode, state: &mut State, switch: usize, (t1, tolerance): (f64, f64)) -> bool {
-    let time = (t1 - state.point.t).max(state.scales.last_step);
-    Onward { mode, tolerance }.leads(state, switch, time) == Some(0.0)
+    /// Whether ψ stays what it is in the present mode.
+    fn stays(&mut self, state: &mut State, switch: usize, t1: f64) -> bool {
+        let (mode, tolerance) = (&mut *self.mode, self.tolerance);
+        let time = (t1 - state.point.t).max(state.scales.last_step);
+        Onward { mode, tolerance }.leads(state, switch, time) == Some(0.0)
+    }
 }
