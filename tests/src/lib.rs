@@ -11,7 +11,7 @@ pub mod stress;
 use std::path::{Path, PathBuf};
 
 pub use examples::for_each_example;
-use nsdc::cli::{self, Exit, Streams};
+use nsdc::cli::{self, Exit, Meter, Streams};
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;
 use nsdc::lowering::dcs;
@@ -273,7 +273,8 @@ pub fn test_folder(folder: &Path) -> (Exit, String, String) {
         out: &mut out,
         err: &mut err,
         colour: false,
-        progress: false,
+        meter: Meter::None,
+        cancel: Cancel::default(),
         width: 100,
         files: cli::terminal(),
     };

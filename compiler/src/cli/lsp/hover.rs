@@ -66,10 +66,10 @@ fn of_definition(now: &Analysis, good: &Analysis, known: &Definition, at: Positi
     let facts = twin
         .next()
         .and_then(|twin| Facts::of(&exprs, good, twin.place, name));
-    if let Some((facts, shown)) = facts.and_then(|facts| {
-        let shown = facts.shown(&meant.name)?;
-        Some((facts, shown))
-    }) {
+    let Some(facts) = facts else {
+        return text;
+    };
+    if let Some(shown) = facts.shown(&meant.name) {
         if let Some(unit) = &shown.unit {
             text.push_str(&format!(", in {unit}"));
         }
@@ -91,6 +91,9 @@ fn of_definition(now: &Analysis, good: &Analysis, known: &Definition, at: Positi
             };
             text.push_str(&format!("\n\n{} = {value}{when}{place}", meant.name));
         }
+    }
+    if let Some(equations) = facts.equations(&meant.name) {
+        text.push_str(&format!("\n\n```text\n{equations}\n```"));
     }
     text
 }

@@ -378,6 +378,9 @@ impl<'c> Server<'c> {
             ask::Formatting::METHOD => {
                 answer::<ask::Formatting>(request, |p| symbols::format(world, &p))
             }
+            ask::RangeFormatting::METHOD => {
+                answer::<ask::RangeFormatting>(request, |p| symbols::format_range(world, &p))
+            }
             ask::Completion::METHOD => {
                 answer::<ask::Completion>(request, |p| complete::complete(world, &p))
             }
@@ -472,6 +475,7 @@ fn capabilities() -> Value {
         "foldingRangeProvider": true,
         "selectionRangeProvider": true,
         "documentFormattingProvider": true,
+        "documentRangeFormattingProvider": true,
         "completionProvider": { "triggerCharacters": [".", " "] },
         "signatureHelpProvider": { "triggerCharacters": ["(", ","] },
         "semanticTokensProvider": { "legend": tokens::legend(), "full": true },
