@@ -274,6 +274,9 @@ impl<'c> Server<'c> {
                 continue;
             };
             let found = diagnostics::of(&analysis, self.client.links);
+            if !analysis.checked().has_errors() {
+                self.world.is_sound(&document.uri, &analysis);
+            }
             let told = PublishDiagnosticsParams {
                 uri: document.uri.clone(),
                 diagnostics: found.into_iter().map(|found| found.shown).collect(),

@@ -34,9 +34,11 @@ pub struct Shown {
 
 /// A model as an experiment takes it.
 pub struct Facts<'e> {
-    /// The experiment, where the file has one.
+    /// The experiment, where the file has one that is sound.
     pub experiment: Option<String>,
     of: Of<'e>,
+    /// Whether it stands for what the file says: for no experiment that is not sound, and without values that are missing.
+    pub is_told: bool,
 }
 
 /// A model, and what is compiled of it where its experiment is sound.
@@ -46,8 +48,8 @@ enum Of<'e> {
 }
 
 impl<'e> Facts<'e> {
-    /// The model that is declared at a place, at an experiment, or else at the first one that is there, or at one without
-    /// settings.
+    /// The model that is declared at a place, at an experiment, or else at the first one that is there, or at one
+    /// without settings.
     pub fn of(
         exprs: &'e Exprs,
         analysis: &Analysis,
@@ -62,27 +64,33 @@ impl<'e> Facts<'e> {
             found.is_some_and(|(_, model)| model.name.span == declared)
                 && experiment.is_none_or(|wanted| known.name.name == wanted)
         };
-        let name = &item.name.name;
-        let found = analysis.project.experiments().find(is_of);
-        let plain = Project::from_text("plain", &format!("simulate {name} of {name} {{ horizon 1; }}"));
-        let (file, taken) = match found {
-            Some(found) => (file, Some(found)),
-            None => (home, plain.experiments().next()),
-        };
-        let compiled = taken.and_then(|experiment| {
+        let compiled = |file: &File, experiment: &Experiment| {
             let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
-            compile(exprs, file, experiment, &[], &mut clock, &mut silent)
-        });
-        let experiment = found.filter(|_| compiled.is_some());
-        let experiment = experiment.map(|found| found.name.name.clone());
-        let of = match compiled {
-            Some(compiled) => Of::Compiled(Box::new(compiled)),
-            None => {
-                let model = model::resolve(exprs, home, name, &[], &mut Diagnostics::new())?;
-                Of::Model(Box::new(model))
-            }
+            let compiled = compile(exprs, file, experiment, &[], &mut clock, &mut silent);
+            compiled.map(|compiled| Of::Compiled(Box::new(compiled)))
         };
-        Some(Facts { experiment, of })
+        let found = analysis.project.experiments().find(is_of);
+        if let Some((experiment, of)) = found.and_then(|one| Some((one, compiled(file, one)?))) {
+            return Some(Facts {
+                experiment: Some(experiment.name.name.clone()),
+                of,
+                is_told: true,
+            });
+        }
+        let name = &item.name.name;
+        let model = model::resolve(exprs, home, name, &[], &mut Diagnostics::new())?;
+        let missing: String = (model.quantities.all())
+            .filter(|known| known.value.is_none())
+            .map(|known| format!("{} = 0; ", known.name))
+            .collect();
+        let text = format!("simulate {name} of {name} {{ horizon 1; with {{ {missing}}} }}");
+        let plain = Project::from_text("plain", &text);
+        let of = plain.experiments().find_map(|one| compiled(home, one));
+        Some(Facts {
+            experiment: None,
+            is_told: found.is_none() && missing.is_empty() && of.is_some(),
+            of: of.unwrap_or_else(|| Of::Model(Box::new(model))),
+        })
     }
 
     fn compiled(&self) -> Option<&Compiled<'e>> {
@@ -121,7 +129,7 @@ impl<'e> Facts<'e> {
             .scope
             .expr(&expr, None, &mut Diagnostics::new())?;
         let number = |var| {
-            let compiled = self.compiled();
+            let compiled = self.compiled().filter(|_| self.is_told);
             let numbers = compiled.map(|compiled| &compiled.settings.values.numbers);
             numbers
                 .and_then(|numbers| numbers.get(&var).copied())
@@ -133,16 +141,8 @@ impl<'e> Facts<'e> {
             .map(|entry| entry.eval(&number))
             .collect();
         let quantities = &self.model().quantities;
-        let all = [
-            &quantities.params,
-            &quantities.states,
-            &quantities.algebraics,
-            &quantities.controls,
-            &quantities.inputs,
-        ];
-        let mut units = all
-            .into_iter()
-            .flatten()
+        let mut units = quantities
+            .all()
             .map(|known| (&known.name, &known.unit));
         let definitions = &self.model().definitions;
         let all = [
