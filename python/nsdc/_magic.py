@@ -70,13 +70,13 @@ def load_ipython_extension(shell: Any) -> None:
 
 def _colour(shell: Any) -> None:
     """Gives such cells the colours of the language, where they are typed in a terminal."""
-    lexer = getattr(getattr(shell, "pt_app", None), "lexer", None)
+    lexer: Any = getattr(getattr(shell, "pt_app", None), "lexer", None)
     if hasattr(lexer, "magic_lexers"):
         from prompt_toolkit.lexers import PygmentsLexer
 
-        from .highlight import NsdLexer
+        from .highlight import CellLexer
 
-        lexer.magic_lexers["nsd"] = PygmentsLexer(NsdLexer)
+        lexer.magic_lexers["nsd"] = PygmentsLexer(CellLexer)
 
 
 def _tell(rendered: str) -> None:

@@ -59,7 +59,10 @@ impl Times {
             late += above;
             let name = method.trim_start_matches("textDocument/");
             let quantiles = [0.5, 0.99, 0.999, 1.0].map(quantile).join(" | ");
-            print(&format!("| {name} | {} | {quantiles} | {above} |", times.len()));
+            print(&format!(
+                "| {name} | {} | {quantiles} | {above} |",
+                times.len()
+            ));
         }
         late
     }

@@ -14,6 +14,7 @@ pub use examples::for_each_example;
 use nsdc::cli::{self, Exit, Meter, Streams};
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;
+use nsdc::limit::Cancel;
 use nsdc::lowering::dcs;
 use nsdc::optimize;
 use nsdc::project::clock::Clock;

@@ -2,8 +2,8 @@
 
 mod client;
 mod everywhere;
-mod typist;
 mod typing;
+mod typist;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -114,7 +114,7 @@ fn one_that_leaves_without_a_word_is_no_success() {
 #[test]
 fn what_is_wrong_is_told_where_it_is() {
     let mut client = Client::new(&[]);
-    let (mut n_pages, mut n_codes) = (0, 0);
+    let (mut n_pages, mut n_codes, mut n_places) = (0, 0, 0);
     for (code, page) in PAGES {
         let folder = folder(&format!("wrong/{code}"));
         for fence in page.split("```csv ").skip(1) {
@@ -145,6 +145,10 @@ fn what_is_wrong_is_told_where_it_is() {
                     continue;
                 };
                 if Path::new(&place.file) == path {
+                    let related = found["relatedInformation"].as_array();
+                    let n_related = related.map_or(0, Vec::len);
+                    assert_eq!(n_related, message.labels.len() - 1, "{code}");
+                    n_places += n_related;
                     assert_eq!(
                         found["range"]["start"],
                         position(example, place.start),
@@ -159,6 +163,7 @@ fn what_is_wrong_is_told_where_it_is() {
             }
         }
     }
+    assert!(n_places > 30, "{n_places} related places");
     // Some are only seen in a run.
     assert!(
         3 * n_codes > 2 * n_pages,
@@ -292,7 +297,7 @@ fn files_and_buffers_are_one_world() {
         client.receive();
     };
     assert_eq!(found[0]["code"], "E0110", "{found}");
-client.close(&plant);
+    client.close(&plant);
     client.notes.clear();
     // A table that is written anew is read anew.
     fs::write(folder.join("data.csv"), "t,other\n0,1\n1,2\n").expect("it can be written");
@@ -393,8 +398,8 @@ simulate pulls of belt { horizon 1; output force, w, x; }
         code[..end].to_owned()
     };
     let slides = "\
-der(v) = -x - mu*(2*alpha[1] - 1)
-alpha[1] in step(v - 1)  // s, discontinuous
+der(v) = -mu*(2*alpha[3] - 1) - x
+alpha[3] in step(v - 1)  // s, discontinuous
   read by s as psi
 ";
     assert_eq!(equations(&mut client, text, "v' ="), slides);
@@ -404,9 +409,12 @@ alpha[1] in step(v - 1)  // s, discontinuous
     let switch = slides.split_once('\n').expect("lines").1;
     assert_eq!(equations(&mut client, text, "s = sign"), switch);
     let falls = "\
-der(w) = 1 - alpha[2]
-partition of w
-alpha[2] in step(w - 2)
+der(w) = 1 - x*alpha[1]*(2*alpha[2] - 1) - alpha[1]
+partition of w  // one region everywhere: proven
+  low: 1 - alpha[1]
+  high: alpha[1]
+alpha[1] in step(w - 2)  // w - 2, discontinuous
+alpha[2] in step(x)  // x, continuous
 ";
     assert_eq!(equations(&mut client, text, "w' = 1"), falls);
     let broken = text.replace("  state w", "  let y = = ;\n  state w");

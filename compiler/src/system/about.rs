@@ -125,7 +125,7 @@ impl Rows<'_, '_> {
         let switches = &system.switches;
         for (k, switch) in switches.iter().enumerate() {
             let mut named = switch.named.iter();
-            if self.is_it(&switch.name) || named.any(|reading| self.is_it(&reading.name)) {
+            if named.any(|reading| self.is_it(&reading.name)) {
                 self.met.insert(k);
             }
         }

@@ -187,7 +187,11 @@ impl Printed<'_, '_> {
         Ok(())
     }
 
-    pub(super) fn write_partition(&self, f: &mut impl fmt::Write, partition: &Partition) -> fmt::Result {
+    pub(super) fn write_partition(
+        &self,
+        f: &mut impl fmt::Write,
+        partition: &Partition,
+    ) -> fmt::Result {
         let coverage = match partition.coverage {
             _ if !self.all => "",
             Coverage::Proven => "  // one region everywhere: proven",
@@ -222,7 +226,11 @@ fn kind(switch: &Switch, all: bool) -> &'static str {
     }
 }
 
-pub(super) fn write_output(f: &mut impl fmt::Write, word: &str, output: &Output<'_>) -> fmt::Result {
+pub(super) fn write_output(
+    f: &mut impl fmt::Write,
+    word: &str,
+    output: &Output<'_>,
+) -> fmt::Result {
     let (name, entries) = (&output.name, listed(&output.exprs));
     match output.shape[..] {
         [] => writeln!(f, "{word} {name} = {entries}"),

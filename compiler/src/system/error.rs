@@ -657,9 +657,7 @@ impl Fixable for SystemError {
             SystemError::Gap { span, entries, .. } => {
                 vec![Fix::rest(*span, entries.iter().map(String::as_str))]
             }
-            SystemError::NonlinearSwitch { named, .. } => {
-                named.iter().flat_map(readings).collect()
-            }
+            SystemError::NonlinearSwitch { named, .. } => named.iter().flat_map(readings).collect(),
             SystemError::HiddenReading { switch, .. } => readings(switch),
             other => other.fix().into_iter().collect(),
         }

@@ -85,10 +85,9 @@ impl Client {
     }
 
     fn note(&mut self, note: Notification) {
-        if let (Some(uri), Some(version)) = (
-            note.params["uri"].as_str(),
-            note.params["version"].as_i64(),
-        ) {
+        if let (Some(uri), Some(version)) =
+            (note.params["uri"].as_str(), note.params["version"].as_i64())
+        {
             let last = self.seen.insert(uri.to_owned(), version).unwrap_or(0);
             assert!(last <= version, "what is told of {uri} goes back in time");
         }
@@ -140,7 +139,10 @@ impl Client {
 
     pub fn close(&mut self, path: &Path) {
         let uri = uri(path);
-        self.tell("textDocument/didClose", json!({ "textDocument": { "uri": uri } }));
+        self.tell(
+            "textDocument/didClose",
+            json!({ "textDocument": { "uri": uri } }),
+        );
         self.versions.remove(&uri);
         self.seen.remove(&uri);
     }

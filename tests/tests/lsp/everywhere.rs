@@ -108,10 +108,17 @@ fn whole(client: &mut Client, path: &Path, example: &Example) {
     assert_eq!(edits, json!([]), "{}", path.display());
     let end = position(&example.text, example.text.len());
     params["range"] = json!({ "start": { "line": 0, "character": 0 }, "end": end });
-    assert_eq!(client.ask("textDocument/rangeFormatting", params), json!([]));
+    assert_eq!(
+        client.ask("textDocument/rangeFormatting", params),
+        json!([])
+    );
     // In front of the last brace of an experiment stand its settings.
     let last = example.text.rfind('}').expect("it has a block");
     let at = position(&example.text, last);
     let found = client.at("textDocument/completion", path, at);
-    assert!(found.as_array().is_some_and(|items| !items.is_empty()), "{}", path.display());
+    assert!(
+        found.as_array().is_some_and(|items| !items.is_empty()),
+        "{}",
+        path.display()
+    );
 }

@@ -119,7 +119,8 @@ fn nothing_is_kept_of_what_was_typed() {
     program.open(path, text);
     let document = json!({ "uri": format!("file://{path}"), "version": 2 });
     let at = position(text, text.find("= 1").expect("it is there") + 2);
-    let after = json!({ "line": at["line"], "character": at["character"].as_u64().expect("a column") + 1 });
+    let after =
+        json!({ "line": at["line"], "character": at["character"].as_u64().expect("a column") + 1 });
     let mut before = None;
     for k in 0..EDITS {
         let new = ["2", "y", "(", "3"][k % 4];

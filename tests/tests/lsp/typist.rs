@@ -55,7 +55,10 @@ pub fn examples() -> Vec<(PathBuf, String)> {
     let mut paths: Vec<PathBuf> = paths.filter(is_model).collect();
     paths.sort();
     let text = |path: &PathBuf| fs::read_to_string(path).expect("it can be read");
-    paths.iter().map(|path| (path.clone(), text(path))).collect()
+    paths
+        .iter()
+        .map(|path| (path.clone(), text(path)))
+        .collect()
 }
 
 /// A model of 500 declarations, of which some switch, and an experiment.

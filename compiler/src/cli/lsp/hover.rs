@@ -51,11 +51,7 @@ fn shown(value: String, range: Range) -> Hover {
 
 /// A declaration with its comment, its value in an experiment, and its equations: those of what could be read last, or else
 /// of what was sound last.
-fn of_definition(
-    [now, good, sound]: [&Analysis; 3],
-    known: &Definition,
-    at: Position,
-) -> String {
+fn of_definition([now, good, sound]: [&Analysis; 3], known: &Definition, at: Position) -> String {
     let meant = now.index.meant(known);
     let mut text = format!("```nsd\n{}\n```", declaration(now, meant));
     if let Some(doc) = describe::doc(meant.whole, &now.project.sources) {

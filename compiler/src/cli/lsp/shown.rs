@@ -141,9 +141,7 @@ impl<'e> Facts<'e> {
             .map(|entry| entry.eval(&number))
             .collect();
         let quantities = &self.model().quantities;
-        let mut units = quantities
-            .all()
-            .map(|known| (&known.name, &known.unit));
+        let mut units = quantities.all().map(|known| (&known.name, &known.unit));
         let definitions = &self.model().definitions;
         let all = [
             &definitions.signals,

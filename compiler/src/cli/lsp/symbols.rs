@@ -5,9 +5,9 @@ use std::rc::Rc;
 
 use lsp_types::{
     DocumentFormattingParams, DocumentRangeFormattingParams, DocumentSymbol, DocumentSymbolParams,
-    DocumentSymbolResponse, FoldingRange, FoldingRangeKind, FoldingRangeParams, Position, SelectionRange,
-    SelectionRangeParams, SymbolInformation, SymbolKind, TextEdit, Uri, WorkspaceSymbolParams,
-    WorkspaceSymbolResponse,
+    DocumentSymbolResponse, FoldingRange, FoldingRangeKind, FoldingRangeParams, Position,
+    SelectionRange, SelectionRangeParams, SymbolInformation, SymbolKind, TextEdit, Uri,
+    WorkspaceSymbolParams, WorkspaceSymbolResponse,
 };
 
 use super::text::Lines;
