@@ -163,7 +163,7 @@ fn what_is_wrong_is_told_where_it_is() {
             }
         }
     }
-    assert!(n_places > 30, "{n_places} related places");
+    assert!(n_places >= 20, "{n_places} related places");
     // Some are only seen in a run.
     assert!(
         3 * n_codes > 2 * n_pages,
@@ -1001,9 +1001,9 @@ fn every_lens_is_canceled() {
     let path = memory("long.nsd");
     // To write a program down, the run that it starts from is made first.
     let text = "
-model spin { control u in [-1, 1] = 0; state x = 1; state y = 0; x' = -y + u; y' = x; }
-simulate long of spin { horizon 1e9; }
-optimize plan of spin { horizon 1; intervals 2; minimize final(x^2); guess { from long; } }
+model swing { control u in [-1, 1] = 0; state x = 1; state y = 0; x' = -sign(y) + u; y' = x; }
+simulate long of swing { horizon 1e6; }
+optimize plan of swing { horizon 1; intervals 2; minimize final(x^2); guess { from long; } }
 ";
     assert_eq!(client.open(&path, text), Vec::<Value>::new());
     for word in ["run", "plot", "test", "verify", "emit"] {

@@ -51,12 +51,12 @@ fn agrees(client: &mut Client, typed: &Typed) {
 #[test]
 fn texts_that_are_cut_are_answered_for() {
     let mut client = Client::new(&[]);
-    let (mut random, mut asks) = (Random::new(), Asks { each: 3, next: 0 });
+    let (mut random, mut asks) = (Random::new(), Asks { each: 2, next: 0 });
     let examples = examples();
     for k in 0..COUNT {
         let (_, text) = &examples[k % examples.len()];
         let mut ask = |client: &mut Client, path: &Path, at| asks.ask(client, path, &at);
-        let typed = Typed::truncate(&mut client, &mut random, text, 3, &mut ask);
+        let typed = Typed::truncate(&mut client, &mut random, text, 2, &mut ask);
         agrees(&mut client, &typed);
         client.close(&typed.path);
     }
@@ -66,7 +66,7 @@ fn texts_that_are_cut_are_answered_for() {
 #[test]
 fn texts_that_are_edited_are_answered_for() {
     let mut client = Client::new(&[]);
-    let (mut random, mut asks) = (Random::new(), Asks { each: 3, next: 0 });
+    let (mut random, mut asks) = (Random::new(), Asks { each: 2, next: 0 });
     let mut n_edits = 0;
     for (path, text) in examples() {
         let mut ask = |client: &mut Client, path: &Path, at| asks.ask(client, path, &at);
@@ -127,9 +127,12 @@ fn nothing_is_kept_of_what_was_typed() {
         let change = json!({ "range": { "start": at, "end": after }, "text": new });
         let changes = json!({ "textDocument": document, "contentChanges": [change] });
         program.tell("textDocument/didChange", &changes);
-        let point = json!({ "textDocument": document, "position": at });
-        let method = ["textDocument/hover", "textDocument/completion"][k / 4 % 2];
-        program.ask(method, &point).expect("it is answered");
+        // Who types does not wait for every answer.
+        if k % 5 == 0 {
+            let point = json!({ "textDocument": document, "position": at });
+            let method = ["textDocument/hover", "textDocument/completion"][k / 5 % 2];
+            program.ask(method, &point).expect("it is answered");
+        }
         if k == FIRST {
             before = resident(program.id());
         }

@@ -26,9 +26,9 @@ const PIECES: [&str; 16] = [
     "(",
     "\"",
     "//",
-    "state w = 1;\n",
+    "let w",
     "'",
-    "region r else {",
+    "else {",
     "if a ",
     ".",
 ];
