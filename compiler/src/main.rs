@@ -3,7 +3,8 @@
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::process::ExitCode;
 
-use nsdc::cli::{self, Streams};
+use nsdc::cli::{self, Meter, Streams};
+use nsdc::limit::Cancel;
 
 fn main() -> ExitCode {
     let mut err = io::stderr();
@@ -14,7 +15,8 @@ fn main() -> ExitCode {
         out: &mut out,
         err: &mut err,
         colour,
-        progress: is_terminal,
+        meter: Meter::line(is_terminal),
+        cancel: Cancel::default(),
         width: width(),
         files: cli::terminal(),
     };

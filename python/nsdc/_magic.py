@@ -65,6 +65,18 @@ def load_ipython_extension(shell: Any) -> None:
 
     nsd.__doc__ = USAGE
     shell.register_magic_function(nsd, "cell", "nsd")
+    _colour(shell)
+
+
+def _colour(shell: Any) -> None:
+    """Gives such cells the colours of the language, where they are typed in a terminal."""
+    lexer: Any = getattr(getattr(shell, "pt_app", None), "lexer", None)
+    if hasattr(lexer, "magic_lexers"):
+        from prompt_toolkit.lexers import PygmentsLexer
+
+        from .highlight import CellLexer
+
+        lexer.magic_lexers["nsd"] = PygmentsLexer(CellLexer)
 
 
 def _tell(rendered: str) -> None:

@@ -208,3 +208,25 @@ class NsdLexer(Lexer):  # type: ignore[misc]
                 if start < end:
                     yield before + start, kind, line[start:end]
             before += len(line)
+
+
+class CellLexer(NsdLexer):
+    """A cell of a notebook: the language behind the line of the magic.
+
+    >>> from nsdc.highlight import CellLexer
+    >>> [(str(kind), text) for kind, text in CellLexer().get_tokens("%%nsd m\\nmodel m {}") if text.strip()][:2]
+    [('Token.Keyword', '%%nsd m'), ('Token.Keyword.Declaration', 'model')]
+    """
+
+    name = "NSD in a cell"
+    aliases = []
+    filenames = []
+    mimetypes = []
+
+    def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, _TokenType, str]]:
+        """Pieces of the cell."""
+        first = text.find("\n") if text.lstrip().startswith("%%") else 0
+        end = len(text) if first < 0 else first
+        yield 0, Keyword, text[:end]
+        for at, kind, piece in super().get_tokens_unprocessed(text[end:]):
+            yield end + at, kind, piece

@@ -3,8 +3,9 @@
 use std::ffi::OsString;
 use std::io::{self, Write};
 
-use nsdc::cli::{self, Streams};
+use nsdc::cli::{self, Meter, Streams};
 use nsdc::diagnostics;
+use nsdc::limit::Cancel;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 
@@ -33,7 +34,8 @@ pub fn main(
             out: out_to,
             err: err_to,
             colour,
-            progress,
+            meter: Meter::line(progress),
+            cancel: Cancel::default(),
             width,
             files: cli::terminal(),
         };

@@ -9,11 +9,14 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from IPython.core.error import UsageError
 from IPython.core.interactiveshell import InteractiveShell
+from IPython.terminal.ptutils import IPythonPTLexer
 from models import BALL, BELT, EXAMPLES, ROOT, agree
+from prompt_toolkit.document import Document
 from pygments.token import Comment, Keyword, Name, Number, Operator, String, Token
 
 import nsdc
@@ -122,6 +125,19 @@ def shell() -> InteractiveShell:
     shell = InteractiveShell()
     shell.run_line_magic("load_ext", "nsdc")
     return shell
+
+
+def test_a_cell_in_a_terminal_has_colours(shell: InteractiveShell) -> None:
+    # What a terminal has; here is none.
+    shell.pt_app = SimpleNamespace(lexer=IPythonPTLexer())
+    cell = Document("%%nsd ball\nmodel m { state x = 1; }")
+
+    def styles() -> dict[str, str]:
+        return {text: style for style, text in shell.pt_app.lexer.lex_document(cell)(1)}
+
+    assert "keyword" not in styles()["state"]
+    shell.run_line_magic("reload_ext", "nsdc")
+    assert "keyword" in styles()["state"] and "number" in styles()["1"]
 
 
 def test_a_cell_is_a_file(shell: InteractiveShell) -> None:

@@ -55,6 +55,9 @@ told.mended = text()
 
 vim.api.nvim_win_set_cursor(0, { 5, 10 })
 told.hover = ask("textDocument/hover", vim.lsp.util.make_position_params(0, client.offset_encoding)).contents.value
+vim.api.nvim_win_set_cursor(0, { 5, 2 })
+told.equation = ask("textDocument/hover", vim.lsp.util.make_position_params(0, client.offset_encoding)).contents.value
+vim.api.nvim_win_set_cursor(0, { 5, 10 })
 local params = vim.lsp.util.make_position_params(0, client.offset_encoding)
 params.newName = "λ"
 vim.lsp.util.apply_workspace_edit(ask("textDocument/rename", params), client.offset_encoding)
@@ -79,5 +82,6 @@ def test_neovim_shows_mends_hovers_and_renames(tmp_path: Path) -> None:
     assert (code, line, message.splitlines()[0]) == ("E0101", 4, "unknown name `rat`")
     assert told["mended"] == TEXT.replace("-rat*", "-rate*").rstrip("\n")
     assert "How fast." in told["hover"] and "1/s" in told["hover"]
+    assert "der(ω) = -rate*ω" in told["equation"]
     assert told["renamed"] == told["mended"].replace("rate", "λ")
     assert "falls of decay: solved" in told["run"]

@@ -11,9 +11,10 @@ pub mod stress;
 use std::path::{Path, PathBuf};
 
 pub use examples::for_each_example;
-use nsdc::cli::{self, Exit, Streams};
+use nsdc::cli::{self, Exit, Meter, Streams};
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;
+use nsdc::limit::Cancel;
 use nsdc::lowering::dcs;
 use nsdc::optimize;
 use nsdc::project::clock::Clock;
@@ -273,7 +274,8 @@ pub fn test_folder(folder: &Path) -> (Exit, String, String) {
         out: &mut out,
         err: &mut err,
         colour: false,
-        progress: false,
+        meter: Meter::None,
+        cancel: Cancel::default(),
         width: 100,
         files: cli::terminal(),
     };

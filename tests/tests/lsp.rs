@@ -1,248 +1,29 @@
 //! The language server, over a connection in memory, and once as a program over pipes.
 
+mod client;
+mod everywhere;
+mod typing;
+mod typist;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc;
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use lsp_server::{Connection, Message, Notification, Request, RequestId, Response};
-use nsdc::cli::{Exit, lsp};
+use lsp_server::{Message, Notification, RequestId};
+use nsdc::cli::Exit;
 use nsdc::diagnostics::explain::{PAGES, examples};
 use nsdc::expr::Exprs;
 use nsdc::files::Memory;
 use nsdc::project::clock::Clock;
 use nsdc::syntax::Item;
 use nsdc::{Project, compile};
-use proptest::prelude::Rng;
-use proptest::test_runner::{RngAlgorithm, TestRng};
 use serde_json::{Value, json};
 
-/// Whoever takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(300);
-
-/// A client, and the server that it talks to.
-struct Client {
-    connection: Connection,
-    server: JoinHandle<Exit>,
-    last: i32,
-    versions: BTreeMap<String, i32>,
-    notes: Vec<Notification>,
-    requests: Vec<Request>,
-}
-
-impl Client {
-    fn silent() -> Self {
-        let (server, connection) = Connection::memory();
-        Client {
-            connection,
-            server: std::thread::spawn(move || lsp::serve(server)),
-            last: 0,
-            versions: BTreeMap::new(),
-            notes: vec![],
-            requests: vec![],
-        }
-    }
-
-    /// One that has said what it can.
-    fn new(folders: &[&Path]) -> Self {
-        let mut client = Client::silent();
-        let folder = |path: &&Path| json!({ "uri": uri(path), "name": "models" });
-        let folders: Vec<Value> = folders.iter().map(folder).collect();
-        let params = json!({ "capabilities": {}, "workspaceFolders": folders });
-        let answer = client.ask("initialize", params);
-        assert_eq!(answer["capabilities"]["positionEncoding"], "utf-16");
-        client.tell("initialized", json!({}));
-        client
-    }
-
-    fn tell(&self, method: &str, params: Value) {
-        let note = Notification::new(method.to_owned(), params);
-        self.connection
-            .sender
-            .send(note.into())
-            .expect("the server is there");
-    }
-
-    fn send(&mut self, method: &str, params: Value) -> RequestId {
-        self.last += 1;
-        let id = RequestId::from(self.last);
-        let request = Request::new(id.clone(), method.to_owned(), params);
-        self.connection
-            .sender
-            .send(request.into())
-            .expect("the server is there");
-        id
-    }
-
-    fn receive(&mut self) -> Option<Response> {
-        match self
-            .connection
-            .receiver
-            .recv_timeout(PATIENCE)
-            .expect("the server answers")
-        {
-            Message::Response(response) => return Some(response),
-            Message::Notification(note) => self.notes.push(note),
-            Message::Request(request) => self.requests.push(request),
-        }
-        None
-    }
-
-    fn response(&mut self, id: &RequestId) -> Response {
-        loop {
-            if let Some(response) = self.receive() {
-                assert_eq!(response.id, *id, "answers come in order");
-                return response;
-            }
-        }
-    }
-
-    /// The answer, or the code of an error.
-    fn try_ask(&mut self, method: &str, params: Value) -> Result<Value, (i32, String)> {
-        let id = self.send(method, params);
-        let result = self.response(&id).response_result;
-        result.map_err(|error| (error.code, error.message))
-    }
-
-    fn ask(&mut self, method: &str, params: Value) -> Value {
-        let answer = self.try_ask(method, params);
-        answer.unwrap_or_else(|error| panic!("{method} is refused: {error:?}"))
-    }
-
-    /// What is wrong in a text once it is opened, or has become another one.
-    fn open(&mut self, path: &Path, text: &str) -> Vec<Value> {
-        let uri = uri(path);
-        let version = self.versions.entry(uri.clone()).or_insert(0);
-        *version += 1;
-        let (number, is_new) = (*version, *version == 1);
-        match is_new {
-            true => self.tell(
-                "textDocument/didOpen",
-                json!({ "textDocument": { "uri": uri, "languageId": "nsd", "version": number, "text": text } }),
-            ),
-            false => self.change(path, json!({ "text": text })),
-        }
-        self.told(path)
-    }
-
-    fn change(&self, path: &Path, change: Value) {
-        let uri = uri(path);
-        let document = json!({ "uri": uri, "version": self.versions[&uri] });
-        let params = json!({ "textDocument": document, "contentChanges": [change] });
-        self.tell("textDocument/didChange", params);
-    }
-
-    /// What the server says of the version of a text that it has now.
-    fn told(&mut self, path: &Path) -> Vec<Value> {
-        let (uri, version) = (uri(path), self.versions[&uri(path)]);
-        loop {
-            let is_it = |note: &Notification| {
-                note.method == "textDocument/publishDiagnostics"
-                    && note.params["uri"] == uri.as_str()
-                    && note.params["version"] == version
-            };
-            if let Some(at) = self.notes.iter().rposition(is_it) {
-                let found = self.notes.remove(at).params["diagnostics"].clone();
-                return found.as_array().expect("a list").clone();
-            }
-            assert!(self.receive().is_none(), "nothing was asked");
-        }
-    }
-
-    fn at(&mut self, method: &str, path: &Path, position: Value) -> Value {
-        self.ask(
-            method,
-            json!({ "textDocument": { "uri": uri(path) }, "position": position }),
-        )
-    }
-
-    /// Labels of what may stand at the first `|` of a text.
-    fn completes(&mut self, path: &Path, marked: &str) -> Vec<String> {
-        let at = marked.find('|').expect("a mark");
-        let text = marked.replacen('|', "", 1);
-        self.open(path, &text);
-        let found = self.at("textDocument/completion", path, position(&text, at));
-        let items = found.as_array().map_or(&[][..], Vec::as_slice);
-        items
-            .iter()
-            .map(|item| item["label"].as_str().expect("a label").to_owned())
-            .collect()
-    }
-
-    fn end(mut self) -> Exit {
-        assert_eq!(self.ask("shutdown", Value::Null), Value::Null);
-        self.tell("exit", Value::Null);
-        self.server.join().expect("the server does not panic")
-    }
-}
-
-fn uri(path: &Path) -> String {
-    format!("file://{}", path.display())
-}
-
-/// Lines end with `\n` in all texts here.
-fn position(text: &str, byte: usize) -> Value {
-    let before = &text[..byte];
-    let line = before.matches('\n').count();
-    let column = before
-        .rsplit('\n')
-        .next()
-        .unwrap_or_default()
-        .encode_utf16()
-        .count();
-    json!({ "line": line, "character": column })
-}
-
-fn byte(text: &str, position: &Value) -> usize {
-    let number = |name: &str| position[name].as_u64().expect("a number") as usize;
-    let start: usize = text
-        .split_inclusive('\n')
-        .take(number("line"))
-        .map(str::len)
-        .sum();
-    let mut units = 0;
-    let inside = text[start..].char_indices().find(|(_, c)| {
-        let found = units >= number("character");
-        units += c.len_utf16();
-        found
-    });
-    inside.map_or(text.len(), |(at, _)| start + at)
-}
-
-/// A text with edits made in it.
-fn edited(text: &str, edits: &[Value]) -> String {
-    let mut edits: Vec<(usize, usize, &str)> = edits
-        .iter()
-        .map(|edit| {
-            let range = &edit["range"];
-            let new = edit["newText"].as_str().expect("a text");
-            (byte(text, &range["start"]), byte(text, &range["end"]), new)
-        })
-        .collect();
-    edits.sort_by_key(|(start, ..)| std::cmp::Reverse(*start));
-    let mut text = text.to_owned();
-    for (start, end, new) in edits {
-        text.replace_range(start..end, new);
-    }
-    text
-}
-
-fn memory(name: &str) -> PathBuf {
-    PathBuf::from("/nowhere/models").join(name)
-}
-
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"))
-        .join("lsp")
-        .join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).expect("a folder can be made");
-    folder
-}
+use self::client::{Client, PATIENCE, byte, edited, folder, memory, position, uri};
 
 const BALL: &str = "\
 /// A ball that falls.
@@ -333,7 +114,7 @@ fn one_that_leaves_without_a_word_is_no_success() {
 #[test]
 fn what_is_wrong_is_told_where_it_is() {
     let mut client = Client::new(&[]);
-    let (mut n_pages, mut n_codes) = (0, 0);
+    let (mut n_pages, mut n_codes, mut n_places) = (0, 0, 0);
     for (code, page) in PAGES {
         let folder = folder(&format!("wrong/{code}"));
         for fence in page.split("```csv ").skip(1) {
@@ -364,6 +145,10 @@ fn what_is_wrong_is_told_where_it_is() {
                     continue;
                 };
                 if Path::new(&place.file) == path {
+                    let related = found["relatedInformation"].as_array();
+                    let n_related = related.map_or(0, Vec::len);
+                    assert_eq!(n_related, message.labels.len() - 1, "{code}");
+                    n_places += n_related;
                     assert_eq!(
                         found["range"]["start"],
                         position(example, place.start),
@@ -378,6 +163,7 @@ fn what_is_wrong_is_told_where_it_is() {
             }
         }
     }
+    assert!(n_places >= 20, "{n_places} related places");
     // Some are only seen in a run.
     assert!(
         3 * n_codes > 2 * n_pages,
@@ -445,9 +231,7 @@ fn fixes_mend_what_they_are_offered_for() {
                 );
             }
         }
-        let params = json!({ "textDocument": { "uri": uri(&path) } });
-        client.tell("textDocument/didClose", params);
-        client.versions.clear();
+        client.close(&path);
     }
     assert!(n_actions > 40, "{n_actions} actions");
     assert_eq!(client.end(), Exit::Success);
@@ -477,10 +261,9 @@ fn columns_are_those_of_the_protocol() {
     let declared = text.find('θ').expect("it is there");
     assert_eq!(place["range"]["start"], position(text, declared));
     // A letter is put behind an astral one.
-    *client.versions.get_mut(&uri(&path)).expect("it is open") += 1;
     let behind = text.rfind('𝛼').expect("it is there") + '𝛼'.len_utf8();
     let range = json!({ "start": position(text, behind), "end": position(text, behind) });
-    client.change(&path, json!({ "range": range, "text": "2" }));
+    client.replace(&path, range, "2");
     let found = client.told(&path);
     assert!(
         found.iter().any(|found| found["message"]
@@ -514,11 +297,7 @@ fn files_and_buffers_are_one_world() {
         client.receive();
     };
     assert_eq!(found[0]["code"], "E0110", "{found}");
-    client.tell(
-        "textDocument/didClose",
-        json!({ "textDocument": { "uri": uri(&plant) } }),
-    );
-    client.versions.remove(&uri(&plant));
+    client.close(&plant);
     client.notes.clear();
     // A table that is written anew is read anew.
     fs::write(folder.join("data.csv"), "t,other\n0,1\n1,2\n").expect("it can be written");
@@ -585,6 +364,67 @@ fn names_explain_themselves() {
             .as_str()
             .is_some_and(|text| text.contains("E0101"))
     );
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// At a name stand the equations that are made of it, and the switches that these meet; while a line is broken those of
+/// the last model.
+#[test]
+fn names_tell_their_equations() {
+    let mut client = Client::new(&[]);
+    let path = memory("equations.nsd");
+    let text = "
+model belt {
+  param mu = 0.3;
+  state x = 0;
+  state v = 1;
+  state w = 2;
+  switch s = sign(v - 1);
+  x' = v;
+  v' = -x - mu*s;
+  region low where w < 2 { w' = 1; }
+  region high else { w' = -abs(x); }
+  output force = mu*s;
+}
+simulate pulls of belt { horizon 1; output force, w, x; }
+";
+    assert_eq!(client.open(&path, text), Vec::<Value>::new());
+    let equations = |client: &mut Client, text: &str, name: &str| {
+        let at = text.find(name).expect("it is there");
+        let found = client.at("textDocument/hover", &path, position(text, at));
+        let told = found["contents"]["value"].as_str().unwrap_or_default();
+        let code = told.split("```text\n").nth(1).unwrap_or_default();
+        let end = code.find("```").unwrap_or_default();
+        code[..end].to_owned()
+    };
+    let slides = "\
+der(v) = -mu*(2*alpha[3] - 1) - x
+alpha[3] in step(v - 1)  // s, discontinuous
+  read by s as psi
+";
+    assert_eq!(equations(&mut client, text, "v' ="), slides);
+    assert_eq!(equations(&mut client, text, "v = 1"), slides);
+    assert_eq!(equations(&mut client, text, "x' ="), "der(x) = v\n");
+    assert_eq!(equations(&mut client, text, "mu = 0.3"), "");
+    let switch = slides.split_once('\n').expect("lines").1;
+    assert_eq!(equations(&mut client, text, "s = sign"), switch);
+    let falls = "\
+der(w) = 1 - x*alpha[1]*(2*alpha[2] - 1) - alpha[1]
+partition of w  // one region everywhere: proven
+  low: 1 - alpha[1]
+  high: alpha[1]
+alpha[1] in step(w - 2)  // w - 2, discontinuous
+alpha[2] in step(x)  // x, continuous
+";
+    assert_eq!(equations(&mut client, text, "w' = 1"), falls);
+    let broken = text.replace("  state w", "  let y = = ;\n  state w");
+    assert!(!client.open(&path, &broken).is_empty());
+    assert_eq!(equations(&mut client, &broken, "v' ="), slides);
+    // What can be read, and is wrong, is no other model yet.
+    let wrong = text.replace("w' = 1", "w' = unknown");
+    client.open(&path, text);
+    assert_eq!(client.open(&path, &wrong).len(), 1);
+    assert_eq!(equations(&mut client, &wrong, "v' ="), slides);
     assert_eq!(client.end(), Exit::Success);
 }
 
@@ -680,6 +520,18 @@ fn what_fits_in_an_experiment_is_offered() {
         "horizon 1;",
         "horizon 1; method event { | }",
         &["order", "max_events"],
+        &["c"],
+    );
+    offers(
+        "horizon 1;",
+        "horizon 1; method fesd { scheme = | }",
+        &["radau_iia", "gauss"],
+        &["c", "sin"],
+    );
+    offers(
+        "horizon 1;",
+        "horizon 1; method event { branch = | }",
+        &["plus", "slide"],
         &["c"],
     );
     offers(
@@ -1071,111 +923,6 @@ fn names_are_renamed_in_all_files() {
     assert_eq!(client.end(), Exit::Success);
 }
 
-/// Random numbers below others.
-struct Random(TestRng);
-
-impl Random {
-    fn new() -> Self {
-        Random(TestRng::deterministic_rng(RngAlgorithm::ChaCha))
-    }
-
-    fn below(&mut self, bound: usize) -> usize {
-        (self.0.next_u64() % bound.max(1) as u64) as usize
-    }
-}
-
-/// What is asked after each change.
-fn ask_all(client: &mut Client, path: &Path, at: Value) {
-    let document = json!({ "uri": uri(path) });
-    let point = json!({ "textDocument": document, "position": at });
-    let whole = json!({ "start": { "line": 0, "character": 0 }, "end": at });
-    let asked = [
-        ("textDocument/hover", point.clone()),
-        ("textDocument/completion", point.clone()),
-        ("textDocument/definition", point.clone()),
-        ("textDocument/documentHighlight", point.clone()),
-        ("textDocument/signatureHelp", point),
-        (
-            "textDocument/documentSymbol",
-            json!({ "textDocument": document }),
-        ),
-        (
-            "textDocument/foldingRange",
-            json!({ "textDocument": document }),
-        ),
-        (
-            "textDocument/semanticTokens/full",
-            json!({ "textDocument": document }),
-        ),
-        (
-            "textDocument/selectionRange",
-            json!({ "textDocument": document, "positions": [at] }),
-        ),
-        (
-            "textDocument/codeAction",
-            json!({ "textDocument": document, "range": whole, "context": { "diagnostics": [] } }),
-        ),
-        ("textDocument/codeLens", json!({ "textDocument": document })),
-    ];
-    // All at once: answers come in their order.
-    let ids: Vec<RequestId> = asked
-        .into_iter()
-        .map(|(method, params)| client.send(method, params))
-        .collect();
-    for id in ids {
-        let response = client.response(&id);
-        assert!(response.response_result.is_ok(), "{response:?}");
-    }
-}
-
-/// Whatever is typed, all that is asked is answered, in order.
-#[test]
-fn texts_that_are_typed_are_answered_for() {
-    let mut client = Client::new(&[]);
-    let mut random = Random::new();
-    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
-    let names = ["oscillator", "parts", "stick_slip", "sliding_ocp"];
-    for name in names {
-        let text = fs::read_to_string(examples.join(format!("{name}.nsd"))).expect("it is there");
-        let path = memory(&format!("{name}.nsd"));
-        let cuts: Vec<usize> = text.char_indices().map(|(at, _)| at).collect();
-        client.open(&path, &text);
-        for _ in 0..12 {
-            let cut = cuts[random.below(cuts.len())];
-            client.open(&path, &text[..cut]);
-            ask_all(&mut client, &path, position(&text, cut));
-        }
-        client.open(&path, &text);
-        let mut typed = text.clone();
-        for _ in 0..12 {
-            let from = cuts[random.below(cuts.len())].min(typed.len());
-            let from = (0..=from)
-                .rev()
-                .find(|&at| typed.is_char_boundary(at))
-                .unwrap_or(0);
-            let removed = typed[from..]
-                .chars()
-                .take(random.below(4))
-                .map(char::len_utf8)
-                .sum::<usize>();
-            let new =
-                ["x", ";", "{", "}", "θ", " = ", "𝛼", "\n", "(", "\"", "//"][random.below(11)];
-            let range =
-                json!({ "start": position(&typed, from), "end": position(&typed, from + removed) });
-            *client.versions.get_mut(&uri(&path)).expect("it is open") += 1;
-            client.change(&path, json!({ "range": range, "text": new }));
-            typed.replace_range(from..from + removed, new);
-            ask_all(&mut client, &path, position(&typed, from));
-        }
-        // The server has the text that was typed: its layout is that of the library.
-        let found = client.told(&path).len();
-        let files: Memory = [(path.as_path(), typed.as_str())].into_iter().collect();
-        let project = Project::from_files(&path, files).expect("the text is there");
-        assert_eq!(found, project.check().list().len(), "{name}");
-    }
-    assert_eq!(client.end(), Exit::Success);
-}
-
 #[test]
 fn experiments_are_run_and_canceled_beside() {
     let mut client = Client::new(&[]);
@@ -1244,12 +991,45 @@ fn experiments_are_run_and_canceled_beside() {
         ended.response_result.map_err(|error| error.code),
         Err(-32800)
     );
-    let shown = client.send("workspace/executeCommand", command("run", "long"));
-    client.tell(
-        "window/workDoneProgress/cancel",
-        json!({ "token": "shown" }),
-    );
-    assert!(client.response(&shown).response_result.is_err());
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// All that a lens does tells how far it is, and ends where its progress is canceled.
+#[test]
+fn every_lens_is_canceled() {
+    let mut client = Client::new(&[]);
+    let path = memory("long.nsd");
+    // To write a program down, the run that it starts from is made first.
+    let text = "
+model swing { control u in [-1, 1] = 0; state x = 1; state y = 0; x' = -sign(y) + u; y' = x; }
+simulate long of swing { horizon 1e6; }
+optimize plan of swing { horizon 1; intervals 2; minimize final(x^2); guess { from long; } }
+";
+    assert_eq!(client.open(&path, text), Vec::<Value>::new());
+    for word in ["run", "plot", "test", "verify", "emit"] {
+        let (name, first) = match word {
+            "emit" => ("plan", "begin"),
+            _ => ("long", "report"),
+        };
+        let command = json!({ "command": format!("nsdc.{word}"), "arguments": [uri(&path), name, "nl"], "workDoneToken": word });
+        let asked = client.send("workspace/executeCommand", command);
+        let told = |note: &Notification, kind: &str| {
+            note.method == "$/progress"
+                && note.params["token"] == word
+                && note.params["value"]["kind"] == kind
+        };
+        while !client.notes.iter().any(|note| told(note, first)) {
+            assert!(client.receive().is_none(), "{word} has ended");
+        }
+        let mut begun = client.notes.iter().filter(|note| told(note, "begin"));
+        let begun = begun.next().expect("it was told first");
+        assert_eq!(begun.params["value"]["cancellable"], true);
+        let token = json!({ "token": word });
+        client.tell("window/workDoneProgress/cancel", token);
+        let ended = client.response(&asked).response_result;
+        let code = ended.map_err(|error| error.code);
+        assert_eq!(code, Err(-32800), "{word}");
+    }
     assert_eq!(client.end(), Exit::Success);
 }
 
@@ -1407,6 +1187,24 @@ impl Program {
         self.tell("textDocument/didOpen", &json!({ "textDocument": document }));
     }
 
+    /// The first words.
+    fn initialize(&mut self) {
+        self.write(INITIALIZE);
+        self.read();
+    }
+
+    /// The number of its process.
+    fn id(&self) -> u32 {
+        self.child.0.id()
+    }
+
+    /// The exit status after good byes, and what it has written besides.
+    fn shut_down(mut self) -> (Option<i32>, String) {
+        assert_eq!(self.ask("shutdown", &Value::Null), Ok(Value::Null));
+        self.tell("exit", &Value::Null);
+        self.end()
+    }
+
     fn write(&mut self, body: &str) {
         write!(self.input, "Content-Length: {}\r\n\r\n{body}", body.len()).expect("it reads");
         self.input.flush().expect("it reads");
@@ -1463,12 +1261,10 @@ fn the_program_talks_over_pipes() {
 fn the_program_ends_with_what_makes_no_sense() {
     // A client that is gone, and one that sends what is no JSON.
     let mut program = Program::new("gone");
-    program.write(INITIALIZE);
-    program.read();
+    program.initialize();
     assert_eq!(program.end(), (Some(1), String::new()));
     let mut program = Program::new("nonsense");
-    program.write(INITIALIZE);
-    program.read();
+    program.initialize();
     program.write("{ this is no JSON");
     assert_eq!(program.end(), (Some(1), String::new()));
 }
@@ -1478,8 +1274,7 @@ fn the_program_does_not_wait_for_what_it_runs() {
     let text = "model spin { state x = 1; state y = 0; x' = -y; y' = x; }\nsimulate long of spin { horizon 1e9; expect x at end < 2; }\n";
     for is_told in [true, false] {
         let mut program = Program::new(&format!("runs {is_told}"));
-        program.write(INITIALIZE);
-        program.read();
+        program.initialize();
         program.open("/nowhere/long.nsd", text);
         let command =
             json!({ "command": "nsdc.test", "arguments": ["file:///nowhere/long.nsd", "long"] });
@@ -1497,8 +1292,7 @@ fn the_program_does_not_wait_for_what_it_runs() {
 #[test]
 fn the_standard_library_keeps_its_names() {
     let mut program = Program::new("standard");
-    program.write(INITIALIZE);
-    program.read();
+    program.initialize();
     let text = "use std.friction as rub;\nmodel m { state v = 1; v' = -rub.coulomb(v, 1); }\nsimulate s of m { horizon 1; }\n";
     program.open("/nowhere/rub.nsd", text);
     let at = position(text, text.find("coulomb").expect("it is there"));

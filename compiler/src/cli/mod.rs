@@ -18,6 +18,8 @@ mod project;
 mod texts;
 mod watch;
 
+pub use self::progress::Meter;
+
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -49,8 +51,10 @@ pub struct Streams<'a> {
     pub err: &'a mut dyn Write,
     /// Whether diagnostics are coloured.
     pub colour: bool,
-    /// Whether standard error is a terminal, where a line may come and go.
-    pub progress: bool,
+    /// Where it is shown how far long runs are.
+    pub meter: Meter,
+    /// Ends what a command does from elsewhere.
+    pub cancel: Cancel,
     /// Columns of the terminal.
     pub width: usize,
     /// Where models come from, and what they use.

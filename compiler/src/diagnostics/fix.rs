@@ -54,11 +54,35 @@ impl Fix {
     }
 }
 
+impl Fix {
+    /// More words at the end of a statement, in front of its `;`.
+    pub fn at_end(statement: Span, words: &str) -> Self {
+        let end = statement.end.saturating_sub(1);
+        let place = Span { start: end, end };
+        Fix::one(place, format!(" {words}"), Applicability::Suggestion)
+    }
+
+    /// A region behind another one, for all that the regions of its partition leave: there these states rest.
+    pub fn rest<'e>(region: Span, states: impl IntoIterator<Item = &'e str>) -> Self {
+        let start = region.end;
+        let place = Span { start, ..region };
+        let rates = states.into_iter().map(|state| format!("{state}' = 0; "));
+        let rest = format!("\n  region rest else {{ {}}}", rates.collect::<String>());
+        Fix::one(place, rest, Applicability::Suggestion)
+    }
+}
+
 /// A diagnostic that may know how to mend what it is about.
 pub trait Fixable: Diagnostic + Send + Sync + 'static {
     /// The edits that its help asks for, where these are certain in form.
     fn fix(&self) -> Option<Fix> {
         None
+    }
+
+    /// Edits of which a reader may choose one: that of [`Fixable::fix`], or else what the help asks for with a value that is
+    /// to be thought about.
+    fn choices(&self) -> Vec<Fix> {
+        self.fix().into_iter().collect()
     }
 }
 

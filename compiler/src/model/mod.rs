@@ -102,6 +102,18 @@ pub struct Quantities<'e> {
 }
 
 impl<'e> Quantities<'e> {
+    /// All that is declared with a value, or waits for one.
+    pub fn all(&self) -> impl Iterator<Item = &Quantity<'e>> {
+        let lists = [
+            &self.params,
+            &self.states,
+            &self.algebraics,
+            &self.controls,
+            &self.inputs,
+        ];
+        lists.into_iter().flatten()
+    }
+
     /// The variables of all parameters.
     pub fn of_params(&self) -> impl Iterator<Item = &Expr<'e>> {
         self.params.iter().flat_map(|param| &param.vars)

@@ -78,6 +78,8 @@ pub struct Bench<'s, 'e> {
     plans: Vec<(&'static str, Box<dyn Run<'e> + 'e>)>,
     /// Solves that are timed, at most.
     repetitions: usize,
+    /// Of all runs together.
+    limit: Limit,
 }
 
 /// Of smoothed systems, whose own error is larger.
@@ -111,7 +113,14 @@ impl<'s, 'e> Bench<'s, 'e> {
             without_elements: None,
             plans: Vec::new(),
             repetitions: MOST_REPETITIONS,
+            limit: Limit::default(),
         }
+    }
+
+    /// The same for runs that end where a limit is over.
+    pub fn within(self, limit: &Limit) -> Self {
+        let limit = limit.clone();
+        Bench { limit, ..self }
     }
 
     /// The same for runs whose time is of no interest: each is made once.
@@ -169,7 +178,7 @@ impl<'s, 'e> Bench<'s, 'e> {
     /// Runs to the horizon. A run that takes longer than `limit` fails.
     pub fn run(&mut self, variant: Variant, limit: Duration) -> End {
         let settings = variant.settings(&self.settings);
-        let limit = &Limit::within(limit);
+        let limit = &self.limit.sooner(limit);
         if let Variant::Smoothing(options) = variant {
             let smoothed = smoothing::smooth(self.system, &options);
             let mut run = methods::of(&smoothed, &settings, &[]);

@@ -3,8 +3,8 @@
 use std::fmt;
 
 use super::{
-    Body, Contact, Continuity, Coverage, Direction, Impulsive, Law, Partition, Recorded, Role,
-    Switch, System,
+    Body, Contact, Continuity, Coverage, Direction, Impulsive, Law, Output, Partition, Recorded,
+    Role, Switch, System,
 };
 
 impl fmt::Display for System<'_> {
@@ -25,11 +25,11 @@ impl fmt::Display for Structure<'_, '_> {
 }
 
 /// What of a system is printed.
-struct Printed<'s, 'e> {
-    system: &'s System<'e>,
+pub(super) struct Printed<'s, 'e> {
+    pub(super) system: &'s System<'e>,
     /// Or else nothing that another value of a parameter, another start or another horizon would change: no values, and
     /// not what was found at sample points.
-    all: bool,
+    pub(super) all: bool,
 }
 
 impl Printed<'_, '_> {
@@ -75,11 +75,7 @@ impl Printed<'_, '_> {
         } = &system.recorded;
         for (word, list) in [("output", outputs), ("control", controls)] {
             for output in list {
-                let (name, entries) = (&output.name, listed(&output.exprs));
-                match output.shape[..] {
-                    [] => writeln!(f, "{word} {name} = {entries}")?,
-                    _ => writeln!(f, "{word} {name} = [{entries}]")?,
-                }
+                write_output(f, word, output)?;
             }
         }
         if let Some(task) = &system.task {
@@ -100,7 +96,7 @@ impl Printed<'_, '_> {
     }
 
     /// α of a switch: a member of a pair, or a step with its readings.
-    fn write_switch(&self, f: &mut impl fmt::Write, i: usize) -> fmt::Result {
+    pub(super) fn write_switch(&self, f: &mut impl fmt::Write, i: usize) -> fmt::Result {
         let switch = &self.system.switches[i];
         let (name, alpha, psi) = (&switch.name, switch.alpha, switch.psi);
         match switch.role {
@@ -143,7 +139,7 @@ impl Printed<'_, '_> {
         Ok(())
     }
 
-    fn write_law(&self, f: &mut impl fmt::Write, law: &Law) -> fmt::Result {
+    pub(super) fn write_law(&self, f: &mut impl fmt::Write, law: &Law) -> fmt::Result {
         match law.strikes {
             Some(k) => writeln!(
                 f,
@@ -166,14 +162,14 @@ impl Printed<'_, '_> {
         listed(states.iter().map(|&s| &self.system.states[s].name))
     }
 
-    fn write_body(&self, f: &mut impl fmt::Write, body: &Body) -> fmt::Result {
+    pub(super) fn write_body(&self, f: &mut impl fmt::Write, body: &Body) -> fmt::Result {
         let [positions, velocities] = [&body.positions, &body.velocities].map(|s| self.names(s));
         writeln!(f, "body {positions} with {velocities}")?;
         writeln!(f, "  mass [{}]", listed(&body.mass))?;
         writeln!(f, "  force [{}]", listed(&body.force))
     }
 
-    fn write_contact(&self, f: &mut impl fmt::Write, contact: &Contact) -> fmt::Result {
+    pub(super) fn write_contact(&self, f: &mut impl fmt::Write, contact: &Contact) -> fmt::Result {
         let directions = |list: &[Direction]| {
             let entry = |d: &Direction| format!("{}: {}", self.system.states[d.state].name, d.row);
             listed(list.iter().map(entry))
@@ -191,7 +187,11 @@ impl Printed<'_, '_> {
         Ok(())
     }
 
-    fn write_partition(&self, f: &mut impl fmt::Write, partition: &Partition) -> fmt::Result {
+    pub(super) fn write_partition(
+        &self,
+        f: &mut impl fmt::Write,
+        partition: &Partition,
+    ) -> fmt::Result {
         let coverage = match partition.coverage {
             _ if !self.all => "",
             Coverage::Proven => "  // one region everywhere: proven",
@@ -226,7 +226,19 @@ fn kind(switch: &Switch, all: bool) -> &'static str {
     }
 }
 
-fn write_impulsive(f: &mut impl fmt::Write, contact: &Impulsive) -> fmt::Result {
+pub(super) fn write_output(
+    f: &mut impl fmt::Write,
+    word: &str,
+    output: &Output<'_>,
+) -> fmt::Result {
+    let (name, entries) = (&output.name, listed(&output.exprs));
+    match output.shape[..] {
+        [] => writeln!(f, "{word} {name} = {entries}"),
+        _ => writeln!(f, "{word} {name} = [{entries}]"),
+    }
+}
+
+pub(super) fn write_impulsive(f: &mut impl fmt::Write, contact: &Impulsive) -> fmt::Result {
     writeln!(
         f,
         "contact {} {} >= 0 by impulses",

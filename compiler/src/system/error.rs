@@ -3,7 +3,7 @@
 use miette::{Diagnostic, LabeledSpan};
 use thiserror::Error;
 
-use crate::diagnostics::Fixable;
+use crate::diagnostics::{Fix, Fixable};
 use crate::source::Span;
 
 /// A mistake that shows when the switches of a model are made explicit.
@@ -37,6 +37,7 @@ pub enum SystemError {
         witness: String,
         #[label("the last region of this partition")]
         span: Span,
+        entries: Vec<String>,
     },
 
     /// A guard whose comparisons exclude each other, or hold together on a surface only.
@@ -63,6 +64,8 @@ pub enum SystemError {
         switch: Span,
         #[label("enters nonlinearly here")]
         entry: Option<Span>,
+        /// Its `switch` statement, where it has one.
+        named: Option<Span>,
     },
 
     /// Hidden terms of a switch that says neither to keep nor to drop them.
@@ -644,4 +647,19 @@ pub enum SystemError {
     },
 }
 
-impl Fixable for SystemError {}
+impl Fixable for SystemError {
+    fn choices(&self) -> Vec<Fix> {
+        let readings = |statement: &Span| {
+            let words = ["sliding linear", "sliding nonlinear"];
+            words.map(|words| Fix::at_end(*statement, words)).to_vec()
+        };
+        match self {
+            SystemError::Gap { span, entries, .. } => {
+                vec![Fix::rest(*span, entries.iter().map(String::as_str))]
+            }
+            SystemError::NonlinearSwitch { named, .. } => named.iter().flat_map(readings).collect(),
+            SystemError::HiddenReading { switch, .. } => readings(switch),
+            other => other.fix().into_iter().collect(),
+        }
+    }
+}

@@ -36,6 +36,7 @@
 //!   is 1 minus the others also in corners that no point has. (That exactly one region holds at
 //!   every point is proven by [`lower`], or else checked at samples; see [`Coverage`].)
 
+mod about;
 #[cfg(test)]
 mod agreement_tests;
 pub(crate) mod algebraic;
@@ -61,6 +62,7 @@ pub use crate::system::contacts::mechanics::{Body, Contact, Direction, Friction,
 pub(crate) use crate::system::switches::interaction::subsystems;
 pub use crate::system::values::limits::{Allowed, Limit};
 pub use crate::system::values::valuation::Valuation;
+pub use about::About;
 pub use display::Structure;
 pub use error::SystemError;
 pub use experiment::ExperimentError;

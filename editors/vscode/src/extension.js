@@ -45,11 +45,10 @@ class Answers {
   }
 }
 
-const ask = (word, uri, name, form) =>
-  server.request(ExecuteCommandRequest.type, {
-    command: `nsdc.${word}`,
-    arguments: [uri, name, form].filter((one) => one !== undefined),
-  });
+const ask = (word, uri, name, { form, token } = {}) => {
+  const given = [uri, name, form].filter((one) => one !== undefined);
+  return server.request(ExecuteCommandRequest.type, { command: `nsdc.${word}`, arguments: given }, token);
+};
 
 /** The experiments of a file. */
 const experimentsOf = async (uri) =>
@@ -114,7 +113,7 @@ async function activate(context) {
   const log = vscode.window.createOutputChannel("nsdc", { log: true });
   const answers = new Answers();
   const figures = new Figures(panel, (uri, name) => ask("plot", uri, name));
-  const tests = new Tests(experimentsOf, (uri, name) => ask("test", uri, name));
+  const tests = new Tests(experimentsOf, (uri, name, token) => ask("test", uri, name, { token }));
   const changed = (event) => tests.follow(event);
   server = new Server({ folder: context.extensionPath, log, failed: cannotStart, changed });
   const restart = async () => {
@@ -124,7 +123,7 @@ async function activate(context) {
   const answered = (word) => async (args) => {
     const [uri, name, form] = await chosen(args);
     if (name === undefined) return;
-    const answer = await ask(word, uri, name, form);
+    const answer = await ask(word, uri, name, { form });
     if (answer && word === "plot") figures.show(uri, name, answer);
     else if (answer) await answers.show(document(word, uri, name, form, answer.text));
   };
@@ -151,6 +150,8 @@ async function activate(context) {
       if (change.affectsConfiguration("nsdc")) restart();
     }),
   );
+  // Where there are models the palette has what can be done with them.
+  vscode.commands.executeCommand("setContext", "nsdc.isActive", true);
   // Whoever asks for something waits for it.
   restart();
 }

@@ -124,10 +124,10 @@ class Server {
     await client?.stop().catch(() => undefined);
   }
 
-  async request(type, params) {
+  async request(type, params, token) {
     await this.last;
     if (!this.client?.isRunning()) throw new Error("the language server does not run; is `nsdc.path` right?");
-    return this.client.sendRequest(type, params);
+    return this.client.sendRequest(type, params, token);
   }
 }
 

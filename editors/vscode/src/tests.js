@@ -14,7 +14,8 @@ const asRange = ({ start, end }) => new vscode.Range(start.line, start.character
 class Tests {
   /**
    * @param {(uri: string) => Promise<{ name: string, range: object }[]>} experiments of a file
-   * @param {(uri: string, name: string) => Promise<{ status: number, text: string }>} test one of them
+   * @param {(uri: string, name: string, token: object) => Promise<{ status: number, text: string }>} test one of them, until
+   *   the token cancels it
    */
   constructor(experiments, test) {
     this.experiments = experiments;
@@ -88,23 +89,24 @@ class Tests {
       if (token.isCancellationRequested) {
         run.skipped(item);
       } else {
-        await this.once(run, item);
+        await this.once(run, item, token);
       }
     }
     run.end();
   }
 
-  async once(run, item) {
+  async once(run, item, token) {
     run.started(item);
     const begun = Date.now();
     try {
-      const answer = await this.test(item.uri.toString(), item.label);
+      const answer = await this.test(item.uri.toString(), item.label, token);
       run.appendOutput(answer.text.replaceAll("\n", "\r\n"), undefined, item);
       const took = Date.now() - begun;
       if (answer.status === 0) run.passed(item, took);
       else run.failed(item, await this.messages(item, answer.text), took);
     } catch (error) {
-      run.errored(item, new vscode.TestMessage(error.message));
+      if (token.isCancellationRequested) run.skipped(item);
+      else run.errored(item, new vscode.TestMessage(error.message));
     }
   }
 

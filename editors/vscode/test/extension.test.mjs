@@ -102,6 +102,7 @@ class Items {
 
 /** What came of tests. */
 const outcomes = [];
+const started = [];
 const controller = {
   items: new Items(),
   createTestItem: (id, label, uri) => ({ id, label, uri, children: new Items() }),
@@ -109,7 +110,8 @@ const controller = {
     this.run = run;
   },
   createTestRun: () => ({
-    started() {},
+    started: (item) => started.push(item.label),
+    skipped: (item) => outcomes.push([item.label, "skipped"]),
     appendOutput() {},
     passed: (item) => outcomes.push([item.label, "passed"]),
     failed: (item, messages) => outcomes.push([item.label, "failed", messages]),
@@ -149,6 +151,7 @@ const starts = () => (existsSync(join(folder, "starts")) ? readFileSync(join(fol
 
 const settings = { path: noted, inlayHints: true };
 const commands = new Map();
+const contexts = new Map();
 const panels = [];
 const documents = [];
 const picked = [];
@@ -194,7 +197,7 @@ const vscode = anything({
       commands.set(name, run);
       return { dispose: () => commands.delete(name) };
     },
-    executeCommand: (name, ...args) => commands.get(name)(...args),
+    executeCommand: (name, ...args) => (name === "setContext" ? contexts.set(...args) : commands.get(name)(...args)),
   },
   window: anything({
     // It stands there until somebody closes it.
@@ -272,6 +275,10 @@ const silent = (title, run) =>
 silent("what is offered is there", () => {
   const titles = described.contributes.commands.map(({ command }) => command);
   assert.deepEqual([...commands.keys()].toSorted(), titles.toSorted());
+  // The palette has them where the extension is at work.
+  const { commandPalette } = described.contributes.menus;
+  assert.deepEqual(commandPalette.map(({ command }) => command).toSorted(), titles.toSorted());
+  assert(commandPalette.every(({ when }) => contexts.get(when)));
 });
 
 test("what is named is in the package, and the licenses of what is bundled", () => {
@@ -363,7 +370,8 @@ silent("a figure opens beside, and is drawn again when a file is saved", async (
   assert.equal(documents.length, 0);
 });
 
-const never = { isCancellationRequested: false };
+/** What stops nothing, as far as anybody listens. */
+const never = { isCancellationRequested: false, onCancellationRequested: () => ({ dispose() {} }) };
 
 silent("experiments are tests, and fail at the line of what they expect", async () => {
   await controller.resolveHandler();
@@ -386,6 +394,32 @@ silent("tests that are excluded are not run, nor those in a file that is", async
   assert.deepEqual(outcomes.splice(0), [["settles", "passed"], "end"]);
   await controller.run({ exclude: [first, controller.items.all.get(uri("examples/sump.nsd"))] }, never);
   assert.deepEqual(outcomes.splice(0), ["end"]);
+});
+
+silent("a test that is stopped ends at once, and is skipped like those behind it", async () => {
+  const long = inFolder("long.nsd");
+  writeFileSync(
+    fileURLToPath(long),
+    "model spin { state x = 1; state y = 0; x' = -y; y' = x; }\n" +
+      "simulate first of spin { horizon 1e9; expect x at end < 2; }\nsimulate second of spin { horizon 1e9; }\n",
+  );
+  made.fire(Uri.parse(long));
+  await until(() => controller.items.all.has(long));
+  const stopped = new Emitter();
+  const token = {
+    isCancellationRequested: false,
+    onCancellationRequested: (listener) =>
+      token.isCancellationRequested ? setTimeout(listener, 0) : stopped.event(listener),
+  };
+  const ended = controller.run({ include: [controller.items.all.get(long)] }, token);
+  await until(() => started.includes("first"));
+  token.isCancellationRequested = true;
+  stopped.fire();
+  await ended;
+  assert.deepEqual(outcomes.splice(0), [["first", "skipped"], ["second", "skipped"], "end"]);
+  rmSync(fileURLToPath(long));
+  removed.fire(Uri.parse(long));
+  await until(() => !controller.items.all.has(long));
 });
 
 silent("what fails is placed where it stands now", async () => {

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use nsdc::cli::{self, Streams};
+use nsdc::cli::{self, Meter, Streams};
+use nsdc::limit::Cancel;
 
 use super::{figure, print};
 
@@ -28,7 +29,8 @@ pub fn write(figures: &Path) -> String {
             out: &mut out,
             err: &mut err,
             colour: false,
-            progress: false,
+            meter: Meter::None,
+            cancel: Cancel::default(),
             width: 100,
             files: cli::terminal(),
         };

@@ -6,6 +6,7 @@ use crate::cli::project::Project;
 use crate::cli::{Exit, Streams, io, project};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Exprs, Function};
+use crate::limit::{Cancel, Limit};
 use crate::lowering::discretize::{DiscretizeError, Grid, discretize};
 use crate::lowering::{dcs, discretize};
 use crate::project::clock::Clock;
@@ -136,7 +137,8 @@ fn experiments(
         writeln!(streams.err, "  help: name the experiment behind the file")?;
         return Ok(Exit::Wrong);
     }
-    for experiment in &experiments {
+    let cancel = streams.cancel.clone();
+    for experiment in experiments.iter().take_while(|_| !cancel.is_canceled()) {
         let exprs = Exprs::new();
         let mut diags = Diagnostics::new();
         let mut clock = Clock::default();
@@ -152,7 +154,7 @@ fn experiments(
             Ir::Model => Some(Ok(Printed::of(&compiled.model))),
             Ir::System => Some(Ok(Printed::of(compiled.lowered()))),
             Ir::Dot => Some(Ok(Printed::of(dcs::dot(&compiled.lowered())))),
-            _ => lowered(project, &compiled, args.ir, &mut diags),
+            _ => lowered(project, &compiled, (args.ir, &cancel), &mut diags),
         });
         project::print(&diags, &project.sources, streams)?;
         match text {
@@ -222,7 +224,7 @@ fn discretization(settings: &Settings<'_>) -> (Grid, discretize::Options) {
 fn lowered(
     project: &Project,
     compiled: &Compiled,
-    ir: Ir,
+    (ir, cancel): (Ir, &Cancel),
     diags: &mut Diagnostics,
 ) -> Option<Result<Printed, Refused>> {
     let (system, settings) = (&compiled.lowered(), &compiled.settings);
@@ -272,7 +274,11 @@ fn lowered(
     let program = match &settings.optimize {
         None => program,
         Some(task) => {
-            let sampled = launch::sampled(project, task, &Request::default());
+            let request = Request {
+                limit: Limit::default().canceled_by(cancel),
+                ..Request::default()
+            };
+            let sampled = launch::sampled(project, task, &request);
             let sampled = sampled.map_err(|found| diags.append(found)).ok()?;
             optimize::program(&compiled.system, settings, task, &sampled).ok()?
         }

@@ -59,7 +59,7 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         .map(|(road, lowered)| (*road, lowered.as_ref().map_err(Clone::clone)))
         .collect();
 
-    let mut bar = Bar::new(&compiled.settings.name, streams.progress);
+    let mut bar = Bar::new(&compiled.settings.name, streams.meter.clone());
     let mut watch = |progress: Progress| {
         let Progress { name, knob, done } = progress;
         bar.show(done, || format!("{name}, {knob:.1e}"));

@@ -128,7 +128,7 @@ fn curves(
         multipliers: false,
         limit: limit.clone(),
     };
-    let mut watching = Watching::new(Bar::new(&compiled.settings.name, streams.progress));
+    let mut watching = Watching::new(Bar::new(&compiled.settings.name, streams.meter.clone()));
     let source = ensemble::Source {
         file,
         experiment,

@@ -184,7 +184,7 @@ fn one(
     let name = &compiled.settings.name;
     // A log shows how far the run is.
     let logs = args.told.log() == Log::Iterations && compiled.settings.optimize.is_some();
-    let bar = Bar::new(name, streams.progress && !logs);
+    let bar = Bar::new(name, streams.meter.only_if(!logs));
     let mut watching = match logs {
         false => Watching::new(bar),
         true => {

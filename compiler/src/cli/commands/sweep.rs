@@ -3,7 +3,7 @@
 use crate::cli::args::SweepArgs;
 use crate::cli::files;
 use crate::cli::files::Sink;
-use crate::cli::progress::Bar;
+use crate::cli::progress::{Bar, Meter};
 use crate::cli::project;
 use crate::cli::{Exit, Streams, interrupted, io};
 use crate::diagnostics::Diagnostics;
@@ -51,7 +51,7 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             return Ok(Exit::Wrong);
         }
     };
-    let found = rows(&sweep, args, streams.progress, &name);
+    let found = rows(&sweep, args, &streams.meter, &name);
     // What is wrong with all points is told once, with its place.
     if let Some(messages) = sweep.refused(&found) {
         let text = messages.render(streams.colour, streams.width);
@@ -97,8 +97,8 @@ fn grid(args: &SweepArgs) -> Result<Grid, SweepError> {
 }
 
 /// All rows, with a bar that shows how many there are.
-fn rows(sweep: &Sweep<'_>, args: &SweepArgs, is_shown: bool, name: &str) -> Rows {
-    let (mut bar, count) = (Bar::new(name, is_shown), sweep.grid().len());
+fn rows(sweep: &Sweep<'_>, args: &SweepArgs, meter: &Meter, name: &str) -> Rows {
+    let (mut bar, count) = (Bar::new(name, meter.clone()), sweep.grid().len());
     let jobs = args.jobs.map_or_else(threads::count, usize::from);
     sweep.rows(0..count, jobs, &mut |done| {
         let share = done as f64 / count as f64;

@@ -84,7 +84,7 @@ fn once(
             figure: args.plot.is_some(),
             ..Options::default()
         };
-        let mut watching = Watching::new(Bar::new(name, streams.progress));
+        let mut watching = Watching::new(Bar::new(name, streams.meter.clone()));
         let run = project.run(name, &options, &mut watching);
         drop(watching);
         if cancel.is_canceled() {

@@ -15,12 +15,13 @@ use serde_json::{Value, json};
 use super::text::{path_of, uri_of};
 use super::{Answer, Client, Refused, lenses};
 use crate::cli::args::TestArgs;
+use crate::cli::progress::Bar;
 use crate::cli::texts::Texts;
-use crate::cli::{self, Exit, STACK, Streams, commands};
+use crate::cli::watch::Watching;
+use crate::cli::{self, Exit, Meter, STACK, Streams, commands};
 use crate::limit::{Cancel, Limit};
 use crate::project::Project;
 use crate::project::run::Options;
-use crate::project::watch::{Progress, Told};
 use crate::report::Status;
 
 /// Where answers go.
@@ -130,7 +131,10 @@ impl Tasks {
             asked,
             texts: texts.with([]),
             cancel: Cancel::default(),
-            token: token.clone(),
+            progress: token.clone().map(|token| Progress {
+                token,
+                send: self.sender.clone(),
+            }),
             shows: client.shows,
             send: self.sender.clone(),
         };
@@ -177,9 +181,24 @@ struct Work {
     asked: Asked,
     texts: Texts,
     cancel: Cancel,
-    token: Option<ProgressToken>,
+    progress: Option<Progress>,
     shows: bool,
     send: Sender,
+}
+
+/// Where a client shows how far it is.
+#[derive(Clone)]
+struct Progress {
+    token: ProgressToken,
+    send: Sender,
+}
+
+impl Progress {
+    fn tell(&self, value: Value) {
+        let params = json!({ "token": self.token, "value": value });
+        let method = ProgressNote::METHOD.to_owned();
+        self.send.send(Notification::new(method, params));
+    }
 }
 
 /// What came of it.
@@ -193,11 +212,10 @@ impl Work {
     fn done(self) {
         let name = self.asked.experiment.as_deref().unwrap_or("all");
         let title = format!("{} {name}", self.asked.word);
-        let is_run = matches!(self.asked.word.as_str(), "run" | "plot");
-        self.tell(json!({ "kind": "begin", "title": title, "cancellable": is_run }));
-        let ended = panic::catch_unwind(AssertUnwindSafe(|| match is_run {
-            true => self.run(),
-            false => self.command(),
+        self.tell(json!({ "kind": "begin", "title": title, "cancellable": true }));
+        let ended = panic::catch_unwind(AssertUnwindSafe(|| match self.asked.word.as_str() {
+            "run" | "plot" => self.run(),
+            _ => self.command(),
         }));
         let ended = ended.unwrap_or_else(|_| {
             Err(Refused {
@@ -219,11 +237,20 @@ impl Work {
     }
 
     fn tell(&self, value: Value) {
-        if let Some(token) = &self.token {
-            let params = json!({ "token": token, "value": value });
-            let method = ProgressNote::METHOD.to_owned();
-            self.send.send(Notification::new(method, params));
+        if let Some(progress) = &self.progress {
+            progress.tell(value);
         }
+    }
+
+    /// Tells how far it is, now and then.
+    fn meter(&self) -> Meter {
+        let Some(progress) = self.progress.clone() else {
+            return Meter::None;
+        };
+        Meter::Told(Arc::new(move |done, message| {
+            let percent = done.map(|done| (100.0 * done) as u32);
+            progress.tell(json!({ "kind": "report", "percentage": percent, "message": message }));
+        }))
     }
 
     fn path(&self) -> PathBuf {
@@ -239,17 +266,6 @@ impl Work {
             figure: self.asked.word == "plot",
             ..Options::default()
         };
-        let mut percent = 0;
-        let mut told = Told(|progress: &Progress<'_>| {
-            let now = progress
-                .share()
-                .map_or(0.0, |share| 100.0 * share.clamp(0.0, 1.0)) as u32;
-            if now > percent {
-                percent = now;
-                let message = progress.to_string();
-                self.tell(json!({ "kind": "report", "percentage": now, "message": message }));
-            }
-        });
         let only = || {
             let mut all = project.experiments();
             all.next()
@@ -258,7 +274,8 @@ impl Work {
         };
         let name = self.asked.experiment.clone().or_else(only);
         let name = name.ok_or_else(|| Refused::new("name an experiment"))?;
-        let run = project.run(&name, &options, &mut told);
+        let mut watching = Watching::new(Bar::new(&name, self.meter()));
+        let run = project.run(&name, &options, &mut watching);
         let run = run.map_err(|messages| Refused::new(messages.to_string()))?;
         Ok(Outcome {
             exit: match run.trajectory.status {
@@ -284,7 +301,8 @@ impl Work {
             out: &mut out,
             err: &mut err,
             colour: false,
-            progress: false,
+            meter: self.meter(),
+            cancel: self.cancel.clone(),
             width: 100,
             files: Arc::new(self.texts.clone()),
         };

@@ -16,7 +16,7 @@ use crate::report::Status;
 use crate::source::Span;
 use crate::source::imports::{STANDARD, standard_text};
 use crate::syntax::{self, Item, Link, Place, Token, TokenKind, starts};
-use crate::system::experiment::{Lowering, MethodKind};
+use crate::system::experiment::{Lowering, MethodKind, words_of};
 
 /// What is around a position in a text: statements that are open, outermost first, each from its first word on.
 struct Around<'t> {
@@ -215,6 +215,7 @@ impl Known<'_> {
                     let begin = words(starts(Place::Plot).iter().map(|(word, _)| *word));
                     begin.into_iter().chain(self.values()).collect()
                 }
+                ("method", false) => self.choices(around.word(0)),
                 _ => self.values(),
             };
         }
@@ -234,6 +235,7 @@ impl Known<'_> {
             ("stop", 1) => words(["when"]),
             ("controls", 1) => words(["constant", "linear"]),
             ("loss", 1) => words(["squared", "huber"]),
+            ("scheme", 1) => self.choices("scheme"),
             ("subject" | "sensitivity", 1) => words(["to"]),
             ("expect", 1) => {
                 let begin = words([
@@ -255,6 +257,19 @@ impl Known<'_> {
             ("expect", 3) if around.word(1) == "status" => words(Status::ALL.map(Status::as_str)),
             _ => self.values(),
         }
+    }
+
+    /// Values of a setting that has words for them, or else any.
+    fn choices(&self, setting: &str) -> Vec<CompletionItem> {
+        let words = words_of(setting);
+        let own = match setting {
+            // A function of the file is one, too.
+            "law" => self.names(|kind| kind == Kind::Function),
+            _ if words.is_empty() => self.values(),
+            _ => vec![],
+        };
+        let word = |word: &String| item(word, CompletionItemKind::ENUM_MEMBER, None);
+        words.iter().map(word).chain(own).collect()
     }
 
     /// Names that are known at the position.

@@ -24,8 +24,8 @@ use crate::syntax::{File, Item, Link};
 pub struct Found {
     /// As it is shown.
     pub shown: Diagnostic,
-    /// What mends it, in this text.
-    fix: Option<Fix>,
+    /// What mends it, each by itself, in this text.
+    fixes: Vec<Fix>,
 }
 
 /// What is wrong in a text and in what it uses.
@@ -78,8 +78,9 @@ fn one(analysis: &Analysis, diagnostic: &AnyDiagnostic, links: bool) -> Found {
         ..Diagnostic::default()
     };
     let is_here = |fix: &Fix| fix.edits.iter().all(|edit| analysis.is_here(edit.span));
-    let fix = diagnostic.fix().filter(is_here);
-    Found { shown, fix }
+    let mut fixes = diagnostic.choices();
+    fixes.retain(is_here);
+    Found { shown, fixes }
 }
 
 /// Where it is shown: of what is in another file, at the `use` that leads there.
@@ -113,35 +114,33 @@ pub fn actions(world: &mut World, params: &CodeActionParams) -> Answer<Option<Co
         return Ok(None);
     };
     let touches = |range: Range| range.start <= params.range.end && params.range.start <= range.end;
-    let action = |found: Found| {
-        let fix = found.fix?;
+    let action = |shown: &Diagnostic, fix: Fix| {
         let edits = fix.edits.iter().map(|edit| TextEdit {
             range: analysis.range(edit.span),
             new_text: edit.replacement.clone(),
         });
         let changes = HashMap::from([(uri.clone(), edits.collect())]);
-        Some(CodeActionOrCommand::CodeAction(CodeAction {
+        CodeActionOrCommand::CodeAction(CodeAction {
             title: fix.title,
             kind: Some(CodeActionKind::QUICKFIX),
             is_preferred: (fix.applicability == Applicability::Safe).then_some(true),
-            diagnostics: Some(vec![found.shown]),
+            diagnostics: Some(vec![shown.clone()]),
             edit: Some(WorkspaceEdit {
                 changes: Some(changes),
                 ..WorkspaceEdit::default()
             }),
             ..CodeAction::default()
-        }))
+        })
     };
-    let found = of(&analysis, false).into_iter();
     let key = World::key(uri);
-    let mends = |found: &Found| {
-        found
-            .fix
-            .as_ref()
-            .is_some_and(|fix| mends(&analysis, found, fix, world.texts(), &key))
-    };
-    let found = found.filter(|found| touches(found.shown.range) && mends(found));
-    Ok(Some(found.filter_map(action).collect()))
+    let mut actions = Vec::new();
+    for Found { shown, mut fixes } in of(&analysis, false) {
+        if touches(shown.range) {
+            fixes.retain(|fix| mends(&analysis, &shown, fix, world.texts(), &key));
+            actions.extend(fixes.into_iter().map(|fix| action(&shown, fix)));
+        }
+    }
+    Ok(Some(actions))
 }
 
 /// How often each thing is said.
@@ -162,18 +161,18 @@ fn said(code: Option<&str>, message: &str) -> String {
 
 /// Whether a fix takes away what it is for, and brings nothing else: of a text that cannot be read, nothing that keeps it
 /// from being read, for what is wrong behind is hidden by that.
-fn mends(before: &Analysis, found: &Found, fix: &Fix, texts: &Texts, key: &str) -> bool {
+fn mends(before: &Analysis, shown: &Diagnostic, fix: &Fix, texts: &Texts, key: &str) -> bool {
     let source = before.source();
     let (text, _) = apply(source, vec![fix.clone()]);
     let texts = texts.with([(key.to_owned(), text)]);
     let Some(after) = Analysis::of(Path::new(&source.name), texts) else {
         return false;
     };
-    let code = match &found.shown.code {
+    let code = match &shown.code {
         Some(NumberOrString::String(code)) => Some(code.as_str()),
         _ => None,
     };
-    let message = found.shown.message.lines().next().unwrap_or_default();
+    let message = shown.message.lines().next().unwrap_or_default();
     let its = said(code, message);
     let [mut old, mut new] = [before, &after].map(|one| counted(one.checked()));
     if new.get(&its) >= old.get(&its) {

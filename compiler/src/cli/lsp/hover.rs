@@ -1,5 +1,7 @@
 //! What stands at a position, in words.
 
+use std::rc::Rc;
+
 use lsp_types::{Hover, HoverContents, HoverParams, MarkupContent, MarkupKind, Position, Range};
 
 use super::shown::{Facts, numbers};
@@ -22,17 +24,18 @@ pub fn hover(world: &mut World, params: &HoverParams) -> Answer<Option<Hover>> {
     let Some([now, good]) = world.states(uri) else {
         return Ok(None);
     };
+    let sound = world.sound(uri).unwrap_or_else(|| Rc::clone(&good));
     let Some(token) = now.word(at.position) else {
         return Ok(None);
     };
     let range = now.lines().range(token.start..token.end());
     if let Some((_, definition)) = now.named(at.position) {
-        let text = of_definition(&now, &good, definition, at.position);
+        let text = of_definition([&now, &good, &sound], definition, at.position);
         return Ok(Some(shown(text, range)));
     }
     // While a line is broken, what was there before it was.
     if let Some((position, definition)) = good.named_then(&now, at.position) {
-        let text = of_definition(&good, &good, definition, position);
+        let text = of_definition([&good, &good, &sound], definition, position);
         return Ok(Some(shown(text, range)));
     }
     Ok(of_word(&now, token.text, at.position).map(|text| shown(text, range)))
@@ -46,8 +49,9 @@ fn shown(value: String, range: Range) -> Hover {
     }
 }
 
-/// A declaration with its comment, and its value in an experiment; values are of what could be read last.
-fn of_definition(now: &Analysis, good: &Analysis, known: &Definition, at: Position) -> String {
+/// A declaration with its comment, its value in an experiment, and its equations: those of what could be read last, or else
+/// of what was sound last.
+fn of_definition([now, good, sound]: [&Analysis; 3], known: &Definition, at: Position) -> String {
     let meant = now.index.meant(known);
     let mut text = format!("```nsd\n{}\n```", declaration(now, meant));
     if let Some(doc) = describe::doc(meant.whole, &now.project.sources) {
@@ -61,15 +65,19 @@ fn of_definition(now: &Analysis, good: &Analysis, known: &Definition, at: Positi
     let experiment = now.index.experiment_at(now.at(at));
     let name = experiment.map(|known| known.name.as_str());
     let exprs = Exprs::new();
-    let twin = good.index.definitions().iter();
-    let mut twin = twin.filter(|twin| twin.kind == Kind::Model && twin.name == model.name);
-    let facts = twin
-        .next()
-        .and_then(|twin| Facts::of(&exprs, good, twin.place, name));
-    if let Some((facts, shown)) = facts.and_then(|facts| {
-        let shown = facts.shown(&meant.name)?;
-        Some((facts, shown))
-    }) {
+    let facts = |then: &Analysis| {
+        let mut twins = then.index.definitions().iter();
+        let twin = twins.find(|twin| twin.kind == Kind::Model && twin.name == model.name)?;
+        Facts::of(&exprs, then, twin.place, name)
+    };
+    let told = match facts(good) {
+        Some(told) if told.is_told => Some(told),
+        other => facts(sound).filter(|told| told.is_told).or(other),
+    };
+    let Some(facts) = told else {
+        return text;
+    };
+    if let Some(shown) = facts.shown(&meant.name) {
         if let Some(unit) = &shown.unit {
             text.push_str(&format!(", in {unit}"));
         }
@@ -91,6 +99,9 @@ fn of_definition(now: &Analysis, good: &Analysis, known: &Definition, at: Positi
             };
             text.push_str(&format!("\n\n{} = {value}{when}{place}", meant.name));
         }
+    }
+    if let Some(equations) = facts.equations(&meant.name) {
+        text.push_str(&format!("\n\n```text\n{equations}\n```"));
     }
     text
 }

@@ -274,6 +274,9 @@ impl<'c> Server<'c> {
                 continue;
             };
             let found = diagnostics::of(&analysis, self.client.links);
+            if !analysis.checked().has_errors() {
+                self.world.is_sound(&document.uri, &analysis);
+            }
             let told = PublishDiagnosticsParams {
                 uri: document.uri.clone(),
                 diagnostics: found.into_iter().map(|found| found.shown).collect(),
@@ -378,6 +381,9 @@ impl<'c> Server<'c> {
             ask::Formatting::METHOD => {
                 answer::<ask::Formatting>(request, |p| symbols::format(world, &p))
             }
+            ask::RangeFormatting::METHOD => {
+                answer::<ask::RangeFormatting>(request, |p| symbols::format_range(world, &p))
+            }
             ask::Completion::METHOD => {
                 answer::<ask::Completion>(request, |p| complete::complete(world, &p))
             }
@@ -472,6 +478,7 @@ fn capabilities() -> Value {
         "foldingRangeProvider": true,
         "selectionRangeProvider": true,
         "documentFormattingProvider": true,
+        "documentRangeFormattingProvider": true,
         "completionProvider": { "triggerCharacters": [".", " "] },
         "signatureHelpProvider": { "triggerCharacters": ["(", ","] },
         "semanticTokensProvider": { "legend": tokens::legend(), "full": true },

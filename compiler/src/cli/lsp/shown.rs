@@ -7,13 +7,19 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::model::index::{Definition, Kind};
 use crate::model::{self, Model};
+use crate::project::Project;
 use crate::project::clock::Clock;
 use crate::source::Span;
 use crate::syntax::{Experiment, Expr, ExprKind, File, Item, Link, Stmt};
+use crate::system::About;
 use crate::{Compiled, compile};
 
 /// More entries are not shown.
 const MOST_ENTRIES: usize = 12;
+
+/// More lines of equations are not shown, nor more of a line.
+const MOST_LINES: usize = 20;
+const MOST_COLUMNS: usize = 240;
 
 /// What is known of a name of a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,16 +32,24 @@ pub struct Shown {
     pub value: Vec<f64>,
 }
 
-/// A model as an experiment takes it, or without any.
+/// A model as an experiment takes it.
 pub struct Facts<'e> {
-    /// The experiment.
+    /// The experiment, where the file has one that is sound.
     pub experiment: Option<String>,
-    model: Model<'e>,
-    compiled: Option<crate::system::experiment::Settings<'e>>,
+    of: Of<'e>,
+    /// Whether it stands for what the file says: for no experiment that is not sound, and without values that are missing.
+    pub is_told: bool,
+}
+
+/// A model, and what is compiled of it where its experiment is sound.
+enum Of<'e> {
+    Model(Box<Model<'e>>),
+    Compiled(Box<Compiled<'e>>),
 }
 
 impl<'e> Facts<'e> {
-    /// The model that is declared at a place, at an experiment, or else at the first one that is there.
+    /// The model that is declared at a place, at an experiment, or else at the first one that is there, or at one
+    /// without settings.
     pub fn of(
         exprs: &'e Exprs,
         analysis: &Analysis,
@@ -50,32 +64,58 @@ impl<'e> Facts<'e> {
             found.is_some_and(|(_, model)| model.name.span == declared)
                 && experiment.is_none_or(|wanted| known.name.name == wanted)
         };
-        let found = analysis.project.experiments().find(is_of);
-        let compiled = found.and_then(|experiment| {
+        let compiled = |file: &File, experiment: &Experiment| {
             let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
-            let compiled = compile(exprs, file, experiment, &[], &mut clock, &mut silent)?;
-            Some((experiment.name.name.clone(), compiled))
-        });
-        if let Some((
-            name,
-            Compiled {
-                model, settings, ..
-            },
-        )) = compiled
-        {
+            let compiled = compile(exprs, file, experiment, &[], &mut clock, &mut silent);
+            compiled.map(|compiled| Of::Compiled(Box::new(compiled)))
+        };
+        let found = analysis.project.experiments().find(is_of);
+        if let Some((experiment, of)) = found.and_then(|one| Some((one, compiled(file, one)?))) {
             return Some(Facts {
-                experiment: Some(name),
-                model,
-                compiled: Some(settings),
+                experiment: Some(experiment.name.name.clone()),
+                of,
+                is_told: true,
             });
         }
         let name = &item.name.name;
         let model = model::resolve(exprs, home, name, &[], &mut Diagnostics::new())?;
+        let missing: String = (model.quantities.all())
+            .filter(|known| known.value.is_none())
+            .map(|known| format!("{} = 0; ", known.name))
+            .collect();
+        let text = format!("simulate {name} of {name} {{ horizon 1; with {{ {missing}}} }}");
+        let plain = Project::from_text("plain", &text);
+        let of = plain.experiments().find_map(|one| compiled(home, one));
         Some(Facts {
             experiment: None,
-            model,
-            compiled: None,
+            is_told: found.is_none() && missing.is_empty() && of.is_some(),
+            of: of.unwrap_or_else(|| Of::Model(Box::new(model))),
         })
+    }
+
+    fn compiled(&self) -> Option<&Compiled<'e>> {
+        match &self.of {
+            Of::Model(_) => None,
+            Of::Compiled(compiled) => Some(compiled),
+        }
+    }
+
+    fn model(&self) -> &Model<'e> {
+        match &self.of {
+            Of::Model(model) => model,
+            Of::Compiled(compiled) => &compiled.model,
+        }
+    }
+
+    /// The lowered equations of a name, and the switches that they meet, as `nsdc emit` prints them; of many the first.
+    pub fn equations(&self, name: &str) -> Option<String> {
+        let system = self.compiled()?.lowered();
+        let text = About(&system, name).to_string();
+        let mut lines: Vec<String> = text.lines().take(MOST_LINES).map(shortened).collect();
+        if text.lines().nth(MOST_LINES).is_some() {
+            lines.push("..".to_owned());
+        }
+        (!lines.is_empty()).then(|| lines.join("\n"))
     }
 
     /// What a name of the model is.
@@ -85,14 +125,12 @@ impl<'e> Facts<'e> {
             span: Span::default(),
         };
         let tensor = self
-            .model
+            .model()
             .scope
             .expr(&expr, None, &mut Diagnostics::new())?;
         let number = |var| {
-            let numbers = self
-                .compiled
-                .as_ref()
-                .map(|settings| &settings.values.numbers);
+            let compiled = self.compiled().filter(|_| self.is_told);
+            let numbers = compiled.map(|compiled| &compiled.settings.values.numbers);
             numbers
                 .and_then(|numbers| numbers.get(&var).copied())
                 .unwrap_or(f64::NAN)
@@ -102,19 +140,9 @@ impl<'e> Facts<'e> {
             .iter()
             .map(|entry| entry.eval(&number))
             .collect();
-        let quantities = &self.model.quantities;
-        let all = [
-            &quantities.params,
-            &quantities.states,
-            &quantities.algebraics,
-            &quantities.controls,
-            &quantities.inputs,
-        ];
-        let mut units = all
-            .into_iter()
-            .flatten()
-            .map(|known| (&known.name, &known.unit));
-        let definitions = &self.model.definitions;
+        let quantities = &self.model().quantities;
+        let mut units = quantities.all().map(|known| (&known.name, &known.unit));
+        let definitions = &self.model().definitions;
         let all = [
             &definitions.signals,
             &definitions.lets,
@@ -147,6 +175,14 @@ pub fn model_at(file: &File, place: Span) -> Option<(&File, &crate::syntax::Mode
         },
         _ => None,
     })
+}
+
+/// A line that is not too long.
+fn shortened(line: &str) -> String {
+    match line.char_indices().nth(MOST_COLUMNS) {
+        Some((end, _)) => format!("{} ..", &line[..end]),
+        None => line.to_owned(),
+    }
 }
 
 /// Numbers as the language has them, a matrix row by row; of very many the first.

@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::rc::Rc;
 
 use lsp_types::{
-    DocumentFormattingParams, DocumentSymbol, DocumentSymbolParams, DocumentSymbolResponse,
-    FoldingRange, FoldingRangeKind, FoldingRangeParams, Position, SelectionRange,
-    SelectionRangeParams, SymbolInformation, SymbolKind, TextEdit, Uri, WorkspaceSymbolParams,
-    WorkspaceSymbolResponse,
+    DocumentFormattingParams, DocumentRangeFormattingParams, DocumentSymbol, DocumentSymbolParams,
+    DocumentSymbolResponse, FoldingRange, FoldingRangeKind, FoldingRangeParams, Position,
+    SelectionRange, SelectionRangeParams, SymbolInformation, SymbolKind, TextEdit, Uri,
+    WorkspaceSymbolParams, WorkspaceSymbolResponse,
 };
 
 use super::text::Lines;
@@ -233,12 +233,27 @@ fn around(analysis: &Rc<Analysis>, position: Position) -> SelectionRange {
     })
 }
 
-/// The one layout of a text, as an edit of all of it.
+/// The one layout of a text, as edits of the lines that have another one.
 pub fn format(
     world: &mut World,
     params: &DocumentFormattingParams,
 ) -> Answer<Option<Vec<TextEdit>>> {
-    let uri: &Uri = &params.text_document.uri;
+    laid_out(world, &params.text_document.uri, None)
+}
+
+/// The same for the lines of a range.
+pub fn format_range(
+    world: &mut World,
+    params: &DocumentRangeFormattingParams,
+) -> Answer<Option<Vec<TextEdit>>> {
+    laid_out(world, &params.text_document.uri, Some(params.range))
+}
+
+fn laid_out(
+    world: &mut World,
+    uri: &Uri,
+    range: Option<lsp_types::Range>,
+) -> Answer<Option<Vec<TextEdit>>> {
     let Some(analysis) = world.analysis(uri) else {
         return Ok(None);
     };
@@ -246,21 +261,51 @@ pub fn format(
     let Some(formatted) = syntax::format(source, &mut Diagnostics::new()) else {
         return Err(Refused::new("what cannot be read has no layout"));
     };
-    let lines = Lines::new(&source.text);
-    // Lines at the start and at the end that stay are left alone, so that cursors are.
-    let (old, new): (Vec<&str>, Vec<&str>) = (
-        source.text.split_inclusive('\n').collect(),
-        formatted.split_inclusive('\n').collect(),
-    );
-    let first = old.iter().zip(&new).take_while(|(a, b)| a == b).count();
-    let behind = old[first..].iter().rev().zip(new[first..].iter().rev());
-    let last = behind.take_while(|(a, b)| a == b).count();
-    let length = |lines: &[&str]| lines.iter().map(|line| line.len()).sum::<usize>();
-    let bytes = length(&old[..first])..length(&old[..old.len() - last]);
-    let new_text = new[first..new.len() - last].concat();
-    if new_text == source.text[bytes.clone()] {
-        return Ok(Some(vec![]));
+    let (text, lines) = (&source.text, analysis.lines());
+    let wanted = range.map_or(0..text.len(), |range| lines.bytes(range));
+    let is_wanted = |piece: &Range<usize>| {
+        piece.start < wanted.end.max(wanted.start + 1) && wanted.start < piece.end
+    };
+    let pieces = pieces(text, &formatted).into_iter();
+    let changed = pieces.filter(|(piece, new)| text[piece.clone()] != *new && is_wanted(piece));
+    let edit = |(piece, new_text): (Range<usize>, String)| TextEdit {
+        range: lines.range(piece),
+        new_text,
+    };
+    Ok(Some(changed.map(edit).collect()))
+}
+
+/// The lines of a text in pieces, each with what becomes of it: as short as they can be where nothing but blanks changes.
+fn pieces(old: &str, new: &str) -> Vec<(Range<usize>, String)> {
+    let mut behind = new.split_inclusive('\n');
+    let mut found = Vec::new();
+    let (mut start, mut at) = (0, 0);
+    // Of a piece, and of its new layout, what a layout keeps: all but blanks, and `;` behind a block.
+    let add = |kept: &mut String, line: &str| {
+        for c in line.chars().filter(|c| !c.is_whitespace()) {
+            if c != ';' || !kept.ends_with('}') {
+                kept.push(c);
+            }
+        }
+    };
+    let (mut has, mut gets, mut layout) = (String::new(), String::new(), String::new());
+    for line in old.split_inclusive('\n') {
+        at += line.len();
+        add(&mut has, line);
+        while gets.len() < has.len()
+            && let Some(line) = behind.next()
+        {
+            add(&mut gets, line);
+            layout.push_str(line);
+        }
+        if has == gets && !has.is_empty() {
+            found.push((start..at, std::mem::take(&mut layout)));
+            start = at;
+            has.clear();
+            gets.clear();
+        }
     }
-    let range = lines.range(bytes);
-    Ok(Some(vec![TextEdit { range, new_text }]))
+    layout.extend(behind);
+    found.push((start..at, layout));
+    found
 }

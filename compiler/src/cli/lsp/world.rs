@@ -198,6 +198,8 @@ pub struct World {
     known: HashMap<String, Option<Rc<Analysis>>>,
     /// Of each open file, what was known when it could be read last.
     good: HashMap<String, Rc<Analysis>>,
+    /// The same when nothing was wrong with it last.
+    sound: HashMap<String, Rc<Analysis>>,
 }
 
 impl World {
@@ -251,6 +253,7 @@ impl World {
         self.texts.forget(&key);
         self.open.remove(&key);
         self.good.remove(&key);
+        self.sound.remove(&key);
         self.touch(&key);
     }
 
@@ -296,6 +299,16 @@ impl World {
             false => None,
         };
         Some([Rc::clone(&now), good.unwrap_or(now)])
+    }
+
+    /// A file has been found to be sound.
+    pub fn is_sound(&mut self, uri: &Uri, known: &Rc<Analysis>) {
+        self.sound.insert(World::key(uri), Rc::clone(known));
+    }
+
+    /// A file as it was when nothing was wrong with it last.
+    pub fn sound(&self, uri: &Uri) -> Option<Rc<Analysis>> {
+        self.sound.get(&World::key(uri)).cloned()
     }
 
     /// Forgets what was read of files that have changed on disk since, whether a client has said so or not.

@@ -103,6 +103,9 @@ pub enum DynamicsError {
         entry: String,
         #[label("set here only")]
         span: Span,
+        /// The region, and all that it sets.
+        statement: Span,
+        entries: Vec<String>,
     },
 
     /// An indicator without others: it is compared with nothing.
@@ -349,6 +352,15 @@ impl Fixable for DynamicsError {
                 Some(Fix::one(*operator, "+=", Applicability::Safe))
             }
             _ => None,
+        }
+    }
+
+    fn choices(&self) -> Vec<Fix> {
+        match self {
+            DynamicsError::LoneRegion {
+                statement, entries, ..
+            } => vec![Fix::rest(*statement, entries.iter().map(String::as_str))],
+            other => other.fix().into_iter().collect(),
         }
     }
 }

@@ -180,6 +180,10 @@ fn check(
                 region: name,
                 entry: entry_name(model, entry),
                 span,
+                statement: region(only).span,
+                entries: (partition.entries.iter())
+                    .map(|&entry| entry_name(model, entry))
+                    .collect(),
             },
         });
         return;

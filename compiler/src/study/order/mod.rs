@@ -19,6 +19,7 @@ pub use reference::Reference;
 pub use table::{csv, text};
 
 use crate::Compiled;
+use crate::limit::Limit;
 use crate::model::Units;
 use crate::project::clock::Instant;
 use crate::report::expect::Convergence;
@@ -188,18 +189,20 @@ pub fn study(
     })
 }
 
-/// The order of the experiment's own method, from runs on grids in about as much wall time as `limit`;
-/// why there is none otherwise.
+/// The order of the experiment's own method, from runs on grids in about as much wall time as `limit` leaves; why there is
+/// none otherwise.
 pub fn of_method(
     compiled: &Compiled<'_>,
     sources: &SourceMap,
-    limit: Duration,
+    limit: &Limit,
     watch: &mut dyn FnMut(Progress),
 ) -> Result<Convergence, String> {
-    let started = Instant::now();
+    let left = || limit.left().unwrap_or(Duration::MAX);
     let settings = &compiled.settings;
     has_switches_alone(compiled)?;
-    let mut bench = Bench::new(&compiled.system, settings).untimed();
+    let mut bench = Bench::new(&compiled.system, settings)
+        .untimed()
+        .within(limit);
     let takes_jumps = settings.freezes() || settings.takes_impulses();
     if let Some(reason) = bench
         .without_elements()
@@ -209,7 +212,7 @@ pub fn of_method(
             "the order of this lowering is not measured: {reason}"
         ));
     }
-    let found = reference::find(compiled, &mut bench, sources, limit / 4)
+    let found = reference::find(compiled, &mut bench, sources, left() / 4)
         .map_err(|failure| format!("there is nothing to measure errors against: {failure}"))?;
     let Some(sweep) = grid::own(settings, found.steps) else {
         return Err("the method has no number of steps".into());
@@ -219,12 +222,13 @@ pub fn of_method(
         let done = 0.5;
         watch(Progress { name, knob, done });
     };
-    let left = limit.saturating_sub(started.elapsed());
     let reference = &found.reference;
     if takes_jumps {
-        bench = Bench::lowered(&compiled.system, settings).untimed();
+        bench = Bench::lowered(&compiled.system, settings)
+            .untimed()
+            .within(limit);
     }
-    let curve = measure(&mut bench, settings, &sweep, reference, left, &mut watch);
+    let curve = measure(&mut bench, settings, &sweep, reference, left(), &mut watch);
     match &curve.fit {
         Some(fit) => Ok(Convergence {
             order: fit.order,

@@ -676,4 +676,11 @@ impl Fixable for ExperimentError {
             _ => None,
         }
     }
+
+    fn choices(&self) -> Vec<Fix> {
+        match self {
+            ExperimentError::NoValue { span, .. } => vec![Fix::at_end(*span, "= 0")],
+            other => other.fix().into_iter().collect(),
+        }
+    }
 }

@@ -131,7 +131,7 @@ const OPTIONS: [&str; 6] = [
     "equilibration",
 ];
 const STEPPING_OPTIONS: [&str; 2] = ["scheme", "steps"];
-const FORMS: [(&str, Form); 2] = [
+pub(crate) const FORMS: [(&str, Form); 2] = [
     ("integral", Form::Integral),
     ("differential", Form::Differential),
 ];
@@ -141,7 +141,7 @@ pub(crate) const CROSS: [(&str, Cross); 4] = [
     ("sum_lambda", Cross::SumLambda),
     ("sum_both", Cross::SumBoth),
 ];
-const EQUILIBRATIONS: [&str; 4] = ["none", "mean", "tanh", "exact"];
+pub(crate) const EQUILIBRATIONS: [&str; 4] = ["none", "mean", "tanh", "exact"];
 
 const MOST_STEPS: f64 = 1e8;
 pub(crate) const MOST_ELEMENTS: f64 = 1e4;

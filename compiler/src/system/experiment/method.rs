@@ -1,10 +1,13 @@
 //! Methods, their options, and lowerings.
 
+use nsd_solver::integrate::tableau::Family;
+
 use super::capabilities::Feature;
 use super::capabilities::Taken::{self, Lowered, No, Yes};
 use super::error::ExperimentError;
 use super::fesd::{self, FesdOptions, SteppingOptions};
 use super::law::{self, Law};
+use super::optimize;
 use super::reader::{Reader, unknown_choice};
 use crate::diagnostics::Help;
 use crate::syntax::{self, ExprKind, Ident, Setting};
@@ -334,6 +337,26 @@ fn branches(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Vec<Branch> {
         }
     };
     words.into_iter().filter_map(branch).collect()
+}
+
+/// The words that stand for values of a setting or of an option of a method; none where they are numbers.
+pub fn words_of(option: &str) -> Vec<String> {
+    fn first<T: Copy>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
+        choices.iter().map(|(word, _)| *word).collect()
+    }
+    let words = match option {
+        "scheme" => Family::ALL.map(Family::word).to_vec(),
+        "branch" => BRANCHES.to_vec(),
+        "equilibration" => fesd::EQUILIBRATIONS.to_vec(),
+        "form" => first(&fesd::FORMS),
+        "cross" => first(&fesd::CROSS),
+        "relaxation" => first(&optimize::RELAXATIONS),
+        "steering" => first(&optimize::STEERINGS),
+        "path" => first(&optimize::PATHS),
+        "law" => return Law::BUILT_IN.map(|law| law.word()).to_vec(),
+        _ => vec![],
+    };
+    words.into_iter().map(str::to_owned).collect()
 }
 
 /// A name after `lower`.

@@ -82,8 +82,8 @@ pub(crate) fn check<'e>(
             })
         }
         _ => {
-            let set: Vec<&str> = (partition.states.iter())
-                .map(|&s| states[s].name.as_str())
+            let set: Vec<String> = (partition.states.iter())
+                .map(|&s| states[s].name.clone())
                 .collect();
             Err(SystemError::Gap {
                 states: set.join(", "),
@@ -92,6 +92,7 @@ pub(crate) fn check<'e>(
                     .regions
                     .last()
                     .map_or(first.span, |last| last.span),
+                entries: set,
             })
         }
     }

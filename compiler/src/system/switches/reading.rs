@@ -101,6 +101,7 @@ fn nonlinear_switch<'e>(
         nonlinear,
         switch: span,
         entry: beside(span, entry),
+        named: named.map(|(_, declared)| declared.span),
     }
 }
 

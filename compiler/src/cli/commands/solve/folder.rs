@@ -114,7 +114,7 @@ fn solve_all(
         .map(|path| name_of(path).chars().count())
         .max()
         .unwrap_or(0);
-    let mut bar = Bar::new("solve", streams.progress);
+    let mut bar = Bar::new("solve", streams.meter.clone());
     let next = AtomicUsize::new(0);
     let (sender, receiver) = mpsc::channel();
     let mut records: Vec<Option<Record>> = vec![None; paths.len()];

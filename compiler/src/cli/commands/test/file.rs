@@ -6,12 +6,13 @@ use std::time::{Duration, Instant};
 
 use super::case::{self, Case, Missed, Outcome};
 use super::goldens::{self, Compared};
-use crate::cli::progress::Bar;
+use crate::cli::progress::{Bar, Meter};
 use crate::cli::project::Project;
 use crate::cli::watch::Watching;
 use crate::cli::{Exit, files};
 use crate::diagnostics::{self, Diagnostics};
 use crate::expr::Exprs;
+use crate::limit::{Cancel, Limit};
 use crate::project::clock::Clock;
 use crate::project::ensemble;
 use crate::project::launch::launch;
@@ -34,8 +35,10 @@ pub struct Options<'o> {
     pub experiment: Option<&'o str>,
     /// For each experiment.
     pub time_limit: Option<Duration>,
-    /// Whether a line shows how far a run is.
-    pub progress: bool,
+    /// Ends all of them.
+    pub cancel: &'o Cancel,
+    /// Where it is shown how far a run is.
+    pub meter: Meter,
     /// How diagnostics are printed.
     pub colour: bool,
     pub width: usize,
@@ -122,7 +125,8 @@ impl File<'_> {
             }
             return;
         }
-        for experiment in &experiments {
+        let cancel = self.options.cancel;
+        for experiment in experiments.iter().take_while(|_| !cancel.is_canceled()) {
             let test = &experiment.name.name;
             if !self.is_selected(Some(test)) {
                 continue;
@@ -277,9 +281,9 @@ impl File<'_> {
             dense: true,
             multipliers: false,
             estimate: true,
-            limit: self.options.time_limit.into(),
+            limit: Limit::from(self.options.time_limit).canceled_by(self.options.cancel),
         };
-        let bar = Bar::new(&compiled.settings.name, self.options.progress);
+        let bar = Bar::new(&compiled.settings.name, self.options.meter.clone());
         let mut watching = Watching::new(bar);
         let trajectory = launch(project, &mut compiled, &request, &mut watching);
         let trajectory = trajectory.map_err(|diags| self.compilation(diags, project))?;
@@ -288,8 +292,11 @@ impl File<'_> {
             let mut watch = |order::Progress { name, knob, done }: order::Progress<'_>| {
                 watching.bar.show(done, || format!("{name}, {knob:.1e}"));
             };
-            let limit = request.limit.left().unwrap_or(STUDY);
-            order::of_method(&compiled, &project.sources, limit, &mut watch)
+            let limit = match request.limit.left() {
+                Some(_) => request.limit.clone(),
+                None => request.limit.sooner(STUDY),
+            };
+            order::of_method(&compiled, &project.sources, &limit, &mut watch)
         });
         let mut warnings = diags.warning_codes();
         self.tell(

@@ -89,18 +89,20 @@ fn all(
 ) -> io::Result<()> {
     let n_threads = args.jobs.map_or_else(threads::count, usize::from);
     let n_threads = n_threads.min(paths.len());
+    let cancel = streams.cancel.clone();
     let options = Options {
         accept: args.accept,
         filter: args.filter.as_deref(),
         experiment: args.experiment.as_deref(),
         time_limit: args.time_limit,
+        cancel: &cancel,
         // One line at a time.
-        progress: streams.progress && n_threads == 1,
+        meter: streams.meter.only_if(n_threads == 1),
         colour: streams.colour,
         width: streams.width,
         files: Arc::clone(&streams.files),
     };
-    let mut bar = Bar::new("tests", streams.progress && n_threads > 1);
+    let mut bar = Bar::new("tests", streams.meter.only_if(n_threads > 1));
     let next = AtomicUsize::new(0);
     let work = |found: mpsc::Sender<(usize, Tested)>| {
         while let number = next.fetch_add(1, Ordering::Relaxed)

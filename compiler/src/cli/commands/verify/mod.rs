@@ -7,7 +7,7 @@ use crate::cli::args::VerifyArgs;
 use crate::cli::files::{Form, Sink, is_standard};
 use crate::cli::{Exit, Streams, files, io, project};
 use crate::diagnostics::Diagnostics;
-use crate::limit::Limit;
+use crate::limit::{Cancel, Limit};
 use crate::report::roads::Refusal;
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, ExperimentKind, SettingKind};
@@ -27,6 +27,7 @@ struct Subject<'s> {
     experiment: &'s Experiment,
     overrides: &'s [Bind],
     args: &'s VerifyArgs,
+    cancel: &'s Cancel,
 }
 
 impl Subject<'_> {
@@ -36,7 +37,7 @@ impl Subject<'_> {
             dense: false,
             estimate: true,
             multipliers: false,
-            limit: Limit::within(self.args.time_limit),
+            limit: Limit::within(self.args.time_limit).canceled_by(self.cancel),
         }
     }
 }
@@ -60,11 +61,13 @@ pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let mut exit = Exit::Success;
     let mut lines = String::new();
     let reports = !args.json.as_deref().is_some_and(is_standard);
+    let cancel = streams.cancel.clone();
     for (number, experiment) in experiments.iter().enumerate() {
         let subject = Subject {
             experiment,
             overrides: &overrides,
             args,
+            cancel: &cancel,
         };
         let verified = match experiment.kind {
             ExperimentKind::Optimize => optimum::verify(&mut project, &subject, streams)?,

@@ -90,7 +90,8 @@ pub fn verify(
         (format!("as written, {own}"), experiment.clone()),
         Ok(written),
     );
-    for words in LOWERINGS.into_iter().filter(|words| *words != own) {
+    let others = LOWERINGS.into_iter().filter(|words| *words != own);
+    for words in others.take_while(|_| !subject.cancel.is_canceled()) {
         let Some(other) = project.on_road(experiment, "verify", &format!("lower {words}")) else {
             continue;
         };
@@ -161,7 +162,7 @@ fn confirm(
     subject: &Subject<'_>,
     streams: &mut Streams<'_>,
 ) {
-    for _ in 0..ROUNDS {
+    for _ in (0..ROUNDS).take_while(|_| !subject.cancel.is_canceled()) {
         let known = lowered.iter().enumerate();
         let known = known.filter_map(|(k, lowered)| Some((k, lowered.point.as_ref()?.0)));
         let Some((best, objective)) = known.min_by(|a, b| a.1.total_cmp(&b.1)) else {
@@ -237,7 +238,7 @@ fn solve(
     let task = settings.optimize.as_ref();
     let task = task.expect("the experiment is an `optimize`");
     let request = subject.request();
-    let mut watching = Watching::new(Bar::new(&settings.name, streams.progress));
+    let mut watching = Watching::new(Bar::new(&settings.name, streams.meter.clone()));
     let refused = |error| {
         let mut diags = Diagnostics::new();
         diags.push(optimize::refused(&error, settings));

@@ -63,7 +63,7 @@ pub fn verify(
         name: format!("as written, {}", written.setup.method.name),
         run: Ok(Box::new(written)),
     }];
-    for (method, lowering) in roads() {
+    for (method, lowering) in roads().take_while(|_| !subject.cancel.is_canceled()) {
         let lowering = lowering.map(|lowering| format!("; lower {}", lowering.word()));
         let words = format!("{}{}", method.word(), lowering.unwrap_or_default());
         let Some(other) = project.on_road(experiment, "verify", &format!("method {words}")) else {
@@ -139,7 +139,7 @@ fn ride(
         Method::Event(options) => !options.branch.is_empty(),
         _ => false,
     };
-    let bar = Bar::new(&settings.name, streams.progress);
+    let bar = Bar::new(&settings.name, streams.meter.clone());
     let run = launch(project, &mut compiled, &request, &mut Watching::new(bar))?;
     Ok(Ridden { run, branches })
 }

@@ -13,7 +13,7 @@ mod start;
 
 pub(crate) use fit::not_for_fit;
 pub use fit::{Column, Fit};
-pub(crate) use settings::Draft;
+pub(crate) use settings::{Draft, PATHS, RELAXATIONS, STEERINGS};
 pub use settings::{relaxation_word, steering_word};
 pub(crate) use start::{LARGEST_SEED, one_argument};
 

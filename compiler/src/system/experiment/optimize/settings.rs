@@ -36,7 +36,7 @@ pub(crate) struct Draft<'m, 'e> {
 const INSTANTS: [&str; 3] = ["nodes", "elements", "intervals"];
 const SHAPES: [(&str, Shape); 2] = [("constant", Shape::Constant), ("linear", Shape::Linear)];
 const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
-const RELAXATIONS: [(&str, Relaxation); 10] = [
+pub(crate) const RELAXATIONS: [(&str, Relaxation); 10] = [
     ("scholtes", Relaxation::Scholtes),
     ("fischer_burmeister", Relaxation::FischerBurmeister),
     ("natural_residual", Relaxation::NaturalResidual),
@@ -54,7 +54,7 @@ const RELAXATIONS: [(&str, Relaxation); 10] = [
         Relaxation::SteffensenUlbrichPolynomial,
     ),
 ];
-const STEERINGS: [(&str, Steering); 3] = [
+pub(crate) const STEERINGS: [(&str, Steering); 3] = [
     ("direct", Steering::Direct),
     ("l1", Steering::L1),
     ("linf", Steering::LInfinity),
@@ -71,7 +71,7 @@ pub fn steering_word(steering: Steering) -> &'static str {
     entry.map_or("", |entry| entry.0)
 }
 
-const PATHS: [(&str, bool); 2] = [("coupled", false), ("sequential", true)];
+pub(crate) const PATHS: [(&str, bool); 2] = [("coupled", false), ("sequential", true)];
 
 const MOST_INTERVALS: f64 = 1e6;
 
