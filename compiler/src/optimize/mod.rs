@@ -20,6 +20,7 @@ mod moved;
 mod prepared;
 mod problem;
 pub(crate) mod progress;
+pub(crate) mod receding;
 mod record;
 pub(crate) mod start;
 

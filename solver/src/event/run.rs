@@ -1,5 +1,8 @@
 //! The loop of a run: step, event, next mode.
 
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
 use super::jump::JumpLaws;
 use super::{Cause, Event, Observer, Segment, Simulator};
 use crate::event::state::{Report, State};
@@ -11,10 +14,13 @@ use crate::expansion::scales::Bands;
 use crate::hybrid::periodic::{are_one, latest};
 use crate::hybrid::point::Point;
 use crate::hybrid::status::Stats;
-use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
+use crate::hybrid::{HybridSystem, Outcome, Piecewise, Settings, Side, Status};
 use crate::integrate::step::Step;
 use crate::runtime::pace::Pace;
 use crate::selector::select::Met;
+
+/// Gives data from an instant and a state on, where they do not go on as they are known, or ends a run.
+pub type Decide<'d> = dyn FnMut(f64, &[f64]) -> ControlFlow<(), Option<Vec<Arc<Piecewise>>>> + 'd;
 
 /// Events in a row without progress in time that count as an accumulation.
 const MAX_STALLED: usize = 100;
@@ -139,6 +145,20 @@ struct Before {
 impl Simulator {
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
+        self.run_decided([t0, t1], x0, observer, &mut |_, _| {
+            ControlFlow::Continue(None)
+        })
+    }
+
+    /// The same with data that are decided on the way: wherever data may change, `decide` is asked at the state before what
+    /// jumps there, and gives the last of them anew, from this instant on, or ends the run as `Stopped`.
+    pub fn run_decided(
+        &mut self,
+        [t0, t1]: [f64; 2],
+        x0: &[f64],
+        observer: &mut impl Observer,
+        decide: &mut Decide<'_>,
+    ) -> Outcome {
         let known = self.mode.n_functions();
         let mut state = std::mem::take(&mut self.state);
         state.begin(t0, x0, self.system.n_switches());
@@ -148,7 +168,8 @@ impl Simulator {
         let status = match self.begin(&mut state, [t0, t1], observer) {
             Err(status) => status,
             Ok(()) => loop {
-                if let Err(status) = self.go_on(&mut state, &mut history, [t0, t1], observer) {
+                let went = self.go_on(&mut state, &mut history, [t0, t1], observer, decide);
+                if let Err(status) = went {
                     break status;
                 }
             },
@@ -198,6 +219,7 @@ impl Simulator {
         history: &mut History,
         [t0, t1]: [f64; 2],
         observer: &mut impl Observer,
+        decide: &mut Decide<'_>,
     ) -> Result<(), Status> {
         self.mode.memory.order = self.stepper.order.full();
         if !state.approaches.pending.is_empty() {
@@ -235,6 +257,15 @@ impl Simulator {
         // At an event, the rates on all surfaces that meet decide the next mode.
         disarm(&mut self.mode, &state.point, &mut state.bands);
         let meets = ahead.meets(state.point.t, t1);
+        if meets.breakpoint {
+            match decide(state.point.t, &state.point.x) {
+                ControlFlow::Continue(None) => {}
+                ControlFlow::Continue(Some(data)) => {
+                    self.set_data(self.mode.memory.data.len() - data.len(), &data);
+                }
+                ControlFlow::Break(()) => return Err(Status::Stopped),
+            }
+        }
         if meets.is_due {
             JumpLaws::new(&mut self.mode).let_due(state);
         }

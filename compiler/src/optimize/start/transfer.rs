@@ -15,13 +15,13 @@ pub struct Point {
     /// Which programs it is a point of.
     kind: Kind,
     /// T.
-    horizon: f64,
+    pub(super) horizon: f64,
     params: Vec<f64>,
     /// Lengths of intervals as shares of their mean, where these are not equal.
-    shares: Vec<f64>,
+    pub(super) shares: Vec<f64>,
     /// Interval by interval.
-    controls: Vec<Vec<f64>>,
-    elements: Vec<Element>,
+    pub(super) controls: Vec<Vec<f64>>,
+    pub(super) elements: Vec<Element>,
 }
 
 /// What tells apart programs that have no points in common.
@@ -37,20 +37,20 @@ struct Kind {
 
 /// What happens in an element.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Element {
-    length: f64,
+pub(super) struct Element {
+    pub(super) length: f64,
     /// When it begins, where the program asks for it.
-    start: Option<f64>,
+    pub(super) start: Option<f64>,
     /// States at its nodes, from the left end to the right one.
-    states: Vec<Vec<f64>>,
+    pub(super) states: Vec<Vec<f64>>,
     /// The states where it begins, before impulses.
-    before: Vec<f64>,
+    pub(super) before: Vec<f64>,
     /// States that have other values with the multipliers where an interval begins.
-    started: Vec<Option<f64>>,
+    pub(super) started: Vec<Option<f64>>,
     /// α of the switches of the discretized system at its Runge-Kutta nodes.
-    alphas: Vec<Vec<f64>>,
+    pub(super) alphas: Vec<Vec<f64>>,
     /// What contacts give where it begins.
-    impulses: Vec<f64>,
+    pub(super) impulses: Vec<f64>,
 }
 
 impl Problem<'_> {

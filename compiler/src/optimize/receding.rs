@@ -1,0 +1,239 @@
+//! A task that is solved from one state after another: each plan is looked for where the last one leaves off.
+//!
+//! 1. The last plan, shifted by the time that has passed (`start/shift.rs`), is solved on its branch.
+//! 2. Where that is no solution, the task is solved as its experiment does it.
+//!
+//! What is feasible is a plan; simulations do not confirm it, as the next one is made of what will have happened.
+
+use nsd_solver::optimization::mpcc::{Solution, Status};
+
+use super::start::{self, Begin, Start};
+use super::{Point, Prepared, Problem, SolveError, branches, failure};
+use crate::limit::Limit;
+use crate::lowering::discretize::Layout;
+use crate::project::watch::Watch;
+use crate::report::Failure;
+use crate::system::System;
+use crate::system::task::Shape;
+
+/// Controls from now on, and what they are to lead to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Plan {
+    /// The solution, to go on from.
+    pub point: Point,
+    /// When control intervals begin, from 0 on, and the last one ends.
+    pub ends: Vec<f64>,
+    /// Controls: of intervals, or at their ends where they are straight lines.
+    pub controls: Vec<Vec<f64>>,
+    /// The states of the model at these ends.
+    pub states: Vec<Vec<f64>>,
+    pub objective: f64,
+}
+
+/// What came of a solve.
+pub(crate) struct Planned {
+    /// None where nothing feasible was found.
+    pub plan: Option<Plan>,
+    /// Why it is not known to be a minimum, or why there is none.
+    pub failure: Option<Failure>,
+    /// Whether it is on the branch of the last plan, or where that has led.
+    pub is_warm: bool,
+    /// Iterations of all programs.
+    pub iterations: usize,
+}
+
+/// The places of the states whose initial values are given: neither free nor determined by equations.
+pub(crate) fn given_states(system: &System<'_>) -> Vec<usize> {
+    let task = system.task.as_ref();
+    let n_integrals = task.map_or(0, |task| task.integrals);
+    let freed = task.iter().flat_map(|task| &task.initial);
+    let freed = freed.map(|free| free.place);
+    let others: Vec<usize> = freed.chain(system.algebraic_states()).collect();
+    let given = 0..system.states.len() - n_integrals;
+    given.filter(|place| !others.contains(place)).collect()
+}
+
+impl<'e> Prepared<'e> {
+    /// What controls are within an interval.
+    pub(crate) fn shape(&self) -> Shape {
+        let task = self.problem.dcs.task.as_ref();
+        task.map_or(Shape::Constant, |task| task.shape)
+    }
+
+    /// Whether plans are as long as it takes.
+    pub(crate) fn has_free_horizon(&self) -> bool {
+        self.problem.layout.horizon().is_some()
+    }
+
+    /// The names of what a plan decides on, entry by entry.
+    pub(crate) fn controls(&self) -> Vec<String> {
+        let task = self.problem.dcs.task.iter();
+        let controls = task.flat_map(|task| &task.controls);
+        controls.map(|control| control.name.clone()).collect()
+    }
+
+    /// The names of the states of plans, entry by entry.
+    pub(crate) fn planned_states(&self) -> Vec<String> {
+        let system = &self.problem.system;
+        let n_integrals = system.task.as_ref().map_or(0, |task| task.integrals);
+        let states = &system.states[..system.states.len() - n_integrals];
+        states.iter().map(|state| state.name.clone()).collect()
+    }
+
+    /// Whether a plan is one of this problem.
+    pub(crate) fn takes(&self, point: &Point) -> bool {
+        self.problem.lifted(point).is_some()
+    }
+
+    /// A plan from an initial state, in the order of [`Prepared::states`], with these values of the open parameters; `last` is
+    /// the last one and how long ago that was.
+    ///
+    /// # Errors
+    ///
+    /// For numbers that it was not prepared for, or with which the model does not begin.
+    pub(crate) fn plan(
+        &mut self,
+        parameters: &[f64],
+        x0: &[f64],
+        last: Option<(&Plan, f64)>,
+        limit: &Limit,
+        watch: &mut dyn Watch,
+    ) -> Result<Planned, SolveError> {
+        self.restart(parameters, Some(x0))?;
+        let mut iterations = 0;
+        let mut near = None;
+        if let Some((plan, passed)) = last {
+            let shifted = self.problem.shifted(&plan.point, passed);
+            let w = self.problem.lifted(&shifted);
+            let begin = w.and_then(|w| self.problem.begin(Start::Variables(&w), limit));
+            let begin = begin.ok_or(SolveError::Foreign)?;
+            let (solution, failure) = self.problem.found(&begin, watch);
+            iterations += solution.stats.iterations;
+            if failure.is_none() {
+                return Ok(self.problem.planned(&solution, None, true, iterations));
+            }
+            near = Some((solution, failure));
+        }
+        let near = match near {
+            Some(near) if limit.is_over() => Ok(near),
+            near => Err(near),
+        };
+        let ((solution, failure), is_warm) = match near {
+            Ok(near) => (near, true),
+            Err(near) => {
+                let begin = self.problem.begin(Start::Task(&self.sampled), limit);
+                let begin = begin.expect("a task has a start");
+                let anew = self.problem.found(&begin, watch);
+                iterations += anew.0.stats.iterations;
+                let is_kept = |near: &(Solution, _)| {
+                    let is_better = near.0.objective <= anew.0.objective;
+                    anew.1.is_some() && near.0.is_feasible() && (!anew.0.is_feasible() || is_better)
+                };
+                match near.filter(is_kept) {
+                    Some(near) => (near, true),
+                    None => (anew, false),
+                }
+            }
+        };
+        Ok(self
+            .problem
+            .planned(&solution, failure, is_warm, iterations))
+    }
+}
+
+impl Problem<'_> {
+    /// The best solution from a start, and why it is none.
+    fn found(&mut self, begin: &Begin, watch: &mut dyn Watch) -> (Solution, Option<Failure>) {
+        let found = start::solve(self, begin, watch);
+        let best = found.best.unwrap_or(0);
+        let mut solution = found.solutions[best].clone();
+        let has_branches = !self.dcs.switches.branches.is_empty() && solution.is_feasible();
+        let (options, limit) = (&begin.options, &begin.options.limit);
+        let in_other_mode = match has_branches {
+            true => branches::settle(self, &mut solution, options, limit, watch),
+            false => None,
+        };
+        let failure = in_other_mode.or_else(|| failure::of(self, &solution));
+        (solution, failure)
+    }
+
+    fn planned(
+        &self,
+        solution: &Solution,
+        failure: Option<Failure>,
+        is_warm: bool,
+        iterations: usize,
+    ) -> Planned {
+        let is_plan = failure.is_none()
+            || solution.is_feasible() && !matches!(solution.status, Status::Unbounded);
+        Planned {
+            plan: is_plan.then(|| self.plan_of(solution)),
+            failure,
+            is_warm,
+            iterations,
+        }
+    }
+
+    fn plan_of(&self, solution: &Solution) -> Plan {
+        let Layout { steps, end, .. } = self.layout;
+        let (layout, w) = (&self.layout, &solution.w);
+        let n_integrals = self.system.task.as_ref().map_or(0, |task| task.integrals);
+        let n = self.system.states.len() - n_integrals;
+        let state = |first: usize| w[first..first + n].to_vec();
+        let at_ends = (1..=steps).map(|k| state(layout.x(k, layout.elements, end)));
+        let task = self.dcs.task.as_ref();
+        let n_controls = task.map_or(0, |task| task.controls.len());
+        let controls = layout.control_instants();
+        let controls = controls.map(|(k, _)| w[layout.u(k)..layout.u(k) + n_controls].to_vec());
+        Plan {
+            point: self.point(w),
+            ends: self.at(w).ends(),
+            controls: controls.collect(),
+            states: [state(layout.before(1, 1))]
+                .into_iter()
+                .chain(at_ends)
+                .collect(),
+            objective: solution.objective,
+        }
+    }
+}
+
+impl Plan {
+    /// How long it is.
+    pub fn horizon(&self) -> f64 {
+        self.ends.last().copied().unwrap_or(0.0)
+    }
+
+    /// The pieces of control i within a time from when the plan has been followed for so long: when each begins, measured
+    /// from there, and its value and slope. Behind the plan the last value is kept.
+    pub fn pieces(
+        &self,
+        i: usize,
+        shape: Shape,
+        (from, length): (f64, f64),
+    ) -> Vec<(f64, [f64; 2])> {
+        let steps = self.ends.len() - 1;
+        let mut pieces = Vec::new();
+        for k in 0..steps {
+            let (begins, ends) = (self.ends[k] - from, self.ends[k + 1] - from);
+            if ends <= 0.0 || begins >= length {
+                continue;
+            }
+            let start = begins.max(0.0);
+            pieces.push(match shape {
+                Shape::Constant => (start, [self.controls[k][i], 0.0]),
+                Shape::Linear => {
+                    let [a, b] = [self.controls[k][i], self.controls[k + 1][i]];
+                    let slope = (b - a) / (ends - begins);
+                    (start, [a + slope * (start - begins), slope])
+                }
+            });
+        }
+        let end = self.horizon() - from;
+        if end < length {
+            let last = self.controls.last().map_or(0.0, |last| last[i]);
+            pieces.push((end.max(0.0), [last, 0.0]));
+        }
+        pieces
+    }
+}
