@@ -1,11 +1,14 @@
 //! A task that is solved from one state after another: each plan is looked for where the last one leaves off.
 //!
 //! 1. The last plan, shifted by the time that has passed (`start/shift.rs`), is solved on its branch.
-//! 2. Where that is no solution, the task is solved as its experiment does it.
+//! 2. Where that is no solution, the task is solved as its experiment does it. So it may be where a plan costs more than the
+//!    last one: what rests on a surface, as a body that sticks, may be a minimum beside better ones.
 //!
 //! What is feasible is a plan; simulations do not confirm it, as the next one is made of what will have happened.
 
-use nsd_solver::optimization::mpcc::{Solution, Status};
+use std::cmp::Ordering;
+
+use nsd_solver::optimization::mpcc::{Options, Solution, Status};
 
 use super::start::{self, Begin, Start};
 use super::{Point, Prepared, Problem, SolveError, branches, failure};
@@ -15,6 +18,22 @@ use crate::project::watch::Watch;
 use crate::report::Failure;
 use crate::system::System;
 use crate::system::task::Shape;
+
+/// Iterations of one program near the last plan.
+const NEAR: usize = 300;
+/// Objectives that differ by a smaller share are one.
+const SAME: f64 = 1e-6;
+/// A plan is dearer than the last one where it costs more by this share.
+const DEARER: f64 = 1e-2;
+
+/// A plan to go on from.
+pub(crate) struct Last<'p> {
+    pub plan: &'p Plan,
+    /// How long ago it was made.
+    pub passed: f64,
+    /// Whether what costs more is compared with what is found without it.
+    pub compares: bool,
+}
 
 /// Controls from now on, and what they are to lead to.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -80,13 +99,8 @@ impl<'e> Prepared<'e> {
         states.iter().map(|state| state.name.clone()).collect()
     }
 
-    /// Whether a plan is one of this problem.
-    pub(crate) fn takes(&self, point: &Point) -> bool {
-        self.problem.lifted(point).is_some()
-    }
-
-    /// A plan from an initial state, in the order of [`Prepared::states`], with these values of the open parameters; `last` is
-    /// the last one and how long ago that was.
+    /// A plan from an initial state, in the order of [`Prepared::states`], with these values of the open parameters, from
+    /// the last one where there is one.
     ///
     /// # Errors
     ///
@@ -95,49 +109,70 @@ impl<'e> Prepared<'e> {
         &mut self,
         parameters: &[f64],
         x0: &[f64],
-        last: Option<(&Plan, f64)>,
+        last: Option<Last<'_>>,
         limit: &Limit,
         watch: &mut dyn Watch,
     ) -> Result<Planned, SolveError> {
         self.restart(parameters, Some(x0))?;
-        let mut iterations = 0;
-        let mut near = None;
-        if let Some((plan, passed)) = last {
-            let shifted = self.problem.shifted(&plan.point, passed);
+        let (mut iterations, mut near) = (0, None);
+        if let Some(Last { plan, passed, .. }) = &last {
+            let shifted = self.problem.shifted(&plan.point, *passed);
             let w = self.problem.lifted(&shifted);
             let begin = w.and_then(|w| self.problem.begin(Start::Variables(&w), limit));
-            let begin = begin.ok_or(SolveError::Foreign)?;
-            let (solution, failure) = self.problem.found(&begin, watch);
-            iterations += solution.stats.iterations;
-            if failure.is_none() {
-                return Ok(self.problem.planned(&solution, None, true, iterations));
-            }
-            near = Some((solution, failure));
+            let mut begin = begin.ok_or(SolveError::Foreign)?;
+            begin.options = Options {
+                max_restarts: 0,
+                patience: 0,
+                max_iterations: NEAR,
+                ..begin.options
+            };
+            let found = self.problem.found(&begin, watch);
+            iterations += found.0.stats.iterations;
+            near = Some(found);
         }
-        let near = match near {
-            Some(near) if limit.is_over() => Ok(near),
-            near => Err(near),
+        let is_enough = |(solution, failure): &(Solution, Option<Failure>)| {
+            let is_dearer = last
+                .as_ref()
+                .is_some_and(|last| last.is_dearer(solution.objective));
+            solution.is_feasible() && (limit.is_over() || failure.is_none() && !is_dearer)
         };
-        let ((solution, failure), is_warm) = match near {
-            Ok(near) => (near, true),
-            Err(near) => {
-                let begin = self.problem.begin(Start::Task(&self.sampled), limit);
-                let begin = begin.expect("a task has a start");
-                let anew = self.problem.found(&begin, watch);
-                iterations += anew.0.stats.iterations;
-                let is_kept = |near: &(Solution, _)| {
-                    let is_better = near.0.objective <= anew.0.objective;
-                    anew.1.is_some() && near.0.is_feasible() && (!anew.0.is_feasible() || is_better)
-                };
-                match near.filter(is_kept) {
-                    Some(near) => (near, true),
-                    None => (anew, false),
+        let mut found = None;
+        if !near
+            .as_ref()
+            .is_some_and(|near| is_enough(near) || limit.is_over())
+        {
+            let begin = self.problem.begin(Start::Task(&self.sampled), limit);
+            let mut begin = begin.expect("a task has a start");
+            if last.is_some() {
+                begin.options.max_restarts = 0;
+                begin.options.patience = 0;
+            }
+            let anew = self.problem.found(&begin, watch);
+            iterations += anew.0.stats.iterations;
+            found = Some(anew);
+        }
+        let is_kept = |near: &(Solution, Option<Failure>)| {
+            let Some(anew) = &found else { return true };
+            let rank = |one: &(Solution, Option<Failure>)| (one.0.is_feasible(), one.1.is_none());
+            match rank(near).cmp(&rank(anew)) {
+                Ordering::Equal => {
+                    near.0.objective <= anew.0.objective + SAME * anew.0.objective.abs()
                 }
+                other => other == Ordering::Greater,
             }
         };
-        Ok(self
-            .problem
-            .planned(&solution, failure, is_warm, iterations))
+        let kept = near.filter(is_kept);
+        let is_warm = kept.is_some();
+        let best = kept.or(found).expect("one of them was looked for");
+        Ok(self.problem.planned(&best.0, best.1, is_warm, iterations))
+    }
+}
+
+impl Last<'_> {
+    /// Whether a plan costs more than the last one, where that is looked into.
+    fn is_dearer(&self, objective: f64) -> bool {
+        let more = objective - self.plan.objective;
+        self.compares && more > DEARER * self.plan.objective.abs().max(SAME)
     }
 }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::limit::Limit;
 use crate::optimize::Prepared;
-use crate::optimize::receding::Plan;
+use crate::optimize::receding::{Last, Plan};
 use crate::project::clock::Instant;
 use crate::report::{Decision, Failure};
 use crate::source::Span;
@@ -17,9 +17,15 @@ pub(crate) struct Controller<'e> {
     deadline: Option<Duration>,
     /// The plan that is followed, and since when.
     last: Option<(Plan, f64)>,
+    /// For how many samples plans that cost more are not compared with others, and how many that is next.
+    waits: u32,
+    vain: u32,
     /// Where it is asked for.
     span: Span,
 }
+
+/// What plans that cost more are taken for at most, once comparisons are in vain again and again.
+const LONGEST_WAIT: u32 = 32;
 
 /// What was decided on at a sample.
 #[derive(Clone, Debug)]
@@ -41,6 +47,8 @@ impl<'e> Controller<'e> {
             prepared,
             deadline,
             last: None,
+            waits: 0,
+            vain: 1,
             span,
         }
     }
@@ -72,8 +80,13 @@ impl<'e> Controller<'e> {
             (Some(_), Some(deadline)) => limit.sooner(deadline),
             _ => limit.clone(),
         };
-        let last = self.last.as_ref().map(|(plan, since)| (plan, t - since));
-        let last = last.filter(|(plan, passed)| (0.0..plan.horizon()).contains(passed));
+        let last = self.last.as_ref().map(|(plan, since)| Last {
+            plan,
+            passed: t - since,
+            compares: self.waits == 0,
+        });
+        let last = last.filter(|last| (0.0..last.plan.horizon()).contains(&last.passed));
+        let cost = last.as_ref().map(|last| last.plan.objective);
         let found = self.prepared.plan(parameters, x0, last, &limit, &mut ());
         let mut step = Step {
             time: t,
@@ -103,10 +116,26 @@ impl<'e> Controller<'e> {
                 });
             }
         }
+        self.wait(&step, cost);
         if let Some(plan) = &step.plan {
             self.last = Some((plan.clone(), t));
         }
         step.seconds = started.elapsed().as_secs_f64();
         step
+    }
+
+    /// Takes note of whether a comparison was worth it.
+    fn wait(&mut self, step: &Step, last: Option<f64>) {
+        let plan = step.plan.as_ref();
+        let rises = |(plan, last): (&Plan, f64)| plan.objective > last;
+        match step.decision {
+            Decision::Cold => (self.waits, self.vain) = (0, 1),
+            _ if self.waits > 0 => self.waits -= 1,
+            _ if plan.zip(last).is_some_and(rises) => {
+                self.waits = self.vain;
+                self.vain = (2 * self.vain).min(LONGEST_WAIT);
+            }
+            _ => {}
+        }
     }
 }
