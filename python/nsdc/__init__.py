@@ -14,6 +14,7 @@
 """
 
 from ._commands import CommandError, modes, order, verify
+from ._controller import Controller
 from ._core import __version__
 from ._errors import DerivativeError, Diagnostic, Edit, Fix, InternalError, ModelError, RunError, Span
 from ._experiment import Experiment
@@ -28,6 +29,7 @@ from ._sweep import Sweep
 
 __all__ = [
     "CommandError",
+    "Controller",
     "DerivativeError",
     "Diagnostic",
     "Edit",

@@ -1,16 +1,19 @@
 //! A task that is solved from one state after another: each plan is looked for where the last one leaves off.
 //!
 //! 1. The last plan, shifted by the time that has passed (`start/shift.rs`), is solved on its branch.
-//! 2. Where that is no solution, the task is solved as its experiment does it. So it may be where a plan costs more than the
+//! 2. Where that is no solution, so is the branch of a run with its controls from the state that there is.
+//! 3. Where that is no solution, the task is solved as its experiment does it. So it may be where a plan costs more than the
 //!    last one: what rests on a surface, as a body that sticks, may be a minimum beside better ones.
 //!
 //! What is feasible is a plan; simulations do not confirm it, as the next one is made of what will have happened.
 
 use std::cmp::Ordering;
 
-use nsd_solver::optimization::mpcc::{Options, Solution, Status};
+use serde::{Deserialize, Serialize};
 
-use super::start::{self, Begin, Start};
+use nsd_solver::optimization::mpcc::{Solution, Status};
+
+use super::start::{self, Begin, Start, reference};
 use super::{Point, Prepared, Problem, SolveError, branches, failure};
 use crate::limit::Limit;
 use crate::lowering::discretize::Layout;
@@ -36,8 +39,8 @@ pub(crate) struct Last<'p> {
 }
 
 /// Controls from now on, and what they are to lead to.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Plan {
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
     /// The solution, to go on from.
     pub point: Point,
     /// When control intervals begin, from 0 on, and the last one ends.
@@ -46,6 +49,7 @@ pub(crate) struct Plan {
     pub controls: Vec<Vec<f64>>,
     /// The states of the model at these ends.
     pub states: Vec<Vec<f64>>,
+    /// What it is to cost.
     pub objective: f64,
 }
 
@@ -99,6 +103,11 @@ impl<'e> Prepared<'e> {
         states.iter().map(|state| state.name.clone()).collect()
     }
 
+    /// Whether a plan is one of this problem.
+    pub(crate) fn takes(&self, point: &Point) -> bool {
+        self.problem.lifted(point).is_some()
+    }
+
     /// A plan from an initial state, in the order of [`Prepared::states`], with these values of the open parameters, from
     /// the last one where there is one.
     ///
@@ -117,23 +126,30 @@ impl<'e> Prepared<'e> {
         let (mut iterations, mut near) = (0, None);
         if let Some(Last { plan, passed, .. }) = &last {
             let shifted = self.problem.shifted(&plan.point, *passed);
-            let w = self.problem.lifted(&shifted);
-            let begin = w.and_then(|w| self.problem.begin(Start::Variables(&w), limit));
-            let mut begin = begin.ok_or(SolveError::Foreign)?;
-            begin.options = Options {
-                max_restarts: 0,
-                patience: 0,
-                max_iterations: NEAR,
-                ..begin.options
-            };
-            let found = self.problem.found(&begin, watch);
-            iterations += found.0.stats.iterations;
-            near = Some(found);
+            let mut w = self.problem.lifted(&shifted).ok_or(SolveError::Foreign)?;
+            for runs in [false, true] {
+                if runs && !self.problem.run_with(&mut w, limit) {
+                    break;
+                }
+                let begin = self.problem.begin(Start::Variables(&w), limit);
+                let mut begin = begin.ok_or(SolveError::Foreign)?;
+                begin.options.branch_only = true;
+                begin.options.max_iterations = NEAR;
+                let found = self.problem.found(&begin, watch);
+                iterations += found.0.stats.iterations;
+                let is_there = found.1.is_none();
+                if is_there || near.is_none() || found.0.is_feasible() {
+                    near = Some(found);
+                }
+                if is_there || limit.is_over() {
+                    break;
+                }
+            }
         }
         let is_enough = |(solution, failure): &(Solution, Option<Failure>)| {
             let is_dearer = last
                 .as_ref()
-                .is_some_and(|last| last.is_dearer(solution.objective));
+                .is_some_and(|last| last.compares && last.costs_less(solution.objective));
             solution.is_feasible() && (limit.is_over() || failure.is_none() && !is_dearer)
         };
         let mut found = None;
@@ -164,19 +180,36 @@ impl<'e> Prepared<'e> {
         let kept = near.filter(is_kept);
         let is_warm = kept.is_some();
         let best = kept.or(found).expect("one of them was looked for");
-        Ok(self.problem.planned(&best.0, best.1, is_warm, iterations))
+        let mut planned = self.problem.planned(&best.0, best.1, is_warm, iterations);
+        // What is no minimum, and costs more than what is followed, is no better than that.
+        if let Some(last) = &last
+            && planned.failure.is_some()
+            && last.costs_less(best.0.objective)
+        {
+            planned.plan = None;
+        }
+        Ok(planned)
     }
 }
 
 impl Last<'_> {
-    /// Whether a plan costs more than the last one, where that is looked into.
-    fn is_dearer(&self, objective: f64) -> bool {
+    /// Whether a plan costs more than it.
+    fn costs_less(&self, objective: f64) -> bool {
         let more = objective - self.plan.objective;
-        self.compares && more > DEARER * self.plan.objective.abs().max(SAME)
+        more > DEARER * self.plan.objective.abs().max(SAME)
     }
 }
 
 impl Problem<'_> {
+    /// Gives a point the states and modes of a run with its controls, where that comes to its end.
+    fn run_with(&self, w: &mut [f64], limit: &Limit) -> bool {
+        for (index, value) in self.layout.given(&self.dcs) {
+            w[index] = value;
+        }
+        let run = self.simulated(w, limit);
+        reference::in_modes(self, &run, w)
+    }
+
     /// The best solution from a start, and why it is none.
     fn found(&mut self, begin: &Begin, watch: &mut dyn Watch) -> (Solution, Option<Failure>) {
         let found = start::solve(self, begin, watch);

@@ -42,7 +42,7 @@ fn within(
         return fit::run(compiled, &fit, request, watch);
     }
     if let Some(closed_loop) = compiled.settings.numerics.closed_loop.clone() {
-        return mpc::run(project, compiled, &closed_loop, request, watch);
+        return mpc::run((project, depth), compiled, &closed_loop, request, watch);
     }
     let (system, settings) = (&compiled.system, &compiled.settings);
     let Some(task) = &settings.optimize else {
@@ -97,7 +97,8 @@ pub fn sampled(
     sampled_within(project, task, request, MAX_DEPTH)
 }
 
-fn sampled_within(
+/// The same where so many experiments may still start from each other.
+pub(crate) fn sampled_within(
     project: &Project,
     task: &Optimize<'_>,
     request: &Request,

@@ -2,6 +2,6 @@
 
 pub mod fit;
 pub mod modes;
-pub(crate) mod mpc;
+pub mod mpc;
 pub mod order;
 pub mod sweep;

@@ -5,12 +5,14 @@
 //! controls as they are, and the multipliers that belong to its α. It is feasible there, with the same objective, if
 //! both programs are about the same system.
 
+use serde::{Deserialize, Serialize};
+
 use crate::lowering::dcs::solve_in_mode;
 use crate::optimize::Problem;
 use crate::system::task::Shape;
 
 /// A solution on its grid.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// Which programs it is a point of.
     kind: Kind,
@@ -25,7 +27,7 @@ pub struct Point {
 }
 
 /// What tells apart programs that have no points in common.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Kind {
     is_frozen: bool,
     n_impacts: usize,
@@ -36,7 +38,7 @@ struct Kind {
 }
 
 /// What happens in an element.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Element {
     pub(super) length: f64,
     /// When it begins, where the program asks for it.

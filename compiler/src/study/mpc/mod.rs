@@ -8,7 +8,7 @@
 //!    comes before the next sample.
 //! 3. What has happened is told as any run is, with what was planned beside it (`told`).
 
-pub(crate) mod controller;
+mod controller;
 mod told;
 mod wires;
 
@@ -18,7 +18,7 @@ use std::time::Duration;
 
 use nsd_solver::hybrid::Piecewise;
 
-use controller::{Controller, Step};
+pub use controller::{Controller, Memory, Step};
 use wires::{Fed, Wires};
 
 use crate::Compiled;
@@ -40,13 +40,13 @@ pub(crate) use wires::check;
 /// Instants that differ by less than this share of them are one.
 const ONE: f64 = 1e-12;
 
-/// Runs a plant that has been compiled; afterwards its system has the controls that were decided on.
+/// Runs a plant that has been compiled, where so many experiments may still start from each other; afterwards its system has the controls that were decided on.
 ///
 /// # Errors
 ///
 /// Where the controller does not fit to it.
 pub(crate) fn run<'e>(
-    project: &Project,
+    (project, depth): (&Project, usize),
     compiled: &mut Compiled<'e>,
     closed_loop: &ClosedLoop,
     request: &Request,
@@ -57,7 +57,7 @@ pub(crate) fn run<'e>(
     let (of_controller, wires) = wires::connect(&exprs, &project.file, compiled, closed_loop)?;
     let task = of_controller.settings.optimize.as_ref();
     let task = task.expect("what decides is an optimization");
-    let sampled = launch::sampled(project, task, request)?;
+    let sampled = launch::sampled_within(project, task, request, depth)?;
     let sources = project.sources.clone();
     let prepared = optimize::Prepared::new(&of_controller, sampled, Diagnostics::new(), sources);
     let prepared = prepared.map_err(|error| {

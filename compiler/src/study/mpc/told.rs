@@ -2,7 +2,7 @@
 
 use miette::Diagnostic;
 
-use super::controller::{Controller, Step};
+use super::{Controller, Step};
 use crate::diagnostics::counted;
 use crate::report::{self, Decision, Failure, Planned, Sampled, Times, Trajectory, Warning};
 use crate::source::Span;
@@ -22,8 +22,7 @@ pub(super) fn tell(
         failure.into_iter().for_each(|why| trajectory.fails(why));
     }
     trajectory.warnings.extend(warnings(&steps));
-    let prepared = controller.prepared();
-    let (states, controls) = (prepared.planned_states(), prepared.controls());
+    let (states, controls) = (controller.planned_states(), controller.controls());
     let seconds: Vec<f64> = steps.iter().map(|step| step.seconds).collect();
     let samples = steps.into_iter().map(|step| Sampled {
         time: step.time,

@@ -181,12 +181,26 @@ impl Work<'_> {
                 y: vec![0.0; lifted.n_rows()],
             };
             let zeros = choose(lifted, start);
-            if let Ok(polished) = polish(lifted, &guess, &zeros, Goal::Solution, self) {
-                best = Some(self.improve(lifted, polished, &[]));
+            match polish(lifted, &guess, &zeros, Goal::Solution, self) {
+                Ok(polished) => best = Some(self.improve(lifted, polished, &[])),
+                Err(status) if self.options.branch_only => {
+                    let residuals = Residuals::new(lifted, &guess.w);
+                    let (w, branch) = (guess.w, Some(status));
+                    let failed = DeadEnd {
+                        w,
+                        residuals,
+                        status,
+                        branch,
+                    };
+                    return self.dead_end(lifted, failed);
+                }
+                Err(_) => {}
             }
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
-            let is_over = |best: &Candidate| self.is_over() || self.is_enough(best, index, size);
+            let is_enough =
+                |best: &Candidate| self.options.branch_only || self.is_enough(best, index, size);
+            let is_over = |best: &Candidate| self.is_over() || is_enough(best);
             if best.as_ref().is_some_and(is_over) || index > 0 && self.is_over() {
                 break;
             }

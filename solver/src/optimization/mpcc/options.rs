@@ -30,6 +30,8 @@ pub struct Options {
     pub homotopy: Homotopy,
     /// Whether the smaller sides at the start are zero at a feasible point near it: that branch is polished first.
     pub trusts_start: bool,
+    /// Whether nothing but that branch is tried.
+    pub branch_only: bool,
     /// The largest violation of a row, a bound or a pair of a point that counts as feasible.
     pub feasibility: f64,
     /// What the optimality error of a branch has to reach.
@@ -57,6 +59,7 @@ impl Default for Options {
             form: Form::default(),
             homotopy: Homotopy::Coupled(Coupling::default()),
             trusts_start: false,
+            branch_only: false,
             feasibility: 1e-6,
             tolerance: 1e-12,
             certificate: Tolerances::default(),
