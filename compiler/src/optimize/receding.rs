@@ -24,6 +24,8 @@ use crate::system::task::Shape;
 
 /// Iterations of one program near the last plan.
 const NEAR: usize = 300;
+/// What is shorter than this share of an interval is rounding.
+const SHORTEST: f64 = 1e-9;
 /// Objectives that differ by a smaller share are one.
 const SAME: f64 = 1e-6;
 /// A plan is dearer than the last one where it costs more by this share.
@@ -284,7 +286,9 @@ impl Plan {
         let mut pieces = Vec::new();
         for k in 0..steps {
             let (begins, ends) = (self.ends[k] - from, self.ends[k + 1] - from);
-            if ends <= 0.0 || begins >= length {
+            // Instants of samples and intervals are rounded.
+            let tiny = SHORTEST * (ends - begins);
+            if ends <= tiny || begins >= length - tiny {
                 continue;
             }
             let start = begins.max(0.0);
@@ -298,7 +302,7 @@ impl Plan {
             });
         }
         let end = self.horizon() - from;
-        if end < length {
+        if end < length * (1.0 - SHORTEST) {
             let last = self.controls.last().map_or(0.0, |last| last[i]);
             pieces.push((end.max(0.0), [last, 0.0]));
         }

@@ -40,6 +40,9 @@ pub(crate) use wires::check;
 /// Instants that differ by less than this share of them are one.
 const ONE: f64 = 1e-12;
 
+/// A plan whose end is as far behind a sample, as a share of the time between two, is over with it.
+const LAST: f64 = 1e-3;
+
 /// Runs a plant that has been compiled, where so many experiments may still start from each other; afterwards its system has the controls that were decided on.
 ///
 /// # Errors
@@ -168,8 +171,10 @@ impl Samples<'_> {
         let step = self.controller.step(t, &x0, &[], &self.limit);
         self.steps.push(step);
         let (plan, passed) = self.controller.followed(t)?;
-        let ends = self.controller.has_free_horizon() && plan.horizon() - passed <= next - t;
-        self.end = ends.then(|| t + (plan.horizon() - passed).max(0.0));
+        let left = (plan.horizon() - passed).max(0.0);
+        let is_last = left <= (next - t) * (1.0 + LAST);
+        let ends = self.controller.has_free_horizon() && is_last;
+        self.end = ends.then_some(t + left);
         let until = self.end.unwrap_or(next);
         let shape = self.controller.shape();
         let mut all = Vec::new();

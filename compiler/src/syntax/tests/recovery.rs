@@ -165,7 +165,7 @@ fn a_stray_character_costs_one_error_only() {
     ");
     assert_snapshot!(check("\0\0\u{1}binary"), @r"
     E0004 at 1:1: unexpected character U+0000 | the file does not seem to be text
-    E0012 at 1:4: no item of a file starts with `binary` | start with `use`, `const`, `fn`, `model`, `simulate`, `optimize`, `fit`, `expect`
+    E0012 at 1:4: no item of a file starts with `binary` | start with `use`, `const`, `fn`, `model`, `simulate`, `optimize`, `fit`, `mpc`, `expect`
     // a statement that could not be read
     ");
 }
