@@ -26,6 +26,8 @@ use crate::system::task::Shape;
 const NEAR: usize = 300;
 /// What is shorter than this share of an interval is rounding.
 const SHORTEST: f64 = 1e-9;
+/// Other ways that are tried behind the first plan, where one ends without a feasible point.
+const RESTARTS: usize = 2;
 /// Objectives that differ by a smaller share are one.
 const SAME: f64 = 1e-6;
 /// A plan is dearer than the last one where it costs more by this share.
@@ -162,7 +164,7 @@ impl<'e> Prepared<'e> {
             let begin = self.problem.begin(Start::Task(&self.sampled), limit);
             let mut begin = begin.expect("a task has a start");
             if last.is_some() {
-                begin.options.max_restarts = 0;
+                begin.options.max_restarts = RESTARTS;
                 begin.options.patience = 0;
             }
             let anew = self.problem.found(&begin, watch);

@@ -27,6 +27,8 @@ use crate::system::experiment::{MethodKind, Settings};
 /// A run that has been recorded.
 pub(crate) struct Decided {
     parts: Vec<Part>,
+    /// Where it was decided to end.
+    pub ends: Option<f64>,
     outcome: Outcome,
     order: usize,
 }
@@ -89,11 +91,13 @@ impl Decided {
         let ends = [0.0, settings.horizon];
         let mut outcome = simulator.run_decided(ends, &x0, &mut watched, decide);
         // It ends where that was decided on.
-        if outcome.status == Status::Stopped {
+        let ends = outcome.status == Status::Stopped;
+        if ends {
             outcome.status = Status::Solved;
         }
         Decided {
             parts: parts.0,
+            ends: ends.then_some(outcome.time),
             outcome,
             order: simulator.order(),
         }
@@ -105,6 +109,7 @@ impl Decided {
         let sides = vec![Side::Plus; system.switches.len()];
         Decided {
             parts: Vec::new(),
+            ends: None,
             outcome: Outcome::at(Status::Solved, 0.0, x0, sides),
             order: 0,
         }

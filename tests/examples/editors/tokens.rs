@@ -17,7 +17,7 @@ use crate::grammar::Grammar;
 const FOLDERS: [&str; 3] = ["examples", "stdlib", "compiler/src/syntax/tests/samples"];
 
 /// Places where a word may be a name, `@`, or where it looks as if it might.
-const PLACES: [&str; 64] = [
+const PLACES: [&str; 65] = [
     "const @ = 1;",
     "fn @(a) = a;",
     "fn f(@, b) = @ + b*@;",

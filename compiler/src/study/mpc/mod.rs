@@ -100,8 +100,9 @@ pub(crate) fn run<'e>(
             }
             let mut told = |progress| watch.progress(&Progress::Simulation(progress));
             let decide = &mut |t: f64, x: &[f64]| samples.decide(t, x);
-            let settings = &compiled.settings;
+            let settings = &mut compiled.settings;
             let run = Decided::run(&system, settings, &request.limit, decide, &mut told);
+            settings.horizon = run.ends.unwrap_or(settings.horizon);
             let applied = samples.applied.clone();
             let data = system.exogenous.data[first_data..].iter_mut();
             for (data, (starts, coefficients)) in data.zip(applied) {
