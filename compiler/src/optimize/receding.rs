@@ -11,9 +11,9 @@ use std::cmp::Ordering;
 
 use serde::{Deserialize, Serialize};
 
-use nsd_solver::optimization::mpcc::{Solution, Status};
+use nsd_solver::optimization::mpcc::{Solution, Status, Trust};
 
-use super::start::{self, Begin, Start, reference};
+use super::start::{self, Begin, Start, reference, shift};
 use super::{Point, Prepared, Problem, SolveError, branches, failure};
 use crate::limit::Limit;
 use crate::lowering::discretize::Layout;
@@ -129,21 +129,21 @@ impl<'e> Prepared<'e> {
         self.restart(parameters, Some(x0))?;
         let (mut iterations, mut near) = (0, None);
         if let Some(Last { plan, passed, .. }) = &last {
-            let shifted = self.problem.shifted(&plan.point, *passed);
+            let shifted = shift::shifted(&self.problem, &plan.point, *passed);
             let mut w = self.problem.lifted(&shifted).ok_or(SolveError::Foreign)?;
             for runs in [false, true] {
-                if runs && !self.problem.run_with(&mut w, limit) {
+                if runs && !run_with(&self.problem, &mut w, limit) {
                     break;
                 }
                 let begin = self.problem.begin(Start::Variables(&w), limit);
                 let mut begin = begin.ok_or(SolveError::Foreign)?;
-                begin.options.branch_only = true;
+                begin.options.trust = Trust::Alone;
                 begin.options.max_iterations = NEAR;
-                let found = self.problem.found(&begin, watch);
-                iterations += found.0.stats.iterations;
-                let is_there = found.1.is_none();
-                if is_there || near.is_none() || found.0.is_feasible() {
-                    near = Some(found);
+                let near_by = found(&mut self.problem, &begin, watch);
+                iterations += near_by.0.stats.iterations;
+                let is_there = near_by.1.is_none();
+                if is_there || near.is_none() || near_by.0.is_feasible() {
+                    near = Some(near_by);
                 }
                 if is_there || limit.is_over() {
                     break;
@@ -156,7 +156,7 @@ impl<'e> Prepared<'e> {
                 .is_some_and(|last| last.compares && last.costs_less(solution.objective));
             solution.is_feasible() && (limit.is_over() || failure.is_none() && !is_dearer)
         };
-        let mut found = None;
+        let mut fresh = None;
         if !near
             .as_ref()
             .is_some_and(|near| is_enough(near) || limit.is_over())
@@ -167,12 +167,12 @@ impl<'e> Prepared<'e> {
                 begin.options.max_restarts = RESTARTS;
                 begin.options.patience = 0;
             }
-            let anew = self.problem.found(&begin, watch);
+            let anew = found(&mut self.problem, &begin, watch);
             iterations += anew.0.stats.iterations;
-            found = Some(anew);
+            fresh = Some(anew);
         }
         let is_kept = |near: &(Solution, Option<Failure>)| {
-            let Some(anew) = &found else { return true };
+            let Some(anew) = &fresh else { return true };
             let rank = |one: &(Solution, Option<Failure>)| (one.0.is_feasible(), one.1.is_none());
             match rank(near).cmp(&rank(anew)) {
                 Ordering::Equal => {
@@ -183,16 +183,16 @@ impl<'e> Prepared<'e> {
         };
         let kept = near.filter(is_kept);
         let is_warm = kept.is_some();
-        let best = kept.or(found).expect("one of them was looked for");
-        let mut planned = self.problem.planned(&best.0, best.1, is_warm, iterations);
+        let best = kept.or(fresh).expect("one of them was looked for");
+        let mut told = planned(&self.problem, &best.0, best.1, is_warm, iterations);
         // What is no minimum, and costs more than what is followed, is no better than that.
         if let Some(last) = &last
-            && planned.failure.is_some()
+            && told.failure.is_some()
             && last.costs_less(best.0.objective)
         {
-            planned.plan = None;
+            told.plan = None;
         }
-        Ok(planned)
+        Ok(told)
     }
 }
 
@@ -204,69 +204,75 @@ impl Last<'_> {
     }
 }
 
-impl Problem<'_> {
-    /// Gives a point the states and modes of a run with its controls, where that comes to its end.
-    fn run_with(&self, w: &mut [f64], limit: &Limit) -> bool {
-        for (index, value) in self.layout.given(&self.dcs) {
-            w[index] = value;
-        }
-        let run = self.simulated(w, limit);
-        reference::in_modes(self, &run, w)
+/// Gives a point the states and modes of a run with its controls, where that comes to its end.
+fn run_with(problem: &Problem<'_>, w: &mut [f64], limit: &Limit) -> bool {
+    for (index, value) in problem.layout.given(&problem.dcs) {
+        w[index] = value;
     }
+    let run = problem.simulated(w, limit);
+    reference::in_modes(problem, &run, w)
+}
 
-    /// The best solution from a start, and why it is none.
-    fn found(&mut self, begin: &Begin, watch: &mut dyn Watch) -> (Solution, Option<Failure>) {
-        let found = start::solve(self, begin, watch);
-        let best = found.best.unwrap_or(0);
-        let mut solution = found.solutions[best].clone();
-        let has_branches = !self.dcs.switches.branches.is_empty() && solution.is_feasible();
-        let (options, limit) = (&begin.options, &begin.options.limit);
-        let in_other_mode = match has_branches {
-            true => branches::settle(self, &mut solution, options, limit, watch),
-            false => None,
-        };
-        let failure = in_other_mode.or_else(|| failure::of(self, &solution));
-        (solution, failure)
+/// The best solution from a start, and why it is none.
+fn found(
+    problem: &mut Problem<'_>,
+    begin: &Begin,
+    watch: &mut dyn Watch,
+) -> (Solution, Option<Failure>) {
+    let found = start::solve(problem, begin, watch);
+    let best = found.best.unwrap_or(0);
+    let mut solution = found.solutions[best].clone();
+    let has_branches = !problem.dcs.switches.branches.is_empty() && solution.is_feasible();
+    let (options, limit) = (&begin.options, &begin.options.limit);
+    let in_other_mode = match has_branches {
+        true => branches::settle(problem, &mut solution, options, limit, watch),
+        false => None,
+    };
+    let failure = in_other_mode.or_else(|| failure::of(problem, &solution));
+    (solution, failure)
+}
+
+fn planned(
+    problem: &Problem<'_>,
+    solution: &Solution,
+    failure: Option<Failure>,
+    is_warm: bool,
+    iterations: usize,
+) -> Planned {
+    let is_plan = failure.is_none()
+        || solution.is_feasible() && !matches!(solution.status, Status::Unbounded);
+    Planned {
+        plan: is_plan.then(|| plan_of(problem, solution)),
+        failure,
+        is_warm,
+        iterations,
     }
+}
 
-    fn planned(
-        &self,
-        solution: &Solution,
-        failure: Option<Failure>,
-        is_warm: bool,
-        iterations: usize,
-    ) -> Planned {
-        let is_plan = failure.is_none()
-            || solution.is_feasible() && !matches!(solution.status, Status::Unbounded);
-        Planned {
-            plan: is_plan.then(|| self.plan_of(solution)),
-            failure,
-            is_warm,
-            iterations,
-        }
-    }
-
-    fn plan_of(&self, solution: &Solution) -> Plan {
-        let Layout { steps, end, .. } = self.layout;
-        let (layout, w) = (&self.layout, &solution.w);
-        let n_integrals = self.system.task.as_ref().map_or(0, |task| task.integrals);
-        let n = self.system.states.len() - n_integrals;
-        let state = |first: usize| w[first..first + n].to_vec();
-        let at_ends = (1..=steps).map(|k| state(layout.x(k, layout.elements, end)));
-        let task = self.dcs.task.as_ref();
-        let n_controls = task.map_or(0, |task| task.controls.len());
-        let controls = layout.control_instants();
-        let controls = controls.map(|(k, _)| w[layout.u(k)..layout.u(k) + n_controls].to_vec());
-        Plan {
-            point: self.point(w),
-            ends: self.at(w).ends(),
-            controls: controls.collect(),
-            states: [state(layout.before(1, 1))]
-                .into_iter()
-                .chain(at_ends)
-                .collect(),
-            objective: solution.objective,
-        }
+fn plan_of(problem: &Problem<'_>, solution: &Solution) -> Plan {
+    let Layout { steps, end, .. } = problem.layout;
+    let (layout, w) = (&problem.layout, &solution.w);
+    let n_integrals = problem
+        .system
+        .task
+        .as_ref()
+        .map_or(0, |task| task.integrals);
+    let n = problem.system.states.len() - n_integrals;
+    let state = |first: usize| w[first..first + n].to_vec();
+    let at_ends = (1..=steps).map(|k| state(layout.x(k, layout.elements, end)));
+    let task = problem.dcs.task.as_ref();
+    let n_controls = task.map_or(0, |task| task.controls.len());
+    let controls = layout.control_instants();
+    let controls = controls.map(|(k, _)| w[layout.u(k)..layout.u(k) + n_controls].to_vec());
+    Plan {
+        point: problem.point(w),
+        ends: problem.at(w).ends(),
+        controls: controls.collect(),
+        states: [state(layout.before(1, 1))]
+            .into_iter()
+            .chain(at_ends)
+            .collect(),
+        objective: solution.objective,
     }
 }
 

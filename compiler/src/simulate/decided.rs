@@ -6,7 +6,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::event::{Cause, Decide, Event, Observer, Segment, Simulator};
+use nsd_solver::event::{Cause, Decide, Event, Observer, Segment, Simulator, run_decided};
 use nsd_solver::expansion::Polynomials;
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::{Outcome, Side, Status};
@@ -89,7 +89,7 @@ impl Decided {
         let mut parts = Parts(Vec::new());
         let mut watched = Watched::new(&mut parts, settings.horizon, false, watch);
         let ends = [0.0, settings.horizon];
-        let mut outcome = simulator.run_decided(ends, &x0, &mut watched, decide);
+        let mut outcome = run_decided(&mut simulator, ends, &x0, &mut watched, decide);
         // It ends where that was decided on.
         let ends = outcome.status == Status::Stopped;
         if ends {

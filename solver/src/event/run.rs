@@ -142,42 +142,41 @@ struct Before {
     length: f64,
 }
 
+/// [`Simulator::run`] with data that are decided on the way: wherever data may change, `decide` is asked at the state before what
+/// jumps there, and gives the last of them anew, from this instant on, or ends the run as `Stopped`.
+pub fn run_decided(
+    simulator: &mut Simulator,
+    [t0, t1]: [f64; 2],
+    x0: &[f64],
+    observer: &mut impl Observer,
+    decide: &mut Decide<'_>,
+) -> Outcome {
+    let known = simulator.mode.n_functions();
+    let mut state = std::mem::take(&mut simulator.state);
+    state.begin(t0, x0, simulator.system.n_switches());
+    simulator.stepper.stiffness.reset();
+    simulator.stepper.order.reset();
+    let mut history = History::default();
+    let status = match simulator.begin(&mut state, [t0, t1], observer) {
+        Err(status) => status,
+        Ok(()) => loop {
+            let went = simulator.go_on(&mut state, &mut history, [t0, t1], observer, decide);
+            if let Err(status) = went {
+                break status;
+            }
+        },
+    };
+    state.report.stats.functions = simulator.mode.n_functions() - known;
+    let outcome = outcome(&mut state, &history, t0, status);
+    simulator.state = state;
+    outcome
+}
+
 impl Simulator {
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
-        self.run_decided([t0, t1], x0, observer, &mut |_, _| {
-            ControlFlow::Continue(None)
-        })
-    }
-
-    /// The same with data that are decided on the way: wherever data may change, `decide` is asked at the state before what
-    /// jumps there, and gives the last of them anew, from this instant on, or ends the run as `Stopped`.
-    pub fn run_decided(
-        &mut self,
-        [t0, t1]: [f64; 2],
-        x0: &[f64],
-        observer: &mut impl Observer,
-        decide: &mut Decide<'_>,
-    ) -> Outcome {
-        let known = self.mode.n_functions();
-        let mut state = std::mem::take(&mut self.state);
-        state.begin(t0, x0, self.system.n_switches());
-        self.stepper.stiffness.reset();
-        self.stepper.order.reset();
-        let mut history = History::default();
-        let status = match self.begin(&mut state, [t0, t1], observer) {
-            Err(status) => status,
-            Ok(()) => loop {
-                let went = self.go_on(&mut state, &mut history, [t0, t1], observer, decide);
-                if let Err(status) = went {
-                    break status;
-                }
-            },
-        };
-        state.report.stats.functions = self.mode.n_functions() - known;
-        let outcome = outcome(&mut state, &history, t0, status);
-        self.state = state;
-        outcome
+        let goes_on = &mut |_: f64, _: &[f64]| ControlFlow::Continue(None);
+        run_decided(self, [t0, t1], x0, observer, goes_on)
     }
 
     /// Finds the first mode, with the jumps that are due at once.
@@ -258,13 +257,7 @@ impl Simulator {
         disarm(&mut self.mode, &state.point, &mut state.bands);
         let meets = ahead.meets(state.point.t, t1);
         if meets.breakpoint {
-            match decide(state.point.t, &state.point.x) {
-                ControlFlow::Continue(None) => {}
-                ControlFlow::Continue(Some(data)) => {
-                    self.set_data(self.mode.memory.data.len() - data.len(), &data);
-                }
-                ControlFlow::Break(()) => return Err(Status::Stopped),
-            }
+            take_data(&mut self.mode, &state.point, decide)?;
         }
         if meets.is_due {
             JumpLaws::new(&mut self.mode).let_due(state);
@@ -486,6 +479,20 @@ impl Simulator {
         }
         history.limit = waits.map(|end| (before.from, end));
         Ok(())
+    }
+}
+
+/// Takes what is decided on where data may change.
+fn take_data(mode: &mut Mode, point: &Point, decide: &mut Decide<'_>) -> Result<(), Status> {
+    match decide(point.t, &point.x) {
+        ControlFlow::Continue(None) => Ok(()),
+        ControlFlow::Continue(Some(data)) => {
+            let known = &mut mode.memory.data;
+            let first = known.len() - data.len();
+            known[first..].clone_from_slice(&data);
+            Ok(())
+        }
+        ControlFlow::Break(()) => Err(Status::Stopped),
     }
 }
 
