@@ -35,6 +35,10 @@ pub struct Controller {
 
 impl Controller {
     /// Compiles an experiment; the names of what is open have their values at each step.
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "what a controller has compiled stays on one thread, and Python may call from any"
+    )]
     pub fn new(
         project: Arc<nsdc::Project>,
         experiment: String,
