@@ -516,6 +516,11 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
             if experiment.is_sensed() && !found.has_errors() {
                 check_sensed(file, experiment, &mut found);
             }
+            if let Some(closed_loop) = &compiled.settings.numerics.closed_loop
+                && !found.has_errors()
+            {
+                found.append(study::mpc::check(file, &compiled, closed_loop));
+            }
             // What a fit frees is open already.
             if compiled.settings.recording.fit.is_some()
                 && !found.has_errors()

@@ -50,6 +50,7 @@ fn word(rule: Rule) -> Option<&'static str> {
         Rule::kw_by => "by",
         Rule::kw_const => "const",
         Rule::kw_contact => "contact",
+        Rule::kw_controller => "controller",
         Rule::kw_data => "data",
         Rule::kw_else => "else",
         Rule::kw_every => "every",

@@ -18,6 +18,7 @@ from importlib import import_module
 # Each name comes with its first use, and NumPy with it: importing the package costs next to nothing.
 _MODULES = {
     "_commands": "CommandError modes order verify",
+    "_controller": "Controller",
     "_core": "__version__",
     "_errors": "DerivativeError Diagnostic Edit Fix InternalError ModelError RunError Span",
     "_experiment": "Experiment",

@@ -1,4 +1,5 @@
 from ._commands import CommandError as CommandError, modes as modes, order as order, verify as verify
+from ._controller import Controller as Controller
 from ._core import __version__ as __version__
 from ._errors import DerivativeError as DerivativeError, Diagnostic as Diagnostic, Edit as Edit, Fix as Fix, InternalError as InternalError, ModelError as ModelError, RunError as RunError, Span as Span
 from ._experiment import Experiment as Experiment

@@ -64,6 +64,12 @@ class Rows:
     @property
     def missed(self) -> NDArray[np.int64]: ...
 
+class Controller:
+    def names(self) -> str: ...
+    def step(self, t: float, x: Sequence[float], parameters: Sequence[float]) -> str: ...
+    def memory(self) -> str: ...
+    def remember(self, memory: str) -> None: ...
+
 class Project:
     def __new__(
         cls, path: str, files: Sequence[tuple[str, bytes]], disk: bool
@@ -76,6 +82,13 @@ class Project:
     def run(
         self, experiment: str, asked: Asked, multipliers: bool, figure: bool
     ) -> Run: ...
+    def controller(
+        self,
+        experiment: str,
+        open: Sequence[str],
+        values: Sequence[tuple[str, float]],
+        deadline: float | None,
+    ) -> Controller: ...
     def draw(self, experiment: str, asked: Asked, run: Run) -> str: ...
     def sweep(
         self,

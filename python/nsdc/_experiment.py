@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from . import _core, _sweep
 from ._commands import Emitted, command
+from ._controller import Controller
 from ._function import Function, Pullback, Values
 from ._quantities import ENTRY, Quantities, Quantity, both, count, entry, finite, given, real
 from ._result import Result
@@ -34,7 +35,7 @@ SETTINGS = {
 
 
 class Experiment:
-    """An experiment of a file: what `simulate` or `optimize` says.
+    """An experiment of a file: what `simulate`, `optimize`, `fit` or `mpc` says.
 
     >>> import nsdc
     >>> file = nsdc.loads('''
@@ -62,7 +63,7 @@ class Experiment:
 
     @property
     def kind(self) -> str:
-        """`simulate` or `optimize`."""
+        """`simulate`, `optimize`, `fit` or `mpc`."""
         return str(self._description["kind"])
 
     @property
@@ -230,6 +231,21 @@ class Experiment:
         function is called, but for what it is given then.
         """
         return Function(self, by, of, at, **asked)
+
+    def controller(
+        self,
+        sample: float,
+        deadline: float | None = None,
+        *,
+        params: Mapping[str, ArrayLike] | None = None,
+        **values: Any,
+    ) -> Controller:
+        """An `optimize` experiment as a controller, which is solved from one state after another: see `Controller`.
+
+        `sample` is the time from one plan to the next, and `deadline` how long a solve may take, in seconds; values of
+        parameters hold in all plans, unless a step gives others.
+        """
+        return Controller(self, sample, deadline, given(self.parameters, both(values, params)))
 
     def vjp(
         self,

@@ -324,6 +324,11 @@ class Result:
         return self._summary.get("fit")
 
     @property
+    def mpc(self) -> dict[str, Any] | None:
+        """What the controller of a closed loop did: `samples` with decisions and plans, `times_s`; none of other experiments."""
+        return self._summary.get("mpc")
+
+    @property
     def constraints(self) -> list[dict[str, Any]]:
         """The constraints of an optimization: `value`, `relation`, `bound`, where it holds, and its `multiplier`, none where
         the optimum has no derivative by its bound."""

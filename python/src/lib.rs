@@ -5,6 +5,7 @@
 
 mod arrays;
 mod command;
+mod controller;
 mod errors;
 mod interrupt;
 mod project;
@@ -21,6 +22,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<project::Project>()?;
     module.add_class::<run::Run>()?;
+    module.add_class::<controller::Controller>()?;
     module.add_class::<sweep::Rows>()?;
     module.add_function(wrap_pyfunction!(command::main, module)?)?;
     module.add_function(wrap_pyfunction!(command::explain, module)?)?;

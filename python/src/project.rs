@@ -11,6 +11,7 @@ use nsdc::{Options, threads};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 
+use crate::controller::Controller;
 use crate::errors::{compiling, detached, model_error, told};
 use crate::interrupt::Interrupt;
 use crate::recorded::Recorded;
@@ -163,6 +164,20 @@ impl Project {
         found
             .map(Run::from)
             .map_err(|messages| model_error(&messages))
+    }
+
+    /// An `optimize` experiment as a controller, with parameters that have their values at each step.
+    fn controller(
+        &self,
+        experiment: String,
+        open: Vec<String>,
+        values: Vec<(String, f64)>,
+        deadline: Option<f64>,
+    ) -> PyResult<Controller> {
+        let deadline = deadline.map(Duration::try_from_secs_f64);
+        let wrong = |_| PyValueError::new_err("deadline: it is no time in seconds");
+        let deadline = deadline.transpose().map_err(wrong)?;
+        Controller::new(self.project.clone(), experiment, open, values, deadline)
     }
 
     /// The figure of a run, as SVG.

@@ -10,6 +10,7 @@ mod boxes;
 mod cancel;
 mod causes;
 mod chattering;
+mod closed_loops;
 mod coefficients;
 mod comparisons;
 mod compositions;

@@ -68,6 +68,8 @@ const EXAMPLES: &[&str] = &[
     "laws_at_rest.nsd: excess",
     "laws_at_rest.nsd: sine",
     "laws_at_rest.nsd: torn_loose",
+    "loop_turbo_car.nsd: hurry",
+    "loop_turbo_car.nsd: late",
     "minimum_time.nsd: across",
     "minimum_time.nsd: shift",
     "motor.nsd: published",

@@ -125,7 +125,7 @@ pub(super) fn settle(
         let mut start = solution.w.clone();
         reference::in_modes(problem, &run, &mut start);
         let options = Options {
-            trusts_start: true,
+            trust: mpcc::Trust::First,
             effort: 0,
             ..options.clone()
         };

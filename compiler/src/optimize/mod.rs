@@ -20,6 +20,7 @@ mod moved;
 mod prepared;
 mod problem;
 pub(crate) mod progress;
+pub(crate) mod receding;
 mod record;
 pub(crate) mod start;
 
@@ -47,6 +48,7 @@ pub use prepared::{PrepareError, Prepared, SolveError};
 use problem::Given;
 pub(crate) use problem::Problem;
 pub use progress::Progress;
+pub use receding::Plan;
 
 /// A solved task.
 pub struct Solved<'e> {

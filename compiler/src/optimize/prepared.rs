@@ -36,6 +36,7 @@
 //! ```
 
 use super::problem::Given;
+use super::receding::given_states;
 use super::{Problem, Sampled, Solved, refused};
 use crate::Compiled;
 use crate::diagnostics::Diagnostics;
@@ -57,9 +58,9 @@ use crate::system::Allowed;
 
 /// An optimal control problem that is ready to be solved with other parameters and initial states.
 pub struct Prepared<'e> {
-    problem: Problem<'e>,
+    pub(super) problem: Problem<'e>,
     /// What a first solution is guessed from.
-    sampled: Vec<Sampled>,
+    pub(super) sampled: Vec<Sampled>,
     /// The parameters that stay open, and x(0) of the experiment as a function of them.
     opened: Opened,
     ends: Vec<MovingEnd<'e>>,
@@ -161,14 +162,7 @@ impl<'e> Prepared<'e> {
         let mut at_start = Diagnostics::new();
         system.check_start(&mut at_start);
         diags.remove_known(&at_start);
-        let task = system.task.as_ref();
-        let n_integrals = task.map_or(0, |task| task.integrals);
-        let freed = task.iter().flat_map(|task| &task.initial);
-        let freed = freed.map(|free| free.place);
-        let algebraic = system.algebraic_states();
-        let others: Vec<usize> = freed.chain(algebraic.iter().copied()).collect();
-        let given = 0..system.states.len() - n_integrals;
-        let given: Vec<usize> = given.filter(|place| !others.contains(place)).collect();
+        let given = given_states(system);
         let name = |&place: &usize| system.states[place].name.clone();
         let consistent = || Consistent::new(system, &opened.places);
         Ok(Prepared {
@@ -178,7 +172,7 @@ impl<'e> Prepared<'e> {
             ends: MovingEnd::all(compiled),
             given,
             warnings: Warning::all(&diags),
-            consistent: (!algebraic.is_empty()).then(consistent),
+            consistent: (!system.algebraic_states().is_empty()).then(consistent),
             opened,
             sources,
         })
@@ -255,7 +249,7 @@ impl<'e> Prepared<'e> {
     }
 
     /// Gives everything other numbers, and says what the start warns of.
-    fn restart(
+    pub(super) fn restart(
         &mut self,
         parameters: &[f64],
         x0: Option<&[f64]>,

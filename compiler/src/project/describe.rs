@@ -8,7 +8,6 @@ use crate::model::{Named, Quantity};
 use crate::project::Project;
 use crate::project::clock::Clock;
 use crate::source::{SourceMap, Span};
-use crate::syntax::ExperimentKind;
 use crate::system::Allowed;
 use crate::system::experiment::Settings;
 
@@ -17,7 +16,7 @@ use crate::system::experiment::Settings;
 pub struct Description {
     /// Its name.
     pub name: String,
-    /// `simulate` or `optimize`.
+    /// `simulate`, `optimize`, `fit` or `mpc`.
     pub kind: &'static str,
     /// The model.
     pub model: String,
@@ -98,11 +97,7 @@ impl Project {
         };
         Ok(Description {
             name: experiment.name.name.clone(),
-            kind: match experiment.kind {
-                ExperimentKind::Simulate => "simulate",
-                ExperimentKind::Optimize => "optimize",
-                ExperimentKind::Fit => "fit",
-            },
+            kind: experiment.kind.word(),
             model: experiment.model.to_string(),
             doc: doc(experiment.span, &self.sources),
             horizon: settings.horizon,

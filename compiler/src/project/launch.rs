@@ -9,7 +9,7 @@ use crate::project::{Project, ensemble, sensed};
 use crate::report::Trajectory;
 use crate::simulate::{self, Request};
 use crate::source::Span;
-use crate::study::fit;
+use crate::study::{fit, mpc};
 use crate::syntax::{GuessSource, Path};
 use crate::system::experiment::{ExperimentError, Optimize};
 use crate::{Compiled, compile, threads};
@@ -40,6 +40,9 @@ fn within(
 ) -> Result<Trajectory, Diagnostics> {
     if let Some(fit) = compiled.settings.recording.fit.clone() {
         return fit::run(compiled, &fit, request, watch);
+    }
+    if let Some(closed_loop) = compiled.settings.numerics.closed_loop.clone() {
+        return mpc::run((project, depth), compiled, &closed_loop, request, watch);
     }
     let (system, settings) = (&compiled.system, &compiled.settings);
     let Some(task) = &settings.optimize else {
@@ -94,7 +97,8 @@ pub fn sampled(
     sampled_within(project, task, request, MAX_DEPTH)
 }
 
-fn sampled_within(
+/// The same where so many experiments may still start from each other.
+pub(crate) fn sampled_within(
     project: &Project,
     task: &Optimize<'_>,
     request: &Request,

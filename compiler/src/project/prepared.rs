@@ -163,6 +163,9 @@ pub enum NotPrepared {
     /// It is no simulation.
     #[error("`{0}` is an optimal control problem, which `prepare_optimal` prepares")]
     Optimal(String),
+    /// What its controls are is decided on while it runs.
+    #[error("`{0}` is a closed loop, whose controls are decided on while it runs")]
+    Loop(String),
     /// Another value of this parameter is another system.
     #[error("`{0}` {1}: it has to be compiled for each of its values")]
     Structural(String, Structural),
@@ -398,6 +401,9 @@ impl Opened {
     pub fn of(compiled: &crate::Compiled<'_>) -> Result<Self, NotPrepared> {
         let settings = &compiled.settings;
         match settings.optimize {
+            None if settings.numerics.closed_loop.is_some() => {
+                Err(NotPrepared::Loop(settings.name.clone()))
+            }
             None => Opened::inputs(compiled),
             Some(_) => Err(NotPrepared::Optimal(settings.name.clone())),
         }

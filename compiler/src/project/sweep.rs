@@ -134,7 +134,10 @@ impl<'p> Sweep<'p> {
         let overrides = sweep.at(&first);
         let names = check_names(&project.file, &sweep.experiment, &overrides, &mut diags);
         (sweep.states, sweep.units) = names.ok_or(diags)?;
-        if sweep.experiment.kind == ExperimentKind::Fit {
+        if matches!(
+            sweep.experiment.kind,
+            ExperimentKind::Fit | ExperimentKind::Mpc
+        ) {
             let mut diags = Diagnostics::new();
             let name = &sweep.experiment.name;
             diags.push(ExperimentError::NotSimulated {

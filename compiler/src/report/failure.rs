@@ -448,6 +448,19 @@ pub enum Failure {
         span: Span,
     },
 
+    /// A state from which a controller's model does not begin.
+    #[error("at t = {time}, there is no plan: {why}")]
+    #[diagnostic(
+        code(E0745),
+        help("keep the plant where the controller's model begins, with other controls or bounds")
+    )]
+    NoPlan {
+        time: f64,
+        why: String,
+        #[label("this controller")]
+        span: Span,
+    },
+
     /// A feasible point whose multipliers leave open that the objective falls.
     #[error(
         "no optimum was shown: a feasible point was reached that is {class}-stationary, {missing}"

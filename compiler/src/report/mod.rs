@@ -37,7 +37,8 @@ pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
 pub(crate) use rows::{Course, curve};
 pub use rows::{Rows, curve::refine};
 pub use several::{
-    Bands, Bound, Direction, Ensemble, Estimate, Fit, Measurements, Search, Several,
+    Bands, Bound, ClosedLoop, Decision, Direction, Ensemble, Estimate, Fit, Measurements, Planned,
+    Sampled, Search, Several, Times,
 };
 pub use status::{Certificate, Stationarity, Stats, Status};
 
@@ -191,7 +192,7 @@ pub struct Multipliers {
     pub values: Vec<Series>,
 }
 
-/// Simulation, optimal control or parameter estimation.
+/// Simulation, optimal control, parameter estimation or a closed loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
     /// `simulate`
@@ -201,6 +202,8 @@ pub enum Kind {
     Optimize,
     /// `fit`
     Fit,
+    /// `mpc`
+    Mpc,
 }
 
 impl Kind {
@@ -210,6 +213,7 @@ impl Kind {
             Kind::Simulate => "simulate",
             Kind::Optimize => "optimize",
             Kind::Fit => "fit",
+            Kind::Mpc => "mpc",
         }
     }
 }

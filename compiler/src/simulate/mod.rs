@@ -6,6 +6,7 @@
 
 pub(crate) mod again;
 mod bench;
+mod decided;
 mod driver;
 mod estimate;
 mod methods;
@@ -24,6 +25,7 @@ pub(crate) use crate::simulate::record::schedule;
 use crate::system::System;
 use crate::system::experiment::Settings;
 pub use bench::{Bench, End, Variant};
+pub(crate) use decided::Decided;
 pub(crate) use methods::solver_settings;
 pub use methods::{Plan, fesd, moreau};
 pub(crate) use methods::{adaptive, frozen};

@@ -35,15 +35,15 @@
 (drawing name: (identifier) @function.call)
 
 [
-  "model" "fn" "simulate" "optimize" "fit" "const" "param" "state" "discrete" "control" "input"
+  "model" "fn" "simulate" "optimize" "fit" "mpc" "const" "param" "state" "discrete" "control" "input"
   "algebraic" "let" "output" "signal" "switch" "part" "region" "jump" "contact"
 ] @keyword
 
 [
-  "always" "animate" "argmin" "at" "by" "chattering" "controls" "data" "elements" "error" "every" "expect"
+  "always" "animate" "argmin" "at" "by" "chattering" "controller" "controls" "data" "deadline" "elements" "error" "every" "expect"
   "final" "free" "golden" "guess" "hidden" "horizon" "in" "indicator" "initial" "intervals" "is"
   "linear" "loss" "lower" "lowering" "mechanics" "method" "metric" "minimize" "mode" "nonlinear" "numbers"
-  "of" "offset" "on" "onto" "perturb" "phase" "plot" "project" "runs" "scheme" "seed" "sensitivity" "slide"
+  "of" "offset" "on" "onto" "perturb" "phase" "plot" "project" "runs" "sample" "scheme" "seed" "sensitivity" "slide"
   "sliding" "solves" "starts" "status" "stop" "subject" "title" "to" "tolerance" "variational" "warning" "weight" "when"
   "where" "width" "with" "within"
 ] @keyword

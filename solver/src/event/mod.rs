@@ -37,6 +37,7 @@ use crate::hybrid::breakpoints::Pieces;
 use crate::integrate::drift::Projection;
 use crate::integrate::stepper::Stepper;
 pub use observer::{Cause, Event, Observer, Segment};
+pub use run::{Decide, run_decided};
 
 /// Runs a system, keeping the functions it has met from one run to the next.
 pub struct Simulator {

@@ -1,5 +1,8 @@
 //! The loop of a run: step, event, next mode.
 
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
 use super::jump::JumpLaws;
 use super::{Cause, Event, Observer, Segment, Simulator};
 use crate::event::state::{Report, State};
@@ -11,10 +14,13 @@ use crate::expansion::scales::Bands;
 use crate::hybrid::periodic::{are_one, latest};
 use crate::hybrid::point::Point;
 use crate::hybrid::status::Stats;
-use crate::hybrid::{HybridSystem, Outcome, Settings, Side, Status};
+use crate::hybrid::{HybridSystem, Outcome, Piecewise, Settings, Side, Status};
 use crate::integrate::step::Step;
 use crate::runtime::pace::Pace;
 use crate::selector::select::Met;
+
+/// Gives data from an instant and a state on, where they do not go on as they are known, or ends a run.
+pub type Decide<'d> = dyn FnMut(f64, &[f64]) -> ControlFlow<(), Option<Vec<Arc<Piecewise>>>> + 'd;
 
 /// Events in a row without progress in time that count as an accumulation.
 const MAX_STALLED: usize = 100;
@@ -136,27 +142,41 @@ struct Before {
     length: f64,
 }
 
+/// [`Simulator::run`] with data that are decided on the way: wherever data may change, `decide` is asked at the state before what
+/// jumps there, and gives the last of them anew, from this instant on, or ends the run as `Stopped`.
+pub fn run_decided(
+    simulator: &mut Simulator,
+    [t0, t1]: [f64; 2],
+    x0: &[f64],
+    observer: &mut impl Observer,
+    decide: &mut Decide<'_>,
+) -> Outcome {
+    let known = simulator.mode.n_functions();
+    let mut state = std::mem::take(&mut simulator.state);
+    state.begin(t0, x0, simulator.system.n_switches());
+    simulator.stepper.stiffness.reset();
+    simulator.stepper.order.reset();
+    let mut history = History::default();
+    let status = match simulator.begin(&mut state, [t0, t1], observer) {
+        Err(status) => status,
+        Ok(()) => loop {
+            let went = simulator.go_on(&mut state, &mut history, [t0, t1], observer, decide);
+            if let Err(status) = went {
+                break status;
+            }
+        },
+    };
+    state.report.stats.functions = simulator.mode.n_functions() - known;
+    let outcome = outcome(&mut state, &history, t0, status);
+    simulator.state = state;
+    outcome
+}
+
 impl Simulator {
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
-        let known = self.mode.n_functions();
-        let mut state = std::mem::take(&mut self.state);
-        state.begin(t0, x0, self.system.n_switches());
-        self.stepper.stiffness.reset();
-        self.stepper.order.reset();
-        let mut history = History::default();
-        let status = match self.begin(&mut state, [t0, t1], observer) {
-            Err(status) => status,
-            Ok(()) => loop {
-                if let Err(status) = self.go_on(&mut state, &mut history, [t0, t1], observer) {
-                    break status;
-                }
-            },
-        };
-        state.report.stats.functions = self.mode.n_functions() - known;
-        let outcome = outcome(&mut state, &history, t0, status);
-        self.state = state;
-        outcome
+        let goes_on = &mut |_: f64, _: &[f64]| ControlFlow::Continue(None);
+        run_decided(self, [t0, t1], x0, observer, goes_on)
     }
 
     /// Finds the first mode, with the jumps that are due at once.
@@ -199,6 +219,7 @@ impl Simulator {
         history: &mut History,
         [t0, t1]: [f64; 2],
         observer: &mut impl Observer,
+        decide: &mut Decide<'_>,
     ) -> Result<(), Status> {
         self.mode.memory.order = self.stepper.order.full();
         if !state.approaches.pending.is_empty() {
@@ -236,6 +257,9 @@ impl Simulator {
         // At an event, the rates on all surfaces that meet decide the next mode.
         disarm(&mut self.mode, &state.point, &mut state.bands);
         let meets = ahead.meets(state.point.t, t1);
+        if meets.breakpoint {
+            take_data(&mut self.mode, &state.point, decide)?;
+        }
         if meets.is_due {
             JumpLaws::new(&mut self.mode).let_due(state);
         }
@@ -457,6 +481,20 @@ impl Simulator {
         }
         history.limit = waits.map(|end| (before.from, end));
         Ok(())
+    }
+}
+
+/// Takes what is decided on where data may change.
+fn take_data(mode: &mut Mode, point: &Point, decide: &mut Decide<'_>) -> Result<(), Status> {
+    match decide(point.t, &point.x) {
+        ControlFlow::Continue(None) => Ok(()),
+        ControlFlow::Continue(Some(data)) => {
+            let known = &mut mode.memory.data;
+            let first = known.len() - data.len();
+            known[first..].clone_from_slice(&data);
+            Ok(())
+        }
+        ControlFlow::Break(()) => Err(Status::Stopped),
     }
 }
 

@@ -17,7 +17,7 @@ use crate::grammar::Grammar;
 const FOLDERS: [&str; 3] = ["examples", "stdlib", "compiler/src/syntax/tests/samples"];
 
 /// Places where a word may be a name, `@`, or where it looks as if it might.
-const PLACES: [&str; 64] = [
+const PLACES: [&str; 65] = [
     "const @ = 1;",
     "fn @(a) = a;",
     "fn f(@, b) = @ + b*@;",
@@ -61,6 +61,7 @@ const PLACES: [&str; 64] = [
     "simulate s of m { guess { from = 1; from.a = 2; } }",
     "simulate s of m { perturb every @ by @ seed 3; starts @ by @(1) seed 2; on chattering slide; intervals [1, @] free; }",
     "fit @ of @ { data \"@\" { @ -> @; a.@[1] -> @ weight @; b -> \"@\" weight 2; } data \"b.csv\" {} }",
+    "mpc @ of @ { controller @; sample @; deadline @ + 1; }",
     "fit s of m { loss squared; loss @(2); initial { @ free; } }",
     "simulate s of m { sensitivity to @, a.@[1] at 0; sensitivity to @ at 0; }",
     "simulate s of m { stop when @ <= 0 and a > @; }",

@@ -90,7 +90,7 @@ impl<'t> Around<'t> {
 
     fn is_in_experiment(&self) -> bool {
         let head = self.heads.first().and_then(|head| head.first());
-        head.is_some_and(|token| matches!(token.text, "simulate" | "optimize" | "fit"))
+        head.is_some_and(|token| matches!(token.text, "simulate" | "optimize" | "fit" | "mpc"))
     }
 
     fn last(&self) -> &'t str {
@@ -189,10 +189,12 @@ impl Known<'_> {
     fn of_file(&self, around: &Around<'_>) -> Vec<CompletionItem> {
         match (around.word(0), around.last()) {
             ("", _) => words(starts(Place::File).iter().map(|(word, _)| *word)),
-            ("simulate" | "optimize" | "fit", "of") => self.names(|kind| {
+            ("simulate" | "optimize" | "fit" | "mpc", "of") => self.names(|kind| {
                 matches!(kind, Kind::Model | Kind::File | Kind::Module | Kind::Alias)
             }),
-            ("simulate" | "optimize" | "fit", _) if around.before.len() == 2 => words(["of"]),
+            ("simulate" | "optimize" | "fit" | "mpc", _) if around.before.len() == 2 => {
+                words(["of"])
+            }
             ("expect", "expect") => words(["error", "warning"]),
             ("expect", "error") => codes('E'),
             ("expect", "warning") => codes('W'),
@@ -478,10 +480,15 @@ fn codes(letter: char) -> Vec<CompletionItem> {
 
 /// Settings of a kind of experiment with their meaning.
 fn settings(kind: &str) -> Vec<CompletionItem> {
-    const OF_RUNS: [&str; 5] = ["perturb", "on", "runs", "sensitivity", "stop"];
+    let of_runs: &[&str] = match kind {
+        "simulate" => &[],
+        "mpc" => &["lower", "runs", "sensitivity"],
+        _ => &["perturb", "on", "runs", "sensitivity", "stop"],
+    };
     let sections = match kind {
         "optimize" => &[reference::OPTIMIZE, reference::SIMULATE][..],
         "fit" => &[reference::FIT, reference::SIMULATE],
+        "mpc" => &[reference::MPC, reference::SIMULATE],
         _ => &[reference::SIMULATE],
     };
     let said = |word: &str| {
@@ -491,9 +498,8 @@ fn settings(kind: &str) -> Vec<CompletionItem> {
         said.next()
     };
     let all = starts(Place::Experiment).iter().map(|(word, _)| *word);
-    let is_of_runs_alone = |word: &str| kind != "simulate" && OF_RUNS.contains(&word);
     let all =
-        all.filter(|word| !is_of_runs_alone(word) && said(word).is_some() || *word == "expect");
+        all.filter(|word| !of_runs.contains(word) && said(word).is_some() || *word == "expect");
     all.map(|word| item(word, CompletionItemKind::KEYWORD, said(word)))
         .collect()
 }

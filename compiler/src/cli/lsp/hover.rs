@@ -138,12 +138,14 @@ fn of_word(analysis: &Analysis, word: &str, position: Position) -> Option<String
         };
     };
     let sections = match experiment.kind {
-        ExperimentKind::Simulate => [reference::SIMULATE, reference::OPTIMIZE, reference::FIT],
-        ExperimentKind::Optimize => [reference::OPTIMIZE, reference::SIMULATE, reference::FIT],
-        ExperimentKind::Fit => [reference::FIT, reference::SIMULATE, reference::OPTIMIZE],
+        ExperimentKind::Simulate => [reference::SIMULATE, reference::OPTIMIZE],
+        ExperimentKind::Optimize => [reference::OPTIMIZE, reference::SIMULATE],
+        ExperimentKind::Fit => [reference::FIT, reference::SIMULATE],
+        ExperimentKind::Mpc => [reference::MPC, reference::SIMULATE],
     };
     let said = sections
         .iter()
+        .chain(&reference::EXPERIMENTS)
         .find_map(|section| reference::of_statement(section, word));
     let said = said.or_else(|| reference::of_method(word).map(|(meaning, _)| meaning));
     said.or_else(|| reference::of_function(word))

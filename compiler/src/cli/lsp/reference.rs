@@ -13,6 +13,10 @@ pub const SIMULATE: &str = "## Experiments";
 pub const OPTIMIZE: &str = "### Optimal control";
 /// About settings of fits.
 pub const FIT: &str = "### Fits";
+/// About settings of closed loops.
+pub const MPC: &str = "### Closed loops";
+/// About settings of all kinds of experiments.
+pub const EXPERIMENTS: [&str; 4] = [SIMULATE, OPTIMIZE, FIT, MPC];
 /// About functions.
 const FUNCTIONS: &str = "## Expressions";
 /// About methods.
@@ -123,7 +127,7 @@ mod tests {
     #[test]
     fn settings_functions_and_methods_are_told() {
         for (word, _) in starts(Place::Experiment) {
-            let mut sections = [SIMULATE, OPTIMIZE, FIT].into_iter();
+            let mut sections = EXPERIMENTS.into_iter();
             let said = sections.find_map(|section| of_statement(section, word));
             assert!(
                 said.is_some(),

@@ -84,6 +84,7 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                     self.expect(expect);
                     self.resolver.of_runs = &[];
                 }
+                SettingKind::Controller(path) => self.experiment(path),
                 SettingKind::Stop(condition) => self.resolver.expr(condition),
                 SettingKind::Lower(_) | SettingKind::OnChattering | SettingKind::Bad => {}
             }
@@ -106,17 +107,20 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
     fn guess_sources(&mut self, sources: &'f [GuessSource]) {
         for source in sources {
             if let GuessSource::Experiment(path) = source {
-                let mut items = self.resolver.file.file.items.iter();
-                let declared = items.find_map(|item| match item {
-                    Item::Experiment(known) if known.name.name == path.head.name => {
-                        Some(known.name.span)
-                    }
-                    _ => None,
-                });
-                self.resolver
-                    .take_down(path.head.span, declared, Role::Reads);
+                self.experiment(path);
             }
         }
+    }
+
+    /// An experiment of the file that is named.
+    fn experiment(&mut self, path: &'f Path) {
+        let mut items = self.resolver.file.file.items.iter();
+        let declared = items.find_map(|item| match item {
+            Item::Experiment(known) if known.name.name == path.head.name => Some(known.name.span),
+            _ => None,
+        });
+        self.resolver
+            .take_down(path.head.span, declared, Role::Reads);
     }
 
     fn expect(&mut self, expect: &'f Expect) {

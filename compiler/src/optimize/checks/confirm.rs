@@ -198,7 +198,7 @@ fn from(
         return None;
     }
     let options = Options {
-        trusts_start: true,
+        trust: mpcc::Trust::First,
         effort: 0,
         ..options.clone()
     };

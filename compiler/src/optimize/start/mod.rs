@@ -4,9 +4,10 @@ pub(crate) mod guess;
 pub(crate) mod products;
 pub(crate) mod read;
 pub(crate) mod reference;
+pub(crate) mod shift;
 pub(crate) mod transfer;
 use nsd_solver::optimization::mpcc;
-use nsd_solver::optimization::mpcc::{Form, Homotopy, MultiStart, Options, Solution};
+use nsd_solver::optimization::mpcc::{Form, Homotopy, MultiStart, Options, Solution, Trust};
 use nsd_solver::optimization::problem::Nlp;
 
 use super::{Point, Problem, Progress, Sampled};
@@ -150,7 +151,10 @@ fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &L
         homotopy,
         limit: limit.clone(),
         analyses: problem.analyses.clone(),
-        trusts_start: reference && starts.is_none(),
+        trust: match reference && starts.is_none() {
+            true => Trust::First,
+            false => Trust::No,
+        },
         ..Options::default()
     }
 }

@@ -5,27 +5,29 @@
 //! controls as they are, and the multipliers that belong to its α. It is feasible there, with the same objective, if
 //! both programs are about the same system.
 
+use serde::{Deserialize, Serialize};
+
 use crate::lowering::dcs::solve_in_mode;
 use crate::optimize::Problem;
 use crate::system::task::Shape;
 
 /// A solution on its grid.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// Which programs it is a point of.
     kind: Kind,
     /// T.
-    horizon: f64,
+    pub(super) horizon: f64,
     params: Vec<f64>,
     /// Lengths of intervals as shares of their mean, where these are not equal.
-    shares: Vec<f64>,
+    pub(super) shares: Vec<f64>,
     /// Interval by interval.
-    controls: Vec<Vec<f64>>,
-    elements: Vec<Element>,
+    pub(super) controls: Vec<Vec<f64>>,
+    pub(super) elements: Vec<Element>,
 }
 
 /// What tells apart programs that have no points in common.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Kind {
     is_frozen: bool,
     n_impacts: usize,
@@ -36,21 +38,21 @@ struct Kind {
 }
 
 /// What happens in an element.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Element {
-    length: f64,
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Element {
+    pub(super) length: f64,
     /// When it begins, where the program asks for it.
-    start: Option<f64>,
+    pub(super) start: Option<f64>,
     /// States at its nodes, from the left end to the right one.
-    states: Vec<Vec<f64>>,
+    pub(super) states: Vec<Vec<f64>>,
     /// The states where it begins, before impulses.
-    before: Vec<f64>,
+    pub(super) before: Vec<f64>,
     /// States that have other values with the multipliers where an interval begins.
-    started: Vec<Option<f64>>,
+    pub(super) started: Vec<Option<f64>>,
     /// α of the switches of the discretized system at its Runge-Kutta nodes.
-    alphas: Vec<Vec<f64>>,
+    pub(super) alphas: Vec<Vec<f64>>,
     /// What contacts give where it begins.
-    impulses: Vec<f64>,
+    pub(super) impulses: Vec<f64>,
 }
 
 impl Problem<'_> {

@@ -7,9 +7,9 @@ use serde::ser::{Serialize, SerializeSeq, Serializer};
 use nsd_solver::optimization::mpcc::Spread;
 
 use crate::report::{
-    Averaged, Bands, Check, Confirmation, Ensemble, EventKind, Fit, History, Kind, Method,
-    MethodOption, Multipliers, Optimum, Quality, Samples, Series, Stationarity, Status, Trajectory,
-    Warning,
+    Averaged, Bands, Check, ClosedLoop, Confirmation, Ensemble, EventKind, Fit, History, Kind,
+    Method, MethodOption, Multipliers, Optimum, Quality, Samples, Series, Stationarity, Status,
+    Trajectory, Warning,
 };
 
 /// The object, without a line break.
@@ -91,6 +91,8 @@ struct Account<'a> {
     ensemble: Option<&'a Ensemble>,
     #[serde(skip_serializing_if = "Option::is_none")]
     fit: Option<&'a Fit>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mpc: Option<&'a ClosedLoop>,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     averaged: &'a [Averaged],
     skipped: &'a [String],
@@ -136,6 +138,7 @@ impl<'a> From<&'a Trajectory> for Account<'a> {
             optimum: trajectory.optimum.as_ref(),
             ensemble: trajectory.several.ensemble.as_ref(),
             fit: trajectory.several.fit.as_ref(),
+            mpc: trajectory.several.closed_loop.as_ref(),
             averaged: &trajectory.history.averaged,
             skipped: &trajectory.setup.skipped,
             warnings: (trajectory.warnings.iter().cloned())

@@ -4,8 +4,8 @@ use std::fmt::{self, Display, Write};
 
 use crate::diagnostics::counted;
 use crate::report::{
-    Bands, Constraint, Event, EventKind, Fit, History, MethodOption, ModeTexts, Samples, Search,
-    Series, Stationarity, Stats, Status, Trajectory,
+    Bands, Constraint, Decision, Event, EventKind, Fit, History, MethodOption, ModeTexts, Samples,
+    Search, Series, Stationarity, Stats, Status, Times, Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
@@ -48,6 +48,7 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     optimum(trajectory, text)?;
     ensemble(trajectory, text)?;
     fit(trajectory, text)?;
+    closed_loop(trajectory, text)?;
     for skipped in &trajectory.setup.skipped {
         writeln!(text, "  skipped {skipped}")?;
     }
@@ -309,6 +310,42 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     }
     let seconds = trajectory.quality.stats.solve_s;
     writeln!(text, ", {}", duration(seconds))
+}
+
+/// What a controller has done.
+fn closed_loop(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(found) = &trajectory.several.closed_loop else {
+        return Ok(());
+    };
+    let n = counted(found.samples.len(), "plan");
+    write!(
+        text,
+        "\n  {n} of {} every {}:",
+        found.controller, found.sample
+    )?;
+    let ways = [
+        (Decision::Warm, "solved from the last one"),
+        (Decision::Cold, "solved anew"),
+        (Decision::Feasible, "feasible"),
+        (Decision::Kept, "none, and the last one went on"),
+    ];
+    let counts = ways.map(|(decision, what)| (found.count(decision), what));
+    let told = counts.iter().filter(|(count, _)| *count > 0);
+    let told: Vec<String> = told
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
+    writeln!(text, " {}", told.join(", "))?;
+    let Times {
+        first,
+        median,
+        upper,
+        longest,
+    } = found.times;
+    let [first, median, upper, longest] = [first, median, upper, longest].map(duration);
+    writeln!(
+        text,
+        "  solved in {median} (median), {upper} (95 %), {longest} (longest); the first in {first}"
+    )
 }
 
 /// What the data say of parameters.

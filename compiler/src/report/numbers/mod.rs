@@ -104,7 +104,7 @@ fn numbers(trajectory: &Trajectory, tolerance: f64) -> Vec<Line> {
     let estimate = trajectory.quality.error_estimate.unwrap_or(0.0);
     let objective = tolerance.max(CLOSEST);
     let close = match trajectory.setup.kind {
-        Kind::Simulate => tolerance.max(SAFETY * estimate).max(CLOSEST),
+        Kind::Simulate | Kind::Mpc => tolerance.max(SAFETY * estimate).max(CLOSEST),
         Kind::Optimize | Kind::Fit => objective.sqrt(),
     };
     let mut lines = Vec::new();

@@ -137,8 +137,9 @@ impl<'a> Figure<'a> {
         let (history, units) = (&self.trajectory.history, self.units);
         let several = &self.trajectory.several;
         let many = several.ensemble.as_ref();
+        let end = self.samples.time.last().copied().unwrap_or(0.0);
         let panels = self.panels.iter();
-        let panels = panels.map(|group| Panel::new(group, units, several));
+        let panels = panels.map(|group| Panel::new(group, units, several, end));
         let measured = several.fit.iter().flat_map(|fit| &fit.data);
         let panels = panels.chain(measured.map(Panel::of_residuals));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();

@@ -7,7 +7,7 @@ use super::canvas::{Align, Canvas, Point, Stroke, TEXT_SIZE, mixed, shade, wides
 use super::frame::{Frame, MARGIN, left_space};
 use super::marks::LINES;
 use crate::model::Units;
-use crate::report::{Ensemble, Measurements, Samples, Series, Several};
+use crate::report::{ClosedLoop, Ensemble, Measurements, Planned, Samples, Series, Several};
 
 /// Panels before scalar quantities share one.
 const MAX_PANELS: usize = 8;
@@ -24,6 +24,10 @@ pub const MANY: [RGBColor; 4] = [
     RGBColor(220, 140, 30),
 ];
 
+/// Plans of a controller that are drawn at most, how thin, and how much of its colour each has.
+const MOST_PLANS: usize = 40;
+const THIN: f64 = 0.6;
+const PALE: f64 = 0.4;
 /// Radius of a measurement.
 const DOT: f64 = 1.3;
 /// Width of the line of one of many runs.
@@ -36,12 +40,14 @@ pub struct Panel {
     /// Name of the vertical axis.
     title: String,
     curves: Vec<Curve>,
-    dots: Vec<Dots>,
+    dots: Vec<Beside>,
+    /// Plans of a controller.
+    plans: Vec<Beside>,
     axis: Axis,
 }
 
-/// What was measured.
-struct Dots {
+/// What was measured, or planned.
+struct Beside {
     time: Vec<f64>,
     values: Vec<f64>,
     color: RGBColor,
@@ -74,7 +80,7 @@ pub fn arrange(samples: &Samples) -> Vec<Vec<&Series>> {
 
 impl Panel {
     /// The entries of these, with quantiles of many runs, and with what was measured of them.
-    pub fn new(group: &[&Series], units: &Units, several: &Several) -> Self {
+    pub fn new(group: &[&Series], units: &Units, several: &Several, end: f64) -> Self {
         let entries: Vec<_> = group.iter().flat_map(|series| series.columns()).collect();
         let (n, many) = (entries.len(), several.ensemble.as_ref());
         let measured = several.fit.iter().flat_map(|fit| &fit.data);
@@ -85,6 +91,7 @@ impl Panel {
                 Some((place, data))
             })
             .collect();
+        let names: Vec<String> = entries.iter().map(|(name, _)| name.clone()).collect();
         let curves: Vec<Curve> = entries
             .into_iter()
             .enumerate()
@@ -118,18 +125,23 @@ impl Panel {
                 .chain(quantiles)
                 .collect::<Vec<_>>()
         };
-        let dots = measured.iter().map(|&(curve, data)| Dots {
+        let dots = measured.iter().map(|&(curve, data)| Beside {
             time: data.time.clone(),
             values: data.measured.clone(),
             color: curves[curve].color,
         });
-        let dots: Vec<Dots> = dots.collect();
+        let dots: Vec<Beside> = dots.collect();
         let measured = dots.iter().flat_map(|dots| dots.values.iter().copied());
-        let axis = Axis::around(curves.iter().flat_map(drawn).chain(measured));
+        let plans = several.closed_loop.as_ref();
+        let plans = plans.map_or_else(Vec::new, |found| planned(found, (&names, &curves), end));
+        let expected = plans.iter().flat_map(|plan| plan.values.iter().copied());
+        let beside = measured.chain(expected);
+        let axis = Axis::around(curves.iter().flat_map(drawn).chain(beside));
         Panel {
             title,
             curves,
             dots,
+            plans,
             axis,
         }
     }
@@ -139,8 +151,9 @@ impl Panel {
         Panel {
             title: format!("{} - {}", data.quantity, data.column),
             curves: Vec::new(),
+            plans: Vec::new(),
             axis: Axis::around(data.residuals.iter().copied().chain([0.0])),
-            dots: vec![Dots {
+            dots: vec![Beside {
                 time: data.time.clone(),
                 values: data.residuals.clone(),
                 color: LINES[0],
@@ -196,6 +209,11 @@ impl Panel {
         for (curve, many) in self.curves.iter().filter_map(|curve| Some((curve, many?))) {
             curve.draw_quantiles(canvas, &many.time, frame);
         }
+        for plan in &self.plans {
+            let points = plan.time.iter().zip(&plan.values);
+            let points: Vec<Point> = points.map(|(&t, &x)| (time.at(t), axis.at(x))).collect();
+            canvas.line(&points, Stroke(THIN, pale(plan.color, PALE)));
+        }
         for curve in &self.curves {
             let values = instants.iter().zip(&curve.values);
             let points = values.map(|(&t, &value)| (time.at(t), axis.at(value)));
@@ -236,6 +254,25 @@ impl Panel {
             canvas.text((x.end + 5.0, place), &curve.name, Align::Left, curve.color);
         }
     }
+}
+
+/// What was planned for these curves until an instant, of so many plans that each is seen.
+fn planned(found: &ClosedLoop, (names, curves): (&[String], &[Curve]), end: f64) -> Vec<Beside> {
+    let plans: Vec<&Planned> = found.samples.iter().flat_map(|one| &one.plan).collect();
+    let every = plans.len().div_ceil(MOST_PLANS).max(1);
+    let shown = plans.into_iter().step_by(every);
+    let of_curve = |plan: &Planned, (name, curve): (&String, &Curve)| {
+        let (_, values) = plan.states.iter().find(|(known, _)| known == name)?;
+        let n = plan.time.partition_point(|&t| t <= end);
+        Some(Beside {
+            time: plan.time[..n].to_vec(),
+            values: values[..n].to_vec(),
+            color: curve.color,
+        })
+    };
+    shown
+        .flat_map(|plan| (names.iter().zip(curves)).filter_map(move |one| of_curve(plan, one)))
+        .collect()
 }
 
 impl Curve {

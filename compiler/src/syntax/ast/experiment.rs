@@ -3,7 +3,7 @@
 use super::{Bind, Binder, Domain, Expr, Ident, Path, Row, Setting};
 use crate::source::Span;
 
-/// `simulate NAME of MODEL { ... }`, `optimize ...` or `fit ...`
+/// `simulate NAME of MODEL { ... }`, `optimize ...`, `fit ...` or `mpc ...`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Experiment {
     /// Which of them it is.
@@ -34,7 +34,7 @@ impl Experiment {
     }
 }
 
-/// Simulation, optimal control or parameter estimation.
+/// Simulation, optimal control, parameter estimation or a closed loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExperimentKind {
     /// `simulate`
@@ -43,6 +43,20 @@ pub enum ExperimentKind {
     Optimize,
     /// `fit`
     Fit,
+    /// `mpc`
+    Mpc,
+}
+
+impl ExperimentKind {
+    /// The word of the language.
+    pub fn word(self) -> &'static str {
+        match self {
+            ExperimentKind::Simulate => "simulate",
+            ExperimentKind::Optimize => "optimize",
+            ExperimentKind::Fit => "fit",
+            ExperimentKind::Mpc => "mpc",
+        }
+    }
 }
 
 /// A setting of an experiment, with the span of its statement.
@@ -137,11 +151,13 @@ pub enum SettingKind {
     },
     /// `data "measured.csv" { q -> position; }`
     Data(Data),
+    /// `controller swing;`
+    Controller(Path),
     /// `plot { x, v; phase q, v; title "Fall"; width 8 cm; }`
     Plot(Vec<PlotItem>),
     /// `animate { disc q, r; trace q[1], q[2]; speed 0.5; title "Fall"; width 8 cm; }`
     Animate(Vec<PlotItem>),
-    /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `loss`
+    /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `loss`, `sample`, `deadline`
     Value {
         /// Which setting.
         name: Ident,
@@ -173,6 +189,7 @@ impl SettingKind {
             SettingKind::Sensitivity(_) => "sensitivity to",
             SettingKind::Stop(_) => "stop when",
             SettingKind::Data(_) => "data",
+            SettingKind::Controller(_) => "controller",
             SettingKind::Perturb { .. } => "perturb",
             SettingKind::Starts { .. } => "starts",
             SettingKind::Plot(_) => "plot",

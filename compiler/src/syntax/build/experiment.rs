@@ -21,7 +21,8 @@ pub(crate) fn experiment(reading: &mut Reading, mut parts: Parts, span: Span) ->
     let kind = match parts.one(Rule::experiment_kind).as_str() {
         "simulate" => ExperimentKind::Simulate,
         "optimize" => ExperimentKind::Optimize,
-        _ => ExperimentKind::Fit,
+        "fit" => ExperimentKind::Fit,
+        _ => ExperimentKind::Mpc,
     };
     let name = reading.ident(parts.one(Rule::name));
     let model = path(reading, parts.one(Rule::path));
@@ -93,6 +94,7 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
             SettingKind::Sensitivity(parts.map(|to| sensed(reading, to)).collect())
         }
         Rule::data => data(reading, parts),
+        Rule::controller => SettingKind::Controller(path(reading, parts.one(Rule::path))),
         Rule::plot => SettingKind::Plot(plot_items(reading, parts, Place::Plot)),
         Rule::animate => SettingKind::Animate(plot_items(reading, parts, Place::Animation)),
         Rule::free_intervals => SettingKind::FreeIntervals(expr(reading, parts.one(Rule::expr))),

@@ -53,6 +53,7 @@ const FILE: Starts = &[
     ("simulate", Rule::experiment),
     ("optimize", Rule::experiment),
     ("fit", Rule::experiment),
+    ("mpc", Rule::experiment),
     ("expect", Rule::expect_diagnostic),
 ];
 
@@ -92,6 +93,9 @@ const EXPERIMENT: Starts = &[
     ("sensitivity", Rule::sensitivity),
     ("data", Rule::data),
     ("loss", Rule::value),
+    ("controller", Rule::controller),
+    ("sample", Rule::value),
+    ("deadline", Rule::value),
     ("runs", Rule::value),
     ("intervals", Rule::value),
     ("elements", Rule::value),

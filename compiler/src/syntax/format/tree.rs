@@ -202,6 +202,7 @@ fn is_member(rule: Rule) -> bool {
             | sensed
             | data
             | measured
+            | controller
             | plot
             | plot_panel
             | plot_phase

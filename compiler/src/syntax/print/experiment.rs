@@ -8,11 +8,7 @@ use crate::syntax::build::words::RESERVED;
 
 impl Printer {
     pub(super) fn experiment(&mut self, item: &Experiment) {
-        let word = match item.kind {
-            ExperimentKind::Simulate => "simulate",
-            ExperimentKind::Optimize => "optimize",
-            ExperimentKind::Fit => "fit",
-        };
+        let word = item.kind.word();
         self.block(
             format!("{word} {} of {}", item.name, item.model),
             "",
@@ -94,6 +90,7 @@ impl Printer {
             SettingKind::Stop(condition) => self.line(format!("stop when {condition};")),
             SettingKind::Sensitivity(to) => self.sensitivity(to),
             SettingKind::Data(data) => self.data(data),
+            SettingKind::Controller(path) => self.line(format!("controller {path};")),
             SettingKind::Plot(items) => self.plot("plot", items),
             SettingKind::Animate(items) => self.plot("animate", items),
             SettingKind::Value { name, value } => self.line(format!("{name} {value};")),

@@ -337,6 +337,20 @@ fn reads_every_setting_of_a_fit() {
 }
 
 #[test]
+fn reads_every_setting_of_a_closed_loop() {
+    assert_snapshot!(canonical(
+        "mpc it of m { controller   plan ; sample 1/10; deadline 0.02; horizon 3; }"
+    ), @r"
+    mpc it of m {
+      controller plan;
+      sample 1/10;
+      deadline 0.02;
+      horizon 3;
+    }
+    ");
+}
+
+#[test]
 fn reads_every_setting_of_an_optimization() {
     assert_snapshot!(canonical(
         r#"

@@ -643,6 +643,58 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A setting of another kind of experiment.
+    #[error("{setting} is no setting of a closed loop")]
+    #[diagnostic(
+        code(E0550),
+        help(
+            "an `mpc` has `controller`, `sample` and `deadline`, and of a simulation `with`, `horizon`, `tolerance`, `method event`, `perturb`, `stop when`, `output`, `plot`, `animate` and `expect`"
+        )
+    )]
+    NotForMpc {
+        setting: String,
+        #[label("belongs to another kind of experiment")]
+        span: Span,
+    },
+
+    /// A closed loop without a controller, or without the time between two samples.
+    #[error("the loop `{name}` has no `{what}`")]
+    #[diagnostic(
+        code(E0551),
+        help("{}", match *what {
+            "controller" => "add `controller NAME;` with an `optimize` experiment of this file",
+            _ => "add `sample 0.1;`, the time from one plan to the next",
+        })
+    )]
+    OpenLoop {
+        name: String,
+        what: &'static str,
+        #[label("no closed loop")]
+        span: Span,
+    },
+
+    /// An experiment that is solved from no other state.
+    #[error("`{name}` is no controller: {why}")]
+    #[diagnostic(code(E0552), help("{help}"))]
+    BadController {
+        name: String,
+        why: String,
+        help: &'static str,
+        #[label("named here")]
+        span: Span,
+    },
+
+    /// A state or a control that one side of a loop has and the other lacks.
+    #[error("the loop is open at `{name}`: {why}")]
+    #[diagnostic(code(E0553), help("{help}"))]
+    LoopMismatch {
+        name: String,
+        why: String,
+        help: &'static str,
+        #[label("the loop")]
+        span: Span,
+    },
+
     /// Impulses where elements meet, in a method without elements.
     #[error("`lower impact` needs `method fesd`")]
     #[diagnostic(

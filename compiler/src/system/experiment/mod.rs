@@ -36,8 +36,8 @@ pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions, words_of};
 pub use optimize::{
-    At, Column, Cost, Fit, Freed, Integral, Lengths, MpccOptions, Optimize, Row, Shape, Starts,
-    Term, Tied, relaxation_word, steering_word,
+    At, ClosedLoop, Column, Cost, Fit, Freed, Integral, Lengths, MpccOptions, Optimize, Row, Shape,
+    Starts, Term, Tied, relaxation_word, steering_word,
 };
 pub use perturb::Perturbation;
 pub use plot::{Drawn, Figures, Plot, Sheet};
@@ -87,6 +87,8 @@ pub fn evaluate<'e>(
     if let Some(fit) = fit {
         statements.recording.follow(fit);
     }
+    let closed_loop = statements.closed_loop.take();
+    let closed_loop = closed_loop.and_then(|draft| draft.finish(&mut reader, experiment));
     let failed = reader.failed || optimize.is_some() != is_optimize;
     let (horizon, _) = statements.horizon?;
     let settings = Settings {
@@ -95,6 +97,7 @@ pub fn evaluate<'e>(
         horizon: horizon?,
         numerics: Numerics {
             averages: statements.averages.is_some(),
+            closed_loop,
             ..statements.numerics
         },
         recording: statements.recording,

@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use super::method::{EventOptions, Lowering, Method};
-use super::optimize::{Fit, Optimize};
+use super::optimize::{ClosedLoop, Fit, Optimize};
 use super::perturb::Perturbation;
 use super::plot::Figures;
 use super::sensed::Sensed;
@@ -55,6 +55,8 @@ pub struct Numerics<'e> {
     pub averages: bool,
     /// Conditions that end the run; the horizon is its limit.
     pub stops: Vec<Stop<'e>>,
+    /// What decides on controls at samples; `None` where they are given, or optimized.
+    pub closed_loop: Option<ClosedLoop>,
 }
 
 /// What is told of a run.
@@ -106,6 +108,11 @@ impl<'e> Settings<'e> {
 }
 
 impl Settings<'_> {
+    /// Whether controls that are not given are decided.
+    pub(crate) fn decides(&self) -> bool {
+        self.optimize.is_some() || self.numerics.closed_loop.is_some()
+    }
+
     /// Whether time stands still where states jump.
     pub fn freezes(&self) -> bool {
         self.numerics.lowerings.contains(&Lowering::TimeFreezing)

@@ -4,7 +4,7 @@ use super::animation::Animation;
 use super::capabilities::Feature;
 use super::error::ExperimentError;
 use super::method::{self, Lowering, Method, MethodKind};
-use super::optimize::{Draft, Fit, not_for_fit};
+use super::optimize::{Draft, Fit, LoopDraft, not_for_fit};
 use super::perturb::Perturbation;
 use super::plot::Plot;
 use super::reader::Reader;
@@ -32,6 +32,8 @@ pub(crate) struct Statements<'m, 'e> {
     pub draft: Option<Draft<'m, 'e>>,
     /// Of a fit, with the files of data that it may name.
     pub fit: Option<Fit<'e>>,
+    /// Of a closed loop, what only that has.
+    pub closed_loop: Option<LoopDraft>,
     data: &'m Sources,
     pub horizon: Option<(Option<f64>, Span)>,
     pub numerics: Numerics<'e>,
@@ -46,12 +48,15 @@ impl<'m, 'e> Statements<'m, 'e> {
     /// What holds where nothing is said.
     pub fn new(model: &'m Model<'e>, data: &'m Sources, kind: ExperimentKind) -> Self {
         let (draft, tolerance) = match kind {
-            ExperimentKind::Simulate | ExperimentKind::Fit => (None, DEFAULT_TOLERANCE),
+            ExperimentKind::Simulate | ExperimentKind::Fit | ExperimentKind::Mpc => {
+                (None, DEFAULT_TOLERANCE)
+            }
             ExperimentKind::Optimize => (Some(Draft::new(model)), DEFAULT_OPTIMIZE_TOLERANCE),
         };
         Statements {
             draft,
             fit: (kind == ExperimentKind::Fit).then(Fit::default),
+            closed_loop: (kind == ExperimentKind::Mpc).then(LoopDraft::default),
             data,
             horizon: None,
             numerics: Numerics {
@@ -60,6 +65,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                 lowerings: Vec::new(),
                 averages: false,
                 stops: Vec::new(),
+                closed_loop: None,
             },
             recording: Recording::default(),
             kicks: None,
@@ -91,7 +97,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                     self.numerics.method = chosen;
                 }
             }
-            SettingKind::Lower(names) if self.fit.is_none() => {
+            SettingKind::Lower(names) if self.fit.is_none() && self.closed_loop.is_none() => {
                 let named = names
                     .iter()
                     .filter_map(|name| method::lowering(reader, name));
@@ -125,6 +131,12 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some(fit) = &mut self.fit {
             let end = self.horizon.and_then(|(end, _)| end);
             return fit.setting(reader, self.data, (kind, span), end);
+        }
+        if let Some(closed_loop) = &mut self.closed_loop
+            && !is_of_loops(kind)
+        {
+            let end = self.horizon.and_then(|(end, _)| end);
+            return closed_loop.setting(reader, (kind, span), end);
         }
         match kind {
             SettingKind::Value { name, .. } if name.name == "runs" && is_optimize => {
@@ -183,9 +195,13 @@ impl<'m, 'e> Statements<'m, 'e> {
         match (&mut self.draft, free) {
             (None, true) => {
                 self.horizon = Some((None, span));
-                match self.fit {
-                    Some(_) => not_for_fit(reader, "`horizon free`", span),
-                    None => not_for_simulate(reader, "horizon free", span),
+                match (&self.fit, &self.closed_loop) {
+                    (Some(_), _) => not_for_fit(reader, "`horizon free`", span),
+                    (_, Some(_)) => reader.error(ExperimentError::NotForMpc {
+                        setting: "`horizon free`".to_owned(),
+                        span,
+                    }),
+                    _ => not_for_simulate(reader, "horizon free", span),
                 }
             }
             (Some(draft), true) => {
@@ -221,7 +237,15 @@ impl<'m, 'e> Statements<'m, 'e> {
                 span: sensed.span,
             });
         }
-        let averages = self.numerics.method.kind().takes(Feature::Averages);
+        let method = self.numerics.method.kind();
+        let by_events = matches!(method, MethodKind::Auto | MethodKind::Event);
+        if self.closed_loop.is_some() && !by_events {
+            reader.error(ExperimentError::NotForMpc {
+                setting: format!("`method {}`", method.word()),
+                span: experiment.name.span,
+            });
+        }
+        let averages = method.takes(Feature::Averages);
         if let Some(span) = self.averages.filter(|_| !averages) {
             reader.error(ExperimentError::NoChattering { span });
         }
@@ -266,6 +290,14 @@ impl Statements<'_, '_> {
     }
 }
 
+/// Whether closed loops have a setting of simulations.
+fn is_of_loops(kind: &SettingKind) -> bool {
+    matches!(
+        kind,
+        SettingKind::Perturb { .. } | SettingKind::Stop(_) | SettingKind::OnChattering
+    )
+}
+
 fn not_for_simulate(reader: &mut Reader<'_, '_>, setting: &str, span: Span) {
     reader.error(ExperimentError::NotForSimulate {
         setting: setting.to_owned(),
@@ -278,6 +310,7 @@ fn not_for_simulate(reader: &mut Reader<'_, '_>, setting: &str, span: Span) {
 fn home_of(setting: &str) -> &'static str {
     match setting {
         "data" | "loss" => "`fit`",
+        "controller" | "sample" | "deadline" => "`mpc`",
         "free" | "starts" => "`optimize` or `fit`",
         _ => "`optimize`",
     }

@@ -35,7 +35,10 @@ pub(crate) fn given<'e>(
     diags: &mut Diagnostics,
 ) -> Option<Given<'e>> {
     let mut given = Given {
-        decides: experiment.kind == syntax::ExperimentKind::Optimize,
+        decides: matches!(
+            experiment.kind,
+            syntax::ExperimentKind::Optimize | syntax::ExperimentKind::Mpc
+        ),
         free: freed(model, experiment),
         span: experiment.span,
         ..Given::default()

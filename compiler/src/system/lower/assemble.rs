@@ -1,5 +1,7 @@
 //! Finishes a system: keeps what is used, classifies the switches, checks the partitions.
 
+use std::sync::Arc;
+
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::instance::Instance;
@@ -10,6 +12,7 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Data, Model, SwitchKind};
 use crate::source::Span;
+use crate::source::table::{Fit, Table};
 use crate::system::contacts::finished_contacts;
 use crate::system::contacts::jumps::{Lowered, finished_laws};
 use crate::system::experiment::Settings;
@@ -77,6 +80,8 @@ impl<'e> Parts<'e> {
             switch.continuity = continuity;
         }
         check_data(&translation.roundings.data, instance.settings, diags);
+        let mut data = translation.roundings.data;
+        data.extend(driven(instance));
         let named = named_readings(model, &translation.named);
         System {
             exprs: model.exprs,
@@ -85,7 +90,7 @@ impl<'e> Parts<'e> {
             clock: None,
             exogenous: Exogenous {
                 params: params(instance),
-                data: translation.roundings.data,
+                data,
             },
             states,
             coupling: Coupling {
@@ -112,6 +117,20 @@ impl<'e> Parts<'e> {
             task: self.task,
         }
     }
+}
+
+/// Controls that a controller decides on while the system runs, at their defaults until then.
+fn driven<'e>(instance: &Instance<'_, 'e>) -> Vec<Data<'e>> {
+    let closed_loop = instance.settings.numerics.closed_loop.as_ref();
+    let controls = closed_loop.map_or_else(Vec::new, |_| instance.decided());
+    let data = controls.into_iter().map(|control| Data {
+        name: control.name,
+        var: control.var,
+        text: "a controller decides on it".to_owned(),
+        table: Arc::new(Table::new(Fit::Hold, &[0.0], &[control.default])),
+        span: control.span,
+    });
+    data.collect()
 }
 
 /// The switches of the system, which refer to each other by their places in it, with α[1], α[2], …

@@ -126,7 +126,7 @@ impl<'m, 'e> Instance<'m, 'e> {
     /// The controls that are decided, not given.
     pub fn decided(&self) -> Vec<Control<'e>> {
         let mut controls = Vec::new();
-        if self.settings.optimize.is_none() {
+        if !self.settings.decides() {
             return controls;
         }
         for quantity in &self.model.quantities.controls {

@@ -47,7 +47,10 @@ impl<'e> Needs<'e> {
         }
         let outputs = settings.recording.outputs.as_ref();
         let listed = outputs.into_iter().flatten();
-        let everything = extent == Extent::Whole || outputs.is_none() || named.everything;
+        // What decides on controls may read every state.
+        let is_fed_back = settings.numerics.closed_loop.is_some();
+        let everything =
+            extent == Extent::Whole || outputs.is_none() || named.everything || is_fed_back;
         if everything {
             return Needs {
                 entries: vec![true; model.state_vars().count()],

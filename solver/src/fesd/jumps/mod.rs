@@ -105,7 +105,7 @@ impl Stepper {
         limit: &Limit,
     ) -> Option<Vec<f64>> {
         let options = Options {
-            trusts_start: true,
+            trust: mpcc::Trust::First,
             effort: 0,
             feasibility: FEASIBLE,
             max_restarts: MOST_WAYS,

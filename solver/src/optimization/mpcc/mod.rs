@@ -41,7 +41,7 @@ pub use certificate::{Residuals, Tolerances};
 pub use lift::Lifted;
 pub use multistart::{MultiStart, Spread, deviate, multistart, perturbed};
 pub use observer::{Observer, Program};
-pub use options::{Homotopy, Options};
+pub use options::{Homotopy, Options, Trust};
 pub use relaxed::{Coupling, Form, Relaxed};
 pub use solution::{Multipliers, Solution, Stats, Status};
 
@@ -175,18 +175,33 @@ impl Work<'_> {
         let size = lifted.n_variables() + lifted.n_rows();
         let mut best: Option<Candidate> = None;
         let mut end: Option<DeadEnd> = None;
-        if self.options.trusts_start {
+        if self.options.trust != Trust::No {
             let guess = Guess {
                 w: start.to_vec(),
                 y: vec![0.0; lifted.n_rows()],
             };
             let zeros = choose(lifted, start);
-            if let Ok(polished) = polish(lifted, &guess, &zeros, Goal::Solution, self) {
-                best = Some(self.improve(lifted, polished, &[]));
+            match polish(lifted, &guess, &zeros, Goal::Solution, self) {
+                Ok(polished) => best = Some(self.improve(lifted, polished, &[])),
+                Err(status) if self.options.trust == Trust::Alone => {
+                    let residuals = Residuals::new(lifted, &guess.w);
+                    let (w, branch) = (guess.w, Some(status));
+                    let failed = DeadEnd {
+                        w,
+                        residuals,
+                        status,
+                        branch,
+                    };
+                    return self.dead_end(lifted, failed);
+                }
+                Err(_) => {}
             }
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
-            let is_over = |best: &Candidate| self.is_over() || self.is_enough(best, index, size);
+            let is_enough = |best: &Candidate| {
+                self.options.trust == Trust::Alone || self.is_enough(best, index, size)
+            };
+            let is_over = |best: &Candidate| self.is_over() || is_enough(best);
             if best.as_ref().is_some_and(is_over) || index > 0 && self.is_over() {
                 break;
             }

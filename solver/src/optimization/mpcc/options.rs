@@ -21,6 +21,18 @@ pub enum Homotopy {
     },
 }
 
+/// What a start says of the branch to look in: that in which its smaller sides are zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trust {
+    /// Nothing.
+    #[default]
+    No,
+    /// That branch is polished first.
+    First,
+    /// Nothing but that branch is tried.
+    Alone,
+}
+
 /// Settings of [`solve`](super::solve).
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -28,8 +40,8 @@ pub struct Options {
     pub form: Form,
     /// How σ is driven to zero.
     pub homotopy: Homotopy,
-    /// Whether the smaller sides at the start are zero at a feasible point near it: that branch is polished first.
-    pub trusts_start: bool,
+    /// Whether the smaller sides at the start are zero at a feasible point near it.
+    pub trust: Trust,
     /// The largest violation of a row, a bound or a pair of a point that counts as feasible.
     pub feasibility: f64,
     /// What the optimality error of a branch has to reach.
@@ -56,7 +68,7 @@ impl Default for Options {
         Options {
             form: Form::default(),
             homotopy: Homotopy::Coupled(Coupling::default()),
-            trusts_start: false,
+            trust: Trust::No,
             feasibility: 1e-6,
             tolerance: 1e-12,
             certificate: Tolerances::default(),

@@ -7,7 +7,7 @@ use super::branch::polish::{Guess, Polished};
 use super::certificate::{Certificate, Residuals};
 use super::{
     Candidate, Class, Form, Homotopy, Observer, Options, Program, Relaxation, Solution, Status,
-    Steering, alternatives, solve, solve_observed,
+    Steering, Trust, alternatives, solve, solve_observed,
 };
 use crate::optimization::ipm::Progress;
 use crate::optimization::problem::Side;
@@ -66,7 +66,7 @@ fn a_branch_without_objective_is_met_at_the_nearest_point() {
     let problem = Quadratic::new(4, Function::default(), vec![circle(1.0), circle(2.0)]);
     let mut problem = pair(problem).start(&[0.7, 1e-9, 0.62, 0.81]);
     let options = Options {
-        trusts_start: true,
+        trust: Trust::First,
         effort: 0,
         ..Options::default()
     };
@@ -87,7 +87,7 @@ fn rows_without_a_point_are_not_met() {
         .bound(2, 2.0, INFINITY)
         .start(&[0.7, 0.0, 2.0, 0.5]);
     let options = Options {
-        trusts_start: true,
+        trust: Trust::First,
         effort: 0,
         max_restarts: 0,
         ..Options::default()
@@ -456,7 +456,7 @@ fn what_descends_does_so_when_canceled() {
     let cancel = Cancel::default();
     let options = Options {
         limit: Limit::default().canceled_by(&cancel),
-        trusts_start: true,
+        trust: Trust::First,
         ..Options::default()
     };
     let ended = solve_observed(

@@ -79,6 +79,10 @@ pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
                 let reason = "runs of a fit are differentiated, which only those by events are, not compared";
                 Some(not_compared(experiment, "fit", reason))
             }
+            ExperimentKind::Mpc => {
+                let reason = "a loop is run by events alone, not compared";
+                Some(not_compared(experiment, "mpc", reason))
+            }
             ExperimentKind::Simulate => simulation::verify(&mut project, &subject, streams)?,
         };
         let Some(verified) = verified else {

@@ -1,9 +1,10 @@
-//! Settings of an `optimize` experiment, and of a `fit`.
+//! Settings of an `optimize` experiment, of a `fit` and of an `mpc`.
 //!
 //! Costs and constraints are expressions of the model here, and what is integrated has a variable of its own; the
 //! system puts switches into them as it does with rates.
 
 mod bounds;
+mod closed_loop;
 mod fit;
 mod free;
 mod goal;
@@ -11,6 +12,8 @@ mod rows;
 mod settings;
 mod start;
 
+pub use closed_loop::ClosedLoop;
+pub(crate) use closed_loop::Draft as LoopDraft;
 pub(crate) use fit::not_for_fit;
 pub use fit::{Column, Fit};
 pub(crate) use settings::{Draft, PATHS, RELAXATIONS, STEERINGS};

@@ -1,0 +1,139 @@
+"""A controller: an `optimize` experiment that is solved from one state after another."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from ._quantities import finite, given
+
+if TYPE_CHECKING:
+    from ._experiment import Experiment
+
+
+class Controller:
+    """An `optimize` experiment as a controller: a state in, controls out.
+
+    >>> import nsdc
+    >>> brake = nsdc.loads('''
+    ...     model brake { param m = 1; state x = 1; control u in [-9, 9]; x' = u/m; }
+    ...     optimize o of brake { horizon 1; intervals 4; minimize integral(u^2); final { x = 0; } }''')["o"]
+    >>> c = brake.controller(sample=0.25)
+    >>> u, info = c.step({"x": 1})              # from 1 to 0 within a second
+    >>> round(float(u["u"]), 6), info["decision"]
+    (-1.0, 'cold')
+    >>> u, info = c.step({"x": 0.75}, m=2)      # a sample later, and heavier
+    >>> round(float(u["u"]), 6), info["decision"]
+    (-1.5, 'warm')
+
+    A plan is looked for from the last one, shifted by the time that has passed, and as the experiment does it where that leads
+    to no solution; where there is none, the last one goes on: see closed loops in the language reference.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        sample: float,
+        deadline: float | None,
+        values: list[tuple[str, float]],
+    ) -> None:
+        if experiment.kind != "optimize":
+            raise TypeError(f"`{experiment.name}` is a `{experiment.kind}`, and chooses no controls")
+        (self.sample,) = finite("sample", sample, ()).tolist()
+        if not self.sample > 0:
+            raise ValueError(f"sample: {sample} is no time between two plans")
+        if deadline is not None:
+            (deadline,) = finite("deadline", deadline, ()).tolist()
+            if not deadline > 0:
+                raise ValueError(f"deadline: {deadline} is no time in seconds")
+        #: The experiment that is solved.
+        self.experiment = experiment
+        #: How long a solve may take, in seconds, but for the first one.
+        self.deadline = deadline
+        self._values = values
+        self._time: float | None = None
+        self._compile([])
+
+    def _compile(self, names: list[str]) -> None:
+        """Compiles the experiment with these parameters open; they have the values of the experiment until they are given."""
+        self._open = names
+        rest = [(name, value) for name, value in self._values if name not in names]
+        project = self.experiment.file._project
+        self._core = project.controller(self.experiment.name, names, rest, self.deadline)
+        found = json.loads(self._core.names())
+        #: The entries of the states that it takes, in their order.
+        self.states: list[str] = found["states"]
+        #: The entries of the controls that it decides on.
+        self.controls: list[str] = found["controls"]
+        known = {**dict(self._defaults()), **dict(self._values)}
+        self._last = [known[name] for name in names]
+
+    def _defaults(self) -> list[tuple[str, float]]:
+        known = self.experiment.parameters
+        return given(known, [(name, one.value) for name, one in known.items()])
+
+    def step(
+        self, x: Mapping[str, ArrayLike] | ArrayLike, t: float | None = None, **params: Any
+    ) -> tuple[dict[str, NDArray[np.float64]], dict[str, Any]]:
+        """The controls from an instant on, by name, and how they were found.
+
+        `x` has states by name, or all entries in the order of `states`; `t` is a sample behind the last step without it.
+        Parameters keep their values until others are given; the first step with a parameter compiles the experiment with that
+        one open.
+
+        `info` has `decision` ("warm", "cold", "feasible", "kept"), `why` where it is one of the last two, `iterations`,
+        `seconds`, and the `plan` that is followed: `time`, `states` and `controls` at the ends of its intervals, `objective`.
+        `RuntimeError` where there has never been a plan.
+        """
+        if t is None:
+            t = 0.0 if self._time is None else self._time + self.sample
+        (t,) = finite("t", t, ()).tolist()
+        changed = dict(given(self.experiment.parameters, params.items()))
+        new = [name for name in changed if name not in self._open]
+        if new:
+            state, last = self.state, dict(zip(self._open, self._last))
+            self._compile([*self._open, *new])
+            self._last = [last.get(name, value) for name, value in zip(self._open, self._last)]
+            self.state = state
+        self._last = [changed.get(name, value) for name, value in zip(self._open, self._last)]
+        found = json.loads(self._core.step(t, self._entries(x), self._last))
+        self._time = t
+        values = found.pop("u")
+        if values is None:
+            why = found["why"] or {}
+            raise RuntimeError(f"there is no plan: {why.get('code')}, {why.get('message')}")
+        entries = dict(zip(self.controls, values))
+        shaped = {
+            name: np.array([entries[one] for one in control.entries]).reshape(control.shape)
+            for name, control in self.experiment.controls.items()
+            if all(one in entries for one in control.entries)
+        }
+        return shaped, found
+
+    def _entries(self, x: Mapping[str, ArrayLike] | ArrayLike) -> list[float]:
+        if not isinstance(x, Mapping):
+            return [float(one) for one in finite("x", x, (len(self.states),)).tolist()]
+        found = dict(given(self.experiment.states, x.items()))
+        missing = [name for name in self.states if name not in found]
+        if missing:
+            raise TypeError(f"x: `{missing[0]}` is missing")
+        return [found[name] for name in self.states]
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What it remembers: the plan that it follows and since when. It can be pickled, and given to another controller of the
+        same experiment."""
+        return {"memory": self._core.memory(), "time": self._time}
+
+    @state.setter
+    def state(self, state: Mapping[str, Any]) -> None:
+        self._core.remember(state["memory"])
+        self._time = state["time"]
+
+    def __repr__(self) -> str:
+        return f"<controller {self.experiment.name} of {self.experiment.model}>"
