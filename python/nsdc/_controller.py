@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +58,8 @@ class Controller:
         self.deadline = deadline
         self._values = values
         self._time: float | None = None
+        # One question at a time: each has its answer.
+        self._turn = threading.RLock()
         self._compile([])
 
     def _compile(self, names: list[str]) -> None:
@@ -90,6 +93,12 @@ class Controller:
         `seconds`, and the `plan` that is followed: `time`, `states` and `controls` at the ends of its intervals, `objective`.
         `RuntimeError` where there has never been a plan.
         """
+        with self._turn:
+            return self._step(x, t, params)
+
+    def _step(
+        self, x: Mapping[str, ArrayLike] | ArrayLike, t: float | None, params: Mapping[str, Any]
+    ) -> tuple[dict[str, NDArray[np.float64]], dict[str, Any]]:
         if t is None:
             t = 0.0 if self._time is None else self._time + self.sample
         (t,) = finite("t", t, ()).tolist()
@@ -128,12 +137,14 @@ class Controller:
     def state(self) -> dict[str, Any]:
         """What it remembers: the plan that it follows and since when. It can be pickled, and given to another controller of the
         same experiment."""
-        return {"memory": self._core.memory(), "time": self._time}
+        with self._turn:
+            return {"memory": self._core.memory(), "time": self._time}
 
     @state.setter
     def state(self, state: Mapping[str, Any]) -> None:
-        self._core.remember(state["memory"])
-        self._time = state["time"]
+        with self._turn:
+            self._core.remember(state["memory"])
+            self._time = state["time"]
 
     def __repr__(self) -> str:
         return f"<controller {self.experiment.name} of {self.experiment.model}>"

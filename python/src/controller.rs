@@ -5,13 +5,17 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
+use nsdc::Messages;
 use nsdc::expr::Exprs;
 use nsdc::limit::{Cancel, Limit};
+use nsdc::optimize::PrepareError;
 use nsdc::report::Warning;
 use nsdc::study::mpc;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use serde_json::json;
+
+use crate::errors::model_error;
 
 /// How long signals wait at most before somebody looks.
 const LOOK: Duration = Duration::from_millis(20);
@@ -24,8 +28,31 @@ enum Question {
     Remember(String),
 }
 
-/// What it says: the names of states, controls and parameters first.
-type Answer = Result<String, String>;
+/// What it says: the names of states and controls first.
+type Answer = Result<String, Refusal>;
+
+/// What it cannot do.
+enum Refusal {
+    /// The model is wrong.
+    Model(Messages),
+    /// A value is.
+    Value(String),
+}
+
+impl From<String> for Refusal {
+    fn from(said: String) -> Self {
+        Refusal::Value(said)
+    }
+}
+
+impl From<Refusal> for PyErr {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::Model(messages) => model_error(&messages),
+            Refusal::Value(said) => PyValueError::new_err(said),
+        }
+    }
+}
 
 /// An `optimize` experiment that is solved from one state after another.
 #[pyclass(frozen, module = "nsdc._core")]
@@ -52,15 +79,20 @@ impl Controller {
             let exprs = Exprs::new();
             let open: Vec<&str> = open.iter().map(String::as_str).collect();
             let made = project.controller(&exprs, &experiment, &open, &values, deadline);
-            let answer = made.as_ref().map(|made| {
-                let names = json!({ "states": made.states(), "controls": made.controls() });
-                names.to_string()
-            });
-            let answer = answer.map_err(ToString::to_string);
-            if tell.send(answer).is_ok()
-                && let Ok(made) = made
-            {
-                serve(made, &questions, &tell);
+            match made {
+                Ok(made) => {
+                    let names = json!({ "states": made.states(), "controls": made.controls() });
+                    if tell.send(Ok(names.to_string())).is_ok() {
+                        serve(made, &questions, &tell);
+                    }
+                }
+                // Who would hear it may have gone.
+                Err(PrepareError::NotCompiled(messages)) => {
+                    let _ = tell.send(Err(Refusal::Model(messages)));
+                }
+                Err(error) => {
+                    let _ = tell.send(Err(error.to_string().into()));
+                }
             }
         };
         let named = thread::Builder::new().name("nsdc controller".to_owned());
@@ -99,7 +131,7 @@ impl Controller {
                 Some(Some(answer)) => {
                     return match raised {
                         Some(error) => Err(error),
-                        None => answer.map_err(PyValueError::new_err),
+                        None => answer.map_err(PyErr::from),
                     };
                 }
                 Some(None) => {
@@ -150,14 +182,14 @@ fn serve(mut made: mpc::Controller<'_>, questions: &Receiver<Question>, tell: &S
                 Ok(told(&made, &step))
             }
             Question::Memory => {
-                serde_json::to_string(made.memory()).map_err(|error| error.to_string())
+                serde_json::to_string(made.memory()).map_err(|error| error.to_string().into())
             }
             Question::Remember(memory) => {
-                let memory = serde_json::from_str(&memory).map_err(|error| error.to_string());
-                memory.and_then(|memory| match made.remember(memory) {
+                let memory = serde_json::from_str(&memory);
+                match memory.is_ok_and(|memory| made.remember(memory)) {
                     true => Ok(String::new()),
-                    false => Err("this is the state of another controller".to_owned()),
-                })
+                    false => Err("this is the state of another controller".to_owned().into()),
+                }
             }
         };
         if tell.send(answer).is_err() {

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -52,6 +53,20 @@ def test_state_is_handed_on(controller: nsdc.Controller) -> None:
     longer = nsdc.loads(TEXT.replace("intervals 4", "intervals 5"))["o"].controller(sample=0.25)
     with pytest.raises(ValueError, match="another controller"):
         longer.state = controller.state
+
+
+def test_threads_have_their_own_answers(controller: nsdc.Controller) -> None:
+    with ThreadPoolExecutor(4) as threads:
+        states = [0.1 * k for k in range(1, 21)]
+        found = threads.map(lambda x: controller.step([x], 0.0), states)
+        assert np.allclose([float(u["u"]) for u, _ in found], [-x for x in states], atol=1e-7)
+
+
+def test_wrong_models_are_errors_of_models() -> None:
+    wrong = nsdc.loads(TEXT.replace("x' = u/m;", "x' = v;"))
+    with pytest.raises(nsdc.ModelError) as error:
+        wrong["o"].controller(sample=0.25)
+    assert error.value.code == "E0201"
 
 
 def test_what_has_no_plan_says_so(controller: nsdc.Controller) -> None:

@@ -63,6 +63,7 @@ struct Happened {
     to: Box<[Side]>,
     accumulates: bool,
     met: Vec<usize>,
+    on: Vec<usize>,
     is_scheduled: bool,
     is_in_limit: bool,
 }
@@ -196,6 +197,7 @@ impl Observer for Parts {
             to: event.to.into(),
             accumulates: event.accumulates,
             met: event.cause.met.to_vec(),
+            on: event.cause.on.to_vec(),
             is_scheduled: event.cause.is_scheduled,
             is_in_limit: event.cause.is_in_limit,
         }));
@@ -244,6 +246,7 @@ impl Happened {
             accumulates: self.accumulates,
             cause: Cause {
                 met: &self.met,
+                on: &self.on,
                 is_scheduled: self.is_scheduled,
                 is_in_limit: self.is_in_limit,
             },

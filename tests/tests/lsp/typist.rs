@@ -15,21 +15,7 @@ pub const COUNT: usize = 200;
 
 /// What is written at random places.
 const PIECES: [&str; 16] = [
-    "x",
-    ";",
-    "{",
-    "}",
-    "θ",
-    " = ",
-    "𝛼",
-    "\n",
-    "(",
-    "\"",
-    "//",
-    "let w",
-    "'",
-    "else {",
-    "if a ",
+    "x", ";", "{", "}", "θ", " = ", "𝛼", "\n", "(", "\"", "//", "let w", "'", "else {", "if a ",
     ".",
 ];
 
