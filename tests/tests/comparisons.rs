@@ -4,6 +4,7 @@
 use nsd_tests::random::Random;
 use nsd_tests::{assert_near, end, run, solved, times};
 use nsdc::report::{EventKind, Trajectory};
+use nsdc::{Options, Project};
 
 /// A condition on small integers a, b and c.
 enum Condition {
@@ -212,9 +213,11 @@ fn guards_and_ends_compare_numbers() {
 fn signs_of_nothing_are_zero_in_laws() {
     let found = solved(
         "model m {
-           state e = 0; state u = 5; state v = 5; state w = 5;
-           e' = 0; u' = 0; v' = 0; w' = 0;
+           state e = 0; state u = 5; state v = 5; state w = 5; state s = 5;
+           e' = 0; u' = 0; v' = 0; w' = 0; s' = 0;
+           switch named = sign(e);
            every 1 {
+             s := named;
              u := if e > 0 then 1 else if e < 0 then -1 else 0;
              v := sign(e);
              w := 3*abs(e) + max(e, 0);
@@ -225,8 +228,8 @@ fn signs_of_nothing_are_zero_in_laws() {
          simulate second of m { horizon 1.5; }",
         "first",
     );
-    let ends = |found: &Trajectory| ["u", "v", "w"].map(|state| end(found, state)[0]);
-    assert_eq!(ends(&found), [0.0; 3]);
+    let ends = |found: &Trajectory| ["u", "v", "w", "s"].map(|state| end(found, state)[0]);
+    assert_eq!(ends(&found), [0.0; 4]);
 }
 
 /// What slides is on its surface.
@@ -265,4 +268,102 @@ fn laws_of_events_are_on_the_side_that_they_come_to() {
         assert_near(&end(&found, "x"), &[0.25], 1e-12);
         assert_near(&end(&found, "v"), &[-1.0], 0.0);
     }
+}
+
+/// What samples at the instant of an event is no concern of its law.
+#[test]
+fn samples_beside_an_event_change_nothing_for_its_law() {
+    let text = |beside: &str| {
+        format!(
+            "model m {{
+               state x = 0; state v = 1; discrete n = 0; discrete s = 0;
+               x' = v; v' = 0;
+               jump back when x > 1 and v > 0 {{ v := if x > 1 then -v else 5; x := 0.75; s := if n > 0 then 7 else 5; }}
+               {beside}
+             }}
+             simulate s of m {{ horizon 1.5; }}"
+        )
+    };
+    for beside in [
+        "",
+        "every 1 offset 1 { n := n + 1; }",
+        "every 0.25 { n := 0; }",
+    ] {
+        let found = solved(&text(beside), "s");
+        assert_eq!(times(&found, EventKind::Jump).len(), 1, "{beside}");
+        let ends = ["x", "v", "s"].map(|state| end(&found, state)[0]);
+        assert_near(&ends, &[0.25, -1.0, 5.0], 1e-12);
+    }
+}
+
+/// A law that is set off by a sample reads what the sample has made, to first order, too.
+#[test]
+fn derivatives_are_those_of_the_round_that_jumps() {
+    for (law, slope) in [
+        ("if n > 0 then 3*(a - 2) else a - 2", 3.0),
+        ("if n > 1 then 3*(a - 2) else a - 2", 1.0),
+        ("if n >= 1 then 5*(a - 2) else a - 2", 5.0),
+    ] {
+        let text = format!(
+            "model m {{
+               param a = 2; state y = 0; discrete n = 0; discrete f = 0; y' = 0;
+               every 5 offset 1 {{ n := 1; }}
+               jump j when n > 0.5 and f < 0.5 {{ y := {law}; f := 1; }}
+             }}
+             simulate s of m {{ horizon 2; sensitivity to a; output y; }}"
+        );
+        let project = Project::from_text("model.nsd", &text);
+        let run = project.run("s", &Options::default(), &mut ());
+        let found = run.expect("it compiles").trajectory;
+        assert!(found.warnings.is_empty(), "{law}: {:?}", found.warnings);
+        let by_a = &found.samples.sensitivities[0].states[0];
+        assert_near(by_a.at(found.samples.time.len() - 1), &[slope], 1e-12);
+    }
+}
+
+/// Comparisons inside of other nonsmooth terms are on the side that decides these: a branch and its values agree.
+#[test]
+fn nested_terms_have_the_values_of_one_side() {
+    let found = solved(
+        "model m {
+           state x = 0.25; discrete u = 9; discrete v = 9; discrete w = 9; x' = 0;
+           signal r = if time >= 1 then 2 else 0;
+           every 5 offset 1 { u := if r > 1 then 7 else 5; v := abs(r - x); w := max(r, x) + 10*sat(r - x, -1, 1); }
+         }
+         simulate s of m { horizon 2; }",
+        "s",
+    );
+    let ends = ["u", "v", "w"].map(|state| end(&found, state)[0]);
+    assert_near(&ends, &[7.0, 1.75, 12.0], 1e-12);
+}
+
+/// Conditions that only equal numbers decide are no constants.
+#[test]
+fn equal_numbers_decide_conditions() {
+    let stops = |n: i32, condition: &str| {
+        let text = format!(
+            "model m {{ state x = 0; discrete n = {n}; x' = 1; }}
+             simulate s of m {{ horizon 3; stop when {condition}; }}"
+        );
+        run(&text, "s").samples.time.last().copied()
+    };
+    for (condition, ends) in [
+        ("n >= 3 and n <= 3 and x > 1", [3.0, 1.0, 3.0]),
+        ("n < 3 or n > 3 or x >= 1", [0.0, 1.0, 0.0]),
+    ] {
+        for (n, time) in [2, 3, 4].into_iter().zip(ends) {
+            if time > 0.0 {
+                assert_eq!(stops(n, condition), Some(time), "{condition}, {n}");
+            }
+        }
+    }
+    let found = solved(
+        "model m {
+           state x = 0; discrete n = 1; discrete f = 0; x' = 1;
+           jump j when n < 3 or n > 3 { n := 3; f := f + 1; }
+         }
+         simulate s of m { horizon 1; }",
+        "s",
+    );
+    assert_eq!([end(&found, "n")[0], end(&found, "f")[0]], [3.0, 1.0]);
 }

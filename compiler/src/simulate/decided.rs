@@ -63,7 +63,7 @@ struct Happened {
     to: Box<[Side]>,
     accumulates: bool,
     met: Vec<usize>,
-    on: Vec<usize>,
+    on: Vec<(usize, usize)>,
     is_scheduled: bool,
     is_in_limit: bool,
 }

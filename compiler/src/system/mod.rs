@@ -281,7 +281,7 @@ pub struct Comparison {
     pub var: Var,
     /// The switch, with whose α it agrees off the surface.
     pub switch: usize,
-    /// Its value on the surface: 1 for `>=`, 0 for `>`.
+    /// Its value on the surface: 1 for `>=`, 0 for `>`, 1/2 for `step`.
     pub on_surface: f64,
 }
 

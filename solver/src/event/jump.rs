@@ -158,16 +158,24 @@ impl<'a> JumpLaws<'a> {
             registers,
             values,
             known,
+            fired,
             ..
         } = &mut state.jumps;
-        known.read_on.extend_from_slice(&known.on);
         values.clear();
-        for &l in laws {
+        let n_fired = fired.len();
+        for (at, &l) in laws.iter().enumerate() {
             let Effect::Reset(reset) = &self.system.laws[l].effect else {
                 continue;
             };
             let (states, tape) = (&reset.states, &reset.values);
-            let inputs = reset.inputs_on(&known.on, &state.point.sides);
+            // At a known instant numbers are compared, wherever the state comes from and goes.
+            let on = match self.system.laws[l].guard {
+                Guard::Every(_) => &known.zero,
+                _ => &known.held,
+            };
+            let place = n_fired + at;
+            known.read.extend(on.iter().map(|&switch| (place, switch)));
+            let inputs = reset.inputs_on(on, &state.point.sides);
             registers.resize(tape.n_registers().max(reset.inputs.len()), 0.0);
             for (register, input) in registers.iter_mut().zip(inputs) {
                 *register = self.mode.memory.value(input);
@@ -212,7 +220,7 @@ impl Law {
         } = &mut state.jumps;
         registers.resize(holds.n_registers().max(switches.len()), 0.0);
         for (place, (register, switch)) in registers.iter_mut().zip(switches).enumerate() {
-            let is_on = known.on.contains(switch) || reached.contains(switch);
+            let is_on = known.held.contains(switch) || reached.contains(switch);
             let on_surface = on_surface(compared, place).filter(|_| is_on);
             *register = on_surface.unwrap_or(0.5 + 0.5 * state.point.sides[*switch].sign());
         }

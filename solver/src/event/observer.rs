@@ -34,8 +34,8 @@ pub struct Event<'a> {
 pub struct Cause<'a> {
     /// The switches whose surface was reached, or whose sliding ended.
     pub met: &'a [usize],
-    /// The switches on whose surface laws have found the state.
-    pub on: &'a [usize],
+    /// Of the laws that have jumped, by their places, switches on whose surface they have found the state.
+    pub on: &'a [(usize, usize)],
     /// Whether the instant is that of a breakpoint of data, a kick, or the start, whatever the state is.
     pub is_scheduled: bool,
     /// Whether events accumulate soon, and the run goes on to their limit in the mode behind it.

@@ -199,7 +199,7 @@ impl Simulator {
                 to: &state.point.sides,
                 accumulates: false,
                 cause: Cause {
-                    on: &state.jumps.known.read_on,
+                    on: &state.jumps.known.read,
                     is_scheduled: true,
                     ..Cause::default()
                 },
@@ -451,7 +451,7 @@ impl Simulator {
                 accumulates: end.is_some() && waits.is_none(),
                 cause: Cause {
                     met: &before.met,
-                    on: &state.jumps.known.read_on,
+                    on: &state.jumps.known.read,
                     is_scheduled: before.is_scheduled,
                     is_in_limit: waits.is_some(),
                 },

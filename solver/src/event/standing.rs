@@ -1,7 +1,7 @@
 //! The surfaces on which laws find the state: there a comparison has the value that it has between equal numbers.
 
 use super::Simulator;
-use crate::event::state::State;
+use crate::event::state::{Known, State};
 use crate::events::bands::BandWidths;
 use crate::expansion::mode::Mode;
 use crate::hybrid::{Effect, Guard, HybridSystem, Input, Side};
@@ -23,15 +23,6 @@ pub(super) fn looked_at(system: &HybridSystem) -> Vec<usize> {
     (0..system.n_switches()).filter(decides).collect()
 }
 
-/// Which surfaces count.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Stand {
-    /// Those that the state slides along or rests on.
-    Stays,
-    /// All where ψ is zero: laws whose instant it is compare numbers, wherever the state comes from and goes.
-    Is,
-}
-
 /// The surfaces of switches of laws.
 pub(super) struct Surfaces<'m> {
     mode: &'m mut Mode,
@@ -49,28 +40,35 @@ impl<'m> Surfaces<'m> {
         }
     }
 
-    /// Finds those that hold the state.
-    pub fn find(&mut self, state: &mut State, stand: Stand, t1: f64) {
-        let mut on = std::mem::take(&mut state.jumps.known.on);
-        on.clear();
-        for &i in self.looked_at {
-            let holds = match state.point.sides[i] {
-                Side::Slide => true,
-                _ => {
-                    self.mode.system.switches[i].is_plain()
-                        && self.is_zero(state, i, t1)
-                        && (stand == Stand::Is || self.stays(state, i, t1))
-                }
-            };
-            on.extend(holds.then_some(i));
+    /// Finds those that hold the state: of all of them where ψ is zero, and of these where it stays so. Contacts and
+    /// projections have theirs for themselves: laws compare nothing with them.
+    pub fn find(&mut self, state: &mut State, t1: f64) {
+        if self.looked_at.is_empty() {
+            return;
         }
-        state.jumps.known.on = on;
+        let Known { zero, held, .. } = &mut state.jumps.known;
+        let (mut zero, mut held) = (std::mem::take(zero), std::mem::take(held));
+        zero.clear();
+        held.clear();
+        self.mode.move_to(&state.point);
+        self.mode.enter_surfaces(&state.point.sides);
+        for &i in self.looked_at {
+            let slides = state.point.sides[i] == Side::Slide;
+            if slides || self.mode.system.switches[i].is_plain() && self.is_zero(state, i, t1) {
+                zero.push(i);
+                held.extend(slides.then_some(i));
+            }
+        }
+        for &i in &zero {
+            if !held.contains(&i) && self.stays(state, i, t1) {
+                held.push(i);
+            }
+        }
+        (state.jumps.known.zero, state.jumps.known.held) = (zero, held);
     }
 
     fn is_zero(&mut self, state: &mut State, switch: usize, t1: f64) -> bool {
         let mode = &mut *self.mode;
-        mode.move_to(&state.point);
-        mode.enter_surfaces(&state.point.sides);
         mode.surfaces.stand_for(switch, 0);
         BandWidths { mode }.measure(state, &[switch], t1 - state.point.t);
         mode.psi(switch).abs() <= state.bands.width[switch]

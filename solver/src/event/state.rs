@@ -48,10 +48,11 @@ pub(crate) struct Known {
     pub due: Vec<usize>,
     /// The law that ends the run.
     pub stopped: Option<usize>,
-    /// Switches on whose surface laws find the state.
-    pub on: Vec<usize>,
-    /// Those of them that were so where something has jumped.
-    pub read_on: Vec<usize>,
+    /// Switches of laws whose ψ is zero, and those of them where it stays so.
+    pub zero: Vec<usize>,
+    pub held: Vec<usize>,
+    /// Of the laws that have jumped, by their places, switches on whose surface they have found the state.
+    pub read: Vec<(usize, usize)>,
 }
 
 /// What has happened at the present instant, and memory for it.
@@ -91,7 +92,7 @@ impl Jumps {
         self.end = None;
         self.owed.0.clear();
         self.owed.1.clear();
-        self.known.read_on.clear();
+        self.known.read.clear();
     }
 
     /// The state before the jumps of this instant, `after` where there were none.

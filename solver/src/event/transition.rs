@@ -2,7 +2,7 @@
 
 use super::Simulator;
 use super::jump::JumpLaws;
-use super::standing::{Stand, Surfaces};
+use super::standing::Surfaces;
 use crate::contact::impact::Impacts;
 use crate::event::state::State;
 use crate::hybrid::{Effect, Side, Status};
@@ -68,7 +68,7 @@ impl Simulator {
                 .collect();
             reached.extend_from_slice(&steps);
             if !reached.is_empty() {
-                Surfaces::of(self).find(state, Stand::Stays, t1);
+                Surfaces::of(self).find(state, t1);
                 if JumpLaws::new(&mut self.mode).stops(state, &reached) {
                     return Ok(());
                 }
@@ -87,14 +87,11 @@ impl Simulator {
                     self.selector().pass(state, met, t1)?;
                 }
                 steps.clear();
-                Surfaces::of(self).find(state, Stand::Stays, t1);
+                Surfaces::of(self).find(state, t1);
                 if JumpLaws::new(&mut self.mode).stops(state, &[]) {
                     return Ok(());
                 }
                 fired = JumpLaws::new(&mut self.mode).holding(state);
-                if !due.is_empty() {
-                    Surfaces::of(self).find(state, Stand::Is, t1);
-                }
                 fired.append(&mut due);
             }
             if fired.is_empty() {

@@ -423,8 +423,8 @@ pub struct Reset {
 }
 
 impl Reset {
-    /// What the inputs are where the state stands on surfaces: a comparison has its value there, and any other switch the
-    /// mean of both sides, unless it slides.
+    /// What the inputs are where the state stands on surfaces: comparisons have their values there, but for those between 0
+    /// and 1 along a surface on which it slides.
     pub(crate) fn inputs_on<'r>(
         &'r self,
         on: &'r [usize],
@@ -434,9 +434,9 @@ impl Reset {
         inputs.map(|(place, &input)| match input {
             Input::Alpha(switch) if on.contains(&switch) => {
                 match on_surface(&self.compared, place) {
-                    Some(value) => Input::Number(value),
-                    None if sides[switch] == Side::Slide => input,
-                    None => Input::Number(0.5),
+                    Some(value) if value.fract() == 0.0 => Input::Number(value),
+                    Some(value) if sides[switch] != Side::Slide => Input::Number(value),
+                    _ => input,
                 }
             }
             _ => input,

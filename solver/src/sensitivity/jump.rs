@@ -46,22 +46,27 @@ pub(super) fn jumped(
     (event, coupling): (&Jump, &Coupling),
     sizes: &[f64],
 ) -> Result<Vec<Jumped>, Why> {
-    let single: Vec<Vec<usize>> = event.laws.iter().map(|&law| vec![law]).collect();
-    let all = [vec![event.laws.clone()], single];
+    // Laws by their places.
+    let places = 0..event.laws.len();
+    let all = [
+        vec![places.clone().collect()],
+        places.map(|place| vec![place]).collect::<Vec<Vec<usize>>>(),
+    ];
     for (rounds, closed) in all
         .iter()
         .flat_map(|rounds| [(rounds, false), (rounds, true)])
     {
         let mut x = event.before.clone();
         let mut found = Vec::new();
-        for laws in rounds {
+        for places in rounds {
             let here = Point { x: &x, ..point };
+            let laws: Vec<usize> = places.iter().map(|&place| event.laws[place]).collect();
             let beside = match closed {
-                true => beside(&functions.system, event, coupling, laws),
+                true => beside(&functions.system, event, coupling, &laws),
                 false => Vec::new(),
             };
             let Some((behind, jumped)) =
-                together(functions, here, (event, sizes), [laws, &beside])?
+                together(functions, here, (event, sizes), [places, &beside])?
             else {
                 break;
             };
@@ -100,21 +105,23 @@ fn beside(system: &HybridSystem, event: &Jump, coupling: &Coupling, laws: &[usiz
     others.map(|(law, _)| *law).collect()
 }
 
-/// Laws that jump together, with the impulses of contacts `beside` them: the state behind them.
+/// Laws that jump together, by their places, with the impulses of contacts `beside` them: the state behind them.
 fn together(
     functions: &mut Functions,
     point: Point,
     (event, sizes): (&Jump, &[f64]),
-    [laws, beside]: [&[usize]; 2],
+    [places, beside]: [&[usize]; 2],
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let system = functions.system.clone();
     let mut x = point.x.to_vec();
     let mut rows = Vec::new();
     let mut impacts = Vec::new();
-    for &law in laws.iter().chain(beside) {
+    let laws = places.iter().map(|&place| (event.laws[place], place));
+    let beside = beside.iter().map(|&law| (law, usize::MAX));
+    for (law, place) in laws.chain(beside) {
         match (&system.laws[law].guard, &system.laws[law].effect) {
             (_, Effect::Reset(reset)) => {
-                for (state, value, slope) in reset_to(functions, point, event, reset)? {
+                for (state, value, slope) in reset_to(functions, point, (event, place), reset)? {
                     x[state] = value;
                     rows.push((state, slope));
                 }
@@ -135,12 +142,14 @@ fn together(
 fn reset_to(
     functions: &mut Functions,
     point: Point,
-    event: &Jump,
+    (event, place): (&Jump, usize),
     reset: &Reset,
 ) -> Result<Vec<(usize, f64, Slope)>, Why> {
+    let on = event.on.iter().filter(|(law, _)| *law == place);
+    let on: Vec<usize> = on.map(|(_, switch)| *switch).collect();
     let group = Group::new(
         Arc::new(reset.values.clone()),
-        reset.inputs_on(&event.on, &event.from).collect(),
+        reset.inputs_on(&on, &event.from).collect(),
         functions.slots,
     );
     let values = group.values(&point, &mut functions.registers);

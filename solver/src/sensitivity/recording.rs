@@ -42,8 +42,8 @@ pub(super) struct Jump {
     pub from: Box<[Side]>,
     pub to: Box<[Side]>,
     pub met: Vec<usize>,
-    /// Switches on whose surface laws have found the state.
-    pub on: Vec<usize>,
+    /// Of the laws, by their places, switches on whose surface they have found the state.
+    pub on: Vec<(usize, usize)>,
     pub is_scheduled: bool,
     /// Events accumulate here, or the run goes on from here as if it was their limit.
     pub accumulates: bool,

@@ -289,6 +289,11 @@ impl<'e> Flow<'_, '_, 'e> {
         let Some(literals) = guard.and_then(|guard| literals(guard, self.switches)) else {
             return false;
         };
+        // What holds everywhere but on a surface leaves it there.
+        let holds = |when: When<'e>| when.guard().and_then(Expr::as_constant);
+        if holds(law.when) != holds(law.compared.0) {
+            return false;
+        }
         let after = law.resets.iter();
         let after = after.map(|&(place, value)| (self.state(place), value));
         let after: Substitution<'e> = after.collect();

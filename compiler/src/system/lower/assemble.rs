@@ -143,7 +143,15 @@ fn kept_switches<'e>(
         let alpha = collected.list[k].alpha;
         let name = format!("alpha[{}]", place + 1);
         (collected.exprs()).rename(alpha, &name);
-        for (var, _) in collected.entries.compared(k) {
+        let compared: Vec<(Var, f64)> = collected.entries.compared(k).collect();
+        for &(var, on_surface) in &compared {
+            // `>` and `>=` with one surface are told apart.
+            let name = match (compared.len(), on_surface) {
+                (1, _) => name.clone(),
+                (_, 0.0) => format!("alpha[{}, >]", place + 1),
+                (_, 1.0) => format!("alpha[{}, >=]", place + 1),
+                _ => format!("alpha[{}, step]", place + 1),
+            };
             (collected.exprs()).rename(var, &name);
         }
     }

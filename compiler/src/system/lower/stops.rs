@@ -30,7 +30,7 @@ pub(super) fn lower<'e>(
         let condition = translation.replace_in_law(stop.guard, span);
         let entries = &translation.switches.entries;
         // What parameters decide is none of a run; what is no surface is told elsewhere.
-        if let Some(value) = entries.constant_in_law(condition)
+        if let Some(value) = entries.in_law(condition).as_constant()
             && translation.switches.refused.is_empty()
         {
             let value = value > 0.5;

@@ -5,6 +5,7 @@ use rustc_hash::FxHashMap;
 use super::instance::Instance;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var};
+use crate::model::SwitchKind;
 use crate::source::Span;
 use crate::system::SystemError;
 use crate::system::regions::coverage::Frame;
@@ -56,7 +57,20 @@ impl<'m, 'e> Translation<'m, 'e> {
 
     /// The same of an expression of a law.
     pub fn replace_in_law(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
-        let e = self.round(e, span);
+        // A named switch is what it says of numbers, too.
+        let mut direct = Substitution::new();
+        for switch in &self.instance.model.switches {
+            for (var, psi) in switch.vars.iter().zip(&switch.psi) {
+                let psi = psi.substitute(&direct);
+                let value = match switch.kind {
+                    SwitchKind::Sign => psi.sign(),
+                    SwitchKind::Step => psi.step(),
+                    SwitchKind::Relay(_) => continue,
+                };
+                direct.extend(var.as_variable().map(|var| (var, value)));
+            }
+        }
+        let e = self.round(e.substitute(&direct), span);
         self.switches.replace_in_law(e, span)
     }
 

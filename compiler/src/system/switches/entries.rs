@@ -29,6 +29,8 @@ pub(crate) enum Entry {
     Above,
     /// ψ >= 0 in a law.
     NotBelow,
+    /// `step` or `sign` in a law, 1/2 or 0 where ψ is zero.
+    Between,
 }
 
 impl Entry {
@@ -61,8 +63,10 @@ pub(crate) struct Entries<'e> {
     choices: Substitution<'e>,
     /// [`Entry::Term`] variables to their α.
     strict: Substitution<'e>,
-    /// [`Entry::Above`] and [`Entry::NotBelow`] variables with what stands for them in laws.
-    compared: Vec<(Var, Var)>,
+    /// [`Entry::Above`] and [`Entry::NotBelow`] variables to what stands for them in laws.
+    compared: Substitution<'e>,
+    /// What stands for comparisons in laws.
+    in_laws: Vec<Var>,
     /// The expression that is looked at.
     pub here: Span,
     /// How many switches an expression is nonlinear in, and where it stands, if they are too many.
@@ -78,7 +82,8 @@ impl<'e> Entries<'e> {
             merge: Substitution::new(),
             choices: Substitution::new(),
             strict: Substitution::new(),
-            compared: Vec::new(),
+            compared: Substitution::new(),
+            in_laws: Vec::new(),
             here: Span::default(),
             entangled: Cell::new(None),
         }
@@ -130,7 +135,11 @@ impl<'e> Entries<'e> {
         self.merge.insert(var, self.value_of(k, entry));
         match entry {
             Entry::Term => self.strict.insert(var, alpha),
-            Entry::Above | Entry::NotBelow => self.compared.push((var, self.fresh("alpha"))),
+            Entry::Above | Entry::NotBelow | Entry::Between => {
+                let known = self.fresh("alpha");
+                self.in_laws.push(known);
+                self.compared.insert(var, self.exprs.expr(known));
+            }
             _ => {}
         }
         self.exprs.expr(var)
@@ -174,29 +183,30 @@ impl<'e> Entries<'e> {
         multi_affine(e, &bent).substitute(&self.choices)
     }
 
-    /// An expression of a law, whose comparisons have variables of their own.
+    /// An expression of a law, whose comparisons have variables of their own: 0 or 1 as α off the surface, and what they say on
+    /// it.
     pub fn in_law(&self, e: Expr<'e>) -> Expr<'e> {
-        let compared = self.compared.iter();
-        let compared = compared.map(|&(var, known)| (var, self.exprs.expr(known)));
-        self.merged(e.substitute(&compared.collect()))
+        let e = self.merged(e.substitute(&self.compared));
+        let bent = bent(e, &self.in_laws);
+        match bent.len() > MOST_BENT {
+            // Powers of what is 0 or 1 are what they are.
+            true => e,
+            false => multi_affine(e, &bent),
+        }
     }
 
     /// What stands for comparisons with the surface of a switch in laws, with their values on it.
     pub fn compared(&self, k: usize) -> impl Iterator<Item = (Var, f64)> + '_ {
         let vars = self.list[k].vars.iter();
         vars.filter_map(|&(entry, var)| {
-            let known = self.compared.iter().find(|known| known.0 == var)?;
-            Some((known.1, f64::from(entry == Entry::NotBelow)))
+            let known = self.compared.get(var)?.as_variable()?;
+            let on_surface = match entry {
+                Entry::NotBelow => 1.0,
+                Entry::Between => 0.5,
+                _ => 0.0,
+            };
+            Some((known, on_surface))
         })
-    }
-
-    /// A condition of a law where neither the sides nor the surfaces of switches make a difference.
-    pub fn constant_in_law(&self, condition: Expr<'e>) -> Option<f64> {
-        let on_surface = (0..self.list.len()).flat_map(|k| self.compared(k));
-        let on_surface = on_surface.map(|(var, value)| (var, self.exprs.constant(value)));
-        let on_surface = self.in_law(condition).substitute(&on_surface.collect());
-        let value = self.merged(condition).as_constant()?;
-        (on_surface.as_constant() == Some(value)).then_some(value)
     }
 
     /// The expression in α, with powers of them as they stand.

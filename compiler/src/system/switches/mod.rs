@@ -24,7 +24,7 @@ pub(crate) mod switched;
 mod switches_tests;
 pub(crate) mod terms;
 pub(crate) mod words;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::{NamedReading, Relay, Role};
 use crate::expr::{Expr, Exprs, Var, transform, variables_of};
@@ -33,7 +33,7 @@ use crate::system::switches::affine::at;
 use crate::system::switches::entries::{Entries, Entry};
 use crate::system::switches::known::Known;
 use crate::system::switches::surface::Form;
-use crate::system::switches::terms::{at_alpha, beside_infinite, compared, in_law};
+use crate::system::switches::terms::{at_alpha, beside_infinite, compared, in_law, plain};
 
 /// A switch while it is collected.
 pub(crate) struct Collected<'e> {
@@ -101,8 +101,8 @@ pub(crate) struct Switches<'e> {
     pub index: FxHashMap<Expr<'e>, usize>,
     /// What enters expressions.
     pub entries: Entries<'e>,
-    /// Whether the expressions are those of laws.
-    in_laws: bool,
+    /// Comparisons of the law that is looked at which no other term of it contains, nor they others.
+    plain: FxHashSet<Expr<'e>>,
 }
 
 impl<'e> Switches<'e> {
@@ -116,7 +116,7 @@ impl<'e> Switches<'e> {
             params,
             index: FxHashMap::default(),
             entries: Entries::new(exprs),
-            in_laws: false,
+            plain: FxHashSet::default(),
         }
     }
 
@@ -133,9 +133,9 @@ impl<'e> Switches<'e> {
 
     /// The same of an expression of a law.
     pub fn replace_in_law(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
-        self.in_laws = true;
+        self.plain = plain(e);
         let replaced = self.replace(e, span);
-        self.in_laws = false;
+        self.plain.clear();
         replaced
     }
 
@@ -151,12 +151,11 @@ impl<'e> Switches<'e> {
         if entry != Entry::Kink && self.entries.merged(psi).cancels() {
             return at_alpha(e, self.exprs.constant(0.5));
         }
-        let written = compared(written).map_or(psi, |(written, _)| written);
-        let entry = if self.in_laws {
-            in_law(e, entry)
-        } else {
-            entry
+        let entry = match self.plain.contains(&written) {
+            true => in_law(e, entry),
+            false => entry,
         };
+        let written = compared(written).map_or(psi, |(written, _)| written);
         at_alpha(e, self.enter(psi, written, entry))
     }
 

@@ -3,7 +3,9 @@
 //! step(ψ), ψ > 0, ψ >= 0 -> α,  sign(ψ) -> 2α - 1,  abs(y) -> (2α - 1) y with ψ = y,
 //! max(a, b) -> α a + (1 - α) b with ψ = a - b,  min(a, b) -> (1 - α) a + α b.
 
-use crate::expr::{BinaryFunction, Expr, Function, Node, variables_of};
+use rustc_hash::FxHashSet;
+
+use crate::expr::{BinaryFunction, Expr, Function, Node, transform, variables_of};
 use crate::system::switches::entries::Entry;
 use crate::system::switches::known::Known;
 
@@ -23,11 +25,36 @@ pub(crate) fn compared(e: Expr) -> Option<(Expr, Entry)> {
     }
 }
 
+/// The nonsmooth terms of an expression that contain no others and that no others contain: a term inside of the ψ of another
+/// one is on the side that decides that ψ.
+pub(crate) fn plain(e: Expr<'_>) -> FxHashSet<Expr<'_>> {
+    let (mut found, mut inside) = (FxHashSet::default(), FxHashSet::default());
+    transform(&[e], &mut |e, _| {
+        if let Some((psi, _)) = compared(e) {
+            let mut inner = false;
+            transform(&[psi], &mut |e, _| {
+                if compared(e).is_some() {
+                    inner = true;
+                    inside.insert(e);
+                }
+                e
+            });
+            if !inner {
+                found.insert(e);
+            }
+        }
+        e
+    });
+    found.retain(|term| !inside.contains(term));
+    found
+}
+
 /// How the switch of a nonsmooth term enters a law, which reads numbers at an instant.
 pub(crate) fn in_law(e: Expr, entry: Entry) -> Entry {
     match e.node() {
         Node::Unary(Function::Positive, _) => Entry::Above,
         Node::Unary(Function::NonNegative, _) => Entry::NotBelow,
+        Node::Unary(Function::Step | Function::Sign, _) => Entry::Between,
         _ => entry,
     }
 }
