@@ -143,6 +143,8 @@ impl Client {
             "textDocument/didClose",
             json!({ "textDocument": { "uri": uri } }),
         );
+        // Its versions are counted anew when it is opened again.
+        self.notes.retain(|note| note.params["uri"] != uri.as_str());
         self.versions.remove(&uri);
         self.seen.remove(&uri);
     }

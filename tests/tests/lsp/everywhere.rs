@@ -1,5 +1,6 @@
 //! Names of all examples: what is asked of each is what the library says.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nsdc::Project;
@@ -8,6 +9,7 @@ use nsdc::model::index::Definition;
 use serde_json::{Value, json};
 
 use super::client::{Client, byte, position, uri};
+use super::hovers::equations;
 use super::typist::examples;
 
 /// Every so many names are asked about in full.
@@ -39,6 +41,7 @@ fn every_name_of_every_example_is_known() {
         let project = Project::load(&path).expect("it is there");
         let index = project.index();
         let example = Example { project, text };
+        let mut systems = BTreeMap::new();
         let inside = index.occurrences().iter();
         let inside = inside.filter(|place| place.span.end as usize <= example.text.len());
         for (k, place) in inside.enumerate() {
@@ -56,6 +59,7 @@ fn every_name_of_every_example_is_known() {
                 let places = index.places(known.place).count();
                 let hover = asked(&mut client, &path, &at, (&example, known, places));
                 n_equations += usize::from(hover.contains("der("));
+                emitted(&mut client, &path, &hover, &mut systems);
             }
         }
         whole(&mut client, &path, &example);
@@ -95,6 +99,29 @@ fn asked(
         Err((code, _)) => assert_eq!(code, -32803, "{}", known.name),
     }
     text.to_owned()
+}
+
+/// The equations of a hover stand in the system of the experiment that they are of.
+fn emitted(client: &mut Client, path: &Path, hover: &str, systems: &mut BTreeMap<String, String>) {
+    let Some((heading, lines)) = equations(hover) else {
+        return;
+    };
+    let name = heading
+        .strip_prefix("in `")
+        .expect("it is of an experiment");
+    let name = name.trim_end_matches("`:").to_owned();
+    let system = systems.entry(name).or_insert_with_key(|name| {
+        let params = json!({ "command": "nsdc.emit", "arguments": [uri(path), name, "system"] });
+        let came = client.ask("workspace/executeCommand", params);
+        came["text"].as_str().expect("a text").to_owned()
+    });
+    for line in lines.lines().filter(|line| *line != "..") {
+        let is_it = |known: &str| match line.strip_suffix(" ..") {
+            Some(start) => known.starts_with(start),
+            None => known == line,
+        };
+        assert!(system.lines().any(is_it), "{}: {line}", path.display());
+    }
 }
 
 /// What is asked of a file.

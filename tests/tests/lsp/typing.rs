@@ -44,7 +44,8 @@ fn agrees(client: &mut Client, typed: &Typed) {
     let codes = codes.iter().map(|message| message.code.as_deref());
     assert!(
         found.iter().map(|found| found["code"].as_str()).eq(codes),
-        "{found:?}"
+        "{found:?} of {}",
+        typed.text
     );
 }
 

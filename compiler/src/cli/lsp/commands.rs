@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 
@@ -247,9 +248,16 @@ impl Work {
         let Some(progress) = self.progress.clone() else {
             return Meter::None;
         };
+        // What is shown under one token does not fall.
+        let most = AtomicU32::new(0);
         Meter::Told(Arc::new(move |done, message| {
-            let percent = done.map(|done| (100.0 * done) as u32);
-            progress.tell(json!({ "kind": "report", "percentage": percent, "message": message }));
+            let mut value = json!({ "kind": "report", "message": message });
+            if let Some(done) = done {
+                let percent = (100.0 * done) as u32;
+                let known = most.fetch_max(percent, Ordering::Relaxed);
+                value["percentage"] = percent.max(known).into();
+            }
+            progress.tell(value);
         }))
     }
 

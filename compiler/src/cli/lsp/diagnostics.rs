@@ -11,13 +11,13 @@ use lsp_types::{
 use miette::LabeledSpan;
 
 use super::Answer;
-use super::text::uri_of;
+use super::text::{number, uri_of};
 use super::world::{Analysis, World};
 use crate::cli::texts::Texts;
 use crate::diagnostics::{
-    AnyDiagnostic, Applicability, Diagnostics, Fix, apply, explain, is_error,
+    AnyDiagnostic, Applicability, Diagnostics, Edit, Fix, apply, explain, is_error,
 };
-use crate::source::Span;
+use crate::source::{SourceFile, Span};
 use crate::syntax::{File, Item, Link};
 
 /// Something that is wrong.
@@ -80,7 +80,23 @@ fn one(analysis: &Analysis, diagnostic: &AnyDiagnostic, links: bool) -> Found {
     let is_here = |fix: &Fix| fix.edits.iter().all(|edit| analysis.is_here(edit.span));
     let mut fixes = diagnostic.choices();
     fixes.retain(is_here);
+    for edit in fixes.iter_mut().flat_map(|fix| &mut fix.edits) {
+        leave_comment(analysis.source(), edit);
+    }
     Found { shown, fixes }
+}
+
+/// Whole lines that are inserted do not part a line from the comment at its end.
+fn leave_comment(source: &SourceFile, edit: &mut Edit) {
+    let behind = &source.text[source.bytes(edit.span).end..];
+    let line = behind.lines().next().unwrap_or_default();
+    if edit.replacement.starts_with('\n') && line.trim_start().starts_with("//") {
+        let place = edit.span.end + number(line.len());
+        edit.span = Span {
+            start: place,
+            end: place,
+        };
+    }
 }
 
 /// Where it is shown: of what is in another file, at the `use` that leads there.

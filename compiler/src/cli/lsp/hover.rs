@@ -24,21 +24,37 @@ pub fn hover(world: &mut World, params: &HoverParams) -> Answer<Option<Hover>> {
     let Some([now, good]) = world.states(uri) else {
         return Ok(None);
     };
-    let sound = world.sound(uri).unwrap_or_else(|| Rc::clone(&good));
+    let sound = world.sound(uri).filter(|sound| !Rc::ptr_eq(sound, &now));
     let Some(token) = now.word(at.position) else {
         return Ok(None);
     };
     let range = now.lines().range(token.start..token.end());
-    if let Some((_, definition)) = now.named(at.position) {
-        let text = of_definition([&now, &good, &sound], definition, at.position);
-        return Ok(Some(shown(text, range)));
-    }
+    let named = now
+        .named(at.position)
+        .map(|(_, known)| (&now, at.position, known));
     // While a line is broken, what was there before it was.
-    if let Some((position, definition)) = good.named_then(&now, at.position) {
-        let text = of_definition([&good, &good, &sound], definition, position);
-        return Ok(Some(shown(text, range)));
+    let named = named.or_else(|| {
+        let (position, known) = good.named_then(&now, at.position)?;
+        Some((&good, position, known))
+    });
+    let Some((then, position, known)) = named else {
+        return Ok(of_word(&now, token.text, at.position).map(|text| shown(text, range)));
+    };
+    let meant = then.index.meant(known);
+    let mut text = of_definition(then, meant);
+    if let Some(model) = then.index.model_of(meant) {
+        let of = Declared {
+            then,
+            meant,
+            model,
+            experiment: then.index.experiment_at(then.at(position)),
+        };
+        let is_taken = !now.project.diags.has_errors() && of.now(&mut text);
+        if let Some(sound) = sound.filter(|_| !is_taken && now.checked().has_errors()) {
+            of.before(&now, &sound, &mut text);
+        }
     }
-    Ok(of_word(&now, token.text, at.position).map(|text| shown(text, range)))
+    Ok(Some(shown(text, range)))
 }
 
 fn shown(value: String, range: Range) -> Hover {
@@ -49,35 +65,90 @@ fn shown(value: String, range: Range) -> Hover {
     }
 }
 
-/// A declaration with its comment, its value in an experiment, and its equations: those of what could be read last, or else
-/// of what was sound last.
-fn of_definition([now, good, sound]: [&Analysis; 3], known: &Definition, at: Position) -> String {
-    let meant = now.index.meant(known);
-    let mut text = format!("```nsd\n{}\n```", declaration(now, meant));
-    if let Some(doc) = describe::doc(meant.whole, &now.project.sources) {
+/// A declaration with its comment.
+fn of_definition(then: &Analysis, meant: &Definition) -> String {
+    let mut text = format!("```nsd\n{}\n```", declaration(then, meant));
+    if let Some(doc) = describe::doc(meant.whole, &then.project.sources) {
         text.push_str(&format!("\n\n{doc}"));
     }
     text.push_str(&format!("\n\n{}", meant.kind.word()));
-    let Some(model) = now.index.model_of(meant) else {
-        return text;
-    };
-    text.push_str(&format!(" of `{}`", model.name));
-    let experiment = now.index.experiment_at(now.at(at));
-    let name = experiment.map(|known| known.name.as_str());
-    let exprs = Exprs::new();
-    let facts = |then: &Analysis| {
-        let mut twins = then.index.definitions().iter();
-        let twin = twins.find(|twin| twin.kind == Kind::Model && twin.name == model.name)?;
-        Facts::of(&exprs, then, twin.place, name)
-    };
-    let told = match facts(good) {
-        Some(told) if told.is_told => Some(told),
-        other => facts(sound).filter(|told| told.is_told).or(other),
-    };
-    let Some(facts) = told else {
-        return text;
-    };
-    if let Some(shown) = facts.shown(&meant.name) {
+    if let Some(model) = then.index.model_of(meant) {
+        text.push_str(&format!(" of `{}`", model.name));
+    }
+    text
+}
+
+/// What is declared in a model.
+struct Declared<'d> {
+    then: &'d Analysis,
+    meant: &'d Definition,
+    model: &'d Definition,
+    /// The experiment that it is named in.
+    experiment: Option<&'d Definition>,
+}
+
+impl Declared<'_> {
+    /// Its unit and shape, and its value and equations in an experiment; whether one takes the model.
+    fn now(&self, text: &mut String) -> bool {
+        let exprs = Exprs::new();
+        let mut taken = self.taken(&exprs, self.then, self.model);
+        let first = taken.next();
+        match &first {
+            Some(facts) => self.value(facts, text),
+            None => {
+                let alone = Facts::alone(&exprs, self.then, self.model.place);
+                alone.iter().for_each(|facts| self.value(facts, text));
+            }
+        }
+        let is_taken = first.is_some();
+        // What a system calls nowhere is not looked for in other experiments.
+        let others = match self.meant.kind {
+            Kind::Param | Kind::Constant | Kind::Control | Kind::Input | Kind::Let => 0,
+            _ => usize::MAX,
+        };
+        self.equations(first.into_iter().chain(taken.take(others)), "", text);
+        is_taken
+    }
+
+    /// Its equations before there was an error, where that is not in the text of its model.
+    fn before(&self, now: &Analysis, sound: &Analysis, text: &mut String) {
+        let home = |then: &Analysis, model: &Definition| {
+            let file = then.project.sources.file(model.whole);
+            file.map(|file| file.name.clone())
+        };
+        let file = home(self.then, self.model);
+        let mut models = sound.index.definitions().iter();
+        let twin = models.find(|twin| {
+            let is_it = twin.kind == Kind::Model && twin.name == self.model.name;
+            is_it && home(sound, twin) == file
+        });
+        let Some(twin) = twin else {
+            return;
+        };
+        let was = sound.project.sources.text(twin.whole);
+        let mut files = now.project.sources.files().iter();
+        if files.any(|known| Some(&known.name) == file.as_ref() && known.text.contains(was)) {
+            let exprs = Exprs::new();
+            let taken = self.taken(&exprs, sound, twin);
+            self.equations(taken, "before the error, ", text);
+        }
+    }
+
+    fn taken<'e>(
+        &self,
+        exprs: &'e Exprs,
+        then: &'e Analysis,
+        model: &Definition,
+    ) -> impl Iterator<Item = Facts<'e>> + 'e {
+        let name = self.experiment.map(|known| known.name.as_str());
+        Facts::taken(exprs, then, model.place, name)
+    }
+
+    fn value(&self, facts: &Facts<'_>, text: &mut String) {
+        let name = &self.meant.name;
+        let Some(shown) = facts.shown(name) else {
+            return;
+        };
         if let Some(unit) = &shown.unit {
             text.push_str(&format!(", in {unit}"));
         }
@@ -89,21 +160,35 @@ fn of_definition([now, good, sound]: [&Analysis; 3], known: &Definition, at: Pos
         }
         if !shown.value.is_empty() {
             let value = numbers(&shown.shape, &shown.value);
-            let place = match &facts.experiment {
+            let place = match facts.experiment() {
                 Some(name) => format!(" in `{name}`"),
                 None => String::new(),
             };
-            let when = match meant.kind {
+            let when = match self.meant.kind {
                 Kind::Param | Kind::Constant => "",
                 _ => " at the start",
             };
-            text.push_str(&format!("\n\n{} = {value}{when}{place}", meant.name));
+            text.push_str(&format!("\n\n{name} = {value}{when}{place}"));
         }
     }
-    if let Some(equations) = facts.equations(&meant.name) {
-        text.push_str(&format!("\n\n```text\n{equations}\n```"));
+
+    /// Its equations in the first experiment whose system has some.
+    fn equations<'e>(
+        &self,
+        mut taken: impl Iterator<Item = Facts<'e>>,
+        when: &str,
+        text: &mut String,
+    ) {
+        let found = taken.find_map(|facts| {
+            let equations = facts.equations(&self.meant.name)?;
+            Some((facts.experiment()?.to_owned(), equations))
+        });
+        if let Some((name, equations)) = found {
+            text.push_str(&format!(
+                "\n\n{when}in `{name}`:\n\n```text\n{equations}\n```"
+            ));
+        }
     }
-    text
 }
 
 /// The text of a declaration, without what is in its braces.

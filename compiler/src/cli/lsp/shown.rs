@@ -7,7 +7,6 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::model::index::{Definition, Kind};
 use crate::model::{self, Model};
-use crate::project::Project;
 use crate::project::clock::Clock;
 use crate::source::Span;
 use crate::syntax::{Experiment, Expr, ExprKind, File, Item, Link, Stmt};
@@ -32,78 +31,63 @@ pub struct Shown {
     pub value: Vec<f64>,
 }
 
-/// A model as an experiment takes it.
-pub struct Facts<'e> {
-    /// The experiment, where the file has one that is sound.
-    pub experiment: Option<String>,
-    of: Of<'e>,
-    /// Whether it stands for what the file says: for no experiment that is not sound, and without values that are missing.
-    pub is_told: bool,
-}
-
-/// A model, and what is compiled of it where its experiment is sound.
-enum Of<'e> {
-    Model(Box<Model<'e>>),
-    Compiled(Box<Compiled<'e>>),
+/// A model, as an experiment takes it or by itself.
+pub enum Facts<'e> {
+    /// Without an experiment: what a run needs is not known.
+    Alone(Box<Model<'e>>),
+    /// What is compiled of an experiment, with its name.
+    Taken(String, Box<Compiled<'e>>),
 }
 
 impl<'e> Facts<'e> {
-    /// The model that is declared at a place, at an experiment, or else at the first one that is there, or at one
-    /// without settings.
-    pub fn of(
+    /// The model that is declared at a place, as each sound experiment of the file takes it: first the one that is named,
+    /// then the others in their order.
+    pub fn taken(
         exprs: &'e Exprs,
-        analysis: &Analysis,
+        analysis: &'e Analysis,
         declared: Span,
-        experiment: Option<&str>,
-    ) -> Option<Self> {
+        first: Option<&str>,
+    ) -> impl Iterator<Item = Self> + 'e {
         let file = &analysis.project.file;
-        let (home, item) = model_at(file, declared)?;
         let is_of = |known: &&Experiment| {
-            let mut silent = Diagnostics::new();
-            let found = model::find(file, &known.model, &mut silent);
+            let found = model::find(file, &known.model, &mut Diagnostics::new());
             found.is_some_and(|(_, model)| model.name.span == declared)
-                && experiment.is_none_or(|wanted| known.name.name == wanted)
         };
-        let compiled = |file: &File, experiment: &Experiment| {
+        let mut all: Vec<&Experiment> = analysis.project.experiments().filter(is_of).collect();
+        all.sort_by_key(|known| first != Some(known.name.name.as_str()));
+        all.into_iter().filter_map(move |known| {
             let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
-            let compiled = compile(exprs, file, experiment, &[], &mut clock, &mut silent);
-            compiled.map(|compiled| Of::Compiled(Box::new(compiled)))
-        };
-        let found = analysis.project.experiments().find(is_of);
-        if let Some((experiment, of)) = found.and_then(|one| Some((one, compiled(file, one)?))) {
-            return Some(Facts {
-                experiment: Some(experiment.name.name.clone()),
-                of,
-                is_told: true,
-            });
-        }
-        let name = &item.name.name;
-        let model = model::resolve(exprs, home, name, &[], &mut Diagnostics::new())?;
-        let missing: String = (model.quantities.all())
-            .filter(|known| known.value.is_none())
-            .map(|known| format!("{} = 0; ", known.name))
-            .collect();
-        let text = format!("simulate {name} of {name} {{ horizon 1; with {{ {missing}}} }}");
-        let plain = Project::from_text("plain", &text);
-        let of = plain.experiments().find_map(|one| compiled(home, one));
-        Some(Facts {
-            experiment: None,
-            is_told: found.is_none() && missing.is_empty() && of.is_some(),
-            of: of.unwrap_or_else(|| Of::Model(Box::new(model))),
+            let compiled = compile(exprs, file, known, &[], &mut clock, &mut silent)?;
+            Some(Facts::Taken(known.name.name.clone(), Box::new(compiled)))
         })
     }
 
+    /// The model that is declared at a place, by itself.
+    pub fn alone(exprs: &'e Exprs, analysis: &Analysis, declared: Span) -> Option<Self> {
+        let (home, item) = model_at(&analysis.project.file, declared)?;
+        let model = model::resolve(exprs, home, &item.name.name, &[], &mut Diagnostics::new())?;
+        Some(Facts::Alone(Box::new(model)))
+    }
+
+    /// The experiment.
+    pub fn experiment(&self) -> Option<&str> {
+        match self {
+            Facts::Alone(_) => None,
+            Facts::Taken(name, _) => Some(name),
+        }
+    }
+
     fn compiled(&self) -> Option<&Compiled<'e>> {
-        match &self.of {
-            Of::Model(_) => None,
-            Of::Compiled(compiled) => Some(compiled),
+        match self {
+            Facts::Alone(_) => None,
+            Facts::Taken(_, compiled) => Some(compiled),
         }
     }
 
     fn model(&self) -> &Model<'e> {
-        match &self.of {
-            Of::Model(model) => model,
-            Of::Compiled(compiled) => &compiled.model,
+        match self {
+            Facts::Alone(model) => model,
+            Facts::Taken(_, compiled) => &compiled.model,
         }
     }
 
@@ -129,8 +113,9 @@ impl<'e> Facts<'e> {
             .scope
             .expr(&expr, None, &mut Diagnostics::new())?;
         let number = |var| {
-            let compiled = self.compiled().filter(|_| self.is_told);
-            let numbers = compiled.map(|compiled| &compiled.settings.values.numbers);
+            let numbers = self
+                .compiled()
+                .map(|compiled| &compiled.settings.values.numbers);
             numbers
                 .and_then(|numbers| numbers.get(&var).copied())
                 .unwrap_or(f64::NAN)
@@ -227,10 +212,12 @@ pub fn hints(world: &mut World, params: &InlayHintParams) -> Vec<InlayHint> {
         let exprs = Exprs::new();
         let range = analysis.range(item.span);
         let is_seen = range.start <= params.range.end && params.range.start <= range.end;
-        let Some(facts) = is_seen
-            .then(|| Facts::of(&exprs, &analysis, item.name.span, None))
-            .flatten()
-        else {
+        if !is_seen {
+            continue;
+        }
+        let place = item.name.span;
+        let taken = Facts::taken(&exprs, &analysis, place, None).next();
+        let Some(facts) = taken.or_else(|| Facts::alone(&exprs, &analysis, place)) else {
             continue;
         };
         for known in analysis.index.members(item.span) {

@@ -280,22 +280,25 @@ fn pieces(old: &str, new: &str) -> Vec<(Range<usize>, String)> {
     let mut behind = new.split_inclusive('\n');
     let mut found = Vec::new();
     let (mut start, mut at) = (0, 0);
-    // Of a piece, and of its new layout, what a layout keeps: all but blanks, and `;` behind a block.
-    let add = |kept: &mut String, line: &str| {
+    // Of a piece, and of its new layout, what a layout keeps: all but blanks, and `;` behind a block, which may have ended
+    // with the piece before.
+    let add = |kept: &mut String, last: &mut char, line: &str| {
         for c in line.chars().filter(|c| !c.is_whitespace()) {
-            if c != ';' || !kept.ends_with('}') {
+            if c != ';' || *last != '}' {
                 kept.push(c);
+                *last = c;
             }
         }
     };
     let (mut has, mut gets, mut layout) = (String::new(), String::new(), String::new());
+    let (mut last, mut last_behind) = (' ', ' ');
     for line in old.split_inclusive('\n') {
         at += line.len();
-        add(&mut has, line);
+        add(&mut has, &mut last, line);
         while gets.len() < has.len()
             && let Some(line) = behind.next()
         {
-            add(&mut gets, line);
+            add(&mut gets, &mut last_behind, line);
             layout.push_str(line);
         }
         if has == gets && !has.is_empty() {

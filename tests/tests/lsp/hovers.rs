@@ -1,0 +1,231 @@
+//! What hovers tell of values and equations, and of which experiment they are.
+
+use std::path::Path;
+
+use nsdc::cli::Exit;
+use serde_json::Value;
+
+use super::client::{Client, memory, position};
+
+/// What is told of the first place of some words.
+fn told(client: &mut Client, path: &Path, text: &str, words: &str) -> String {
+    let at = text.find(words).expect("it is there");
+    let found = client.at("textDocument/hover", path, position(text, at));
+    let told = found["contents"]["value"].as_str().expect("it is told");
+    told.to_owned()
+}
+
+/// The line over the equations, and these.
+pub fn equations(told: &str) -> Option<(&str, &str)> {
+    let (before, behind) = told.split_once("\n\n```text\n")?;
+    let (_, heading) = before.rsplit_once("\n\n")?;
+    Some((heading, behind.strip_suffix("\n```")?))
+}
+
+/// At a name stand the equations that are made of it, and the switches that these meet.
+#[test]
+fn names_tell_their_equations() {
+    let mut client = Client::new(&[]);
+    let path = memory("equations.nsd");
+    let text = "
+model belt {
+  param mu = 0.3;
+  state x = 0;
+  state v = 1;
+  state w = 2;
+  switch s = sign(v - 1);
+  x' = v;
+  v' = -x - mu*s;
+  region low where w < 2 { w' = 1; }
+  region high else { w' = -abs(x); }
+  output force = mu*s;
+}
+simulate pulls of belt { horizon 1; output force, w, x; }
+";
+    assert_eq!(client.open(&path, text), Vec::<Value>::new());
+    let mut here = |name: &str| {
+        let told = told(&mut client, &path, text, name);
+        let (heading, lines) = equations(&told)?;
+        assert_eq!(heading, "in `pulls`:");
+        Some(lines.to_owned())
+    };
+    let slides = "\
+der(v) = -mu*(2*alpha[3] - 1) - x
+alpha[3] in step(v - 1)  // s, discontinuous
+  read by s as psi";
+    assert_eq!(here("v' =").as_deref(), Some(slides));
+    assert_eq!(here("v = 1").as_deref(), Some(slides));
+    assert_eq!(here("x' =").as_deref(), Some("der(x) = v"));
+    assert_eq!(here("mu = 0.3"), None);
+    let switch = slides.split_once('\n').expect("lines").1;
+    assert_eq!(here("s = sign").as_deref(), Some(switch));
+    let falls = "\
+der(w) = 1 - x*alpha[1]*(2*alpha[2] - 1) - alpha[1]
+partition of w  // one region everywhere: proven
+  low: 1 - alpha[1]
+  high: alpha[1]
+alpha[1] in step(w - 2)  // w - 2, discontinuous
+alpha[2] in step(x)  // x, continuous";
+    assert_eq!(here("w' = 1").as_deref(), Some(falls));
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// Regions that a parameter of zero would make empty.
+const REGIONS: &str = "\
+model m {
+  param n;
+  param k = 4;
+  state x = 1;
+  state y = 2;
+  region low where x < n { x' = k; }
+  region high where x > 2*n { x' = -1; }
+  region rest else { x' = 0; }
+  y' = -n*y;
+}
+";
+
+/// Nothing is told at values that no experiment gives.
+#[test]
+fn equations_are_those_of_an_experiment() {
+    let mut client = Client::new(&[]);
+    let path = memory("experiments.nsd");
+    for rest in [
+        "",
+        "simulate open of m { horizon 1; }\n",
+        "simulate twice of m { with { n = 1; n = 2; } horizon 1; }\n",
+    ] {
+        let text = format!("{REGIONS}{rest}");
+        assert_eq!(client.open(&path, &text).is_empty(), rest.is_empty());
+        for name in ["x = 1", "y = 2", "low where", "k = 4"] {
+            let told = told(&mut client, &path, &text, name);
+            assert_eq!(equations(&told), None, "{told}");
+            assert!(!told.contains(" in `"), "{told}");
+            assert!(!told.contains("k = 4\n\n"), "{told}");
+        }
+    }
+    // The first that gives all, and whose system has the name; inside of another one, that.
+    let text = format!(
+        "{REGIONS}\
+simulate open of m {{ horizon 1; }}
+simulate one of m {{ with {{ n = 1; k = 5; }} horizon 1; output y; }}
+simulate two of m {{ with {{ n = 2; k = 6; }} horizon 1; }}
+simulate three of m {{ with {{ n = 3; k = 7; }} horizon 1; expect k*x at end < 99; }}
+"
+    );
+    assert_eq!(client.open(&path, &text).len(), 1);
+    for (name, expected) in [
+        ("k = 4", "k = 5 in `one`"),
+        ("n = 2", "n = 2 in `two`"),
+        ("k*x", "k = 7 in `three`"),
+        ("y = 2", "\n\nin `one`:\n\n```text\nder(y) = -n*y\n```"),
+        ("x = 1", "\n\nin `two`:\n\n```text\nder(x) = "),
+        ("x at end", "\n\nin `three`:\n\n```text\nder(x) = "),
+    ] {
+        let told = told(&mut client, &path, &text, name);
+        assert!(told.contains(expected), "{name}: {told}");
+    }
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// Models of one name in different files are different.
+#[test]
+fn models_of_one_name_are_not_confused() {
+    let mut client = Client::new(&[]);
+    let twin =
+        |rate: i32| format!("model twin {{ param a = {rate}; state x = 1; x' = -{rate}*x; }}\n");
+    client.open(&memory("twins_one.nsd"), &twin(111));
+    client.open(&memory("twins_two.nsd"), &twin(222));
+    let path = memory("twins.nsd");
+    let text = "use ./twins_one;
+use ./twins_two;
+model twin { param a = 333; state x = 1; x' = -333*x; }
+simulate one of twins_one.twin { horizon 1; expect x + a at end < 200; }
+simulate two of twins_two.twin { horizon 1; expect x - a at end < 200; }
+simulate here of twin { horizon 1; expect x*a at end < 400; }
+simulate other of twin { horizon 1; }
+";
+    assert_eq!(client.open(&path, text), Vec::<Value>::new());
+    let places = [
+        ("one", "x + a", 111),
+        ("two", "x - a", 222),
+        ("here", "x*a", 333),
+    ];
+    for (name, words, rate) in places {
+        let its = told(&mut client, &path, text, words);
+        let (heading, lines) = equations(&its).expect("it has an equation");
+        assert_eq!(
+            (heading, lines),
+            (&*format!("in `{name}`:"), &*format!("der(x) = -{rate}*x"))
+        );
+        let at = text.find(words).expect("it is there") + words.len() - 1;
+        let found = client.at("textDocument/hover", &path, position(text, at));
+        let its = found["contents"]["value"].as_str().expect("it is told");
+        assert!(its.contains(&format!("a = {rate} in `{name}`")), "{its}");
+    }
+    // Neither are those of the text before an error.
+    let broken = text.replace("simulate other of twin {", "simulate other of twin { = ;");
+    assert!(!client.open(&path, &broken).is_empty());
+    for (name, words, rate) in places {
+        let its = told(&mut client, &path, &broken, words);
+        let (heading, lines) = equations(&its).expect("it has an equation");
+        let expected = format!("before the error, in `{name}`:");
+        assert_eq!(
+            (heading, lines),
+            (&*expected, &*format!("der(x) = -{rate}*x"))
+        );
+    }
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// While a text is wrong, no value of another one is told, and equations of that only of a model that stays.
+#[test]
+fn what_was_before_an_error_is_told_as_that() {
+    let mut client = Client::new(&[]);
+    let path = memory("before.nsd");
+    let text = "\
+model m {
+  param k = 1;
+  state x = 1;
+  state y = 1;
+  x' = -k*x;
+  y' = -y;
+}
+simulate one of m { with { k = 2; } horizon 1; }
+";
+    for (old, new, heading) in [
+        // The model itself has become another.
+        ("y' = -y", "y' = -q", None),
+        ("y' = -y", "y' = = -y", None),
+        ("-k*x;\n  y' = -y", "-3*k*x;\n  y' = -q", None),
+        // The experiment has.
+        (
+            "k = 2;",
+            "k = 3; z = 1;",
+            Some("before the error, in `one`:"),
+        ),
+        ("k = 2;", "k = 3 3;", Some("before the error, in `one`:")),
+        // Something else has, which can be read.
+        (
+            "simulate one",
+            "model w { state z = 1; z' = q; }\nsimulate one",
+            Some("in `one`:"),
+        ),
+    ] {
+        assert_eq!(client.open(&path, text), Vec::<Value>::new());
+        let sound = told(&mut client, &path, text, "k = 1");
+        assert!(sound.contains("k = 2 in `one`"), "{sound}");
+        let wrong = text.replace(old, new);
+        assert!(!client.open(&path, &wrong).is_empty());
+        let its = told(&mut client, &path, &wrong, "x = 1");
+        assert_eq!(
+            equations(&its),
+            heading.map(|known| (known, "der(x) = -k*x")),
+            "{new}"
+        );
+        let its = told(&mut client, &path, &wrong, "k = 1");
+        let has_value = heading == Some("in `one`:");
+        assert_eq!(its.contains("k = 2 in `one`"), has_value, "{new}: {its}");
+        assert_eq!(its.contains(" in `one`"), has_value, "{new}: {its}");
+    }
+    assert_eq!(client.end(), Exit::Success);
+}
