@@ -66,7 +66,7 @@ def test_wrong_models_are_errors_of_models() -> None:
     wrong = nsdc.loads(TEXT.replace("x' = u/m;", "x' = v;"))
     with pytest.raises(nsdc.ModelError) as error:
         wrong["o"].controller(sample=0.25)
-    assert error.value.code == "E0201"
+    assert error.value.code == "E0101"
 
 
 def test_what_has_no_plan_says_so(controller: nsdc.Controller) -> None:

@@ -406,7 +406,9 @@ fn memory_that_was_changed_is_refused() {
     let mut other = made();
     let mut takes = |place: &str, value: Value| {
         let mut memory = known.clone();
-        *memory.pointer_mut(place).unwrap_or_else(|| panic!("{place}")) = value;
+        *memory
+            .pointer_mut(place)
+            .unwrap_or_else(|| panic!("{place}")) = value;
         serde_json::from_value(memory).is_ok_and(|memory| other.remember(memory))
     };
     assert!(takes("/waits", json!(u32::MAX)));
@@ -469,19 +471,31 @@ fn what_rests_is_compared_with_other_plans() {
     assert!(th.abs() < 0.06, "{th}");
 }
 
-/// Of |x(1)| + ∫ 0.1 u², from where 0.2 |x| < 1, the minimum is u = -x, to the kink at 0, which a scheme without a node at the
-/// end does not show to be one. It is followed where the state was thrown away from 0, though it costs more than the last plan.
+/// A feasible plan from where the state was thrown is followed, though it costs more than the last one, from elsewhere, did: where
+/// a solve is cut off, what the last one costs from there is not known.
 #[test]
 fn feasible_plans_are_followed_behind_disturbances() {
-    let text = "model m { state x = 0.5; control u in [-1, 1] = 0; x' = u; }
-        optimize plan of m { horizon 1; intervals 4; scheme gauss(2); minimize final(abs(x)) + integral(0.1*u^2); }";
-    let (project, exprs) = (project(text), Exprs::new());
+    let (project, exprs) = (project(CART), Exprs::new());
     let mut made = (project.controller(&exprs, "plan", &[], &[], None)).expect("a program");
-    for (t, x) in [(0.0, 0.5), (0.25, 0.8), (0.5, -0.9)] {
-        let step = made.step(t, &[x], &[], &Limit::default());
-        assert_eq!(step.decision, Decision::Feasible, "{:?}", step.why);
-        close(made.control(t).expect("a plan")[0], -x, 1e-4);
+    let first = made.step(0.0, &[1.0, 0.0], &[], &Limit::default());
+    let first = first.plan.expect("there is one").objective;
+    let memory = made.memory().clone();
+    let mut costs = Vec::new();
+    for after in (0..).map(|k| 500 * k) {
+        assert!(made.remember(memory.clone()));
+        let cancel = Cancel::default();
+        let limit = Limit::default().canceled_by(&cancel);
+        work::restart(Some((after, cancel)));
+        let step = made.step(0.2, &[3.0, 0.0], &[], &limit);
+        work::restart(None);
+        match (step.decision, step.plan) {
+            (Decision::Feasible, Some(plan)) => costs.push(plan.objective),
+            (Decision::Warm | Decision::Cold, _) => break,
+            _ => {}
+        }
     }
+    // From three times as far it is to cost nine times as much.
+    assert!(costs.iter().any(|&cost| cost > 8.0 * first), "{costs:?}");
 }
 
 /// No plan leads from x > 1.2 to 0 within 1.2 s by |u| ≤ 1: the plan that is kept ends, and the loop does not, as nothing has
@@ -517,15 +531,27 @@ fn controllers_do_not_change_with_time() {
     let free = "free in [0.1, 5] = 1";
     for (rate, horizon, asks) in [
         ("u + sin(3*time)", "1", "minimize integral(u^2);"),
-        ("u", free, "minimize integral(u^2) + final(time); final { x = 0.5*time; }"),
-        ("u", free, "minimize integral(u^2) + final((time - 3)^2); final { x = 0; }"),
-        ("u", free, "minimize integral(u^2) + final(x*time); final { x = 0; }"),
+        (
+            "u",
+            free,
+            "minimize integral(u^2) + final(time); final { x = 0.5*time; }",
+        ),
+        (
+            "u",
+            free,
+            "minimize integral(u^2) + final((time - 3)^2); final { x = 0; }",
+        ),
+        (
+            "u",
+            free,
+            "minimize integral(u^2) + final(x*time); final { x = 0; }",
+        ),
     ] {
         let text = text(rate, horizon, asks);
         let (project, exprs) = (project(&text), Exprs::new());
         let made = project.controller(&exprs, "plan", &[], &[], None);
         assert!(matches!(made, Err(PrepareError::ChangesWithTime)), "{asks}");
-        assert!(refused(&text).contains("time begins at 0 in every plan"));
+        assert!(refused(&text).contains("changes with time"), "{asks}");
     }
     // To 0 in T by u = -x/T costs x²/T + 4 T: T = x/2.
     let asks = "minimize integral(u^2) + 4*final(time); final { x = 0; }";
@@ -555,17 +581,25 @@ fn states_belong_together_by_entry() {
     assert!(errors.contains("`a.f`"), "{errors}");
     let two = format!("{one} state y[2] = [0, 0]; y' = [u, u];");
     let errors = refused(&text(&two, "with { y[1] = 0; }", ""));
-    assert!(errors.contains("`y[2]`") && !errors.contains("`y[1]`"), "{errors}");
+    assert!(
+        errors.contains("`y[2]`") && !errors.contains("`y[1]`"),
+        "{errors}"
+    );
 }
 
 /// What is too long, or too much, is told.
 #[test]
 fn samples_and_deadlines_have_bounds() {
     for (settings, told) in [
-        ("sample 0.2; deadline 1e300; horizon 1;", "at most 1e9 seconds"),
+        (
+            "sample 0.2; deadline 1e300; horizon 1;",
+            "at most 1e9 seconds",
+        ),
         ("sample 1e-6; horizon 1;", "has at most 100000 samples"),
     ] {
-        let errors = refused(&format!("{CART} mpc l of cart {{ controller plan; {settings} }}"));
+        let errors = refused(&format!(
+            "{CART} mpc l of cart {{ controller plan; {settings} }}"
+        ));
         assert!(errors.contains(told), "{errors}");
     }
 }
@@ -586,14 +620,15 @@ fn canceled_loops_end_as_other_runs_do() {
         let run = project.run("l", &options, &mut ());
         work::restart(None);
         let run = run.expect("it compiles").trajectory;
-        assert_eq!(codes(&run), [""; 0]);
         if run.status == Status::Solved {
             break;
         }
         assert_eq!(run.status, Status::Canceled);
         assert!(run.failure.is_some());
         assert!(run.samples.time.last().is_some_and(|&t| t < 3.0));
-        let found = run.several.closed_loop.expect("it is a loop");
+        let found = run.several.closed_loop.as_ref().expect("it is a loop");
+        // The first plan is followed where it is feasible.
+        assert!(found.samples.len() == 1 || codes(&run).is_empty());
         cut.push(found.samples.len());
     }
     assert!(cut.iter().any(|&n| n > 1), "{cut:?}");

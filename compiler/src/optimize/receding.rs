@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use nsd_solver::optimization::mpcc::{Solution, Status, Trust};
 
 use super::checks::reduced::Reduced;
-use super::start::{self, Begin, Start, reference, shift};
+use super::start::{self, Begin, Start, reference, shift, transfer};
 use super::{Point, Prepared, Problem, SolveError, branches, failure};
 use crate::limit::Limit;
 use crate::lowering::discretize::Layout;
@@ -131,7 +131,7 @@ impl<'e> Prepared<'e> {
             && is_forward
             && rows(&plan.controls, n_instants, n_controls)
             && rows(&plan.states, layout.steps + 1, self.planned_states().len())
-            && problem.has_sizes_of(point)
+            && transfer::fits(problem, point)
     }
 
     /// A plan from an initial state, in the order of [`Prepared::states`], with these values of the open parameters, from

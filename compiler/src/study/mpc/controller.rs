@@ -116,16 +116,11 @@ pub(super) fn recedes(system: &System<'_>) -> Result<(), PrepareError> {
     let surfaces = system.switches.iter().map(|switch| switch.psi);
     let rows = system.task.iter().flat_map(|task| &task.rows);
     let rows = rows.map(|row| row.value);
-    let laws = system.jumps.laws.iter().flat_map(|law| law.exprs());
     let contacts = system.jumps.contacts.iter();
     let contacts = contacts.flat_map(|contact| contact.exprs());
     let costs = system.task.iter().map(|task| task.cost.value.diff(time));
     let moves_cost = costs.clone().all(|change| change.as_constant().is_some());
-    let mut all = rates
-        .chain(surfaces)
-        .chain(rows)
-        .chain(laws)
-        .chain(contacts);
+    let mut all = rates.chain(surfaces).chain(rows).chain(contacts);
     match system.exogenous.data.is_empty() && moves_cost && !all.any(|e| e.depends_on(time)) {
         true => Ok(()),
         false => Err(PrepareError::ChangesWithTime),

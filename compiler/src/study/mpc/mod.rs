@@ -163,7 +163,7 @@ impl Samples<'_> {
         // A sample that was cut off is none.
         let last = self
             .steps
-            .pop_if(|step| step.plan.is_none() && self.limit.is_over());
+            .pop_if(|step| step.why.is_some() && self.limit.is_over());
         match pieces.filter(|_| last.is_none()) {
             Some(pieces) => ControlFlow::Continue(Some(pieces)),
             None => ControlFlow::Break(()),
