@@ -471,33 +471,6 @@ fn what_rests_is_compared_with_other_plans() {
     assert!(th.abs() < 0.06, "{th}");
 }
 
-/// A feasible plan from where the state was thrown is followed, though it costs more than the last one, from elsewhere, did: where
-/// a solve is cut off, what the last one costs from there is not known.
-#[test]
-fn feasible_plans_are_followed_behind_disturbances() {
-    let (project, exprs) = (project(CART), Exprs::new());
-    let mut made = (project.controller(&exprs, "plan", &[], &[], None)).expect("a program");
-    let first = made.step(0.0, &[1.0, 0.0], &[], &Limit::default());
-    let first = first.plan.expect("there is one").objective;
-    let memory = made.memory().clone();
-    let mut costs = Vec::new();
-    for after in (0..).map(|k| 500 * k) {
-        assert!(made.remember(memory.clone()));
-        let cancel = Cancel::default();
-        let limit = Limit::default().canceled_by(&cancel);
-        work::restart(Some((after, cancel)));
-        let step = made.step(0.2, &[3.0, 0.0], &[], &limit);
-        work::restart(None);
-        match (step.decision, step.plan) {
-            (Decision::Feasible, Some(plan)) => costs.push(plan.objective),
-            (Decision::Warm | Decision::Cold, _) => break,
-            _ => {}
-        }
-    }
-    // From three times as far it is to cost nine times as much.
-    assert!(costs.iter().any(|&cost| cost > 8.0 * first), "{costs:?}");
-}
-
 /// No plan leads from x > 1.2 to 0 within 1.2 s by |u| ≤ 1: the plan that is kept ends, and the loop does not, as nothing has
 /// come to 0. With u = -1, x' = 2 behind 0.2 s.
 #[test]
