@@ -64,17 +64,20 @@ class Controller:
 
     def _compile(self, names: list[str]) -> None:
         """Compiles the experiment with these parameters open; they have the values of the experiment until they are given."""
-        self._open = names
         rest = [(name, value) for name, value in self._values if name not in names]
         project = self.experiment.file._project
-        self._core = project.controller(self.experiment.name, names, rest, self.deadline)
-        found = json.loads(self._core.names())
+        core = project.controller(self.experiment.name, names, rest, self.deadline)
+        found = json.loads(core.names())
+        if hasattr(self, "_core"):
+            core.remember(self._core.memory())
+        self._core, self._open = core, names
         #: The entries of the states that it takes, in their order.
         self.states: list[str] = found["states"]
         #: The entries of the controls that it decides on.
         self.controls: list[str] = found["controls"]
-        known = {**dict(self._defaults()), **dict(self._values)}
-        self._last = [known[name] for name in names]
+        known = {**dict(self._defaults()), **dict(self._values), **getattr(self, "_last", {})}
+        #: The values of what is open.
+        self._last: dict[str, float] = {name: known[name] for name in names}
 
     def _defaults(self) -> list[tuple[str, float]]:
         known = self.experiment.parameters
@@ -103,24 +106,22 @@ class Controller:
             t = 0.0 if self._time is None else self._time + self.sample
         (t,) = finite("t", t, ()).tolist()
         changed = dict(given(self.experiment.parameters, params.items()))
+        entries = self._entries(x)
         new = [name for name in changed if name not in self._open]
         if new:
-            state, last = self.state, dict(zip(self._open, self._last))
             self._compile([*self._open, *new])
-            self._last = [last.get(name, value) for name, value in zip(self._open, self._last)]
-            self.state = state
-        self._last = [changed.get(name, value) for name, value in zip(self._open, self._last)]
-        found = json.loads(self._core.step(t, self._entries(x), self._last))
-        self._time = t
+        last = {**self._last, **changed}
+        found = json.loads(self._core.step(t, entries, [last[name] for name in self._open]))
+        self._time, self._last = t, last
         values = found.pop("u")
         if values is None:
             why = found["why"] or {}
             raise RuntimeError(f"there is no plan: {why.get('code')}, {why.get('message')}")
-        entries = dict(zip(self.controls, values))
+        decided = dict(zip(self.controls, values))
         shaped = {
-            name: np.array([entries[one] for one in control.entries]).reshape(control.shape)
+            name: np.array([decided[one] for one in control.entries]).reshape(control.shape)
             for name, control in self.experiment.controls.items()
-            if all(one in entries for one in control.entries)
+            if all(one in decided for one in control.entries)
         }
         return shaped, found
 
@@ -131,6 +132,9 @@ class Controller:
         missing = [name for name in self.states if name not in found]
         if missing:
             raise TypeError(f"x: `{missing[0]}` is missing")
+        chosen = [name for name in found if name not in self.states]
+        if chosen:
+            raise TypeError(f"x: the experiment chooses the initial value of `{chosen[0]}` itself")
         return [found[name] for name in self.states]
 
     @property
@@ -143,8 +147,9 @@ class Controller:
     @state.setter
     def state(self, state: Mapping[str, Any]) -> None:
         with self._turn:
-            self._core.remember(state["memory"])
-            self._time = state["time"]
+            memory, time = state["memory"], state["time"]
+            self._core.remember(memory)
+            self._time = time
 
     def __repr__(self) -> str:
         return f"<controller {self.experiment.name} of {self.experiment.model}>"

@@ -94,6 +94,37 @@ def test_what_is_refused() -> None:
         controller.step([math.nan])
 
 
+def test_what_changes_with_time_is_refused() -> None:
+    changing = nsdc.loads(TEXT.replace("x' = u/m;", "x' = u/m + sin(3*time);"))
+    with pytest.raises(ValueError, match="time begins at 0 in every plan"):
+        changing["o"].controller(sample=0.25)
+
+
+def test_free_initial_values_are_not_given() -> None:
+    freed = nsdc.loads(TEXT.replace("final { x = 0; } }", "initial { x free in [-1, 1]; } }"))
+    controller = freed["o"].controller(sample=0.25)
+    assert controller.states == []
+    with pytest.raises(TypeError, match="chooses the initial value of `x`"):
+        controller.step({"x": 1})
+
+
+def test_a_step_that_fails_changes_nothing(controller: nsdc.Controller) -> None:
+    """Neither a parameter beside a wrong state, nor one that cannot stay open."""
+    controller.step([1.0])
+    with pytest.raises(ValueError, match="x"):
+        controller.step([1.0, 2.0], m=2)
+    u, info = controller.step([0.5])
+    assert math.isclose(u["u"], -0.5, abs_tol=1e-8)
+    assert info["decision"] == "warm"
+    powers = TEXT.replace("param m = 1;", "param m = 1; param k = 2;").replace("u/m;", "u/m - x^k;")
+    file = nsdc.loads(powers)
+    one, other = (file["o"].controller(sample=0.25) for _ in range(2))
+    with pytest.raises((ValueError, nsdc.ModelError)):
+        one.step([1.0], k=3)
+    assert one.step([1.0])[0] == other.step([1.0])[0]
+    assert one.step([0.5], m=2)[0] == other.step([0.5], m=2)[0]
+
+
 def test_loops_of_files_are_results() -> None:
     result = nsdc.loads(TEXT)["l"].run()
     assert result.ok

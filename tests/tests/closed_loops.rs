@@ -2,9 +2,11 @@
 //! without a plan, and plans from the last one against plans without it.
 
 use nsdc::expr::Exprs;
-use nsdc::limit::Limit;
+use nsdc::limit::{Cancel, Limit, work};
+use nsdc::optimize::PrepareError;
 use nsdc::report::{ClosedLoop, Decision, Sampled, Series, Status, Trajectory};
 use nsdc::{Options, Project};
+use serde_json::{Value, json};
 
 fn project(text: &str) -> Project {
     Project::from_text("model.nsd", text)
@@ -20,6 +22,14 @@ fn looped(text: &str) -> (Trajectory, ClosedLoop) {
     let run = ran(text);
     let found = run.several.closed_loop.clone().expect("it is a loop");
     (run, found)
+}
+
+/// What is wrong with the loop `l` of a text.
+fn refused(text: &str) -> String {
+    match project(text).run("l", &Options::default(), &mut ()) {
+        Ok(_) => panic!("it runs"),
+        Err(errors) => errors.to_string(),
+    }
 }
 
 fn codes(run: &Trajectory) -> Vec<&str> {
@@ -290,6 +300,8 @@ fn a_loop_without_a_first_plan_does_not_begin() {
     let run = ran(text);
     assert_eq!(run.status, Status::LocallyInfeasible);
     assert_eq!(run.samples.time.last(), Some(&0.0));
+    // No plan was kept.
+    assert_eq!(codes(&run), [""; 0]);
 }
 
 /// With no time at all, every plan but the first one is the first one.
@@ -359,16 +371,19 @@ fn steps_make_nothing_that_stays() {
 fn memory_is_handed_on() {
     let text = "model m { param p = 1; state x = 1; control u in [-9, 9]; x' = p*u; }
         optimize plan of m { horizon 1; intervals 4; elements 1; minimize integral(u^2); final { x = 0; } }
-        optimize other of m { horizon 1; intervals 5; elements 1; minimize integral(u^2); final { x = 0; } }";
+        optimize other of m { horizon 1; intervals 5; elements 1; minimize integral(u^2); final { x = 0; } }
+        optimize alike of m { horizon 2; intervals 4; elements 1; minimize integral(u^2); final { x = 0; } }";
     let (project, exprs) = (project(text), Exprs::new());
     let made = |name: &str| {
         let made = project.controller(&exprs, name, &["p"], &[], None);
         made.expect("a program")
     };
     let (mut first, mut second, mut other) = (made("plan"), made("plan"), made("other"));
+    let mut alike = made("alike");
     first.step(0.0, &[1.0], &[1.0], &Limit::default());
     assert!(second.remember(first.memory().clone()));
     assert!(!other.remember(first.memory().clone()));
+    assert!(!alike.remember(first.memory().clone()));
     for controller in [&mut first, &mut second] {
         // From x to 0 within a second by p u.
         let step = controller.step(0.25, &[0.5], &[2.0], &Limit::default());
@@ -376,4 +391,218 @@ fn memory_is_handed_on() {
         close(controller.control(0.25).expect("a plan")[0], -0.25, 1e-8);
     }
     assert_eq!(first.memory(), second.memory());
+}
+
+/// A memory whose numbers do not fit to each other is that of no controller.
+#[test]
+fn memory_that_was_changed_is_refused() {
+    let text = "model m { state x = 1; control u in [-9, 9]; x' = u; }
+        optimize plan of m { horizon 1; intervals 4; elements 2; minimize integral(u^2); final { x = 0; } }";
+    let (project, exprs) = (project(text), Exprs::new());
+    let made = || (project.controller(&exprs, "plan", &[], &[], None)).expect("a program");
+    let mut first = made();
+    first.step(0.0, &[1.0], &[], &Limit::default());
+    let known = serde_json::to_value(first.memory()).expect("it is data");
+    let mut other = made();
+    let mut takes = |place: &str, value: Value| {
+        let mut memory = known.clone();
+        *memory
+            .pointer_mut(place)
+            .unwrap_or_else(|| panic!("{place}")) = value;
+        serde_json::from_value(memory).is_ok_and(|memory| other.remember(memory))
+    };
+    assert!(takes("/waits", json!(u32::MAX)));
+    for (place, value) in [
+        ("/last/0/plan/ends", json!([])),
+        ("/last/0/plan/ends", json!([0, 0, 0, 0, 0])),
+        ("/last/0/plan/controls", json!([[]])),
+        ("/last/0/plan/states/0", json!([1, 2])),
+        ("/last/0/point/controls", json!([])),
+        ("/last/0/point/elements", json!([])),
+        ("/last/0/point/elements/0/states", json!([])),
+        ("/last/0/point/elements/0/alphas", json!([])),
+        ("/last/0/point/elements/0/length", json!(100)),
+        ("/last/0/point/horizon", json!(0)),
+        ("/of/0", json!("another")),
+    ] {
+        assert!(!takes(place, value), "{place}");
+    }
+}
+
+/// Events of the plant at its horizon, which rounded multiples of samples miss, ask for no plan.
+#[test]
+fn events_at_the_horizon_ask_for_no_plan() {
+    for (sample, horizon, n) in [(0.2, 1.0, 5), (0.1, 0.3, 3), (0.1, 0.7, 7)] {
+        let text = format!(
+            "model m {{ state x = 1; control u in [-9, 9]; x' = u; }}
+            model p {{ state x = 1; state k = 0; control u = 0; x' = u; k' = 0; every {sample} {{ k := k + 1; }} }}
+            optimize plan of m {{ horizon 1; intervals 4; elements 1; minimize integral(u^2); final {{ x = 0; }} }}
+            mpc l of p {{ controller plan; sample {sample}; horizon {horizon}; }}"
+        );
+        let (run, found) = looped(&text);
+        assert_eq!(run.status, Status::Solved);
+        assert_eq!(found.samples.len(), n);
+    }
+}
+
+/// A pendulum that is thrown over does not rest beside its upper equilibrium, where friction holds it: that is a minimum, and
+/// with the controls that there are it comes back.
+#[test]
+fn what_rests_is_compared_with_other_plans() {
+    let text = "model c {
+          state th = 0.05; state w = 0; control u in [-8, 8] = 0;
+          th' = w; w' = 9.81*sin(th) + u - 0.3*sign(w);
+        }
+        model p {
+          state th = 0.05; state w = 0; control u = 0; input d;
+          th' = w; w' = 9.81*sin(th) + u - 0.3*sign(w) + d;
+        }
+        optimize o of c {
+          horizon 1; intervals 8; elements 2; scheme radau_iia(2);
+          minimize integral(10*th^2 + w^2 + 0.01*u^2);
+        }
+        mpc l of p {
+          with { d = if time > 1 and time < 1.1 then 8 else 0; }
+          controller o; sample 0.125; horizon 8;
+        }";
+    let (run, _) = looped(text);
+    assert_eq!(run.status, Status::Solved);
+    let th = end(&run, "th");
+    assert!(th.abs() < 0.06, "{th}");
+}
+
+/// No plan leads from x > 1.2 to 0 within 1.2 s by |u| ≤ 1: the plan that is kept ends, and the loop does not, as nothing has
+/// come to 0. With u = -1, x' = 2 behind 0.2 s.
+#[test]
+fn a_plan_of_another_sample_ends_no_loop() {
+    let text = "model cart { state x = 1; control u in [-1, 1] = 0; x' = u; }
+        model plant { state x = 1; control u = 0; input d; x' = u + d; }
+        optimize plan of cart {
+          horizon free in [0.1, 1.2] = 1; intervals 5; elements 1; minimize final(time); final { x = 0; }
+        }
+        mpc l of plant {
+          with { d = if time > 0.2 then 3 else 0; }
+          controller plan; sample 0.1; horizon 3;
+        }";
+    let (run, _) = looped(text);
+    assert_eq!(run.status, Status::Solved);
+    assert_eq!(codes(&run), ["W0745"]);
+    assert_eq!(run.samples.time.last(), Some(&3.0));
+    close(end(&run, "x"), 0.8 + 2.0 * 2.8, 1e-6);
+}
+
+/// Time begins at 0 in every plan: nothing may depend on it but a cost that it moves.
+#[test]
+fn controllers_do_not_change_with_time() {
+    let text = |rate: &str, horizon: &str, asks: &str| {
+        format!(
+            "model m {{ state x = 1; control u in [-9, 9] = 0; x' = {rate}; }}
+            optimize plan of m {{ horizon {horizon}; intervals 4; elements 1; {asks} }}
+            mpc l of m {{ controller plan; sample 0.25; horizon 0.5; }}"
+        )
+    };
+    let free = "free in [0.1, 5] = 1";
+    for (rate, horizon, asks) in [
+        ("u + sin(3*time)", "1", "minimize integral(u^2);"),
+        (
+            "u",
+            free,
+            "minimize integral(u^2) + final(time); final { x = 0.5*time; }",
+        ),
+        (
+            "u",
+            free,
+            "minimize integral(u^2) + final((time - 3)^2); final { x = 0; }",
+        ),
+        (
+            "u",
+            free,
+            "minimize integral(u^2) + final(x*time); final { x = 0; }",
+        ),
+    ] {
+        let text = text(rate, horizon, asks);
+        let (project, exprs) = (project(&text), Exprs::new());
+        let made = project.controller(&exprs, "plan", &[], &[], None);
+        assert!(matches!(made, Err(PrepareError::ChangesWithTime)), "{asks}");
+        assert!(refused(&text).contains("changes with time"), "{asks}");
+    }
+    // To 0 in T by u = -x/T costs x²/T + 4 T: T = x/2.
+    let asks = "minimize integral(u^2) + 4*final(time); final { x = 0; }";
+    let (run, _) = looped(&text("u", free, asks));
+    close(control(&run, "u", 0.25), -2.0, 1e-5);
+}
+
+/// The plant says where a plan begins, and `with` gives entries of states that it does not have.
+#[test]
+fn states_belong_together_by_entry() {
+    let plant = "model p { state x = 1; control u = 0; x' = u; }";
+    let asks = "horizon 1; intervals 4; elements 1; minimize integral(u^2); final { x = 0; }";
+    let text = |model: &str, with: &str, more: &str| {
+        format!(
+            "{plant} model f {{ state f = 0; input c; f' = c - f; }} model m {{ {model} }}
+            optimize plan of m {{ {with} {asks} {more} }}
+            mpc l of p {{ controller plan; sample 0.25; horizon 0.5; }}"
+        )
+    };
+    let one = "state x = 1; control u in [-9, 9] = 0; x' = u;";
+    let errors = refused(&text(one, "", "initial { x free in [-1, 1]; }"));
+    assert!(errors.contains("chooses its initial value"), "{errors}");
+    let part = format!("{one} part a = f {{ c = u; }}");
+    let (run, _) = looped(&text(&part, "with { a.f = 0.5; }", ""));
+    assert_eq!(run.status, Status::Solved);
+    let errors = refused(&text(&part, "", ""));
+    assert!(errors.contains("`a.f`"), "{errors}");
+    let two = format!("{one} state y[2] = [0, 0]; y' = [u, u];");
+    let errors = refused(&text(&two, "with { y[1] = 0; }", ""));
+    assert!(
+        errors.contains("`y[2]`") && !errors.contains("`y[1]`"),
+        "{errors}"
+    );
+}
+
+/// What is too long, or too much, is told.
+#[test]
+fn samples_and_deadlines_have_bounds() {
+    for (settings, told) in [
+        (
+            "sample 0.2; deadline 1e300; horizon 1;",
+            "at most 1e9 seconds",
+        ),
+        ("sample 1e-6; horizon 1;", "has at most 100000 samples"),
+    ] {
+        let errors = refused(&format!(
+            "{CART} mpc l of cart {{ controller plan; {settings} }}"
+        ));
+        assert!(errors.contains(told), "{errors}");
+    }
+}
+
+/// A loop that is canceled ends as canceled, with the samples that it had, all of which have their plans.
+#[test]
+fn canceled_loops_end_as_other_runs_do() {
+    let text = format!("{CART} mpc l of cart {{ controller plan; sample 0.2; horizon 3; }}");
+    let project = project(&text);
+    let mut cut = Vec::new();
+    for after in (0..).map(|k| 40_000 * k) {
+        let cancel = Cancel::default();
+        let options = Options {
+            limit: Limit::default().canceled_by(&cancel),
+            ..Options::default()
+        };
+        work::restart(Some((after, cancel)));
+        let run = project.run("l", &options, &mut ());
+        work::restart(None);
+        let run = run.expect("it compiles").trajectory;
+        if run.status == Status::Solved {
+            break;
+        }
+        assert_eq!(run.status, Status::Canceled);
+        assert!(run.failure.is_some());
+        assert!(run.samples.time.last().is_some_and(|&t| t < 3.0));
+        let found = run.several.closed_loop.as_ref().expect("it is a loop");
+        // The first plan is followed where it is feasible.
+        assert!(found.samples.len() == 1 || codes(&run).is_empty());
+        cut.push(found.samples.len());
+    }
+    assert!(cut.iter().any(|&n| n > 1), "{cut:?}");
 }

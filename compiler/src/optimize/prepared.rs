@@ -54,7 +54,7 @@ use crate::project::watch::Watch;
 use crate::report::{Status, Warning};
 use crate::simulate::Consistent;
 use crate::source::SourceMap;
-use crate::system::Allowed;
+use crate::system::{Allowed, System};
 
 /// An optimal control problem that is ready to be solved with other parameters and initial states.
 pub struct Prepared<'e> {
@@ -95,6 +95,12 @@ pub enum PrepareError {
     /// Which contacts and relays act where numerical time begins is compiled in.
     #[error("`{0}` is in numerical time, which is compiled for its initial state")]
     Frozen(String),
+    /// It is solved again and again, and differs from one time to the next.
+    #[error(
+        "it changes with time, or reads a table: time begins at 0 in every plan, and may only be added to the cost, by a \
+         factor that is a number"
+    )]
+    ChangesWithTime,
     /// A parameter is none, or another value of it is another program.
     #[error(transparent)]
     Open(#[from] NotPrepared),
@@ -181,6 +187,11 @@ impl<'e> Prepared<'e> {
     /// The parameters that stay open, in the order in which their values are taken.
     pub fn parameters(&self) -> &[Parameter] {
         &self.opened.parameters
+    }
+
+    /// What is optimized.
+    pub(crate) fn system(&self) -> &System<'e> {
+        &self.problem.system
     }
 
     /// The names of the states whose initial values are given, with their indices, in order.

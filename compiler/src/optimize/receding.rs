@@ -2,8 +2,9 @@
 //!
 //! 1. The last plan, shifted by the time that has passed (`start/shift.rs`), is solved on its branch.
 //! 2. Where that is no solution, so is the branch of a run with its controls from the state that there is.
-//! 3. Where that is no solution, the task is solved as its experiment does it. So it may be where a plan costs more than the
-//!    last one: what rests on a surface, as a body that sticks, may be a minimum beside better ones.
+//! 3. Where that is no solution, the task is solved as its experiment does it. So it is where a plan costs more than the last
+//!    one, and from time to time whatever it costs: what rests on a surface, as a body that sticks, costs the same again and
+//!    again, and may be a minimum beside better ones.
 //!
 //! What is feasible is a plan; simulations do not confirm it, as the next one is made of what will have happened.
 
@@ -13,7 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use nsd_solver::optimization::mpcc::{Solution, Status, Trust};
 
-use super::start::{self, Begin, Start, reference, shift};
+use super::checks::reduced::Reduced;
+use super::start::{self, Begin, Start, reference, shift, transfer};
 use super::{Point, Prepared, Problem, SolveError, branches, failure};
 use crate::limit::Limit;
 use crate::lowering::discretize::Layout;
@@ -32,21 +34,28 @@ const RESTARTS: usize = 2;
 const SAME: f64 = 1e-6;
 /// A plan is dearer than the last one where it costs more by this share.
 const DEARER: f64 = 1e-2;
+/// Constraints of a run with the controls of the last plan that are violated by less are kept.
+const KEPT: f64 = 1e-3;
 
 /// A plan to go on from.
 pub(crate) struct Last<'p> {
-    pub plan: &'p Plan,
+    pub followed: &'p Followed,
     /// How long ago it was made.
     pub passed: f64,
-    /// Whether what costs more is compared with what is found without it.
+    /// Whether what is found from it is compared with what is found without it, whatever it costs.
     pub compares: bool,
+}
+
+/// A plan with the solution that it is, to go on from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Followed {
+    pub plan: Plan,
+    point: Point,
 }
 
 /// Controls from now on, and what they are to lead to.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// The solution, to go on from.
-    pub point: Point,
     /// When control intervals begin, from 0 on, and the last one ends.
     pub ends: Vec<f64>,
     /// Controls: of intervals, or at their ends where they are straight lines.
@@ -60,11 +69,13 @@ pub struct Plan {
 /// What came of a solve.
 pub(crate) struct Planned {
     /// None where nothing feasible was found.
-    pub plan: Option<Plan>,
+    pub followed: Option<Followed>,
     /// Why it is not known to be a minimum, or why there is none.
     pub failure: Option<Failure>,
     /// Whether it is on the branch of the last plan, or where that has led.
     pub is_warm: bool,
+    /// Whether it was compared with what is found without the last plan.
+    pub is_compared: bool,
     /// Iterations of all programs.
     pub iterations: usize,
 }
@@ -107,9 +118,20 @@ impl<'e> Prepared<'e> {
         states.iter().map(|state| state.name.clone()).collect()
     }
 
-    /// Whether a plan is one of this problem.
-    pub(crate) fn takes(&self, point: &Point) -> bool {
-        self.problem.lifted(point).is_some()
+    /// Whether a plan may be one of this problem, by its sizes and lengths.
+    pub(crate) fn takes(&self, Followed { plan, point }: &Followed) -> bool {
+        let (problem, layout) = (&self.problem, &self.problem.layout);
+        let rows = |rows: &[Vec<f64>], n: usize, width: usize| {
+            rows.len() == n && rows.iter().all(|row| row.len() == width)
+        };
+        let n_controls = self.controls().len();
+        let n_instants = layout.control_instants().count();
+        let is_forward = plan.ends.windows(2).all(|ends| ends[0] < ends[1]);
+        plan.ends.len() == layout.steps + 1
+            && is_forward
+            && rows(&plan.controls, n_instants, n_controls)
+            && rows(&plan.states, layout.steps + 1, self.planned_states().len())
+            && transfer::fits(problem, point)
     }
 
     /// A plan from an initial state, in the order of [`Prepared::states`], with these values of the open parameters, from
@@ -128,39 +150,19 @@ impl<'e> Prepared<'e> {
     ) -> Result<Planned, SolveError> {
         self.restart(parameters, Some(x0))?;
         let (mut iterations, mut near) = (0, None);
-        if let Some(Last { plan, passed, .. }) = &last {
-            let shifted = shift::shifted(&self.problem, &plan.point, *passed);
-            let mut w = self.problem.lifted(&shifted).ok_or(SolveError::Foreign)?;
-            for runs in [false, true] {
-                if runs && !run_with(&self.problem, &mut w, limit) {
-                    break;
-                }
-                let begin = self.problem.begin(Start::Variables(&w), limit);
-                let mut begin = begin.ok_or(SolveError::Foreign)?;
-                begin.options.trust = Trust::Alone;
-                begin.options.max_iterations = NEAR;
-                let near_by = found(&mut self.problem, &begin, watch);
-                iterations += near_by.0.stats.iterations;
-                let is_there = near_by.1.is_none();
-                if is_there || near.is_none() || near_by.0.is_feasible() {
-                    near = Some(near_by);
-                }
-                if is_there || limit.is_over() {
-                    break;
-                }
-            }
+        if let Some(last) = &last {
+            let found = self.near(last, limit, watch)?;
+            (near, iterations) = (Some(found.0), found.1);
         }
-        let is_enough = |(solution, failure): &(Solution, Option<Failure>)| {
-            let is_dearer = last
+        let is_enough = |(solution, failure): &Found| {
+            let compares = last
                 .as_ref()
-                .is_some_and(|last| last.compares && last.costs_less(solution.objective));
-            solution.is_feasible() && (limit.is_over() || failure.is_none() && !is_dearer)
+                .is_some_and(|last| last.compares || last.costs_less(solution.objective));
+            solution.is_feasible() && failure.is_none() && !compares
         };
+        let is_over = near.is_some() && limit.is_over();
         let mut fresh = None;
-        if !near
-            .as_ref()
-            .is_some_and(|near| is_enough(near) || limit.is_over())
-        {
+        if !is_over && !near.as_ref().is_some_and(is_enough) {
             let begin = self.problem.begin(Start::Task(&self.sampled), limit);
             let mut begin = begin.expect("a task has a start");
             if last.is_some() {
@@ -171,36 +173,95 @@ impl<'e> Prepared<'e> {
             iterations += anew.0.stats.iterations;
             fresh = Some(anew);
         }
-        let is_kept = |near: &(Solution, Option<Failure>)| {
-            let Some(anew) = &fresh else { return true };
-            let rank = |one: &(Solution, Option<Failure>)| (one.0.is_feasible(), one.1.is_none());
-            match rank(near).cmp(&rank(anew)) {
-                Ordering::Equal => {
-                    near.0.objective <= anew.0.objective + SAME * anew.0.objective.abs()
-                }
-                other => other == Ordering::Greater,
-            }
-        };
-        let kept = near.filter(is_kept);
+        let is_compared = near.is_some() && fresh.is_some();
+        let kept = near.filter(|near| fresh.as_ref().is_none_or(|anew| is_no_worse(near, anew)));
         let is_warm = kept.is_some();
-        let best = kept.or(fresh).expect("one of them was looked for");
-        let mut told = planned(&self.problem, &best.0, best.1, is_warm, iterations);
-        // What is no minimum, and costs more than what is followed, is no better than that.
-        if let Some(last) = &last
-            && told.failure.is_some()
-            && last.costs_less(best.0.objective)
-        {
-            told.plan = None;
+        let (solution, failure) = kept.or(fresh).expect("one of them was looked for");
+        let mut followed =
+            is_plan(&solution, failure.as_ref()).then(|| followed_from(&self.problem, &solution));
+        // What is no minimum, and costs more than what is followed does from here, is no better than that.
+        if let (Some(last), Some(_), Some(_)) = (&last, &failure, &followed) {
+            let costs = self.costs(last, limit);
+            if costs.is_some_and(|costs| is_dearer(solution.objective, costs)) {
+                followed = None;
+            }
         }
-        Ok(told)
+        Ok(Planned {
+            followed,
+            failure,
+            is_warm,
+            is_compared,
+            iterations,
+        })
     }
+
+    /// What is found from the last plan, and in how many iterations.
+    fn near(
+        &mut self,
+        last: &Last<'_>,
+        limit: &Limit,
+        watch: &mut dyn Watch,
+    ) -> Result<(Found, usize), SolveError> {
+        let shifted = shift::shifted(&self.problem, &last.followed.point, last.passed);
+        let mut w = self.problem.lifted(&shifted).ok_or(SolveError::Foreign)?;
+        let (mut iterations, mut near) = (0, None);
+        for runs in [false, true] {
+            if runs && !run_with(&self.problem, &mut w, limit) {
+                break;
+            }
+            let begin = self.problem.begin(Start::Variables(&w), limit);
+            let mut begin = begin.ok_or(SolveError::Foreign)?;
+            begin.options.trust = Trust::Alone;
+            begin.options.max_iterations = NEAR;
+            let near_by: Found = found(&mut self.problem, &begin, watch);
+            iterations += near_by.0.stats.iterations;
+            let is_there = near_by.1.is_none();
+            if is_there || near.is_none() || near_by.0.is_feasible() {
+                near = Some(near_by);
+            }
+            if is_there || limit.is_over() {
+                break;
+            }
+        }
+        Ok((near.expect("the first start is solved"), iterations))
+    }
+
+    /// What the last plan costs from here; none where it does not keep the constraints, or that is not known in time.
+    fn costs(&self, last: &Last<'_>, limit: &Limit) -> Option<f64> {
+        let shifted = shift::shifted(&self.problem, &last.followed.point, last.passed);
+        let w = self.problem.lifted(&shifted)?;
+        let mut reduced = Reduced::new(&self.problem, &w, limit)?;
+        let values = reduced.at(&w)?;
+        let mut rows = values.rows.iter().zip(reduced.bounds());
+        let is_kept = rows.all(|(&value, (lower, upper))| {
+            let tolerance = KEPT * value.abs().max(1.0);
+            lower - tolerance <= value && value <= upper + tolerance
+        });
+        is_kept.then_some(values.cost)
+    }
+}
+
+/// A solution, and why it is none.
+type Found = (Solution, Option<Failure>);
+
+/// Whether what was found near the last plan is as good as what was found without it.
+fn is_no_worse(near: &Found, anew: &Found) -> bool {
+    let rank = |one: &Found| (one.0.is_feasible(), one.1.is_none());
+    match rank(near).cmp(&rank(anew)) {
+        Ordering::Equal => near.0.objective <= anew.0.objective + SAME * anew.0.objective.abs(),
+        other => other == Ordering::Greater,
+    }
+}
+
+/// Whether an objective is more than another by a share that counts.
+fn is_dearer(objective: f64, than: f64) -> bool {
+    objective - than > DEARER * than.abs().max(SAME)
 }
 
 impl Last<'_> {
     /// Whether a plan costs more than it.
     fn costs_less(&self, objective: f64) -> bool {
-        let more = objective - self.plan.objective;
-        more > DEARER * self.plan.objective.abs().max(SAME)
+        is_dearer(objective, self.followed.plan.objective)
     }
 }
 
@@ -214,11 +275,7 @@ fn run_with(problem: &Problem<'_>, w: &mut [f64], limit: &Limit) -> bool {
 }
 
 /// The best solution from a start, and why it is none.
-fn found(
-    problem: &mut Problem<'_>,
-    begin: &Begin,
-    watch: &mut dyn Watch,
-) -> (Solution, Option<Failure>) {
+fn found(problem: &mut Problem<'_>, begin: &Begin, watch: &mut dyn Watch) -> Found {
     let found = start::solve(problem, begin, watch);
     let best = found.best.unwrap_or(0);
     let mut solution = found.solutions[best].clone();
@@ -232,24 +289,13 @@ fn found(
     (solution, failure)
 }
 
-fn planned(
-    problem: &Problem<'_>,
-    solution: &Solution,
-    failure: Option<Failure>,
-    is_warm: bool,
-    iterations: usize,
-) -> Planned {
-    let is_plan = failure.is_none()
-        || solution.is_feasible() && !matches!(solution.status, Status::Unbounded);
-    Planned {
-        plan: is_plan.then(|| plan_of(problem, solution)),
-        failure,
-        is_warm,
-        iterations,
-    }
+/// Whether there is something to follow.
+fn is_plan(solution: &Solution, failure: Option<&Failure>) -> bool {
+    let is_bounded = !matches!(solution.status, Status::Unbounded);
+    failure.is_none() || solution.is_feasible() && is_bounded
 }
 
-fn plan_of(problem: &Problem<'_>, solution: &Solution) -> Plan {
+fn followed_from(problem: &Problem<'_>, solution: &Solution) -> Followed {
     let Layout { steps, end, .. } = problem.layout;
     let (layout, w) = (&problem.layout, &solution.w);
     let n_integrals = problem
@@ -264,8 +310,7 @@ fn plan_of(problem: &Problem<'_>, solution: &Solution) -> Plan {
     let n_controls = task.map_or(0, |task| task.controls.len());
     let controls = layout.control_instants();
     let controls = controls.map(|(k, _)| w[layout.u(k)..layout.u(k) + n_controls].to_vec());
-    Plan {
-        point: problem.point(w),
+    let plan = Plan {
         ends: problem.at(w).ends(),
         controls: controls.collect(),
         states: [state(layout.before(1, 1))]
@@ -273,6 +318,10 @@ fn plan_of(problem: &Problem<'_>, solution: &Solution) -> Plan {
             .chain(at_ends)
             .collect(),
         objective: solution.objective,
+    };
+    Followed {
+        plan,
+        point: problem.point(w),
     }
 }
 

@@ -91,11 +91,12 @@ impl Decided {
         let mut watched = Watched::new(&mut parts, settings.horizon, false, watch);
         let ends = [0.0, settings.horizon];
         let mut outcome = run_decided(&mut simulator, ends, &x0, &mut watched, decide);
-        // It ends where that was decided on.
+        // It ends where that was decided on, or where its time is up.
         let ends = outcome.status == Status::Stopped;
         if ends {
-            outcome.status = Status::Solved;
+            outcome.status = limit.over().map_or(Status::Solved, Status::from);
         }
+        let ends = ends && outcome.status == Status::Solved;
         Decided {
             parts: parts.0,
             ends: ends.then_some(outcome.time),

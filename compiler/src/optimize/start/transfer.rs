@@ -11,6 +11,9 @@ use crate::lowering::dcs::solve_in_mode;
 use crate::optimize::Problem;
 use crate::system::task::Shape;
 
+/// Lengths add up to the horizon but for this share of it.
+const ADD_UP: f64 = 1e-3;
+
 /// A solution on its grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
@@ -53,6 +56,38 @@ pub(super) struct Element {
     pub(super) alphas: Vec<Vec<f64>>,
     /// What contacts give where it begins.
     pub(super) impulses: Vec<f64>,
+}
+
+/// Whether a point has the sizes of points of a program, and lengths that add up.
+pub(crate) fn fits(problem: &Problem<'_>, point: &Point) -> bool {
+    let guess: Vec<f64> = problem.mpcc.bounds().iter().map(|one| one.guess).collect();
+    let own = problem.point(&guess);
+    let widths = |rows: &[Vec<f64>]| rows.iter().map(Vec::len).collect::<Vec<usize>>();
+    let sizes = |one: &Element| {
+        let started: Vec<bool> = one.started.iter().map(Option::is_some).collect();
+        let n = [one.before.len(), one.impulses.len()];
+        let is_told = one.start.is_some();
+        (
+            n,
+            is_told,
+            widths(&one.states),
+            widths(&one.alphas),
+            started,
+        )
+    };
+    let length: f64 = point.elements.iter().map(|one| one.length).sum();
+    own.kind == point.kind
+        && own.params.len() == point.params.len()
+        && own.shares.len() == point.shares.len()
+        && point.shares.iter().all(|&share| share > 0.0)
+        && widths(&own.controls) == widths(&point.controls)
+        && own
+            .elements
+            .iter()
+            .map(sizes)
+            .eq(point.elements.iter().map(sizes))
+        && point.horizon > 0.0
+        && (length - point.horizon).abs() <= ADD_UP * point.horizon
 }
 
 impl Problem<'_> {

@@ -6,13 +6,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::expr::Exprs;
 use crate::limit::Limit;
-use crate::optimize::receding::Last;
+use crate::optimize::receding::{Followed, Last, Planned};
 use crate::optimize::{Plan, PrepareError, Prepared};
 use crate::project::Project;
 use crate::project::clock::Instant;
 use crate::project::prepared::Parameter;
 use crate::report::{Decision, Failure};
 use crate::source::Span;
+use crate::syntax::Ident;
+use crate::system::System;
 use crate::system::task::Shape;
 
 /// An optimal control problem that is solved from one state after another.
@@ -44,23 +46,25 @@ pub struct Controller<'e> {
     /// How long a solve may take, but for the first one.
     deadline: Option<Duration>,
     memory: Memory,
-    /// Where it is asked for.
-    span: Span,
+    /// The experiment, where it is asked for.
+    name: Ident,
 }
 
 /// What a controller remembers from one sample to the next.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory {
+    /// Whose it is: the experiment, its states and controls.
+    of: (String, Vec<String>, Vec<String>),
     /// The plan that is followed, and since when.
-    last: Option<(Plan, f64)>,
-    /// For how many samples plans that cost more are not compared with others.
+    last: Option<(Followed, f64)>,
+    /// Samples until a plan is compared with what is found without the last one, whatever it costs.
     waits: u32,
-    /// How many these are after the next comparison in vain.
-    vain: u32,
+    /// How many these are from one comparison to the next one.
+    gap: u32,
 }
 
-/// What plans that cost more are taken for at most, once comparisons are in vain again and again.
-const LONGEST_WAIT: u32 = 32;
+/// Samples from one comparison to the next one at most, where they are in vain again and again.
+const LONGEST_GAP: u32 = 32;
 
 /// What was decided on at a sample.
 #[derive(Clone, Debug)]
@@ -85,7 +89,7 @@ impl Project {
     ///
     /// # Errors
     ///
-    /// Those of [`Project::prepare_optimal`].
+    /// Those of [`Project::prepare_optimal`], and where the experiment changes with time.
     pub fn controller<'e>(
         &self,
         exprs: &'e Exprs,
@@ -96,19 +100,56 @@ impl Project {
     ) -> Result<Controller<'e>, PrepareError> {
         let prepared = self.prepare_optimal(exprs, experiment, open, values)?;
         let span = self.named(experiment).map_or(Span::default(), |e| e.span);
-        Ok(Controller::new(prepared, deadline, span))
+        let name = experiment.to_owned();
+        Controller::new(prepared, deadline, Ident { name, span })
+    }
+}
+
+/// Finds out whether plans of a system are the same whenever they begin.
+///
+/// Time may only move the cost: ∂φ/∂t is a number.
+pub(super) fn recedes(system: &System<'_>) -> Result<(), PrepareError> {
+    let Some(time) = system.time.as_variable() else {
+        return Ok(());
+    };
+    let rates = system.states.iter().map(|state| state.rate);
+    let surfaces = system.switches.iter().map(|switch| switch.psi);
+    let rows = system.task.iter().flat_map(|task| &task.rows);
+    let rows = rows.map(|row| row.value);
+    let contacts = system.jumps.contacts.iter();
+    let contacts = contacts.flat_map(|contact| contact.exprs());
+    let costs = system.task.iter().map(|task| task.cost.value.diff(time));
+    let moves_cost = costs.clone().all(|change| change.as_constant().is_some());
+    let mut all = rates.chain(surfaces).chain(rows).chain(contacts);
+    match system.exogenous.data.is_empty() && moves_cost && !all.any(|e| e.depends_on(time)) {
+        true => Ok(()),
+        false => Err(PrepareError::ChangesWithTime),
     }
 }
 
 impl<'e> Controller<'e> {
     /// One that has no plan yet.
-    pub(crate) fn new(prepared: Prepared<'e>, deadline: Option<Duration>, span: Span) -> Self {
-        Controller {
+    ///
+    /// # Errors
+    ///
+    /// Where the experiment changes with time.
+    pub(crate) fn new(
+        prepared: Prepared<'e>,
+        deadline: Option<Duration>,
+        name: Ident,
+    ) -> Result<Self, PrepareError> {
+        recedes(prepared.system())?;
+        let states = prepared.planned_states();
+        let memory = Memory {
+            of: (name.name.clone(), states, prepared.controls()),
+            ..Memory::default()
+        };
+        Ok(Controller {
             prepared,
             deadline,
-            memory: Memory::default(),
-            span,
-        }
+            memory,
+            name,
+        })
     }
 
     /// The parameters that stay open, in the order in which steps take their values.
@@ -143,8 +184,8 @@ impl<'e> Controller<'e> {
 
     /// The plan that is followed at an instant, and for how long that has been so.
     pub fn followed(&self, t: f64) -> Option<(&Plan, f64)> {
-        let (plan, since) = self.memory.last.as_ref()?;
-        Some((plan, t - since))
+        let (followed, since) = self.memory.last.as_ref()?;
+        Some((&followed.plan, t - since))
     }
 
     /// The controls of the plan that is followed at an instant.
@@ -164,8 +205,9 @@ impl<'e> Controller<'e> {
 
     /// Goes on from what another one of this problem has remembered; whether it is one.
     pub fn remember(&mut self, memory: Memory) -> bool {
-        let plan = memory.last.as_ref();
-        let is_known = plan.is_none_or(|(plan, _)| self.prepared.takes(&plan.point));
+        let last = memory.last.as_ref();
+        let is_known = memory.of == self.memory.of
+            && last.is_none_or(|(followed, _)| self.prepared.takes(followed));
         if is_known {
             self.memory = memory;
         }
@@ -181,13 +223,15 @@ impl<'e> Controller<'e> {
             (Some(_), Some(deadline)) => limit.sooner(deadline),
             _ => limit.clone(),
         };
-        let last = self.memory.last.as_ref().map(|(plan, since)| Last {
-            plan,
+        let last = self.memory.last.as_ref().map(|(followed, since)| Last {
+            followed,
             passed: t - since,
             compares: self.memory.waits == 0,
         });
-        let last = last.filter(|last| (0.0..last.plan.horizon()).contains(&last.passed));
-        let cost = last.as_ref().map(|last| last.plan.objective);
+        let last = last.filter(|last| {
+            let horizon = last.followed.plan.horizon();
+            (0.0..horizon).contains(&last.passed)
+        });
         let found = self.prepared.plan(parameters, x0, last, &limit, &mut ());
         let mut step = Step {
             time: t,
@@ -199,45 +243,43 @@ impl<'e> Controller<'e> {
         };
         match found {
             Ok(found) => {
+                self.wait(&found);
                 step.iterations = found.iterations;
-                step.decision = match (&found.plan, &found.failure) {
+                step.decision = match (&found.followed, &found.failure) {
                     (None, _) => Decision::Kept,
                     (_, Some(_)) => Decision::Feasible,
                     _ if found.is_warm => Decision::Warm,
                     _ => Decision::Cold,
                 };
                 step.why = found.failure;
-                step.plan = found.plan;
+                step.plan = found.followed.as_ref().map(|new| new.plan.clone());
+                if let Some(new) = found.followed {
+                    self.memory.last = Some((new, t));
+                }
             }
             Err(error) => {
                 step.why = Some(Failure::NoPlan {
                     time: t,
                     why: error.to_string(),
-                    span: self.span,
+                    span: self.name.span,
                 });
             }
-        }
-        self.wait(&step, cost);
-        if let Some(plan) = &step.plan {
-            self.memory.last = Some((plan.clone(), t));
         }
         step.seconds = started.elapsed().as_secs_f64();
         step
     }
 
-    /// Takes note of whether a comparison was worth it.
-    fn wait(&mut self, step: &Step, last: Option<f64>) {
-        let plan = step.plan.as_ref();
-        let rises = |(plan, last): (&Plan, f64)| plan.objective > last;
-        let Memory { waits, vain, .. } = &mut self.memory;
-        match step.decision {
-            Decision::Cold => (*waits, *vain) = (0, 1),
-            _ if *waits > 0 => *waits -= 1,
-            _ if plan.zip(last).is_some_and(rises) => {
-                *waits = (*vain).max(1);
-                *vain = (2 * *waits).min(LONGEST_WAIT);
-            }
-            _ => {}
+    /// Puts the next comparison off, the longer the more of them were in vain.
+    fn wait(&mut self, found: &Planned) {
+        let Memory { waits, gap, .. } = &mut self.memory;
+        if !found.is_warm {
+            *gap = 1;
+        } else if found.is_compared {
+            *gap = gap.saturating_mul(2).clamp(1, LONGEST_GAP);
+        } else {
+            *waits = waits.saturating_sub(1);
+            return;
         }
+        *waits = *gap;
     }
 }

@@ -63,7 +63,10 @@ pub(crate) fn run<'e>(
     let sampled = launch::sampled_within(project, task, request, depth)?;
     let sources = project.sources.clone();
     let prepared = optimize::Prepared::new(&of_controller, sampled, Diagnostics::new(), sources);
-    let prepared = prepared.map_err(|error| {
+    let deadline = closed_loop.deadline.map(Duration::from_secs_f64);
+    let made = prepared
+        .and_then(|prepared| Controller::new(prepared, deadline, closed_loop.controller.clone()));
+    let controller = made.map_err(|error| {
         let mut diags = Diagnostics::new();
         diags.push(ExperimentError::BadController {
             name: closed_loop.controller.name.clone(),
@@ -73,14 +76,13 @@ pub(crate) fn run<'e>(
         });
         diags
     })?;
-    let deadline = closed_loop.deadline.map(Duration::from_secs_f64);
     let horizon = compiled.settings.horizon;
     let mut samples = Samples {
-        fit: match prepared.shape() {
+        fit: match controller.shape() {
             Shape::Constant => Fit::Hold,
             Shape::Linear => Fit::Linear,
         },
-        controller: Controller::new(prepared, deadline, closed_loop.controller.span),
+        controller,
         applied: vec![(Vec::new(), Vec::new()); wires.driven.len()],
         wires,
         sample: closed_loop.sample,
@@ -151,10 +153,18 @@ impl Samples<'_> {
         if self.end.is_some_and(is_at) {
             return ControlFlow::Break(());
         }
-        if !is_at(self.instant(self.steps.len())) {
+        if !is_at(self.instant(self.steps.len())) || is_at(self.horizon) {
             return ControlFlow::Continue(None);
         }
-        match self.planned(x) {
+        if self.limit.is_over() {
+            return ControlFlow::Break(());
+        }
+        let pieces = self.planned(x);
+        // A sample that was cut off is none.
+        let last = self
+            .steps
+            .pop_if(|step| step.why.is_some() && self.limit.is_over());
+        match pieces.filter(|_| last.is_none()) {
             Some(pieces) => ControlFlow::Continue(Some(pieces)),
             None => ControlFlow::Break(()),
         }
@@ -174,7 +184,8 @@ impl Samples<'_> {
         let (plan, passed) = self.controller.followed(t)?;
         let left = (plan.horizon() - passed).max(0.0);
         let is_last = left <= (next - t) * (1.0 + LAST);
-        let ends = self.controller.has_free_horizon() && is_last;
+        // A plan of another sample does not lead to the end from here.
+        let ends = self.controller.has_free_horizon() && is_last && passed == 0.0;
         self.end = ends.then_some(t + left);
         let until = self.end.unwrap_or(next);
         let shape = self.controller.shape();

@@ -20,8 +20,9 @@ pub(super) fn tell(
     {
         let failure = only.why.clone();
         failure.into_iter().for_each(|why| trajectory.fails(why));
+    } else {
+        trajectory.warnings.extend(warnings(&steps));
     }
-    trajectory.warnings.extend(warnings(&steps));
     let (states, controls) = (controller.planned_states(), controller.controls());
     let seconds: Vec<f64> = steps.iter().map(|step| step.seconds).collect();
     let samples = steps.into_iter().map(|step| Sampled {

@@ -1,13 +1,14 @@
 //! Which states of a plant a controller reads, and which controls of it it sets: those of the same names.
 
+use super::controller::recedes;
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Exprs};
+use crate::expr::{Expr, Exprs, Var};
 use crate::optimize::receding::given_states;
 use crate::project::clock::Clock;
 use crate::source::Span;
-use crate::syntax::{ExperimentKind, File, Item, SettingKind};
+use crate::syntax::{Experiment, ExperimentKind, File, Item, SettingKind};
 use crate::system::System;
-use crate::system::experiment::{At, ClosedLoop, ExperimentError};
+use crate::system::experiment::{ClosedLoop, ExperimentError};
 use crate::{Compiled, compile};
 
 /// How both sides of a loop are connected.
@@ -79,22 +80,15 @@ pub(super) fn connect<'c>(
     let Some(controller) = controller.filter(|_| !diags.has_errors()) else {
         return Err(diags);
     };
-    if changes_with_time(&controller.system) {
+    if let Err(error) = recedes(&controller.system) {
         diags.push(bad(
-            "it changes with time, which begins at 0 in every plan",
+            &error.to_string(),
             "write time as a state of both models, `tau' = 1;`, which the plant feeds",
         ));
         return Err(diags);
     }
-    let given: Vec<&str> = (experiment.settings.iter())
-        .filter_map(|setting| match &setting.kind {
-            SettingKind::With(binds) => Some(binds),
-            _ => None,
-        })
-        .flatten()
-        .map(|bind| bind.target.head.name.as_str())
-        .collect();
     let span = plant.settings.span;
+    let given = given(&controller, experiment);
     let fed = fed(
         &plant.system,
         &controller.system,
@@ -108,42 +102,43 @@ pub(super) fn connect<'c>(
     }
 }
 
-/// Whether a system, or what is asked of it on the way, contains time.
-fn changes_with_time(system: &System<'_>) -> bool {
-    let rates = system.states.iter().map(|state| state.rate);
-    let surfaces = system.switches.iter().map(|switch| switch.psi);
-    let rows = system.task.iter().flat_map(|task| &task.rows);
-    let rows = rows.filter(|row| row.at != At::End).map(|row| row.value);
-    let jumps = system
-        .jumps
-        .contacts
+/// The entries of states that `with` of an experiment gives.
+fn given(compiled: &Compiled<'_>, experiment: &Experiment) -> Vec<Var> {
+    let binds = experiment
+        .settings
         .iter()
-        .flat_map(|contact| contact.exprs());
-    let mut all = rates.chain(surfaces).chain(rows).chain(jumps);
-    let is_time = |e: Expr<'_>| {
-        system
-            .time
-            .as_variable()
-            .is_some_and(|time| e.depends_on(time))
-    };
-    !system.exogenous.data.is_empty() || all.any(is_time)
+        .filter_map(|setting| match &setting.kind {
+            SettingKind::With(binds) => Some(binds),
+            _ => None,
+        });
+    let model = &compiled.model;
+    let entries = binds.flatten().flat_map(|bind| {
+        // What is wrong with it has been told.
+        let target = model.scope.target(&bind.target, &mut Diagnostics::new());
+        let quantity = target
+            .as_ref()
+            .and_then(|target| model.quantities.get(target.kind));
+        let places = target.iter().flat_map(|target| &target.entries);
+        let vars = places.filter_map(|&place| quantity?.vars.get(place)?.as_variable());
+        vars.collect::<Vec<Var>>()
+    });
+    entries.collect()
 }
 
 fn fed(
     plant: &System<'_>,
     controller: &System<'_>,
-    (given, span): (&[&str], Span),
+    (given, span): (&[Var], Span),
     diags: &mut Diagnostics,
 ) -> Vec<Fed> {
     let feeds = given_states(controller).into_iter().map(|place| {
         let state = &controller.states[place];
         let name = &state.name;
         let in_plant = plant.states.iter().position(|known| known.name == *name);
-        let base = name.split('[').next().unwrap_or(name);
         match in_plant {
             Some(place) => Fed::State(place),
             None => {
-                if !given.contains(&base) {
+                if !state.var.as_variable().is_some_and(|var| given.contains(&var)) {
                     diags.push(ExperimentError::LoopMismatch {
                         name: name.clone(),
                         why: "it is a state of the controller, and none of the plant".to_owned(),
@@ -155,7 +150,19 @@ fn fed(
             }
         }
     });
-    feeds.collect()
+    let feeds = feeds.collect();
+    let freed = controller.task.iter().flat_map(|task| &task.initial);
+    for name in freed.map(|free| &controller.states[free.place].name) {
+        if plant.states.iter().any(|known| known.name == *name) {
+            diags.push(ExperimentError::LoopMismatch {
+                name: name.clone(),
+                why: "the controller chooses its initial value, and the plant has it".to_owned(),
+                help: "leave it out of `initial` in the controller's experiment",
+                span,
+            });
+        }
+    }
+    feeds
 }
 
 fn driven(

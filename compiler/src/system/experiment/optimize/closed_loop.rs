@@ -7,6 +7,8 @@ use crate::syntax::{self, Ident, SettingKind};
 
 /// More samples than this are a mistake.
 const MOST_SAMPLES: f64 = 1e5;
+/// A deadline is no longer than this, in seconds.
+const LONGEST: f64 = 1e9;
 
 /// What an `mpc` asks for besides what a simulation does.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,11 +48,20 @@ impl Draft {
             SettingKind::Value { name, value } if name.name == "sample" => {
                 reader.once("`sample`", span);
                 let fits = |x: f64| x > 0.0 && horizon.is_none_or(|end| end / x <= MOST_SAMPLES);
-                self.sample = reader.within("the sample", value, "positive, and not tiny", fits);
+                let expected = match horizon {
+                    Some(end) => format!(
+                        "positive, and at least {:?}: a horizon of {end:?} has at most {MOST_SAMPLES} samples",
+                        end / MOST_SAMPLES
+                    ),
+                    None => "positive".to_owned(),
+                };
+                self.sample = reader.within("the sample", value, &expected, fits);
             }
             SettingKind::Value { name, value } if name.name == "deadline" => {
                 reader.once("`deadline`", span);
-                self.deadline = reader.positive("the deadline", value);
+                let expected = "positive, and at most 1e9 seconds";
+                let fits = |s: f64| s > 0.0 && s <= LONGEST;
+                self.deadline = reader.within("the deadline", value, expected, fits);
             }
             other => reader.error(ExperimentError::NotForMpc {
                 setting: format!("`{}`", other.word()),
