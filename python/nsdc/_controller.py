@@ -68,9 +68,12 @@ class Controller:
         project = self.experiment.file._project
         core = project.controller(self.experiment.name, names, rest, self.deadline)
         found = json.loads(core.names())
-        if hasattr(self, "_core"):
-            core.remember(self._core.memory())
-        self._core, self._open = core, names
+        before: _core.Controller | None = getattr(self, "_core", None)
+        if before is not None:
+            core.remember(before.memory())
+        self._core: _core.Controller = core
+        #: The parameters that are open.
+        self._open = names
         #: The entries of the states that it takes, in their order.
         self.states: list[str] = found["states"]
         #: The entries of the controls that it decides on.
