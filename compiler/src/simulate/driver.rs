@@ -4,9 +4,10 @@
 use std::sync::Arc;
 
 use nsd_solver::event::Observer;
+use nsd_solver::event::Recording;
 use nsd_solver::fesd::NEGLIGIBLE;
 use nsd_solver::hybrid::{Outcome, Status as End};
-use nsd_solver::sensitivity::{Directions, Moment, Recording, Sensitivities};
+use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 
 use super::estimate::{Comparison, Estimate, Estimator};
 use super::record::Recorder;

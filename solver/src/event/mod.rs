@@ -14,6 +14,7 @@ pub(crate) mod jump;
 pub(crate) mod numerical_time;
 pub(crate) mod observer;
 pub(crate) mod perturbation;
+pub(crate) mod recording;
 mod run;
 mod sliding_modes;
 mod standing;
@@ -37,6 +38,7 @@ use crate::hybrid::breakpoints::Pieces;
 use crate::integrate::drift::Projection;
 use crate::integrate::stepper::Stepper;
 pub use observer::{Cause, Event, Observer, Segment};
+pub use recording::Recording;
 pub use run::{Decide, run_decided};
 
 /// Runs a system, keeping the functions it has met from one run to the next.

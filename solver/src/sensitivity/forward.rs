@@ -2,13 +2,13 @@
 
 use super::asked::{Directions, Moment};
 use super::functions::{Functions, Linearized, Moved, Point};
-use super::recording::{Jump, Part, Recording, Step};
 use super::run::Run;
 use super::saltation::{Known, Meeting, Saltation};
 use super::sizes::Sizes;
 use super::taylor::Tangent;
 use super::variational::{self, Variational, Way};
 use super::why::{Loss, Why};
+use crate::event::recording::{EventRecord, Part, Recording, Step};
 use crate::events::Approach;
 use crate::hybrid::Side;
 
@@ -173,7 +173,7 @@ impl<'r> Forward<'r> {
             None => {}
             Some(sides) if *sides != *step.sides => {
                 let ends = behind.iter().find_map(Part::event);
-                let accumulates = ends.is_some_and(|event| event.accumulates);
+                let accumulates = ends.is_some_and(|event| event.is_limit());
                 self.changed(step, &sides, accumulates);
             }
             Some(_) => self.stay(step, &x),
@@ -323,7 +323,7 @@ impl<'r> Forward<'r> {
     }
 
     /// Comes to a jump at the start.
-    fn start_with(&mut self, event: &Jump, next: Option<&Step>) {
+    fn start_with(&mut self, event: &EventRecord, next: Option<&Step>) {
         self.coefficients = self.run.coefficients(event.time);
         let mut alpha: Vec<f64> = event
             .from
@@ -336,7 +336,7 @@ impl<'r> Forward<'r> {
         self.keep_algebraic(event.time, &event.before, &event.from, &alpha);
     }
 
-    fn event(&mut self, event: &Jump, [last, next]: [Option<&Step>; 2]) {
+    fn event(&mut self, event: &EventRecord, [last, next]: [Option<&Step>; 2]) {
         let still = vec![0.0; self.x.len()];
         self.sizes.see(&event.before, &still);
         self.sizes.see(&event.after, &still);

@@ -10,10 +10,10 @@
 use std::sync::Arc;
 
 use super::functions::{Functions, Group, Kick, Moved, Point};
-use super::recording::Jump;
 use super::saltation::{Slope, weigh};
 use super::why::Why;
 use crate::contact::impact::impact_of;
+use crate::event::recording::EventRecord;
 use crate::hybrid::{Effect, Guard, HybridSystem, Impact, ImpactLaw, Reset, Side};
 use crate::linalg::DenseLu;
 use crate::selector::coupling::Coupling;
@@ -43,7 +43,7 @@ impl Jumped {
 pub(super) fn jumped(
     functions: &mut Functions,
     point: Point,
-    (event, coupling): (&Jump, &Coupling),
+    (event, coupling): (&EventRecord, &Coupling),
     sizes: &[f64],
 ) -> Result<Vec<Jumped>, Why> {
     // Laws by their places.
@@ -85,7 +85,12 @@ pub(super) fn jumped(
 }
 
 /// The laws of closed contacts that hang together with those that laws strike.
-fn beside(system: &HybridSystem, event: &Jump, coupling: &Coupling, laws: &[usize]) -> Vec<usize> {
+fn beside(
+    system: &HybridSystem,
+    event: &EventRecord,
+    coupling: &Coupling,
+    laws: &[usize],
+) -> Vec<usize> {
     let is_there = |&(law, (normal, _)): &(usize, (usize, &Impact))| {
         laws.contains(&law) || event.from[normal] == Side::Slide
     };
@@ -109,7 +114,7 @@ fn beside(system: &HybridSystem, event: &Jump, coupling: &Coupling, laws: &[usiz
 fn together(
     functions: &mut Functions,
     point: Point,
-    (event, sizes): (&Jump, &[f64]),
+    (event, sizes): (&EventRecord, &[f64]),
     [places, beside]: [&[usize]; 2],
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let system = functions.system.clone();
@@ -142,7 +147,7 @@ fn together(
 fn reset_to(
     functions: &mut Functions,
     point: Point,
-    (event, place): (&Jump, usize),
+    (event, place): (&EventRecord, usize),
     reset: &Reset,
 ) -> Result<Vec<(usize, f64, Slope)>, Why> {
     let on = event.on.iter().filter(|(law, _)| *law == place);
@@ -191,7 +196,7 @@ impl Closed {
     fn of(
         functions: &mut Functions,
         point: Point,
-        (event, sizes): (&Jump, &[f64]),
+        (event, sizes): (&EventRecord, &[f64]),
         impacts: &[(usize, &Impact)],
     ) -> Result<Self, Why> {
         let mut closed = Closed {
@@ -287,7 +292,7 @@ impl Speeds {
 fn struck(
     functions: &mut Functions,
     point: Point,
-    of: (&Jump, &[f64]),
+    of: (&EventRecord, &[f64]),
     impacts: &[(usize, &Impact)],
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let Closed {

@@ -18,7 +18,6 @@ mod asked;
 mod forward;
 mod functions;
 mod jump;
-mod recording;
 mod resting;
 mod run;
 mod saltation;
@@ -30,10 +29,9 @@ mod why;
 
 pub use asked::{Directions, Moment};
 pub use forward::{EventTime, Sensitivities};
-pub use recording::Recording;
 pub use why::{Loss, Why};
 
-use crate::event::Simulator;
+use crate::event::{Recording, Simulator};
 use crate::events::Approach;
 
 /// Differentiates a run of a simulator that has been recorded, with the surfaces that it came close to, at instants in order,

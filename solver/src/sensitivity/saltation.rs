@@ -2,10 +2,10 @@
 
 use super::functions::{Functions, Linearized, Moved, Point};
 use super::jump::{Jumped, jumped};
-use super::recording::{Jump, Step};
 use super::run::{Run, STAYS};
 use super::sizes::{Recent, Sizes};
 use super::why::Why;
+use crate::event::recording::{EventRecord, Step};
 use crate::expansion::series;
 use crate::hybrid::{Effect, Input, Role, Side};
 use crate::linalg::DenseLu;
@@ -261,7 +261,7 @@ impl Meeting<'_> {
 /// An event of a run.
 pub(super) struct Saltation<'a> {
     pub run: &'a Run<'a>,
-    pub event: &'a Jump,
+    pub event: &'a EventRecord,
     /// The steps before and behind it, in its modes.
     pub last: Option<&'a Step>,
     pub next: Option<&'a Step>,
@@ -371,17 +371,17 @@ impl<'a> Saltation<'a> {
             let is_other = event.from[i] != event.to[i] && !self.run.observers[i];
             !is_other || meeting.is_passed(functions, i, met, &event.laws)
         };
-        event.laws.is_empty() && !event.folds && (0..event.from.len()).all(is_same)
+        event.laws.is_empty() && !event.folds() && (0..event.from.len()).all(is_same)
     }
 
     /// What is the same in all directions.
     pub fn prepare(&'a self, functions: &mut Functions) -> Result<Prepared<'a>, Failed> {
         let event = self.event;
         let all = |why: Why| (why, event.met.clone());
-        if event.accumulates {
+        if event.is_limit() {
             return Err(all(Why::Accumulation));
         }
-        if event.folds {
+        if event.folds() {
             return Err(all(Why::Fold));
         }
         let (alpha, before) = self.linearize(functions, false).map_err(all)?;

@@ -9,12 +9,12 @@
 //! points that are looked at.
 
 use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
-use super::recording::Step;
 use super::run::Run;
 use super::sizes::Sizes;
 use super::stiff::Stiff;
 use super::taylor::{Slopes, Tangent};
 use super::why::Why;
+use crate::event::recording::Step;
 use crate::expansion::series;
 use crate::hybrid::Input;
 use crate::tape::{Ball, NOTHING};

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use nsd_solver::event::Recording;
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::HybridSystem;
-use nsd_solver::sensitivity::{Directions, Moment, Recording, Sensitivities, differentiate};
+use nsd_solver::sensitivity::{Directions, Moment, Sensitivities, differentiate};
 
 use super::smoothed;
 use crate::limit::Limit;

@@ -2,26 +2,28 @@
 
 use std::ops::ControlFlow;
 
-use crate::event::{Event, Observer, Segment};
+use crate::event::{Cause, Event, Observer, Segment};
+use crate::expansion::Polynomials;
 use crate::expansion::series;
 use crate::hybrid::Side;
+use crate::selector::Decision;
 
 /// All steps and events of a run, in order.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
-    pub(super) parts: Vec<Part>,
+    pub(crate) parts: Vec<Part>,
 }
 
 /// A step or an event.
 #[derive(Clone, Debug)]
-pub(super) enum Part {
+pub(crate) enum Part {
     Step(Step),
-    Event(Jump),
+    Event(EventRecord),
 }
 
 /// A step in a mode.
 #[derive(Clone, Debug)]
-pub(super) struct Step {
+pub(crate) struct Step {
     pub start: f64,
     pub length: f64,
     pub until: f64,
@@ -30,11 +32,12 @@ pub(super) struct Step {
     n_coefficients: usize,
     /// Series of states and of all α, one after another.
     coefficients: Vec<f64>,
+    unobserved: Vec<usize>,
 }
 
-/// An event.
+/// An event that owns what it tells.
 #[derive(Clone, Debug)]
-pub(super) struct Jump {
+pub(crate) struct EventRecord {
     pub time: f64,
     pub before: Vec<f64>,
     pub after: Vec<f64>,
@@ -45,9 +48,27 @@ pub(super) struct Jump {
     /// Of the laws, by their places, switches on whose surface they have found the state.
     pub on: Vec<(usize, usize)>,
     pub is_scheduled: bool,
-    /// Events accumulate here, or the run goes on from here as if it was their limit.
-    pub accumulates: bool,
-    pub folds: bool,
+    decisions: Vec<Decision>,
+    accumulates: bool,
+    is_in_limit: bool,
+}
+
+impl Recording {
+    /// Tells another observer what happened, until it has had enough.
+    pub fn replay(&self, observer: &mut dyn Observer) {
+        for part in &self.parts {
+            let told = match part {
+                Part::Step(step) => observer.segment(&step.segment()),
+                Part::Event(event) => {
+                    observer.event(&event.event());
+                    ControlFlow::Continue(())
+                }
+            };
+            if told.is_break() {
+                break;
+            }
+        }
+    }
 }
 
 impl Step {
@@ -77,6 +98,60 @@ impl Step {
             *alpha = series::value(self.row(self.end.len() + i), tau);
         }
     }
+
+    fn segment(&self) -> Segment<'_> {
+        let (start, length, until) = (self.start, self.length, self.until);
+        Segment::new(start, length, until, &self.sides, &self.end, self)
+    }
+}
+
+impl Polynomials for Step {
+    fn degree(&self) -> usize {
+        self.n_coefficients - 1
+    }
+
+    fn x(&self, i: usize) -> &[f64] {
+        self.row(i)
+    }
+
+    fn alpha(&self, switch: usize) -> &[f64] {
+        self.row(self.end.len() + switch)
+    }
+
+    fn unobserved(&self) -> &[usize] {
+        &self.unobserved
+    }
+}
+
+impl EventRecord {
+    /// Whether events accumulate here, or the run goes on from here as if it was their limit.
+    pub fn is_limit(&self) -> bool {
+        self.accumulates || self.is_in_limit
+    }
+
+    /// Whether a sliding mode has ended in a fold.
+    pub fn folds(&self) -> bool {
+        self.decisions.iter().any(|decision| decision.folds)
+    }
+
+    fn event(&self) -> Event<'_> {
+        Event {
+            time: self.time,
+            x: &self.after,
+            before: &self.before,
+            jumps: &self.laws,
+            decisions: &self.decisions,
+            from: &self.from,
+            to: &self.to,
+            accumulates: self.accumulates,
+            cause: Cause {
+                met: &self.met,
+                on: &self.on,
+                is_scheduled: self.is_scheduled,
+                is_in_limit: self.is_in_limit,
+            },
+        }
+    }
 }
 
 impl Part {
@@ -87,7 +162,7 @@ impl Part {
         }
     }
 
-    pub fn event(&self) -> Option<&Jump> {
+    pub fn event(&self) -> Option<&EventRecord> {
         match self {
             Part::Step(_) => None,
             Part::Event(event) => Some(event),
@@ -107,12 +182,13 @@ impl Observer for Recording {
             end: segment.end.to_vec(),
             n_coefficients: segment.order() + 1,
             coefficients,
+            unobserved: segment.unobserved().to_vec(),
         }));
         ControlFlow::Continue(())
     }
 
     fn event(&mut self, event: &Event) {
-        self.parts.push(Part::Event(Jump {
+        self.parts.push(Part::Event(EventRecord {
             time: event.time,
             before: event.before.to_vec(),
             after: event.x.to_vec(),
@@ -122,8 +198,9 @@ impl Observer for Recording {
             met: event.cause.met.to_vec(),
             on: event.cause.on.to_vec(),
             is_scheduled: event.cause.is_scheduled,
-            accumulates: event.accumulates || event.cause.is_in_limit,
-            folds: event.decisions.iter().any(|decision| decision.folds),
+            decisions: event.decisions.to_vec(),
+            accumulates: event.accumulates,
+            is_in_limit: event.cause.is_in_limit,
         }));
     }
 }
