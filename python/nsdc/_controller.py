@@ -96,7 +96,7 @@ class Controller:
         one open.
 
         `info` has `decision` ("warm", "cold", "feasible", "kept"), `why` where it is one of the last two, `iterations`,
-        `seconds`, and the `plan` that is followed: `time`, `states` and `controls` at the ends of its intervals, `objective`.
+        `solve_s`, and the `plan` that is followed: `time`, `states` and `controls` at the ends of its intervals, `objective`.
         `RuntimeError` where there has never been a plan.
         """
         with self._turn:

@@ -223,7 +223,7 @@ fn told(made: &mpc::Controller<'_>, step: &mpc::Step) -> String {
         "decision": step.decision,
         "why": why,
         "iterations": step.iterations,
-        "seconds": step.seconds,
+        "solve_s": step.seconds,
         "plan": plan,
     })
     .to_string()

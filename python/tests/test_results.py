@@ -35,7 +35,7 @@ def command(*args: str) -> str:
 
 def without_seconds(text: str) -> Any:
     def kept(told: dict) -> dict:
-        return {name: value for name, value in told.items() if not name.endswith("_s") and name != "seconds"}
+        return {name: value for name, value in told.items() if not name.endswith("_s")}
 
     return json.loads(text, object_hook=kept)
 

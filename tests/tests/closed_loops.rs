@@ -1,6 +1,7 @@
 //! Closed loops: against the Riccati recursion, closed forms of time-optimal control, controls over a sample, what is done
 //! without a plan, and plans from the last one against plans without it.
 
+use nsd_tests::{assert_near, end};
 use nsdc::expr::Exprs;
 use nsdc::limit::{Cancel, Limit, work};
 use nsdc::optimize::PrepareError;
@@ -53,14 +54,8 @@ fn control(run: &Trajectory, name: &str, t: f64) -> f64 {
     at(run, &run.samples.controls, name, t)
 }
 
-fn end(run: &Trajectory, name: &str) -> f64 {
-    let states = &run.samples.states;
-    let found = states.iter().find(|series| series.name == name);
-    *(found.expect("it is a state").values.last()).expect("there is a row")
-}
-
 fn close(a: f64, b: f64, within: f64) {
-    assert!((a - b).abs() <= within, "{a} is not {b} within {within}");
+    assert_near(&[a], &[b], within);
 }
 
 /// What ∫₀ʰ x² + v² + r u² ds is in (x, v, u) for x' = v, v' = u with u held: by Gauss-Legendre quadrature with three nodes,
@@ -136,8 +131,8 @@ fn a_linear_loop_has_the_gain_of_the_riccati_recursion() {
         close(control(&run, "u", sample.time), u, 1e-7);
         [x, v] = [x + h * v + 0.5 * h * h * u, v + h * u];
     }
-    close(end(&run, "x"), x, 1e-7);
-    close(end(&run, "v"), v, 1e-7);
+    close(end(&run, "x")[0], x, 1e-7);
+    close(end(&run, "v")[0], v, 1e-7);
     assert!(
         found.samples[1..]
             .iter()
@@ -199,8 +194,8 @@ fn a_free_horizon_shrinks_to_the_end_of_the_loop() {
     assert_eq!(run.status, Status::Solved);
     let last = *run.samples.time.last().expect("there are rows");
     assert!((2.0 - 1e-9..2.015).contains(&last), "{last}");
-    close(end(&run, "x"), 0.0, 1e-3);
-    close(end(&run, "v"), 0.0, 1e-3);
+    close(end(&run, "x")[0], 0.0, 1e-3);
+    close(end(&run, "v")[0], 0.0, 1e-3);
     for Sampled {
         time, objective, ..
     } in &found.samples
@@ -229,8 +224,8 @@ fn another_plant_comes_to_the_target() {
         }";
     let (run, found) = looped(text);
     assert_eq!(run.status, Status::Solved);
-    close(end(&run, "q"), 200.0, 1e-2);
-    close(end(&run, "v"), 0.0, 2e-2);
+    close(end(&run, "q")[0], 200.0, 1e-2);
+    close(end(&run, "v")[0], 0.0, 2e-2);
     let warm = found.count(Decision::Warm);
     assert!(warm + 4 >= found.samples.len(), "{warm}");
     // What was found from the last plan costs no more than 1 % more than what is found without it.
@@ -342,8 +337,8 @@ fn blocks_with_friction_reach_their_targets() {
         );
         let (run, _) = looped(&text);
         assert_eq!(run.status, Status::Solved, "{stiffness}");
-        close(end(&run, "x"), 1.0, 0.1);
-        close(end(&run, "v"), 0.0, 1e-2);
+        close(end(&run, "x")[0], 1.0, 0.1);
+        close(end(&run, "v")[0], 0.0, 1e-2);
     }
 }
 
@@ -467,7 +462,7 @@ fn what_rests_is_compared_with_other_plans() {
         }";
     let (run, _) = looped(text);
     assert_eq!(run.status, Status::Solved);
-    let th = end(&run, "th");
+    let th = end(&run, "th")[0];
     assert!(th.abs() < 0.06, "{th}");
 }
 
@@ -488,7 +483,7 @@ fn a_plan_of_another_sample_ends_no_loop() {
     assert_eq!(run.status, Status::Solved);
     assert_eq!(codes(&run), ["W0745"]);
     assert_eq!(run.samples.time.last(), Some(&3.0));
-    close(end(&run, "x"), 0.8 + 2.0 * 2.8, 1e-6);
+    close(end(&run, "x")[0], 0.8 + 2.0 * 2.8, 1e-6);
 }
 
 /// Time begins at 0 in every plan: nothing may depend on it but a cost that it moves.

@@ -4,6 +4,7 @@
 use nsd_tests::random::Random;
 use nsd_tests::{assert_near, end, run, solved, times};
 use nsdc::report::{EventKind, Trajectory};
+use nsdc::study::sweep::{Axis, Grid};
 use nsdc::{Options, Project};
 
 /// A condition on small integers a, b and c.
@@ -366,4 +367,49 @@ fn equal_numbers_decide_conditions() {
         "s",
     );
     assert_eq!([end(&found, "n")[0], end(&found, "f")[0]], [3.0, 1.0]);
+}
+
+/// Rows of a sweep, in whatever order numbers come to be equal: what is compiled once reads them as a run of its own does.
+#[test]
+fn rows_of_sweeps_compare_their_numbers() {
+    let mut random = Random(17);
+    for case in 0..12 {
+        let (condition, c) = (Condition::random(&mut random, 1), random.below(3) as i32);
+        let text = condition.text(["a", "b", "c"]);
+        let project = Project::from_text(
+            "model.nsd",
+            &format!(
+                "model m {{
+                   param a = 1; param b = 2; param c = {c};
+                   param p = if {text} then 7 else 5;
+                   state x = if {text} then 7 else 5; state y = 9; state u = 9; state k = a;
+                   x' = 0; y' = p; u' = 0; k' = 0;
+                   every 1 offset 1 {{ y := p; u := if {text} then k else -k; }}
+                 }}
+                 simulate s of m {{ horizon 1; output x, y, u; }}"
+            ),
+        );
+        let axis = |name: &str, values: &[f64]| Axis {
+            name: name.to_owned(),
+            values: values.to_vec(),
+        };
+        let axes = vec![
+            axis("a", &[1.0, 2.0, 0.0, 3.0]),
+            axis("b", &[2.0, 1.0, 3.0]),
+        ];
+        let grid = Grid::new(axes, false).expect("there are few points");
+        let sweep = project.sweep("s", &Options::default(), grid.clone());
+        let sweep = sweep.unwrap_or_else(|errors| panic!("{case}: {errors}"));
+        let found = sweep.rows(0..grid.len(), 1, &mut |_| {});
+        for (at, row) in found.rows.iter().flatten().enumerate() {
+            let [a, b] = grid.point(at)[..] else {
+                panic!("there are two axes")
+            };
+            let [u, x] = match condition.holds([a as i32, b as i32, c]) {
+                true => [a, 7.0],
+                false => [-a, 5.0],
+            };
+            assert_eq!(row.end, [x, x, u], "{case}: {text}, {a} {b} {c}");
+        }
+    }
 }

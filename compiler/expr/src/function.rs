@@ -371,10 +371,15 @@ impl Function {
         &TABLE[self as usize]
     }
 
+    /// Those that the language has by name: comparisons are operators.
+    pub fn named() -> impl Iterator<Item = Self> {
+        let all = Self::ALL.iter().copied();
+        all.filter(|function| !matches!(function, Self::Positive | Self::NonNegative))
+    }
+
     /// The function with a name of the language.
     pub fn of_name(name: &str) -> Option<Self> {
-        let mut all = Self::ALL.iter().copied();
-        all.find(|function| function.name() == name)
+        Self::named().find(|function| function.name() == name)
     }
 
     /// Whether the function has a kink or a jump; `system` replaces these.

@@ -53,7 +53,7 @@ pub struct Streams<'a> {
     pub colour: bool,
     /// Where it is shown how far long runs are.
     pub meter: Meter,
-    /// Ends what a command does from elsewhere.
+    /// Ends `emit`, `test` and `verify` from elsewhere, as a client of the language server does.
     pub cancel: Cancel,
     /// Columns of the terminal.
     pub width: usize,

@@ -52,9 +52,7 @@ impl Fix {
             applicability,
         }
     }
-}
 
-impl Fix {
     /// More words at the end of a statement, in front of its `;`.
     pub fn at_end(statement: Span, words: &str) -> Self {
         let end = statement.end.saturating_sub(1);
@@ -79,10 +77,9 @@ pub trait Fixable: Diagnostic + Send + Sync + 'static {
         None
     }
 
-    /// Edits of which a reader may choose one: that of [`Fixable::fix`], or else what the help asks for with a value that is
-    /// to be thought about.
+    /// Edits besides, of which a reader may choose one: what the help asks for with a value that is to be thought about.
     fn choices(&self) -> Vec<Fix> {
-        self.fix().into_iter().collect()
+        Vec::new()
     }
 }
 

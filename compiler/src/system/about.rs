@@ -136,7 +136,10 @@ impl Rows<'_, '_> {
             seen = self.read.len();
             for (k, switch) in switches.iter().enumerate() {
                 let alpha = switch.alpha.as_variable();
-                if alpha.is_some_and(|alpha| inside.contains(&alpha)) && self.met.insert(k) {
+                let compared = system.jumps.comparisons.iter();
+                let compared = compared.filter(|known| known.switch == k);
+                let mut stands = alpha.into_iter().chain(compared.map(|known| known.var));
+                if stands.any(|var| inside.contains(&var)) && self.met.insert(k) {
                     self.read.push(switch.psi);
                 }
                 // A pair is written at its first member.

@@ -78,7 +78,9 @@ fn one(analysis: &Analysis, diagnostic: &AnyDiagnostic, links: bool) -> Found {
         ..Diagnostic::default()
     };
     let is_here = |fix: &Fix| fix.edits.iter().all(|edit| analysis.is_here(edit.span));
-    let mut fixes = diagnostic.choices();
+    let mut fixes: Vec<Fix> = (diagnostic.fix().into_iter())
+        .chain(diagnostic.choices())
+        .collect();
     fixes.retain(is_here);
     for edit in fixes.iter_mut().flat_map(|fix| &mut fix.edits) {
         leave_comment(analysis.source(), edit);

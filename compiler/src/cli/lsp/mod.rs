@@ -275,7 +275,7 @@ impl<'c> Server<'c> {
             };
             let found = diagnostics::of(&analysis, self.client.links);
             if !analysis.checked().has_errors() {
-                self.world.is_sound(&document.uri, &analysis);
+                self.world.keep_sound(&document.uri, &analysis);
             }
             let told = PublishDiagnosticsParams {
                 uri: document.uri.clone(),

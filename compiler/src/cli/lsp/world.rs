@@ -301,8 +301,8 @@ impl World {
         Some([Rc::clone(&now), good.unwrap_or(now)])
     }
 
-    /// A file has been found to be sound.
-    pub fn is_sound(&mut self, uri: &Uri, known: &Rc<Analysis>) {
+    /// Keeps a file that has been found to be sound.
+    pub fn keep_sound(&mut self, uri: &Uri, known: &Rc<Analysis>) {
         self.sound.insert(World::key(uri), Rc::clone(known));
     }
 

@@ -360,7 +360,7 @@ impl Fixable for DynamicsError {
             DynamicsError::LoneRegion {
                 statement, entries, ..
             } => vec![Fix::rest(*statement, entries.iter().map(String::as_str))],
-            other => other.fix().into_iter().collect(),
+            _ => Vec::new(),
         }
     }
 }

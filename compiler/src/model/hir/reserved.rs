@@ -47,7 +47,7 @@ const FUNCTIONS: [(&str, usize, usize); 33] = [
 
 /// The names of all built-in functions.
 pub fn function_names<'n>() -> impl Iterator<Item = &'n str> {
-    let elementary = Function::ALL.iter().map(|function| function.name());
+    let elementary = Function::named().map(|function| function.name());
     elementary.chain(FUNCTIONS.iter().map(|&(name, ..)| name))
 }
 

@@ -31,6 +31,7 @@ pub struct Sampled {
     /// Iterations of the solver.
     pub iterations: usize,
     /// How long it took.
+    #[serde(rename = "solve_s")]
     pub seconds: f64,
     /// Why the solve has led to no solution.
     pub why: Option<Warning>,

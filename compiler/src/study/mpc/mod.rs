@@ -32,6 +32,7 @@ use crate::project::{Project, launch};
 use crate::report::{Kind, Trajectory};
 use crate::simulate::{Decided, Request};
 use crate::source::table::{Fit, Table};
+use crate::system::System;
 use crate::system::experiment::{ClosedLoop, ExperimentError};
 use crate::system::task::Shape;
 
@@ -43,7 +44,8 @@ const ONE: f64 = 1e-12;
 /// A plan whose end is as far behind a sample, as a share of the time between two, is over with it.
 const LAST: f64 = 1e-3;
 
-/// Runs a plant that has been compiled, where so many experiments may still start from each other; afterwards its system has the controls that were decided on.
+/// Runs a plant that has been compiled; afterwards its system has the controls that were decided on. What the controller's
+/// first guess is simulated from may lead through `depth` more experiments.
 ///
 /// # Errors
 ///
@@ -93,23 +95,18 @@ pub(crate) fn run<'e>(
     };
     let mut system = compiled.system.clone();
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let first_data = system.exogenous.data.len() - samples.wires.driven.len();
     let mut trajectory = match samples.planned(&x0) {
         None => Decided::at_start(&system).told(&system, &compiled.settings, request),
         Some(pieces) => {
-            for (data, pieces) in system.exogenous.data[first_data..].iter_mut().zip(pieces) {
-                data.table = samples.table(pieces);
-            }
+            samples.give(&mut system, pieces);
             let mut told = |progress| watch.progress(&Progress::Simulation(progress));
             let decide = &mut |t: f64, x: &[f64]| samples.decide(t, x);
             let settings = &mut compiled.settings;
             let run = Decided::run(&system, settings, &request.limit, decide, &mut told);
             settings.horizon = run.ends.unwrap_or(settings.horizon);
-            let applied = samples.applied.clone();
-            let data = system.exogenous.data[first_data..].iter_mut();
-            for (data, (starts, coefficients)) in data.zip(applied) {
-                data.table = samples.table(Arc::new(Piecewise::new(starts, coefficients)));
-            }
+            let applied = samples.applied.iter().cloned();
+            let applied = applied.map(|(starts, rows)| Arc::new(Piecewise::new(starts, rows)));
+            samples.give(&mut system, applied.collect());
             run.told(&system, settings, request)
         }
     };
@@ -203,7 +200,7 @@ impl Samples<'_> {
             applied.0.extend_from_slice(&starts);
             applied.1.extend_from_slice(&coefficients);
             // The next decision is asked for where another piece begins.
-            let n = coefficients.len() / starts.len();
+            let n = 1 + usize::from(shape == Shape::Linear);
             let last = coefficients[coefficients.len() - n..].to_vec();
             starts.push(until);
             coefficients.extend(last);
@@ -212,12 +209,17 @@ impl Samples<'_> {
         Some(all)
     }
 
-    fn table(&self, pieces: Arc<Piecewise>) -> Arc<Table> {
-        Arc::new(Table {
-            fit: self.fit,
-            n_rows: 2,
-            range: (0.0, self.horizon),
-            pieces,
-        })
+    /// Gives a plant these controls, which are the last data of it.
+    fn give(&self, plant: &mut System<'_>, controls: Vec<Arc<Piecewise>>) {
+        let data = &mut plant.exogenous.data;
+        let first = data.len() - controls.len();
+        for (data, pieces) in data[first..].iter_mut().zip(controls) {
+            data.table = Arc::new(Table {
+                fit: self.fit,
+                n_rows: 2,
+                range: (0.0, self.horizon),
+                pieces,
+            });
+        }
     }
 }

@@ -201,7 +201,7 @@ fn driven(
             "declare `control` of that name in the plant, and leave it out of `with`",
         );
     }
-    let places = open.iter().map(|name| {
+    let places = open.iter().filter_map(|name| {
         let place = decided.iter().position(|known| known == name);
         if place.is_none() {
             mismatch(
@@ -210,7 +210,7 @@ fn driven(
                 "give it a value by `with`",
             );
         }
-        place.unwrap_or(0)
+        place
     });
     places.collect()
 }

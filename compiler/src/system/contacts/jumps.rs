@@ -19,7 +19,7 @@ use crate::system::regions::conjunction::literals;
 use crate::system::switches::Switches;
 use crate::system::{Law, SystemError};
 
-/// A law in α of the switches that have been collected.
+/// A law in entry variables of the switches that have been collected.
 pub(crate) struct Lowered<'e> {
     /// Index into the jumps of the model.
     pub jump: usize,
@@ -28,8 +28,6 @@ pub(crate) struct Lowered<'e> {
     pub strikes: Option<usize>,
     /// New values by place of the state.
     pub resets: Vec<(usize, Expr<'e>)>,
-    /// Both in what stands for comparisons in laws.
-    compared: (When<'e>, Vec<(usize, Expr<'e>)>),
 }
 
 impl<'e> Lowered<'e> {
@@ -37,14 +35,17 @@ impl<'e> Lowered<'e> {
     pub fn reads(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         let guard = self.when.guard().filter(|_| self.strikes.is_none());
         let resets = self.resets.iter().map(|reset| reset.1);
-        resets.chain(guard).chain(self.compares())
+        resets.chain(guard)
     }
 
-    /// The same in what stands for comparisons, which may say nothing off their surfaces: `n > 3` is not `n >= 3`.
-    fn compares(&self) -> impl Iterator<Item = Expr<'e>> {
-        let (when, resets) = &self.compared;
-        let guard = when.guard().filter(|_| self.strikes.is_none());
-        resets.iter().map(|reset| reset.1).chain(guard)
+    /// The law in other variables.
+    fn read(&self, f: impl Fn(Expr<'e>) -> Expr<'e>) -> Self {
+        let resets = self.resets.iter().map(|&(place, value)| (place, f(value)));
+        Lowered {
+            resets: resets.collect(),
+            when: self.when.map_guard(&f),
+            ..*self
+        }
     }
 }
 
@@ -81,19 +82,11 @@ pub(crate) fn laws<'e>(
                 When::Every(instants)
             }
         };
-        let entries = &translation.switches.entries;
-        let (merged, compared) = (|e| entries.merged(e), |e| entries.in_law(e));
-        let with = |f: &dyn Fn(Expr<'e>) -> Expr<'e>| {
-            let resets = resets.iter().map(|&(place, value)| (place, f(value)));
-            (when.map_guard(f), resets.collect::<Vec<_>>())
-        };
-        let ((when, resets), compared) = (with(&merged), with(&compared));
         laws.push(Lowered {
             jump: j,
             when,
             strikes: None,
             resets,
-            compared,
         });
     }
     laws
@@ -147,10 +140,13 @@ pub(crate) fn find_contacts<'e>(
     diags: &mut Diagnostics,
 ) {
     let (instance, switches) = (translation.instance, &mut translation.switches);
-    for at in 0..laws.len() {
-        let jump = &instance.model.statements.jumps[laws[at].jump];
-        let guards = laws.iter().enumerate().filter(|(other, _)| *other != at);
-        let resets = laws.iter().flat_map(|law| &law.resets);
+    let in_alphas = |law: &Lowered<'e>| law.read(|e| switches.entries.merged(e));
+    let in_alphas: Vec<Lowered<'e>> = laws.iter().map(in_alphas).collect();
+    for (at, law) in laws.iter_mut().enumerate() {
+        let jump = &instance.model.statements.jumps[law.jump];
+        let guards = in_alphas.iter().enumerate();
+        let guards = guards.filter(|(other, _)| *other != at);
+        let resets = in_alphas.iter().flat_map(|law| &law.resets);
         let elsewhere: Vec<Expr<'e>> = (used.iter().chain(&*rates).copied())
             .chain(guards.filter_map(|(_, law)| law.when.guard()))
             .chain(resets.map(|reset| reset.1))
@@ -160,11 +156,11 @@ pub(crate) fn find_contacts<'e>(
             switches,
             rates,
         };
-        if flow.stays(&laws[at]) {
+        if flow.stays(&in_alphas[at], law) {
             diags.push(stays_in_guard(jump));
             continue;
         }
-        let Some(contact) = flow.contact(&laws[at], &elsewhere) else {
+        let Some(contact) = flow.contact(&in_alphas[at], &elsewhere) else {
             continue;
         };
         let collected = &mut switches.list[contact.switch];
@@ -175,7 +171,7 @@ pub(crate) fn find_contacts<'e>(
         for (place, d) in contact.direction {
             rates[place] = rates[place] + d * (1.0 - open);
         }
-        laws[at].strikes = Some(contact.switch);
+        law.strikes = Some(contact.switch);
     }
 }
 
@@ -283,15 +279,16 @@ impl<'e> Flow<'_, '_, 'e> {
         Some(direction)
     }
 
-    /// Whether every comparison of a guard and its rate are the same after the jump, up to positive factors.
-    fn stays(&self, law: &Lowered<'e>) -> bool {
+    /// Whether every comparison of a guard and its rate are the same after the jump, up to positive factors; `written` has
+    /// the law in entry variables.
+    fn stays(&self, law: &Lowered<'e>, written: &Lowered<'e>) -> bool {
         let guard = law.when.guard();
         let Some(literals) = guard.and_then(|guard| literals(guard, self.switches)) else {
             return false;
         };
-        // What holds everywhere but on a surface leaves it there.
-        let holds = |when: When<'e>| when.guard().and_then(Expr::as_constant);
-        if holds(law.when) != holds(law.compared.0) {
+        // What holds everywhere but on a surface does not hold there.
+        let compared = |guard| self.switches.entries.in_law(guard).as_constant();
+        if guard.and_then(Expr::as_constant) != written.when.guard().and_then(compared) {
             return false;
         }
         let after = law.resets.iter();
@@ -330,7 +327,7 @@ pub(crate) fn finished_laws<'e>(
     let finish = |law: Lowered<'e>| {
         let jump = &instance.model.statements.jumps[law.jump];
         let closed = |k: usize| 1.0 - exprs.expr(switches.list[k].alpha);
-        let (when, resets) = law.compared;
+        let Lowered { when, resets, .. } = law.read(|e| switches.entries.in_law(e));
         Law {
             name: jump.name.clone(),
             when: law.strikes.map_or(when, |k| When::Guard(closed(k))),

@@ -4,7 +4,7 @@ use super::animation::Animation;
 use super::capabilities::Feature;
 use super::error::ExperimentError;
 use super::method::{self, Lowering, Method, MethodKind};
-use super::optimize::{Draft, Fit, LoopDraft, not_for_fit};
+use super::optimize::{Draft, Fit, LoopDraft, not_for_fit, not_for_mpc};
 use super::perturb::Perturbation;
 use super::plot::Plot;
 use super::reader::Reader;
@@ -94,6 +94,10 @@ impl<'m, 'e> Statements<'m, 'e> {
                 if let Some(draft) = &mut self.draft {
                     draft.method(reader, name, options);
                 } else if let Some(chosen) = method::method(reader, name, options) {
+                    let by_events = matches!(chosen.kind(), MethodKind::Auto | MethodKind::Event);
+                    if self.closed_loop.is_some() && !by_events {
+                        not_for_mpc(reader, &format!("method {}", chosen.kind().word()), span);
+                    }
                     self.numerics.method = chosen;
                 }
             }
@@ -197,10 +201,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                 self.horizon = Some((None, span));
                 match (&self.fit, &self.closed_loop) {
                     (Some(_), _) => not_for_fit(reader, "`horizon free`", span),
-                    (_, Some(_)) => reader.error(ExperimentError::NotForMpc {
-                        setting: "`horizon free`".to_owned(),
-                        span,
-                    }),
+                    (_, Some(_)) => not_for_mpc(reader, "horizon free", span),
                     _ => not_for_simulate(reader, "horizon free", span),
                 }
             }
@@ -237,15 +238,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                 span: sensed.span,
             });
         }
-        let method = self.numerics.method.kind();
-        let by_events = matches!(method, MethodKind::Auto | MethodKind::Event);
-        if self.closed_loop.is_some() && !by_events {
-            reader.error(ExperimentError::NotForMpc {
-                setting: format!("`method {}`", method.word()),
-                span: experiment.name.span,
-            });
-        }
-        let averages = method.takes(Feature::Averages);
+        let averages = self.numerics.method.kind().takes(Feature::Averages);
         if let Some(span) = self.averages.filter(|_| !averages) {
             reader.error(ExperimentError::NoChattering { span });
         }

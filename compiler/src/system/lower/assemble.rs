@@ -106,7 +106,7 @@ impl<'e> Parts<'e> {
             switches,
             jumps: Jumps {
                 laws: finished_laws(instance, collected, motion.laws, &kept)
-                    .chain(stops::finished(motion.stops))
+                    .chain(stops::finished(motion.stops, &collected.entries))
                     .collect(),
                 comparisons: comparisons(collected, &kept),
                 bodies: motion.bodies,
@@ -232,9 +232,9 @@ fn named_readings<'e>(
 fn used<'e>(collected: &Switches<'e>, roots: &[Expr<'e>]) -> (Vec<usize>, Vec<usize>) {
     let list = &collected.list;
     let mut number: FxHashMap<Var, usize> = FxHashMap::default();
-    for (k, switch) in list.iter().enumerate() {
-        let compared = collected.entries.compared(k).map(|(var, _)| var);
-        number.extend(compared.chain([switch.alpha]).map(|var| (var, k)));
+    for k in 0..list.len() {
+        let vars = collected.entries.variables_of(k);
+        number.extend(vars.map(|var| (var, k)));
     }
     let inside = |e: &[Expr<'e>]| {
         variables_of(e)

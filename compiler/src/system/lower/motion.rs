@@ -77,14 +77,10 @@ impl<'e> Motion<'e> {
         frictions.chain(masses.copied()).collect()
     }
 
-    /// What α act on besides the rates.
+    /// What switches act on besides the rates: laws in entry variables, others in α.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         (self.laws.iter().flat_map(Lowered::reads))
-            .chain(
-                self.stops
-                    .iter()
-                    .flat_map(|stop| [stop.guard, stop.compared]),
-            )
+            .chain(self.stops.iter().map(|stop| stop.guard))
             .chain(self.contacts.iter().flat_map(Contact::exprs))
             .chain(self.bodies.iter().flat_map(Body::exprs))
     }

@@ -8,14 +8,13 @@ use crate::expr::Expr;
 use crate::model::{DynamicsError, When};
 use crate::source::Span;
 use crate::system::Law;
+use crate::system::switches::entries::Entries;
 
 /// A condition of an experiment.
 pub(crate) struct Stopping<'e> {
     name: String,
-    /// In α of collected switches.
+    /// In entry variables of collected switches.
     pub guard: Expr<'e>,
-    /// In what stands for comparisons in laws.
-    pub compared: Expr<'e>,
     span: Span,
 }
 
@@ -27,10 +26,10 @@ pub(super) fn lower<'e>(
     let mut found = Vec::new();
     for stop in &translation.instance.settings.numerics.stops {
         let span = stop.span;
-        let condition = translation.replace_in_law(stop.guard, span);
+        let guard = translation.replace_in_law(stop.guard, span);
         let entries = &translation.switches.entries;
         // What parameters decide is none of a run; what is no surface is told elsewhere.
-        if let Some(value) = entries.in_law(condition).as_constant()
+        if let Some(value) = entries.in_law(guard).as_constant()
             && translation.switches.refused.is_empty()
         {
             let value = value > 0.5;
@@ -38,8 +37,7 @@ pub(super) fn lower<'e>(
         }
         found.push(Stopping {
             name: stop.name.clone(),
-            guard: entries.merged(condition),
-            compared: entries.in_law(condition),
+            guard,
             span,
         });
     }
@@ -47,10 +45,13 @@ pub(super) fn lower<'e>(
 }
 
 /// The laws.
-pub(super) fn finished<'e>(stops: Vec<Stopping<'e>>) -> impl Iterator<Item = Law<'e>> {
+pub(super) fn finished<'e>(
+    stops: Vec<Stopping<'e>>,
+    entries: &Entries<'e>,
+) -> impl Iterator<Item = Law<'e>> {
     stops.into_iter().map(|stop| Law {
         name: stop.name,
-        when: When::Guard(stop.compared),
+        when: When::Guard(entries.in_law(stop.guard)),
         strikes: None,
         resets: Vec::new(),
         stops: true,

@@ -5,7 +5,7 @@ use rustc_hash::FxHashMap;
 use super::instance::Instance;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var};
-use crate::model::SwitchKind;
+use crate::model::{NamedSwitch, SwitchKind};
 use crate::source::Span;
 use crate::system::SystemError;
 use crate::system::regions::coverage::Frame;
@@ -23,9 +23,28 @@ pub(crate) struct Translation<'m, 'e> {
     implicit: Vec<Expr<'e>>,
     /// Values of named switches.
     pub named: Substitution<'e>,
+    /// What these say of numbers.
+    direct: Substitution<'e>,
     /// Roundings of functions of time.
     pub roundings: Roundings<'e>,
     pub switches: Switches<'e>,
+}
+
+/// Named switches as functions of ψ, but for relays, which remember.
+fn direct<'e>(switches: &[NamedSwitch<'e>]) -> Substitution<'e> {
+    let mut direct = Substitution::new();
+    for switch in switches {
+        for (var, psi) in switch.vars.iter().zip(&switch.psi) {
+            let psi = psi.substitute(&direct);
+            let value = match switch.kind {
+                SwitchKind::Sign => psi.sign(),
+                SwitchKind::Step => psi.step(),
+                SwitchKind::Relay(_) => continue,
+            };
+            direct.extend(var.as_variable().map(|var| (var, value)));
+        }
+    }
+    direct
 }
 
 impl<'m, 'e> Translation<'m, 'e> {
@@ -44,6 +63,7 @@ impl<'m, 'e> Translation<'m, 'e> {
             given,
             implicit,
             named: Substitution::new(),
+            direct: direct(&model.switches),
             switches: Switches::new(model.exprs, timed, instance.params.clone()),
             roundings,
         }
@@ -57,20 +77,7 @@ impl<'m, 'e> Translation<'m, 'e> {
 
     /// The same of an expression of a law.
     pub fn replace_in_law(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
-        // A named switch is what it says of numbers, too.
-        let mut direct = Substitution::new();
-        for switch in &self.instance.model.switches {
-            for (var, psi) in switch.vars.iter().zip(&switch.psi) {
-                let psi = psi.substitute(&direct);
-                let value = match switch.kind {
-                    SwitchKind::Sign => psi.sign(),
-                    SwitchKind::Step => psi.step(),
-                    SwitchKind::Relay(_) => continue,
-                };
-                direct.extend(var.as_variable().map(|var| (var, value)));
-            }
-        }
-        let e = self.round(e.substitute(&direct), span);
+        let e = self.round(e.substitute(&self.direct), span);
         self.switches.replace_in_law(e, span)
     }
 

@@ -101,8 +101,6 @@ pub(crate) struct Switches<'e> {
     pub index: FxHashMap<Expr<'e>, usize>,
     /// What enters expressions.
     pub entries: Entries<'e>,
-    /// Comparisons of the law that is looked at which no other term of it contains, nor they others.
-    plain: FxHashSet<Expr<'e>>,
 }
 
 impl<'e> Switches<'e> {
@@ -116,7 +114,6 @@ impl<'e> Switches<'e> {
             params,
             index: FxHashMap::default(),
             entries: Entries::new(exprs),
-            plain: FxHashSet::default(),
         }
     }
 
@@ -127,20 +124,28 @@ impl<'e> Switches<'e> {
 
     /// Replaces the nonsmooth terms of an expression that stands at `span` by entry variables.
     pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
-        self.entries.here = span;
-        transform(&[e], &mut |written, e| self.replace_node(written, e))[0]
+        self.replace_with(e, span, &FxHashSet::default())
     }
 
     /// The same of an expression of a law.
     pub fn replace_in_law(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
-        self.plain = plain(e);
-        let replaced = self.replace(e, span);
-        self.plain.clear();
-        replaced
+        self.replace_with(e, span, &plain(e))
+    }
+
+    /// The same, where some terms are read on their surface.
+    fn replace_with(&mut self, e: Expr<'e>, span: Span, read: &FxHashSet<Expr<'e>>) -> Expr<'e> {
+        self.entries.here = span;
+        let mut replace = |written, e| self.replace_node(written, e, read);
+        transform(&[e], &mut replace)[0]
     }
 
     /// Replaces a node, of which the terms below are replaced.
-    fn replace_node(&mut self, written: Expr<'e>, e: Expr<'e>) -> Expr<'e> {
+    fn replace_node(
+        &mut self,
+        written: Expr<'e>,
+        e: Expr<'e>,
+        read: &FxHashSet<Expr<'e>>,
+    ) -> Expr<'e> {
         let Some((psi, entry)) = compared(e) else {
             return e;
         };
@@ -151,7 +156,7 @@ impl<'e> Switches<'e> {
         if entry != Entry::Kink && self.entries.merged(psi).cancels() {
             return at_alpha(e, self.exprs.constant(0.5));
         }
-        let entry = match self.plain.contains(&written) {
+        let entry = match read.contains(&written) {
             true => in_law(e, entry),
             false => entry,
         };

@@ -63,10 +63,7 @@ impl Draft {
                 let fits = |s: f64| s > 0.0 && s <= LONGEST;
                 self.deadline = reader.within("the deadline", value, expected, fits);
             }
-            other => reader.error(ExperimentError::NotForMpc {
-                setting: format!("`{}`", other.word()),
-                span,
-            }),
+            other => not_for_mpc(reader, other.word(), span),
         }
     }
 
@@ -91,4 +88,11 @@ impl Draft {
             deadline: self.deadline,
         })
     }
+}
+
+pub(crate) fn not_for_mpc(reader: &mut Reader<'_, '_>, setting: &str, span: Span) {
+    reader.error(ExperimentError::NotForMpc {
+        setting: format!("`{setting}`"),
+        span,
+    });
 }

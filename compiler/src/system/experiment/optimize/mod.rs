@@ -13,7 +13,7 @@ mod settings;
 mod start;
 
 pub use closed_loop::ClosedLoop;
-pub(crate) use closed_loop::Draft as LoopDraft;
+pub(crate) use closed_loop::{Draft as LoopDraft, not_for_mpc};
 pub(crate) use fit::not_for_fit;
 pub use fit::{Column, Fit};
 pub(crate) use settings::{Draft, PATHS, RELAXATIONS, STEERINGS};
