@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use nsd_solver::optimization::least_squares::{Linearized, Residuals};
 use nsd_solver::optimization::mpcc::deviate;
 
-use super::single::Single;
+use super::single::{Here, Single};
 use crate::Compiled;
 use crate::diagnostics::{Diagnostics, counted};
 use crate::limit::Limit;
@@ -188,7 +188,11 @@ impl Way {
 impl Residuals for Runs<'_, '_> {
     fn at(&mut self, point: &[f64]) -> Option<Linearized> {
         let (n, tolerance) = (point.len(), self.tolerance);
-        let (sizes, bounds) = (self.sizes_at(point), self.bounds());
+        let here = Here {
+            point,
+            sizes: self.sizes_at(point),
+            bounds: self.bounds(),
+        };
         self.last = Seen {
             events: 0,
             lost: vec![None; n],
@@ -196,7 +200,7 @@ impl Residuals for Runs<'_, '_> {
         let (mut residuals, mut rows) = (Vec::new(), Vec::new());
         let mut changes: f64 = 0.0;
         for one in self.all.iter_mut().filter(|one| !one.columns.is_empty()) {
-            let found = one.at((point, &sizes, &bounds), &mut self.last.lost)?;
+            let found = one.at(&here, &mut self.last.lost)?;
             self.last.events += found.events;
             changes = changes.hypot(found.changes);
             residuals.extend(found.residuals);
@@ -215,7 +219,7 @@ impl Residuals for Runs<'_, '_> {
             false => tolerance,
         };
         // By how much numbers that are rounded change r.
-        let rounding = (jacobian.abs() * DVector::from_vec(sizes)).norm();
+        let rounding = (jacobian.abs() * DVector::from_vec(here.sizes)).norm();
         Some(Linearized {
             noise: tolerance * changes + f64::EPSILON * rounding,
             rank: (RANK * accuracy).clamp(f64::EPSILON.sqrt(), 1e-2),

@@ -32,6 +32,15 @@ pub(super) struct Single<'e> {
     pub count: usize,
 }
 
+/// Where a search is.
+pub(super) struct Here<'p> {
+    /// What is free.
+    pub point: &'p [f64],
+    /// Its sizes there.
+    pub sizes: Vec<f64>,
+    pub bounds: Vec<[f64; 2]>,
+}
+
 /// What a run says at a point.
 pub(super) struct Found {
     /// r
@@ -152,19 +161,15 @@ impl<'e> Single<'e> {
         run.failure.is_none().then_some(run)
     }
 
-    /// Differences and their derivatives, where free numbers have these sizes and bounds; `lost` says by which there are none.
-    pub fn at(
-        &mut self,
-        (point, sizes, bounds): (&[f64], &[f64], &[[f64; 2]]),
-        lost: &mut [Option<String>],
-    ) -> Option<Found> {
-        let run = self.run(point, true)?;
+    /// Differences and their derivatives; `lost` says by which there are none.
+    pub fn at(&mut self, here: &Here<'_>, lost: &mut [Option<String>]) -> Option<Found> {
+        let run = self.run(here.point, true)?;
         let residuals = self.residuals(&run)?;
         let is_known = residuals.iter().all(|r| r.is_finite());
         if !is_known || run.samples.sensitivities.len() != self.places.len() {
             return None;
         }
-        let mut slopes = DMatrix::zeros(residuals.len(), point.len());
+        let mut slopes = DMatrix::zeros(residuals.len(), here.point.len());
         for k in 0..self.places.len() {
             let place = self.places[k];
             let by = &run.samples.sensitivities[k];
@@ -172,8 +177,7 @@ impl<'e> Single<'e> {
             let mut slope = self.compared(&run.samples.time, known, false)?;
             if !slope.iter().all(|slope| slope.is_finite()) {
                 lost[place] = Some(why_lost(&run));
-                let around = (point, place, sizes[place], bounds[place]);
-                self.fill(&mut slope, around, &residuals)?;
+                self.fill(&mut slope, here, place, &residuals)?;
             }
             slopes.set_column(place, &DVector::from_vec(slope));
         }
@@ -236,15 +240,17 @@ impl<'e> Single<'e> {
     fn fill(
         &mut self,
         slope: &mut [f64],
-        (point, place, size, [low, high]): (&[f64], usize, f64, [f64; 2]),
-        here: &[f64],
+        here: &Here<'_>,
+        place: usize,
+        residuals: &[f64],
     ) -> Option<()> {
+        let (point, [low, high]) = (here.point, here.bounds[place]);
         if low == high {
             slope.fill(0.0);
             return Some(());
         }
         // Errors of the runs over h, and h² of the differences, are alike.
-        let h = size * self.settings.numerics.tolerance.cbrt();
+        let h = here.sizes[place] * self.settings.numerics.tolerance.cbrt();
         let mut ends = Vec::new();
         for end in [(point[place] - h).max(low), (point[place] + h).min(high)] {
             let mut other = point.to_vec();
@@ -254,7 +260,7 @@ impl<'e> Single<'e> {
             ends.extend(found.map(|found| (end, found)));
         }
         if ends.len() < 2 {
-            ends.push((point[place], here.to_vec()));
+            ends.push((point[place], residuals.to_vec()));
         }
         let [(a, low), (b, high)] = &ends[..] else {
             return None;
