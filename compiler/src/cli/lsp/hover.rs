@@ -4,15 +4,16 @@ use std::rc::Rc;
 
 use lsp_types::{Hover, HoverContents, HoverParams, MarkupContent, MarkupKind, Position, Range};
 
-use super::shown::{Facts, numbers};
+use super::facts::{Facts, model_at, numbers};
 use super::world::{Analysis, World};
 use super::{Answer, reference};
 use crate::diagnostics::explain;
 use crate::expr::Exprs;
 use crate::model::hir::reserved::is_function;
 use crate::model::index::{Definition, Kind};
+use crate::model::inferred;
 use crate::project::describe;
-use crate::syntax::ExperimentKind;
+use crate::syntax::{ExperimentKind, Stmt};
 
 /// Lines of a declaration that are shown.
 const MOST_LINES: usize = 8;
@@ -48,8 +49,9 @@ pub fn hover(world: &mut World, params: &HoverParams) -> Answer<Option<Hover>> {
             meant,
             model,
             experiment: then.index.experiment_at(then.at(position)),
+            part: part_at(then, position),
         };
-        let is_taken = !now.project.diags.has_errors() && of.now(&mut text);
+        let is_taken = Rc::ptr_eq(then, &now) && of.now(&mut text);
         if let Some(sound) = sound.filter(|_| !is_taken && now.checked().has_errors()) {
             of.before(&now, &sound, &mut text);
         }
@@ -85,6 +87,25 @@ struct Declared<'d> {
     model: &'d Definition,
     /// The experiment that it is named in.
     experiment: Option<&'d Definition>,
+    /// The part that it is named of.
+    part: Option<String>,
+}
+
+/// The part that a name at a position is of, as it is written there: `legs[2]` of `legs[2].x`, and of what stands in its braces.
+fn part_at(then: &Analysis, position: Position) -> Option<String> {
+    let text = &then.source().text;
+    let before = &text[..then.word(position)?.start];
+    if let Some(path) = before.strip_suffix('.') {
+        let is_in_path = |c: char| c.is_alphanumeric() || "_.[]".contains(c);
+        return Some(path[path.trim_end_matches(is_in_path).len()..].to_owned());
+    }
+    let at = then.at(position);
+    let statements = then.models().flat_map(|model| &model.body);
+    let mut parts = statements.filter_map(|stmt| match stmt {
+        Stmt::Part(part) if part.model.span.end <= at && at <= part.span.end => Some(part),
+        _ => None,
+    });
+    Some(parts.next()?.name.name.clone())
 }
 
 impl Declared<'_> {
@@ -140,8 +161,8 @@ impl Declared<'_> {
         then: &'e Analysis,
         model: &Definition,
     ) -> impl Iterator<Item = Facts<'e>> + 'e {
-        let name = self.experiment.map(|known| known.name.as_str());
-        Facts::taken(exprs, then, model.place, name)
+        let name = self.experiment.map_or("", |known| known.name.as_str());
+        Facts::taken(exprs, then, model.place, (name, self.part.as_deref()))
     }
 
     fn value(&self, facts: &Facts<'_>, text: &mut String) {
@@ -149,7 +170,11 @@ impl Declared<'_> {
         let Some(shown) = facts.shown(name) else {
             return;
         };
-        if let Some(unit) = &shown.unit {
+        let inferred = || {
+            let (home, item) = model_at(&self.then.project.file, self.model.place)?;
+            inferred(home, item).remove(&self.meant.place)
+        };
+        if let Some(unit) = shown.unit.clone().or_else(inferred) {
             text.push_str(&format!(", in {unit}"));
         }
         match shown.shape[..] {
@@ -168,6 +193,7 @@ impl Declared<'_> {
                 Kind::Param | Kind::Constant => "",
                 _ => " at the start",
             };
+            let name = facts.called(name);
             text.push_str(&format!("\n\n{name} = {value}{when}{place}"));
         }
     }
