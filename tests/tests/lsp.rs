@@ -6,6 +6,7 @@ mod hovers;
 mod mending;
 mod typing;
 mod typist;
+mod words;
 
 use std::collections::BTreeMap;
 use std::fs;

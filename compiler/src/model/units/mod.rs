@@ -35,6 +35,11 @@ use crate::diagnostics::Diagnostics;
 use crate::model::hir::{Hir, import};
 use crate::syntax::{Bind, Experiment, File, Model, Stmt};
 
+/// The names of units that declarations take.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    dimension::UNITS.iter().map(|(name, _)| *name)
+}
+
 /// Reports units of a model, and of its parts, that do not fit.
 pub(crate) fn check_model<'f>(
     hir: Hir<'f>,

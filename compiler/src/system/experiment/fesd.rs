@@ -122,7 +122,7 @@ impl Form {
     }
 }
 
-const OPTIONS: [&str; 6] = [
+pub(crate) const OPTIONS: [&str; 6] = [
     "scheme",
     "elements",
     "steps",
@@ -130,7 +130,7 @@ const OPTIONS: [&str; 6] = [
     "cross",
     "equilibration",
 ];
-const STEPPING_OPTIONS: [&str; 2] = ["scheme", "steps"];
+pub(crate) const STEPPING_OPTIONS: [&str; 2] = ["scheme", "steps"];
 pub(crate) const FORMS: [(&str, Form); 2] = [
     ("integral", Form::Integral),
     ("differential", Form::Differential),
