@@ -380,6 +380,7 @@ pub fn written(word: &str) -> String {
             format!("{word}({})", 4.clamp(*nodes.start(), *nodes.end()))
         }
         (None, "mean") => "mean(0.001)".to_owned(),
+        (None, "tanh") => "tanh(1, 0.1)".to_owned(),
         _ => word.to_owned(),
     }
 }
