@@ -196,7 +196,7 @@ fn words_inside_of_statements_are_told() {
             "sliding |nonlinear;\n  control",
             "nonlinear sliding",
         ),
-        ("sign(x - 2)", "|sign(x - 2)", "sign(x)"),
+        ("sign(x - 2)", "|sign(x - 2)", "elementwise"),
     ] {
         let text = MODEL.replacen(old, new, 1);
         let said = told(&mut client, &path, &text).expect("it is told");
