@@ -33,7 +33,7 @@ use self::expr::{Expr, Exprs, Var};
 use self::model::{Model, Units};
 use self::project::clock::Clock;
 use self::report::Series;
-use self::report::expect::{self, Subject};
+use self::report::expect::{self, ExpectError, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::algebraic::following;
@@ -482,6 +482,12 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
         return;
     }
     for item in &file.items {
+        if let Item::ExpectDiagnostic(expected) = item {
+            let error = ExpectError::unknown_code(&expected.severity.name, &expected.code);
+            let mut found = Diagnostics::new();
+            error.into_iter().for_each(|error| found.push(error));
+            add(found);
+        }
         // What is wrong with the model of an experiment has been said.
         let Item::Experiment(experiment) = item else {
             continue;

@@ -6,6 +6,7 @@ mod hovers;
 mod mending;
 mod typing;
 mod typist;
+mod words;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -466,7 +467,7 @@ fn what_fits_in_an_experiment_is_offered() {
     offers(
         "horizon 1;",
         "horizon 1; method fesd { scheme = | }",
-        &["radau_iia", "gauss"],
+        &["radau_iia(4)", "gauss(4)"],
         &["c", "sin"],
     );
     offers(

@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use lsp_types::{Hover, HoverContents, HoverParams, MarkupContent, MarkupKind, Position, Range};
 
+use super::around::Around;
 use super::facts::{Facts, model_at, numbers};
 use super::world::{Analysis, World};
 use super::{Answer, reference};
@@ -13,7 +14,7 @@ use crate::model::hir::reserved::is_function;
 use crate::model::index::{Definition, Kind};
 use crate::model::inferred;
 use crate::project::describe;
-use crate::syntax::{ExperimentKind, Stmt};
+use crate::syntax::Stmt;
 
 /// Lines of a declaration that are shown.
 const MOST_LINES: usize = 8;
@@ -232,32 +233,71 @@ pub fn declaration(analysis: &Analysis, known: &Definition) -> String {
     lines.join("\n")
 }
 
-/// What the language says of a word.
+/// What the language says of a word, in the place where it stands.
 fn of_word(analysis: &Analysis, word: &str, position: Position) -> Option<String> {
     if let Some(page) = explain::page(word) {
         return Some(format!("**{word}**: {}", explain::title(page)));
     }
-    let at = analysis.at(position);
-    let experiments = analysis.project.experiments();
-    let mut experiments =
-        experiments.filter(|known| known.span.start <= at && at <= known.span.end);
-    let Some(experiment) = experiments.next() else {
-        let of_model = || reference::of_statement(reference::MODEL, word);
-        return match is_function(word) {
-            true => reference::of_function(word),
-            false => of_model(),
-        };
+    let around = Around::of(&analysis.source().text, analysis.lines().byte(position))?;
+    match around.is_in_experiment() {
+        true => of_setting(&around, word),
+        false => of_model(&around, word),
+    }
+}
+
+/// What the language says of a word in a model.
+fn of_model(around: &Around<'_>, word: &str) -> Option<String> {
+    let statement = match around.word(0) {
+        "" => return reference::of_statement(reference::MODEL, word),
+        first => first,
     };
-    let sections = match experiment.kind {
-        ExperimentKind::Simulate => [reference::SIMULATE, reference::OPTIMIZE],
-        ExperimentKind::Optimize => [reference::OPTIMIZE, reference::SIMULATE],
-        ExperimentKind::Fit => [reference::FIT, reference::SIMULATE],
-        ExperimentKind::Mpc => [reference::MPC, reference::SIMULATE],
+    if is_function(word) {
+        return reference::of_function(word);
+    }
+    let part = reference::of_part(reference::MODEL, statement, word);
+    part.or_else(|| reference::of_statement(reference::MODEL, word))
+}
+
+/// What the language says of a word in an experiment.
+fn of_setting(around: &Around<'_>, word: &str) -> Option<String> {
+    let kind = around.heads[0][0].text;
+    let sections = match kind {
+        "optimize" => [reference::OPTIMIZE, reference::SIMULATE],
+        "fit" => [reference::FIT, reference::SIMULATE],
+        "mpc" => [reference::MPC, reference::SIMULATE],
+        _ => [reference::SIMULATE, reference::OPTIMIZE],
     };
-    let said = sections
-        .iter()
-        .chain(&reference::EXPERIMENTS)
-        .find_map(|section| reference::of_statement(section, word));
-    let said = said.or_else(|| reference::of_method(word).map(|(meaning, _)| meaning));
-    said.or_else(|| reference::of_function(word))
+    let all = || sections.iter().chain(&reference::EXPERIMENTS);
+    let of_statement = || all().find_map(|section| reference::of_statement(section, word));
+    let of_function = || match is_function(word) {
+        true => reference::of_function(word),
+        false => None,
+    };
+    let of_part = |statement: &str| {
+        let sections = all().chain([&reference::EXPECTATIONS]);
+        let mut found = sections.map(|section| reference::of_part(section, statement, word));
+        found.find_map(|found| found)
+    };
+    let first = around.word(0);
+    match (around.heads.len(), around.block()) {
+        (1, _) => match first {
+            "" => of_statement(),
+            "method" => reference::of_method(word),
+            "lower" => reference::of_lowering(word),
+            // A setting of `optimize` has the words of the option that is called the same.
+            _ => reference::of_option(first, word)
+                .or_else(of_function)
+                .or_else(|| of_part(first)),
+        },
+        (2, "method") => match first {
+            "" => reference::of_option(around.heads[1].get(1)?.text, word),
+            _ => reference::of_option(first, word).or_else(of_function),
+        },
+        (_, block) => of_function()
+            .or_else(|| of_part(block))
+            .or_else(|| {
+                reference::of_part(reference::MODEL, "switch", word).filter(|_| block == "with")
+            })
+            .or_else(|| of_statement().filter(|_| first.is_empty())),
+    }
 }

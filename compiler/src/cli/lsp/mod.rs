@@ -3,6 +3,7 @@
 //! One thread answers requests in their order. What a client types is checked once there is nothing else to do; what is run
 //! goes on beside, and can be canceled. All that is said of names is a view of one index, `model::index`.
 
+mod around;
 mod commands;
 mod complete;
 mod diagnostics;

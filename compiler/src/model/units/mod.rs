@@ -37,6 +37,11 @@ use crate::model::hir::{Definition, Hir, import};
 use crate::source::Span;
 use crate::syntax::{Bind, Experiment, File, Model, Stmt};
 
+/// The names of units that declarations take.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    dimension::UNITS.iter().map(|(name, _)| *name)
+}
+
 /// Reports units of a model, and of its parts, that do not fit.
 pub(crate) fn check_model<'f>(
     hir: Hir<'f>,

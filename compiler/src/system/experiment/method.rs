@@ -339,6 +339,18 @@ fn branches(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Vec<Branch> {
     words.into_iter().filter_map(branch).collect()
 }
 
+/// The options of a method, by its word; `mpcc` is that of `optimize`.
+pub fn options_of(method: &str) -> &'static [&'static str] {
+    match method {
+        "event" => &EVENT_OPTIONS,
+        "fesd" => &fesd::OPTIONS,
+        "timestepping" => &fesd::STEPPING_OPTIONS,
+        "smoothing" => &SMOOTHING_OPTIONS,
+        "mpcc" => &optimize::OPTIONS,
+        _ => &[],
+    }
+}
+
 /// The words that stand for values of a setting or of an option of a method; none where they are numbers.
 pub fn words_of(option: &str) -> Vec<String> {
     fn first<T: Copy>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
@@ -357,6 +369,20 @@ pub fn words_of(option: &str) -> Vec<String> {
         _ => vec![],
     };
     words.into_iter().map(str::to_owned).collect()
+}
+
+/// How a word of [`words_of`] is written, with the arguments that it takes.
+pub fn written(word: &str) -> String {
+    let family = Family::ALL.into_iter().find(|family| family.word() == word);
+    match (family, word) {
+        (Some(family), _) => {
+            let nodes = family.nodes();
+            format!("{word}({})", 4.clamp(*nodes.start(), *nodes.end()))
+        }
+        (None, "mean") => "mean(0.001)".to_owned(),
+        (None, "tanh") => "tanh(1, 0.1)".to_owned(),
+        _ => word.to_owned(),
+    }
 }
 
 /// A name after `lower`.

@@ -34,7 +34,10 @@ pub use capabilities::{Feature, table};
 pub use error::ExperimentError;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
-pub use method::{Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions, words_of};
+pub use method::{
+    Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions, options_of, words_of,
+    written,
+};
 pub use optimize::{
     At, ClosedLoop, Column, Cost, Fit, Freed, Integral, Lengths, MpccOptions, Optimize, Row, Shape,
     Starts, Term, Tied, relaxation_word, steering_word,

@@ -35,7 +35,7 @@ pub(crate) struct Draft<'m, 'e> {
 
 const INSTANTS: [&str; 3] = ["nodes", "elements", "intervals"];
 const SHAPES: [(&str, Shape); 2] = [("constant", Shape::Constant), ("linear", Shape::Linear)];
-const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
+pub(crate) const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
 pub(crate) const RELAXATIONS: [(&str, Relaxation); 10] = [
     ("scholtes", Relaxation::Scholtes),
     ("fischer_burmeister", Relaxation::FischerBurmeister),
