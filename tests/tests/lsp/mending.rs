@@ -158,7 +158,7 @@ simulate e of m { horizon 1; }
         (
             relay("method fesd { scheme = radau_iaa; }"),
             "E0508",
-            "scheme = radau_iia(4);",
+            "scheme = radau_ia(4);",
         ),
         (
             relay("method fesd { scheme = gauss; }"),

@@ -2,7 +2,7 @@
 
 use lsp_types::{InlayHint, InlayHintKind, InlayHintLabel, InlayHintParams, Position};
 
-use super::facts::{Facts, Shown, numbers};
+use super::hover::facts::{Facts, Shown, numbers};
 use super::world::{Analysis, World};
 use crate::expr::Exprs;
 use crate::model::index::{Definition, Kind};

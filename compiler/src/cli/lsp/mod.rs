@@ -7,7 +7,6 @@ mod around;
 mod commands;
 mod complete;
 mod diagnostics;
-mod facts;
 mod hints;
 mod hover;
 mod lenses;

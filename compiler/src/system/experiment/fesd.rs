@@ -3,7 +3,6 @@
 use nsd_solver::integrate::tableau::Family;
 
 use super::error::ExperimentError;
-use super::method::written;
 use super::reader::{Reader, unknown_choice};
 use crate::diagnostics::{Applicability, Help};
 use crate::model::hir::reserved::closest;
@@ -221,6 +220,20 @@ pub(crate) fn word<T: Copy>(
         reader.error(unknown_choice(what, &Ident { name, span }, &words));
     }
     found.map(|(_, choice)| *choice)
+}
+
+/// How a scheme, an equilibration or another word is written, with the arguments that it takes.
+pub fn written(word: &str) -> String {
+    let family = Family::ALL.into_iter().find(|family| family.word() == word);
+    match (family, word) {
+        (Some(family), _) => {
+            let nodes = family.nodes();
+            format!("{word}({})", 4.clamp(*nodes.start(), *nodes.end()))
+        }
+        (None, "mean") => "mean(0.001)".to_owned(),
+        (None, "tanh") => "tanh(1, 0.1)".to_owned(),
+        _ => word.to_owned(),
+    }
 }
 
 /// `none`, `exact`, `mean(1)`, `tanh(1, 0.1)`

@@ -371,20 +371,6 @@ pub fn words_of(option: &str) -> Vec<String> {
     words.into_iter().map(str::to_owned).collect()
 }
 
-/// How a word of [`words_of`] is written, with the arguments that it takes.
-pub fn written(word: &str) -> String {
-    let family = Family::ALL.into_iter().find(|family| family.word() == word);
-    match (family, word) {
-        (Some(family), _) => {
-            let nodes = family.nodes();
-            format!("{word}({})", 4.clamp(*nodes.start(), *nodes.end()))
-        }
-        (None, "mean") => "mean(0.001)".to_owned(),
-        (None, "tanh") => "tanh(1, 0.1)".to_owned(),
-        _ => word.to_owned(),
-    }
-}
-
 /// A name after `lower`.
 pub(crate) fn lowering(reader: &mut Reader<'_, '_>, name: &Ident) -> Option<Lowering> {
     let found = Lowering::ALL

@@ -32,11 +32,10 @@ pub use branches::beside_branches;
 pub(crate) use capabilities::POISSON;
 pub use capabilities::{Feature, table};
 pub use error::ExperimentError;
-pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
+pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions, written};
 pub use law::Law;
 pub use method::{
     Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions, options_of, words_of,
-    written,
 };
 pub use optimize::{
     At, ClosedLoop, Column, Cost, Fit, Freed, Integral, Lengths, MpccOptions, Optimize, Row, Shape,

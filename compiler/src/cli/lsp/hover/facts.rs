@@ -1,6 +1,6 @@
 //! Shapes, units and values of what a model declares, at the parameters of an experiment.
 
-use super::world::Analysis;
+use super::super::world::Analysis;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::model::{self, Model};

@@ -1,11 +1,13 @@
 //! What stands at a position, in words.
 
+pub mod facts;
+
 use std::rc::Rc;
 
 use lsp_types::{Hover, HoverContents, HoverParams, MarkupContent, MarkupKind, Position, Range};
 
+use self::facts::{Facts, model_at, numbers};
 use super::around::Around;
-use super::facts::{Facts, model_at, numbers};
 use super::world::{Analysis, World};
 use super::{Answer, reference};
 use crate::diagnostics::explain;
