@@ -288,6 +288,29 @@ fn members_are_those_of_their_part() {
     assert_eq!(client.end(), Exit::Success);
 }
 
+/// Parts that are made of each other, or of many levels of two, are told as far as they are found soon.
+#[test]
+fn parts_without_end_are_answered() {
+    let mut client = Client::new(&[]);
+    let path = memory("endless.nsd");
+    let mut text = "model a { part x = a; part y = a; part z = b; state q = 1; q' = 0; }
+model b { part x = a; part y = b; }
+model sub { state w = 1; w' = -w; }
+model p0 { part l = sub; part r = sub; }
+"
+    .to_owned();
+    for k in 1..40 {
+        text += &format!("model p{k} {{ part l = p{0}; part r = p{0}; }}\n", k - 1);
+    }
+    text += "simulate e of a { horizon 1; }\nsimulate f of p39 { horizon 1; }\n";
+    assert!(!client.open(&path, &text).is_empty());
+    for words in ["q = 1", "w = 1"] {
+        let told = told(&mut client, &path, &text, words);
+        assert!(told.contains("state"), "{told}");
+    }
+    assert_eq!(client.end(), Exit::Success);
+}
+
 /// What is declared without a unit has the one that follows, and its own comment alone.
 #[test]
 fn units_follow_and_comments_are_of_one_name() {

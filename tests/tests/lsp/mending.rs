@@ -145,6 +145,11 @@ simulate e of m { horizon 1; }
         (
             unnamed.to_owned(),
             "E0401",
+            "switch s1 = sign(x) sliding linear;\n}",
+        ),
+        (
+            unnamed.to_owned(),
+            "E0401",
             "switch s1 = sign(x) sliding nonlinear;\n}",
         ),
         (

@@ -151,7 +151,7 @@ mod tests {
     use super::*;
     use crate::model::hir::reserved::function_names;
     use crate::syntax::{Place, starts};
-    use crate::system::experiment::{Lowering, MethodKind, options_of, words_of};
+    use crate::system::experiment::{Lowering, MethodKind, OPTIMIZER, options_of, words_of};
 
     #[test]
     fn settings_and_functions_are_told() {
@@ -183,7 +183,7 @@ mod tests {
             let said = of_lowering(lowering).unwrap_or_default();
             assert!(said.contains("default"), "`lower {lowering}`: {said}");
         }
-        for method in MethodKind::words().into_iter().chain(["mpcc"]) {
+        for method in MethodKind::words().into_iter().chain([OPTIMIZER]) {
             assert!(of_method(method).is_some(), "`method {method}`");
             for option in options_of(method) {
                 let said = of_option(method, option).unwrap_or_default();

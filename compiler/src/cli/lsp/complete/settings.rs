@@ -9,7 +9,7 @@ use crate::model::hir::reserved::VALUES;
 use crate::model::index::Kind;
 use crate::report::Status;
 use crate::syntax::{ExperimentKind, Place, SettingKind, TokenKind, starts};
-use crate::system::experiment::{Feature, Lowering, MethodKind, options_of, words_of, written};
+use crate::system::experiment::{Lowering, MethodKind, OPTIMIZER, options_of, words_of, written};
 
 /// What an expectation may begin with, beside expressions.
 const EXPECTATIONS: [&str; 9] = [
@@ -41,8 +41,12 @@ impl Known<'_> {
                     item(word, CompletionItemKind::ENUM_MEMBER, said)
                 };
                 let methods = match around.block() {
-                    "optimize" => vec!["mpcc"],
-                    "fit" | "mpc" => vec!["auto", "event"],
+                    "optimize" => vec![OPTIMIZER],
+                    "fit" | "mpc" => {
+                        let all = MethodKind::ALL.into_iter();
+                        let by_events = all.filter(|kind| kind.is_by_events());
+                        by_events.map(MethodKind::word).collect()
+                    }
                     _ => MethodKind::words(),
                 };
                 methods.into_iter().map(method).collect()
@@ -99,11 +103,11 @@ impl Known<'_> {
             _ => None,
         });
         let method = methods.next().unwrap_or(MethodKind::Auto);
-        let takes = |lowering: &Lowering| match lowering {
-            _ if around.block() == "optimize" => true,
-            Lowering::Stewart | Lowering::Step => true,
-            Lowering::TimeFreezing => method.takes(Feature::TimeFreezing),
-            Lowering::Impact => method.takes(Feature::Impulses),
+        let is_optimized = around.block() == "optimize";
+        // Reformulations may be asked for by name with any method, as `expect lowering golden` does.
+        let takes = |lowering: &Lowering| {
+            let is_form = matches!(lowering, Lowering::Stewart | Lowering::Step);
+            is_optimized || is_form || method.takes_lowering(*lowering)
         };
         let all = Lowering::ALL.into_iter().filter(takes);
         let of_word = |lowering: Lowering| {

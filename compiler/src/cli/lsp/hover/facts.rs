@@ -13,8 +13,8 @@ use crate::{Compiled, compile};
 /// More entries are not shown.
 const MOST_ENTRIES: usize = 12;
 
-/// Parts inside of each other are not followed further.
-const MOST_PARTS: usize = 16;
+/// More parts are not looked at.
+const MOST_PARTS: usize = 1000;
 
 /// More lines of equations are not shown, nor more of a line.
 const MOST_LINES: usize = 20;
@@ -62,14 +62,10 @@ impl<'e> Facts<'e> {
         let sound = experiments.filter(|known| !analysis.is_broken(known.span));
         let of = |known: &'e Experiment| {
             let found = model::find(file, &known.model, &mut Diagnostics::new());
-            let mut parts = Vec::new();
-            if let Some(found) = found {
-                find_parts(found, declared, String::new(), 0, &mut parts);
-            }
+            let mut parts = parts_of(found?, declared);
             let named = part.and_then(|part| parts.iter().find_map(|found| named(part, found)));
             let is_named = named.is_some();
-            parts.sort_by_key(|part| !part.is_empty());
-            let part = named.or_else(|| parts.into_iter().next())?;
+            let part = named.or_else(|| parts.drain(..).next())?;
             let order = (first != known.name.name, !is_named, !part.is_empty());
             Some((order, known, part))
         };
@@ -178,36 +174,33 @@ impl<'e> Facts<'e> {
     }
 }
 
-/// The parts of a model that are of the model which is declared at a place, the model itself among them; of an array of
-/// parts the first.
-fn find_parts(
-    (file, item): (&File, &syntax::Model),
-    declared: Span,
-    prefix: String,
-    depth: usize,
-    found: &mut Vec<String>,
-) {
-    if depth > MOST_PARTS {
-        return;
-    }
-    if item.name.span == declared {
-        found.push(prefix);
-        return;
-    }
-    for stmt in &item.body {
-        let Stmt::Part(part) = stmt else { continue };
-        let entry = match &part.binder {
-            None => String::new(),
-            Some(binder) => match binder.first.kind {
-                ExprKind::Number(first) => format!("[{first}]"),
-                _ => continue,
-            },
-        };
-        if let Some(inner) = model::find(file, &part.model, &mut Diagnostics::new()) {
-            let prefix = format!("{prefix}{}{entry}.", part.name.name);
-            find_parts(inner, declared, prefix, depth + 1, found);
+/// The parts of a model that are of the model which is declared at a place, the model itself among them, by how deep they are
+/// and then in order; of an array of parts the first.
+fn parts_of<'f>(whole: (&'f File, &'f syntax::Model), declared: Span) -> Vec<String> {
+    let (mut open, mut found) = (vec![(whole, String::new())], Vec::new());
+    let mut at = 0;
+    while let Some(((file, item), prefix)) = open.get(at).cloned() {
+        at += 1;
+        if item.name.span == declared {
+            found.push(prefix);
+            continue;
+        }
+        let parts = item.body.iter().filter_map(|stmt| match stmt {
+            Stmt::Part(part) => Some(part),
+            _ => None,
+        });
+        for part in parts.take(MOST_PARTS.saturating_sub(open.len())) {
+            let entry = match part.binder.as_ref().map(|binder| &binder.first.kind) {
+                None => String::new(),
+                Some(ExprKind::Number(first)) => format!("[{first}]"),
+                Some(_) => continue,
+            };
+            if let Some(inner) = model::find(file, &part.model, &mut Diagnostics::new()) {
+                open.push((inner, format!("{prefix}{}{entry}.", part.name.name)));
+            }
         }
     }
+    found
 }
 
 /// What a path from somewhere leads to, where that is a part, or another one of its array.
@@ -218,15 +211,18 @@ fn named(path: &str, part: &str) -> Option<String> {
     let (outer, own) = pieces.split_at(pieces.len().checked_sub(n_pieces)?);
     let mut found = outer.to_vec();
     for (asked, own) in path.split('.').zip(own) {
-        let name = |piece: &str| piece.split('[').next().map(str::to_owned);
-        let entry = asked
-            .split_once('[')
-            .map(|(_, entry)| entry.trim_end_matches(']'));
-        if name(asked) != name(own) {
+        let [(name, entry), (known, _)] = [asked, own].map(|piece| match piece.split_once('[') {
+            Some((name, entry)) => (name, entry.trim_end_matches(']')),
+            None => (piece, ""),
+        });
+        if name != known {
             return None;
         }
-        let is_number = entry.is_some_and(|entry| entry.parse::<u32>().is_ok());
-        found.push(if is_number { asked } else { own });
+        found.push(if entry.parse::<u32>().is_ok() {
+            asked
+        } else {
+            own
+        });
     }
     Some(format!("{}.", found.join(".")))
 }
@@ -248,12 +244,8 @@ fn path(name: &str) -> Option<Expr> {
             None => ExprKind::Name(name),
             Some(base) => ExprKind::Field(Box::new(base), Ident { name, span }),
         };
-        if let Some(entry) = entry {
-            let kind_of_entry = ExprKind::Number(entry);
-            let entry = Index::One(Expr {
-                kind: kind_of_entry,
-                span,
-            });
+        if let Some(entry) = entry.map(ExprKind::Number) {
+            let entry = Index::One(Expr { kind: entry, span });
             kind = ExprKind::Index(Box::new(Expr { kind, span }), vec![entry]);
         }
         path = Some(Expr { kind, span });
