@@ -43,8 +43,8 @@ pub use crate::model::statements::cones::Cone;
 pub use crate::model::statements::programs::{Multiplier, Program, ProgramRow};
 pub use crate::model::statements::restitution::Restitution;
 pub use resolve::{check_file, resolve};
-pub use units::{UnitError, Units};
-pub(crate) use units::{check_experiment, inferred, names as unit_names};
+pub(crate) use units::check_experiment;
+pub use units::{UnitError, Units, inferred, names as unit_names};
 
 use std::fmt;
 use std::sync::Arc;

@@ -38,7 +38,7 @@ use crate::source::Span;
 use crate::syntax::{Bind, Experiment, File, Model, Stmt};
 
 /// The names of units that declarations take.
-pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+pub fn names() -> impl Iterator<Item = &'static str> {
     dimension::UNITS.iter().map(|(name, _)| *name)
 }
 
@@ -79,7 +79,7 @@ pub(crate) fn check_experiment(
 }
 
 /// Units that follow from those of others, by the places of names that are declared without one.
-pub(crate) fn inferred(file: &File, item: &Model) -> HashMap<Span, String> {
+pub fn inferred(file: &File, item: &Model) -> HashMap<Span, String> {
     let mut silent = Diagnostics::new();
     let mut found = HashMap::new();
     if has_units(file, item) {
