@@ -33,9 +33,11 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use self::commands::Tasks;
+use self::hover::kept::Kept;
 use self::pipes::Pipes;
 use self::world::World;
 use crate::cli::{Exit, Streams, io};
+use crate::expr::Exprs;
 
 /// Serves a client at standard input and output until it leaves.
 pub fn run(streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -146,6 +148,19 @@ impl<'c> Server<'c> {
 
     fn serve(&mut self) -> Exit {
         loop {
+            let exprs = Exprs::new();
+            if let Some(exit) = self.serve_with(&Kept::new(&exprs)) {
+                return exit;
+            }
+        }
+    }
+
+    /// Serves until what was compiled holds no more, or the client leaves.
+    fn serve_with(&mut self, kept: &Kept<'_>) -> Option<Exit> {
+        loop {
+            if (self.world.has_changed() && kept.len() > 0) || kept.is_full() {
+                return None;
+            }
             let received = match self.is_stale {
                 true => match self.connection.receiver.try_recv() {
                     Err(error) if error.is_empty() => {
@@ -158,18 +173,18 @@ impl<'c> Server<'c> {
             };
             match received {
                 // A client that is gone has not said so.
-                None => return Exit::Wrong,
+                None => return Some(Exit::Wrong),
                 Some(Message::Notification(note)) if note.method == "exit" => {
-                    return match self.phase {
+                    return Some(match self.phase {
                         Phase::ShutDown => Exit::Success,
                         Phase::New | Phase::Working => Exit::Wrong,
-                    };
+                    });
                 }
                 Some(Message::Notification(note)) if self.phase == Phase::Working => {
                     self.notified(note);
                 }
                 Some(Message::Request(request)) => {
-                    if let Some(response) = self.request(request) {
+                    if let Some(response) = self.request(request, kept) {
                         self.send(response);
                     }
                 }
@@ -301,7 +316,7 @@ impl<'c> Server<'c> {
     }
 
     /// The answer, where it is there at once.
-    fn request(&mut self, request: Request) -> Option<Response> {
+    fn request(&mut self, request: Request, kept: &Kept<'_>) -> Option<Response> {
         let refuse = |code: ErrorCode, message: &str| {
             Some(Response::new_err(
                 request.id.clone(),
@@ -321,7 +336,7 @@ impl<'c> Server<'c> {
                 Some(Response::new_ok(request.id, Value::Null))
             }
             (Phase::Working, ask::ExecuteCommand::METHOD) => self.execute(request),
-            (Phase::Working, _) => Some(self.look(request)),
+            (Phase::Working, _) => Some(self.look(request, kept)),
         }
     }
 
@@ -347,14 +362,14 @@ impl<'c> Server<'c> {
     }
 
     /// Answers what is asked about texts.
-    fn look(&mut self, request: Request) -> Response {
+    fn look(&mut self, request: Request, kept: &Kept<'_>) -> Response {
         let (world, client) = (&mut self.world, &self.client);
         match request.method.as_str() {
             ask::CodeActionRequest::METHOD => {
                 answer::<ask::CodeActionRequest>(request, |p| diagnostics::actions(world, &p))
             }
             ask::HoverRequest::METHOD => {
-                answer::<ask::HoverRequest>(request, |p| hover::hover(world, &p))
+                answer::<ask::HoverRequest>(request, |p| hover::hover(world, kept, &p))
             }
             ask::GotoDefinition::METHOD => {
                 answer::<ask::GotoDefinition>(request, |p| names::definition(world, &p))
@@ -398,7 +413,7 @@ impl<'c> Server<'c> {
             }
             ask::InlayHintRequest::METHOD => answer::<ask::InlayHintRequest>(request, |p| {
                 Ok(Some(match client.hints {
-                    true => hints::hints(world, &p),
+                    true => hints::hints(world, kept, &p),
                     false => vec![],
                 }))
             }),

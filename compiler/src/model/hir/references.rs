@@ -3,12 +3,13 @@
 
 use super::index::{Holder, Kind, Recorder, Role};
 use super::reserved::{VALUES, is_function, is_kept};
+use super::surfaces::Switching;
 use super::words::Worded;
-use super::{Definition, File, Global, Model, Reference, References, local_lets};
+use super::{Definition, File, Global, Model, Reference, References, import, local_lets};
 use crate::source::Span;
 use crate::syntax::{
     Bind, Binder, Domain, Expr, ExprKind, Function, Ident, Index, Part, Path, ProgramKind,
-    RegionGuard, Row, Segment, Stmt,
+    RegionGuard, Row, Segment, Stmt, Unit,
 };
 
 pub(super) struct Resolver<'r, 'f> {
@@ -67,15 +68,19 @@ impl<'r, 'f> Resolver<'r, 'f> {
         if self.recorder.is_none() {
             return;
         }
-        let declared = match self.reference(name) {
-            Some(Reference::Index | Reference::Argument(_) | Reference::Let(_)) => {
+        self.take_down(span, self.declared_at(name), role);
+    }
+
+    /// Where a name is declared.
+    pub(super) fn declared_at(&self, name: &str) -> Option<Span> {
+        match self.reference(name)? {
+            Reference::Index | Reference::Argument(_) | Reference::Let(_) => {
                 self.local(name).map(|(local, _)| local.span)
             }
-            Some(Reference::Own(index)) => self.model.map(|model| model.declared[index].name.span),
-            Some(Reference::Global(index)) => Some(self.file.globals[index].declared_at()),
-            Some(Reference::BuiltIn) | None => None,
-        };
-        self.take_down(span, declared, role);
+            Reference::Own(index) => self.model.map(|model| model.declared[index].name.span),
+            Reference::Global(index) => Some(self.file.globals[index].declared_at()),
+            Reference::BuiltIn => None,
+        }
     }
 
     pub(super) fn take_down(&mut self, span: Span, declared: Option<Span>, role: Role) {
@@ -96,10 +101,32 @@ impl<'r, 'f> Resolver<'r, 'f> {
         match &expr.kind {
             ExprKind::Name(name) => self.holder_of(name),
             ExprKind::Index(base, _) => self.holder(base),
-            ExprKind::Field(base, field) => {
-                let recorder = self.recorder.as_ref()?;
-                recorder.member(self.holder(base)?, &field.name)?.1
-            }
+            ExprKind::Field(base, field) => self.member(base, field)?.1,
+            _ => None,
+        }
+    }
+
+    /// Where a member of what an expression names is declared, and what has members itself.
+    pub(super) fn member(&self, base: &Expr, field: &Ident) -> Option<(Span, Option<Holder<'f>>)> {
+        let recorder = self.recorder.as_ref()?;
+        recorder.member(self.holder(base)?, &field.name)
+    }
+
+    /// The function of this file or another one that is called by a name.
+    pub(super) fn function_of(&self, called: &Expr) -> Option<&'f Function> {
+        let global = match &called.kind {
+            ExprKind::Name(name) => match self.file.get(name)?.global {
+                Global::Import(import) => import.target()?,
+                global => global,
+            },
+            ExprKind::Field(base, field) => match self.holder(base)? {
+                Holder::File(file) => import::own(file, &field.name)?,
+                Holder::Model(..) => return None,
+            },
+            _ => return None,
+        };
+        match global {
+            Global::Function(_, function) => Some(function),
             _ => None,
         }
     }
@@ -176,7 +203,11 @@ impl<'r, 'f> Resolver<'r, 'f> {
     }
 
     pub fn expr(&mut self, expr: &'f Expr) {
+        if self.recorder.is_some() {
+            Switching { resolver: self }.expr(expr);
+        }
         match &expr.kind {
+            ExprKind::Quantity(_, unit) => self.unit(Some(unit)),
             ExprKind::Name(name) => {
                 let reference = self.reference(name);
                 self.found.extend(reference.map(|found| (expr.span, found)));
@@ -201,6 +232,12 @@ impl<'r, 'f> Resolver<'r, 'f> {
                 Worded { resolver: self }.args_of(function, args, expr.span);
             }
             _ => expr.each(&mut |inner| self.expr(inner)),
+        }
+    }
+
+    fn unit(&mut self, unit: Option<&Unit>) {
+        if let (Some(recorder), Some(unit)) = (&mut self.recorder, unit) {
+            recorder.units.push(unit.span);
         }
     }
 
@@ -257,10 +294,15 @@ impl<'r, 'f> Resolver<'r, 'f> {
         match stmt {
             Stmt::Const(item) => self.expr(&item.value),
             Stmt::Decl(decl) => {
-                self.exprs(decl.shape.iter().chain(&decl.value));
+                self.exprs(&decl.shape);
+                self.unit(decl.unit.as_ref());
                 self.domain(decl.domain.as_ref());
+                self.exprs(&decl.value);
             }
-            Stmt::Named(named) => self.expr(&named.value),
+            Stmt::Named(named) => {
+                self.unit(named.unit.as_ref());
+                self.expr(&named.value);
+            }
             Stmt::Switch(switch) => self.expr(&switch.value),
             Stmt::Part(part) => self.part(part),
             Stmt::Region(region) => {
@@ -295,6 +337,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
             Stmt::Project(project) => {
                 self.path(&project.state, None, Role::Sets);
                 self.rows(&project.rows);
+                Switching { resolver: self }.rows(&project.rows);
                 self.exprs(&project.metric);
             }
             Stmt::Equation { residual, .. } => self.expr(residual),
