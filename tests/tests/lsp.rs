@@ -1201,6 +1201,18 @@ fn the_program_ends_with_what_makes_no_sense() {
     }
 }
 
+/// The ends of the pipes are held by this process, and the client was another one.
+#[cfg(unix)]
+#[test]
+fn the_program_ends_with_its_client() {
+    let mut other = Command::new("true").spawn().expect("it is there");
+    other.wait().expect("it ends");
+    let mut program = Program::new("left");
+    let client = json!({ "processId": other.id(), "capabilities": {} });
+    program.ask("initialize", &client).expect("it is answered");
+    assert_eq!(program.child.ended(), Some(1));
+}
+
 #[test]
 fn the_program_does_not_wait_for_what_it_runs() {
     let text = "model spin { state x = 1; state y = 0; x' = -y; y' = x; }\nsimulate long of spin { horizon 1e9; expect x at end < 2; }\n";

@@ -115,7 +115,7 @@ fn units_have_colours() {
 const tick = 5 ms;
 fn longer(x) = x + 2 mm;
 model tank {
-  param a : mm = 3 mm;
+  param a : m = 3 mm;
   state h : m in [0 m, 2 m] = 20 cm;
   state k : 1/s = 1;
   let up = if h > 30 cm then 1 else 0;
@@ -136,8 +136,8 @@ simulate fills of tank {
         [
             (0, 15, 2),
             (1, 21, 2),
-            (3, 12, 2),
-            (3, 19, 2),
+            (3, 12, 1),
+            (3, 18, 2),
             (4, 12, 1),
             (4, 20, 1),
             (4, 25, 1),

@@ -20,6 +20,8 @@ mod tokens;
 pub(crate) mod world;
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::time::Duration;
 
 use lsp_server::{Connection, ErrorCode, Message, Notification, Request, RequestId, Response};
 use lsp_types::notification::{
@@ -39,10 +41,17 @@ use self::world::World;
 use crate::cli::{Exit, Streams, io};
 use crate::expr::Exprs;
 
+/// While nothing is asked, the process of the client is looked for so often: others may hold its ends of the pipes.
+const GLANCE: Duration = Duration::from_secs(5);
+
 /// Serves a client at standard input and output until it leaves.
 pub fn run(streams: &mut Streams<'_>) -> io::Result<Exit> {
     let (connection, pipes) = Pipes::open()?;
-    let exit = serve(connection);
+    let Some(exit) = served(&connection) else {
+        // Who reads from a client that is gone may wait for ever.
+        return Ok(Exit::Wrong);
+    };
+    drop(connection);
     match pipes.join() {
         Ok(()) => Ok(exit),
         Err(error) => {
@@ -54,7 +63,12 @@ pub fn run(streams: &mut Streams<'_>) -> io::Result<Exit> {
 
 /// Serves a client until it leaves: well if it has asked for that before.
 pub fn serve(connection: Connection) -> Exit {
-    let mut server = Server::new(&connection);
+    served(&connection).unwrap_or(Exit::Wrong)
+}
+
+/// The same; nothing where the process of the client is gone.
+fn served(connection: &Connection) -> Option<Exit> {
+    let mut server = Server::new(connection);
     let exit = server.serve();
     server.tasks.end();
     exit
@@ -96,6 +110,8 @@ struct Client {
     watches: bool,
     progress: bool,
     hints: bool,
+    /// Its process, where it has said which one it is.
+    process: Option<u32>,
 }
 
 impl Client {
@@ -114,7 +130,13 @@ impl Client {
             watches: watched.and_then(|known| known.dynamic_registration) == Some(true),
             progress: window.and_then(|window| window.work_done_progress) == Some(true),
             hints: hints.unwrap_or(true),
+            process: params.process_id,
         }
+    }
+
+    fn is_gone(&self) -> bool {
+        self.process
+            .is_some_and(|process| !pipes::is_there(process))
     }
 }
 
@@ -146,20 +168,20 @@ impl<'c> Server<'c> {
         }
     }
 
-    fn serve(&mut self) -> Exit {
+    fn serve(&mut self) -> Option<Exit> {
         loop {
             let exprs = Exprs::new();
-            if let Some(exit) = self.serve_with(&Kept::new(&exprs)) {
+            if let ControlFlow::Break(exit) = self.serve_with(&Kept::new(&exprs)) {
                 return exit;
             }
         }
     }
 
     /// Serves until what was compiled holds no more, or the client leaves.
-    fn serve_with(&mut self, kept: &Kept<'_>) -> Option<Exit> {
+    fn serve_with(&mut self, kept: &Kept<'_>) -> ControlFlow<Option<Exit>> {
         loop {
             if (self.world.has_changed() && kept.len() > 0) || kept.is_full() {
-                return None;
+                return ControlFlow::Continue(());
             }
             let received = match self.is_stale {
                 true => match self.connection.receiver.try_recv() {
@@ -169,16 +191,22 @@ impl<'c> Server<'c> {
                     }
                     received => received.ok(),
                 },
-                false => self.connection.receiver.recv().ok(),
+                false => match self.connection.receiver.recv_timeout(GLANCE) {
+                    Err(error) if error.is_timeout() && self.client.is_gone() => {
+                        return ControlFlow::Break(None);
+                    }
+                    Err(error) if error.is_timeout() => continue,
+                    received => received.ok(),
+                },
             };
             match received {
                 // A client that is gone has not said so.
-                None => return Some(Exit::Wrong),
+                None => return ControlFlow::Break(Some(Exit::Wrong)),
                 Some(Message::Notification(note)) if note.method == "exit" => {
-                    return Some(match self.phase {
+                    return ControlFlow::Break(Some(match self.phase {
                         Phase::ShutDown => Exit::Success,
                         Phase::New | Phase::Working => Exit::Wrong,
-                    });
+                    }));
                 }
                 Some(Message::Notification(note)) if self.phase == Phase::Working => {
                     self.notified(note);
