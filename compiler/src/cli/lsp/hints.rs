@@ -3,7 +3,7 @@
 use lsp_types::{InlayHint, InlayHintKind, InlayHintLabel, InlayHintParams, Position};
 
 use super::hover::facts::{Facts, Shown, numbers};
-use super::hover::kept::Kept;
+use super::hover::cache::Cache;
 use super::world::{Analysis, World};
 use crate::model::index::{Definition, Kind};
 use crate::model::inferred;
@@ -12,7 +12,7 @@ use crate::syntax::{self, Expr, ExprKind, Stmt};
 
 /// Shapes of what is not a scalar, units that follow from others, and values of what is computed before a run; while a text
 /// cannot be read, those of before, where their lines are as they were.
-pub fn hints(world: &mut World, kept: &Kept<'_>, params: &InlayHintParams) -> Vec<InlayHint> {
+pub fn hints(world: &mut World, cache: &Cache<'_>, params: &InlayHintParams) -> Vec<InlayHint> {
     let Some([now, good]) = world.states(&params.text_document.uri) else {
         return vec![];
     };
@@ -32,8 +32,8 @@ pub fn hints(world: &mut World, kept: &Kept<'_>, params: &InlayHintParams) -> Ve
         if seen.is_empty() {
             continue;
         }
-        let taken = Facts::taken(kept, &good, place, ("", None)).next();
-        let Some(facts) = taken.or_else(|| Facts::alone(kept, &good, place)) else {
+        let taken = Facts::taken(cache, &good, place, ("", None)).next();
+        let Some(facts) = taken.or_else(|| Facts::alone(cache, &good, place)) else {
             continue;
         };
         let units = inferred(&good.project.file, item);

@@ -35,7 +35,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use self::commands::Tasks;
-use self::hover::kept::Kept;
+use self::hover::cache::Cache;
 use self::pipes::Pipes;
 use self::world::World;
 use crate::cli::{Exit, Streams, io};
@@ -171,16 +171,16 @@ impl<'c> Server<'c> {
     fn serve(&mut self) -> Option<Exit> {
         loop {
             let exprs = Exprs::new();
-            if let ControlFlow::Break(exit) = self.serve_with(&Kept::new(&exprs)) {
+            if let ControlFlow::Break(exit) = self.serve_with(&Cache::new(&exprs)) {
                 return exit;
             }
         }
     }
 
     /// Serves until what was compiled holds no more, or the client leaves.
-    fn serve_with(&mut self, kept: &Kept<'_>) -> ControlFlow<Option<Exit>> {
+    fn serve_with(&mut self, cache: &Cache<'_>) -> ControlFlow<Option<Exit>> {
         loop {
-            if (self.world.has_changed() && kept.len() > 0) || kept.is_full() {
+            if (self.world.has_changed() && cache.len() > 0) || cache.is_full() {
                 return ControlFlow::Continue(());
             }
             let received = match self.is_stale {
@@ -212,7 +212,7 @@ impl<'c> Server<'c> {
                     self.notified(note);
                 }
                 Some(Message::Request(request)) => {
-                    if let Some(response) = self.request(request, kept) {
+                    if let Some(response) = self.request(request, cache) {
                         self.send(response);
                     }
                 }
@@ -344,7 +344,7 @@ impl<'c> Server<'c> {
     }
 
     /// The answer, where it is there at once.
-    fn request(&mut self, request: Request, kept: &Kept<'_>) -> Option<Response> {
+    fn request(&mut self, request: Request, cache: &Cache<'_>) -> Option<Response> {
         let refuse = |code: ErrorCode, message: &str| {
             Some(Response::new_err(
                 request.id.clone(),
@@ -364,7 +364,7 @@ impl<'c> Server<'c> {
                 Some(Response::new_ok(request.id, Value::Null))
             }
             (Phase::Working, ask::ExecuteCommand::METHOD) => self.execute(request),
-            (Phase::Working, _) => Some(self.look(request, kept)),
+            (Phase::Working, _) => Some(self.look(request, cache)),
         }
     }
 
@@ -390,14 +390,14 @@ impl<'c> Server<'c> {
     }
 
     /// Answers what is asked about texts.
-    fn look(&mut self, request: Request, kept: &Kept<'_>) -> Response {
+    fn look(&mut self, request: Request, cache: &Cache<'_>) -> Response {
         let (world, client) = (&mut self.world, &self.client);
         match request.method.as_str() {
             ask::CodeActionRequest::METHOD => {
                 answer::<ask::CodeActionRequest>(request, |p| diagnostics::actions(world, &p))
             }
             ask::HoverRequest::METHOD => {
-                answer::<ask::HoverRequest>(request, |p| hover::hover(world, kept, &p))
+                answer::<ask::HoverRequest>(request, |p| hover::hover(world, cache, &p))
             }
             ask::GotoDefinition::METHOD => {
                 answer::<ask::GotoDefinition>(request, |p| names::definition(world, &p))
@@ -441,7 +441,7 @@ impl<'c> Server<'c> {
             }
             ask::InlayHintRequest::METHOD => answer::<ask::InlayHintRequest>(request, |p| {
                 Ok(Some(match client.hints {
-                    true => hints::hints(world, kept, &p),
+                    true => hints::hints(world, cache, &p),
                     false => vec![],
                 }))
             }),

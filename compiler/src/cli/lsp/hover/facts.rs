@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use super::super::world::Analysis;
-use super::kept::{Kept, Made};
+use super::cache::{Cache, Made};
 use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::model::{self, Model};
@@ -46,7 +46,7 @@ impl<'e> Facts<'e> {
     /// The model that is declared at a place, as each sound experiment of the file takes it, by itself or as a part: first the
     /// one that is named, then those that have it as the part that is named, and those of the model itself.
     pub fn taken<'a>(
-        kept: &'a Kept<'e>,
+        cache: &'a Cache<'e>,
         analysis: &'a Rc<Analysis>,
         declared: Span,
         (first, part): (&str, Option<&str>),
@@ -66,7 +66,7 @@ impl<'e> Facts<'e> {
         let mut all: Vec<_> = sound.filter_map(of).collect();
         all.sort_by_key(|(order, ..)| *order);
         all.into_iter().filter_map(move |(_, known, part)| {
-            let made = kept.get(analysis, known.span, |exprs| {
+            let made = cache.get(analysis, known.span, |exprs| {
                 let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
                 let compiled = compile(exprs, file, known, &[], &mut clock, &mut silent)?;
                 let lowered = compiled.lowered();
@@ -81,9 +81,9 @@ impl<'e> Facts<'e> {
     }
 
     /// The model that is declared at a place, by itself.
-    pub fn alone(kept: &Kept<'e>, analysis: &Rc<Analysis>, declared: Span) -> Option<Self> {
+    pub fn alone(cache: &Cache<'e>, analysis: &Rc<Analysis>, declared: Span) -> Option<Self> {
         let (home, item) = model_at(&analysis.project.file, declared)?;
-        let made = kept.get(analysis, declared, |exprs| {
+        let made = cache.get(analysis, declared, |exprs| {
             let name = &item.name.name;
             let model = model::resolve(exprs, home, name, &[], &mut Diagnostics::new());
             Some(Made::Alone(model?))

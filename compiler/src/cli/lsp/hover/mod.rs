@@ -1,14 +1,14 @@
 //! What stands at a position, in words.
 
 pub mod facts;
-pub mod kept;
+pub mod cache;
 
 use std::rc::Rc;
 
 use lsp_types::{Hover, HoverContents, HoverParams, MarkupContent, MarkupKind, Position, Range};
 
 use self::facts::{Facts, model_at, numbers};
-use self::kept::Kept;
+use self::cache::Cache;
 use super::around::Around;
 use super::world::{Analysis, World};
 use super::{Answer, reference};
@@ -23,7 +23,7 @@ use crate::syntax::Stmt;
 const MOST_LINES: usize = 8;
 
 /// What is known of what stands at a position.
-pub fn hover(world: &mut World, kept: &Kept<'_>, params: &HoverParams) -> Answer<Option<Hover>> {
+pub fn hover(world: &mut World, cache: &Cache<'_>, params: &HoverParams) -> Answer<Option<Hover>> {
     let at = &params.text_document_position_params;
     let uri = &at.text_document.uri;
     let Some([now, good]) = world.states(uri) else {
@@ -49,7 +49,7 @@ pub fn hover(world: &mut World, kept: &Kept<'_>, params: &HoverParams) -> Answer
     let mut text = of_definition(then, meant);
     if let Some(model) = then.index.model_of(meant) {
         let of = Declared {
-            kept,
+            cache,
             then,
             meant,
             model,
@@ -87,7 +87,7 @@ fn of_definition(then: &Analysis, meant: &Definition) -> String {
 
 /// What is declared in a model.
 struct Declared<'d, 'e> {
-    kept: &'d Kept<'e>,
+    cache: &'d Cache<'e>,
     then: &'d Rc<Analysis>,
     meant: &'d Definition,
     model: &'d Definition,
@@ -122,7 +122,7 @@ impl<'e> Declared<'_, 'e> {
         match &first {
             Some(facts) => self.value(facts, text),
             None => {
-                let alone = Facts::alone(self.kept, self.then, self.model.place);
+                let alone = Facts::alone(self.cache, self.then, self.model.place);
                 alone.iter().for_each(|facts| self.value(facts, text));
             }
         }
@@ -165,7 +165,7 @@ impl<'e> Declared<'_, 'e> {
         model: &Definition,
     ) -> impl Iterator<Item = Facts<'e>> + 'a {
         let name = self.experiment.map_or("", |known| known.name.as_str());
-        Facts::taken(self.kept, then, model.place, (name, self.part.as_deref()))
+        Facts::taken(self.cache, then, model.place, (name, self.part.as_deref()))
     }
 
     fn value(&self, facts: &Facts<'_>, text: &mut String) {
@@ -322,23 +322,23 @@ simulate two of m { horizon 1; with { p = 5; } }
     /// Each experiment is compiled once for all names of a text, and anew once it has changed.
     #[test]
     fn hovers_compile_once() {
-        let uri: lsp_types::Uri = "file:///nowhere/kept.nsd".parse().expect("a name");
+        let uri: lsp_types::Uri = "file:///nowhere/cache.nsd".parse().expect("a name");
         let mut world = World::default();
         world.open(uri.clone(), 1, TEXT.to_owned());
         assert!(world.has_changed() && !world.has_changed());
         let exprs = Exprs::new();
-        let kept = Kept::new(&exprs);
+        let cache = Cache::new(&exprs);
         let told = |world: &mut World, line: u32, character: u32| {
             let at = json!({ "line": line, "character": character });
             let params = json!({ "textDocument": { "uri": uri }, "position": at });
             let params: HoverParams = serde_json::from_value(params).expect("a place");
-            let Ok(Some(found)) = hover(world, &kept, &params) else {
+            let Ok(Some(found)) = hover(world, &cache, &params) else {
                 panic!("something is told");
             };
             let HoverContents::Markup(found) = found.contents else {
                 panic!("it is Markdown");
             };
-            (found.value, kept.len())
+            (found.value, cache.len())
         };
         let (first, n_compiled) = told(&mut world, 3, 8);
         assert!(first.contains("y = 6 at the start in `one`"), "{first}");
@@ -353,8 +353,8 @@ simulate two of m { horizon 1; with { p = 5; } }
             json!({ "start": { "line": 0, "character": 0 }, "end": { "line": 9, "character": 0 } });
         let params = json!({ "textDocument": { "uri": uri }, "range": range });
         let params: InlayHintParams = serde_json::from_value(params).expect("a range");
-        hints(&mut world, &kept, &params);
-        assert_eq!(kept.len(), 1);
+        hints(&mut world, &cache, &params);
+        assert_eq!(cache.len(), 1);
         // In the other experiment it is the other value.
         let (other, n_compiled) = told(&mut world, 8, 38);
         assert!(other.contains("p = 5 in `two`"), "{other}");

@@ -29,19 +29,19 @@ struct Entry<'e> {
 }
 
 /// What is compiled, with its expressions.
-pub struct Kept<'e> {
+pub struct Cache<'e> {
     exprs: &'e Exprs,
     all: RefCell<Vec<Entry<'e>>>,
 }
 
-impl<'e> Kept<'e> {
+impl<'e> Cache<'e> {
     /// Nothing yet.
     pub fn new(exprs: &'e Exprs) -> Self {
         let all = RefCell::default();
-        Kept { exprs, all }
+        Cache { exprs, all }
     }
 
-    /// The experiment, or the model by itself, that stands at a place: as it is kept, or else as it is made.
+    /// The experiment, or the model by itself, that stands at a place: as it is there, or else as it is made.
     pub fn get(
         &self,
         of: &Rc<Analysis>,
