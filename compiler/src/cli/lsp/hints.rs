@@ -2,8 +2,8 @@
 
 use lsp_types::{InlayHint, InlayHintKind, InlayHintLabel, InlayHintParams, Position};
 
-use super::hover::facts::{Facts, Shown, numbers};
 use super::hover::cache::Cache;
+use super::hover::facts::{Facts, Shown, numbers};
 use super::world::{Analysis, World};
 use crate::model::index::{Definition, Kind};
 use crate::model::inferred;

@@ -1,14 +1,14 @@
 //! What stands at a position, in words.
 
-pub mod facts;
 pub mod cache;
+pub mod facts;
 
 use std::rc::Rc;
 
 use lsp_types::{Hover, HoverContents, HoverParams, MarkupContent, MarkupKind, Position, Range};
 
-use self::facts::{Facts, model_at, numbers};
 use self::cache::Cache;
+use self::facts::{Facts, model_at, numbers};
 use super::around::Around;
 use super::world::{Analysis, World};
 use super::{Answer, reference};
