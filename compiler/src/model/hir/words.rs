@@ -2,8 +2,8 @@
 
 use super::Global;
 use super::index::Role;
-use super::references::Resolver;
-use super::surfaces::Switching;
+use super::references::{Resolver, Switching};
+use super::surfaces::entries;
 use crate::model::statements::restitution;
 use crate::source::Span;
 use crate::syntax::{Arg, Bind, Expr, ExprKind, Segment, Setting};
@@ -98,7 +98,7 @@ impl<'f> Worded<'_, '_, 'f> {
                     self.resolver.expr(value);
                     if name == "gap" {
                         let resolver = &mut *self.resolver;
-                        Switching { resolver }.switching(value);
+                        Switching { resolver }.know(entries(value));
                     }
                 }
             }
