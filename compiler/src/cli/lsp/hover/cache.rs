@@ -16,9 +16,9 @@ const MOST_NODES: usize = 1_000_000;
 /// What a model is compiled to.
 pub enum Made<'e> {
     /// By itself: what a run needs is not known.
-    Alone(Model<'e>),
+    Alone(Box<Model<'e>>),
     /// As an experiment takes it, with the system that it asks for.
-    Taken(Compiled<'e>, System<'e>),
+    Taken(Box<Compiled<'e>>, Box<System<'e>>),
 }
 
 /// What was compiled of a text, or that it cannot be.

@@ -70,7 +70,7 @@ impl<'e> Facts<'e> {
                 let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
                 let compiled = compile(exprs, file, known, &[], &mut clock, &mut silent)?;
                 let lowered = compiled.lowered();
-                Some(Made::Taken(compiled, lowered))
+                Some(Made::Taken(Box::new(compiled), Box::new(lowered)))
             });
             Some(Facts {
                 experiment: Some(known.name.name.clone()),
@@ -86,7 +86,7 @@ impl<'e> Facts<'e> {
         let made = cache.get(analysis, declared, |exprs| {
             let name = &item.name.name;
             let model = model::resolve(exprs, home, name, &[], &mut Diagnostics::new());
-            Some(Made::Alone(model?))
+            Some(Made::Alone(Box::new(model?)))
         });
         Some(Facts {
             experiment: None,
