@@ -22,7 +22,7 @@ use crate::model::hir::reserved::{VALUES, function_names};
 use crate::model::index::{Definition, Kind};
 use crate::model::unit_names;
 use crate::project::describe;
-use crate::syntax::{Place, Sliding, TokenKind, choices, starts};
+use crate::syntax::{Place, Sliding, TokenKind, describe, starts};
 
 fn item(label: &str, kind: CompletionItemKind, text: Option<String>) -> CompletionItem {
     let markdown = |value| {
@@ -37,6 +37,11 @@ fn item(label: &str, kind: CompletionItemKind, text: Option<String>) -> Completi
         documentation: text.map(markdown),
         ..CompletionItem::default()
     }
+}
+
+/// The words and signs that a rule of the grammar is one of.
+fn choices(rule: Rule) -> impl Iterator<Item = &'static str> {
+    describe(rule).split('|').map(|word| word.trim_matches('`'))
 }
 
 fn words<'w>(words: impl IntoIterator<Item = &'w str>) -> Vec<CompletionItem> {

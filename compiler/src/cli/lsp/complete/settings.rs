@@ -6,13 +6,11 @@ use nsd_grammar::Rule;
 
 use super::super::around::Around;
 use super::super::reference;
-use super::{Known, codes, item, words};
+use super::{Known, choices, codes, item, words};
 use crate::model::hir::reserved::VALUES;
 use crate::model::index::Kind;
 use crate::report::Status;
-use crate::syntax::{
-    EXPECTATIONS, ExperimentKind, Place, SettingKind, Sliding, TokenKind, choices, starts,
-};
+use crate::syntax::{EXPECTATIONS, ExperimentKind, Place, SettingKind, Sliding, TokenKind, starts};
 use crate::system::experiment::{Lowering, MethodKind, OPTIMIZER, options_of, words_of, written};
 
 /// What an expectation may begin with besides, of what a run has as numbers.
@@ -119,7 +117,8 @@ impl Known<'_> {
         };
         match (around.word(1), around.before.len()) {
             (_, 1) => {
-                let begin = words(EXPECTATIONS.into_iter().chain(OF_RUNS)).into_iter();
+                let begin = words(EXPECTATIONS.map(|(word, _)| word)).into_iter();
+                let begin = begin.chain(words(OF_RUNS));
                 begin.chain(self.values()).collect()
             }
             ("warning", 2) => codes('W'),
