@@ -219,21 +219,13 @@ fn sliding(value: &syntax::Expr, diags: &mut Diagnostics) -> Option<Sliding> {
         ExprKind::Name(name) => name.clone(),
         _ => "..".to_owned(),
     };
-    match name.as_str() {
-        "linear" => Some(Sliding::Linear),
-        "nonlinear" => Some(Sliding::Nonlinear),
-        _ => {
-            diags.push(unknown_choice(
-                "reading",
-                &Ident {
-                    name,
-                    span: value.span,
-                },
-                &["linear", "nonlinear"],
-            ));
-            None
-        }
+    let reading = Sliding::named(&name);
+    if reading.is_none() {
+        let span = value.span;
+        let words = Sliding::ALL.map(Sliding::word);
+        diags.push(unknown_choice("reading", &Ident { name, span }, &words));
     }
+    reading
 }
 
 /// The name of what a path means: `q`, `x[2]`, `x[1..3]`.

@@ -316,6 +316,9 @@ pub(crate) fn not_for_fit(reader: &mut Reader<'_, '_>, setting: &str, span: Span
     });
 }
 
+/// The words of losses.
+pub(crate) const LOSSES: [&str; 2] = ["squared", "huber"];
+
 /// `squared` or `huber(d)`
 fn loss(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<Loss> {
     if matches!(&value.kind, ExprKind::Name(name) if name == "squared") {
