@@ -58,8 +58,6 @@ class Controller:
         self.deadline = deadline
         self._values = values
         self._time: float | None = None
-        # When the step is that was prepared.
-        self._ahead: float | None = None
         # One question at a time: each has its answer.
         self._turn = threading.RLock()
         self._compile([])
@@ -97,7 +95,7 @@ class Controller:
         Parameters keep their values until others are given; the first step with a parameter compiles the experiment with that
         one open.
 
-        `info` has `decision` ("warm", "cold", "feasible", "kept"), `why` where it is one of the last two, `iterations`,
+        `info` has the `time`, `decision` ("warm", "cold", "feasible", "kept"), `why` where it is one of the last two, `iterations`,
         `solve_s`, and the `plan` that is followed: `time`, `states` and `controls` at the ends of its intervals, `objective`.
         `RuntimeError` where there has never been a plan.
         """
@@ -105,7 +103,7 @@ class Controller:
             t, entries = self._instant(t), self._entries(x)
             values = self._given(params)
             found = self._core.step(t, entries, [values[name] for name in self._open])
-            self._time, self._last, self._ahead = t, values, None
+            self._last = values
             return self._told(found)
 
     def prepare(self, t: float | None = None, **params: Any) -> None:
@@ -129,7 +127,7 @@ class Controller:
         with self._turn:
             t, values = self._instant(t), self._given(params)
             self._core.prepare(t, [values[name] for name in self._open])
-            self._ahead, self._last = t, values
+            self._last = values
 
     def feedback(
         self, x: Mapping[str, ArrayLike] | ArrayLike
@@ -142,7 +140,6 @@ class Controller:
         with self._turn:
             entries = self._entries(x)
             found = self._core.feedback(entries, [self._last[name] for name in self._open])
-            self._time, self._ahead = self._ahead, None
             return self._told(found)
 
     def _instant(self, t: float | None) -> float:
@@ -161,7 +158,7 @@ class Controller:
 
     def _told(self, found: str) -> tuple[dict[str, NDArray[np.float64]], dict[str, Any]]:
         info = json.loads(found)
-        values = info.pop("u")
+        values, self._time = info.pop("u"), info["time"]
         if values is None:
             why = info["why"] or {}
             raise RuntimeError(f"there is no plan: {why.get('code')}, {why.get('message')}")
@@ -187,17 +184,18 @@ class Controller:
 
     @property
     def state(self) -> dict[str, Any]:
-        """What it remembers: the plan that it follows and since when, and the one that is prepared. It can be pickled, and given to another controller of the
-        same experiment."""
+        """What it remembers: plans, since when, and the values of parameters. It can be pickled, and given to another
+        controller of the same experiment."""
         with self._turn:
-            return {"memory": self._core.memory(), "time": self._time, "ahead": self._ahead}
+            return {"memory": self._core.memory(), "time": self._time, "parameters": dict(self._last)}
 
     @state.setter
     def state(self, state: Mapping[str, Any]) -> None:
         with self._turn:
-            memory, time, ahead = state["memory"], state["time"], state.get("ahead")
+            memory, time, values = state["memory"], state["time"], state.get("parameters", {})
+            last = self._given(values)
             self._core.remember(memory)
-            self._time, self._ahead = time, ahead
+            self._time, self._last = time, last
 
     def __repr__(self) -> str:
         return f"<controller {self.experiment.name} of {self.experiment.model}>"

@@ -201,7 +201,8 @@ fn serve(mut made: mpc::Controller<'_>, questions: &Receiver<Question>, tell: &S
                 Ok(told(&made, &step))
             }
             Question::Prepare(t, parameters, cancel) => {
-                made.prepare(t, &parameters, &Limit::default().canceled_by(&cancel));
+                let limit = Limit::default().canceled_by(&cancel);
+                made.prepare(t, &parameters, &limit);
                 Ok(String::new())
             }
             Question::Feedback(x, parameters, cancel) => {
@@ -251,6 +252,7 @@ fn told(made: &mpc::Controller<'_>, step: &mpc::Step) -> String {
     });
     let why = step.why.as_ref().map(|why| Warning::of(why));
     json!({
+        "time": step.time,
         "u": made.control(step.time),
         "decision": step.decision,
         "why": why,

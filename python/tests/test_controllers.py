@@ -66,12 +66,12 @@ def test_feedback_has_the_closed_form(controller: nsdc.Controller) -> None:
     for k, x in enumerate((0.75, 0.3, -0.8)):
         controller.prepare(m=2)
         state = pickle.loads(pickle.dumps(controller.state))
-        other = nsdc.loads(TEXT)["o"].controller(sample=0.25, m=2)
+        other = nsdc.loads(TEXT)["o"].controller(sample=0.25)
         other.state = state
         for one in (controller, other):
             u, info = one.feedback({"x": x})
             assert math.isclose(u["u"], -2 * x, abs_tol=1e-8)
-            assert (info["decision"], info["plan"]["time"][0]) == ("warm", 0.75 + 0.25 * k)
+            assert (info["decision"], info["time"]) == ("warm", 0.75 + 0.25 * k)
     # A step makes what was prepared old.
     controller.prepare()
     controller.step([0.1])

@@ -374,6 +374,32 @@ fn prepared_steps_have_the_gain_of_the_riccati_recursion() {
     assert!(controller.feedback(&[x, v], &[], &limit).is_none());
 }
 
+/// A well at -1 is deeper than that at 1. Pushed to between them, feedback goes back to where it was, and the plan that is
+/// prepared next is compared with others: it goes to the deeper one, as steps do at once.
+#[test]
+fn what_feedback_pays_too_much_for_is_compared_next() {
+    let text = "model m { state x = 1; control u in [-1, 1]; x' = u; }
+        optimize o of m {
+          horizon 2; intervals 8; minimize integral(0.01*u^2 + (x^2 - 1)^2 + 0.3*x);
+        }";
+    let (project, exprs, limit) = (project(text), Exprs::new(), Limit::default());
+    let mut controller = (project.controller(&exprs, "o", &[], &[], None)).expect("a program");
+    let mut x = 1.0;
+    for k in 0..60 {
+        let t = 0.25 * f64::from(k);
+        if k == 40 {
+            x = -0.2;
+        }
+        controller.prepare(t, &[], &limit);
+        let step = controller.feedback(&[x], &[], &limit);
+        assert!(step.is_some());
+        if k >= 40 {
+            x += 0.25 * controller.control(t).expect("there is a plan")[0];
+        }
+    }
+    assert!(x < -0.9, "{x}");
+}
+
 /// Where nothing is found in time, the plan that was prepared is followed, and not the one before it.
 #[test]
 fn what_was_prepared_is_followed_without_a_feedback() {

@@ -86,6 +86,8 @@ pub(crate) struct Planned {
     pub is_warm: bool,
     /// Whether it was compared with what is found without the last plan.
     pub is_compared: bool,
+    /// Whether it costs more than the last plan.
+    pub is_dearer: bool,
     /// Iterations of all programs.
     pub iterations: usize,
 }
@@ -187,12 +189,13 @@ impl<'e> Prepared<'e> {
         let kept = near.filter(|near| fresh.as_ref().is_none_or(|anew| is_no_worse(near, anew)));
         let is_warm = kept.is_some();
         let (solution, failure) = kept.or(fresh).expect("one of them was looked for");
+        let is_dearer = (last.as_ref()).is_some_and(|last| last.costs_less(solution.objective));
         let mut followed =
             is_plan(&solution, failure.as_ref()).then(|| followed_from(&self.problem, &solution));
         // What is no minimum, and costs more than what is followed does from here, is no better than that.
         if let (Some(last), Some(_), Some(_)) = (&last, &failure, &followed) {
             let costs = self.costs(last, limit);
-            if costs.is_some_and(|costs| is_dearer(solution.objective, costs)) {
+            if costs.is_some_and(|costs| costs_more(solution.objective, costs)) {
                 followed = None;
             }
         }
@@ -201,6 +204,7 @@ impl<'e> Prepared<'e> {
             failure,
             is_warm,
             is_compared,
+            is_dearer,
             iterations,
         })
     }
@@ -271,14 +275,14 @@ fn is_no_worse(near: &Found, anew: &Found) -> bool {
 }
 
 /// Whether an objective is more than another by a share that counts.
-fn is_dearer(objective: f64, than: f64) -> bool {
+fn costs_more(objective: f64, than: f64) -> bool {
     objective - than > DEARER * than.abs().max(SAME)
 }
 
 impl Last<'_> {
     /// Whether a plan costs more than it.
     fn costs_less(&self, objective: f64) -> bool {
-        is_dearer(objective, self.followed.plan.objective)
+        costs_more(objective, self.followed.plan.objective)
     }
 }
 

@@ -113,4 +113,5 @@ test("cells of notebooks that begin with %%nsd", async () => {
   assert.deepEqual(kinds.slice(magic.length + 1), coloured(language, text));
   // What else is in a notebook stays Python, in which a prime begins a string.
   assert.equal(coloured(python, "x' = 1").at(-2), "string");
+  assert.equal(coloured(python, `x = 1\n${magic}\nx' = 1`).at(-2), "string");
 });

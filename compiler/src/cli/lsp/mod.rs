@@ -23,6 +23,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use crossbeam_channel::SendTimeoutError;
 use lsp_server::{Connection, ErrorCode, Message, Notification, Request, RequestId, Response};
 use lsp_types::notification::{
     Cancel as CancelRequest, DidChangeTextDocument, DidChangeWatchedFiles, DidCloseTextDocument,
@@ -223,8 +224,16 @@ impl<'c> Server<'c> {
     }
 
     fn send(&self, message: impl Into<Message>) {
-        // That nobody listens is seen when nothing comes any more.
-        let _ = self.connection.sender.send(message.into());
+        // That nobody listens is seen when nothing comes any more. A client that is gone never does, though others may hold its
+        // ends of the pipes.
+        let (mut message, mut wait) = (message.into(), Duration::ZERO);
+        let sender = &self.connection.sender;
+        while let Err(SendTimeoutError::Timeout(unsent)) = sender.send_timeout(message, wait) {
+            if self.client.is_gone() {
+                return;
+            }
+            (message, wait) = (unsent, GLANCE);
+        }
     }
 
     fn notified(&mut self, note: Notification) {

@@ -257,6 +257,7 @@ impl<'e> Controller<'e> {
     ///
     /// Without a plan that leads there, nothing is known of the state, and all is left to the feedback.
     pub fn prepare(&mut self, t: f64, parameters: &[f64], limit: &Limit) {
+        self.memory.ahead = None;
         let compares = self.compares();
         let found = self.memory.last(t, compares).and_then(|last| {
             let x0 = self.prepared.predicted(&last);
@@ -266,6 +267,10 @@ impl<'e> Controller<'e> {
             // What is wrong with the numbers, the feedback says.
             found.ok()
         });
+        // Canceled work is no plan.
+        if limit.is_over() {
+            return;
+        }
         found.iter().for_each(|found| self.wait(found));
         self.memory.ahead = Some(Ahead {
             time: t,
@@ -275,13 +280,18 @@ impl<'e> Controller<'e> {
 
     /// Decides at the instant that was prepared, from the state that is there; none where nothing is prepared.
     ///
-    /// The plan that was prepared is followed where no better one is found before the deadline, and is compared with no other.
+    /// The plan that was prepared is followed where no better one is found before the deadline. It is compared with others
+    /// when the next one is prepared, where what is found costs more, or does not follow from it.
     pub fn feedback(&mut self, x0: &[f64], parameters: &[f64], limit: &Limit) -> Option<Step> {
         let Ahead { time, plan } = self.memory.ahead.take()?;
         if let Some(plan) = plan {
             self.memory.last = Some((plan, time));
         }
-        let (step, _) = self.decide((time, x0), parameters, Compares::Never, limit);
+        let (step, found) = self.decide((time, x0), parameters, Compares::Never, limit);
+        let is_near = |found: Planned| found.is_warm && !found.is_dearer && found.failure.is_none();
+        if !found.is_some_and(is_near) {
+            (self.memory.waits, self.memory.gap) = (0, 1);
+        }
         Some(step)
     }
 

@@ -1,6 +1,6 @@
 //! What is compiled for hovers and hints, each experiment once until a text changes.
 
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 
 use super::super::world::Analysis;
@@ -17,8 +17,8 @@ const MOST_NODES: usize = 1_000_000;
 pub enum Made<'e> {
     /// By itself: what a run needs is not known.
     Alone(Box<Model<'e>>),
-    /// As an experiment takes it, with the system that it asks for.
-    Taken(Box<Compiled<'e>>, Box<System<'e>>),
+    /// As an experiment takes it, with the system that it asks for, once somebody looks.
+    Taken(Box<Compiled<'e>>, OnceCell<Box<System<'e>>>),
 }
 
 /// What was compiled of a text, or that it cannot be.

@@ -1,5 +1,6 @@
 //! Shapes, units and values of what a model declares, at the parameters of an experiment.
 
+use std::cell::OnceCell;
 use std::rc::Rc;
 
 use super::super::world::Analysis;
@@ -69,8 +70,7 @@ impl<'e> Facts<'e> {
             let made = cache.get(analysis, known.span, |exprs| {
                 let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
                 let compiled = compile(exprs, file, known, &[], &mut clock, &mut silent)?;
-                let lowered = compiled.lowered();
-                Some(Made::Taken(Box::new(compiled), Box::new(lowered)))
+                Some(Made::Taken(Box::new(compiled), OnceCell::new()))
             });
             Some(Facts {
                 experiment: Some(known.name.name.clone()),
@@ -114,9 +114,10 @@ impl<'e> Facts<'e> {
 
     /// The lowered equations of a name, and the switches that they meet, as `nsdc emit` prints them; of many the first.
     pub fn equations(&self, name: &str) -> Option<String> {
-        let Made::Taken(_, system) = &*self.made else {
+        let Made::Taken(compiled, system) = &*self.made else {
             return None;
         };
+        let system = system.get_or_init(|| Box::new(compiled.lowered()));
         let text = About(system, &self.called(name)).to_string();
         let mut lines: Vec<String> = text.lines().take(MOST_LINES).map(shortened).collect();
         if text.lines().nth(MOST_LINES).is_some() {
