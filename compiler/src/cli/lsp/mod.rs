@@ -19,6 +19,7 @@ mod text;
 mod tokens;
 pub(crate) mod world;
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -151,6 +152,8 @@ struct Server<'c> {
     is_stale: bool,
     /// What was told of each file.
     told: BTreeMap<String, PublishDiagnosticsParams>,
+    /// Whether the client was found gone when it was to be told something.
+    is_left: Cell<bool>,
 }
 
 impl<'c> Server<'c> {
@@ -166,6 +169,7 @@ impl<'c> Server<'c> {
             }),
             is_stale: false,
             told: BTreeMap::new(),
+            is_left: Cell::new(false),
         }
     }
 
@@ -226,13 +230,18 @@ impl<'c> Server<'c> {
     fn send(&self, message: impl Into<Message>) {
         // That nobody listens is seen when nothing comes any more. A client that is gone never does, though others may hold its
         // ends of the pipes.
-        let (mut message, mut wait) = (message.into(), Duration::ZERO);
+        let mut message = message.into();
+        let wait = || match self.is_left.get() {
+            true => Duration::ZERO,
+            false => GLANCE,
+        };
         let sender = &self.connection.sender;
-        while let Err(SendTimeoutError::Timeout(unsent)) = sender.send_timeout(message, wait) {
+        while let Err(SendTimeoutError::Timeout(unsent)) = sender.send_timeout(message, wait()) {
             if self.client.is_gone() {
+                self.is_left.set(true);
                 return;
             }
-            (message, wait) = (unsent, GLANCE);
+            message = unsent;
         }
     }
 
