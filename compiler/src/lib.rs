@@ -136,6 +136,9 @@ fn compile_to<'e>(
         let mut found = Diagnostics::new();
         let one = compile_one(exprs, file, &run, overrides, extent, clock, &mut found);
         found.remove_known(diags);
+        if let Some(data) = run.compared().next().filter(|_| !run.own().is_empty()) {
+            found.point_beside("in the run of these data", data.span);
+        }
         diags.append(found);
         one
     });
@@ -566,6 +569,7 @@ fn check_experiment(
                 found.append(more);
             }
         }
+        found.remove_repeated();
     }
 }
 

@@ -231,9 +231,14 @@ fn mistakes_in_runs_are_told_at_their_places() {
 
 #[test]
 fn runs_are_told_in_words_as_json_and_drawn() {
-    let text = "model decay { param k = 2; state x = 1; x' = -k*x; }
-        fit f of decay { horizon 4; data \"one.csv\" with { x = 2; } { x -> y; } free { k; } }";
-    let project = project(text, ["time,y\n0,2\n1,0.5\n2,0.1\n", ""]);
+    let text = "model decay { param k = 2; param a_long_name = 1; state x : m = 1; x' = -k*x; }
+        fit f of decay { horizon 4; free { k; }
+          data \"one.csv\" with { x = 2; } { x -> y; }
+          data \"two.csv\" with { x = 3; a_long_name = 1.23456789; } { x -> y; } }";
+    let project = project(
+        text,
+        ["time,y\n0,2\n1,0.5\n2,0.1\n", "time,y\n0,3\n1,0.7\n"],
+    );
     let options = Options {
         figure: true,
         ..Options::default()
@@ -251,7 +256,14 @@ fn runs_are_told_in_words_as_json_and_drawn() {
         found.json()
     );
     let figure = found.figure.as_ref().expect("it was asked for");
-    assert!(figure.contains("x, x = 2") && figure.contains("x - y, x = 2"));
+    let count = |text: &str| figure.matches(&format!(">\n{text}\n<")).count();
+    // The run that is told, another one, and residuals of both, each point in two panels.
+    assert_eq!((count("x [m]"), count("x - y")), (2, 2));
+    assert_eq!(
+        (count("x = 2"), count("x = 3, a_long_name = 1.23456789")),
+        (1, 2)
+    );
+    assert_eq!(figure.matches("<circle").count(), 10);
 }
 
 /// Rows of a function of time, without errors.
@@ -260,20 +272,26 @@ fn exact(f: impl Fn(f64) -> f64, end: f64) -> String {
     table("time,y", times.map(|t| vec![t, f(t)]))
 }
 
-/// x' = n + (n > s) of runs that n > s holds in from its value on, always or never: 8 = n + 1 of both.
+/// x' = n + (n > s) is n + 1 of both runs where n > 5 all along; where n may be on either side of a run's s, it is refused.
 #[test]
 fn comparisons_with_what_is_free_are_those_of_each_run() {
-    let text =
-        "model m { param n = 1; param s = -1; state x = 0; x' = n + (if n > s then 1 else 0); }
-        fit f of m { horizon 3;
-          data \"one.csv\" { x -> y; }
-          data \"two.csv\" with { s = 5; } { x -> y; }
-          free { n in [0, 10]; } }";
+    let text = |range: &str| {
+        format!(
+            "model m {{ param n = 1; param s = -1; state x = 0; x' = n + (if n > s then 1 else 0); }}
+            fit f of m {{ horizon 3;
+              data \"one.csv\" {{ x -> y; }}
+              data \"two.csv\" with {{ s = 5; }} {{ x -> y; }}
+              free {{ n in {range}; }} }}"
+        )
+    };
     let data = exact(|t| 8.0 * t, 3.0);
-    let (run, fit) = fitted(text, [&data, &data]);
+    let (run, fit) = fitted(&text("[6, 10]"), [&data, &data]);
     assert_eq!(run.status, Status::Solved);
     close(estimate(&fit, "n").value, 7.0, 1e-7);
     close(fit.residual_norm, 0.0, 1e-6);
+    let found = project(&text("[0, 10]"), [&data, &data]).check().list();
+    let codes: Vec<_> = found.iter().filter_map(|one| one.code.as_deref()).collect();
+    assert_eq!(codes, ["E0527"]);
 }
 
 /// What holds for all runs must not be another thing in one of them.
@@ -444,9 +462,6 @@ fn data_that_give_the_same_are_of_one_run() {
     assert_eq!(run.status, Status::Solved);
     close(estimate(&fit, "g").value, 0.7, 1e-7);
     assert_eq!(fit.degrees_of_freedom, 21);
-    let (once, single) = fitted(&text(&block("one", "x = 2; k = 1;")), [&data, ""]);
-    assert_eq!(once.status, Status::Solved);
-    assert_eq!(fit.search.runs, single.search.runs);
 }
 
 /// u has no value but in the data.
@@ -503,4 +518,20 @@ fn mistakes_of_several_data_are_told_together_and_nothing_given_is_no_other_run(
     let (run, fit) = fitted(&text, [&data, ""]);
     assert_eq!(run.status, Status::Solved);
     assert_eq!(fit.data[0].with, None);
+}
+
+/// c leaves its range where data give another range.
+#[test]
+fn what_is_wrong_in_one_run_points_at_its_data() {
+    let text = "model m { param k = 1; param most = 1; param c in [0, most] = 0.5; state x = 1; x' = -k*c*x; }
+        fit f of m { horizon 3;
+          data \"one.csv\" { x -> y; }
+          data \"two.csv\" with { most = 0.2; } { x -> y; }
+          free { k; } }";
+    let data = exact(|t| (-t).exp(), 3.0);
+    let list = project(text, [&data, &data]).check().list();
+    let places = list[0].labels.iter().map(|label| &label.place);
+    let places: Vec<_> = places.map(|place| &text[place.start..place.end]).collect();
+    assert_eq!((list.len(), list[0].code.as_deref()), (1, Some("E0504")));
+    assert_eq!(places, ["param c in [0, most] = 0.5;", "\"two.csv\""]);
 }

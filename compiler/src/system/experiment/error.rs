@@ -602,8 +602,8 @@ pub enum ExperimentError {
     #[diagnostic(
         code(E0541),
         help("{}", match *what {
-            "data" => "add `data \"measured.csv\" { q -> column; }`, with what was measured of which quantity",
-            "free" => "add `free { mu in [0, 1]; }` with the parameters that are looked for",
+            "`data`" => "add `data \"measured.csv\" { q -> column; }`, with what was measured of which quantity",
+            "`free`" => "add `free { mu in [0, 1]; }` with the parameters that are looked for",
             _ => "what `with` of data gives is not free in their run: leave something out of it",
         })
     )]

@@ -243,14 +243,14 @@ impl<'e> Fit<'e> {
         let has =
             |is_it: fn(&SettingKind) -> bool| experiment.settings.iter().any(|s| is_it(&s.kind));
         let missing = if !has(|kind| matches!(kind, SettingKind::Data(_))) {
-            Some("data")
+            Some("`data`")
         } else if !has(|kind| matches!(kind, SettingKind::Free(_) | SettingKind::Initial { .. })) {
-            Some("free")
+            Some("`free`")
         } else {
             None
         };
         let missing_here = match missing {
-            None if !reader.failed && self.columns.is_empty() => Some("data"),
+            None if !reader.failed && self.columns.is_empty() => Some("`data`"),
             None if !reader.failed && self.free.is_empty() => Some("number that is free"),
             _ => None,
         };
