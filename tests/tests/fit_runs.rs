@@ -535,3 +535,22 @@ fn what_is_wrong_in_one_run_points_at_its_data() {
     assert_eq!((list.len(), list[0].code.as_deref()), (1, Some("E0504")));
     assert_eq!(places, ["param c in [0, most] = 0.5;", "\"two.csv\""]);
 }
+
+/// q = v t - t²/2 of v = 2 touches the ceiling at 2, where its derivatives are lost; that of v = 1 stays below.
+#[test]
+fn what_is_lost_in_another_run_is_told_with_its_name() {
+    let text = "model m { param u = 1; state q = 0; state v = 1; q' = v;
+          mechanics q, v { mass = 1; force = -u; contact C { gap = 2 - q; restitution = 0.5; } } }
+        fit f of m { horizon 3;
+          data \"one.csv\" { q -> y; }
+          data \"two.csv\" with { v = 2; } { q -> y; }
+          free { u; } }";
+    let data = [1.0, 2.0].map(|v| exact(|t| v * t - 0.5 * t * t, 3.0));
+    let (run, fit) = fitted(text, [&data[0], &data[1]]);
+    close(estimate(&fit, "u").value, 1.0, 1e-6);
+    assert_eq!(codes(&run), ["W0710", "W0744"]);
+    for warning in &run.warnings {
+        let message = &warning.message;
+        assert!(message.contains("in the run with v = 2, "), "{message}");
+    }
+}

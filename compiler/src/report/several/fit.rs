@@ -115,7 +115,7 @@ pub struct Measurements {
 
 impl Fit {
     /// What was measured of the run that is told, which is the first one, or of others.
-    pub(crate) fn measured(&self, is_told: bool) -> impl Iterator<Item = &Measurements> {
+    pub fn measured(&self, is_told: bool) -> impl Iterator<Item = &Measurements> {
         let first = self.data.first().map(|data| &data.with);
         let all = self.data.iter();
         all.filter(move |data| (first == Some(&data.with)) == is_told)
@@ -134,7 +134,7 @@ impl Fit {
 
 impl Measurements {
     /// What the run has at these instants.
-    pub(crate) fn found(&self) -> Vec<f64> {
+    pub fn found(&self) -> Vec<f64> {
         let found = self.measured.iter().zip(&self.residuals);
         found.map(|(y, residual)| y + residual).collect()
     }
