@@ -49,7 +49,7 @@ pub struct Compiled<'e> {
     pub settings: Settings<'e>,
     /// The piecewise smooth system.
     pub system: System<'e>,
-    /// Of a fit, the runs of those data that have one of their own.
+    /// Of a fit, the other runs that are compared with data.
     pub others: Vec<Compiled<'e>>,
 }
 
@@ -122,7 +122,7 @@ pub fn compile<'e>(
     )
 }
 
-/// [`compile`], to some extent: an experiment with the runs of its data.
+/// [`compile`], to some extent: of a fit, each run that is compared with data.
 fn compile_to<'e>(
     exprs: &'e Exprs,
     file: &File,
@@ -132,19 +132,26 @@ fn compile_to<'e>(
     clock: &mut Clock,
     diags: &mut Diagnostics,
 ) -> Option<Compiled<'e>> {
-    let mut compiled = compile_one(exprs, file, experiment, overrides, extent, clock, diags)?;
-    for other in experiment.owned() {
+    let runs = experiment.runs().into_iter().map(|run| {
         let mut found = Diagnostics::new();
-        let other = compile_one(exprs, file, &other, overrides, extent, clock, &mut found);
+        let one = compile_one(exprs, file, &run, overrides, extent, clock, &mut found);
         found.remove_known(diags);
+        if let Some(data) = run.compared().next().filter(|_| !run.own().is_empty()) {
+            found.point_beside("in the run of these data", data.span);
+        }
         diags.append(found);
-        compiled.others.push(other?);
-    }
-    study::fit::share(&mut compiled);
+        one
+    });
+    // What is wrong with one run does not hide what is wrong with another one.
+    let all: Vec<Option<Compiled<'e>>> = runs.collect();
+    let mut all = all.into_iter().collect::<Option<Vec<_>>>()?.into_iter();
+    let mut compiled = all.next()?;
+    compiled.others = all.collect();
+    pass(study::fit::join(&mut compiled, experiment).err(), diags)?;
     Some(compiled)
 }
 
-/// An experiment, or what it is to some of its data.
+/// An experiment, or what a run of it is.
 fn compile_one<'e>(
     exprs: &'e Exprs,
     file: &File,
@@ -562,6 +569,7 @@ fn check_experiment(
                 found.append(more);
             }
         }
+        found.remove_repeated();
     }
 }
 

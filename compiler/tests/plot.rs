@@ -257,3 +257,30 @@ fn a_plot_says_what_a_figure_shows() {
     assert!(has(&drawn("some"), median) && has(&drawn("none"), "run with seed 1"));
     assert!(!has(&drawn("none"), median));
 }
+
+/// x = c exp(-t) of c = 1 and 2: what was measured of the second run stands on a curve of its own.
+#[test]
+fn runs_of_a_fit_are_curves_with_what_was_measured_of_them() {
+    let folder = folder("plot-fit");
+    let text = "model decay { param k = 2; state x : m = 1; x' = -k*x; }
+        fit f of decay { horizon 2; free { k; }
+          data \"d.csv\" { x -> one; }
+          data \"d.csv\" with { x = 2; } { x -> two; } }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let rows = [0.0f64, 1.0, 2.0].map(|t| format!("{t},{},{}\n", (-t).exp(), 2.0 * (-t).exp()));
+    let data = format!("t,one,two\n{}", rows.concat());
+    fs::write(folder.join("d.csv"), data).expect("the folder is writable");
+    let drawn = nsdc(&folder, &["plot", "m.nsd"]);
+    assert_eq!((drawn.status, drawn.err.as_str()), (0, ""));
+    for text in [
+        "f",
+        "f, x = 2",
+        "one of d.csv",
+        "two of d.csv, x = 2",
+        "x [m]",
+    ] {
+        assert!(drawn.out.contains(&format!(">\n{text}\n<")), "{text}");
+    }
+    // Three points of each, and two in the legend.
+    assert_eq!(drawn.out.matches("<circle").count(), 8);
+}

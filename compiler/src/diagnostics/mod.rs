@@ -1,5 +1,6 @@
 //! What the compiler has to say: the list of diagnostics and its one rendering.
 
+mod beside;
 pub mod explain;
 mod fix;
 pub mod json;

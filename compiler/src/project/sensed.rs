@@ -8,7 +8,7 @@ use crate::diagnostics::Diagnostics;
 use crate::project::prepared::{NotPrepared, Opened, Target};
 use crate::simulate::Sensing;
 use crate::source::Span;
-use crate::system::experiment::{ExperimentError, Sensed};
+use crate::system::experiment::{ExperimentError, Settings};
 
 /// What the experiment asks for, if it was compiled for that.
 ///
@@ -16,8 +16,11 @@ use crate::system::experiment::{ExperimentError, Sensed};
 ///
 /// Where the run is not differentiated by something of it.
 pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
+    if compiled.settings.recording.sensed.is_empty() {
+        return Ok(None);
+    }
     let sensor = Sensor::new(compiled, Opened::kept)?;
-    Ok(sensor.map(|sensor| sensor.at(&sensor.values())))
+    Ok(Some(sensor.at(&sensor.values())))
 }
 
 /// By what runs of an experiment are differentiated, whatever the open parameters are.
@@ -33,7 +36,7 @@ pub(crate) struct Sensor {
 }
 
 impl Sensor {
-    /// What an experiment asks for, with the parameters that `open` finds; none where that is nothing.
+    /// What an experiment asks for, with the parameters that `open` finds.
     ///
     /// # Errors
     ///
@@ -41,16 +44,14 @@ impl Sensor {
     pub fn new(
         compiled: &Compiled<'_>,
         open: impl Fn(&Compiled<'_>) -> Result<Opened, NotPrepared>,
-    ) -> Result<Option<Self>, Diagnostics> {
+    ) -> Result<Self, Diagnostics> {
         let (settings, system) = (&compiled.settings, &compiled.system);
         let all = &settings.recording.sensed;
-        if all.is_empty() {
-            return Ok(None);
-        }
-        let opened = open(compiled).map_err(|error| no_input(all, &error))?;
+        let opened = open(compiled).map_err(|error| no_input(settings, &error))?;
         let mut targets = Vec::new();
         for sensed in all {
-            let not_there = || refused(sensed, "the experiment does not need it".to_owned());
+            let refused = |why| refused((&sensed.name, sensed.span), why);
+            let not_there = || refused("the experiment does not need it".to_owned());
             let place = match sensed.is_initial {
                 true => {
                     let mut states = system.states.iter();
@@ -61,7 +62,7 @@ impl Sensor {
                     if let Some(other) = settings.values.free.follows(sensed.var) {
                         let other = compiled.model.exprs.name(other);
                         let why = format!("it follows from `{other}`, which is asked for, too");
-                        return Err(refused(sensed, why));
+                        return Err(refused(why));
                     }
                     let is_it = |&place: &usize| system.exogenous.params[place].var == sensed.var;
                     let place = opened.places.iter().position(is_it);
@@ -72,7 +73,7 @@ impl Sensor {
         }
         let (entries, slopes) = opened.start.partials(|_| true);
         let names = all.iter();
-        Ok(Some(Sensor {
+        Ok(Sensor {
             targets,
             names: names
                 .map(|sensed| (sensed.name.clone(), sensed.span))
@@ -81,7 +82,7 @@ impl Sensor {
             slopes,
             given: Vec::new(),
             opened,
-        }))
+        })
     }
 
     /// The same where initial values among the targets are numbers of their own, as parameters are.
@@ -129,18 +130,19 @@ impl Sensor {
     }
 }
 
-fn refused(sensed: &Sensed<'_>, why: String) -> Diagnostics {
+fn refused((name, span): (&str, Span), why: String) -> Diagnostics {
     let mut diags = Diagnostics::new();
     diags.push(ExperimentError::NoSensitivity {
-        name: sensed.name.clone(),
+        name: name.to_owned(),
         why,
-        span: sensed.span,
+        span,
     });
     diags
 }
 
 /// Why a parameter is no input of runs.
-fn no_input(sensed: &[Sensed<'_>], error: &NotPrepared) -> Diagnostics {
+fn no_input(settings: &Settings<'_>, error: &NotPrepared) -> Diagnostics {
+    let sensed = &settings.recording.sensed;
     let (of, why) = match error {
         NotPrepared::Structural(name, why) => {
             let of = sensed.iter().find(|sensed| sensed.name == *name);
@@ -148,5 +150,7 @@ fn no_input(sensed: &[Sensed<'_>], error: &NotPrepared) -> Diagnostics {
         }
         error => (None, error.to_string()),
     };
-    refused(of.unwrap_or(&sensed[0]), why)
+    let of = of.or(sensed.first());
+    let of = of.map_or((&settings.name, settings.span), |of| (&of.name, of.span));
+    refused((of.0, of.1), why)
 }

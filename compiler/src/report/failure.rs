@@ -448,6 +448,15 @@ pub enum Failure {
         span: Span,
     },
 
+    /// A run of a fit, besides the one that is told, that ended before its last measurement.
+    #[error("in the run with {with}, {failure}")]
+    #[diagnostic(forward(failure))]
+    OfRun {
+        /// What is given to it.
+        with: String,
+        failure: Box<Failure>,
+    },
+
     /// A state from which a controller's model does not begin.
     #[error("at t = {time}, there is no plan: {why}")]
     #[diagnostic(
@@ -543,6 +552,7 @@ impl Failure {
             Failure::Canceled { .. } => Status::Canceled,
             Failure::Infeasible { .. } => Status::LocallyInfeasible,
             Failure::Unbounded { .. } => Status::Unbounded,
+            Failure::OfRun { failure, .. } => failure.status(),
             Failure::Weak { .. }
             | Failure::NotFitted { .. }
             | Failure::NotOptimal {

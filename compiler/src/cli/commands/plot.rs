@@ -16,7 +16,7 @@ use crate::model::Units;
 use crate::project::clock::Clock;
 use crate::project::{ensemble, figure, launch};
 use crate::report::plot::overlay::{self, Source};
-use crate::report::{Series, Status};
+use crate::report::{Measurements, Series, Status};
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment};
 
@@ -154,21 +154,31 @@ fn curves(
         }
     };
     let columns = unique(fine.series().flat_map(Series::columns));
+    let units = Units::of(&compiled.model);
+    let experiment = &trajectory.setup.experiment;
     let mut sources = vec![Source {
-        name: trajectory.setup.experiment,
+        name: experiment.clone(),
         time: fine.time,
         columns,
-        units: Units::of(&compiled.model),
+        units: units.clone(),
         is_measured: false,
     }];
-    let data = trajectory.several.fit.into_iter().flat_map(|fit| fit.data);
-    sources.extend(data.map(|data| Source {
-        name: format!("{} of {}{}", data.column, data.file, data.run()),
-        time: data.time,
-        columns: vec![(data.quantity, data.measured)],
-        units: Units::default(),
-        is_measured: true,
-    }));
+    let source = |data: &Measurements, name: &str, values: Vec<f64>, is_measured| Source {
+        name: name.to_owned() + &data.run(),
+        time: data.time.clone(),
+        columns: vec![(data.quantity.clone(), values)],
+        units: units.clone(),
+        is_measured,
+    };
+    if let Some(fit) = &trajectory.several.fit {
+        // What is measured of another run stands on that one, which is known at these instants.
+        let others = fit.measured(false);
+        sources.extend(others.map(|data| source(data, experiment, data.found(), false)));
+        sources.extend(fit.data.iter().map(|data| {
+            let name = format!("{} of {}", data.column, data.file);
+            source(data, &name, data.measured.clone(), true)
+        }));
+    }
     Ok(Some((sources, trajectory.status)))
 }
 

@@ -75,7 +75,7 @@ impl Animation<'_> {
         let title = if self.title.is_some() { TITLE } else { 0.0 };
         let frame = Frame::new(x, y, (left, MARGIN + title), (wide, high));
         let bar = frame.y.start + FOOT + MARGIN;
-        let time = time_axis(&self.samples.time).placed(left, left + wide);
+        let time = time_axis(self.samples.time.iter()).placed(left, left + wide);
         let bar = Frame {
             x: time,
             y: Axis::new(0.0, 1.0).placed(bar + BAR, bar),

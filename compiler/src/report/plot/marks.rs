@@ -263,7 +263,7 @@ pub fn end(canvas: &Canvas<'_>, at: Point) {
 }
 
 /// The lines of a text that are at most so wide, broken behind commas or at spaces, and within words where these are wider.
-fn broken(text: &str, width: f64) -> Vec<&str> {
+pub fn broken(text: &str, width: f64) -> Vec<&str> {
     let mut lines = Vec::new();
     let mut rest = text;
     while text_width(rest, TEXT_SIZE) > width {

@@ -141,8 +141,8 @@ impl<'a> Figure<'a> {
         let panels = self.panels.iter();
         let panels = panels.map(|group| Panel::new(group, units, several, end));
         let measured = || several.fit.iter().flat_map(|fit| &fit.data);
-        let others = measured().filter(|data| data.with.is_some());
-        let panels = panels.chain(others.map(Panel::of_run));
+        let others = several.fit.iter().flat_map(|fit| fit.measured(false));
+        let panels = panels.chain(others.map(|data| Panel::of_run(data, units)));
         let panels = panels.chain(measured().map(Panel::of_residuals));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();
         let bands = Bands::new(history);
@@ -248,7 +248,9 @@ impl<'a> Figure<'a> {
         let beside = panels.iter().map(Panel::right_space).fold(0.0, f64::max);
         let width = right - left + beside;
         legend.draw(canvas, (left, MARGIN + self.title_height()), width);
-        let time = time_axis(instants).placed(left, right);
+        let fit = self.trajectory.several.fit.iter();
+        let measured = fit.flat_map(|fit| &fit.data).flat_map(|data| &data.time);
+        let time = time_axis(instants.iter().chain(measured)).placed(left, right);
         for (k, panel) in panels.iter().enumerate() {
             let y = top + k as f64 * (layout.height + GAP);
             let frame = panel.frame(&time, (y, y + layout.height));
@@ -288,11 +290,11 @@ fn end_of_panels(panels: &[Panel], wide: f64) -> f64 {
 }
 
 /// From the first to the last instant, without margins.
-fn time_axis(time: &[f64]) -> Axis {
-    match (time.first(), time.last()) {
-        (Some(&first), Some(&last)) if last > first => Axis::new(first, last),
-        (Some(&only), _) => Axis::new(only, only + 1.0),
-        _ => Axis::new(0.0, 1.0),
+fn time_axis<'t>(time: impl Iterator<Item = &'t f64>) -> Axis {
+    match axis::range(time.copied()) {
+        Some((first, last)) if last > first => Axis::new(first, last),
+        Some((only, _)) => Axis::new(only, only + 1.0),
+        None => Axis::new(0.0, 1.0),
     }
 }
 

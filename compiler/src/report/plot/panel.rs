@@ -3,9 +3,9 @@
 use plotters::style::RGBColor;
 
 use super::axis::Axis;
-use super::canvas::{Align, Canvas, Point, Stroke, TEXT_SIZE, mixed, shade, widest};
+use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, mixed, shade, widest};
 use super::frame::{Frame, MARGIN, left_space};
-use super::marks::LINES;
+use super::marks::{LINES, broken};
 use crate::model::Units;
 use crate::report::{ClosedLoop, Ensemble, Measurements, Planned, Samples, Series, Several};
 
@@ -32,6 +32,9 @@ const PALE: f64 = 0.4;
 const DOT: f64 = 1.3;
 /// Width of the line of one of many runs.
 pub const SINGLE: f64 = 0.5;
+/// Where a note stands inside of its frame, and lines that it has at most.
+const INSET: f64 = 4.0;
+const MOST_LINES: usize = 3;
 /// How much of its colour the outer and the inner band of quantiles have.
 pub const SHADES: [f64; 2] = [0.22, 0.5];
 
@@ -39,6 +42,8 @@ pub const SHADES: [f64; 2] = [0.22, 0.5];
 pub struct Panel {
     /// Name of the vertical axis.
     title: String,
+    /// What stands inside of its frame.
+    note: String,
     curves: Vec<Curve>,
     dots: Vec<Beside>,
     /// Plans of a controller, or other runs that were measured.
@@ -83,8 +88,7 @@ impl Panel {
     pub fn new(group: &[&Series], units: &Units, several: &Several, end: f64) -> Self {
         let entries: Vec<_> = group.iter().flat_map(|series| series.columns()).collect();
         let (n, many) = (entries.len(), several.ensemble.as_ref());
-        let measured = several.fit.iter().flat_map(|fit| &fit.data);
-        let measured = measured.filter(|data| data.with.is_none());
+        let measured = several.fit.iter().flat_map(|fit| fit.measured(true));
         let measured: Vec<(usize, &Measurements)> = measured
             .filter_map(|data| {
                 let mut names = entries.iter();
@@ -140,6 +144,7 @@ impl Panel {
         let axis = Axis::around(curves.iter().flat_map(drawn).chain(beside));
         Panel {
             title,
+            note: String::new(),
             curves,
             dots,
             plans,
@@ -147,17 +152,17 @@ impl Panel {
         }
     }
 
-    /// What was measured, with what a run of its own has at these instants.
-    pub fn of_run(data: &Measurements) -> Self {
-        let found = data.measured.iter().zip(&data.residuals);
-        let found: Vec<f64> = found.map(|(y, residual)| y + residual).collect();
+    /// What was measured of a run that is not told, with what it has at these instants.
+    pub fn of_run(data: &Measurements, units: &Units) -> Self {
+        let found = data.found();
         let beside = |values: &[f64], color| Beside {
             time: data.time.clone(),
             values: values.to_vec(),
             color,
         };
         Panel {
-            title: data.quantity.clone() + &data.run(),
+            title: units.title(&data.quantity),
+            note: data.with.clone().unwrap_or_default(),
             curves: Vec::new(),
             axis: Axis::around(data.measured.iter().chain(&found).copied()),
             dots: vec![beside(&data.measured, LINES[0])],
@@ -168,7 +173,8 @@ impl Panel {
     /// The run less what was measured.
     pub fn of_residuals(data: &Measurements) -> Self {
         Panel {
-            title: format!("{} - {}{}", data.quantity, data.column, data.run()),
+            title: format!("{} - {}", data.quantity, data.column),
+            note: data.with.clone().unwrap_or_default(),
             curves: Vec::new(),
             plans: Vec::new(),
             axis: Axis::around(data.residuals.iter().copied().chain([0.0])),
@@ -248,6 +254,13 @@ impl Panel {
         frame.ticks_below(canvas, &time.ticks(super::TIME_TICKS));
         frame.beside(canvas, &axis.ticks(N_TICKS), &self.title, MARGIN);
         self.draw_names(canvas, frame);
+        let [left, right] = frame.x.ends();
+        let lines = broken(&self.note, right - left - 2.0 * INSET).into_iter();
+        let lines = lines.filter(|line| !line.is_empty()).take(MOST_LINES);
+        for (row, line) in lines.enumerate() {
+            let y = frame.y.end + INSET + (row as f64 + 0.5) * TEXT_SIZE;
+            canvas.text((left + INSET, y), line, Align::Left, INK);
+        }
     }
 
     /// The names of the curves at their ends, pushed apart where they would overlap.

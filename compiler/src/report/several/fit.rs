@@ -114,6 +114,13 @@ pub struct Measurements {
 }
 
 impl Fit {
+    /// What was measured of the run that is told, which is the first one, or of others.
+    pub fn measured(&self, is_told: bool) -> impl Iterator<Item = &Measurements> {
+        let first = self.data.first().map(|data| &data.with);
+        let all = self.data.iter();
+        all.filter(move |data| (first == Some(&data.with)) == is_told)
+    }
+
     /// Leaves out what holds at a minimum only.
     pub(crate) fn withholds_errors(&mut self) {
         for estimate in &mut self.estimates {
@@ -126,6 +133,12 @@ impl Fit {
 }
 
 impl Measurements {
+    /// What the run has at these instants.
+    pub fn found(&self) -> Vec<f64> {
+        let found = self.measured.iter().zip(&self.residuals);
+        found.map(|(y, residual)| y + residual).collect()
+    }
+
     /// ", x = 2": which run is compared.
     pub(crate) fn run(&self) -> String {
         self.with

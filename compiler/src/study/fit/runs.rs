@@ -11,7 +11,7 @@ use crate::Compiled;
 use crate::diagnostics::{Diagnostics, counted};
 use crate::limit::Limit;
 use crate::project::watch::Watch;
-use crate::report::{Trajectory, Warning};
+use crate::report::{Failure, Trajectory, Warning};
 use crate::simulate::Request;
 use crate::system::experiment::{Column, Fit, Starts};
 
@@ -21,7 +21,7 @@ const RANK: f64 = 100.0;
 /// The runs of one fit.
 pub(super) struct Runs<'f, 'e> {
     fit: &'f Fit<'e>,
-    /// That of the experiment, then those of data with a run of their own.
+    /// That which is told, and others.
     all: Vec<Single<'e>>,
     limit: Limit,
     tolerance: f64,
@@ -29,20 +29,21 @@ pub(super) struct Runs<'f, 'e> {
     last: Seen,
     /// The same where the search is.
     taken: Seen,
-    /// The numbers of events on the way of a search, each time it was another one.
-    events: Vec<usize>,
+    /// The numbers of events of all runs on the way of a search, each time they were others.
+    events: Vec<Vec<usize>>,
 }
 
 /// The way of a search.
 pub(super) struct Way {
-    pub events: Vec<usize>,
+    pub events: Vec<Vec<usize>>,
     lost: Vec<Option<String>>,
 }
 
 /// What there is to say of runs.
 #[derive(Clone, Default)]
 struct Seen {
-    events: usize,
+    /// Of each run.
+    events: Vec<usize>,
     /// For each direction, why its derivative is a difference of runs.
     lost: Vec<Option<String>>,
 }
@@ -82,7 +83,7 @@ impl<'f, 'e> Runs<'f, 'e> {
         all.flat_map(|one| one.columns.iter().map(|column| (column, one.with.as_ref())))
     }
 
-    /// The way of a search that has ended: the number of events, each time it was another one, and for each direction why its
+    /// The way of a search that has ended: the numbers of events, each time they were others, and for each direction why its
     /// derivative at the end is a difference of runs.
     pub fn take_way(&mut self) -> Way {
         Way {
@@ -137,7 +138,8 @@ impl<'f, 'e> Runs<'f, 'e> {
         moved.collect()
     }
 
-    /// The run of the experiment with what was found, with all that it says; the system of `compiled` is that of it.
+    /// The first run with what was found, with all that it says, and what the others warn of or fail of; the system of
+    /// `compiled` is that of it.
     pub fn told(
         &mut self,
         compiled: &mut Compiled<'e>,
@@ -151,7 +153,22 @@ impl<'f, 'e> Runs<'f, 'e> {
                 compiled.settings.values.numbers.insert(var, p);
             }
         }
-        self.all[0].told(compiled, point, request, watch)
+        let mut told = self.all[0].told(compiled, point, request, watch);
+        for one in &mut self.all[1..] {
+            let run = one.again(point, request);
+            let warnings = run.warnings.into_iter().map(|warning| Warning {
+                message: one.says(&warning.message),
+                ..warning
+            });
+            told.warnings.extend(warnings);
+            if let (None, Some(failure)) = (&told.failure, run.failure) {
+                told.fails(Failure::OfRun {
+                    with: one.with.clone().unwrap_or_default(),
+                    failure: Box::new(failure),
+                });
+            }
+        }
+        told
     }
 }
 
@@ -171,7 +188,11 @@ impl Way {
             })
         });
         let mut warnings: Vec<Warning> = differences.collect();
-        if let [first, .., last] = self.events[..] {
+        if let [first, .., last] = &self.events[..] {
+            let [first, last] = [first, last].map(|all| match &all[..] {
+                [only] => only.to_string(),
+                all => format!("{all:?}"),
+            });
             let times = counted(self.events.len() - 1, "time");
             warnings.push(Warning {
                 code: "W0743".into(),
@@ -194,14 +215,14 @@ impl Residuals for Runs<'_, '_> {
             bounds: self.bounds(),
         };
         self.last = Seen {
-            events: 0,
+            events: Vec::new(),
             lost: vec![None; n],
         };
         let (mut residuals, mut rows) = (Vec::new(), Vec::new());
         let mut changes: f64 = 0.0;
-        for one in self.all.iter_mut().filter(|one| !one.columns.is_empty()) {
+        for one in &mut self.all {
             let found = one.at(&here, &mut self.last.lost)?;
-            self.last.events += found.events;
+            self.last.events.push(found.events);
             changes = changes.hypot(found.changes);
             residuals.extend(found.residuals);
             rows.push(found.slopes);
@@ -231,7 +252,7 @@ impl Residuals for Runs<'_, '_> {
     fn taken(&mut self) {
         self.taken = self.last.clone();
         if self.events.last() != Some(&self.taken.events) {
-            self.events.push(self.taken.events);
+            self.events.push(self.taken.events.clone());
         }
     }
 

@@ -59,8 +59,7 @@ impl<'e> Single<'e> {
     ///
     /// Where it is not differentiated by something that is free in it.
     pub fn new(compiled: &Compiled<'e>, fit: &Fit<'e>, limit: &Limit) -> Result<Self, Diagnostics> {
-        let sensor = Sensor::new(compiled, Opened::of)?.expect("a fit has something that is free");
-        let sensor = sensor.with_given_initial();
+        let sensor = Sensor::new(compiled, Opened::of)?.with_given_initial();
         let (system, mut settings) = (&compiled.system, compiled.settings.clone());
         let plan = Plan::of_method(system, &settings, &sensor.opened.places);
         let own = settings.recording.fit.take().expect("it is a run of a fit");
@@ -68,7 +67,7 @@ impl<'e> Single<'e> {
         let places = sensed.map(|sensed| {
             let mut all = fit.sensed.iter();
             let place = all.position(|one| one.name == sensed.name);
-            place.expect("what is free in a run is free in the experiment")
+            place.expect("what is free in a run is free in the fit")
         });
         let places = places.collect();
         let points = own.columns.iter().flat_map(|column| &column.points);
@@ -143,6 +142,26 @@ impl<'e> Single<'e> {
         self.plan.run(system, settings, request, told)
     }
 
+    /// The run at the instants of its data, with all that there is to say of it.
+    pub fn again(&mut self, point: &[f64], request: &Request) -> Trajectory {
+        let [values, initial] = self.numbers(point);
+        self.sensor.opened.set(&mut self.system, &values, &initial);
+        let request = &Request {
+            dense: false,
+            ..request.clone()
+        };
+        let (system, settings) = (&self.system, &self.settings);
+        self.plan.run(system, settings, request, &mut |_| {})
+    }
+
+    /// What is said of this run, and which one it is.
+    pub fn says(&self, what: &str) -> String {
+        match &self.with {
+            Some(with) => format!("in the run with {with}, {what}"),
+            None => what.to_owned(),
+        }
+    }
+
     /// A run; none where it does not come to its end, or where the experiment has to be compiled for these numbers.
     fn run(&mut self, point: &[f64], differentiates: bool) -> Option<Trajectory> {
         if !point.iter().all(|p| p.is_finite()) {
@@ -153,7 +172,8 @@ impl<'e> Single<'e> {
         if !opened.set(&mut self.system, &values, &initial) {
             return None;
         }
-        let sensing = differentiates.then(|| self.sensor.at(&values));
+        let is_sensed = differentiates && !self.places.is_empty();
+        let sensing = is_sensed.then(|| self.sensor.at(&values));
         let asked = (&self.request, sensing.as_ref());
         let (system, settings) = (&self.system, &self.settings);
         let run = (self.plan).run_sensed(system, settings, asked, &mut |_| {});
@@ -176,7 +196,7 @@ impl<'e> Single<'e> {
             let known = |column: &Column<'e>| derivative(by, column);
             let mut slope = self.compared(&run.samples.time, known, false)?;
             if !slope.iter().all(|slope| slope.is_finite()) {
-                lost[place] = Some(why_lost(&run));
+                lost[place] = Some(self.says(&why_lost(&run)));
                 self.fill(&mut slope, here, place, &residuals)?;
             }
             slopes.set_column(place, &DVector::from_vec(slope));
@@ -299,7 +319,10 @@ fn entry<'s>(
 ) -> Option<(&'s Series, usize)> {
     all.find_map(|series| {
         let names = series.entry_names();
-        let entry = names.iter().position(|name| *name == column.kept.name)?;
+        let is_whole = names.len() == 1 && series.name == column.kept.name;
+        let entry = names
+            .iter()
+            .position(|name| is_whole || *name == column.kept.name)?;
         Some((series, entry))
     })
 }

@@ -1,5 +1,7 @@
 //! Experiments: `simulate`, `optimize`, their settings and expectations.
 
+use std::collections::HashSet;
+
 use super::{Bind, Binder, Domain, Expr, Ident, Path, Row, Setting};
 use crate::source::Span;
 
@@ -18,7 +20,7 @@ pub struct Experiment {
     pub open: Vec<Path>,
     /// Whether runs are differentiated as is asked for; no file says so.
     pub differentiates: bool,
-    /// Of a fit, the file of data whose run it is, where that has one of its own; no file says so.
+    /// Of a fit, the first of the data that are compared with its run; no file says so.
     pub measures: Option<usize>,
     /// The whole item.
     pub span: Span,
@@ -35,23 +37,34 @@ impl Experiment {
             })
     }
 
-    /// What is given to the run of its own that some data have, in place of what the experiment gives.
+    /// What data give to their run, in place of what the experiment gives.
     pub fn own(&self) -> &[Bind] {
         let data = self.measures.and_then(|at| self.measured().nth(at));
-        data.and_then(|data| data.with.as_deref())
-            .unwrap_or_default()
+        data.map_or(&[], Data::own)
     }
 
-    /// The experiment as it is for each of the data with a run of its own.
-    pub fn owned(&self) -> impl Iterator<Item = Self> {
-        let has_own = |(at, data): (usize, &Data)| data.with.is_some().then_some(at);
+    /// The data that are compared with its run: those that give the same.
+    pub fn compared(&self) -> impl Iterator<Item = &Data> {
+        let given = sorted(self.own());
         self.measured()
-            .enumerate()
-            .filter_map(has_own)
-            .map(|at| Experiment {
-                measures: Some(at),
-                ..self.clone()
-            })
+            .filter(move |data| sorted(data.own()) == given)
+    }
+
+    /// The experiment as it is for each run that is compared with data, first that to which these give nothing.
+    pub fn runs(&self) -> Vec<Self> {
+        let mut seen = HashSet::new();
+        let all = self.measured().map(|data| sorted(data.own())).enumerate();
+        let mut runs: Vec<_> = all
+            .filter(|(_, given)| seen.insert(given.clone()))
+            .collect();
+        runs.sort_by_key(|(_, given)| !given.is_empty());
+        let runs = runs.into_iter().map(|(at, _)| Some(at));
+        let is_none = seen.is_empty().then_some(None);
+        let run = |measures| Experiment {
+            measures,
+            ..self.clone()
+        };
+        runs.chain(is_none).map(run).collect()
     }
 }
 
@@ -257,6 +270,20 @@ pub struct Data {
     pub with: Option<Vec<Bind>>,
     /// Its columns with what they are measurements of.
     pub columns: Vec<Measured>,
+}
+
+impl Data {
+    /// What it gives to its run.
+    pub fn own(&self) -> &[Bind] {
+        self.with.as_deref().unwrap_or_default()
+    }
+}
+
+/// What is given, in one order.
+fn sorted(binds: &[Bind]) -> Vec<String> {
+    let mut given: Vec<String> = binds.iter().map(Bind::written).collect();
+    given.sort();
+    given
 }
 
 /// `q -> position weight 2;`

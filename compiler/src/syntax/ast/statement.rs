@@ -249,6 +249,13 @@ pub struct Bind {
     pub span: Span,
 }
 
+impl Bind {
+    /// `x = 2`
+    pub fn written(&self) -> String {
+        format!("{} = {}", self.target, self.value)
+    }
+}
+
 /// `i in 1..n`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Binder {

@@ -598,19 +598,39 @@ pub enum ExperimentError {
     },
 
     /// A fit without data, or without something that is free.
-    #[error("the fit `{name}` has no `{what}`")]
+    #[error("{of} has no {what}")]
     #[diagnostic(
         code(E0541),
         help("{}", match *what {
-            "data" => "add `data \"measured.csv\" { q -> column; }`, with what was measured of which quantity",
-            _ => "add `free { mu in [0, 1]; }` with the parameters that are looked for",
+            "`data`" => "add `data \"measured.csv\" { q -> column; }`, with what was measured of which quantity",
+            "`free`" => "add `free { mu in [0, 1]; }` with the parameters that are looked for",
+            _ => "what `with` of data gives is not free in their run: leave something out of it",
         })
     )]
     NothingToFit {
-        name: String,
+        of: String,
         what: &'static str,
         #[label("nothing to fit")]
         span: Span,
+    },
+
+    /// What a fit has once, and what data give to their runs makes two of.
+    #[error("{what} is one in all runs of a fit, not {first} and {other}")]
+    #[diagnostic(
+        code(E0544),
+        help(
+            "write it without what `with` of data gives: with numbers, or with parameters that are the same in all runs"
+        )
+    )]
+    NotCommon {
+        what: String,
+        first: String,
+        other: String,
+        with: String,
+        #[label(primary, "holds for all runs")]
+        span: Span,
+        #[label("{other} with {with}")]
+        data: Span,
     },
 
     /// A column whose values are all missing or outside of the run.

@@ -158,8 +158,15 @@ fn known(model: &Model<'_>, settings: &Settings<'_>) -> Known {
     let params = params.filter_map(|var| var.as_variable());
     let freed = settings.optimize.iter().flat_map(|task| &task.params);
     let freed = freed.map(|freed| (freed.var, Interval::new(freed.lower, freed.upper)));
+    let ranges: FxHashMap<Var, Interval> = freed.chain(settings.open_ranges(model)).collect();
+    // What is free is looked for within its range, wherever its value is.
+    let within = |var: Var| {
+        let value = values.numbers[&var];
+        let range = ranges.get(&var);
+        range.map_or(value, |range| value.max(range.low).min(range.high))
+    };
     Known {
-        numbers: params.map(|var| (var, values.numbers[&var])).collect(),
-        ranges: freed.chain(settings.open_ranges(model)).collect(),
+        numbers: params.map(|var| (var, within(var))).collect(),
+        ranges,
     }
 }

@@ -17,7 +17,7 @@ use crate::model::TargetKind;
 use crate::model::errors::tables::{Places, TableError};
 use crate::source::Span;
 use crate::source::table::Sources;
-use crate::syntax::{self, Domain, ExprKind, Ident, Measured, Path, SettingKind};
+use crate::syntax::{self, Bind, Domain, ExprKind, Ident, Measured, Path, SettingKind};
 use crate::system::values::bounds;
 
 /// What a `fit` asks for besides what a simulation does.
@@ -35,9 +35,8 @@ pub struct Fit<'e> {
     pub starts: Option<Starts>,
     /// What is given to this run alone, as it is written; none in the run of the experiment.
     pub with: Option<String>,
-    /// The files of data that are compared with this run, by where they stand, and how many are with others.
-    data: Vec<Span>,
-    n_elsewhere: usize,
+    /// The data that are compared with this run, by where they stand.
+    pub(crate) data: Vec<Span>,
     /// What is given to this run alone.
     own: FxHashSet<Var>,
 }
@@ -67,21 +66,9 @@ impl<'e> Fit<'e> {
     /// Which of the data are compared with the run of an experiment.
     pub(crate) fn begin(&mut self, experiment: &syntax::Experiment, given: &Given<'e>) {
         self.own = given.own.clone();
-        let is_here = |at: usize, data: &syntax::Data| match experiment.measures {
-            Some(own) => own == at,
-            None => data.with.is_none(),
-        };
-        for (at, data) in experiment.measured().enumerate() {
-            match is_here(at, data) {
-                true => self.data.push(data.span),
-                false => self.n_elsewhere += 1,
-            }
-        }
-        if experiment.measures.is_some() {
-            let binds = experiment.own().iter();
-            let binds = binds.map(|bind| format!("{} = {}", bind.target, bind.value));
-            self.with = Some(binds.collect::<Vec<_>>().join(", "));
-        }
+        self.data = experiment.compared().map(|data| data.span).collect();
+        let given: Vec<String> = experiment.own().iter().map(Bind::written).collect();
+        self.with = (!given.is_empty()).then(|| given.join(", "));
     }
 
     /// Reads a setting that simulations do not have; `horizon` is known by now.
@@ -256,30 +243,27 @@ impl<'e> Fit<'e> {
         let has =
             |is_it: fn(&SettingKind) -> bool| experiment.settings.iter().any(|s| is_it(&s.kind));
         let missing = if !has(|kind| matches!(kind, SettingKind::Data(_))) {
-            Some("data")
+            Some("`data`")
         } else if !has(|kind| matches!(kind, SettingKind::Free(_) | SettingKind::Initial { .. })) {
-            Some("free")
+            Some("`free`")
         } else {
             None
         };
-        let is_of_data = experiment.measures.is_some();
-        let has_others = !is_of_data && self.n_elsewhere > 0;
-        let missing = match missing {
-            None if !reader.failed && self.columns.is_empty() && !has_others => Some("data"),
-            None if !reader.failed && self.free.is_empty() => Some("free"),
-            other => other,
+        let missing_here = match missing {
+            None if !reader.failed && self.columns.is_empty() => Some("`data`"),
+            None if !reader.failed && self.free.is_empty() => Some("number that is free"),
+            _ => None,
         };
-        let Some(what) = missing else {
+        let Some(what) = missing.or(missing_here) else {
             return Some(self);
         };
-        reader.error(ExperimentError::NothingToFit {
-            name: experiment.name.name.clone(),
-            what,
-            span: match self.data[..] {
-                [span] if is_of_data => span,
-                _ => experiment.name.span,
-            },
-        });
+        let own = self.with.as_ref().filter(|_| missing.is_none());
+        let name = &experiment.name;
+        let (of, span) = match own {
+            Some(with) => (format!("the run with {with}"), self.data[0]),
+            None => (format!("the fit `{}`", name.name), name.span),
+        };
+        reader.error(ExperimentError::NothingToFit { of, what, span });
         None
     }
 }
