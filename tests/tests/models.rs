@@ -43,6 +43,7 @@ const EXAMPLES: &[&str] = &[
     "falling_rod.nsd: falls",
     "fast_actuator.nsd: follows",
     "fast_actuator.nsd: slides",
+    "fit_stick_slip.nsd: belts",
     "fit_stick_slip.nsd: friction",
     "fit_stick_slip.nsd: ratios",
     "friction_chain.nsd: longer",
