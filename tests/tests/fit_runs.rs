@@ -266,6 +266,34 @@ fn runs_are_told_in_words_as_json_and_drawn() {
     assert_eq!(figure.matches("<circle").count(), 10);
 }
 
+/// Modes of the run that is told stand behind its panels, and behind no other: x falls by k to zero, at 1/k or at 2/k, and
+/// stays there.
+#[test]
+fn modes_are_those_of_the_run_that_is_told() {
+    let text = "model relay { param k = 0.9; state x = 1; x' = -k*sign(x); }
+        fit f of relay { horizon 4; free { k in [0.1, 2]; }
+          data \"one.csv\" { x -> y; } data \"two.csv\" with { x = 2; } { x -> y; } }";
+    let project = project(
+        text,
+        [
+            &exact(|t| (1.0 - t).max(0.0), 4.0),
+            &exact(|t| (2.0 - t).max(0.0), 4.0),
+        ],
+    );
+    let options = Options {
+        figure: true,
+        ..Options::default()
+    };
+    let found = project.run("f", &options, &mut ());
+    let found = found.unwrap_or_else(|errors| panic!("{errors}"));
+    let figure = found.figure.expect("it was asked for");
+    // Of each mode a box in the legend, and one behind each of the two panels of its run, of four.
+    for color in ["#E2EAF6", "#FBE8D6"] {
+        let fill = format!("fill=\"{color}\"");
+        assert_eq!(figure.matches(&fill).count(), 3, "{color}");
+    }
+}
+
 /// Rows of a function of time, without errors.
 fn exact(f: impl Fn(f64) -> f64, end: f64) -> String {
     let times = (0..11).map(|k| end * f64::from(k) / 10.0);

@@ -254,8 +254,8 @@ impl<'a> Figure<'a> {
         for (k, panel) in panels.iter().enumerate() {
             let y = top + k as f64 * (layout.height + GAP);
             let frame = panel.frame(&time, (y, y + layout.height));
-            // Modes and events are those of one of many runs.
-            if many.is_none() {
+            // Modes and events are those of one of many runs, and of no other run that was measured.
+            if many.is_none() && panel.is_of_run() {
                 draw_bands(canvas, history, bands, &frame);
                 draw_event_lines(canvas, history, &frame);
             }

@@ -42,7 +42,7 @@ pub const SHADES: [f64; 2] = [0.22, 0.5];
 pub struct Panel {
     /// Name of the vertical axis.
     title: String,
-    /// What stands inside of its frame.
+    /// What stands inside of its frame: what is given to another run, where it is of that.
     note: String,
     curves: Vec<Curve>,
     dots: Vec<Beside>,
@@ -199,6 +199,11 @@ impl Panel {
     /// Space left of the frame for labels and title.
     pub fn left_space(&self) -> f64 {
         left_space(&self.axis.ticks(N_TICKS))
+    }
+
+    /// Whether it is of the run that is told, and not of another one.
+    pub fn is_of_run(&self) -> bool {
+        self.note.is_empty()
     }
 
     /// Space right of the frame for the names of its curves.
