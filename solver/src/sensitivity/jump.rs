@@ -9,6 +9,7 @@
 
 use std::sync::Arc;
 
+use super::adjoint::Costate;
 use super::functions::{Functions, Group, Kick, Moved, Point};
 use super::saltation::{Slope, weigh};
 use super::why::Why;
@@ -36,6 +37,17 @@ impl Jumped {
             [x[*state], size[*state]] = slope.along(moved, direction);
         }
         (x, size)
+    }
+
+    /// The transpose of that.
+    pub fn transpose(&self, costate: &mut Costate) {
+        let rows = self.rows.iter();
+        let weights: Vec<f64> = rows
+            .map(|(state, _)| std::mem::take(&mut costate.x[*state]))
+            .collect();
+        for ((_, slope), weight) in self.rows.iter().zip(weights) {
+            costate.add_slope(slope, weight);
+        }
     }
 }
 

@@ -14,6 +14,7 @@
 //! rates are those of the recorded polynomials. A direction for which something does not hold is lost from there on, and
 //! said to be.
 
+mod adjoint;
 mod asked;
 mod forward;
 mod functions;
@@ -27,6 +28,7 @@ mod taylor;
 mod variational;
 mod why;
 
+pub use adjoint::Gradient;
 pub use asked::{Directions, Moment};
 pub use forward::{EventTime, Sensitivities};
 pub use why::{Loss, Why};
@@ -43,9 +45,29 @@ pub fn differentiate(
     directions: &Directions,
     instants: &[Moment],
 ) -> Sensitivities {
+    let run = run_of(simulator);
+    let forward = forward::Forward::new(&run, directions, instants);
+    forward.follow(recording, approaches)
+}
+
+/// Finds the gradient of Σ_k w_k (x, α)(t_k) over instants in order, of a run as in [`differentiate`], by all directions in
+/// one pass from the end to the start where that is known to serve all of them. Weights are those of states, and behind them
+/// of all α.
+pub fn adjoint(
+    simulator: &Simulator,
+    recording: &Recording,
+    approaches: &[Approach],
+    directions: &Directions,
+    weighed: (&[Moment], &[Vec<f64>]),
+) -> Gradient {
+    let run = run_of(simulator);
+    adjoint::gradient(&run, (recording, approaches), directions, weighed)
+}
+
+fn run_of(simulator: &Simulator) -> run::Run<'_> {
     let Simulator { mode, settings, .. } = simulator;
     let memory = &mode.memory;
-    let run = run::Run {
+    run::Run {
         system: simulator.system.clone(),
         coupling: &simulator.coupling,
         observers: &mode.monitored.observers,
@@ -54,7 +76,5 @@ pub fn differentiate(
         accuracy: settings.tolerance,
         tolerance: (0.01 * settings.tolerance).clamp(1e-13, 1e-10),
         limit: &settings.limit,
-    };
-    let forward = forward::Forward::new(&run, directions, instants);
-    forward.follow(recording, approaches)
+    }
 }

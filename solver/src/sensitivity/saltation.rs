@@ -1,5 +1,6 @@
 //! What an event does to tangents.
 
+use super::adjoint::Costate;
 use super::functions::{Functions, Linearized, Moved, Point};
 use super::jump::{Jumped, jumped};
 use super::run::{Run, STAYS};
@@ -149,6 +150,20 @@ impl Algebraic {
         for (&z, value) in algebraics.iter().zip(rhs) {
             tangent[z] = value;
         }
+    }
+
+    /// The transpose of that.
+    pub fn transpose(&self, functions: &Functions, costate: &mut Costate) {
+        let algebraics = &functions.system.algebraics;
+        let weights = algebraics.iter();
+        let mut weights: Vec<f64> = weights
+            .map(|&z| -std::mem::take(&mut costate.x[z]))
+            .collect();
+        self.lu.solve_transposed(&mut weights);
+        for (row, weight) in self.rows.iter().zip(weights) {
+            costate.add(functions.slots, row, weight);
+        }
+        algebraics.iter().for_each(|&z| costate.x[z] = 0.0);
     }
 }
 
@@ -542,7 +557,57 @@ fn moved<'x>(x: &'x [f64], size: &'x [f64], time: f64) -> Moved<'x> {
     Moved { x, size, time }
 }
 
+/// What an event does to tangents, and nothing else of it.
+pub(super) struct Crossing {
+    /// The slopes of what triggers it, and its rate.
+    trigger: Option<(Vec<(usize, f64)>, f64)>,
+    /// Whether its instant is that of the event before.
+    follows: bool,
+    passes: bool,
+    jumps: Vec<Jumped>,
+    algebraic: Option<Algebraic>,
+    /// f before and behind it.
+    rates: [Vec<f64>; 2],
+}
+
+impl Crossing {
+    /// The transpose of `cross`.
+    pub fn transpose(&self, functions: &Functions, costate: &mut Costate) {
+        if !self.passes {
+            let product = |f: &[f64], x: &[f64]| f.iter().zip(x).map(|(f, x)| f * x).sum::<f64>();
+            costate.time -= product(&self.rates[1], &costate.x);
+            if let Some(algebraic) = &self.algebraic {
+                algebraic.transpose(functions, costate);
+            }
+            for jump in self.jumps.iter().rev() {
+                jump.transpose(costate);
+            }
+            costate.time += product(&self.rates[0], &costate.x);
+        }
+        if self.follows {
+            return;
+        }
+        let time = std::mem::take(&mut costate.time);
+        if let Some((slopes, rate)) = &self.trigger {
+            costate.add(functions.slots, slopes, -time / rate);
+            costate.time = 0.0;
+        }
+    }
+}
+
 impl Prepared<'_> {
+    /// What it does to tangents.
+    pub fn crossing(self) -> Crossing {
+        Crossing {
+            follows: self.trigger.is_none() && !self.of.event.is_scheduled,
+            trigger: self.trigger.map(|trigger| (trigger.slopes, trigger.rate)),
+            passes: self.passes,
+            jumps: self.jumps,
+            algebraic: self.algebraic,
+            rates: [self.before.f, self.after.f],
+        }
+    }
+
     /// dt/dp and the tangent behind the event, from that before it.
     pub fn cross(
         &self,

@@ -38,6 +38,8 @@ const FAST: f64 = 4.0;
 pub(super) struct Part {
     /// Its ends, from the start of the step.
     pub ends: [f64; 2],
+    /// Whether it was solved by Radau IIA.
+    pub is_stiff: bool,
     /// The functions in its middle.
     pub middle: Linearized,
     /// S by direction that is known.
@@ -139,6 +141,7 @@ impl Variational {
             }
             let mut part = Part {
                 ends,
+                is_stiff,
                 middle,
                 tangents: Vec::new(),
             };
