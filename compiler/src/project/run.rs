@@ -31,6 +31,9 @@ pub struct Options {
     pub tolerance: Option<f64>,
     /// When the run ends, done or not.
     pub limit: Limit,
+    /// Weights of states, outputs and controls, by name and row by row as they are reported: of their sum alone a run that is
+    /// differentiated has its gradient, [`Trajectory::gradient`].
+    pub weights: Option<Vec<(String, Vec<f64>)>>,
     /// Whether multipliers are kept, where the method has them.
     pub multipliers: bool,
     /// Whether rows are at the ends of steps and elements alone; else inside of them, too, where straight lines from row to
@@ -190,6 +193,7 @@ impl Project {
         if !options.ends_alone {
             compiled.settings.follow_curves();
         }
+        compiled.settings.recording.weights = options.weights.clone();
         let request = options.request();
         let source = ensemble::Source {
             file: &self.file,

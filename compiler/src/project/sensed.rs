@@ -17,7 +17,11 @@ use crate::system::experiment::{ExperimentError, Sensed};
 /// Where the run is not differentiated by something of it.
 pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
     let sensor = Sensor::new(compiled, Opened::kept)?;
-    Ok(sensor.map(|sensor| sensor.at(&sensor.values())))
+    let sensing = sensor.map(|sensor| sensor.at(&sensor.values()));
+    Ok(sensing.map(|sensing| Sensing {
+        weights: compiled.settings.recording.weights.clone(),
+        ..sensing
+    }))
 }
 
 /// By what runs of an experiment are differentiated, whatever the open parameters are.
@@ -125,6 +129,7 @@ impl Sensor {
             open: self.opened.places.clone(),
             directions,
             names: self.names.clone(),
+            weights: None,
         }
     }
 }

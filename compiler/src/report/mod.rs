@@ -62,6 +62,9 @@ pub struct Trajectory {
     pub warnings: Vec<Warning>,
     /// The values at the reported instants.
     pub samples: Rows,
+    /// The gradient of a weighted sum of what is reported, in the order of what it is differentiated by, where that was asked
+    /// for; not a number where it is not known.
+    pub gradient: Option<Vec<f64>>,
     /// Multipliers of the complementarity system, where they were asked for and the method has them.
     pub multipliers: Option<Multipliers>,
     /// The solution between the reported instants.

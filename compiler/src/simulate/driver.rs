@@ -11,7 +11,7 @@ use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 
 use super::estimate::{Comparison, Estimate, Estimator};
 use super::record::Recorder;
-use super::sensing::{Both, Sensing, instants};
+use super::sensing::{Both, Sensing, Weigh, instants};
 use super::watch::{Progress, Watched};
 use super::{Request, outcome};
 use crate::limit::Limit;
@@ -231,6 +231,17 @@ pub(super) trait Run<'e> {
         None
     }
 
+    /// The gradient of a functional of that run; none where it is not known in one pass, or the method has none.
+    fn pull(
+        &self,
+        _: &Recording,
+        _: &Ended,
+        _: (&Directions, &[Moment]),
+        _: &mut dyn FnMut(&Sensitivities) -> Option<Vec<Vec<f64>>>,
+    ) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Adds to a trajectory what only the method knows of it.
     fn tell(&mut self, _problem: &Problem<'_, 'e>, _ended: &Ended, _trajectory: &mut Trajectory) {}
 }
@@ -281,9 +292,14 @@ pub(super) fn drive<'e>(
     let mut trajectory = assemble(&problem, &ended, recorder);
     if let Some(sensing) = sensing {
         let wanted = instants(&trajectory.samples.time);
-        let found = run.differentiate(&recording, &ended, (&sensing.directions, &wanted));
-        if let Some(found) = found {
-            sensing.tell(&found, (system, reported), &mut trajectory);
+        let asked = (&sensing.directions, &wanted[..]);
+        let mut pull = |weigh: &mut Weigh| run.pull(&recording, &ended, asked, weigh);
+        if !sensing.pull(&mut pull, (system, reported), &mut trajectory) {
+            let found = run.differentiate(&recording, &ended, asked);
+            if let Some(found) = found {
+                sensing.tell(&found, (system, reported), &mut trajectory);
+            }
+            sensing.weigh(&mut trajectory);
         }
     }
     trajectory.setup.method = run.describe(&problem, &ended);

@@ -16,26 +16,14 @@
 //! are more than the tolerance, directions are followed one by one instead.
 
 use super::asked::{Directions, Moment};
-use super::forward::{Forward, Passed, Row, Traced};
+use super::forward::{Forward, Passed, Row, Sensitivities, Traced};
 use super::functions::{Functions, Slots};
 use super::run::Run;
 use super::saltation::Slope;
 use super::taylor::{Slopes, Weighed};
 use super::variational::Way;
-use super::why::Loss;
 use crate::event::recording::{Part, Recording};
 use crate::events::Approach;
-
-/// The gradient of a functional.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Gradient {
-    /// By direction; not a number where it is not known.
-    pub by: Vec<f64>,
-    /// From when on directions are not known.
-    pub lost: Vec<Option<Loss>>,
-    /// Whether all directions were found by one pass from the end to the start.
-    pub is_backward: bool,
-}
 
 /// How a functional moves with the state, with the instant of an event, and with parameters.
 pub(super) struct Costate {
@@ -89,39 +77,22 @@ impl Costate {
     }
 }
 
-/// Finds the gradient of Σ_k w_k (x, α)(t_k).
+/// Finds the gradient of Σ_k w_k (x, α)(t_k) by direction; none where it is not known for all of them at once.
 pub(super) fn gradient(
     run: &Run,
     (recording, approaches): (&Recording, &[Approach]),
     directions: &Directions,
-    (instants, weights): (&[Moment], &[Vec<f64>]),
-) -> Gradient {
+    instants: &[Moment],
+    weigh: impl FnOnce(&Sensitivities) -> Option<Vec<Vec<f64>>>,
+) -> Option<Vec<f64>> {
     let combined = combined(run, directions);
     let traced = Forward::new(run, &combined, instants).traced(recording, approaches);
-    if let Some(by) = backward(run, recording, traced, (directions, weights)) {
-        return Gradient {
-            lost: vec![None; by.len()],
-            by,
-            is_backward: true,
-        };
+    let is_read = |k: usize| traced.found.at(k, 0).is_some();
+    if traced.found.lost[0].is_some() || !(0..instants.len()).all(is_read) {
+        return None;
     }
-    let found = Forward::new(run, directions, instants).follow(recording, approaches);
-    let by = (0..directions.len()).map(|d| {
-        let terms = weights.iter().enumerate().map(|(k, weights)| {
-            let term = |(weight, s): (&f64, &f64)| if *weight == 0.0 { 0.0 } else { weight * s };
-            match found.at(k, d) {
-                Some(s) => weights.iter().zip(s).map(term).sum(),
-                None if weights.iter().all(|weight| *weight == 0.0) => 0.0,
-                None => f64::NAN,
-            }
-        });
-        terms.sum()
-    });
-    Gradient {
-        by: by.collect(),
-        lost: found.lost.clone(),
-        is_backward: false,
-    }
+    let weights = weigh(&traced.found)?;
+    backward(run, recording, traced, (directions, &weights))
 }
 
 /// One combination of all directions, and behind it the parameters one by one, along which nothing starts.
@@ -163,15 +134,11 @@ fn backward(
     (directions, weights): (&Directions, &[Vec<f64>]),
 ) -> Option<Vec<f64>> {
     let Traced {
-        found,
         mut functions,
         sizes,
         passed,
+        ..
     } = traced;
-    let is_read = |k: usize| found.at(k, 0).is_some();
-    if found.lost[0].is_some() || !(0..weights.len()).all(is_read) {
-        return None;
-    }
     let (n, slots) = (run.system.n_states(), functions.slots);
     let mut costate = Costate {
         x: vec![0.0; n],

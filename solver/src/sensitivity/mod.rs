@@ -28,7 +28,6 @@ mod taylor;
 mod variational;
 mod why;
 
-pub use adjoint::Gradient;
 pub use asked::{Directions, Moment};
 pub use forward::{EventTime, Sensitivities};
 pub use why::{Loss, Why};
@@ -50,18 +49,20 @@ pub fn differentiate(
     forward.follow(recording, approaches)
 }
 
-/// Finds the gradient of Σ_k w_k (x, α)(t_k) over instants in order, of a run as in [`differentiate`], by all directions in
-/// one pass from the end to the start where that is known to serve all of them. Weights are those of states, and behind them
-/// of all α.
+/// Finds the gradient of Σ_k w_k (x, α)(t_k) over instants in order, of a run as in [`differentiate`], in one pass from the end
+/// to the start for all directions; none where that does not serve all of them, whose derivatives are known one by one if at
+/// all.
+///
+/// `weigh` gives the weights of states, and behind them of all α, at each instant, from where the run is there.
 pub fn adjoint(
     simulator: &Simulator,
-    recording: &Recording,
-    approaches: &[Approach],
+    (recording, approaches): (&Recording, &[Approach]),
     directions: &Directions,
-    weighed: (&[Moment], &[Vec<f64>]),
-) -> Gradient {
+    instants: &[Moment],
+    weigh: impl FnOnce(&Sensitivities) -> Option<Vec<Vec<f64>>>,
+) -> Option<Vec<f64>> {
     let run = run_of(simulator);
-    adjoint::gradient(&run, (recording, approaches), directions, weighed)
+    adjoint::gradient(&run, (recording, approaches), directions, instants, weigh)
 }
 
 fn run_of(simulator: &Simulator) -> run::Run<'_> {
