@@ -1,0 +1,161 @@
+//! Gradients of weighted sums of what a run reports, which go back through the run: against the derivatives that go forward, and
+//! against closed forms.
+
+use nsd_tests::random::Random;
+use nsdc::report::Trajectory;
+use nsdc::{Options, Project};
+
+type Weights = Vec<(String, Vec<f64>)>;
+
+fn run(text: &str, tolerance: f64, weights: Option<Weights>) -> Trajectory {
+    let options = Options {
+        tolerance: Some(tolerance),
+        ends_alone: true,
+        weights,
+        ..Options::default()
+    };
+    let project = Project::from_text("model.nsd", text);
+    let found = project.run("s", &options, &mut ());
+    found.expect("it compiles and is differentiated").trajectory
+}
+
+/// Random weights of all states and outputs at all rows, none where a derivative is not known.
+fn weights(run: &Trajectory, seed: u64) -> Weights {
+    let mut random = Random(seed);
+    let samples = &run.samples;
+    let all = samples.states.iter().chain(&samples.outputs).enumerate();
+    let of = |(place, series): (usize, &nsdc::report::Series)| {
+        let is_known = |at: usize| {
+            samples.sensitivities.iter().all(|by| {
+                let mut own = by.states.iter().chain(&by.outputs);
+                own.nth(place).is_some_and(|own| own.values[at].is_finite())
+            })
+        };
+        let weights = (0..series.values.len()).map(|at| match is_known(at) {
+            true => random.rounded(-1.0, 1.0),
+            false => 0.0,
+        });
+        (series.name.clone(), weights.collect())
+    };
+    all.map(of).collect()
+}
+
+/// The same gradient from derivatives of all that is weighed, with how large its terms are.
+fn contracted(run: &Trajectory, weights: &Weights) -> Vec<[f64; 2]> {
+    let by = run.samples.sensitivities.iter().map(|by| {
+        let all = by.states.iter().chain(&by.outputs).zip(weights);
+        let mut sums = [0.0, 0.0];
+        for (series, (name, weights)) in all {
+            assert_eq!(*name, series.name);
+            for (weight, value) in weights.iter().zip(&series.values) {
+                if *weight != 0.0 {
+                    sums[0] += weight * value;
+                    sums[1] += (weight * value).abs();
+                }
+            }
+        }
+        sums
+    });
+    by.collect()
+}
+
+/// Asserts that both passes agree to 1e-11; whether the second one has gone backward.
+fn agrees(text: &str, seed: u64) -> bool {
+    let forward = run(text, 1e-13, None);
+    let weights = weights(&forward, seed);
+    let expected = contracted(&forward, &weights);
+    let back = run(text, 1e-13, Some(weights));
+    let found = back.gradient.expect("it was asked for");
+    assert_eq!(found.len(), expected.len());
+    for (found, [sum, size]) in found.iter().zip(expected) {
+        let error = (found - sum).abs();
+        assert!(
+            error <= 1e-11 * size,
+            "{found} {sum}: {error:e} of {size}\n{text}"
+        );
+    }
+    back.samples.sensitivities.is_empty()
+}
+
+const SYSTEMS: [&str; 11] = [
+    "model m { param k = 2; param a = 1; state x = a; x' = -k*sign(x) + time; }
+     simulate s of m { horizon 3; sensitivity to k, a; }",
+    "model m { param g = 9; param e = 0.5; param h = 2; state q = h; state v = 0;
+       q' = v; v' = -g; jump floor when q <= 0 and v < 0 { v := -e*v; } }
+     simulate s of m { horizon 1.9; sensitivity to g, e, h; }",
+    "model m { param w = 2; param r = 0.8; state x[2] = [1.3, 0.2]; output e = r*dot(x, x);
+       x[1]' = if dot(x, x) > r^2 then -0.3*x[1] - w*x[2] else 0.1*x[1] - 3*x[2];
+       x[2]' = if dot(x, x) > r^2 then w*x[1] - 0.3*x[2] else 3*x[1] + 0.1*x[2]; }
+     simulate s of m { horizon 3; sensitivity to r, w, x[1] at 0; }",
+    "model m { param mu = 0.6; param k = 1.1; param vb = 0.3; param d = 0.1; state q = 0; state v = 1;
+       output u = mu*sign(v - vb); q' = v; v' = -k*q - d*v - mu*sign(v - vb)*exp(-abs(v - vb)); }
+     simulate s of m { horizon 12; sensitivity to mu, k, vb, d, q at 0, v at 0; }",
+    "model m { param a = 1; param b = 0.4; state x[2] = [0.7, -0.6]; state y = 0;
+       x[1]' = -a*sign(x[1]) + 0.3*sign(x[2]) + 0.2*y; x[2]' = -0.8*sign(x[2]) + b*x[1]; y' = 1; }
+     simulate s of m { horizon 8; sensitivity to a, b, x[1] at 0, x[2] at 0; }",
+    "model m { param a = 0.7; state T = 19; switch on = hysteresis(T, on = 18, off = 21, start = 1);
+       T' = 5*on - a*(T - 10)/10; }
+     simulate s of m { horizon 9; sensitivity to a, T at 0; }",
+    "model m { param mu = 0.6; param e = 0.5; param g = 9.81; state q[2] = [0, 1]; state v[2] = [2, 0]; q' = v;
+       mechanics q, v { mass = 1; force = [0, -g];
+         contact floor { gap = q[2]; slip = v[1]; restitution = e; friction = mu; } } }
+     simulate s of m { horizon 1.2; sensitivity to mu, e, g, q[2] at 0, v[1] at 0; }",
+    "model m { param T = 0.4; param a = 1.5; state x = 1; x' = if time < T then -a*x else a*sin(x); }
+     simulate s of m { horizon 1; sensitivity to T, a, x at 0; }",
+    "model m { param a = 1.2; param b = 0.5; state x = 1; algebraic z = 0.5; x' = -z + sign(x - b)*0.1; 0 = z^3 + a*z - x; }
+     simulate s of m { horizon 3; sensitivity to a, b, x at 0; }",
+    "model m { param r = 1.5; param w = 2; state q[2] = [0.5, 0]; q' = [1, w*cos(w*time)];
+       project q onto { dot(q, q) <= r^2; }; }
+     simulate s of m { horizon 3; sensitivity to r, w, q[1] at 0; }",
+    "model m { param p = 0.7; state x = 1; algebraic z = 0.5; x' = -x*z; 0 = z^3 + z - p*x;
+       jump halve when x >= 0.9 { x := 0.5*x + 0.2*z; } }
+     simulate s of m { horizon 1; sensitivity to p, x at 0; }",
+];
+
+#[test]
+fn both_passes_agree() {
+    for (seed, text) in SYSTEMS.iter().enumerate() {
+        assert!(agrees(text, seed as u64), "it does not go backward\n{text}");
+    }
+}
+
+/// x' = -k sign(x) + t from a meets the surface at k - √(k² - 2a), slides until k, and x = (t - k)²/2 then.
+#[test]
+fn a_relay_slides_and_leaves() {
+    let text = SYSTEMS[0].replace("horizon 3", "horizon 3; output at [0.25, 3]");
+    let back = run(&text, 1e-12, Some(vec![("x".to_owned(), vec![10.0, 1.0])]));
+    let found = back.gradient.expect("it was asked for");
+    // x(1/4) = a - k/4 + 1/32.
+    for (found, exact) in found.iter().zip([-2.5 - 1.0, 10.0]) {
+        assert!((found - exact).abs() < 1e-10, "{found} {exact}");
+    }
+}
+
+/// Behind the first bounce of a ball, v = e √(2gh) - g (t - √(2h/g)).
+#[test]
+fn a_ball_bounces() {
+    let text = SYSTEMS[1].replace("horizon 1.9", "horizon 1; output at [1]");
+    let back = run(&text, 1e-13, Some(vec![("v".to_owned(), vec![1.0])]));
+    let found = back.gradient.expect("it was asked for");
+    let (g, e, h, t) = (9.0_f64, 0.5_f64, 2.0_f64, 1.0_f64);
+    let by_g = e * (0.5 * h / g).sqrt() - t + 0.5 * (2.0 * h / g).sqrt();
+    let by_e = (2.0 * g * h).sqrt();
+    let by_h = e * (0.5 * g / h).sqrt() + 0.5 * (2.0 * g / h).sqrt();
+    for (found, exact) in found.iter().zip([by_g, by_e, by_h]) {
+        assert!((found - exact).abs() < 1e-10, "{found} {exact}");
+    }
+}
+
+/// Where one of two directions has no derivative, the other one keeps its own.
+#[test]
+fn what_is_lost_for_one_parameter_is_known_for_the_other() {
+    let text = "model m { param a = 0.5; state x = 0; state y = 1; x' = -a - sign(x); y' = -a*y; }
+        simulate s of m { horizon 1; sensitivity to a, x at 0; output at [1]; }";
+    let back = run(text, 1e-12, Some(vec![("y".to_owned(), vec![1.0])]));
+    let found = back.gradient.as_ref().expect("it was asked for");
+    assert!(
+        (found[0] + (-0.5_f64).exp()).abs() < 1e-10 && found[1].is_nan(),
+        "{found:?}"
+    );
+    assert!(back.warnings.iter().any(|warning| warning.code == "W0735"));
+}
