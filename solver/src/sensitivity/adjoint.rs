@@ -12,18 +12,21 @@
 //!
 //! What has to hold to first order is linear in the tangent. A forward pass along one combination of all directions finds
 //! what does not hold for one of them, unless terms cancel or that direction is small in it by a factor of 1e-6; it also
-//! divides the steps. Where it loses its way, where a step is stiff, and where the last terms of the series of a parameter
-//! are more than the tolerance, directions are followed one by one instead.
+//! divides the steps. Where it loses its way, where a step is stiff, and where the last terms of series add more than the
+//! tolerance to the derivative by a parameter, directions are followed one by one instead.
 
 use super::asked::{Directions, Moment};
 use super::forward::{Forward, Passed, Row, Sensitivities, Traced};
 use super::functions::{Functions, Slots};
 use super::run::Run;
 use super::saltation::Slope;
-use super::taylor::{Slopes, Weighed};
+use super::taylor::{ORDER, Slopes, Weighed};
 use super::variational::Way;
 use crate::event::recording::{Part, Recording};
 use crate::events::Approach;
+
+/// The last orders of series, which show what is missing.
+const LAST: usize = 3;
 
 /// How a functional moves with the state, with the instant of an event, and with parameters.
 pub(super) struct Costate {
@@ -197,6 +200,9 @@ fn part(
         costate.add_row(functions.slots, row, &weights[row.instant]);
         ends.push((row.tau, std::mem::replace(&mut costate.x, vec![0.0; n])));
     }
-    costate.x = slopes.transposed(&ends, n, &mut costate.by);
+    let mut last = Weighed::new(way.run.parameters.len());
+    slopes.transposed(&ends, (n, ORDER + 1 - LAST), &mut last);
+    costate.by.add_tails(&last);
+    costate.x = slopes.transposed(&ends, (n, 0), &mut costate.by);
     Some(())
 }

@@ -68,7 +68,7 @@ impl Slope {
     }
 }
 
-/// What parameters make of a functional, with the sizes of what it is made of and of the last terms of the series.
+/// What parameters make of a functional, with the sizes of what it is made of, and what the last terms of series add to it.
 #[derive(Clone, Debug)]
 pub(super) struct Weighed {
     pub sums: Vec<f64>,
@@ -92,13 +92,10 @@ impl Weighed {
         self.sizes[parameter] += term.abs();
     }
 
-    /// Adds a term of an order of a series.
-    fn add_order(&mut self, parameter: usize, term: f64, k: usize) {
-        /// Orders that show what is missing.
-        const LAST: usize = 3;
-        self.add(parameter, term);
-        if k + LAST >= ORDER {
-            self.tails[parameter] += term.abs();
+    /// Adds what the last terms of series make of it.
+    pub fn add_tails(&mut self, last: &Weighed) {
+        for (tail, last) in self.tails.iter_mut().zip(&last.sums) {
+            *tail += last.abs();
         }
     }
 }
@@ -295,14 +292,19 @@ impl Slopes {
     }
 
     /// The transpose of `tangent`: the weights of S at instants after the start as weights of S at the start and of the
-    /// parameters, order by order from the last one.
-    pub fn transposed(&self, ends: &[(f64, Vec<f64>)], n: usize, by: &mut Weighed) -> Vec<f64> {
+    /// parameters, order by order from the last one. Of the series of S only terms from an order on are weighed.
+    pub fn transposed(
+        &self,
+        ends: &[(f64, Vec<f64>)],
+        (n, from): (usize, usize),
+        by: &mut Weighed,
+    ) -> Vec<f64> {
         let mut s = vec![0.0; n * STRIDE];
         for (tau, weights) in ends {
             for (row, weight) in s.chunks_mut(STRIDE).zip(weights) {
                 let mut power = *weight;
-                for entry in row {
-                    *entry += power;
+                for (k, entry) in row.iter_mut().enumerate() {
+                    *entry += if k < from { 0.0 } else { power };
                     power *= tau;
                 }
             }
@@ -315,7 +317,7 @@ impl Slopes {
                 match slope.by {
                     By::State(i) => slope.spread(weight, &mut s[i * STRIDE..], k, 0),
                     By::Alpha(i) => slope.spread(weight, &mut a[i * STRIDE..], k, 0),
-                    By::Parameter(i) => by.add_order(i, weight * slope.series[k], k),
+                    By::Parameter(i) => by.add(i, weight * slope.series[k]),
                 }
             }
             let Some(lu) = &self.lu else { continue };
@@ -328,7 +330,7 @@ impl Slopes {
                 match slope.by {
                     By::State(i) => slope.spread(weight, &mut s[i * STRIDE..], k, 0),
                     By::Alpha(i) => slope.spread(weight, &mut a[i * STRIDE..], k, 1),
-                    By::Parameter(i) => by.add_order(i, weight * slope.series[k], k),
+                    By::Parameter(i) => by.add(i, weight * slope.series[k]),
                 }
             }
         }
