@@ -1,6 +1,7 @@
 //! Gradients of weighted sums of what a run reports, which go back through the run: against the derivatives that go forward, and
 //! against closed forms.
 
+use crate::sensitivity::affine;
 use nsd_tests::random::Random;
 use nsdc::report::Trajectory;
 use nsdc::{Options, Project};
@@ -117,6 +118,21 @@ fn both_passes_agree() {
     for (seed, text) in SYSTEMS.iter().enumerate() {
         assert!(agrees(text, seed as u64), "it does not go backward\n{text}");
     }
+}
+
+/// Of random piecewise affine systems, which cross, slide and leave, the gradient is the same either way, and most are found by
+/// going back.
+#[test]
+fn both_passes_agree_for_random_systems() {
+    let (mut back, mut all) = (0, 0);
+    for seed in 0..60 {
+        let text = affine(seed);
+        if run(&text, 1e-13, None).failure.is_none() {
+            all += 1;
+            back += usize::from(agrees(&text, seed));
+        }
+    }
+    assert!(all >= 40 && 4 * back >= 3 * all, "{back} of {all}");
 }
 
 /// x' = -k sign(x) + t from a meets the surface at k - √(k² - 2a), slides until k, and x = (t - k)²/2 then.

@@ -679,7 +679,7 @@ fn derivatives_end_where_runs_are_canceled() {
 }
 
 /// A random piecewise affine system x' = A x + b + Σ_k step(c_k x - d_k) (B_k x + e_k), whose first entries are parameters.
-fn affine(seed: u64) -> String {
+pub(crate) fn affine(seed: u64) -> String {
     let mut random = Random(seed);
     let (n, surfaces) = (2 + random.below(2), 1 + random.below(2));
     let mut text = "model m { param p = 1; param r = 0.3; ".to_owned();
