@@ -33,7 +33,7 @@ use self::expr::{Expr, Exprs, Var};
 use self::model::{Model, Units};
 use self::project::clock::Clock;
 use self::report::Series;
-use self::report::expect::{self, Subject};
+use self::report::expect::{self, ExpectError, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::algebraic::following;
@@ -482,54 +482,59 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
         return;
     }
     for item in &file.items {
-        // What is wrong with the model of an experiment has been said.
-        let Item::Experiment(experiment) = item else {
-            continue;
-        };
-        if broken.contains(&experiment.model.head.name.as_str()) {
-            continue;
-        }
-        let exprs = Exprs::new();
         let mut found = Diagnostics::new();
-        let compiled = compile_to(
-            &exprs,
-            file,
-            experiment,
-            &[],
-            Extent::Whole,
-            &mut Clock::default(),
-            &mut found,
-        );
-        if let Some(compiled) = compiled {
-            expect::check(
-                &compiled.subject(sources),
-                &compiled.settings.expects,
-                &mut found,
-            );
-            // A lowering that is asked for by name must exist, whatever the method needs.
-            let lowerings = &compiled.settings.numerics.lowerings;
-            if !lowerings.is_empty()
-                && let Err(error) = lowering::dcs::lower(&compiled.lowered(), lowerings)
+        match item {
+            Item::ExpectDiagnostic(expected) => {
+                let error = ExpectError::unknown_code(&expected.severity.name, &expected.code);
+                error.into_iter().for_each(|error| found.push(error));
+            }
+            // What is wrong with the model of an experiment has been said.
+            Item::Experiment(experiment)
+                if !broken.contains(&experiment.model.head.name.as_str()) =>
             {
-                found.push(error);
+                check_experiment((file, sources), experiment, &mut found);
             }
-            if experiment.is_sensed() && !found.has_errors() {
-                check_sensed(file, experiment, &mut found);
-            }
-            if let Some(closed_loop) = &compiled.settings.numerics.closed_loop
-                && !found.has_errors()
-            {
-                found.append(study::mpc::check(file, &compiled, closed_loop));
-            }
-            // What a fit frees is open already.
-            if compiled.settings.recording.fit.is_some()
-                && !found.has_errors()
-                && let Err(more) = project::sensed::sensing(&compiled)
-            {
-                found.append(more);
-            }
+            _ => {}
         }
         add(found);
+    }
+}
+
+/// Finds what is wrong with an experiment whose model is right.
+fn check_experiment(
+    (file, sources): (&File, &SourceMap),
+    experiment: &Experiment,
+    found: &mut Diagnostics,
+) {
+    let (exprs, mut clock) = (Exprs::new(), Clock::default());
+    let extent = Extent::Whole;
+    let compiled = compile_to(&exprs, file, experiment, &[], extent, &mut clock, found);
+    let Some(compiled) = compiled else {
+        return;
+    };
+    let subject = compiled.subject(sources);
+    expect::check(&subject, &compiled.settings.expects, found);
+    // A lowering that is asked for by name must exist, whatever the method needs.
+    let lowerings = &compiled.settings.numerics.lowerings;
+    if !lowerings.is_empty()
+        && let Err(error) = lowering::dcs::lower(&compiled.lowered(), lowerings)
+    {
+        found.push(error);
+    }
+    if experiment.is_sensed() && !found.has_errors() {
+        check_sensed(file, experiment, found);
+    }
+    if let Some(closed_loop) = &compiled.settings.numerics.closed_loop
+        && !found.has_errors()
+    {
+        found.append(study::mpc::check(file, &compiled, closed_loop));
+    }
+    // What a fit frees is open already.
+    if compiled.settings.recording.fit.is_some()
+        && !found.has_errors()
+        && let Err(more) = project::sensed::sensing(&compiled)
+    {
+        found.append(more);
     }
 }
 

@@ -143,7 +143,7 @@ fn these_fail() {
         "mode at end is sliding(s, x - 1)",
         "mode at 0 is above(-y[1])",
         "log(-1 - x) at 0 ~ 0 within 1",
-        "warning W0102",
+        "warning W0104",
         "status is time_limit",
     ];
     all(&fails, |verdict| matches!(verdict, Verdict::Failed { .. }));

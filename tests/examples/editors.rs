@@ -1,4 +1,4 @@
-//! Colours of the language for editors, from its grammar and the compiler's lists of words.
+//! Colours of the language for editors, and what they know of its brackets and words, from its grammar and the compiler's lists of words.
 //!
 //! ```sh
 //! cargo run -p nsd-tests --example editors               # compares what is kept with what comes out
@@ -9,6 +9,8 @@
 //! `editors/nsd.template.json` says how statements and expressions are coloured, and here are its words: `<<rule>>`
 //! stands for those that a rule of the grammar begins with, `<<*>>` for all.
 
+#[path = "editors/configuration.rs"]
+mod configuration;
 #[path = "editors/grammar.rs"]
 mod grammar;
 #[path = "editors/tokens.rs"]
@@ -26,10 +28,13 @@ use serde_json::Value;
 use grammar::Grammar;
 
 /// Where the grammar of colours is kept: for VS Code, and for Pygments.
-const KEPT: [&str; 2] = [
+const COLOURS: [&str; 2] = [
     "editors/vscode/syntaxes/nsd.tmLanguage.json",
     "python/nsdc/nsd.tmLanguage.json",
 ];
+
+/// What VS Code knows of brackets, comments and words.
+const CONFIGURATION: &str = "editors/vscode/language-configuration.json";
 
 fn main() -> ExitCode {
     let has = |flag: &str| std::env::args().any(|arg| arg == flag);
@@ -41,11 +46,13 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let coloured = filled(&read("editors/nsd.template.json"), &grammar);
+    let configured = configuration::of(&grammar);
+    let kept = COLOURS.map(|name| (name, &coloured));
     let mut exit = ExitCode::SUCCESS;
-    for name in KEPT {
+    for (name, text) in kept.into_iter().chain([(CONFIGURATION, &configured)]) {
         if has("--accept") {
-            fs::write(root.join(name), &coloured).expect("the folder of the project is writable");
-        } else if read(name) != coloured {
+            fs::write(root.join(name), text).expect("the folder of the project is writable");
+        } else if read(name) != *text {
             print(&format!(
                 "{name} is not what comes of the grammar; `-- --accept` writes it"
             ));

@@ -29,6 +29,38 @@ simulate filippov of m { with { s.sliding = linear; } horizon 2.5; tolerance 1e-
 simulate between of m { with { x = 0.5; y = 0; } horizon 0.5; method event { branch = slide; } tolerance 1e-11; }
 simulate open of m { with { x = 0.5; y = 0; } horizon 0.5; }";
 
+/// A reading is that of the switching function, by whatever name it stands and in whatever order: x is at 0 from t = 1 on, and
+/// there s = 1/3 from 1 - 1/2 - 3 s/2 = 0, or s² - 1/2 - 3 s/2 = 0.
+#[test]
+fn a_reading_holds_wherever_its_function_stands() {
+    let statements = |reading: &str| {
+        let named = format!("switch s = sign(x) sliding {reading};");
+        let other = "switch a = sign(x);";
+        [format!("{named} {other}"), format!("{other} {named}")]
+    };
+    for (reading, slides) in [
+        ("linear", 1.0 / 3.0),
+        ("nonlinear", (1.5 - 4.25_f64.sqrt()) / 2.0),
+    ] {
+        for statements in statements(reading) {
+            for [first, second] in [
+                ["s", "s"],
+                ["sign(x)", "sign(x)"],
+                ["a", "sign(x)"],
+                ["sign(x)", "s"],
+            ] {
+                let text = format!(
+                    "model m {{ state x = 1; state y = 0; {statements}
+                     x' = {first}^2 - 0.5 - 1.5*{second}; y' = {first}; }}
+                     simulate e of m {{ horizon 3; }}"
+                );
+                let found = end(&solved(&text, "e"), "y");
+                assert_near(&found, &[1.0 + 2.0 * slides], 1e-9);
+            }
+        }
+    }
+}
+
 #[test]
 fn a_branch_is_followed_to_its_fold() {
     let found = solved(MODES, "folds");

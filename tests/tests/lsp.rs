@@ -6,6 +6,7 @@ mod hovers;
 mod mending;
 mod typing;
 mod typist;
+mod words;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -466,7 +467,7 @@ fn what_fits_in_an_experiment_is_offered() {
     offers(
         "horizon 1;",
         "horizon 1; method fesd { scheme = | }",
-        &["radau_iia", "gauss"],
+        &["radau_iia(4)", "gauss(4)"],
         &["c", "sin"],
     );
     offers(
@@ -661,7 +662,7 @@ fn experiments_have_lenses_and_parameters_their_values() {
         .iter()
         .filter_map(|hint| hint["label"].as_str())
         .collect();
-    assert_eq!(labels, ["= 3"]);
+    assert_eq!(labels, ["= 3", ": m"]);
     let document = json!({ "textDocument": { "uri": uri(&path) } });
     let lenses = client.ask("textDocument/codeLens", document);
     let titles: Vec<&str> = lenses
@@ -933,6 +934,34 @@ fn experiments_are_run_and_canceled_beside() {
         Err(-32800)
     );
     assert_eq!(client.end(), Exit::Success);
+}
+
+/// What an editor is shown of experiments of one name in different files stays different.
+#[test]
+fn results_of_files_are_not_confused() {
+    let mut program = Program::new("results");
+    let show = json!({ "capabilities": { "window": { "showDocument": { "support": true } } } });
+    assert!(program.ask("initialize", &show).is_ok());
+    let mut shown = BTreeMap::new();
+    for rate in [1, 2] {
+        let path = format!("/nowhere/{rate}/same.nsd");
+        let text =
+            format!("model m {{ state x = 0; x' = {rate}; }} simulate s of m {{ horizon 1; }}");
+        program.open(&path, &text);
+        let command =
+            json!({ "command": "nsdc.run", "arguments": [format!("file://{path}"), "s"] });
+        let came = program
+            .ask("workspace/executeCommand", &command)
+            .expect("it runs");
+        let uri = came["uri"].as_str().expect("it is shown").to_owned();
+        shown.insert(uri, came["text"].as_str().expect("a text").to_owned());
+    }
+    assert_eq!(shown.len(), 2);
+    for (uri, text) in &shown {
+        let file = fs::read_to_string(uri.trim_start_matches("file://"));
+        assert_eq!(file.expect("it is there"), *text);
+    }
+    assert_eq!(program.shut_down().0, Some(0));
 }
 
 /// All that a lens does tells how far it is, and ends where its progress is canceled.
@@ -1214,6 +1243,13 @@ fn the_program_ends_with_what_makes_no_sense() {
     program.initialize();
     program.write("{ this is no JSON");
     assert_eq!(program.end(), (Some(1), String::new()));
+    // Lengths that nothing has.
+    for length in ["99999999999999", "18446744073709551616", "-1", "9"] {
+        let mut program = Program::new(&format!("length {length}"));
+        program.initialize();
+        write!(program.input, "Content-Length: {length}\r\n\r\n{{}}").expect("it reads");
+        assert_eq!(program.end(), (Some(1), String::new()));
+    }
 }
 
 #[test]

@@ -44,7 +44,7 @@ pub use crate::model::statements::programs::{Multiplier, Program, ProgramRow};
 pub use crate::model::statements::restitution::Restitution;
 pub use resolve::{check_file, resolve};
 pub(crate) use units::check_experiment;
-pub use units::{UnitError, Units};
+pub use units::{UnitError, Units, inferred, names as unit_names};
 
 use std::fmt;
 use std::sync::Arc;

@@ -39,7 +39,7 @@ use crate::report::{
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
-use crate::system::experiment::{Optimize, Settings};
+use crate::system::experiment::{OPTIMIZER, Optimize, Settings};
 
 pub use crate::optimize::start::guess::Sampled;
 pub use crate::optimize::start::transfer::Point;
@@ -273,7 +273,7 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
     trajectory.status = Status::Solved;
     trajectory.objective = solution.objective.is_finite().then_some(solution.objective);
     let method = Method {
-        name: "mpcc".into(),
+        name: OPTIMIZER.into(),
         ..Method::default()
     };
     trajectory.setup.method = method

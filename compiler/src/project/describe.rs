@@ -150,14 +150,19 @@ fn described<'e>(
     }
 }
 
-/// The doc comment in front of what stands at a place: the lines directly above it that begin with `///`.
+/// The doc comment in front of what stands at a place: the lines directly above it that begin with `///`, where nothing else
+/// begins in its own line before it.
 pub(crate) fn doc(span: Span, sources: &SourceMap) -> Option<String> {
     let file = sources.file(span)?;
     let before = file
         .text
         .get(..(span.start as usize).checked_sub(file.start)?)?;
-    // What stands in front of it on its own line, such as a keyword, is no line above it.
-    let above = before.rsplit_once('\n')?.0.lines().rev();
+    let (above, own) = before.rsplit_once('\n')?;
+    // Keywords may stand in front of it.
+    if own.contains([';', '{', '}']) {
+        return None;
+    }
+    let above = above.lines().rev();
     let lines = above.map_while(|line| line.trim().strip_prefix("///"));
     let mut lines: Vec<&str> = lines.map(str::trim).collect();
     lines.reverse();

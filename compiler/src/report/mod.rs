@@ -368,7 +368,7 @@ pub enum Side {
 /// A warning of a run.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Warning {
-    /// Its code, `W0102`.
+    /// Its code, `W0701`.
     pub code: String,
     /// The fact.
     pub message: String,

@@ -13,6 +13,7 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use thiserror::Error;
 
 use crate::diagnostics::{Applicability, Diagnostics, Fix, Fixable, Help};
+use crate::model::hir::reserved::one_of;
 use crate::source::table::Source;
 use crate::source::{SourceMap, Span, table};
 use crate::syntax::{self, File, Ident, Item, Link, Use, UseSource};
@@ -386,18 +387,19 @@ fn standard(path: &[Ident]) -> Result<Loaded, Missing> {
             bytes: body.as_bytes().to_vec(),
         });
     }
-    let modules = STANDARD.iter().map(|(name, _)| format!("`std.{name}`"));
-    let modules = modules.collect::<Vec<_>>().join(", ");
+    let modules: Vec<String> = (STANDARD.iter())
+        .map(|(name, _)| format!("std.{name}"))
+        .collect();
     let (why, help) = match words.first() {
         Some(&"std") => (
             "not in the standard library".to_owned(),
-            format!("there is {modules}").into(),
+            one_of(&text, "there is", modules.iter().map(String::as_str)),
         ),
         _ => ("neither a path nor `std`".to_owned(), {
             let path = format!("./{}", words.join("/"));
             let text = format!("write `use {path};` for a file beside this one");
-            Help::edit(text, path, Applicability::Suggestion)
+            Some(Help::edit(text, path, Applicability::Suggestion))
         }),
     };
-    Err((text, why, span, Some(help)))
+    Err((text, why, span, help))
 }

@@ -3,7 +3,7 @@
 use miette::{Diagnostic, LabeledSpan};
 use thiserror::Error;
 
-use crate::diagnostics::{Fix, Fixable};
+use crate::diagnostics::{Applicability, Fix, Fixable};
 use crate::source::Span;
 
 /// A mistake that shows when the switches of a model are made explicit.
@@ -64,8 +64,8 @@ pub enum SystemError {
         switch: Span,
         #[label("enters nonlinearly here")]
         entry: Option<Span>,
-        /// Its `switch` statement, where it has one.
-        named: Option<Span>,
+        /// Its `switch` statement, where it has one, or else where one may be and how it begins.
+        named: Result<Span, (Span, String)>,
     },
 
     /// Hidden terms of a switch that says neither to keep nor to drop them.
@@ -657,7 +657,15 @@ impl Fixable for SystemError {
             SystemError::Gap { span, entries, .. } => {
                 vec![Fix::rest(*span, entries.iter().map(String::as_str))]
             }
-            SystemError::NonlinearSwitch { named, .. } => named.iter().flat_map(readings).collect(),
+            SystemError::NonlinearSwitch { named, .. } => match named {
+                Ok(statement) => readings(statement),
+                Err((place, statement)) => ["linear", "nonlinear"]
+                    .map(|reading| {
+                        let line = format!("  {statement} sliding {reading};\n");
+                        Fix::one(*place, line, Applicability::Suggestion)
+                    })
+                    .to_vec(),
+            },
             SystemError::HiddenReading { switch, .. } => readings(switch),
             _ => Vec::new(),
         }

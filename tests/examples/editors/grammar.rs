@@ -49,6 +49,24 @@ impl Grammar {
         found
     }
 
+    /// The text that a rule begins with, whatever it is made of.
+    pub fn symbol(&self, rule: &str) -> &str {
+        let found = leaves(&self.rules[rule]).find_map(|leaf| match leaf {
+            Expr::Str(text) => Some(text.as_str()),
+            _ => None,
+        });
+        found.unwrap_or_else(|| panic!("`{rule}` begins with no text"))
+    }
+
+    /// The classes of characters, and the characters, that a rule is made of.
+    pub fn classes(&self, rule: &str) -> Vec<String> {
+        let name = |leaf: &Expr| match leaf {
+            Expr::Ident(name) | Expr::Str(name) => Some(name.clone()),
+            _ => None,
+        };
+        leaves(&self.rules[rule]).filter_map(name).collect()
+    }
+
     /// Adds the words that may stand first; whether there may be nothing at all.
     fn first(&self, expr: &Expr, found: &mut Vec<String>) -> bool {
         match expr {
@@ -76,6 +94,18 @@ impl Grammar {
             Expr::PosPred(_) | Expr::NegPred(_) => true,
             _ => false,
         }
+    }
+}
+
+/// What an expression is made of, in order, without what it looks ahead for.
+fn leaves(expr: &Expr) -> Box<dyn Iterator<Item = &Expr> + '_> {
+    match expr {
+        Expr::PosPred(_) | Expr::NegPred(_) => Box::new(std::iter::empty()),
+        Expr::Seq(left, right) | Expr::Choice(left, right) => {
+            Box::new(leaves(left).chain(leaves(right)))
+        }
+        Expr::Opt(inner) | Expr::Rep(inner) | Expr::RepOnce(inner) => leaves(inner),
+        leaf => Box::new(std::iter::once(leaf)),
     }
 }
 

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use nsdc::cli::Exit;
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use super::client::{Client, memory, position};
+use super::client::{Client, memory, position, uri};
 
 /// What is told of the first place of some words.
 fn told(client: &mut Client, path: &Path, text: &str, words: &str) -> String {
@@ -162,13 +162,13 @@ simulate other of twin { horizon 1; }
         let its = found["contents"]["value"].as_str().expect("it is told");
         assert!(its.contains(&format!("a = {rate} in `{name}`")), "{its}");
     }
-    // Neither are those of the text before an error.
+    // What cannot be read in another experiment changes nothing of them.
     let broken = text.replace("simulate other of twin {", "simulate other of twin { = ;");
     assert!(!client.open(&path, &broken).is_empty());
     for (name, words, rate) in places {
         let its = told(&mut client, &path, &broken, words);
         let (heading, lines) = equations(&its).expect("it has an equation");
-        let expected = format!("before the error, in `{name}`:");
+        let expected = format!("in `{name}`:");
         assert_eq!(
             (heading, lines),
             (&*expected, &*format!("der(x) = -{rate}*x"))
@@ -227,5 +227,190 @@ simulate one of m { with { k = 2; } horizon 1; }
         assert_eq!(its.contains("k = 2 in `one`"), has_value, "{new}: {its}");
         assert_eq!(its.contains(" in `one`"), has_value, "{new}: {its}");
     }
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// A model with parts of one model, one inside of another, and one in an array.
+const PARTS: &str = "\
+model sub { param g = 2; input a; state w = 1; w' = -w*g + a; output y = w*g; switch s = sign(w - 3); }
+model mid { param h = 3; part q = sub { g = h; a = 0; } output z = q.w; }
+model big {
+  param G = 7;
+  part p = sub { g = G; a = p.s; }
+  part m = mid { h = 4; }
+  part legs[i in 2..3] = sub { g = 5; a = 0; }
+  state z = 1;
+  z' = -p.y - m.q.w - legs[2].w - legs[3].w;
+}
+simulate r of big { horizon 1; with { p.w = 9; m.q.w = 8; legs[2].w = 6; legs[3].w = 4; } expect p.y at end < 100; }
+";
+
+/// What a part declares has the values and equations of the part that is named, or else of the first one.
+#[test]
+fn members_are_those_of_their_part() {
+    let mut client = Client::new(&[]);
+    let path = memory("parts.nsd");
+    assert_eq!(client.open(&path, PARTS), Vec::<Value>::new());
+    for (words, its) in [
+        (
+            "w = 9",
+            "p.w = 9 at the start in `r`\n\nin `r`:\n\n```text\nder(p.w) = ",
+        ),
+        (
+            "w = 8",
+            "m.q.w = 8 at the start in `r`\n\nin `r`:\n\n```text\nder(m.q.w) = ",
+        ),
+        ("w - legs", "m.q.w = 8 at the start"),
+        ("w = 6", "legs[2].w = 6 at the start"),
+        ("w;\n}", "legs[3].w = 4 at the start"),
+        ("y - m", "in `r`:\n\n```text\noutput p.y = p.g*p.w"),
+        ("g = G", "p.g = 7 in `r`"),
+        ("g = h", "m.q.g = 4 in `r`"),
+        ("g = 5", "legs[2].g = 5 in `r`"),
+        // In the model of the parts, the first of them.
+        ("g = 2", "p.g = 7 in `r`"),
+        ("w = 1", "p.w = 9 at the start in `r`"),
+        ("h = 3", "m.h = 4 in `r`"),
+    ] {
+        let told = told(&mut client, &path, PARTS, words);
+        assert!(told.contains(its), "{words}: {told}");
+    }
+    // Where an experiment has the model by itself, that one.
+    let text = format!("{PARTS}simulate own of sub {{ horizon 1; with {{ a = 0; g = 11; }} }}\n");
+    assert_eq!(client.open(&path, &text), Vec::<Value>::new());
+    for (words, its) in [
+        ("g = 2", "\n\ng = 11 in `own`"),
+        ("w = 9", "p.w = 9 at the start in `r`"),
+    ] {
+        let told = told(&mut client, &path, &text, words);
+        assert!(told.contains(its), "{words}: {told}");
+    }
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// Parts that are made of each other, or of many levels of two, are told as far as they are found soon.
+#[test]
+fn parts_without_end_are_answered() {
+    let mut client = Client::new(&[]);
+    let path = memory("endless.nsd");
+    let mut text = "model a { part x = a; part y = a; part z = b; state q = 1; q' = 0; }
+model b { part x = a; part y = b; }
+model sub { state w = 1; w' = -w; }
+model p0 { part l = sub; part r = sub; }
+"
+    .to_owned();
+    for k in 1..40 {
+        text += &format!("model p{k} {{ part l = p{0}; part r = p{0}; }}\n", k - 1);
+    }
+    text += "simulate e of a { horizon 1; }\nsimulate f of p39 { horizon 1; }\n";
+    assert!(!client.open(&path, &text).is_empty());
+    for words in ["q = 1", "w = 1"] {
+        let told = told(&mut client, &path, &text, words);
+        assert!(told.contains("state"), "{told}");
+    }
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// What is declared without a unit has the one that follows, and its own comment alone.
+#[test]
+fn units_follow_and_comments_are_of_one_name() {
+    let mut client = Client::new(&[]);
+    let path = memory("units.nsd");
+    let text = "\
+/// Of the model.
+model one { state n = 1; n' = 0; }
+model m {
+  /// Of L.
+  param L : m = 2; param T : s = 3;
+  let speed = L/T; let pure = 2*3;
+  state q : m = 1;
+  q' = speed;
+  output all = [q; L];
+}
+simulate r of m { horizon 1; }
+";
+    assert_eq!(client.open(&path, text), Vec::<Value>::new());
+    for (words, its, other) in [
+        ("n = 1", "state of `one`", "Of the model"),
+        ("L : m", "Of L.", "Of the model"),
+        ("T : s", "in s", "Of L"),
+        ("speed =", "let of `m`, in m/s\n", "Of"),
+        ("pure =", "let of `m`\n", ", in "),
+        ("all =", "output of `m`, in m, a vector of 2", "Of"),
+    ] {
+        let told = told(&mut client, &path, text, words);
+        assert!(
+            told.contains(its) && !told.contains(other),
+            "{words}: {told}"
+        );
+    }
+    assert_eq!(
+        hints(&mut client, &path),
+        [
+            (5, ": m/s".to_owned()),
+            (8, "[2]".to_owned()),
+            (8, ": m".to_owned())
+        ]
+    );
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// The hints of a text, with their lines.
+fn hints(client: &mut Client, path: &Path) -> Vec<(u64, String)> {
+    let range =
+        json!({ "start": { "line": 0, "character": 0 }, "end": { "line": 99, "character": 0 } });
+    let params = json!({ "textDocument": { "uri": uri(path) }, "range": range });
+    let found = client.ask("textDocument/inlayHint", params);
+    let hint = |hint: &Value| {
+        let line = hint["position"]["line"].as_u64()?;
+        Some((line, hint["label"].as_str()?.to_owned()))
+    };
+    found
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(hint)
+        .collect()
+}
+
+/// What cannot be read in one model changes nothing of another one, and hints stay in lines that do.
+#[test]
+fn a_broken_model_is_no_other_one() {
+    let mut client = Client::new(&[]);
+    let path = memory("neighbours.nsd");
+    let text = "\
+model m { param k = 2*3; let w = [k, k];
+  state x = 1; x' = -k*x; }
+model n { state y = 1;
+  y' = -y; let v = [y, y]; }
+simulate r of m { with { k = 4; } horizon 1; }
+";
+    let hinted = |shift: u64| {
+        let of_m = [(0, "= 4"), (0, "[2]")].map(|(line, text)| (line + shift, text.to_owned()));
+        of_m.to_vec()
+    };
+    assert_eq!(client.open(&path, text), Vec::<Value>::new());
+    let mut all = hinted(0);
+    all.push((3, "[2]".to_owned()));
+    assert_eq!(hints(&mut client, &path), all);
+    let broken = text.replace("-y;", "-(y ;");
+    assert!(!client.open(&path, &broken).is_empty());
+    let its = told(&mut client, &path, &broken, "k = 2");
+    assert!(its.contains("k = 4 in `r`"), "{its}");
+    let its = told(&mut client, &path, &broken, "x' =");
+    assert!(
+        its.contains("\n\nin `r`:\n\n```text\nder(x) = -k*x"),
+        "{its}"
+    );
+    assert_eq!(hints(&mut client, &path), hinted(0));
+    assert_eq!(client.open(&path, text), Vec::<Value>::new());
+    let broken = format!("model w {{\n  state v = = ; }}\n{text}");
+    assert!(!client.open(&path, &broken).is_empty());
+    assert_eq!(hints(&mut client, &path)[..2], hinted(2));
+    // An experiment that cannot be read gives no values.
+    let broken = text.replace("k = 4;", "k = ;");
+    assert!(!client.open(&path, &broken).is_empty());
+    let its = told(&mut client, &path, &broken, "k = 2");
+    assert!(!its.contains("in `r`"), "{its}");
     assert_eq!(client.end(), Exit::Success);
 }

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
+use nsdc::Project;
 use nsdc::cli::Exit;
+use nsdc::diagnostics::explain::{PAGES, examples};
 use serde_json::{Value, json};
 
 use super::client::{Client, edited, memory, position, uri};
@@ -105,4 +107,182 @@ fn ranges_are_laid_out_alone() {
         assert_eq!(found.lines().collect::<Vec<_>>(), expected);
     }
     assert_eq!(client.end(), Exit::Success);
+}
+
+/// What may be right or wrong: a model, and the experiment of it.
+fn relay(experiment: &str) -> String {
+    format!(
+        "model m {{\n  state x = 1;\n  x' = -sign(x);\n}}\nsimulate e of m {{ horizon 1; {experiment} }}\n"
+    )
+}
+
+/// A help that is an edit is offered as one, and what comes of it is right.
+#[test]
+fn helps_that_are_edits_mend() {
+    let mut client = Client::new(&[]);
+    let path = memory("helps.nsd");
+    let unit = |unit: &str| {
+        format!(
+            "model m {{ state x : m = 1; param v : {unit} = 1; x' = -v; }}\nsimulate e of m {{ horizon 1; }}\n"
+        )
+    };
+    let law = "model m {
+  state q = 1; state v = 0;
+  q' = v;
+  mechanics q, v { mass = 1; force = -1; contact c { gap = q; restitution = LAW; } }
+}
+simulate e of m { horizon 1; }
+";
+    let unnamed = "model m {
+  state x = 1;
+  state s = 1;
+  x' = sign(x)^2 - 0.5*sign(x);
+  s' = 0;
+}
+simulate e of m { horizon 1; }
+";
+    for (text, code, expected) in [
+        (
+            unnamed.to_owned(),
+            "E0401",
+            "switch s1 = sign(x) sliding linear;\n}",
+        ),
+        (
+            unnamed.to_owned(),
+            "E0401",
+            "switch s1 = sign(x) sliding nonlinear;\n}",
+        ),
+        (
+            format!("use std.fricton.{{coulomb}};\n{}", relay("")),
+            "E0119",
+            "use std.friction.{coulomb};",
+        ),
+        (unit("meter/s"), "E0230", ": m/s ="),
+        (unit("m/second"), "E0230", ": m/s ="),
+        (unit("m*rpm"), "E0230", ": m*(rad/s) ="),
+        (
+            relay("method fesd { scheme = radau_iaa; }"),
+            "E0508",
+            "scheme = radau_ia(4);",
+        ),
+        (
+            relay("method fesd { scheme = gauss; }"),
+            "E0508",
+            "scheme = gauss(4);",
+        ),
+        (
+            relay("method fesd { scheme = gaus(2); }"),
+            "E0508",
+            "scheme = gauss(2);",
+        ),
+        (
+            relay("method fesd { equilibration = mean; }"),
+            "E0508",
+            "equilibration = mean(0.001);",
+        ),
+        (
+            relay("expect status is slved;"),
+            "E0610",
+            "status is solved;",
+        ),
+        (
+            relay("expect staus is solved;"),
+            "E0010",
+            "expect status is solved;",
+        ),
+        (
+            relay("expect mdoe at 0.5 is below(x);"),
+            "E0010",
+            "expect mode at",
+        ),
+        (
+            relay("expect lowerin golden;"),
+            "E0010",
+            "expect lowering golden;",
+        ),
+        (
+            relay("expect wraning W0701;"),
+            "E0010",
+            "expect warning W0701;",
+        ),
+        (
+            relay("expect warning W0799;"),
+            "E0614",
+            "expect warning W07",
+        ),
+        (
+            format!("{}expect warning W07O1;\n", relay("")),
+            "E0614",
+            "expect warning W0701;",
+        ),
+        (
+            relay("expect events(crosing) ~ [0] within 1;"),
+            "E0607",
+            "events(crossing)",
+        ),
+        (
+            law.replace("LAW", "newtn(0.5)"),
+            "E0319",
+            "restitution = newton(0.5);",
+        ),
+        (
+            law.replace("LAW", "plastik"),
+            "E0319",
+            "restitution = plastic;",
+        ),
+    ] {
+        let found = client.open(&path, &text);
+        let codes: Vec<&str> = found
+            .iter()
+            .filter_map(|found| found["code"].as_str())
+            .collect();
+        assert_eq!(codes, [code], "{text}");
+        let all = mended(&mut client, &path, &text);
+        let mut all = all.iter().map(|(_, mended)| mended);
+        let mended = all.find(|mended| mended.contains(expected));
+        let mended = mended.unwrap_or_else(|| panic!("{code} is not mended: {text}"));
+        let left = client.open(&path, mended);
+        assert_eq!(left, Vec::<Value>::new(), "{mended}");
+        client.close(&path);
+    }
+    // Nothing is close, and nothing is offered: it is wrong all the same, where it stands.
+    let text = relay("expect warning Q9999;");
+    let found = client.open(&path, &text);
+    assert_eq!(found[0]["code"], "E0614");
+    let at = text.find("Q9999").expect("it is there");
+    assert_eq!(found[0]["range"]["start"], position(&text, at));
+    assert_eq!(mended(&mut client, &path, &text), vec![]);
+    assert_eq!(client.end(), Exit::Success);
+}
+
+/// Whatever asks whether something else was meant can be taken at its word: all pages of errors, with each of their words
+/// written wrong.
+#[test]
+fn what_was_meant_is_an_edit() {
+    let (mut n_texts, mut n_helps) = (0, 0);
+    for (code, page) in PAGES {
+        let all = ["wrong", "right"].map(|kind| examples(page, "nsd", kind));
+        for example in all.into_iter().flatten() {
+            let mut texts = vec![example.to_owned()];
+            let words = nsdc::syntax::tokens(example).filter(|token| token.text.len() > 4);
+            let words = words.filter(|token| token.text.chars().all(char::is_alphanumeric));
+            // A letter too much in the middle.
+            texts.extend(words.map(|token| {
+                let middle = token.start + token.text.len() / 2;
+                format!("{}q{}", &example[..middle], &example[middle..])
+            }));
+            for text in texts {
+                n_texts += 1;
+                let project = Project::from_text("page.nsd", &text);
+                for message in project.check().list() {
+                    let help = message.help.clone().unwrap_or_default();
+                    if help.contains("did you mean") {
+                        n_helps += 1;
+                        assert!(message.fix.is_some(), "{code}: {help}\n{text}");
+                    }
+                }
+            }
+        }
+    }
+    assert!(n_texts > 2000 && n_helps > 500, "{n_texts}, {n_helps}");
 }

@@ -1,6 +1,7 @@
 //! What is run for a client, beside what it asks meanwhile: how far it is, and what came of it.
 
 use std::ffi::OsString;
+use std::hash::{Hash, Hasher};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -11,6 +12,7 @@ use lsp_server::{ErrorCode, Message, Notification, Request, RequestId, Response}
 use lsp_types::notification::{Notification as _, Progress as ProgressNote};
 use lsp_types::request::{Request as _, ShowDocument, WorkDoneProgressCreate};
 use lsp_types::{ExecuteCommandParams, NumberOrString, ProgressToken, Uri};
+use rustc_hash::FxHasher;
 use serde_json::{Value, json};
 
 use super::text::{path_of, uri_of};
@@ -24,6 +26,7 @@ use crate::limit::{Cancel, Limit};
 use crate::project::Project;
 use crate::project::run::Options;
 use crate::report::Status;
+use crate::source::files::{Disk, Files};
 
 /// Where answers go.
 type Send = Box<dyn Fn(Message) + std::marker::Send>;
@@ -330,6 +333,15 @@ impl Work {
         })
     }
 
+    /// The folder of results of this file: its name, and what tells it from others of that name.
+    fn folder(&self) -> String {
+        let path = self.path();
+        let mut hasher = FxHasher::default();
+        Disk.key(&path).hash(&mut hasher);
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        format!("results/{name}-{:016x}", hasher.finish())
+    }
+
     /// What came of it as data, after it has been shown as a document, or a figure where there is one.
     fn show(&self, outcome: &Outcome, name: &str) -> Value {
         let (extension, shown) = match &outcome.figure {
@@ -340,7 +352,8 @@ impl Work {
         let is_plain = Path::new(&file)
             .file_name()
             .is_some_and(|known| known == file.as_str());
-        let path = (self.shows && is_plain).then(|| super::pages::write("results", &file, shown));
+        let path =
+            (self.shows && is_plain).then(|| super::pages::write(&self.folder(), &file, shown));
         let uri = path.flatten().and_then(|path| uri_of(&path));
         if let Some(uri) = &uri {
             let method = ShowDocument::METHOD.to_owned();

@@ -3,15 +3,17 @@
 //! One thread answers requests in their order. What a client types is checked once there is nothing else to do; what is run
 //! goes on beside, and can be canceled. All that is said of names is a view of one index, `model::index`.
 
+mod around;
 mod commands;
 mod complete;
 mod diagnostics;
+mod hints;
 mod hover;
 mod lenses;
 mod names;
 mod pages;
+mod pipes;
 mod reference;
-mod shown;
 mod symbols;
 mod text;
 mod tokens;
@@ -31,14 +33,15 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use self::commands::Tasks;
+use self::pipes::Pipes;
 use self::world::World;
 use crate::cli::{Exit, Streams, io};
 
 /// Serves a client at standard input and output until it leaves.
 pub fn run(streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let (connection, threads) = Connection::stdio();
+    let (connection, pipes) = Pipes::open()?;
     let exit = serve(connection);
-    match threads.join() {
+    match pipes.join() {
         Ok(()) => Ok(exit),
         Err(error) => {
             writeln!(streams.err, "error: {error}")?;
@@ -395,7 +398,7 @@ impl<'c> Server<'c> {
             }
             ask::InlayHintRequest::METHOD => answer::<ask::InlayHintRequest>(request, |p| {
                 Ok(Some(match client.hints {
-                    true => shown::hints(world, &p),
+                    true => hints::hints(world, &p),
                     false => vec![],
                 }))
             }),

@@ -19,8 +19,14 @@ pub const MPC: &str = "### Closed loops";
 pub const EXPERIMENTS: [&str; 4] = [SIMULATE, OPTIMIZE, FIT, MPC];
 /// About functions.
 const FUNCTIONS: &str = "## Expressions";
+/// About what is said of runs.
+pub const EXPECTATIONS: &str = "## Expectations";
 /// About methods.
 const METHODS: &str = "### Methods";
+/// About options of methods, and their words.
+const OPTIONS: &str = "### Options of methods";
+/// About lowerings.
+const LOWERINGS: &str = "### Lowerings";
 
 /// A row of a table, as cells.
 type Row = Vec<String>;
@@ -60,20 +66,14 @@ fn begins(code: &str, word: &str) -> bool {
 
 /// What a section says of a statement that begins with a word, or else where it has arguments: each form with its meaning.
 pub fn of_statement(section: &str, word: &str) -> Option<String> {
-    let told = |has: &dyn Fn(&str) -> bool| -> Vec<String> {
-        let rows = rows(section).filter(|row| codes(&row[0]).any(has));
-        rows.map(|row| format!("{}\n\n{}", row[0], row.get(1).map_or("", String::as_str)))
-            .collect()
-    };
-    let mut texts = told(&|code| begins(code, word));
-    if texts.is_empty() {
-        let has_arguments = |part: &str| {
+    let has_arguments = |row: &&Row| {
+        let mut parts = codes(&row[0]).flat_map(|code| code.split(' '));
+        parts.any(|part| {
             part.strip_prefix(word)
                 .is_some_and(|rest| rest.starts_with('('))
-        };
-        texts = told(&|code| code.split(' ').any(has_arguments));
-    }
-    (!texts.is_empty()).then(|| texts.join("\n\n"))
+        })
+    };
+    told(named(section, word), &[]).or_else(|| told(rows(section).filter(has_arguments), &[]))
 }
 
 /// What is said of a function of the language: its forms and its meaning, or those of one that is told beside it.
@@ -96,25 +96,54 @@ pub fn calls_of(name: &str) -> Vec<String> {
     codes.filter(is_call).map(str::to_owned).collect()
 }
 
-/// What is said of a method, and its options.
-pub fn of_method(name: &str) -> Option<(String, Vec<String>)> {
-    let mut rows = rows(METHODS).chain(rows(OPTIMIZE));
-    let row = rows.find(|row| {
-        let mut codes = codes(&row[0]);
-        codes.any(|code| code == name || begins(code, &format!("method {name}")))
-    })?;
-    let options = match row.len() > 3 {
-        true => codes(&row[1])
-            .filter(|code| !code.contains(' '))
-            .map(str::to_owned)
-            .collect(),
-        false => Vec::new(),
+/// What a section says of a word that stands inside of a statement: the forms of the statement that have it.
+pub fn of_part(section: &str, statement: &str, word: &str) -> Option<String> {
+    let has = |row: &&Row| {
+        let is_its = codes(&row[0]).any(|code| begins(code, statement));
+        let mut words = row.iter().flat_map(|cell| codes(cell));
+        is_its && words.any(|code| parts(code).any(|part| part == word))
     };
-    let meaning = match row.len() > 3 {
-        true => &row[2],
-        false => row.get(1)?,
+    told(rows(section).filter(has), &[])
+}
+
+/// The words of a piece of code.
+fn parts(code: &str) -> impl Iterator<Item = &str> {
+    code.split(|c: char| !c.is_alphanumeric() && c != '_')
+}
+
+/// What is said of a method.
+pub fn of_method(name: &str) -> Option<String> {
+    told(named(METHODS, name).take(1), &[])
+}
+
+/// What is said of a lowering.
+pub fn of_lowering(name: &str) -> Option<String> {
+    told(named(LOWERINGS, name), &[])
+}
+
+/// What is said of an option of a method, or of a word that an option takes, with what is said of the option.
+pub fn of_option(holder: &str, word: &str) -> Option<String> {
+    told(
+        named(OPTIONS, word).filter(|row| codes(&row[1]).any(|code| code == holder)),
+        &[1],
+    )
+}
+
+/// The rows whose first cell begins with a word.
+fn named(section: &str, word: &str) -> impl Iterator<Item = &'static Row> {
+    rows(section).filter(move |row| codes(&row[0]).any(|code| begins(code, word)))
+}
+
+/// Rows in words, without some of their columns.
+fn told<'r>(rows: impl Iterator<Item = &'r Row>, without: &[usize]) -> Option<String> {
+    let text = |row: &Row| {
+        let cells = row.iter().enumerate();
+        let cells = cells.filter(|(at, cell)| !without.contains(at) && !cell.is_empty());
+        let cells: Vec<&str> = cells.map(|(_, cell)| cell.as_str()).collect();
+        cells.join("\n\n")
     };
-    Some((meaning.clone(), options))
+    let texts: Vec<String> = rows.map(text).collect();
+    (!texts.is_empty()).then(|| texts.join("\n\n"))
 }
 
 #[cfg(test)]
@@ -122,10 +151,10 @@ mod tests {
     use super::*;
     use crate::model::hir::reserved::function_names;
     use crate::syntax::{Place, starts};
-    use crate::system::experiment::MethodKind;
+    use crate::system::experiment::{Lowering, MethodKind, OPTIMIZER, options_of, words_of};
 
     #[test]
-    fn settings_functions_and_methods_are_told() {
+    fn settings_and_functions_are_told() {
         for (word, _) in starts(Place::Experiment) {
             let mut sections = EXPERIMENTS.into_iter();
             let said = sections.find_map(|section| of_statement(section, word));
@@ -140,25 +169,29 @@ mod tests {
                 "the reference has no row for `{name}`"
             );
         }
-        for word in MethodKind::words() {
-            assert!(
-                of_method(word).is_some(),
-                "the reference has no row for `method {word}`"
-            );
-        }
         assert!(
             of_statement(SIMULATE, "tolerance").is_some_and(|said| said.contains("default `1e-8`"))
         );
         let said = of_statement(MODEL, "hysteresis");
         assert!(said.is_some_and(|said| said.contains("hysteresis(")));
         assert_eq!(calls_of("sat"), ["sat(x)", "sat(x, lo, hi)"]);
-        assert_eq!(
-            of_method("event").map(|(_, options)| options),
-            Some(vec![
-                "order".to_owned(),
-                "branch".to_owned(),
-                "max_events".to_owned()
-            ])
-        );
+    }
+
+    #[test]
+    fn methods_options_words_and_lowerings_are_told() {
+        for lowering in Lowering::ALL.map(Lowering::word) {
+            let said = of_lowering(lowering).unwrap_or_default();
+            assert!(said.contains("default"), "`lower {lowering}`: {said}");
+        }
+        for method in MethodKind::words().into_iter().chain([OPTIMIZER]) {
+            assert!(of_method(method).is_some(), "`method {method}`");
+            for option in options_of(method) {
+                let said = of_option(method, option).unwrap_or_default();
+                assert!(said.contains("default"), "`{option}` of `{method}`: {said}");
+                for word in words_of(option) {
+                    assert!(of_option(option, &word).is_some(), "`{option} = {word}`");
+                }
+            }
+        }
     }
 }

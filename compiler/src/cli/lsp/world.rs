@@ -12,7 +12,7 @@ use lsp_types::{Location, Position, Range, TextDocumentContentChangeEvent, Uri};
 
 use super::text::{Lines, path_of, uri_of};
 use crate::cli::texts::{Texts, look};
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Diagnostics, position};
 use crate::model::index::{Definition, Index, Occurrence};
 use crate::project::Project;
 use crate::source::files::{Disk, EXTENSION, Files};
@@ -140,6 +140,15 @@ impl Analysis {
     /// The positions of a place in the file itself.
     pub fn range(&self, span: Span) -> Range {
         self.lines().range(self.source().bytes(span))
+    }
+
+    /// Whether something in a range could not be read.
+    pub fn is_broken(&self, range: Span) -> bool {
+        let mut errors = self.project.diags.errors();
+        errors.any(|error| {
+            let place = position(error.as_ref()).map(super::text::number);
+            place.is_some_and(|place| range.start <= place && place <= range.end)
+        })
     }
 
     /// Where something is, in whatever file.

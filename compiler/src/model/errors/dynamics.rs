@@ -3,7 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
-use crate::diagnostics::{Applicability, Fix, Fixable};
+use crate::diagnostics::{Applicability, Fix, Fixable, Help};
 use crate::source::Span;
 use crate::syntax::Path;
 
@@ -266,6 +266,17 @@ pub enum DynamicsError {
         span: Span,
     },
 
+    /// A law of restitution that there is not.
+    #[error("{what}")]
+    #[diagnostic(code(E0319))]
+    NoLaw {
+        what: String,
+        #[help]
+        help: Help,
+        #[label("here")]
+        span: Span,
+    },
+
     /// A block of mechanics, or a contact, that is not described as it must be.
     #[error("{what}")]
     #[diagnostic(code(E0319), help("{help}"))]
@@ -348,6 +359,7 @@ pub enum DynamicsError {
 impl Fixable for DynamicsError {
     fn fix(&self) -> Option<Fix> {
         match self {
+            DynamicsError::NoLaw { help, span, .. } => help.fix(*span),
             DynamicsError::HiddenSets { operator, .. } => {
                 Some(Fix::one(*operator, "+=", Applicability::Safe))
             }

@@ -6,6 +6,7 @@ use std::fmt;
 
 use nsd_solver::contact::ImpactLaw;
 
+use crate::diagnostics::Help;
 use crate::expr::Expr;
 use crate::model::DynamicsError;
 use crate::model::expressions::Lowering;
@@ -95,6 +96,14 @@ fn head(value: &syntax::Expr) -> Option<(&str, Option<&[Arg]>)> {
     }
 }
 
+/// Where the word of a value is, with arguments or without.
+fn word_at(value: &syntax::Expr) -> Span {
+    match &value.kind {
+        ExprKind::Call(of, _) => of.span,
+        _ => value.span,
+    }
+}
+
 /// The law of a `restitution`, or what is wrong with it and how it is written.
 pub(crate) fn written(value: &syntax::Expr) -> Result<Written<'_>, (String, String)> {
     let Some((name, args)) = head(value) else {
@@ -134,7 +143,12 @@ pub(crate) fn read<'e>(
             (false, false) => {
                 if let Some(word) = closest(name, words()) {
                     let what = format!("there is no law of restitution `{name}`");
-                    return wrong(lowering, what, format!("did you mean `{word}`?"), span);
+                    let help = Help::did_you_mean(&word);
+                    return lowering.error(DynamicsError::NoLaw {
+                        what,
+                        help,
+                        span: word_at(value),
+                    });
                 }
             }
             _ => {}

@@ -21,6 +21,7 @@ mod statements;
 #[cfg(test)]
 mod tests;
 
+use std::collections::HashMap;
 use std::rc::Rc;
 
 use rustc_hash::FxHashSet;
@@ -32,8 +33,14 @@ use self::infer::Inference;
 use self::instances::{Instances, declares_units};
 use self::statements::Checker;
 use crate::diagnostics::Diagnostics;
-use crate::model::hir::{Hir, import};
+use crate::model::hir::{Definition, Hir, import};
+use crate::source::Span;
 use crate::syntax::{Bind, Experiment, File, Model, Stmt};
+
+/// The names of units that declarations take.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    dimension::UNITS.iter().map(|(name, _)| *name)
+}
 
 /// Reports units of a model, and of its parts, that do not fit.
 pub(crate) fn check_model<'f>(
@@ -69,6 +76,24 @@ pub(crate) fn check_experiment(
     let is_fine = !found.has_errors();
     diags.append(found);
     is_fine.then_some(())
+}
+
+/// Units that follow from those of others, by the places of names that are declared without one.
+pub fn inferred(file: &File, item: &Model) -> HashMap<Span, String> {
+    let mut silent = Diagnostics::new();
+    let mut found = HashMap::new();
+    if has_units(file, item) {
+        let mut dims = Inference::new(Instances::new(Hir::default(), file, item), &mut silent);
+        for stmt in &item.body {
+            if let Stmt::Named(named) = stmt
+                && named.unit.is_none()
+                && let Some(unit) = dims.declared(0, Definition::Named(named)).unit()
+            {
+                found.insert(named.name.span, unit.to_string());
+            }
+        }
+    }
+    found
 }
 
 /// True where a model, or one of its parts, declares a unit.

@@ -133,7 +133,15 @@ fn unknown(name: &str, span: Span) -> UnitError {
             true => format!("a number may have its own, as in `2 {name}`"),
             false => format!("the number is in `{unit}`, too"),
         };
-        format!("write `{unit}`; {number}").into()
+        let text = format!("write `{unit}`; {number}");
+        let is_one = unit.chars().all(char::is_alphanumeric);
+        // All of it may stand below a `/` or a power.
+        let written = if is_one {
+            unit.to_owned()
+        } else {
+            format!("({unit})")
+        };
+        Help::edit(text, written, Applicability::Suggestion)
     });
     let multiplied = || {
         let product = product(name)?;

@@ -3,8 +3,11 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
-use crate::diagnostics::Fixable;
+use crate::diagnostics::explain::PAGES;
+use crate::diagnostics::{Fix, Fixable, Help};
+use crate::model::hir::reserved::closest;
 use crate::source::Span;
+use crate::syntax::Ident;
 
 /// What can be wrong with an expectation.
 #[derive(Clone, Debug, Error, Diagnostic)]
@@ -77,7 +80,7 @@ pub enum ExpectError {
         #[label("not a kind of event")]
         span: Span,
         #[help]
-        help: String,
+        help: Option<Help>,
     },
     /// Events and modes are asked for by a surface of the model.
     #[error("`{name}` is not a switching surface of this experiment")]
@@ -112,16 +115,13 @@ pub enum ExpectError {
     },
     /// The ways a run can end have fixed names.
     #[error("there is no status `{name}`")]
-    #[diagnostic(
-        code(E0610),
-        help(
-            "one of `solved`, `feasible`, `locally_infeasible`, `unbounded`, `iteration_limit`, `time_limit`, `canceled`, `numerical_failure`"
-        )
-    )]
+    #[diagnostic(code(E0610))]
     UnknownStatus {
         name: String,
         #[label("not a status")]
         span: Span,
+        #[help]
+        help: Option<Help>,
     },
     /// `events` takes the kind of the events and, where there are several, their surface.
     #[error("`events` takes a kind and a surface")]
@@ -150,6 +150,52 @@ pub enum ExpectError {
         #[label("nothing is minimized here")]
         span: Span,
     },
+    /// Whatever can be expected has a page.
+    #[error("there is no {severity} `{name}`")]
+    #[diagnostic(code(E0614))]
+    UnknownCode {
+        severity: String,
+        name: String,
+        #[label("not the code of {article} {severity}")]
+        span: Span,
+        article: &'static str,
+        #[help]
+        help: Help,
+    },
 }
 
-impl Fixable for ExpectError {}
+impl ExpectError {
+    /// What is wrong with `expect warning CODE` and `expect error CODE` where nothing of this severity has the code.
+    pub(crate) fn unknown_code(severity: &str, code: &Ident) -> Option<Self> {
+        let (letter, article) = match severity {
+            "error" => ('E', "an"),
+            _ => ('W', "a"),
+        };
+        let codes = PAGES.iter().map(|(code, _)| *code);
+        let mut codes = codes.filter(|code| code.starts_with(letter));
+        if codes.clone().any(|known| known == code.name) {
+            return None;
+        }
+        let close = closest(&code.name, codes.clone()).map(|close| Help::did_you_mean(&close));
+        let example = codes.next().unwrap_or_default();
+        let told = || format!("each code has a page, as `nsdc explain {example}`").into();
+        Some(ExpectError::UnknownCode {
+            severity: severity.to_owned(),
+            name: code.name.clone(),
+            span: code.span,
+            article,
+            help: close.unwrap_or_else(told),
+        })
+    }
+}
+
+impl Fixable for ExpectError {
+    fn fix(&self) -> Option<Fix> {
+        match self {
+            ExpectError::UnknownStatus { help, span, .. }
+            | ExpectError::UnknownEvent { help, span, .. } => help.as_ref()?.fix(*span),
+            ExpectError::UnknownCode { help, span, .. } => help.fix(*span),
+            _ => None,
+        }
+    }
+}

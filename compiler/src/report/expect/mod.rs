@@ -15,6 +15,7 @@ use self::values::Run;
 use super::{Status, Trajectory};
 use crate::diagnostics::Diagnostics;
 use crate::model::Model;
+use crate::model::hir::reserved::one_of;
 use crate::report::numbers::difference;
 use crate::source::{SourceMap, Span};
 use crate::syntax::{Expect, Expr, ExprKind};
@@ -152,13 +153,20 @@ pub fn of_any_run(subject: &Subject<'_, '_>, expects: &[(Expect, Span)]) -> Vec<
 pub fn check(subject: &Subject<'_, '_>, expects: &[(Expect, Span)], diags: &mut Diagnostics) {
     for (expect, span) in expects {
         match expect {
-            Expect::LoweringGolden | Expect::NumbersGolden | Expect::Warning(_) => {}
+            Expect::LoweringGolden | Expect::NumbersGolden => {}
+            Expect::Warning(code) => {
+                if let Some(error) = ExpectError::unknown_code("warning", code) {
+                    diags.push(error);
+                }
+            }
             Expect::Status(status) => {
                 if !Status::ALL
                     .iter()
                     .any(|known| known.as_str() == status.name)
                 {
+                    let known = Status::ALL.iter().map(|known| known.as_str());
                     diags.push(ExpectError::UnknownStatus {
+                        help: one_of(&status.name, "a run ends as", known),
                         name: status.name.clone(),
                         span: status.span,
                     });

@@ -7,6 +7,7 @@ use super::{Subject, as_name, mode};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
 use crate::model::Tensor;
+use crate::model::hir::reserved::one_of;
 use crate::report::{Event, EventKind, History, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
 use crate::system::Valuation;
@@ -151,15 +152,11 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         let known = EventKind::ALL
             .into_iter()
             .find(|kind| kind.as_str() == text);
+        let words = || EventKind::ALL.iter().map(|kind| kind.as_str());
         known.ok_or_else(|| ExpectError::UnknownEvent {
             name: self.subject.sources.text(expr.span).to_owned(),
             span: expr.span,
-            help: format!(
-                "one of {}",
-                EventKind::ALL
-                    .map(|kind| format!("`{}`", kind.as_str()))
-                    .join(", ")
-            ),
+            help: one_of(text, "kinds are", words()),
         })
     }
 

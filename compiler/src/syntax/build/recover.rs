@@ -14,7 +14,7 @@ use pest::iterators::Pair;
 
 use super::reading::Reading;
 use super::words::{self, Place};
-use crate::diagnostics::{Applicability, Help};
+use crate::diagnostics::{Applicability, Help, explain};
 use crate::syntax::lexer::{Lexer, Token, TokenKind, is_word_start};
 use crate::syntax::{MAX_ERRORS, SyntaxError};
 
@@ -360,6 +360,14 @@ fn explain(
             span: reading.position(end..end),
         };
     }
+    if let Some((word, meant)) = expectation(text, start, found_text) {
+        return SyntaxError::Expected {
+            expected: format!("`{meant}`"),
+            found: shown(&word),
+            help: Some(Help::did_you_mean(meant)),
+            span: reading.position(word.start..word.end()),
+        };
+    }
     let begins = before.is_some_and(|before| before.start == start);
     let is_behind_number = failure.after_operand()
         && before.is_some_and(|before| before.kind == TokenKind::Number)
@@ -380,6 +388,23 @@ fn explain(
         expected,
         span,
     }
+}
+
+/// The second word of an `expect` that is close to one behind which `found` may stand.
+fn expectation<'t>(text: &'t str, start: usize, found: &str) -> Option<(Token<'t>, &'static str)> {
+    let mut tokens = significant(text, start);
+    tokens.next().filter(|first| first.text == "expect")?;
+    let second = tokens
+        .next()
+        .filter(|token| token.kind == TokenKind::Word)?;
+    let wanted: &[&str] = match found {
+        "is" => &["mode", "status"],
+        "golden" => &["lowering", "numbers"],
+        _ if explain::page(found).is_some() => &["warning"],
+        _ => &[],
+    };
+    let meant = words::nearest(second.text, wanted.iter().copied())?;
+    (meant != second.text).then_some((second, meant))
 }
 
 /// True where a whole member of the list starts at a token.

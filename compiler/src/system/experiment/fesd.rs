@@ -4,6 +4,8 @@ use nsd_solver::integrate::tableau::Family;
 
 use super::error::ExperimentError;
 use super::reader::{Reader, unknown_choice};
+use crate::diagnostics::{Applicability, Help};
+use crate::model::hir::reserved::closest;
 use crate::syntax::{self, Arg, ExprKind, Ident, Setting};
 
 /// Options of `method fesd`.
@@ -122,7 +124,7 @@ impl Form {
     }
 }
 
-const OPTIONS: [&str; 6] = [
+pub(crate) const OPTIONS: [&str; 6] = [
     "scheme",
     "elements",
     "steps",
@@ -130,7 +132,7 @@ const OPTIONS: [&str; 6] = [
     "cross",
     "equilibration",
 ];
-const STEPPING_OPTIONS: [&str; 2] = ["scheme", "steps"];
+pub(crate) const STEPPING_OPTIONS: [&str; 2] = ["scheme", "steps"];
 pub(crate) const FORMS: [(&str, Form); 2] = [
     ("integral", Form::Integral),
     ("differential", Form::Differential),
@@ -220,6 +222,20 @@ pub(crate) fn word<T: Copy>(
     found.map(|(_, choice)| *choice)
 }
 
+/// How a scheme, an equilibration or another word is written, with the arguments that it takes.
+pub fn written(word: &str) -> String {
+    let family = Family::ALL.into_iter().find(|family| family.word() == word);
+    match (family, word) {
+        (Some(family), _) => {
+            let nodes = family.nodes();
+            format!("{word}({})", 4.clamp(*nodes.start(), *nodes.end()))
+        }
+        (None, "mean") => "mean(0.001)".to_owned(),
+        (None, "tanh") => "tanh(1, 0.1)".to_owned(),
+        _ => word.to_owned(),
+    }
+}
+
 /// `none`, `exact`, `mean(1)`, `tanh(1, 0.1)`
 pub(crate) fn equilibration(
     reader: &mut Reader<'_, '_>,
@@ -249,12 +265,14 @@ pub(crate) fn equilibration(
             scale: reader.positive("the scale", scale)?,
         }),
         (known, _) if EQUILIBRATIONS.contains(&known) => {
+            let form = written(known);
+            let text = format!("write for example `{form}`");
             reader.error(ExperimentError::UnknownChoice {
                 what: "equilibration".into(),
-                found: name,
                 span: value.span,
                 choices: "`none`, `exact`, `mean(weight)` or `tanh(weight, scale)`".into(),
-                help: Some("write for example `equilibration = mean(1);`".into()),
+                help: Some(Help::edit(text, form, Applicability::Suggestion)),
+                found: name,
             });
             None
         }
@@ -286,12 +304,22 @@ pub(crate) fn scheme(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Optio
             ExprKind::Name(name) => name.as_str(),
             _ => "..",
         };
+        let families = Family::ALL.map(Family::word);
+        let help = match closest(found, families.into_iter()) {
+            Some(family) if family == found => {
+                let scheme = written(&family);
+                let text = format!("write for example `{scheme}`, with 4 nodes");
+                Help::edit(text, scheme, Applicability::Suggestion)
+            }
+            Some(family) => Help::did_you_mean(&written(&family)),
+            None => "write for example `radau_iia(4)`".into(),
+        };
         reader.error(ExperimentError::UnknownChoice {
             what: "scheme".into(),
             found: found.into(),
             span: value.span,
             choices: "a family with its number of nodes".into(),
-            help: Some("write for example `scheme = radau_iia(4);`".into()),
+            help: Some(help),
         });
         return None;
     };

@@ -118,6 +118,31 @@ impl MethodKind {
         self.taken(Feature::Projections) == No
     }
 
+    /// Whether it goes from event to event of the model as it is.
+    pub fn is_by_events(self) -> bool {
+        matches!(self, MethodKind::Auto | MethodKind::Event)
+    }
+
+    /// Whether it takes a lowering.
+    pub fn takes_lowering(self, lowering: Lowering) -> bool {
+        match lowering {
+            Lowering::Stewart | Lowering::Step => self.needs_dcs(),
+            Lowering::TimeFreezing => self.takes(Feature::TimeFreezing),
+            Lowering::Impact => self.takes(Feature::Impulses),
+        }
+    }
+
+    /// The options that may stand in its braces.
+    pub fn options(self) -> &'static [&'static str] {
+        match self {
+            MethodKind::Auto | MethodKind::Adaptive => &[],
+            MethodKind::Event => &EVENT_OPTIONS,
+            MethodKind::Fesd => &fesd::OPTIONS,
+            MethodKind::Timestepping => &fesd::STEPPING_OPTIONS,
+            MethodKind::Smoothing => &SMOOTHING_OPTIONS,
+        }
+    }
+
     /// How it takes something.
     pub fn taken(self, feature: Feature) -> Taken {
         self.capabilities().takes[feature as usize]
@@ -337,6 +362,15 @@ fn branches(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Vec<Branch> {
         }
     };
     words.into_iter().filter_map(branch).collect()
+}
+
+/// The options of a method, by its word.
+pub fn options_of(method: &str) -> &'static [&'static str] {
+    match MethodKind::named(method) {
+        Some(kind) => kind.options(),
+        None if method == optimize::OPTIMIZER => &optimize::OPTIONS,
+        None => &[],
+    }
 }
 
 /// The words that stand for values of a setting or of an option of a method; none where they are numbers.

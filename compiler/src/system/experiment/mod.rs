@@ -32,12 +32,14 @@ pub use branches::beside_branches;
 pub(crate) use capabilities::POISSON;
 pub use capabilities::{Feature, table};
 pub use error::ExperimentError;
-pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
+pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions, written};
 pub use law::Law;
-pub use method::{Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions, words_of};
+pub use method::{
+    Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions, options_of, words_of,
+};
 pub use optimize::{
-    At, ClosedLoop, Column, Cost, Fit, Freed, Integral, Lengths, MpccOptions, Optimize, Row, Shape,
-    Starts, Term, Tied, relaxation_word, steering_word,
+    At, ClosedLoop, Column, Cost, Fit, Freed, Integral, Lengths, MpccOptions, OPTIMIZER, Optimize,
+    Row, Shape, Starts, Term, Tied, relaxation_word, steering_word,
 };
 pub use perturb::Perturbation;
 pub use plot::{Drawn, Figures, Plot, Sheet};

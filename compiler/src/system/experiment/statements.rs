@@ -3,7 +3,7 @@
 use super::animation::Animation;
 use super::capabilities::Feature;
 use super::error::ExperimentError;
-use super::method::{self, Lowering, Method, MethodKind};
+use super::method::{self, Lowering, Method};
 use super::optimize::{Draft, Fit, LoopDraft, not_for_fit, not_for_mpc};
 use super::perturb::Perturbation;
 use super::plot::Plot;
@@ -94,8 +94,7 @@ impl<'m, 'e> Statements<'m, 'e> {
                 if let Some(draft) = &mut self.draft {
                     draft.method(reader, name, options);
                 } else if let Some(chosen) = method::method(reader, name, options) {
-                    let by_events = matches!(chosen.kind(), MethodKind::Auto | MethodKind::Event);
-                    if self.closed_loop.is_some() && !by_events {
+                    if self.closed_loop.is_some() && !chosen.kind().is_by_events() {
                         not_for_mpc(reader, &format!("method {}", chosen.kind().word()), span);
                     }
                     self.numerics.method = chosen;
@@ -265,8 +264,7 @@ impl Statements<'_, '_> {
     /// Why runs are not differentiated.
     fn undifferentiated(&self) -> Option<String> {
         let method = self.numerics.method.kind();
-        let by_events = matches!(method, MethodKind::Auto | MethodKind::Event);
-        if !by_events {
+        if !method.is_by_events() {
             let word = method.word();
             return Some(format!("runs by `method {word}` are not differentiated"));
         }

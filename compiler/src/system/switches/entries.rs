@@ -61,7 +61,7 @@ pub(crate) struct Entries<'e> {
     merge: Substitution<'e>,
     /// What chooses, to its α.
     choices: Substitution<'e>,
-    /// [`Entry::Term`] variables to their α.
+    /// [`Entry::Term`] variables to their α, of switches that no statement reads linearly.
     strict: Substitution<'e>,
     /// [`Entry::Above`] and [`Entry::NotBelow`] variables to what stands for them in laws.
     compared: Substitution<'e>,
@@ -133,8 +133,18 @@ impl<'e> Entries<'e> {
         let alpha = self.exprs.expr(self.list[k].alpha);
         self.list[k].vars.push((entry, var));
         self.merge.insert(var, self.value_of(k, entry));
+        let of = |wanted: Entry| {
+            let mut vars = self.list[k].vars.iter();
+            Some(vars.find(|known| known.0 == wanted)?.1)
+        };
         match entry {
-            Entry::Term => self.strict.insert(var, alpha),
+            Entry::Term if of(Entry::Linear).is_none() => self.strict.insert(var, alpha),
+            // The statement reads its switching function wherever that stands.
+            Entry::Linear => {
+                if let Some(term) = of(Entry::Term) {
+                    self.strict.insert(term, self.exprs.expr(term));
+                }
+            }
             Entry::Above | Entry::NotBelow | Entry::Between => {
                 let known = self.fresh("alpha");
                 self.in_laws.push(known);

@@ -86,14 +86,20 @@ fn nonlinear_switch<'e>(
         }
         None => {
             let name = format!("sign({})", switches.name_of(k));
-            let statement = format!("switch s = {name}");
-            let above = 0.5 * (model.exprs.variable("s") + 1.0);
+            let s = free_name(model);
+            let statement = format!("switch {s} = {name}");
+            let above = 0.5 * (model.exprs.variable(&s) + 1.0);
             let spans = &switch.spans;
             let span = spans.iter().find(|&&span| is_inside(span, entry));
             let span = span.or(spans.first()).copied().unwrap_or(entry);
             (name, statement, above, span)
         }
     };
+    // A `switch` statement gives the reading of its switching function wherever that stands.
+    let end = model.span.end.saturating_sub(1);
+    let place = Span { start: end, end };
+    let declared = named.map(|(_, declared)| declared.span);
+    let unnamed = (place, statement.clone());
     let (linear, nonlinear) = readings(switches, value, (switch.alpha, above), &statement);
     SystemError::NonlinearSwitch {
         name,
@@ -101,8 +107,16 @@ fn nonlinear_switch<'e>(
         nonlinear,
         switch: span,
         entry: beside(span, entry),
-        named: named.map(|(_, declared)| declared.span),
+        named: declared.ok_or(unnamed),
     }
+}
+
+/// A name for a switch that means nothing else in the model.
+fn free_name(model: &Model<'_>) -> String {
+    let is_free = |name: &String| model.scope.names().all(|known| known != name);
+    let more = (1..).map(|k| format!("s{k}"));
+    let mut names = std::iter::once("s".to_owned()).chain(more);
+    names.find(is_free).unwrap_or_default()
 }
 
 /// Both readings of a switch, with what an expression is on the surface under each; `above` is α in the user's words.

@@ -13,18 +13,14 @@ use crate::project::launch::launch;
 use crate::report::roads::{self, Refusal, Road, Roads};
 use crate::report::{Failure, Trajectory};
 use crate::syntax::Experiment;
-use crate::system::experiment::{Feature, Lowering, Method, MethodKind, Sampling};
+use crate::system::experiment::{Lowering, Method, MethodKind, Sampling};
 
 /// The methods that locate switches in the model as it is, with their lowerings. All choose their own steps.
 fn roads() -> impl Iterator<Item = (MethodKind, Option<Lowering>)> {
     const METHODS: [MethodKind; 2] = [MethodKind::Event, MethodKind::Fesd];
     let plain = METHODS.map(|method| (method, None));
     let lowered = Lowering::ALL.into_iter().flat_map(|lowering| {
-        let takes = move |method: &MethodKind| match lowering {
-            Lowering::Stewart | Lowering::Step => method.needs_dcs(),
-            Lowering::TimeFreezing => method.takes(Feature::TimeFreezing),
-            Lowering::Impact => method.takes(Feature::Impulses),
-        };
+        let takes = move |method: &MethodKind| method.takes_lowering(lowering);
         let methods = METHODS.into_iter().filter(takes);
         methods.map(move |method| (method, Some(lowering)))
     });

@@ -35,7 +35,9 @@ pub(crate) struct Draft<'m, 'e> {
 
 const INSTANTS: [&str; 3] = ["nodes", "elements", "intervals"];
 const SHAPES: [(&str, Shape); 2] = [("constant", Shape::Constant), ("linear", Shape::Linear)];
-const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
+/// The method of `optimize`.
+pub const OPTIMIZER: &str = "mpcc";
+pub(crate) const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
 pub(crate) const RELAXATIONS: [(&str, Relaxation); 10] = [
     ("scholtes", Relaxation::Scholtes),
     ("fischer_burmeister", Relaxation::FischerBurmeister),
@@ -285,8 +287,8 @@ impl<'m, 'e> Draft<'m, 'e> {
         if name.name == "auto" && options.is_empty() {
             return;
         }
-        if name.name != "mpcc" {
-            let methods = ["auto", "mpcc"];
+        if name.name != OPTIMIZER {
+            let methods = ["auto", OPTIMIZER];
             let mut error = unknown_choice("method of optimal control", name, &methods);
             if let ExperimentError::UnknownChoice { help, .. } = &mut error
                 && MethodKind::named(&name.name).is_some()

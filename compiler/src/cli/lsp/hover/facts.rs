@@ -1,20 +1,20 @@
 //! Shapes, units and values of what a model declares, at the parameters of an experiment.
 
-use lsp_types::{InlayHint, InlayHintKind, InlayHintLabel, InlayHintParams};
-
-use super::world::{Analysis, World};
+use super::super::world::Analysis;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::model::index::{Definition, Kind};
 use crate::model::{self, Model};
 use crate::project::clock::Clock;
 use crate::source::Span;
-use crate::syntax::{Experiment, Expr, ExprKind, File, Item, Link, Stmt};
+use crate::syntax::{self, Experiment, Expr, ExprKind, File, Ident, Index, Item, Link, Stmt};
 use crate::system::About;
 use crate::{Compiled, compile};
 
 /// More entries are not shown.
 const MOST_ENTRIES: usize = 12;
+
+/// More parts are not looked at.
+const MOST_PARTS: usize = 1000;
 
 /// More lines of equations are not shown, nor more of a line.
 const MOST_LINES: usize = 20;
@@ -35,30 +35,49 @@ pub struct Shown {
 pub enum Facts<'e> {
     /// Without an experiment: what a run needs is not known.
     Alone(Box<Model<'e>>),
-    /// What is compiled of an experiment, with its name.
-    Taken(String, Box<Compiled<'e>>),
+    /// What is compiled of an experiment.
+    Taken(Box<Taken<'e>>),
+}
+
+/// What is compiled of an experiment.
+pub struct Taken<'e> {
+    /// The experiment.
+    name: String,
+    /// The part of its model that is meant, as `leg[1].`; empty of the model itself.
+    part: String,
+    compiled: Compiled<'e>,
 }
 
 impl<'e> Facts<'e> {
-    /// The model that is declared at a place, as each sound experiment of the file takes it: first the one that is named,
-    /// then the others in their order.
+    /// The model that is declared at a place, as each sound experiment of the file takes it, by itself or as a part: first the
+    /// one that is named, then those that have it as the part that is named, and those of the model itself.
     pub fn taken(
         exprs: &'e Exprs,
         analysis: &'e Analysis,
         declared: Span,
-        first: Option<&str>,
+        (first, part): (&str, Option<&str>),
     ) -> impl Iterator<Item = Self> + 'e {
         let file = &analysis.project.file;
-        let is_of = |known: &&Experiment| {
+        let experiments = analysis.project.experiments();
+        let sound = experiments.filter(|known| !analysis.is_broken(known.span));
+        let of = |known: &'e Experiment| {
             let found = model::find(file, &known.model, &mut Diagnostics::new());
-            found.is_some_and(|(_, model)| model.name.span == declared)
+            let mut parts = parts_of(found?, declared);
+            let named = part.and_then(|part| parts.iter().find_map(|found| named(part, found)));
+            let is_named = named.is_some();
+            let part = named.or_else(|| parts.drain(..).next())?;
+            let order = (first != known.name.name, !is_named, !part.is_empty());
+            Some((order, known, part))
         };
-        let mut all: Vec<&Experiment> = analysis.project.experiments().filter(is_of).collect();
-        all.sort_by_key(|known| first != Some(known.name.name.as_str()));
-        all.into_iter().filter_map(move |known| {
+        let mut all: Vec<_> = sound.filter_map(of).collect();
+        all.sort_by_key(|(order, ..)| *order);
+        all.into_iter().filter_map(move |(_, known, part)| {
             let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
-            let compiled = compile(exprs, file, known, &[], &mut clock, &mut silent)?;
-            Some(Facts::Taken(known.name.name.clone(), Box::new(compiled)))
+            Some(Facts::Taken(Box::new(Taken {
+                name: known.name.name.clone(),
+                part,
+                compiled: compile(exprs, file, known, &[], &mut clock, &mut silent)?,
+            })))
         })
     }
 
@@ -73,28 +92,36 @@ impl<'e> Facts<'e> {
     pub fn experiment(&self) -> Option<&str> {
         match self {
             Facts::Alone(_) => None,
-            Facts::Taken(name, _) => Some(name),
+            Facts::Taken(taken) => Some(&taken.name),
+        }
+    }
+
+    /// What a name of the model is called in all of it.
+    pub fn called(&self, name: &str) -> String {
+        match self {
+            Facts::Alone(_) => name.to_owned(),
+            Facts::Taken(taken) => format!("{}{name}", taken.part),
         }
     }
 
     fn compiled(&self) -> Option<&Compiled<'e>> {
         match self {
             Facts::Alone(_) => None,
-            Facts::Taken(_, compiled) => Some(compiled),
+            Facts::Taken(taken) => Some(&taken.compiled),
         }
     }
 
     fn model(&self) -> &Model<'e> {
         match self {
             Facts::Alone(model) => model,
-            Facts::Taken(_, compiled) => &compiled.model,
+            Facts::Taken(taken) => &taken.compiled.model,
         }
     }
 
     /// The lowered equations of a name, and the switches that they meet, as `nsdc emit` prints them; of many the first.
     pub fn equations(&self, name: &str) -> Option<String> {
         let system = self.compiled()?.lowered();
-        let text = About(&system, name).to_string();
+        let text = About(&system, &self.called(name)).to_string();
         let mut lines: Vec<String> = text.lines().take(MOST_LINES).map(shortened).collect();
         if text.lines().nth(MOST_LINES).is_some() {
             lines.push("..".to_owned());
@@ -104,14 +131,11 @@ impl<'e> Facts<'e> {
 
     /// What a name of the model is.
     pub fn shown(&self, name: &str) -> Option<Shown> {
-        let expr = Expr {
-            kind: ExprKind::Name(name.to_owned()),
-            span: Span::default(),
-        };
+        let name = &self.called(name);
         let tensor = self
             .model()
             .scope
-            .expr(&expr, None, &mut Diagnostics::new())?;
+            .expr(&path(name)?, None, &mut Diagnostics::new())?;
         let number = |var| {
             let numbers = self
                 .compiled()
@@ -150,8 +174,87 @@ impl<'e> Facts<'e> {
     }
 }
 
+/// The parts of a model that are of the model which is declared at a place, the model itself among them, by how deep they are
+/// and then in order; of an array of parts the first.
+fn parts_of<'f>(whole: (&'f File, &'f syntax::Model), declared: Span) -> Vec<String> {
+    let (mut open, mut found) = (vec![(whole, String::new())], Vec::new());
+    let mut at = 0;
+    while let Some(((file, item), prefix)) = open.get(at).cloned() {
+        at += 1;
+        if item.name.span == declared {
+            found.push(prefix);
+            continue;
+        }
+        let parts = item.body.iter().filter_map(|stmt| match stmt {
+            Stmt::Part(part) => Some(part),
+            _ => None,
+        });
+        for part in parts.take(MOST_PARTS.saturating_sub(open.len())) {
+            let entry = match part.binder.as_ref().map(|binder| &binder.first.kind) {
+                None => String::new(),
+                Some(ExprKind::Number(first)) => format!("[{first}]"),
+                Some(_) => continue,
+            };
+            if let Some(inner) = model::find(file, &part.model, &mut Diagnostics::new()) {
+                open.push((inner, format!("{prefix}{}{entry}.", part.name.name)));
+            }
+        }
+    }
+    found
+}
+
+/// What a path from somewhere leads to, where that is a part, or another one of its array.
+fn named(path: &str, part: &str) -> Option<String> {
+    let part = part.strip_suffix('.')?;
+    let n_pieces = path.split('.').count();
+    let pieces: Vec<&str> = part.split('.').collect();
+    let (outer, own) = pieces.split_at(pieces.len().checked_sub(n_pieces)?);
+    let mut found = outer.to_vec();
+    for (asked, own) in path.split('.').zip(own) {
+        let [(name, entry), (known, _)] = [asked, own].map(|piece| match piece.split_once('[') {
+            Some((name, entry)) => (name, entry.trim_end_matches(']')),
+            None => (piece, ""),
+        });
+        if name != known {
+            return None;
+        }
+        found.push(if entry.parse::<u32>().is_ok() {
+            asked
+        } else {
+            own
+        });
+    }
+    Some(format!("{}.", found.join(".")))
+}
+
+/// `leg[1].x` as an expression.
+fn path(name: &str) -> Option<Expr> {
+    let span = Span::default();
+    let mut path: Option<Expr> = None;
+    for piece in name.split('.') {
+        let (name, entry) = match piece.strip_suffix(']') {
+            Some(piece) => {
+                let (name, entry) = piece.split_once('[')?;
+                (name, Some(entry.parse().ok()?))
+            }
+            None => (piece, None),
+        };
+        let name = name.to_owned();
+        let mut kind = match path {
+            None => ExprKind::Name(name),
+            Some(base) => ExprKind::Field(Box::new(base), Ident { name, span }),
+        };
+        if let Some(entry) = entry.map(ExprKind::Number) {
+            let entry = Index::One(Expr { kind: entry, span });
+            kind = ExprKind::Index(Box::new(Expr { kind, span }), vec![entry]);
+        }
+        path = Some(Expr { kind, span });
+    }
+    path
+}
+
 /// The model whose name stands at a place, with its file.
-pub fn model_at(file: &File, place: Span) -> Option<(&File, &crate::syntax::Model)> {
+pub fn model_at(file: &File, place: Span) -> Option<(&File, &syntax::Model)> {
     file.items.iter().find_map(|item| match item {
         Item::Model(model) if model.name.span == place => Some((file, model)),
         Item::Use(item) => match &item.link {
@@ -196,93 +299,5 @@ fn number(x: f64) -> String {
         0.0 => "0".to_owned(),
         size if (1e-3..1e7).contains(&size) => rounded.to_string(),
         _ => format!("{rounded:e}"),
-    }
-}
-
-/// Shapes of what is not a scalar, and values of what is computed before a run.
-pub fn hints(world: &mut World, params: &InlayHintParams) -> Vec<InlayHint> {
-    let Some(analysis) = world.analysis(&params.text_document.uri) else {
-        return vec![];
-    };
-    if analysis.project.diags.has_errors() {
-        return vec![];
-    }
-    let mut found = Vec::new();
-    for item in analysis.models() {
-        let exprs = Exprs::new();
-        let range = analysis.range(item.span);
-        let is_seen = range.start <= params.range.end && params.range.start <= range.end;
-        if !is_seen {
-            continue;
-        }
-        let place = item.name.span;
-        let taken = Facts::taken(&exprs, &analysis, place, None).next();
-        let Some(facts) = taken.or_else(|| Facts::alone(&exprs, &analysis, place)) else {
-            continue;
-        };
-        for known in analysis.index.members(item.span) {
-            if let Some(shown) = facts.shown(&known.name) {
-                found.extend(hints_of(&analysis, item, known, &shown));
-            }
-        }
-    }
-    found.retain(|hint| params.range.start <= hint.position && hint.position <= params.range.end);
-    found
-}
-
-fn hints_of(
-    analysis: &Analysis,
-    model: &crate::syntax::Model,
-    known: &Definition,
-    shown: &Shown,
-) -> Vec<InlayHint> {
-    let hint = |span: Span, text: String, padding_left: bool| InlayHint {
-        position: analysis.range(span).end,
-        label: InlayHintLabel::String(text),
-        kind: Some(InlayHintKind::TYPE),
-        text_edits: None,
-        tooltip: None,
-        padding_left: Some(padding_left),
-        padding_right: None,
-        data: None,
-    };
-    let mut hints = Vec::new();
-    let infers = matches!(
-        known.kind,
-        Kind::Let | Kind::Output | Kind::Signal | Kind::Constant
-    );
-    if infers && !shown.shape.is_empty() {
-        let sizes: Vec<String> = shown.shape.iter().map(usize::to_string).collect();
-        hints.push(hint(known.place, format!("[{}]", sizes.join(", ")), false));
-    }
-    let is_fixed = matches!(known.kind, Kind::Param | Kind::Constant);
-    if let Some(value) = value_of(model, known).filter(|_| is_fixed && !shown.value.is_empty())
-        && !is_literal(value)
-    {
-        hints.push(hint(
-            value.span,
-            format!("= {}", numbers(&shown.shape, &shown.value)),
-            true,
-        ));
-    }
-    hints
-}
-
-/// The expression of a declaration.
-fn value_of<'m>(model: &'m crate::syntax::Model, known: &Definition) -> Option<&'m Expr> {
-    model.body.iter().find_map(|stmt| match stmt {
-        Stmt::Const(item) if item.name.span == known.place => Some(&item.value),
-        Stmt::Decl(decl) if decl.name.span == known.place => decl.value.as_ref(),
-        _ => None,
-    })
-}
-
-/// Numbers as they are shown.
-fn is_literal(value: &Expr) -> bool {
-    match &value.kind {
-        ExprKind::Number(_) | ExprKind::Quantity(..) => true,
-        ExprKind::Negate(inner) => is_literal(inner),
-        ExprKind::Matrix(matrix) => matrix.rows.iter().flatten().all(is_literal),
-        _ => false,
     }
 }

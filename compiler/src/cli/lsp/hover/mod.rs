@@ -1,18 +1,22 @@
 //! What stands at a position, in words.
 
+pub mod facts;
+
 use std::rc::Rc;
 
 use lsp_types::{Hover, HoverContents, HoverParams, MarkupContent, MarkupKind, Position, Range};
 
-use super::shown::{Facts, numbers};
+use self::facts::{Facts, model_at, numbers};
+use super::around::Around;
 use super::world::{Analysis, World};
 use super::{Answer, reference};
 use crate::diagnostics::explain;
 use crate::expr::Exprs;
 use crate::model::hir::reserved::is_function;
 use crate::model::index::{Definition, Kind};
+use crate::model::inferred;
 use crate::project::describe;
-use crate::syntax::ExperimentKind;
+use crate::syntax::Stmt;
 
 /// Lines of a declaration that are shown.
 const MOST_LINES: usize = 8;
@@ -48,8 +52,9 @@ pub fn hover(world: &mut World, params: &HoverParams) -> Answer<Option<Hover>> {
             meant,
             model,
             experiment: then.index.experiment_at(then.at(position)),
+            part: part_at(then, position),
         };
-        let is_taken = !now.project.diags.has_errors() && of.now(&mut text);
+        let is_taken = Rc::ptr_eq(then, &now) && of.now(&mut text);
         if let Some(sound) = sound.filter(|_| !is_taken && now.checked().has_errors()) {
             of.before(&now, &sound, &mut text);
         }
@@ -85,6 +90,25 @@ struct Declared<'d> {
     model: &'d Definition,
     /// The experiment that it is named in.
     experiment: Option<&'d Definition>,
+    /// The part that it is named of.
+    part: Option<String>,
+}
+
+/// The part that a name at a position is of, as it is written there: `legs[2]` of `legs[2].x`, and of what stands in its braces.
+fn part_at(then: &Analysis, position: Position) -> Option<String> {
+    let text = &then.source().text;
+    let before = &text[..then.word(position)?.start];
+    if let Some(path) = before.strip_suffix('.') {
+        let is_in_path = |c: char| c.is_alphanumeric() || "_.[]".contains(c);
+        return Some(path[path.trim_end_matches(is_in_path).len()..].to_owned());
+    }
+    let at = then.at(position);
+    let statements = then.models().flat_map(|model| &model.body);
+    let mut parts = statements.filter_map(|stmt| match stmt {
+        Stmt::Part(part) if part.model.span.end <= at && at <= part.span.end => Some(part),
+        _ => None,
+    });
+    Some(parts.next()?.name.name.clone())
 }
 
 impl Declared<'_> {
@@ -140,8 +164,8 @@ impl Declared<'_> {
         then: &'e Analysis,
         model: &Definition,
     ) -> impl Iterator<Item = Facts<'e>> + 'e {
-        let name = self.experiment.map(|known| known.name.as_str());
-        Facts::taken(exprs, then, model.place, name)
+        let name = self.experiment.map_or("", |known| known.name.as_str());
+        Facts::taken(exprs, then, model.place, (name, self.part.as_deref()))
     }
 
     fn value(&self, facts: &Facts<'_>, text: &mut String) {
@@ -149,7 +173,11 @@ impl Declared<'_> {
         let Some(shown) = facts.shown(name) else {
             return;
         };
-        if let Some(unit) = &shown.unit {
+        let inferred = || {
+            let (home, item) = model_at(&self.then.project.file, self.model.place)?;
+            inferred(home, item).remove(&self.meant.place)
+        };
+        if let Some(unit) = shown.unit.clone().or_else(inferred) {
             text.push_str(&format!(", in {unit}"));
         }
         match shown.shape[..] {
@@ -168,6 +196,7 @@ impl Declared<'_> {
                 Kind::Param | Kind::Constant => "",
                 _ => " at the start",
             };
+            let name = facts.called(name);
             text.push_str(&format!("\n\n{name} = {value}{when}{place}"));
         }
     }
@@ -206,32 +235,71 @@ pub fn declaration(analysis: &Analysis, known: &Definition) -> String {
     lines.join("\n")
 }
 
-/// What the language says of a word.
+/// What the language says of a word, in the place where it stands.
 fn of_word(analysis: &Analysis, word: &str, position: Position) -> Option<String> {
     if let Some(page) = explain::page(word) {
         return Some(format!("**{word}**: {}", explain::title(page)));
     }
-    let at = analysis.at(position);
-    let experiments = analysis.project.experiments();
-    let mut experiments =
-        experiments.filter(|known| known.span.start <= at && at <= known.span.end);
-    let Some(experiment) = experiments.next() else {
-        let of_model = || reference::of_statement(reference::MODEL, word);
-        return match is_function(word) {
-            true => reference::of_function(word),
-            false => of_model(),
-        };
+    let around = Around::of(&analysis.source().text, analysis.lines().byte(position))?;
+    match around.is_in_experiment() {
+        true => of_setting(&around, word),
+        false => of_model(&around, word),
+    }
+}
+
+/// What the language says of a word in a model.
+fn of_model(around: &Around<'_>, word: &str) -> Option<String> {
+    let statement = match around.word(0) {
+        "" => return reference::of_statement(reference::MODEL, word),
+        first => first,
     };
-    let sections = match experiment.kind {
-        ExperimentKind::Simulate => [reference::SIMULATE, reference::OPTIMIZE],
-        ExperimentKind::Optimize => [reference::OPTIMIZE, reference::SIMULATE],
-        ExperimentKind::Fit => [reference::FIT, reference::SIMULATE],
-        ExperimentKind::Mpc => [reference::MPC, reference::SIMULATE],
+    if is_function(word) {
+        return reference::of_function(word);
+    }
+    let part = reference::of_part(reference::MODEL, statement, word);
+    part.or_else(|| reference::of_statement(reference::MODEL, word))
+}
+
+/// What the language says of a word in an experiment.
+fn of_setting(around: &Around<'_>, word: &str) -> Option<String> {
+    let kind = around.heads[0][0].text;
+    let sections = match kind {
+        "optimize" => [reference::OPTIMIZE, reference::SIMULATE],
+        "fit" => [reference::FIT, reference::SIMULATE],
+        "mpc" => [reference::MPC, reference::SIMULATE],
+        _ => [reference::SIMULATE, reference::OPTIMIZE],
     };
-    let said = sections
-        .iter()
-        .chain(&reference::EXPERIMENTS)
-        .find_map(|section| reference::of_statement(section, word));
-    let said = said.or_else(|| reference::of_method(word).map(|(meaning, _)| meaning));
-    said.or_else(|| reference::of_function(word))
+    let all = || sections.iter().chain(&reference::EXPERIMENTS);
+    let of_statement = || all().find_map(|section| reference::of_statement(section, word));
+    let of_function = || match is_function(word) {
+        true => reference::of_function(word),
+        false => None,
+    };
+    let of_part = |statement: &str| {
+        let sections = all().chain([&reference::EXPECTATIONS]);
+        let mut found = sections.map(|section| reference::of_part(section, statement, word));
+        found.find_map(|found| found)
+    };
+    let first = around.word(0);
+    match (around.heads.len(), around.block()) {
+        (1, _) => match first {
+            "" => of_statement(),
+            "method" => reference::of_method(word),
+            "lower" => reference::of_lowering(word),
+            // A setting of `optimize` has the words of the option that is called the same.
+            _ => reference::of_option(first, word)
+                .or_else(of_function)
+                .or_else(|| of_part(first)),
+        },
+        (2, "method") => match first {
+            "" => reference::of_option(around.heads[1].get(1)?.text, word),
+            _ => reference::of_option(first, word).or_else(of_function),
+        },
+        (_, block) => of_function()
+            .or_else(|| of_part(block))
+            .or_else(|| {
+                reference::of_part(reference::MODEL, "switch", word).filter(|_| block == "with")
+            })
+            .or_else(|| of_statement().filter(|_| first.is_empty())),
+    }
 }
