@@ -162,6 +162,148 @@ fn a_ball_bounces() {
     }
 }
 
+/// Two states meet their surfaces at one instant, and do so for all values of what they have in common: that is asked of each
+/// direction at the start.
+#[test]
+fn what_meets_together_stays_together() {
+    let text =
+        "model m { param k = 0.5; param a = 1; param b = 1; state x = a; state y = a; state z = 0;
+           x' = -b - k*sign(x); y' = -b - k*sign(y); z' = x + 2*y; }
+         simulate s of m { horizon 2; sensitivity to k, a, b; }";
+    assert!(agrees(text, 1), "it does not go backward");
+}
+
+/// A direction that leaves a surface has no derivative, however small what it does is beside what another one does and takes
+/// back: of y - b - (c - 1)/10⁷ behind a jump to b, and of x - b at a start in b.
+#[test]
+fn what_is_small_is_not_overlooked() {
+    for (text, known) in [
+        (
+            "model m { param b = 300; param c = 1; state x = 1; state y = 0; state z = 0; x' = -1; z' = y*c;
+               y' = -0.1*sign(y - b - 1e-7*(c - 1)); jump up when x <= 0 { x := 1; y := b; } }
+             simulate s of m { horizon 1.5; sensitivity to b, c; output at [1.5]; }",
+            // From 1 on y = b.
+            [0.5, f64::NAN],
+        ),
+        (
+            "model m { param b = 1e8; state x = b; state z = 0; x' = -1 - 2*sign(x - b); z' = x; }
+             simulate s of m { horizon 1; sensitivity to b, x at 0; output at [1]; }",
+            [1.0, f64::NAN],
+        ),
+    ] {
+        let back = run(text, 1e-10, Some(vec![("z".to_owned(), vec![1.0])]));
+        let found = back.gradient.as_ref().expect("it was asked for");
+        assert!((found[0] - known[0]).abs() <= 1e-9, "{found:?}");
+        assert!(found[1].is_nan(), "{found:?}");
+        assert!(back.warnings.iter().any(|warning| warning.code == "W0735"));
+    }
+}
+
+const DECAY: &str = "model m { param k = 1; state x[2] = [1, 2]; output y = x[1]^2; x' = -k*x; }
+    simulate s of m { horizon 1; sensitivity to k; output at [0, 1]; }";
+
+/// What is refused says why, whoever runs it.
+#[test]
+fn what_is_no_weight_is_refused() {
+    let weights = |names: &[(&str, &[f64])]| -> Weights {
+        let all = names.iter();
+        all.map(|&(name, own)| (name.to_owned(), own.to_vec()))
+            .collect()
+    };
+    let one: &[f64] = &[1.0; 4];
+    let good = weights(&[("x", one)]);
+    let cases = [
+        (weights(&[("x[1]", one)]), "`x[1]` is reported"),
+        (weights(&[("k", one)]), "`k` is reported"),
+        (
+            weights(&[("x", one), ("y", &[0.0; 2]), ("x", one)]),
+            "`x` has weights twice",
+        ),
+        (
+            weights(&[("y", &[1.0, f64::NAN])]),
+            "`y` has the weight NaN",
+        ),
+        (
+            weights(&[("y", &[f64::INFINITY, 1.0])]),
+            "`y` has the weight inf",
+        ),
+        (
+            weights(&[("x", &[1.0; 3])]),
+            "3 weights of `x` for 2 rows of 2 entries",
+        ),
+        (
+            weights(&[("x", one), ("y", &[0.0; 3])]),
+            "3 weights of `y` for 2 rows",
+        ),
+    ];
+    let refused = |text: &str, weights: &Weights, why: &str| {
+        let options = Options {
+            weights: Some(weights.clone()),
+            ..Options::default()
+        };
+        let project = Project::from_text("model.nsd", text);
+        let exprs = nsdc::expr::Exprs::new();
+        let mut session = nsdc::session::Session::new(&exprs, &project);
+        let found = [
+            project.run("s", &options, &mut ()),
+            session.run("s", &options, &mut ()),
+        ];
+        for found in found {
+            let told = found.expect_err("it is refused").to_string();
+            assert!(told.contains(why), "{told}");
+        }
+    };
+    for (weights, why) in &cases {
+        refused(DECAY, weights, why);
+        refused(DECAY, weights, "E0534");
+    }
+    let without = DECAY.replace("sensitivity to k;", "");
+    refused(&without, &good, "has no `sensitivity to`");
+    refused(&without, &weights(&[]), "has no `sensitivity to`");
+    let optimum = "model m { state x = 1; control u in [-1, 1]; x' = u; cost { integral x^2; } }
+        optimize s of m { horizon 1; intervals 5; }";
+    refused(optimum, &good, "E0534");
+    for method in [
+        "fesd { steps = 10; }",
+        "timestepping { steps = 10; }",
+        "adaptive",
+        "smoothing { width = 0.1; }",
+    ] {
+        let other = DECAY.replace("horizon 1;", &format!("horizon 1; method {method};"));
+        refused(&other, &good, "E0532");
+    }
+}
+
+/// Sweeps have no gradients.
+#[test]
+fn a_sweep_has_no_weights() {
+    let axes = vec![nsdc::study::sweep::Axis {
+        name: "k".to_owned(),
+        values: vec![1.0, 2.0],
+    }];
+    let grid = nsdc::study::sweep::Grid::new(axes, false).expect("there are few points");
+    let options = Options {
+        weights: Some(vec![("x".to_owned(), vec![1.0; 4])]),
+        ..Options::default()
+    };
+    let project = Project::from_text("model.nsd", DECAY);
+    let refused = project.sweep("s", &options, grid).map(|_| ());
+    let told = refused.expect_err("it is refused").to_string();
+    assert!(told.contains("E0534"), "{told}");
+}
+
+/// Of nothing, and of what has no rows since its run has not come there, there is nothing to be found.
+#[test]
+fn a_sum_of_nothing_does_not_move() {
+    for weights in [vec![], vec![("x".to_owned(), vec![0.0; 4])]] {
+        assert_eq!(run(DECAY, 1e-9, Some(weights)).gradient, Some(vec![0.0]));
+    }
+    let grows = "model m { param k = 1; state x = 1; x' = k*x^2; }
+        simulate s of m { horizon 2; sensitivity to k; output at [0, 2]; }";
+    let failed = run(grows, 1e-9, Some(vec![("x".to_owned(), vec![0.0, 1.0])]));
+    assert!(failed.failure.is_some() && failed.gradient.is_none());
+}
+
 /// Where one of two directions has no derivative, the other one keeps its own.
 #[test]
 fn what_is_lost_for_one_parameter_is_known_for_the_other() {

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::sensitivity::{Directions, Loss, Moment, Sensitivities};
 
-use crate::report::{Moves, Sensitivity, Series, Trajectory, Warning};
+use crate::report::{Moves, Samples, Sensitivity, Trajectory, Warning};
 use crate::simulate::record::reported::{Reported, is_before};
 use crate::simulate::record::sensed::Rows;
 use crate::source::Span;
@@ -90,16 +90,33 @@ impl Sensing {
         trajectory.warnings.extend(warnings);
     }
 
+    /// Why weights are not those of the rows of a run.
+    pub fn misfit(&self, samples: &Samples) -> Option<String> {
+        let rows = samples.time.len();
+        self.weights.iter().flatten().find_map(|(name, weights)| {
+            let own = samples.series().find(|series| series.name == *name)?;
+            let entries = own.n_entries();
+            (weights.len() != rows * entries).then(|| {
+                let each = match entries {
+                    1 => String::new(),
+                    entries => format!(" of {entries} entries"),
+                };
+                format!(
+                    "{} weights of `{name}` for {rows} rows{each}",
+                    weights.len()
+                )
+            })
+        })
+    }
+
     /// Finds the gradient of the functional in one pass back through the run: whether that is possible.
     pub fn pull(
         &self,
+        weights: &[(String, Vec<f64>)],
         back: &mut dyn FnMut(&mut Weigh) -> Option<Vec<f64>>,
         (system, reported): (&System, &Reported),
         trajectory: &mut Trajectory,
     ) -> bool {
-        let Some(weights) = &self.weights else {
-            return false;
-        };
         let times = &trajectory.samples.time;
         let mut direct = Vec::new();
         let found = back(&mut |found: &Sensitivities| {
@@ -119,23 +136,15 @@ impl Sensing {
     }
 
     /// Finds the gradient of the functional from the derivatives of all that it is made of.
-    pub fn weigh(&self, trajectory: &mut Trajectory) {
-        let Some(weights) = &self.weights else {
-            return;
-        };
+    pub fn weigh(&self, weights: &[(String, Vec<f64>)], trajectory: &mut Trajectory) {
         let product = |by: &Sensitivity| {
-            let terms = weights.iter().map(|(name, weights)| {
+            let terms = weights.iter().flat_map(|(name, weights)| {
                 let mut all = by.states.iter().chain(&by.outputs);
-                let series = all.find(|series| series.name == *name);
-                let is_same = |series: &&Series| series.values.len() == weights.len();
-                let Some(series) = series.filter(is_same) else {
-                    return f64::NAN;
-                };
-                let pairs = weights.iter().zip(&series.values);
-                let pairs = pairs.filter(|(weight, _)| **weight != 0.0);
-                pairs.map(|(a, b)| a * b).sum()
+                let own = all.find(|series| series.name == *name).into_iter();
+                own.flat_map(|series| weights.iter().zip(&series.values))
             });
-            terms.sum()
+            let terms = terms.filter(|(weight, _)| **weight != 0.0);
+            terms.map(|(a, b)| a * b).sum()
         };
         let all = trajectory.samples.sensitivities.iter();
         trajectory.gradient = Some(all.map(product).collect());

@@ -10,14 +10,16 @@
 //! transposed, and at events those of saltation matrices (Cao, Li, Petzold & Serban 2003, for equations with algebraic
 //! states).
 //!
-//! What has to hold to first order is linear in the tangent. A forward pass along one combination of all directions finds
-//! what does not hold for one of them, unless terms cancel or that direction is small in it by a factor of 1e-6; it also
-//! divides the steps. Where it loses its way, where a step is stiff, and where the last terms of series add more than the
-//! tolerance to the derivative by a parameter, directions are followed one by one instead.
+//! A forward pass along one combination of all directions divides the steps, and sees what is lost whatever the direction is.
+//! What else has to hold to first order are rows r S = 0, of surfaces that are stayed on. They hold for all directions where
+//! they follow at their own event from its trigger, from what slides and from what jumps (`implied`); others go back to the
+//! start beside the costate, and are asked of each direction there. Where one does not hold, where the combination is lost,
+//! where a run rests on a surface, where a step is stiff, and where the last terms of series add more than the tolerance to
+//! the derivative by a parameter, directions are followed one by one instead.
 
 use super::asked::{Directions, Moment};
 use super::forward::{Forward, Passed, Row, Sensitivities, Traced};
-use super::functions::{Functions, Slots};
+use super::functions::Slots;
 use super::run::Run;
 use super::saltation::Slope;
 use super::taylor::{ORDER, Slopes, Weighed};
@@ -28,7 +30,13 @@ use crate::events::Approach;
 /// The last orders of series, which show what is missing.
 const LAST: usize = 3;
 
+/// Rows that are asked of directions at most.
+const MOST_CONDITIONS: usize = 16;
+/// They are zero up to this part of their terms.
+const VANISHES: f64 = 1e-9;
+
 /// How a functional moves with the state, with the instant of an event, and with parameters.
+#[derive(Clone)]
 pub(super) struct Costate {
     pub x: Vec<f64>,
     pub time: f64,
@@ -36,6 +44,22 @@ pub(super) struct Costate {
 }
 
 impl Costate {
+    /// Of a function by its slopes, of so many states and parameters.
+    pub fn of(slots: Slots, slopes: &[(usize, f64)], [n, parameters]: [usize; 2]) -> Self {
+        let mut costate = Costate {
+            x: vec![0.0; n],
+            time: 0.0,
+            by: Weighed::new(parameters),
+        };
+        costate.add(slots, slopes, 1.0);
+        costate
+    }
+
+    /// All of it in a row.
+    pub fn entries(&self) -> Vec<f64> {
+        [&[self.time], &self.x[..], &self.by.sums].concat()
+    }
+
     /// Adds the slopes of a function of this weight.
     pub fn add(&mut self, slots: Slots, slopes: &[(usize, f64)], weight: f64) {
         if weight == 0.0 {
@@ -142,21 +166,29 @@ fn backward(
         passed,
         ..
     } = traced;
-    let (n, slots) = (run.system.n_states(), functions.slots);
-    let mut costate = Costate {
-        x: vec![0.0; n],
-        time: 0.0,
-        by: Weighed::new(run.parameters.len()),
-    };
+    let slots = functions.slots;
+    let mut costate = Costate::of(slots, &[], [run.system.n_states(), run.parameters.len()]);
+    let mut conditions: Vec<Costate> = Vec::new();
     for step in passed.iter().rev() {
         run.limit.over().map_or(Some(()), |_| None)?;
+        let all = std::iter::once(&mut costate).chain(&mut conditions);
         match step {
             Passed::Row(row) => costate.add_row(slots, row, &weights[row.instant]),
-            Passed::Kept(algebraic) => algebraic.transpose(&functions, &mut costate),
-            Passed::Event(crossing) => crossing.transpose(&functions, &mut costate),
-            Passed::Part { is_stiff: true, .. } => return None,
+            Passed::Kept(algebraic) => all.for_each(|one| algebraic.transpose(&functions, one)),
+            Passed::Event(crossing) => {
+                all.for_each(|one| crossing.transpose(&functions, one));
+                conditions.extend(crossing.conditions(&functions));
+            }
+            Passed::Start(held) => conditions.extend(held.iter().map(|held| {
+                let sizes = [run.system.n_states(), run.parameters.len()];
+                Costate::of(slots, &held.slopes, sizes)
+            })),
             Passed::Part {
-                place, ends, rows, ..
+                place,
+                ends: [a, b],
+                is_stiff: false,
+                is_resting: false,
+                rows,
             } => {
                 let Part::Step(step) = &recording.parts[*place] else {
                     return None;
@@ -168,41 +200,68 @@ fn backward(
                     run,
                     sizes: &sizes,
                 };
-                part(&mut functions, way, (*ends, rows, weights), &mut costate)?;
+                let slopes = Slopes::new(&mut functions, way, *a).ok()?;
+                costate.follow(&slopes, (slots, b - a), (rows, weights));
+                for condition in &mut conditions {
+                    condition.follow(&slopes, (slots, b - a), (&[], weights));
+                }
             }
+            Passed::Part { .. } => return None,
+        }
+        if conditions.len() > MOST_CONDITIONS {
+            return None;
         }
     }
-    let by = &costate.by;
-    let is_known = |i: usize| by.tails[i] <= run.tolerance * by.sizes[i];
-    let product = |a: &[f64], b: &[f64]| -> f64 {
-        let terms = a.iter().zip(b).filter(|(_, b)| **b != 0.0);
-        terms.map(|(a, b)| a * b).sum()
-    };
-    let all = directions.initial.iter().zip(&directions.parameters);
-    let found =
-        all.map(|(start, parameters)| product(&costate.x, start) + product(&by.sums, parameters));
+    let all = || directions.initial.iter().zip(&directions.parameters);
+    let holds = |row: &Costate| all().all(|(start, by)| row.vanishes(start, by));
+    let is_known = costate.is_known(run.tolerance) && conditions.iter().all(holds);
+    let found = all().map(|(start, by)| costate.along(start, by)[0]);
     let found: Vec<f64> = found.collect();
-    let is_all = found.iter().all(|by| by.is_finite()) && (0..by.sums.len()).all(is_known);
-    is_all.then_some(found)
+    (is_known && found.iter().all(|by| by.is_finite())).then_some(found)
 }
 
-/// From the end of a part to its start.
-fn part(
-    functions: &mut Functions,
-    way: Way,
-    ([a, b], rows, weights): ([f64; 2], &[Row], &[Vec<f64>]),
-    costate: &mut Costate,
-) -> Option<()> {
-    let n = costate.x.len();
-    let slopes = Slopes::new(functions, way, a).ok()?;
-    let mut ends = vec![(b - a, std::mem::replace(&mut costate.x, vec![0.0; n]))];
-    for row in rows {
-        costate.add_row(functions.slots, row, &weights[row.instant]);
-        ends.push((row.tau, std::mem::replace(&mut costate.x, vec![0.0; n])));
+impl Costate {
+    /// From the end of a part of this length to its start, at rows of which weights are added.
+    fn follow(
+        &mut self,
+        slopes: &Slopes,
+        (slots, length): (Slots, f64),
+        (rows, weights): (&[Row], &[Vec<f64>]),
+    ) {
+        let n = self.x.len();
+        let mut ends = vec![(length, std::mem::replace(&mut self.x, vec![0.0; n]))];
+        for row in rows {
+            self.add_row(slots, row, &weights[row.instant]);
+            ends.push((row.tau, std::mem::replace(&mut self.x, vec![0.0; n])));
+        }
+        let mut last = Weighed::new(self.by.sums.len());
+        slopes.transposed(&ends, (n, ORDER + 1 - LAST), &mut last);
+        self.by.add_tails(&last);
+        self.x = slopes.transposed(&ends, (n, 0), &mut self.by);
     }
-    let mut last = Weighed::new(way.run.parameters.len());
-    slopes.transposed(&ends, (n, ORDER + 1 - LAST), &mut last);
-    costate.by.add_tails(&last);
-    costate.x = slopes.transposed(&ends, (n, 0), &mut costate.by);
-    Some(())
+
+    /// Its product with a direction at the start, and the size of its terms.
+    fn along(&self, start: &[f64], parameters: &[f64]) -> [f64; 2] {
+        let states = self.x.iter().zip(&self.x).zip(start);
+        let own = self.by.sums.iter().zip(&self.by.sizes).zip(parameters);
+        let terms = states.chain(own).filter(|(_, by)| **by != 0.0);
+        terms.fold([0.0, 0.0], |[sum, sizes], ((own, size), by)| {
+            [sum + own * by, sizes + (size * by).abs()]
+        })
+    }
+
+    /// Whether that is zero.
+    fn vanishes(&self, start: &[f64], parameters: &[f64]) -> bool {
+        let [sum, size] = self.along(start, parameters);
+        sum.abs() <= VANISHES * size
+    }
+
+    /// Whether the last terms of series add nothing to it.
+    fn is_known(&self, tolerance: f64) -> bool {
+        let Weighed { sizes, tails, .. } = &self.by;
+        tails
+            .iter()
+            .zip(sizes)
+            .all(|(tail, size)| *tail <= tolerance * size)
+    }
 }

@@ -3,7 +3,7 @@
 use super::asked::{Directions, Moment};
 use super::functions::{Functions, Linearized, Moved, Point};
 use super::run::Run;
-use super::saltation::{Algebraic, Crossing, Known, Meeting, Saltation};
+use super::saltation::{Algebraic, Crossing, Held, Known, Meeting, Saltation};
 use super::sizes::Sizes;
 use super::taylor::Tangent;
 use super::variational::{self, Variational, Way};
@@ -85,8 +85,12 @@ pub(super) enum Passed {
         place: usize,
         ends: [f64; 2],
         is_stiff: bool,
+        /// Whether the run rests on a surface without sliding.
+        is_resting: bool,
         rows: Vec<Row>,
     },
+    /// What has to stay zero at the start.
+    Start(Vec<Held>),
     /// Algebraic states follow from what keeps them.
     Kept(Algebraic),
     Event(Crossing),
@@ -303,13 +307,17 @@ impl<'r> Forward<'r> {
             instant: 0.0,
             f: slope,
         };
+        let held = meeting.held(&mut self.functions, &known, [&[], &[]]);
         let mut lost = Vec::new();
         for (d, tangent) in self.tangents.iter().enumerate() {
-            let moved = tangent.as_ref().map(|tangent| Moved::still(tangent));
-            let leaves = moved.and_then(|moved| {
-                meeting.leaves(&mut self.functions, &known, ([&[], &[]], moved), d)
-            });
-            lost.extend(leaves.map(|switch| (d, switch)));
+            let Some(tangent) = tangent else { continue };
+            let still = Moved::still(tangent);
+            let left = held.iter();
+            let left = { left }.find(|held| held.is_left(&self.functions, still, d));
+            lost.extend(left.map(|held| (d, held.switch)));
+        }
+        if let Some(trace) = &mut self.trace {
+            trace.push(Passed::Start(held));
         }
         for (d, switch) in lost {
             self.lose(step.start, Why::Start, &[switch], &[d]);
@@ -376,15 +384,17 @@ impl<'r> Forward<'r> {
         let see = |functions: &mut Functions, part: &variational::Part| {
             seen.take(functions, part);
             let rows = found.read(functions, way, (part, is_last));
+            let resting = way.resting(functions, part.ends);
             if let Some(trace) = trace {
                 trace.push(Passed::Part {
                     place,
                     ends: part.ends,
                     is_stiff: part.is_stiff,
+                    is_resting: !resting.is_empty(),
                     rows,
                 });
             }
-            way.rests(functions, part)
+            way.leaving(functions, part, &resting)
         };
         let lost = self
             .method
@@ -443,7 +453,7 @@ impl<'r> Forward<'r> {
                     let Some(tangent) = &self.tangents[d] else {
                         continue;
                     };
-                    match prepared.cross(&mut self.functions, tangent, d) {
+                    match prepared.cross(&self.functions, tangent, d) {
                         Ok((time, tangent)) => {
                             *by = time;
                             self.tangents[d] = Some(tangent);
@@ -452,7 +462,7 @@ impl<'r> Forward<'r> {
                     }
                 }
                 if let Some(trace) = &mut self.trace {
-                    trace.push(Passed::Event(prepared.crossing()));
+                    trace.push(Passed::Event(prepared.crossing(&self.functions)));
                 }
             }
         }

@@ -21,6 +21,8 @@ use crate::selector::coupling::Coupling;
 
 /// States behind a jump are those of its law up to this part of their sizes.
 const SAME: f64 = 1e-9;
+/// A derivative is zero up to this part of its terms.
+const CANCELS: f64 = 1e-13;
 /// A slip velocity is zero up to this part of its terms.
 const STICKS: f64 = 1e-12;
 
@@ -37,6 +39,16 @@ impl Jumped {
             [x[*state], size[*state]] = slope.along(moved, direction);
         }
         (x, size)
+    }
+
+    /// How large its derivatives are.
+    pub fn magnitude(&self) -> Jumped {
+        let rows = self.rows.iter();
+        Jumped {
+            rows: rows
+                .map(|(state, slope)| (*state, slope.magnitude()))
+                .collect(),
+        }
     }
 
     /// The transpose of that.
@@ -366,8 +378,15 @@ fn struck(
             let of_kicks = kicks
                 .iter()
                 .enumerate()
-                .map(|(l, kick)| kick.0[i] * changes[l] + kick.1[i][column] * lambda[l]);
-            row.push(own + of_kicks.sum::<f64>());
+                .flat_map(|(l, kick)| [kick.0[i] * changes[l], kick.1[i][column] * lambda[l]]);
+            let terms = || of_kicks.clone().chain([own]);
+            let (sum, size) = (terms().sum::<f64>(), terms().map(f64::abs).sum::<f64>());
+            // What is stopped does not move with what it was.
+            row.push(if sum.abs() <= CANCELS * size {
+                0.0
+            } else {
+                sum
+            });
         }
     }
     let pushed = |i: usize| {

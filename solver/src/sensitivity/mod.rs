@@ -18,6 +18,7 @@ mod adjoint;
 mod asked;
 mod forward;
 mod functions;
+mod implied;
 mod jump;
 mod resting;
 mod run;

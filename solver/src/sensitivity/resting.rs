@@ -11,7 +11,7 @@ use super::why::Why;
 use crate::hybrid::{HybridSystem, Role, Side};
 
 /// ψ of a switch at a point of a step.
-struct Surface {
+pub(super) struct Surface {
     value: f64,
     slopes: Vec<(usize, f64)>,
     /// How large its terms have been in the run.
@@ -28,31 +28,49 @@ fn is_read(system: &HybridSystem, i: usize) -> bool {
 }
 
 impl Way<'_> {
-    /// The directions that move off a surface on which a part of a step stays, with its switch.
-    pub fn rests(&self, functions: &mut Functions, part: &Part) -> Vec<(usize, Why, Vec<usize>)> {
+    /// The surfaces on which a part of a step stays without sliding, in its middle and at its end, by their switches.
+    pub fn resting(
+        &self,
+        functions: &mut Functions,
+        [a, b]: [f64; 2],
+    ) -> Vec<(usize, [Surface; 2])> {
         let system = functions.system.clone();
         let sides = &self.step.sides;
-        let mut lost = Vec::new();
+        let mut found = Vec::new();
         for i in 0..sides.len() {
             let slides = sides[i] == Side::Slide && !system.switches[i].rests();
             let is_other = system.role(i) != Role::Step || self.run.observers[i];
             if slides || is_other || system.is_idle(i, sides) || !is_read(&system, i) {
                 continue;
             }
-            let [a, b] = part.ends;
             let mut at = |share: f64| self.stays_on(functions, i, a + (b - a) * share);
             let Some(middle) = at(0.5) else { continue };
             if at(0.0).is_none() {
                 continue;
             }
             let Some(end) = at(1.0) else { continue };
+            found.push((i, [middle, end]));
+        }
+        found
+    }
+
+    /// The directions that move off a surface on which a part of a step stays, with its switch.
+    pub fn leaving(
+        &self,
+        functions: &Functions,
+        part: &Part,
+        resting: &[(usize, [Surface; 2])],
+    ) -> Vec<(usize, Why, Vec<usize>)> {
+        let length = part.ends[1] - part.ends[0];
+        let mut lost = Vec::new();
+        for (i, surfaces) in resting {
             for (d, tangent) in part.tangents.iter().enumerate() {
                 let Some(tangent) = tangent else { continue };
                 let moves = |surface, share: f64| {
-                    self.moves(functions, surface, &tangent.at((b - a) * share), d)
+                    self.moves(functions, surface, &tangent.at(length * share), d)
                 };
-                if moves(&middle, 0.5) || moves(&end, 1.0) {
-                    lost.push((d, Why::Rests, vec![i]));
+                if moves(&surfaces[0], 0.5) || moves(&surfaces[1], 1.0) {
+                    lost.push((d, Why::Rests, vec![*i]));
                 }
             }
         }

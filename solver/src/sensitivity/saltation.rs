@@ -2,6 +2,7 @@
 
 use super::adjoint::Costate;
 use super::functions::{Functions, Linearized, Moved, Point};
+use super::implied::Implied;
 use super::jump::{Jumped, jumped};
 use super::run::{Run, STAYS};
 use super::sizes::{Recent, Sizes};
@@ -61,6 +62,16 @@ impl Slope {
     /// That row.
     pub fn entries(&self) -> Vec<f64> {
         [&[self.time], &self.x[..], &self.by].concat()
+    }
+
+    /// How large its derivatives are.
+    pub fn magnitude(&self) -> Slope {
+        let abs = |all: &[f64]| all.iter().map(|one| one.abs()).collect();
+        Slope {
+            time: self.time.abs(),
+            x: abs(&self.x),
+            by: abs(&self.by),
+        }
     }
 
     /// Its derivative in a direction, with the size of its terms.
@@ -154,15 +165,32 @@ impl Algebraic {
 
     /// The transpose of that.
     pub fn transpose(&self, functions: &Functions, costate: &mut Costate) {
-        let algebraics = &functions.system.algebraics;
-        let weights = algebraics.iter();
-        let mut weights: Vec<f64> = weights
-            .map(|&z| -std::mem::take(&mut costate.x[z]))
-            .collect();
-        self.lu.solve_transposed(&mut weights);
-        for (row, weight) in self.rows.iter().zip(weights) {
+        for (row, weight) in self.rows.iter().zip(self.weights(functions, costate)) {
             costate.add(functions.slots, row, weight);
         }
+        self.forget(functions, costate);
+    }
+
+    /// Adds how large the terms of the transpose of a row are to how large those of the row are.
+    fn spread(&self, functions: &Functions, row: &Costate, size: &mut Costate) {
+        for (row, weight) in self.rows.iter().zip(self.weights(functions, row)) {
+            let terms = row.iter().map(|&(slot, slope)| (slot, slope.abs()));
+            let terms: Vec<(usize, f64)> = terms.collect();
+            size.add(functions.slots, &terms, weight.abs());
+        }
+        self.forget(functions, size);
+    }
+
+    /// What weights of z are of the equations.
+    fn weights(&self, functions: &Functions, costate: &Costate) -> Vec<f64> {
+        let weights = functions.system.algebraics.iter();
+        let mut weights: Vec<f64> = weights.map(|&z| -costate.x[z]).collect();
+        self.lu.solve_transposed(&mut weights);
+        weights
+    }
+
+    fn forget(&self, functions: &Functions, costate: &mut Costate) {
+        let algebraics = &functions.system.algebraics;
         algebraics.iter().for_each(|&z| costate.x[z] = 0.0);
     }
 }
@@ -186,20 +214,21 @@ impl Meeting<'_> {
             && !outer.any(|k| system.switches[k].inside.contains(&i))
     }
 
-    /// A switch on whose surface the point is, and does not stay as it moves in a direction. Those on one side of their
-    /// surface alone that are `met` are known to be on it, and `laws` jump.
-    pub fn leaves(
+    /// What is zero at the point and has to stay so as it moves: of a switch on whose surface it is, ψ, with those of its
+    /// derivatives that are zero where it slides. Those on one side of their surface alone that are `met` are known to be on
+    /// it, and `laws` jump.
+    pub fn held(
         &self,
         functions: &mut Functions,
         known: &Known,
-        ([met, laws], moved): ([&[usize]; 2], Moved),
-        direction: usize,
-    ) -> Option<usize> {
+        [met, laws]: [&[usize]; 2],
+    ) -> Vec<Held> {
         let system = functions.system.clone();
-        (0..self.sides.len()).find(|&i| {
+        let mut all = Vec::new();
+        for i in 0..self.sides.len() {
             let is_other = self.observers[i] || system.is_idle(i, self.sides);
             if is_other || self.is_passed(functions, i, met, laws) {
-                return false;
+                continue;
             }
             let slides = self.sides[i] == Side::Slide;
             let orders = if slides {
@@ -207,15 +236,21 @@ impl Meeting<'_> {
             } else {
                 0
             };
-            (0..=orders).any(|order| {
+            for order in 0..=orders {
                 let psi = functions.psi(i, order, self.sides);
                 let slopes = psi.slopes(&self.point, &mut functions.registers);
                 let value = psi.value(&self.point, &mut functions.registers);
                 let is_on = slides || value.abs() <= known.width(&slopes, self.point.t);
-                let [sum, size] = functions.along(&slopes, moved, direction);
-                (is_on || met.contains(&i)) && is_off(sum, size)
-            })
-        })
+                if is_on || met.contains(&i) {
+                    all.push(Held {
+                        switch: i,
+                        slopes,
+                        slides,
+                    });
+                }
+            }
+        }
+        all
     }
 
     /// What keeps algebraic states.
@@ -245,31 +280,49 @@ impl Meeting<'_> {
         Ok(Algebraic { rows, lu })
     }
 
-    /// A switch whose α is at a bound, and moves away from it in a direction.
-    fn loosens(
+    /// The α that are at a bound and have to stay there as the point moves.
+    fn bounded(
         &self,
         functions: &Functions,
         (linear, known): (&Linearized, &Known),
         but: Option<usize>,
-        moved: Moved,
-        direction: usize,
-    ) -> Option<usize> {
+    ) -> Vec<Held> {
         let system = &functions.system;
-        (0..self.sides.len()).find(|&i| {
+        let at_bound = |i: usize| {
             if self.sides[i] != Side::Slide || but == Some(i) || self.observers[i] {
-                return false;
+                return None;
             }
             let distances = system.switches[i].limits().iter();
             let distances = distances.map(|limit| (self.point.alpha[i] - limit).abs());
             let distance = distances.fold(f64::INFINITY, f64::min);
             if distance == f64::INFINITY {
-                return false;
+                return None;
             }
             let slopes = linear.alpha(i);
             let is_at = distance <= known.width(&slopes, self.point.t) + known.share;
-            let [sum, size] = functions.along(&slopes, moved, direction);
-            is_at && is_off(sum, size)
-        })
+            is_at.then_some(Held {
+                switch: i,
+                slopes,
+                slides: false,
+            })
+        };
+        (0..self.sides.len()).filter_map(at_bound).collect()
+    }
+}
+
+/// What is zero at a point, and has to stay so to first order as the point moves.
+pub(super) struct Held {
+    pub switch: usize,
+    pub slopes: Vec<(usize, f64)>,
+    /// Whether it is zero along the mode.
+    slides: bool,
+}
+
+impl Held {
+    /// Whether it does not stay so in a direction.
+    pub fn is_left(&self, functions: &Functions, moved: Moved, direction: usize) -> bool {
+        let [sum, size] = functions.along(&self.slopes, moved, direction);
+        is_off(sum, size)
     }
 }
 
@@ -301,7 +354,6 @@ struct Trigger {
 /// An event with what is the same in all directions.
 pub(super) struct Prepared<'a> {
     of: &'a Saltation<'a>,
-    alpha: [Vec<f64>; 2],
     before: Linearized,
     after: Linearized,
     /// None where the instant is known.
@@ -309,6 +361,8 @@ pub(super) struct Prepared<'a> {
     passes: bool,
     jumps: Vec<Jumped>,
     algebraic: Option<Algebraic>,
+    /// What stays zero before it and behind it.
+    held: [Vec<Held>; 2],
 }
 
 /// Why there is no derivative, and the switches that it is about.
@@ -426,16 +480,52 @@ impl<'a> Saltation<'a> {
             true => None,
             false => Some(meeting.algebraic(functions).map_err(all)?),
         };
+        let mut held = [Vec::new(), Vec::new()];
+        if !passes {
+            let trigger = trigger.as_ref();
+            held = [
+                self.held(functions, false, (&before, &alpha), trigger),
+                self.held(functions, true, (&after, &behind), trigger),
+            ];
+        }
         Ok(Prepared {
             of: self,
-            alpha: [alpha, behind],
             before,
             after,
             trigger,
             passes,
             jumps,
             algebraic,
+            held,
         })
+    }
+
+    /// What lies on surfaces and at bounds on one side of it.
+    fn held(
+        &self,
+        functions: &mut Functions,
+        behind: bool,
+        (linear, alpha): (&Linearized, &[f64]),
+        trigger: Option<&Trigger>,
+    ) -> Vec<Held> {
+        let meeting = self.meeting(behind, alpha);
+        let known = Known {
+            share: self.run.width(),
+            sizes: &self.sizes.largest,
+            instant: trigger.map_or(0.0, |trigger| trigger.width / trigger.rate.abs()),
+            f: &linear.f,
+        };
+        let met: Vec<usize> = match behind {
+            true => Vec::new(),
+            false => self.met(),
+        };
+        let plain = |i: &usize| self.event.from[*i] != Side::Slide && !self.run.observers[*i];
+        let met: Vec<usize> = met.into_iter().filter(plain).collect();
+        let laws: &[usize] = if behind { &[] } else { &self.event.laws };
+        let but = trigger.filter(|_| !behind).map(|trigger| trigger.switch);
+        let mut held = meeting.held(functions, &known, [&met, laws]);
+        held.extend(meeting.bounded(functions, (linear, &known), but));
+        held
     }
 
     fn meeting<'p>(&'p self, behind: bool, alpha: &'p [f64]) -> Meeting<'p> {
@@ -568,20 +658,32 @@ pub(super) struct Crossing {
     algebraic: Option<Algebraic>,
     /// f before and behind it.
     rates: [Vec<f64>; 2],
+    /// Rows of x⁻ at its instant, of that and of parameters, which have to be zero and are not so for any direction.
+    conditions: Vec<Costate>,
 }
 
 impl Crossing {
     /// The transpose of `cross`.
     pub fn transpose(&self, functions: &Functions, costate: &mut Costate) {
         if !self.passes {
-            let product = |f: &[f64], x: &[f64]| f.iter().zip(x).map(|(f, x)| f * x).sum::<f64>();
             costate.time -= product(&self.rates[1], &costate.x);
-            if let Some(algebraic) = &self.algebraic {
-                algebraic.transpose(functions, costate);
-            }
-            for jump in self.jumps.iter().rev() {
-                jump.transpose(costate);
-            }
+            jumped_back(functions, (&self.jumps, self.algebraic.as_ref()), costate);
+        }
+        self.meet(functions, costate);
+    }
+
+    /// The rows of what has to be zero for its tangents, before it.
+    pub fn conditions(&self, functions: &Functions) -> impl Iterator<Item = Costate> {
+        self.conditions.iter().map(|row| {
+            let mut row = row.clone();
+            self.meet(functions, &mut row);
+            row
+        })
+    }
+
+    /// The transpose of x⁻ at the instant of the event, and of that.
+    fn meet(&self, functions: &Functions, costate: &mut Costate) {
+        if !self.passes {
             costate.time += product(&self.rates[0], &costate.x);
         }
         if self.follows {
@@ -595,11 +697,30 @@ impl Crossing {
     }
 }
 
+fn product(f: &[f64], x: &[f64]) -> f64 {
+    f.iter().zip(x).map(|(f, x)| f * x).sum()
+}
+
+/// The transpose of what jumps.
+fn jumped_back(
+    functions: &Functions,
+    (jumps, algebraic): (&[Jumped], Option<&Algebraic>),
+    costate: &mut Costate,
+) {
+    if let Some(algebraic) = algebraic {
+        algebraic.transpose(functions, costate);
+    }
+    for jump in jumps.iter().rev() {
+        jump.transpose(costate);
+    }
+}
+
 impl Prepared<'_> {
     /// What it does to tangents.
-    pub fn crossing(self) -> Crossing {
+    pub fn crossing(self, functions: &Functions) -> Crossing {
         Crossing {
-            follows: self.trigger.is_none() && !self.of.event.is_scheduled,
+            conditions: self.conditions(functions),
+            follows: self.follows(),
             trigger: self.trigger.map(|trigger| (trigger.slopes, trigger.rate)),
             passes: self.passes,
             jumps: self.jumps,
@@ -608,10 +729,50 @@ impl Prepared<'_> {
         }
     }
 
+    /// Whether its instant is that of the event before.
+    fn follows(&self) -> bool {
+        self.trigger.is_none() && !self.of.event.is_scheduled
+    }
+
+    /// What has to be zero and does not follow for all directions from what is: from what slides before the event, and from
+    /// what triggers it.
+    fn conditions(&self, functions: &Functions) -> Vec<Costate> {
+        let [before, behind] = &self.held;
+        let sizes = [self.of.run.system.n_states(), self.of.run.parameters.len()];
+        let row = |slopes: &[(usize, f64)]| Costate::of(functions.slots, slopes, sizes);
+        let magnitude = |slopes: &[(usize, f64)]| {
+            let slopes: Vec<(usize, f64)> = slopes.iter().map(|&(i, s)| (i, s.abs())).collect();
+            row(&slopes)
+        };
+        let slides = |held: &&Held| held.slides && !self.of.is_start;
+        let known = before.iter().filter(slides).map(|held| row(&held.slopes));
+        let met = self.trigger.iter().map(|trigger| row(&trigger.slopes));
+        // An instant that is known does not move.
+        let fixed = self.of.event.is_scheduled.then(|| row(&[(0, 1.0)]));
+        let known = known.chain(met).chain(fixed).map(|row| row.entries());
+        let known = Implied::by(known.collect());
+        let before = before
+            .iter()
+            .map(|held| [row(&held.slopes), magnitude(&held.slopes)]);
+        let jumps: Vec<Jumped> = self.jumps.iter().map(Jumped::magnitude).collect();
+        let behind = behind.iter().map(|held| {
+            let [mut own, mut size] = [row(&held.slopes), magnitude(&held.slopes)];
+            if let Some(algebraic) = &self.algebraic {
+                algebraic.spread(functions, &own, &mut size);
+            }
+            jumped_back(functions, (&self.jumps, self.algebraic.as_ref()), &mut own);
+            jumped_back(functions, (&jumps, None), &mut size);
+            [own, size]
+        });
+        let all = before.chain(behind);
+        let open = all.filter(|[own, size]| !known.has(own.entries(), &size.entries()));
+        open.map(|[own, _]| own).collect()
+    }
+
     /// dt/dp and the tangent behind the event, from that before it.
     pub fn cross(
         &self,
-        functions: &mut Functions,
+        functions: &Functions,
         tangent: &[f64],
         direction: usize,
     ) -> Result<(f64, Vec<f64>), Failed> {
@@ -629,8 +790,8 @@ impl Prepared<'_> {
             .map(|(s, f)| s + f * time)
             .collect();
         let mut size = self.sizes(tangent, time, direction);
-        let but = self.trigger.as_ref().map(|trigger| trigger.switch);
-        self.check(functions, false, (moved(&x, &size, time), direction), but)?;
+        let [before, behind] = &self.held;
+        self.check(functions, before, (moved(&x, &size, time), direction))?;
         for jump in &self.jumps {
             (x, size) = jump.apply(moved(&x, &size, time), direction);
         }
@@ -639,7 +800,7 @@ impl Prepared<'_> {
         }
         let sizes = x.iter().zip(&size).map(|(x, size)| x.abs().max(*size));
         let size: Vec<f64> = sizes.collect();
-        self.check(functions, true, (moved(&x, &size, time), direction), None)?;
+        self.check(functions, behind, (moved(&x, &size, time), direction))?;
         let slipped = x.iter().zip(&self.after.f).map(|(x, f)| x - f * time);
         let slipped: Vec<f64> = slipped.collect();
         match slipped.iter().all(|s| s.is_finite()) {
@@ -664,32 +825,13 @@ impl Prepared<'_> {
     /// What lies on surfaces and at bounds stays there to first order.
     fn check(
         &self,
-        functions: &mut Functions,
-        behind: bool,
+        functions: &Functions,
+        held: &[Held],
         (moved, direction): (Moved, usize),
-        but: Option<usize>,
     ) -> Result<(), Failed> {
-        let of = self.of;
-        let linear = if behind { &self.after } else { &self.before };
-        let meeting = of.meeting(behind, &self.alpha[usize::from(behind)]);
-        let instant = self.trigger.as_ref();
-        let known = Known {
-            share: of.run.width(),
-            sizes: &of.sizes.largest,
-            instant: instant.map_or(0.0, |trigger| trigger.width / trigger.rate.abs()),
-            f: &linear.f,
-        };
-        let met: Vec<usize> = match behind {
-            true => Vec::new(),
-            false => of.met(),
-        };
-        let plain = |i: &usize| of.event.from[*i] != Side::Slide && !of.run.observers[*i];
-        let met: Vec<usize> = met.into_iter().filter(plain).collect();
-        let laws: &[usize] = if behind { &[] } else { &of.event.laws };
-        let leaves = meeting.leaves(functions, &known, ([&met, laws], moved), direction);
-        let loosens = meeting.loosens(functions, (linear, &known), but, moved, direction);
-        match leaves.or(loosens) {
-            Some(switch) if of.is_start => Err((Why::Start, vec![switch])),
+        let left = |held: &&Held| held.is_left(functions, moved, direction);
+        match held.iter().find(left).map(|held| held.switch) {
+            Some(switch) if self.of.is_start => Err((Why::Start, vec![switch])),
             Some(switch) => Err((Why::Several, vec![switch])),
             None => Ok(()),
         }

@@ -136,7 +136,6 @@ impl<'r> Rows<'r> {
         let n_outputs = self.outputs.values.n_outputs();
         let mut of_outputs = vec![vec![0.0; n_outputs]; n_rows];
         let (mut entry, mut signal) = (0, 0);
-        let mut names: Vec<&str> = Vec::new();
         let signals = named.outputs.iter().chain(&named.controls);
         let all = named.states.iter().map(|series| (series, true));
         for (series, is_state) in all.chain(signals.map(|series| (series, false))) {
@@ -144,13 +143,9 @@ impl<'r> Rows<'r> {
             let first = if is_state { &mut entry } else { &mut signal };
             let own = *first..*first + count;
             *first = own.end;
-            names.push(&series.name);
             let Some((_, weights)) = weights.iter().find(|(name, _)| *name == series.name) else {
                 continue;
             };
-            if weights.len() != count * n_rows {
-                return None;
-            }
             for (k, weights) in weights.chunks(count.max(1)).enumerate() {
                 for (place, weight) in own.clone().zip(weights) {
                     match is_state {
@@ -159,12 +154,6 @@ impl<'r> Rows<'r> {
                     }
                 }
             }
-        }
-        if !weights
-            .iter()
-            .all(|(name, _)| names.contains(&name.as_str()))
-        {
-            return None;
         }
         let mut by = vec![0.0; self.given.parameters.len()];
         for (k, own) in of_outputs.iter().enumerate() {
