@@ -81,7 +81,11 @@ class Project:
     def experiments(self) -> list[str]: ...
     def describe(self, experiment: str) -> str: ...
     def run(
-        self, experiment: str, asked: Asked, multipliers: bool, figure: bool
+        self,
+        experiment: str,
+        asked: Asked,
+        weights: Sequence[tuple[str, Sequence[float]]] | None,
+        kept: tuple[bool, bool],
     ) -> Run: ...
     def controller(
         self,

@@ -91,11 +91,16 @@ fn row(name: &str, text: &str, by: &[&str], exact: Option<&[f64]>) {
         };
         let tangents = forward();
         let tangents: Vec<f64> = (0..open.len())
-            .map(|d| sum(tangents.at(0, d).expect("it is known")))
+            .map(|d| match tangents.at(0, d) {
+                Some(by) => sum(by),
+                None => panic!("{:?}", tangents.lost[d]),
+            })
             .collect();
         let gradient = backward();
         let reference = exact.unwrap_or(&tangents);
-        let size = reference.iter().fold(0.0_f64, |size, one| size.max(one.abs()));
+        let size = reference
+            .iter()
+            .fold(0.0_f64, |size, one| size.max(one.abs()));
         let pairs = gradient.iter().zip(reference);
         let error = pairs.fold(0.0_f64, |error, (a, b)| error.max((a - b).abs()));
         print(&format!(
@@ -163,7 +168,8 @@ fn weight(i: usize) -> f64 {
     ((i + 1) as f64).sin()
 }
 
-const BALL: &str = "model ball { param g = 9.81; param e = 0.5; state q = 1; state v = 0; q' = v; v' = -g;
+const BALL: &str =
+    "model ball { param g = 9.81; param e = 0.5; state q = 1; state v = 0; q' = v; v' = -g;
        jump floor when q <= 0 and v < 0 { v := -e*v; } }
      simulate bench of ball { horizon 0.8; }";
 
@@ -223,13 +229,13 @@ fn linear() -> (String, Vec<f64>) {
     let x0 = DVector::from_fn(LINEAR, |i, _| 1.0 + 0.1 * i as f64);
     let rows = (0..LINEAR).map(|i| {
         let row: Vec<String> = (0..LINEAR).map(|j| format!("{:?}", entry(i, j))).collect();
-        format!("[{}]", row.join(", "))
+        row.join(", ")
     });
     let rows: Vec<String> = rows.collect();
     let text = format!(
         "model linear {{ param A[{LINEAR},{LINEAR}] = [{}]; state x[{LINEAR}] = {:?}; x' = A*x; }}
          simulate bench of linear {{ horizon {HORIZON}; }}",
-        rows.join(", "),
+        rows.join("; "),
         x0.as_slice(),
     );
     let SymmetricEigen {

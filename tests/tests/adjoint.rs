@@ -4,7 +4,7 @@
 use crate::sensitivity::affine;
 use nsd_tests::random::Random;
 use nsdc::report::Trajectory;
-use nsdc::{Options, Project};
+use nsdc::{Messages, Options, Project};
 
 type Weights = Vec<(String, Vec<f64>)>;
 
@@ -173,6 +173,30 @@ fn what_meets_together_stays_together() {
     assert!(agrees(text, 1), "it does not go backward");
 }
 
+/// In a row of masses the last ones move with the first spring at an order in time beyond any series: that is nothing at first,
+/// and no reason not to know it.
+#[test]
+fn what_is_far_away_moves_in_the_end() {
+    const N: usize = 20;
+    let mut text = format!(
+        "model m {{ param c = 20; state q[{N}] = zeros({N}); state v[{N}] = [sin(i) for i in 1..{N}]; q' = v; "
+    );
+    for i in 1..=N {
+        let spring = |left: usize| match left {
+            0 | N => "0".to_owned(),
+            1 => "c*(q[2] - q[1])".to_owned(),
+            left => format!("20*(q[{}] - q[{left}])", left + 1),
+        };
+        text += &format!("v[{i}]' = {} - {}; ", spring(i), spring(i - 1));
+    }
+    text += "} simulate s of m { horizon 5; sensitivity to c, v[1] at 0; output at [5]; }";
+    assert!(agrees(&text, 2), "it does not go backward");
+    let forward = run(&text, 1e-9, None).samples.sensitivities;
+    assert!(forward.iter().all(|by| by.until.is_none()));
+    let last = forward.iter().map(|by| by.states[0].values[N - 1]);
+    assert!(last.into_iter().all(|by| by.abs() > 1e-6));
+}
+
 /// A direction that leaves a surface has no derivative, however small what it does is beside what another one does and takes
 /// back: of y - b - (c - 1)/10⁷ behind a jump to b, and of x - b at a start in b.
 #[test]
@@ -201,6 +225,12 @@ fn what_is_small_is_not_overlooked() {
 
 const DECAY: &str = "model m { param k = 1; state x[2] = [1, 2]; output y = x[1]^2; x' = -k*x; }
     simulate s of m { horizon 1; sensitivity to k; output at [0, 1]; }";
+
+/// Messages without the ends of their lines.
+fn told(messages: &Messages) -> String {
+    let text = messages.to_string().replace('│', "");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
 
 /// What is refused says why, whoever runs it.
 #[test]
@@ -249,7 +279,7 @@ fn what_is_no_weight_is_refused() {
             session.run("s", &options, &mut ()),
         ];
         for found in found {
-            let told = found.expect_err("it is refused").to_string();
+            let told = told(&found.expect_err("it is refused"));
             assert!(told.contains(why), "{told}");
         }
     };
@@ -288,7 +318,7 @@ fn a_sweep_has_no_weights() {
     };
     let project = Project::from_text("model.nsd", DECAY);
     let refused = project.sweep("s", &options, grid).map(|_| ());
-    let told = refused.expect_err("it is refused").to_string();
+    let told = told(&refused.expect_err("it is refused"));
     assert!(told.contains("E0534"), "{told}");
 }
 

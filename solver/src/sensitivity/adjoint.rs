@@ -5,10 +5,10 @@
 //!
 //! λ ↦ Φᵀ λ,   dJ/dp += Ψᵀ λ,
 //!
-//! so that one pass serves all parameters, and its result is that of the forward pass up to rounding where both divide steps
-//! alike: along parts Φᵀ and Ψᵀ are the transposed recursion of Taylor coefficients, where anything slides with φ_α
-//! transposed, and at events those of saltation matrices (Cao, Li, Petzold & Serban 2003, for equations with algebraic
-//! states).
+//! so that one pass serves all parameters: along parts Φᵀ and Ψᵀ are the transposed recursion of Taylor coefficients, where
+//! anything slides with φ_α transposed, and at events those of saltation matrices. Its result is that of the forward pass up to
+//! rounding where both divide steps alike, as it is the transpose of what is computed and no solution of the adjoint equations,
+//! of which Cao, Li, Petzold & Serban 2003 have those with algebraic states, and Serban & Recuero 2019 those across events.
 //!
 //! A forward pass along one combination of all directions divides the steps, and sees what is lost whatever the direction is.
 //! What else has to hold to first order are rows r S = 0, of surfaces that are stayed on. They hold for all directions where

@@ -462,7 +462,7 @@ impl<'r> Forward<'r> {
                     }
                 }
                 if let Some(trace) = &mut self.trace {
-                    trace.push(Passed::Event(prepared.crossing(&self.functions)));
+                    trace.push(Passed::Event(prepared.crossing()));
                 }
             }
         }

@@ -41,6 +41,11 @@ impl Jumped {
         (x, size)
     }
 
+    /// Whether it changes a state.
+    pub fn sets(&self, state: usize) -> bool {
+        self.rows.iter().any(|(own, _)| *own == state)
+    }
+
     /// How large its derivatives are.
     pub fn magnitude(&self) -> Jumped {
         let rows = self.rows.iter();

@@ -174,9 +174,7 @@ impl Algebraic {
     /// Adds how large the terms of the transpose of a row are to how large those of the row are.
     fn spread(&self, functions: &Functions, row: &Costate, size: &mut Costate) {
         for (row, weight) in self.rows.iter().zip(self.weights(functions, row)) {
-            let terms = row.iter().map(|&(slot, slope)| (slot, slope.abs()));
-            let terms: Vec<(usize, f64)> = terms.collect();
-            size.add(functions.slots, &terms, weight.abs());
+            size.add(functions.slots, &magnitudes(row), weight.abs());
         }
         self.forget(functions, size);
     }
@@ -361,8 +359,8 @@ pub(super) struct Prepared<'a> {
     passes: bool,
     jumps: Vec<Jumped>,
     algebraic: Option<Algebraic>,
-    /// What stays zero before it and behind it.
-    held: [Vec<Held>; 2],
+    /// What has to stay zero before it and behind it, with rows of the state and the instant where it is met.
+    held: [Vec<(Held, Costate)>; 2],
 }
 
 /// Why there is no derivative, and the switches that it is about.
@@ -483,10 +481,11 @@ impl<'a> Saltation<'a> {
         let mut held = [Vec::new(), Vec::new()];
         if !passes {
             let trigger = trigger.as_ref();
-            held = [
+            let all = [
                 self.held(functions, false, (&before, &alpha), trigger),
                 self.held(functions, true, (&after, &behind), trigger),
             ];
+            held = self.open(functions, all, trigger, (&jumps, algebraic.as_ref()));
         }
         Ok(Prepared {
             of: self,
@@ -526,6 +525,60 @@ impl<'a> Saltation<'a> {
         let mut held = meeting.held(functions, &known, [&met, laws]);
         held.extend(meeting.bounded(functions, (linear, &known), but));
         held
+    }
+
+    /// What of that is not so for all directions since others are: what slides before the event, and what triggers it. Each with
+    /// its row of the state and the instant where it is met, from which what is behind follows by what jumps.
+    fn open(
+        &self,
+        functions: &Functions,
+        [before, behind]: [Vec<Held>; 2],
+        trigger: Option<&Trigger>,
+        jumped: (&[Jumped], Option<&Algebraic>),
+    ) -> [Vec<(Held, Costate)>; 2] {
+        // What slides at the start has not been asked for yet.
+        let slides = |held: &&Held| held.slides && !self.is_start;
+        let met = trigger.map(|trigger| trigger.slopes.clone());
+        let known = before.iter().filter(slides).map(|held| held.slopes.clone());
+        let mut known: Vec<Vec<(usize, f64)>> = known.chain(met).collect();
+        let jumps = |&(slot, _): &(usize, f64)| {
+            let state = slot.checked_sub(1);
+            let is_set = |state| jumped.0.iter().any(|jump| jump.sets(state));
+            state.is_some_and(|i| is_set(i) || functions.system.is_algebraic(i))
+        };
+        let is_known = |held: &Held| known.contains(&held.slopes);
+        let open = |held: &Held| held.slopes.iter().any(jumps) || !is_known(held);
+        let before: Vec<Held> = before.into_iter().filter(|held| !is_known(held)).collect();
+        let behind: Vec<Held> = behind.into_iter().filter(open).collect();
+        if before.is_empty() && behind.is_empty() {
+            return [Vec::new(), Vec::new()];
+        }
+        if self.event.is_scheduled {
+            known.push(vec![(0, 1.0)]);
+        }
+        let sizes = [functions.slots.n_states, self.run.parameters.len()];
+        let row = |slopes: &[(usize, f64)]| Costate::of(functions.slots, slopes, sizes);
+        let magnitude = |slopes: &[(usize, f64)]| row(&magnitudes(slopes));
+        let known = known.iter().map(|slopes| row(slopes).entries());
+        let known = Implied::by(known.collect());
+        let not_implied =
+            |own: &Costate, size: &Costate| !known.has(own.entries(), &size.entries());
+        let before = before.into_iter().filter_map(|held| {
+            let [own, size] = [row(&held.slopes), magnitude(&held.slopes)];
+            not_implied(&own, &size).then_some((held, own))
+        });
+        let behind = behind.into_iter().filter_map(|held| {
+            let [mut own, mut size] = [row(&held.slopes), magnitude(&held.slopes)];
+            if let Some(algebraic) = jumped.1 {
+                algebraic.spread(functions, &own, &mut size);
+            }
+            jumped_back(functions, jumped, &mut own);
+            for jump in jumped.0.iter().rev() {
+                jump.magnitude().transpose(&mut size);
+            }
+            not_implied(&own, &size).then_some((held, own))
+        });
+        [before.collect(), behind.collect()]
     }
 
     fn meeting<'p>(&'p self, behind: bool, alpha: &'p [f64]) -> Meeting<'p> {
@@ -626,6 +679,12 @@ fn is_off(sum: f64, size: f64) -> bool {
     sum.is_nan() || size.is_nan() || sum.abs() > STAYS * size
 }
 
+/// How large slopes are.
+fn magnitudes(slopes: &[(usize, f64)]) -> Vec<(usize, f64)> {
+    let slopes = slopes.iter();
+    slopes.map(|&(slot, slope)| (slot, slope.abs())).collect()
+}
+
 /// How large the terms of a function by states are, by its slopes and the sizes of these.
 pub(super) fn weigh(slopes: &[(usize, f64)], n: usize, size: impl Fn(usize) -> f64) -> f64 {
     let states = slopes.iter().filter(|(slot, _)| (1..=n).contains(slot));
@@ -717,56 +776,17 @@ fn jumped_back(
 
 impl Prepared<'_> {
     /// What it does to tangents.
-    pub fn crossing(self, functions: &Functions) -> Crossing {
+    pub fn crossing(self) -> Crossing {
+        let held = self.held.into_iter().flatten();
         Crossing {
-            conditions: self.conditions(functions),
-            follows: self.follows(),
+            conditions: held.map(|(_, row)| row).collect(),
+            follows: self.trigger.is_none() && !self.of.event.is_scheduled,
             trigger: self.trigger.map(|trigger| (trigger.slopes, trigger.rate)),
             passes: self.passes,
             jumps: self.jumps,
             algebraic: self.algebraic,
             rates: [self.before.f, self.after.f],
         }
-    }
-
-    /// Whether its instant is that of the event before.
-    fn follows(&self) -> bool {
-        self.trigger.is_none() && !self.of.event.is_scheduled
-    }
-
-    /// What has to be zero and does not follow for all directions from what is: from what slides before the event, and from
-    /// what triggers it.
-    fn conditions(&self, functions: &Functions) -> Vec<Costate> {
-        let [before, behind] = &self.held;
-        let sizes = [self.of.run.system.n_states(), self.of.run.parameters.len()];
-        let row = |slopes: &[(usize, f64)]| Costate::of(functions.slots, slopes, sizes);
-        let magnitude = |slopes: &[(usize, f64)]| {
-            let slopes: Vec<(usize, f64)> = slopes.iter().map(|&(i, s)| (i, s.abs())).collect();
-            row(&slopes)
-        };
-        let slides = |held: &&Held| held.slides && !self.of.is_start;
-        let known = before.iter().filter(slides).map(|held| row(&held.slopes));
-        let met = self.trigger.iter().map(|trigger| row(&trigger.slopes));
-        // An instant that is known does not move.
-        let fixed = self.of.event.is_scheduled.then(|| row(&[(0, 1.0)]));
-        let known = known.chain(met).chain(fixed).map(|row| row.entries());
-        let known = Implied::by(known.collect());
-        let before = before
-            .iter()
-            .map(|held| [row(&held.slopes), magnitude(&held.slopes)]);
-        let jumps: Vec<Jumped> = self.jumps.iter().map(Jumped::magnitude).collect();
-        let behind = behind.iter().map(|held| {
-            let [mut own, mut size] = [row(&held.slopes), magnitude(&held.slopes)];
-            if let Some(algebraic) = &self.algebraic {
-                algebraic.spread(functions, &own, &mut size);
-            }
-            jumped_back(functions, (&self.jumps, self.algebraic.as_ref()), &mut own);
-            jumped_back(functions, (&jumps, None), &mut size);
-            [own, size]
-        });
-        let all = before.chain(behind);
-        let open = all.filter(|[own, size]| !known.has(own.entries(), &size.entries()));
-        open.map(|[own, _]| own).collect()
     }
 
     /// dt/dp and the tangent behind the event, from that before it.
@@ -826,11 +846,12 @@ impl Prepared<'_> {
     fn check(
         &self,
         functions: &Functions,
-        held: &[Held],
+        held: &[(Held, Costate)],
         (moved, direction): (Moved, usize),
     ) -> Result<(), Failed> {
-        let left = |held: &&Held| held.is_left(functions, moved, direction);
-        match held.iter().find(left).map(|held| held.switch) {
+        let mut held = held.iter().map(|(held, _)| held);
+        let left = held.find(|held| held.is_left(functions, moved, direction));
+        match left.map(|held| held.switch) {
             Some(switch) if self.of.is_start => Err((Why::Start, vec![switch])),
             Some(switch) => Err((Why::Several, vec![switch])),
             None => Ok(()),
