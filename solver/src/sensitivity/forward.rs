@@ -2,8 +2,9 @@
 
 use super::asked::{Directions, Moment};
 use super::functions::{Functions, Linearized, Moved, Point};
+use super::meeting::{Algebraic, Held, Known, Meeting};
 use super::run::Run;
-use super::saltation::{Algebraic, Crossing, Held, Known, Meeting, Saltation};
+use super::saltation::{Crossing, Saltation};
 use super::sizes::Sizes;
 use super::taylor::Tangent;
 use super::variational::{self, Variational, Way};

@@ -20,6 +20,7 @@ mod forward;
 mod functions;
 mod implied;
 mod jump;
+mod meeting;
 mod resting;
 mod run;
 mod saltation;
