@@ -191,10 +191,11 @@ fn what_is_far_away_moves_in_the_end() {
     }
     text += "} simulate s of m { horizon 5; sensitivity to c, v[1] at 0; output at [5]; }";
     assert!(agrees(&text, 2), "it does not go backward");
-    let forward = run(&text, 1e-9, None).samples.sensitivities;
+    let forward = run(&text, 1e-9, None);
+    let forward = &forward.samples.sensitivities;
     assert!(forward.iter().all(|by| by.until.is_none()));
-    let last = forward.iter().map(|by| by.states[0].values[N - 1]);
-    assert!(last.into_iter().all(|by| by.abs() > 1e-6));
+    let mut last = forward.iter().map(|by| by.states[0].values[N - 1]);
+    assert!(last.all(|by| by.abs() > 1e-6));
 }
 
 /// A direction that leaves a surface has no derivative, however small what it does is beside what another one does and takes
