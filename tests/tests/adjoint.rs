@@ -291,8 +291,8 @@ fn what_is_no_weight_is_refused() {
     let without = DECAY.replace("sensitivity to k;", "");
     refused(&without, &good, "has no `sensitivity to`");
     refused(&without, &weights(&[]), "has no `sensitivity to`");
-    let optimum = "model m { state x = 1; control u in [-1, 1]; x' = u; cost { integral x^2; } }
-        optimize s of m { horizon 1; intervals 5; }";
+    let optimum = "model m { state x = 1; control u in [-1, 1] = 0; x' = u; }
+        optimize s of m { horizon 1; intervals 5; minimize integral(x^2); }";
     refused(optimum, &good, "E0534");
     for method in [
         "fesd { steps = 10; }",

@@ -463,7 +463,7 @@ impl<'r> Forward<'r> {
                     }
                 }
                 if let Some(trace) = &mut self.trace {
-                    trace.push(Passed::Event(prepared.crossing()));
+                    trace.push(Passed::Event(prepared.crossing(&self.functions)));
                 }
             }
         }

@@ -132,9 +132,13 @@ pub(super) struct Prepared<'a> {
     passes: bool,
     jumps: Vec<Jumped>,
     algebraic: Option<Algebraic>,
-    /// What has to stay zero before it and behind it, with rows of the state and the instant where it is met.
-    held: [Vec<(Held, Costate)>; 2],
+    /// What has to stay zero before it and behind it, but for rows that are known to.
+    held: [Vec<Held>; 2],
+    known: Vec<Slopes>,
 }
+
+/// (slot, derivative) of a function.
+type Slopes = Vec<(usize, f64)>;
 
 /// Why there is no derivative, and the switches that it is about.
 type Failed = (Why, Vec<usize>);
@@ -251,14 +255,14 @@ impl<'a> Saltation<'a> {
             true => None,
             false => Some(meeting.algebraic(functions).map_err(all)?),
         };
-        let mut held = [Vec::new(), Vec::new()];
+        let (mut held, mut known) = ([Vec::new(), Vec::new()], Vec::new());
         if !passes {
             let trigger = trigger.as_ref();
             let all = [
                 self.held(functions, false, (&before, &alpha), trigger),
                 self.held(functions, true, (&after, &behind), trigger),
             ];
-            held = self.open(functions, all, trigger, (&jumps, algebraic.as_ref()));
+            (held, known) = self.open(functions, all, trigger, &jumps);
         }
         Ok(Prepared {
             of: self,
@@ -269,6 +273,7 @@ impl<'a> Saltation<'a> {
             jumps,
             algebraic,
             held,
+            known,
         })
     }
 
@@ -300,58 +305,31 @@ impl<'a> Saltation<'a> {
         held
     }
 
-    /// What of that is not so for all directions since others are: what slides before the event, and what triggers it. Each with
-    /// its row of the state and the instant where it is met, from which what is behind follows by what jumps.
+    /// Of that, what is not among the rows that vanish: those of what slides before the event, and of what triggers it, with
+    /// which come those behind it that nothing changes.
     fn open(
         &self,
         functions: &Functions,
         [before, behind]: [Vec<Held>; 2],
         trigger: Option<&Trigger>,
-        jumped: (&[Jumped], Option<&Algebraic>),
-    ) -> [Vec<(Held, Costate)>; 2] {
+        jumped: &[Jumped],
+    ) -> ([Vec<Held>; 2], Vec<Slopes>) {
         // What slides at the start has not been asked for yet.
         let slides = |held: &&Held| held.slides && !self.is_start;
         let met = trigger.map(|trigger| trigger.slopes.clone());
         let known = before.iter().filter(slides).map(|held| held.slopes.clone());
-        let mut known: Vec<Vec<(usize, f64)>> = known.chain(met).collect();
+        let known: Vec<Slopes> = known.chain(met).collect();
         let jumps = |&(slot, _): &(usize, f64)| {
+            let is_set = |state| jumped.iter().any(|jump| jump.sets(state));
             let state = slot.checked_sub(1);
-            let is_set = |state| jumped.0.iter().any(|jump| jump.sets(state));
             state.is_some_and(|i| is_set(i) || functions.system.is_algebraic(i))
         };
-        let is_known = |held: &Held| known.contains(&held.slopes);
-        let open = |held: &Held| held.slopes.iter().any(jumps) || !is_known(held);
-        let before: Vec<Held> = before.into_iter().filter(|held| !is_known(held)).collect();
-        let behind: Vec<Held> = behind.into_iter().filter(open).collect();
-        if before.is_empty() && behind.is_empty() {
-            return [Vec::new(), Vec::new()];
-        }
-        if self.event.is_scheduled {
-            known.push(vec![(0, 1.0)]);
-        }
-        let sizes = [functions.slots.n_states, self.run.parameters.len()];
-        let row = |slopes: &[(usize, f64)]| Costate::of(functions.slots, slopes, sizes);
-        let magnitude = |slopes: &[(usize, f64)]| row(&magnitudes(slopes));
-        let known = known.iter().map(|slopes| row(slopes).entries());
-        let known = Implied::by(known.collect());
-        let not_implied =
-            |own: &Costate, size: &Costate| !known.has(own.entries(), &size.entries());
-        let before = before.into_iter().filter_map(|held| {
-            let [own, size] = [row(&held.slopes), magnitude(&held.slopes)];
-            not_implied(&own, &size).then_some((held, own))
-        });
-        let behind = behind.into_iter().filter_map(|held| {
-            let [mut own, mut size] = [row(&held.slopes), magnitude(&held.slopes)];
-            if let Some(algebraic) = jumped.1 {
-                algebraic.spread(functions, &own, &mut size);
-            }
-            jumped_back(functions, jumped, &mut own);
-            for jump in jumped.0.iter().rev() {
-                jump.magnitude().transpose(&mut size);
-            }
-            not_implied(&own, &size).then_some((held, own))
-        });
-        [before.collect(), behind.collect()]
+        let is_open = |held: &Held| !known.contains(&held.slopes);
+        let changes = |held: &Held| held.slopes.iter().any(jumps);
+        let before = before.into_iter().filter(is_open).collect();
+        let behind = behind.into_iter();
+        let behind = behind.filter(|held| changes(held) || is_open(held));
+        ([before, behind.collect()], known)
     }
 
     fn meeting<'p>(&'p self, behind: bool, alpha: &'p [f64]) -> Meeting<'p> {
@@ -538,10 +516,9 @@ fn jumped_back(
 
 impl Prepared<'_> {
     /// What it does to tangents.
-    pub fn crossing(self) -> Crossing {
-        let held = self.held.into_iter().flatten();
+    pub fn crossing(self, functions: &Functions) -> Crossing {
         Crossing {
-            conditions: held.map(|(_, row)| row).collect(),
+            conditions: self.conditions(functions),
             follows: self.trigger.is_none() && !self.of.event.is_scheduled,
             trigger: self.trigger.map(|trigger| (trigger.slopes, trigger.rate)),
             passes: self.passes,
@@ -549,6 +526,40 @@ impl Prepared<'_> {
             algebraic: self.algebraic,
             rates: [self.before.f, self.after.f],
         }
+    }
+
+    /// Rows of the state and the instant where it is met, of what has to be zero and does not follow for all directions from
+    /// what is; what is behind it follows from that by what jumps. All parameters are directions here.
+    fn conditions(&self, functions: &Functions) -> Vec<Costate> {
+        let [before, behind] = &self.held;
+        if before.is_empty() && behind.is_empty() {
+            return Vec::new();
+        }
+        let sizes = [functions.slots.n_states, self.of.run.parameters.len()];
+        let row = |slopes: &[(usize, f64)]| Costate::of(functions.slots, slopes, sizes);
+        let known = self.known.iter().map(|slopes| row(slopes).entries());
+        // An instant that is known does not move.
+        let fixed = self
+            .of
+            .event
+            .is_scheduled
+            .then(|| row(&[(0, 1.0)]).entries());
+        let known = Implied::by(known.chain(fixed).collect());
+        let both = |held: &Held| [row(&held.slopes), row(&magnitudes(&held.slopes))];
+        let behind = behind.iter().map(|held| {
+            let [mut own, mut size] = both(held);
+            if let Some(algebraic) = &self.algebraic {
+                algebraic.spread(functions, &own, &mut size);
+            }
+            jumped_back(functions, (&self.jumps, self.algebraic.as_ref()), &mut own);
+            for jump in self.jumps.iter().rev() {
+                jump.magnitude().transpose(&mut size);
+            }
+            [own, size]
+        });
+        let all = before.iter().map(both).chain(behind);
+        let open = all.filter(|[own, size]| !known.has(own.entries(), &size.entries()));
+        open.map(|[own, _]| own).collect()
     }
 
     /// dt/dp and the tangent behind the event, from that before it.
@@ -608,10 +619,10 @@ impl Prepared<'_> {
     fn check(
         &self,
         functions: &Functions,
-        held: &[(Held, Costate)],
+        held: &[Held],
         (moved, direction): (Moved, usize),
     ) -> Result<(), Failed> {
-        let mut held = held.iter().map(|(held, _)| held);
+        let mut held = held.iter();
         let left = held.find(|held| held.is_left(functions, moved, direction));
         match left.map(|held| held.switch) {
             Some(switch) if self.of.is_start => Err((Why::Start, vec![switch])),

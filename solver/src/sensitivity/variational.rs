@@ -191,9 +191,9 @@ fn expanded(
     };
     let solve = |expansion: &Expansion, functions: &Functions, d: usize| {
         let tangent = tangents[d].as_ref()?;
-        let (largest, least) = (way.sizes.tangents(d), way.least(functions, tangent, d));
-        let known = |k: usize| largest(k).max(least * way.sizes.largest[k]);
-        Some(expansion.solve(functions, tangent, known, d))
+        let (largest, share) = (way.sizes.tangents(d), way.least(functions, tangent, d));
+        let least = |k: usize| share * way.sizes.largest[k];
+        Some(expansion.solve(functions, tangent, (largest, least), d))
     };
     let mut found: Vec<Option<Found>> = Vec::new();
     for d in 0..tangents.len() {
@@ -239,12 +239,12 @@ struct Expansion<'a> {
 }
 
 impl Expansion<'_> {
-    /// S of a direction, from how large its entries have been.
+    /// S of a direction, from how large its entries have been, and below which size they are nothing.
     fn solve(
         &self,
         functions: &Functions,
         start: &[f64],
-        largest: impl Fn(usize) -> f64,
+        (largest, least): (impl Fn(usize) -> f64, impl Fn(usize) -> f64),
         d: usize,
     ) -> Found {
         let h = self.h;
@@ -256,7 +256,7 @@ impl Expansion<'_> {
         let known = |k: usize| largest(k).max(start[k].abs()).max(h * first_terms[k]);
         for (k, [whole, last]) in tangent.terms(h).enumerate() {
             let known = if known(k) > 0.0 { known(k) } else { whole };
-            let allowed = self.tolerance * known;
+            let allowed = self.tolerance * known.max(least(k));
             // Its sum is what terms leave of each other, or no sum.
             let is_sum = f64::EPSILON * whole <= allowed;
             if !is_sum || !(last <= DECAYED * whole || last <= allowed) {
@@ -282,7 +282,8 @@ impl Expansion<'_> {
         let order = tangent.order() as f64;
         for (k, [_, last]) in tangent.terms(h).enumerate() {
             // Where an entry has been small so far, its size is that of what it is made of.
-            let size = known(k).max(end[k].abs()) / h + terms[k] + NOTHING;
+            let known = known(k).max(end[k].abs()).max(least(k));
+            let size = known / h + terms[k] + NOTHING;
             let allowed = self.tolerance * size + ROUNDING * terms[k] + noise[k];
             // The defect at the end is that of the first term that is missing.
             let defects = [last / h, inside[k], missed[k] / (order + 1.0)];
