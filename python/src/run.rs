@@ -157,7 +157,7 @@ impl Run {
 
     /// The gradient of what was weighed, by direction.
     fn gradient<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        let gradient = self.run.trajectory.gradient.as_ref()?;
+        let gradient = self.rows().gradient.as_ref()?;
         Some(PyArray1::from_slice(py, gradient))
     }
 

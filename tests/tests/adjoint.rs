@@ -66,7 +66,7 @@ fn agrees(text: &str, seed: u64) -> bool {
     let weights = weights(&forward, seed);
     let expected = contracted(&forward, &weights);
     let back = run(text, 1e-13, Some(weights));
-    let found = back.gradient.expect("it was asked for");
+    let found = back.samples.gradient.clone().expect("it was asked for");
     assert_eq!(found.len(), expected.len());
     for (found, [sum, size]) in found.iter().zip(expected) {
         let error = (found - sum).abs();
@@ -140,7 +140,7 @@ fn both_passes_agree_for_random_systems() {
 fn a_relay_slides_and_leaves() {
     let text = SYSTEMS[0].replace("horizon 3", "horizon 3; output at [0.25, 3]");
     let back = run(&text, 1e-12, Some(vec![("x".to_owned(), vec![10.0, 1.0])]));
-    let found = back.gradient.expect("it was asked for");
+    let found = back.samples.gradient.clone().expect("it was asked for");
     // x(1/4) = a - k/4 + 1/32.
     for (found, exact) in found.iter().zip([-2.5 - 1.0, 10.0]) {
         assert!((found - exact).abs() < 1e-10, "{found} {exact}");
@@ -152,7 +152,7 @@ fn a_relay_slides_and_leaves() {
 fn a_ball_bounces() {
     let text = SYSTEMS[1].replace("horizon 1.9", "horizon 1; output at [1]");
     let back = run(&text, 1e-13, Some(vec![("v".to_owned(), vec![1.0])]));
-    let found = back.gradient.expect("it was asked for");
+    let found = back.samples.gradient.clone().expect("it was asked for");
     let (g, e, h, t) = (9.0_f64, 0.5_f64, 2.0_f64, 1.0_f64);
     let by_g = e * (0.5 * h / g).sqrt() - t + 0.5 * (2.0 * h / g).sqrt();
     let by_e = (2.0 * g * h).sqrt();
@@ -217,7 +217,7 @@ fn what_is_small_is_not_overlooked() {
         ),
     ] {
         let back = run(text, 1e-10, Some(vec![("z".to_owned(), vec![1.0])]));
-        let found = back.gradient.as_ref().expect("it was asked for");
+        let found = back.samples.gradient.as_ref().expect("it was asked for");
         assert!((found[0] - known[0]).abs() <= 1e-9, "{found:?}");
         assert!(found[1].is_nan(), "{found:?}");
         assert!(back.warnings.iter().any(|warning| warning.code == "W0735"));
@@ -327,12 +327,15 @@ fn a_sweep_has_no_weights() {
 #[test]
 fn a_sum_of_nothing_does_not_move() {
     for weights in [vec![], vec![("x".to_owned(), vec![0.0; 4])]] {
-        assert_eq!(run(DECAY, 1e-9, Some(weights)).gradient, Some(vec![0.0]));
+        assert_eq!(
+            run(DECAY, 1e-9, Some(weights)).samples.gradient,
+            Some(vec![0.0])
+        );
     }
     let grows = "model m { param k = 1; state x = 1; x' = k*x^2; }
         simulate s of m { horizon 2; sensitivity to k; output at [0, 2]; }";
     let failed = run(grows, 1e-9, Some(vec![("x".to_owned(), vec![0.0, 1.0])]));
-    assert!(failed.failure.is_some() && failed.gradient.is_none());
+    assert!(failed.failure.is_some() && failed.samples.gradient.is_none());
 }
 
 /// Where one of two directions has no derivative, the other one keeps its own.
@@ -341,7 +344,7 @@ fn what_is_lost_for_one_parameter_is_known_for_the_other() {
     let text = "model m { param a = 0.5; state x = 0; state y = 1; x' = -a - sign(x); y' = -a*y; }
         simulate s of m { horizon 1; sensitivity to a, x at 0; output at [1]; }";
     let back = run(text, 1e-12, Some(vec![("y".to_owned(), vec![1.0])]));
-    let found = back.gradient.as_ref().expect("it was asked for");
+    let found = back.samples.gradient.as_ref().expect("it was asked for");
     assert!(
         (found[0] + (-0.5_f64).exp()).abs() < 1e-10 && found[1].is_nan(),
         "{found:?}"

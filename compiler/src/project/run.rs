@@ -32,7 +32,7 @@ pub struct Options {
     /// When the run ends, done or not.
     pub limit: Limit,
     /// Weights of states, outputs and controls, by name and row by row as they are reported: a run with `sensitivity to` has
-    /// the gradient of their sum alone, [`Trajectory::gradient`], at a cost that hardly grows with what that is by.
+    /// the gradient of their sum alone, [`Samples::gradient`](crate::report::Samples::gradient), at a cost that hardly grows with what that is by.
     /// Others are refused (E0534).
     pub weights: Option<Vec<(String, Vec<f64>)>>,
     /// Whether multipliers are kept, where the method has them.

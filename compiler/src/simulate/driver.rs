@@ -318,7 +318,7 @@ fn differentiate<'e>(
         }
         // The sum of nothing.
         if weights.iter().all(|(_, own)| own.iter().all(|w| *w == 0.0)) {
-            trajectory.gradient = Some(vec![0.0; sensing.directions.len()]);
+            trajectory.samples.gradient = Some(vec![0.0; sensing.directions.len()]);
             return;
         }
     }

@@ -131,7 +131,7 @@ impl Sensing {
             let terms = direct.iter().zip(by).filter(|(_, by)| **by != 0.0);
             *sum += terms.map(|(a, b)| a * b).sum::<f64>();
         }
-        trajectory.gradient = Some(gradient);
+        trajectory.samples.gradient = Some(gradient);
         true
     }
 
@@ -147,7 +147,7 @@ impl Sensing {
             terms.map(|(a, b)| a * b).sum()
         };
         let all = trajectory.samples.sensitivities.iter();
-        trajectory.gradient = Some(all.map(product).collect());
+        trajectory.samples.gradient = Some(all.map(product).collect());
     }
 
     /// What is said where derivatives in these directions are not known any more.

@@ -317,6 +317,16 @@ impl Speeds {
     }
 }
 
+/// A sum, zero where rounding alone is left of its terms: what is stopped does not move with what it was.
+fn sum(terms: impl Iterator<Item = f64>) -> f64 {
+    let add = |[sum, size]: [f64; 2], term: f64| [sum + term, size + term.abs()];
+    let [sum, size] = terms.fold([0.0; 2], add);
+    match sum.abs() <= CANCELS * size {
+        true => 0.0,
+        false => sum,
+    }
+}
+
 /// The state behind an impact of contacts that push, none where they do not.
 fn struck(
     functions: &mut Functions,
@@ -384,14 +394,7 @@ fn struck(
                 .iter()
                 .enumerate()
                 .flat_map(|(l, kick)| [kick.0[i] * changes[l], kick.1[i][column] * lambda[l]]);
-            let terms = || of_kicks.clone().chain([own]);
-            let (sum, size) = (terms().sum::<f64>(), terms().map(f64::abs).sum::<f64>());
-            // What is stopped does not move with what it was.
-            row.push(if sum.abs() <= CANCELS * size {
-                0.0
-            } else {
-                sum
-            });
+            row.push(sum(of_kicks.chain([own])));
         }
     }
     let pushed = |i: usize| {
