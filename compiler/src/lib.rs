@@ -49,6 +49,8 @@ pub struct Compiled<'e> {
     pub settings: Settings<'e>,
     /// The piecewise smooth system.
     pub system: System<'e>,
+    /// Of a fit, the runs of those data that have one of their own.
+    pub others: Vec<Compiled<'e>>,
 }
 
 impl<'e> Compiled<'e> {
@@ -120,8 +122,30 @@ pub fn compile<'e>(
     )
 }
 
-/// [`compile`], to some extent.
+/// [`compile`], to some extent: an experiment with the runs of its data.
 fn compile_to<'e>(
+    exprs: &'e Exprs,
+    file: &File,
+    experiment: &Experiment,
+    overrides: &[Bind],
+    extent: Extent,
+    clock: &mut Clock,
+    diags: &mut Diagnostics,
+) -> Option<Compiled<'e>> {
+    let mut compiled = compile_one(exprs, file, experiment, overrides, extent, clock, diags)?;
+    for other in experiment.owned() {
+        let mut found = Diagnostics::new();
+        let other = compile_one(exprs, file, &other, overrides, extent, clock, &mut found);
+        found.remove_known(diags);
+        diags.append(found);
+        compiled.others.push(other?);
+    }
+    study::fit::share(&mut compiled);
+    Some(compiled)
+}
+
+/// An experiment, or what it is to some of its data.
+fn compile_one<'e>(
     exprs: &'e Exprs,
     file: &File,
     experiment: &Experiment,
@@ -158,6 +182,7 @@ fn compile_to<'e>(
             model,
             settings,
             system,
+            others: Vec::new(),
         })
     })
 }
@@ -424,6 +449,7 @@ fn frozen<'e>(
         model,
         settings,
         system,
+        others: Vec::new(),
     })
 }
 
@@ -530,11 +556,12 @@ fn check_experiment(
         found.append(study::mpc::check(file, &compiled, closed_loop));
     }
     // What a fit frees is open already.
-    if compiled.settings.recording.fit.is_some()
-        && !found.has_errors()
-        && let Err(more) = project::sensed::sensing(&compiled)
-    {
-        found.append(more);
+    if compiled.settings.recording.fit.is_some() && !found.has_errors() {
+        for run in [&compiled].into_iter().chain(&compiled.others) {
+            if let Err(more) = project::sensed::sensing(run) {
+                found.append(more);
+            }
+        }
     }
 }
 
@@ -577,6 +604,12 @@ fn given(experiment: &Experiment, overrides: &[Bind]) -> Vec<Bind> {
             SettingKind::With(binds) => Some(binds),
             _ => None,
         });
+    let own = experiment.own();
+    let is_owned = |bind: &&Bind| {
+        !own.iter()
+            .any(|other| other.target.to_string() == bind.target.to_string())
+    };
     let kept = with.flatten().filter(|bind| !is_overridden(bind));
-    kept.chain(overrides).cloned().collect()
+    let kept = kept.chain(overrides).filter(is_owned);
+    kept.chain(own).cloned().collect()
 }

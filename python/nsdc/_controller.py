@@ -58,6 +58,8 @@ class Controller:
         self.deadline = deadline
         self._values = values
         self._time: float | None = None
+        # When the step is that was prepared.
+        self._ahead: float | None = None
         # One question at a time: each has its answer.
         self._turn = threading.RLock()
         self._compile([])
@@ -100,25 +102,68 @@ class Controller:
         `RuntimeError` where there has never been a plan.
         """
         with self._turn:
-            return self._step(x, t, params)
+            t, entries = self._instant(t), self._entries(x)
+            values = self._given(params)
+            found = self._core.step(t, entries, [values[name] for name in self._open])
+            self._time, self._last, self._ahead = t, values, None
+            return self._told(found)
 
-    def _step(
-        self, x: Mapping[str, ArrayLike] | ArrayLike, t: float | None, params: Mapping[str, Any]
+    def prepare(self, t: float | None = None, **params: Any) -> None:
+        """Solves for the next step before its state is measured, from the state that the plan leads to there.
+
+        `feedback` then has the difference between the two states to solve for. `t` and parameters are as for `step`, and hold
+        in the feedback. It takes the time that it needs, whatever the deadline is, and what is followed until then stays as it
+        is; before the first plan nothing is known of the state, and all is left to the feedback.
+
+        >>> import nsdc
+        >>> brake = nsdc.loads('''
+        ...     model brake { state x = 1; control u in [-9, 9]; x' = u; }
+        ...     optimize o of brake { horizon 1; intervals 4; minimize integral(u^2); final { x = 0; } }''')["o"]
+        >>> c = brake.controller(sample=0.25)
+        >>> u, info = c.step({"x": 1})
+        >>> c.prepare()                             # for a sample later, at 0.75
+        >>> u, info = c.feedback({"x": 0.7})        # it is at 0.7
+        >>> round(float(u["u"]), 6), info["decision"]
+        (-0.7, 'warm')
+        """
+        with self._turn:
+            t, values = self._instant(t), self._given(params)
+            self._core.prepare(t, [values[name] for name in self._open])
+            self._ahead, self._last = t, values
+
+    def feedback(
+        self, x: Mapping[str, ArrayLike] | ArrayLike
     ) -> tuple[dict[str, NDArray[np.float64]], dict[str, Any]]:
+        """The controls from the instant on that was prepared, and how they were found, as `step` has them.
+
+        The plan that was prepared is followed where no better one is found within the deadline. `ValueError` where nothing is
+        prepared.
+        """
+        with self._turn:
+            entries = self._entries(x)
+            found = self._core.feedback(entries, [self._last[name] for name in self._open])
+            self._time, self._ahead = self._ahead, None
+            return self._told(found)
+
+    def _instant(self, t: float | None) -> float:
         if t is None:
-            t = 0.0 if self._time is None else self._time + self.sample
+            return 0.0 if self._time is None else self._time + self.sample
         (t,) = finite("t", t, ()).tolist()
+        return float(t)
+
+    def _given(self, params: Mapping[str, Any]) -> dict[str, float]:
+        """The values of what is open, some of which are others from now on."""
         changed = dict(given(self.experiment.parameters, params.items()))
-        entries = self._entries(x)
         new = [name for name in changed if name not in self._open]
         if new:
             self._compile([*self._open, *new])
-        last = {**self._last, **changed}
-        found = json.loads(self._core.step(t, entries, [last[name] for name in self._open]))
-        self._time, self._last = t, last
-        values = found.pop("u")
+        return {**self._last, **changed}
+
+    def _told(self, found: str) -> tuple[dict[str, NDArray[np.float64]], dict[str, Any]]:
+        info = json.loads(found)
+        values = info.pop("u")
         if values is None:
-            why = found["why"] or {}
+            why = info["why"] or {}
             raise RuntimeError(f"there is no plan: {why.get('code')}, {why.get('message')}")
         decided = dict(zip(self.controls, values))
         shaped = {
@@ -126,7 +171,7 @@ class Controller:
             for name, control in self.experiment.controls.items()
             if all(one in decided for one in control.entries)
         }
-        return shaped, found
+        return shaped, info
 
     def _entries(self, x: Mapping[str, ArrayLike] | ArrayLike) -> list[float]:
         if not isinstance(x, Mapping):
@@ -142,17 +187,17 @@ class Controller:
 
     @property
     def state(self) -> dict[str, Any]:
-        """What it remembers: the plan that it follows and since when. It can be pickled, and given to another controller of the
+        """What it remembers: the plan that it follows and since when, and the one that is prepared. It can be pickled, and given to another controller of the
         same experiment."""
         with self._turn:
-            return {"memory": self._core.memory(), "time": self._time}
+            return {"memory": self._core.memory(), "time": self._time, "ahead": self._ahead}
 
     @state.setter
     def state(self, state: Mapping[str, Any]) -> None:
         with self._turn:
-            memory, time = state["memory"], state["time"]
+            memory, time, ahead = state["memory"], state["time"], state.get("ahead")
             self._core.remember(memory)
-            self._time = time
+            self._time, self._ahead = time, ahead
 
     def __repr__(self) -> str:
         return f"<controller {self.experiment.name} of {self.experiment.model}>"

@@ -77,10 +77,25 @@ class File:
         return f"<{self.path}: {', '.join(map(repr, self.experiments.values())) or 'no experiment'}>"
 
     def _repr_html_(self) -> str:
-        text = self._project.check()[1]
-        told = f"<pre>{html.escape(text)}</pre>" if text else ""
+        messages = self._project.check()[1]
+        told = f"<pre>{html.escape(messages)}</pre>" if messages else ""
         rows = "".join(f"<li>{html.escape(name)}</li>" for name in self)
-        return f"<b>{html.escape(self.path)}</b><ul>{rows}</ul>{told}"
+        text = dict(self._project.files())[self.path].decode(errors="replace")
+        shown = f"<details><summary>text</summary>{_coloured(text)}</details>"
+        return f"<b>{html.escape(self.path)}</b><ul>{rows}</ul>{told}{shown}"
+
+
+def _coloured(text: str) -> str:
+    """A text as HTML, in the colours of the language where Pygments is installed; Jupyter needs it itself."""
+    try:
+        from pygments import highlight
+        from pygments.formatters import HtmlFormatter
+    except ImportError:
+        return f"<pre>{html.escape(text)}</pre>"
+    from .highlight import NsdLexer
+
+    # A page may be dark, and has no classes of Pygments.
+    return str(highlight(text, NsdLexer(), HtmlFormatter(noclasses=True, cssstyles="color: black")))
 
 
 @lru_cache(maxsize=16)

@@ -24,6 +24,10 @@ const LOOK: Duration = Duration::from_millis(20);
 enum Question {
     /// A step: when, from where, with which values of the open parameters, and what cancels it.
     Step(f64, Vec<f64>, Vec<f64>, Cancel),
+    /// Ahead of a step: when it will be, with which values, and what cancels it.
+    Prepare(f64, Vec<f64>, Cancel),
+    /// The step that was prepared: from where, with which values, and what cancels it.
+    Feedback(Vec<f64>, Vec<f64>, Cancel),
     Memory,
     Remember(String),
 }
@@ -159,6 +163,21 @@ impl Controller {
         self.hear(py, Some(question), &cancel)
     }
 
+    /// Gets ready for a step.
+    fn prepare(&self, py: Python<'_>, t: f64, parameters: Vec<f64>) -> PyResult<()> {
+        let cancel = Cancel::default();
+        let question = Question::Prepare(t, parameters, cancel.clone());
+        self.hear(py, Some(question), &cancel)?;
+        Ok(())
+    }
+
+    /// The step that was prepared, as JSON.
+    fn feedback(&self, py: Python<'_>, x: Vec<f64>, parameters: Vec<f64>) -> PyResult<String> {
+        let cancel = Cancel::default();
+        let question = Question::Feedback(x, parameters, cancel.clone());
+        self.hear(py, Some(question), &cancel)
+    }
+
     /// What it remembers, as JSON.
     fn memory(&self, py: Python<'_>) -> PyResult<String> {
         self.hear(py, Some(Question::Memory), &Cancel::default())
@@ -180,6 +199,19 @@ fn serve(mut made: mpc::Controller<'_>, questions: &Receiver<Question>, tell: &S
                 let limit = Limit::default().canceled_by(&cancel);
                 let step = made.step(t, &x, &parameters, &limit);
                 Ok(told(&made, &step))
+            }
+            Question::Prepare(t, parameters, cancel) => {
+                made.prepare(t, &parameters, &Limit::default().canceled_by(&cancel));
+                Ok(String::new())
+            }
+            Question::Feedback(x, parameters, cancel) => {
+                let limit = Limit::default().canceled_by(&cancel);
+                let step = made.feedback(&x, &parameters, &limit);
+                step.map(|step| told(&made, &step)).ok_or_else(|| {
+                    "nothing is prepared: call `prepare` first"
+                        .to_owned()
+                        .into()
+                })
             }
             Question::Memory => {
                 serde_json::to_string(made.memory()).map_err(|error| error.to_string().into())

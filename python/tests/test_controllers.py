@@ -55,6 +55,30 @@ def test_state_is_handed_on(controller: nsdc.Controller) -> None:
         longer.state = controller.state
 
 
+def test_feedback_has_the_closed_form(controller: nsdc.Controller) -> None:
+    """u = -m x from the state that is measured, wherever the prepared plan leads; what is prepared is handed on."""
+    with pytest.raises(ValueError, match="nothing is prepared"):
+        controller.feedback([1.0])
+    controller.prepare(0.5)
+    u, info = controller.feedback([1.0])
+    assert math.isclose(u["u"], -1.0, abs_tol=1e-8)
+    assert (info["decision"], info["plan"]["time"][0]) == ("cold", 0.5)
+    for k, x in enumerate((0.75, 0.3, -0.8)):
+        controller.prepare(m=2)
+        state = pickle.loads(pickle.dumps(controller.state))
+        other = nsdc.loads(TEXT)["o"].controller(sample=0.25, m=2)
+        other.state = state
+        for one in (controller, other):
+            u, info = one.feedback({"x": x})
+            assert math.isclose(u["u"], -2 * x, abs_tol=1e-8)
+            assert (info["decision"], info["plan"]["time"][0]) == ("warm", 0.75 + 0.25 * k)
+    # A step makes what was prepared old.
+    controller.prepare()
+    controller.step([0.1])
+    with pytest.raises(ValueError, match="nothing is prepared"):
+        controller.feedback([0.1])
+
+
 def test_threads_have_their_own_answers(controller: nsdc.Controller) -> None:
     with ThreadPoolExecutor(4) as threads:
         states = [0.1 * k for k in range(1, 21)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 import random
 import re
@@ -148,6 +149,16 @@ def test_a_cell_is_a_file(shell: InteractiveShell) -> None:
     assert isinstance(cell.result, nsdc.Result) and cell.result.ok
     again = shell.run_cell("ball['falls'].run()['q'][-1]")
     assert again.result == cell.result["q"][-1]
+
+
+def test_a_file_shows_its_text_in_colours(shell: InteractiveShell) -> None:
+    file = shell.run_cell(f"%%nsd ball\n{BALL}").result
+    page = file._repr_html_()
+    coloured = re.search(r"<details><summary>text</summary>(.*)</details>", page, flags=re.DOTALL)
+    assert coloured and html.unescape(re.sub("<[^>]*>", "", coloured[1])).strip() == BALL.strip()
+    # `state` is coloured as no name is.
+    styles = {text: style for style, text in re.findall(r'<span style="([^"]*)">([^<]*)</span>', coloured[1])}
+    assert styles["state"] and styles["state"] == styles["param"] != styles.get("v")
 
 
 def test_what_is_wrong_in_a_cell_is_shown_at_its_line(

@@ -1,6 +1,8 @@
 //! Closed loops: against the Riccati recursion, closed forms of time-optimal control, controls over a sample, what is done
 //! without a plan, and plans from the last one against plans without it.
 
+use std::time::Duration;
+
 use nsd_tests::{assert_near, end};
 use nsdc::expr::Exprs;
 use nsdc::limit::{Cancel, Limit, work};
@@ -340,6 +342,61 @@ fn blocks_with_friction_reach_their_targets() {
         close(end(&run, "x")[0], 1.0, 0.1);
         close(end(&run, "v")[0], 0.0, 1e-2);
     }
+}
+
+/// A plan that is prepared for the state that the last one leads to has the gain of the Riccati recursion from whatever state
+/// is measured there, what is followed until then stays, and where nothing is disturbed nothing is left to do.
+#[test]
+fn prepared_steps_have_the_gain_of_the_riccati_recursion() {
+    let (project, exprs, limit) = (project(CART), Exprs::new(), Limit::default());
+    let mut controller = (project.controller(&exprs, "plan", &[], &[], None)).expect("a program");
+    assert!(controller.feedback(&[1.0, 0.0], &[], &limit).is_none());
+    let (h, k) = (0.2, gain(0.2, 0.1, 10));
+    let [mut x, mut v] = [1.0, 0.0];
+    for (sample, kick) in [0.0, 0.0, 0.3, 0.0, -1.0, 0.01].into_iter().enumerate() {
+        let t = h * sample as f64;
+        v += kick;
+        let followed = controller.control(t);
+        controller.prepare(t, &[], &limit);
+        assert_eq!(controller.control(t), followed);
+        let kept = serde_json::to_string(controller.memory()).expect("it is data");
+        assert!(controller.remember(serde_json::from_str(&kept).expect("it is a memory")));
+        let step = controller.feedback(&[x, v], &[], &limit);
+        let step = step.expect("it is prepared");
+        let u = controller.control(t).expect("there is a plan")[0];
+        close(u, -k[0] * x - k[1] * v, 1e-7);
+        if sample > 0 {
+            assert_eq!(step.decision, Decision::Warm);
+            assert!(kick != 0.0 || step.iterations <= 2, "{}", step.iterations);
+        }
+        [x, v] = [x + h * v + 0.5 * h * h * u, v + h * u];
+    }
+    assert!(controller.feedback(&[x, v], &[], &limit).is_none());
+}
+
+/// Where nothing is found in time, the plan that was prepared is followed, and not the one before it.
+#[test]
+fn what_was_prepared_is_followed_without_a_feedback() {
+    let text = "model m { state x = 1; control u in [-9, 9]; x' = u; }
+        optimize plan of m { horizon 1; intervals 4; elements 1; minimize integral(x^2 + u^2); }";
+    let (project, exprs, limit) = (project(text), Exprs::new(), Limit::default());
+    let made = |deadline| project.controller(&exprs, "plan", &[], &[], deadline);
+    let mut slow = made(None).expect("a program");
+    let mut quick = made(Some(Duration::from_nanos(1))).expect("a program");
+    let start = [1.0];
+    for controller in [&mut slow, &mut quick] {
+        controller.step(0.0, &start, &[], &limit);
+    }
+    let u = slow.control(0.0).expect("a plan")[0];
+    let ahead = 1.0 + 0.25 * u;
+    slow.step(0.25, &[ahead], &[], &limit);
+    let expected = slow.control(0.25).expect("a plan")[0];
+    quick.prepare(0.25, &[], &limit);
+    let before = quick.control(0.25).expect("a plan")[0];
+    let step = quick.feedback(&[ahead - 0.3], &[], &limit);
+    assert_eq!(step.expect("it is prepared").decision, Decision::Kept);
+    close(quick.control(0.25).expect("a plan")[0], expected, 1e-7);
+    assert!((before - expected).abs() > 1e-2, "{before} {expected}");
 }
 
 /// A thousand steps make no expression: what is kept of a step is its plan.

@@ -27,27 +27,27 @@ fn fitted(text: &str, data: &str) -> (Trajectory, Fit) {
     (run, fit)
 }
 
-fn estimate<'f>(fit: &'f Fit, name: &str) -> &'f Estimate {
+pub fn estimate<'f>(fit: &'f Fit, name: &str) -> &'f Estimate {
     let mut all = fit.estimates.iter();
     all.find(|one| one.name == name).expect("it is free")
 }
 
-fn codes(run: &Trajectory) -> Vec<&str> {
+pub fn codes(run: &Trajectory) -> Vec<&str> {
     run.warnings.iter().map(|w| w.code.as_str()).collect()
 }
 
-fn close(a: f64, b: f64, within: f64) {
+pub fn close(a: f64, b: f64, within: f64) {
     assert!((a - b).abs() <= within, "{a} is not {b} within {within}");
 }
 
 /// A normal deviate (Box & Muller 1958).
-fn normal(random: &mut Random) -> f64 {
+pub fn normal(random: &mut Random) -> f64 {
     let (radius, angle) = (1.0 - random.unit(), random.unit());
     (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
 }
 
 /// The text of a table with columns of these values.
-fn table(names: &str, rows: impl Iterator<Item = Vec<f64>>) -> String {
+pub fn table(names: &str, rows: impl Iterator<Item = Vec<f64>>) -> String {
     let mut text = format!("{names}\n");
     for row in rows {
         let cells: Vec<String> = row.iter().map(f64::to_string).collect();
@@ -68,7 +68,7 @@ fn line_data() -> Vec<[f64; 2]> {
         .collect()
 }
 
-fn rows(points: &[[f64; 2]]) -> impl Iterator<Item = Vec<f64>> + '_ {
+pub fn rows(points: &[[f64; 2]]) -> impl Iterator<Item = Vec<f64>> + '_ {
     points.iter().map(|point| point.to_vec())
 }
 

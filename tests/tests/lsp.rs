@@ -1,6 +1,7 @@
 //! The language server, over a connection in memory, and once as a program over pipes.
 
 mod client;
+mod colours;
 mod everywhere;
 mod hovers;
 mod mending;
@@ -595,58 +596,6 @@ fn texts_have_an_outline() {
     client.open(&path, &messy);
     let edits = client.ask("textDocument/formatting", json!({ "textDocument": { "uri": uri(&path) }, "options": { "tabSize": 2, "insertSpaces": true } }));
     assert_eq!(edited(&messy, edits.as_array().expect("edits")), text);
-    assert_eq!(client.end(), Exit::Success);
-}
-
-#[test]
-fn names_have_colours() {
-    let mut client = Client::new(&[]);
-    let (path, text) = (memory("colours.nsd"), ball());
-    client.open(&path, &text);
-    let document = json!({ "textDocument": { "uri": uri(&path) } });
-    let tokens = client.ask("textDocument/semanticTokens/full", document);
-    let data = tokens["data"].as_array().expect("numbers");
-    let lines: Vec<&str> = text.split('\n').collect();
-    let (mut line, mut column) = (0, 0);
-    let shown: Vec<(&str, u64)> = data
-        .chunks(5)
-        .map(|token| {
-            let number = |at: usize| token[at].as_u64().expect("a number") as usize;
-            column = number(1) + if number(0) == 0 { column } else { 0 };
-            line += number(0);
-            // All is ASCII there.
-            let word = &lines[line][column..column + number(2)];
-            (word, number(3) as u64)
-        })
-        .collect();
-    let [class, function, argument, variable, property, member, unit] = [1, 2, 3, 4, 5, 6, 8];
-    let (before, behind) = shown.split_at(13);
-    assert_eq!(
-        before,
-        [
-            ("ball", class),
-            ("n", property),
-            ("g", property),
-            ("m/s^2", unit),
-            ("k", property),
-            ("g", property),
-            ("q", variable),
-            ("n", property),
-            ("m", unit),
-            ("v", variable),
-            ("m/s", unit),
-            ("height", variable),
-            ("q", variable),
-        ]
-    );
-    for token in [
-        ("s", member),
-        ("twice", function),
-        ("x", argument),
-        ("falls", function),
-    ] {
-        assert!(behind.contains(&token), "{token:?} of {behind:?}");
-    }
     assert_eq!(client.end(), Exit::Success);
 }
 
@@ -1250,6 +1199,18 @@ fn the_program_ends_with_what_makes_no_sense() {
         write!(program.input, "Content-Length: {length}\r\n\r\n{{}}").expect("it reads");
         assert_eq!(program.end(), (Some(1), String::new()));
     }
+}
+
+/// The ends of the pipes are held by this process, and the client was another one.
+#[cfg(unix)]
+#[test]
+fn the_program_ends_with_its_client() {
+    let mut other = Command::new("true").spawn().expect("it is there");
+    other.wait().expect("it ends");
+    let mut program = Program::new("left");
+    let client = json!({ "processId": other.id(), "capabilities": {} });
+    program.ask("initialize", &client).expect("it is answered");
+    assert_eq!(program.child.ended(), Some(1));
 }
 
 #[test]

@@ -30,6 +30,7 @@ mod features;
 mod feet;
 mod fesd;
 mod fit;
+mod fit_runs;
 mod forms;
 mod free;
 mod friction_in_space;

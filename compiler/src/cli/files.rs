@@ -1,7 +1,7 @@
 //! Reading and writing files, with errors that name them.
 
-use std::fs;
-use std::io::{self, Read};
+use std::fs::{self, Permissions};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::{Streams, project};
@@ -127,31 +127,49 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     };
     let known = fs::metadata(&target).ok();
     let may_go = |known: &fs::Metadata| known.is_file() && !known.permissions().readonly();
-    let name = target
-        .file_name()
+    let folder = target
+        .parent()
         .filter(|_| known.as_ref().is_none_or(may_go));
-    let Some(name) = name else {
+    let Some(folder) = folder else {
         return fs::write(path, bytes);
     };
-    let name = format!(".{}.{}", name.to_string_lossy(), std::process::id());
-    let beside = target.with_file_name(name);
-    let written = fs::write(&beside, bytes).and_then(|()| match &known {
-        Some(known) => fs::set_permissions(&beside, known.permissions()),
-        None => Ok(()),
-    });
-    match written.and_then(|()| fs::rename(&beside, &target)) {
-        Ok(()) => Ok(()),
-        Err(error) => {
-            let _ = fs::remove_file(&beside);
-            // Where the folder takes no other file, the file itself may still be written.
-            match known {
-                Some(_) if error.kind() == io::ErrorKind::PermissionDenied => {
-                    fs::write(path, bytes)
-                }
-                _ => Err(error),
-            }
+    let permissions = known.as_ref().map(fs::Metadata::permissions);
+    match replace_within(folder, &target, bytes, permissions) {
+        // Where the folder takes no other file, the file itself may still be written.
+        Err(error) if known.is_some() && error.kind() == io::ErrorKind::PermissionDenied => {
+            fs::write(path, bytes)
         }
+        other => other,
     }
+}
+
+/// Writes a file beside another one of the same folder, and puts it in its place.
+fn replace_within(
+    folder: &Path,
+    target: &Path,
+    bytes: &[u8],
+    permissions: Option<Permissions>,
+) -> io::Result<()> {
+    // A file in this folder is told as one without a folder.
+    let folder = match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".nsdc-");
+    #[cfg(unix)]
+    {
+        // As any file that is made, but for what the user's mask takes away.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(Permissions::from_mode(0o666));
+    }
+    let mut beside = builder.tempfile_in(folder)?;
+    beside.write_all(bytes)?;
+    if let Some(permissions) = permissions {
+        beside.as_file().set_permissions(permissions)?;
+    }
+    beside.persist(target)?;
+    Ok(())
 }
 
 /// Replaces a file, in a folder that may have to be made; neither of them may be a link that leads elsewhere.

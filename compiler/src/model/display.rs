@@ -7,7 +7,6 @@ use super::{
     Thresholds,
 };
 use crate::expr::Expr;
-use crate::syntax::Sliding;
 
 impl<'e> fmt::Display for Model<'e> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -114,11 +113,10 @@ impl Model<'_> {
 fn write_switch(f: &mut fmt::Formatter<'_>, switch: &NamedSwitch<'_>) -> fmt::Result {
     let tensor = |data: &[Expr<'_>]| switch.shape.text(data);
     let (name, psi) = (&switch.name, tensor(&switch.psi));
-    let sliding = match switch.sliding {
-        Some(Sliding::Linear) => " sliding linear",
-        Some(Sliding::Nonlinear) => " sliding nonlinear",
-        None => "",
-    };
+    let sliding = switch
+        .sliding
+        .map(|reading| format!(" sliding {}", reading.word()));
+    let sliding = sliding.unwrap_or_default();
     match &switch.kind {
         SwitchKind::Sign => writeln!(f, "switch {name} = sign({psi}){sliding}"),
         SwitchKind::Step => writeln!(f, "switch {name} = step({psi}){sliding}"),

@@ -65,7 +65,7 @@ pub struct Prepared<'e> {
     opened: Opened,
     ends: Vec<MovingEnd<'e>>,
     /// The places of the states whose initial values are given.
-    given: Vec<usize>,
+    pub(super) given: Vec<usize>,
     names: Vec<String>,
     /// What compilation has warned of, from wherever it starts.
     warnings: Vec<Warning>,

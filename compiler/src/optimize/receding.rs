@@ -42,8 +42,18 @@ pub(crate) struct Last<'p> {
     pub followed: &'p Followed,
     /// How long ago it was made.
     pub passed: f64,
-    /// Whether what is found from it is compared with what is found without it, whatever it costs.
-    pub compares: bool,
+    pub compares: Compares,
+}
+
+/// When what is found from the last plan is compared with what is found without it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Compares {
+    /// Whatever it costs.
+    Always,
+    /// Where it costs more than the last plan.
+    Dearer,
+    /// Only where it is no solution.
+    Never,
 }
 
 /// A plan with the solution that it is, to go on from.
@@ -83,11 +93,10 @@ pub(crate) struct Planned {
 /// The places of the states whose initial values are given: neither free nor determined by equations.
 pub(crate) fn given_states(system: &System<'_>) -> Vec<usize> {
     let task = system.task.as_ref();
-    let n_integrals = task.map_or(0, |task| task.integrals);
     let freed = task.iter().flat_map(|task| &task.initial);
     let freed = freed.map(|free| free.place);
     let others: Vec<usize> = freed.chain(system.algebraic_states()).collect();
-    let given = 0..system.states.len() - n_integrals;
+    let given = 0..system.n_proper_states();
     given.filter(|place| !others.contains(place)).collect()
 }
 
@@ -113,8 +122,7 @@ impl<'e> Prepared<'e> {
     /// The names of the states of plans, entry by entry.
     pub(crate) fn planned_states(&self) -> Vec<String> {
         let system = &self.problem.system;
-        let n_integrals = system.task.as_ref().map_or(0, |task| task.integrals);
-        let states = &system.states[..system.states.len() - n_integrals];
+        let states = &system.states[..system.n_proper_states()];
         states.iter().map(|state| state.name.clone()).collect()
     }
 
@@ -155,9 +163,11 @@ impl<'e> Prepared<'e> {
             (near, iterations) = (Some(found.0), found.1);
         }
         let is_enough = |(solution, failure): &Found| {
-            let compares = last
-                .as_ref()
-                .is_some_and(|last| last.compares || last.costs_less(solution.objective));
+            let compares = last.as_ref().is_some_and(|last| match last.compares {
+                Compares::Always => true,
+                Compares::Dearer => last.costs_less(solution.objective),
+                Compares::Never => false,
+            });
             solution.is_feasible() && failure.is_none() && !compares
         };
         let is_over = near.is_some() && limit.is_over();
@@ -193,6 +203,13 @@ impl<'e> Prepared<'e> {
             is_compared,
             iterations,
         })
+    }
+
+    /// The initial state that the last plan leads to, in the order of [`Prepared::states`].
+    pub(crate) fn predicted(&self, last: &Last<'_>) -> Vec<f64> {
+        let there = shift::shifted(&self.problem, &last.followed.point, last.passed);
+        let start = there.start();
+        self.given.iter().map(|&place| start[place]).collect()
     }
 
     /// What is found from the last plan, and in how many iterations.
@@ -298,12 +315,7 @@ fn is_plan(solution: &Solution, failure: Option<&Failure>) -> bool {
 fn followed_from(problem: &Problem<'_>, solution: &Solution) -> Followed {
     let Layout { steps, end, .. } = problem.layout;
     let (layout, w) = (&problem.layout, &solution.w);
-    let n_integrals = problem
-        .system
-        .task
-        .as_ref()
-        .map_or(0, |task| task.integrals);
-    let n = problem.system.states.len() - n_integrals;
+    let n = problem.system.n_proper_states();
     let state = |first: usize| w[first..first + n].to_vec();
     let at_ends = (1..=steps).map(|k| state(layout.x(k, layout.elements, end)));
     let task = problem.dcs.task.as_ref();

@@ -17,7 +17,7 @@ mod scan;
 
 pub use ast::*;
 #[cfg(feature = "cli")]
-pub(crate) use build::words::{Place, starts};
+pub(crate) use build::words::{EXPECTATIONS, Place, describe, starts};
 pub use error::SyntaxError;
 pub use format::format;
 pub use lexer::{Token, TokenKind};

@@ -78,6 +78,8 @@ pub struct Repair<'t> {
     last: &'t str,
     /// Whether it is inside of the braces of `data "..." {`, where an arrow leads to a column.
     in_data: bool,
+    /// Whether the last `with` is that of `data "..." with {`.
+    with_of_data: bool,
 }
 
 impl<'t> Repair<'t> {
@@ -91,6 +93,7 @@ impl<'t> Repair<'t> {
             last_word: "x",
             last: "",
             in_data: false,
+            with_of_data: false,
         }
     }
 
@@ -192,11 +195,19 @@ impl<'t> Repair<'t> {
                 };
                 self.replace(range, "0", error);
             }
-            TokenKind::Word => self.last_word = token.text,
+            TokenKind::Word => {
+                if token.text == "with" {
+                    self.with_of_data = self.follows_file();
+                }
+                self.last_word = token.text;
+            }
             TokenKind::Stray => self.stray(token, span),
             TokenKind::Symbol => {
                 match token.text {
-                    "{" => self.in_data = self.last_word == "data" && self.last.starts_with('"'),
+                    "{" => {
+                        let follows_with = self.with_of_data && self.last == "}";
+                        self.in_data = follows_with || self.follows_file();
+                    }
                     "}" => self.in_data = false,
                     _ => {}
                 }
@@ -255,6 +266,11 @@ impl<'t> Repair<'t> {
         };
         let error = self.foreign(token, word);
         self.replace(range, instead, error);
+    }
+
+    /// Whether what comes stands behind `data "file"`.
+    fn follows_file(&self) -> bool {
+        self.last_word == "data" && self.last.starts_with('"')
     }
 
     fn foreign(&self, token: &Token<'t>, word: &str) -> SyntaxError {

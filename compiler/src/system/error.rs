@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use crate::diagnostics::{Applicability, Fix, Fixable};
 use crate::source::Span;
+use crate::syntax::Sliding;
 
 /// A mistake that shows when the switches of a model are made explicit.
 #[derive(Clone, Debug, Diagnostic, Error)]
@@ -650,8 +651,8 @@ pub enum SystemError {
 impl Fixable for SystemError {
     fn choices(&self) -> Vec<Fix> {
         let readings = |statement: &Span| {
-            let words = ["sliding linear", "sliding nonlinear"];
-            words.map(|words| Fix::at_end(*statement, words)).to_vec()
+            let words = Sliding::ALL.map(|reading| format!("sliding {}", reading.word()));
+            words.map(|words| Fix::at_end(*statement, &words)).to_vec()
         };
         match self {
             SystemError::Gap { span, entries, .. } => {
@@ -659,7 +660,8 @@ impl Fixable for SystemError {
             }
             SystemError::NonlinearSwitch { named, .. } => match named {
                 Ok(statement) => readings(statement),
-                Err((place, statement)) => ["linear", "nonlinear"]
+                Err((place, statement)) => Sliding::ALL
+                    .map(Sliding::word)
                     .map(|reading| {
                         let line = format!("  {statement} sliding {reading};\n");
                         Fix::one(*place, line, Applicability::Suggestion)

@@ -319,6 +319,12 @@ impl<'e> Law<'e> {
 }
 
 impl System<'_> {
+    /// The number of states that are no integrals of the task; these come behind all others.
+    pub fn n_proper_states(&self) -> usize {
+        let n_integrals = self.task.as_ref().map_or(0, |task| task.integrals);
+        self.states.len() - n_integrals
+    }
+
     /// Indices of the algebraic states, ascending.
     pub fn algebraic_states(&self) -> Vec<usize> {
         let kept: Vec<Expr<'_>> = (self.switches.iter())

@@ -21,18 +21,25 @@ function texts() {
   return JSON.parse(printed);
 }
 
-async function grammar() {
+/** Python, as far as it matters here. */
+const PYTHON = { scopeName: "source.python", patterns: [{ name: "string.python", begin: "'", end: "'" }] };
+
+async function registry() {
   const wasm = createRequire(import.meta.url).resolve("vscode-oniguruma/release/onig.wasm");
   await oniguruma.loadWASM(readFileSync(wasm));
-  const file = join(here, "../syntaxes/nsd.tmLanguage.json");
-  const registry = new textmate.Registry({
+  const known = JSON.parse(readFileSync(join(here, "../package.json"), "utf8")).contributes.grammars;
+  return new textmate.Registry({
     onigLib: Promise.resolve({
       createOnigScanner: (patterns) => new oniguruma.OnigScanner(patterns),
       createOnigString: (text) => new oniguruma.OnigString(text),
     }),
-    loadGrammar: async () => textmate.parseRawGrammar(readFileSync(file, "utf8"), file),
+    loadGrammar: async (scope) => {
+      if (scope === PYTHON.scopeName) return PYTHON;
+      const file = join(here, "..", known.find(({ scopeName }) => scopeName === scope).path);
+      return textmate.parseRawGrammar(readFileSync(file, "utf8"), file);
+    },
+    getInjections: (scope) => known.filter(({ injectTo }) => injectTo?.includes(scope)).map(({ scopeName }) => scopeName),
   });
-  return registry.loadGrammar("source.nsd");
 }
 
 /** What a scope says that the compiler says, too. */
@@ -70,7 +77,8 @@ function coloured(language, text) {
 }
 
 const all = Object.entries(texts());
-const language = await grammar();
+const grammars = await registry();
+const language = await grammars.loadGrammar("source.nsd");
 
 test("there are models, and texts with every word as a name", () => {
   assert(all.filter(([name]) => name.startsWith("examples/")).length > 50);
@@ -95,3 +103,14 @@ for (const [name, { text, tokens }] of all) {
     assert.equal(wrong.join("\n"), "");
   });
 }
+
+test("cells of notebooks that begin with %%nsd", async () => {
+  const python = await grammars.loadGrammar("source.python");
+  const [, { text }] = all.find(([name]) => name === "examples/oscillator.nsd");
+  const magic = "%%nsd oscillator crossing";
+  const kinds = coloured(python, `${magic}\n${text}`);
+  assert.equal(kinds[0], "word");
+  assert.deepEqual(kinds.slice(magic.length + 1), coloured(language, text));
+  // What else is in a notebook stays Python, in which a prime begins a string.
+  assert.equal(coloured(python, "x' = 1").at(-2), "string");
+});

@@ -1,8 +1,8 @@
 //! The one source of threads: work that is done in any order, and told in that of its numbers.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError};
-use std::thread;
+use std::sync::{Mutex, PoisonError};
+use std::thread::{self, Thread};
 use std::time::Duration;
 
 use crate::runtime::limit::Cancel;
@@ -11,8 +11,9 @@ use crate::runtime::limit::work::is_counted;
 /// Whether the target has threads: where it has none, `std` panics.
 const THREADS: bool = !cfg!(all(target_family = "wasm", target_os = "unknown"));
 
-/// How long the thread of the caller waits for results before it asks whether work is canceled, which others may not know.
-const ASK: Duration = Duration::from_millis(20);
+/// How long the thread of the caller waits before it takes results, and asks whether work is canceled, which others may not
+/// know. It is not woken by each result: that would take longer than some of them.
+const LOOK: Duration = Duration::from_millis(2);
 
 /// How many go on at once: one on every core.
 #[expect(
@@ -32,13 +33,35 @@ pub struct Share<'s, T> {
     next: &'s AtomicUsize,
     stop: &'s Cancel,
     count: usize,
-    done: mpsc::Sender<(usize, T)>,
+    done: &'s Done<T>,
 }
 
-impl<T> Clone for Share<'_, T> {
-    fn clone(&self) -> Self {
-        let done = self.done.clone();
-        Share { done, ..*self }
+/// What has come of numbers, until somebody takes it.
+#[derive(Debug)]
+struct Done<T>(Mutex<Vec<(usize, T)>>);
+
+impl<T> Done<T> {
+    fn add(&self, number: usize, result: T) {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all.push((number, result));
+    }
+
+    fn take(&self) -> Vec<(usize, T)> {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::take(&mut *all)
+    }
+}
+
+/// A thread that works; whoever waits hears when it ends, in a panic, too.
+struct Worker<'w> {
+    left: &'w AtomicUsize,
+    waiting: Thread,
+}
+
+impl Drop for Worker<'_> {
+    fn drop(&mut self) {
+        self.left.fetch_sub(1, Ordering::Release);
+        self.waiting.unpark();
     }
 }
 
@@ -54,8 +77,7 @@ impl<T> Share<'_, T> {
 
     /// Hands on what has come of a number.
     pub fn finish(&self, number: usize, result: T) {
-        // Somebody listens until all threads have ended.
-        let _ = self.done.send((number, result));
+        self.done.add(number, result);
     }
 }
 
@@ -78,7 +100,7 @@ pub fn in_order<T: Send>(
     results
 }
 
-/// The same, which hands what has come of each number to `heard` as soon as it is there.
+/// The same, which hands what has come of each number to `heard` soon behind it.
 #[expect(
     clippy::disallowed_methods,
     reason = "this is the one source of threads"
@@ -90,45 +112,51 @@ pub fn share_out<T: Send>(
     work: impl Fn(Share<'_, T>) + Sync,
     heard: &mut dyn FnMut(usize, T),
 ) {
-    let next = AtomicUsize::new(0);
-    let (done, found) = mpsc::channel();
-    let share = Share {
+    let (next, done) = (AtomicUsize::new(0), Done(Mutex::default()));
+    let share = || Share {
         next: &next,
         stop,
         count,
-        done,
+        done: &done,
     };
     if !THREADS || is_counted() {
-        alone(share, &found, work, heard);
+        alone(share(), work, heard);
         return;
     }
+    let n_threads = n_threads.clamp(1, count.max(1));
+    let left = AtomicUsize::new(n_threads);
     thread::scope(|scope| {
-        for _ in 0..n_threads.clamp(1, count.max(1)) {
-            let (share, work) = (share.clone(), &work);
-            scope.spawn(move || work(share));
+        for _ in 0..n_threads {
+            let worker = Worker {
+                left: &left,
+                waiting: thread::current(),
+            };
+            let (share, work) = (share(), &work);
+            scope.spawn(move || {
+                let _worker = worker;
+                work(share);
+            });
         }
-        drop(share);
-        // Ends when all threads have, or one has panicked, which the scope passes on.
+        // Where one has panicked, the scope passes that on.
         loop {
-            match found.recv_timeout(ASK) {
-                Ok((number, result)) => heard(number, result),
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break,
+            let is_over = left.load(Ordering::Acquire) == 0;
+            for (number, result) in done.take() {
+                heard(number, result);
+            }
+            if is_over {
+                break;
             }
             stop.is_canceled();
+            thread::park_timeout(LOOK);
         }
     });
 }
 
 /// All of it in the thread of the caller.
-fn alone<T>(
-    share: Share<'_, T>,
-    found: &mpsc::Receiver<(usize, T)>,
-    work: impl Fn(Share<'_, T>),
-    heard: &mut dyn FnMut(usize, T),
-) {
+fn alone<T>(share: Share<'_, T>, work: impl Fn(Share<'_, T>), heard: &mut dyn FnMut(usize, T)) {
+    let done = share.done;
     work(share);
-    for (number, result) in found.try_iter() {
+    for (number, result) in done.take() {
         heard(number, result);
     }
 }
@@ -158,12 +186,12 @@ mod tests {
     #[test]
     fn work_needs_no_threads() {
         let (next, stop) = (AtomicUsize::new(0), Cancel::default());
-        let (done, found) = mpsc::channel();
+        let done = Done(Mutex::default());
         let share = Share {
             next: &next,
             stop: &stop,
             count: 3,
-            done,
+            done: &done,
         };
         let work = |share: Share<'_, usize>| {
             while let Some(k) = share.next() {
@@ -171,9 +199,7 @@ mod tests {
             }
         };
         let mut heard = Vec::new();
-        alone(share, &found, work, &mut |k, result| {
-            heard.push((k, result))
-        });
+        alone(share, work, &mut |k, result| heard.push((k, result)));
         assert_eq!(heard, [(0, 10), (1, 11), (2, 12)]);
     }
 
@@ -191,6 +217,19 @@ mod tests {
         let count = 10_000_000;
         let found = in_order(count, 2, &stop, work, &mut |_| {});
         assert!(found.iter().flatten().count() < count);
+    }
+
+    /// A panic of one thread is one of the caller, once all others have ended.
+    #[test]
+    #[should_panic(expected = "a scoped thread panicked")]
+    fn a_panic_is_passed_on() {
+        let work = |share: Share<'_, ()>| {
+            while let Some(k) = share.next() {
+                assert_ne!(k, 2);
+                share.finish(k, ());
+            }
+        };
+        in_order(10, 2, &Cancel::default(), work, &mut |_| {});
     }
 
     /// What is begun is finished, and no other is begun.

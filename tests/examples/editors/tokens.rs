@@ -60,7 +60,7 @@ const PLACES: [&str; 65] = [
     "simulate s of m { guess { from @; from \"a.json\"; @ = 1; @.b = 2; } }",
     "simulate s of m { guess { from = 1; from.a = 2; } }",
     "simulate s of m { perturb every @ by @ seed 3; starts @ by @(1) seed 2; on chattering slide; intervals [1, @] free; }",
-    "fit @ of @ { data \"@\" { @ -> @; a.@[1] -> @ weight @; b -> \"@\" weight 2; } data \"b.csv\" {} }",
+    "fit @ of @ { data \"@\" { @ -> @; a.@[1] -> @ weight @; b -> \"@\" weight 2; } data \"b.csv\" with { @ = 1; b = @; } { @ -> @; } data \"b.csv\" {} }",
     "mpc @ of @ { controller @; sample @; deadline @ + 1; }",
     "fit s of m { loss squared; loss @(2); initial { @ free; } }",
     "simulate s of m { sensitivity to @, a.@[1] at 0; sensitivity to @ at 0; }",

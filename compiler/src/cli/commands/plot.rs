@@ -163,7 +163,7 @@ fn curves(
     }];
     let data = trajectory.several.fit.into_iter().flat_map(|fit| fit.data);
     sources.extend(data.map(|data| Source {
-        name: format!("{} of {}", data.column, data.file),
+        name: format!("{} of {}{}", data.column, data.file, data.run()),
         time: data.time,
         columns: vec![(data.quantity, data.measured)],
         units: Units::default(),

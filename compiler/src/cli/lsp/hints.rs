@@ -2,9 +2,9 @@
 
 use lsp_types::{InlayHint, InlayHintKind, InlayHintLabel, InlayHintParams, Position};
 
+use super::hover::cache::Cache;
 use super::hover::facts::{Facts, Shown, numbers};
 use super::world::{Analysis, World};
-use crate::expr::Exprs;
 use crate::model::index::{Definition, Kind};
 use crate::model::inferred;
 use crate::source::Span;
@@ -12,7 +12,7 @@ use crate::syntax::{self, Expr, ExprKind, Stmt};
 
 /// Shapes of what is not a scalar, units that follow from others, and values of what is computed before a run; while a text
 /// cannot be read, those of before, where their lines are as they were.
-pub fn hints(world: &mut World, params: &InlayHintParams) -> Vec<InlayHint> {
+pub fn hints(world: &mut World, cache: &Cache<'_>, params: &InlayHintParams) -> Vec<InlayHint> {
     let Some([now, good]) = world.states(&params.text_document.uri) else {
         return vec![];
     };
@@ -21,7 +21,6 @@ pub fn hints(world: &mut World, params: &InlayHintParams) -> Vec<InlayHint> {
     }
     let mut found = Vec::new();
     for item in good.models() {
-        let exprs = Exprs::new();
         let place = item.name.span;
         let mut seen: Vec<&Definition> = good.index.members(item.span).collect();
         seen.retain(|known| {
@@ -33,8 +32,8 @@ pub fn hints(world: &mut World, params: &InlayHintParams) -> Vec<InlayHint> {
         if seen.is_empty() {
             continue;
         }
-        let taken = Facts::taken(&exprs, &good, place, ("", None)).next();
-        let Some(facts) = taken.or_else(|| Facts::alone(&exprs, &good, place)) else {
+        let taken = Facts::taken(cache, &good, place, ("", None)).next();
+        let Some(facts) = taken.or_else(|| Facts::alone(cache, &good, place)) else {
             continue;
         };
         let units = inferred(&good.project.file, item);

@@ -20,6 +20,8 @@ mod tokens;
 pub(crate) mod world;
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::time::Duration;
 
 use lsp_server::{Connection, ErrorCode, Message, Notification, Request, RequestId, Response};
 use lsp_types::notification::{
@@ -33,14 +35,23 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use self::commands::Tasks;
+use self::hover::cache::Cache;
 use self::pipes::Pipes;
 use self::world::World;
 use crate::cli::{Exit, Streams, io};
+use crate::expr::Exprs;
+
+/// While nothing is asked, the process of the client is looked for so often: others may hold its ends of the pipes.
+const GLANCE: Duration = Duration::from_secs(5);
 
 /// Serves a client at standard input and output until it leaves.
 pub fn run(streams: &mut Streams<'_>) -> io::Result<Exit> {
     let (connection, pipes) = Pipes::open()?;
-    let exit = serve(connection);
+    let Some(exit) = served(&connection) else {
+        // Who reads from a client that is gone may wait for ever.
+        return Ok(Exit::Wrong);
+    };
+    drop(connection);
     match pipes.join() {
         Ok(()) => Ok(exit),
         Err(error) => {
@@ -52,7 +63,12 @@ pub fn run(streams: &mut Streams<'_>) -> io::Result<Exit> {
 
 /// Serves a client until it leaves: well if it has asked for that before.
 pub fn serve(connection: Connection) -> Exit {
-    let mut server = Server::new(&connection);
+    served(&connection).unwrap_or(Exit::Wrong)
+}
+
+/// The same; nothing where the process of the client is gone.
+fn served(connection: &Connection) -> Option<Exit> {
+    let mut server = Server::new(connection);
     let exit = server.serve();
     server.tasks.end();
     exit
@@ -94,6 +110,8 @@ struct Client {
     watches: bool,
     progress: bool,
     hints: bool,
+    /// Its process, where it has said which one it is.
+    process: Option<u32>,
 }
 
 impl Client {
@@ -112,7 +130,13 @@ impl Client {
             watches: watched.and_then(|known| known.dynamic_registration) == Some(true),
             progress: window.and_then(|window| window.work_done_progress) == Some(true),
             hints: hints.unwrap_or(true),
+            process: params.process_id,
         }
+    }
+
+    fn is_gone(&self) -> bool {
+        self.process
+            .is_some_and(|process| !pipes::is_there(process))
     }
 }
 
@@ -144,8 +168,21 @@ impl<'c> Server<'c> {
         }
     }
 
-    fn serve(&mut self) -> Exit {
+    fn serve(&mut self) -> Option<Exit> {
         loop {
+            let exprs = Exprs::new();
+            if let ControlFlow::Break(exit) = self.serve_with(&Cache::new(&exprs)) {
+                return exit;
+            }
+        }
+    }
+
+    /// Serves until what was compiled holds no more, or the client leaves.
+    fn serve_with(&mut self, cache: &Cache<'_>) -> ControlFlow<Option<Exit>> {
+        loop {
+            if (self.world.has_changed() && cache.len() > 0) || cache.is_full() {
+                return ControlFlow::Continue(());
+            }
             let received = match self.is_stale {
                 true => match self.connection.receiver.try_recv() {
                     Err(error) if error.is_empty() => {
@@ -154,22 +191,28 @@ impl<'c> Server<'c> {
                     }
                     received => received.ok(),
                 },
-                false => self.connection.receiver.recv().ok(),
+                false => match self.connection.receiver.recv_timeout(GLANCE) {
+                    Err(error) if error.is_timeout() && self.client.is_gone() => {
+                        return ControlFlow::Break(None);
+                    }
+                    Err(error) if error.is_timeout() => continue,
+                    received => received.ok(),
+                },
             };
             match received {
                 // A client that is gone has not said so.
-                None => return Exit::Wrong,
+                None => return ControlFlow::Break(Some(Exit::Wrong)),
                 Some(Message::Notification(note)) if note.method == "exit" => {
-                    return match self.phase {
+                    return ControlFlow::Break(Some(match self.phase {
                         Phase::ShutDown => Exit::Success,
                         Phase::New | Phase::Working => Exit::Wrong,
-                    };
+                    }));
                 }
                 Some(Message::Notification(note)) if self.phase == Phase::Working => {
                     self.notified(note);
                 }
                 Some(Message::Request(request)) => {
-                    if let Some(response) = self.request(request) {
+                    if let Some(response) = self.request(request, cache) {
                         self.send(response);
                     }
                 }
@@ -301,7 +344,7 @@ impl<'c> Server<'c> {
     }
 
     /// The answer, where it is there at once.
-    fn request(&mut self, request: Request) -> Option<Response> {
+    fn request(&mut self, request: Request, cache: &Cache<'_>) -> Option<Response> {
         let refuse = |code: ErrorCode, message: &str| {
             Some(Response::new_err(
                 request.id.clone(),
@@ -321,7 +364,7 @@ impl<'c> Server<'c> {
                 Some(Response::new_ok(request.id, Value::Null))
             }
             (Phase::Working, ask::ExecuteCommand::METHOD) => self.execute(request),
-            (Phase::Working, _) => Some(self.look(request)),
+            (Phase::Working, _) => Some(self.look(request, cache)),
         }
     }
 
@@ -347,14 +390,14 @@ impl<'c> Server<'c> {
     }
 
     /// Answers what is asked about texts.
-    fn look(&mut self, request: Request) -> Response {
+    fn look(&mut self, request: Request, cache: &Cache<'_>) -> Response {
         let (world, client) = (&mut self.world, &self.client);
         match request.method.as_str() {
             ask::CodeActionRequest::METHOD => {
                 answer::<ask::CodeActionRequest>(request, |p| diagnostics::actions(world, &p))
             }
             ask::HoverRequest::METHOD => {
-                answer::<ask::HoverRequest>(request, |p| hover::hover(world, &p))
+                answer::<ask::HoverRequest>(request, |p| hover::hover(world, cache, &p))
             }
             ask::GotoDefinition::METHOD => {
                 answer::<ask::GotoDefinition>(request, |p| names::definition(world, &p))
@@ -398,7 +441,7 @@ impl<'c> Server<'c> {
             }
             ask::InlayHintRequest::METHOD => answer::<ask::InlayHintRequest>(request, |p| {
                 Ok(Some(match client.hints {
-                    true => hints::hints(world, &p),
+                    true => hints::hints(world, cache, &p),
                     false => vec![],
                 }))
             }),

@@ -5,6 +5,8 @@ use std::thread::{self, JoinHandle};
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use lsp_server::{Connection, Message};
+#[cfg(unix)]
+use nix::{errno::Errno, sys::signal::kill, unistd::Pid};
 
 /// The threads that read and write.
 pub struct Pipes {
@@ -36,6 +38,19 @@ impl Pipes {
         });
         ended.into_iter().collect()
     }
+}
+
+/// Whether a process is there, that of another user too.
+#[cfg(unix)]
+pub fn is_there(process: u32) -> bool {
+    let known = i32::try_from(process).is_ok_and(|id| id > 0);
+    !known || kill(Pid::from_raw(process.cast_signed()), None) != Err(Errno::ESRCH)
+}
+
+/// Nobody tells.
+#[cfg(not(unix))]
+pub fn is_there(_: u32) -> bool {
+    true
 }
 
 fn read_all(input: &mut impl BufRead, read: &Sender<Message>) -> io::Result<()> {

@@ -6,10 +6,9 @@ use lsp_types::{
 };
 
 use super::Answer;
-use super::world::{Analysis, World};
+use super::world::World;
 use crate::model::index::{Kind, Role};
 use crate::source::Span;
-use crate::syntax::Stmt;
 
 /// Types of tokens, by their numbers.
 const TYPES: [SemanticTokenType; 9] = [
@@ -24,8 +23,9 @@ const TYPES: [SemanticTokenType; 9] = [
     SemanticTokenType::TYPE,
 ];
 
-/// What is told besides, by their bits: of variables, what they are in the model.
-const MODIFIERS: [&str; 11] = [
+/// What is told besides, by their bits: of variables, what they are in the model, and whether they are switching functions
+/// by themselves.
+const MODIFIERS: [&str; 12] = [
     "declaration",
     "modification",
     "readonly",
@@ -37,6 +37,7 @@ const MODIFIERS: [&str; 11] = [
     "output",
     "signal",
     "switch",
+    "surface",
 ];
 
 /// What the numbers mean.
@@ -95,10 +96,13 @@ pub fn all(
     let places = places.filter(|place| analysis.is_here(place.span));
     let names = places.filter_map(|place| {
         let known = analysis.index.definition(place.declared)?;
-        let kind = analysis.index.meant(known).kind;
-        Some((place.span, type_of(kind), modifiers(kind, place.role)))
+        let meant = analysis.index.meant(known);
+        let mut told = modifiers(meant.kind, place.role);
+        told.extend(analysis.index.is_surface(meant).then_some("surface"));
+        Some((place.span, type_of(meant.kind), told))
     });
-    let units = units(&analysis).into_iter();
+    let units = analysis.index.units().iter().copied();
+    let units = units.filter(|span| analysis.is_here(*span));
     let units = units.map(|span| (span, SemanticTokenType::TYPE, vec![]));
     let mut all: Vec<_> = names.chain(units).collect();
     all.sort_by_key(|(span, ..)| *span);
@@ -133,15 +137,4 @@ pub fn all(
         result_id: None,
         data,
     })))
-}
-
-/// Units of declarations.
-fn units(analysis: &Analysis) -> Vec<Span> {
-    let statements = analysis.models().flat_map(|model| &model.body);
-    let units = statements.filter_map(|stmt| match stmt {
-        Stmt::Decl(decl) => decl.unit.as_ref(),
-        Stmt::Named(named) => named.unit.as_ref(),
-        _ => None,
-    });
-    units.map(|unit| unit.span).collect()
 }

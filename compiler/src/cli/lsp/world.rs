@@ -209,6 +209,7 @@ pub struct World {
     good: HashMap<String, Rc<Analysis>>,
     /// The same when nothing was wrong with it last.
     sound: HashMap<String, Rc<Analysis>>,
+    has_changed: bool,
 }
 
 impl World {
@@ -220,6 +221,11 @@ impl World {
     /// The texts as they are.
     pub fn texts(&self) -> &Texts {
         &self.texts
+    }
+
+    /// Whether a file has changed since this was asked last.
+    pub fn has_changed(&mut self) -> bool {
+        std::mem::take(&mut self.has_changed)
     }
 
     /// A client has opened a text.
@@ -268,6 +274,7 @@ impl World {
 
     /// A file has changed: what depends on it is not known any more.
     pub fn touch(&mut self, key: &str) {
+        self.has_changed = true;
         let stays = |known: &Rc<Analysis>| !known.depends_on(key);
         self.known
             .retain(|_, known| known.as_ref().is_some_and(stays));

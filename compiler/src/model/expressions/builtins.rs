@@ -91,7 +91,7 @@ fn apply<'e>(
         "min" | "max" => {
             for (position, arg) in call.args.iter().enumerate() {
                 // `max(0, x)` switches where x does.
-                if values.len() == 2 && check::is_zero_literal(arg) {
+                if values.len() == 2 && arg.is_zero() {
                     check::record_surfaces(
                         lowering,
                         call.args[1 - position],
@@ -101,7 +101,7 @@ fn apply<'e>(
             }
             if let ([a, b], [left, right]) = (&call.args[..], values)
                 && let ([x], [y]) = (&left.data[..], &right.data[..])
-                && !check::is_zero_literal(a)
+                && !a.is_zero()
             {
                 check::record_pair(lowering, (*a, *x), (*b, *y));
             }

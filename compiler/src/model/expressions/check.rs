@@ -6,14 +6,6 @@ use crate::model::names::scope::{Reported, Value};
 use crate::model::{DynamicsError, Shape, Surface, Tensor};
 use crate::syntax::{self, ExprKind, Level, Relation};
 
-/// `0` as written.
-pub(crate) fn is_zero_literal(expr: &syntax::Expr) -> bool {
-    matches!(
-        expr.kind,
-        ExprKind::Number(0.0) | ExprKind::Quantity(0.0, _)
-    )
-}
-
 /// The name of a variable of some expressions, in backticks.
 pub(crate) fn first_variable(entries: &[Expr<'_>]) -> Option<String> {
     let exprs = entries.first()?.exprs();
@@ -111,7 +103,7 @@ fn difference<'e>(
     (right, b): (&syntax::Expr, Expr<'e>),
 ) -> (Expr<'e>, String) {
     let text = match b.as_constant() {
-        _ if is_zero_literal(right) => lowering.names.whole().text(left),
+        _ if right.is_zero() => lowering.names.whole().text(left),
         Some(value) if value < 0.0 => {
             format!(
                 "{} + {}",

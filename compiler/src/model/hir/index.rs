@@ -7,6 +7,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::references::Resolver;
 use super::settings::Settings;
+use super::surfaces::Surfaces;
 use super::{Declared, Definition as Item, File, Hir, import};
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
@@ -139,6 +140,10 @@ pub struct Index {
     definitions: Vec<Definition>,
     /// By position.
     occurrences: Vec<Occurrence>,
+    /// Where units stand, by position.
+    units: Vec<Span>,
+    /// Where those names are declared that are switching functions by themselves.
+    surfaces: FxHashSet<Span>,
 }
 
 impl Index {
@@ -158,6 +163,8 @@ impl Index {
             hir: &hir,
             definitions: FxHashMap::default(),
             occurrences: vec![],
+            units: vec![],
+            surfaces: Surfaces::default(),
         };
         for file in files {
             recorder = recorder.file(file);
@@ -167,9 +174,13 @@ impl Index {
         let mut occurrences = recorder.occurrences;
         occurrences.sort_by_key(|found| (found.span, found.declared));
         occurrences.dedup();
+        let mut units = recorder.units;
+        units.sort();
         Index {
             definitions,
             occurrences,
+            units,
+            surfaces: recorder.surfaces.all(),
         }
     }
 
@@ -181,6 +192,17 @@ impl Index {
     /// All places of names, by position.
     pub fn occurrences(&self) -> &[Occurrence] {
         &self.occurrences
+    }
+
+    /// All places of units, by position.
+    pub fn units(&self) -> &[Span] {
+        &self.units
+    }
+
+    /// Whether a name is a switching function by itself, whose zero set is a surface; one that does not change is none.
+    pub fn is_surface(&self, known: &Definition) -> bool {
+        let changes = !matches!(known.kind, Kind::Param | Kind::Constant | Kind::Index);
+        changes && self.surfaces.contains(&known.place)
     }
 
     /// The definition whose name stands at a place.
@@ -300,6 +322,8 @@ pub(super) struct Recorder<'r, 'f> {
     hir: &'r Hir<'f>,
     definitions: FxHashMap<Span, Definition>,
     occurrences: Vec<Occurrence>,
+    pub units: Vec<Span>,
+    pub surfaces: Surfaces,
 }
 
 impl<'r, 'f> Recorder<'r, 'f> {
@@ -488,7 +512,9 @@ impl<'r, 'f> Recorder<'r, 'f> {
         });
     }
 
-    fn experiment(self, file: &'r File<'f>, item: &'f syntax::Experiment) -> Self {
+    /// What an experiment says of names; it has no switches of its own.
+    fn experiment(mut self, file: &'r File<'f>, item: &'f syntax::Experiment) -> Self {
+        let surfaces = std::mem::take(&mut self.surfaces);
         let model = import::find_silently(file.file, &item.model);
         let model = model.and_then(|(_, model)| self.hir.models.get(&model.span));
         let mut resolver = match model {
@@ -502,7 +528,8 @@ impl<'r, 'f> Recorder<'r, 'f> {
             resolver: &mut resolver,
         }
         .read(item);
-        resolver.recorder.take().expect("it was given")
+        let read = resolver.recorder.take().expect("it was given");
+        Recorder { surfaces, ..read }
     }
 }
 

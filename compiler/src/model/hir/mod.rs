@@ -12,6 +12,7 @@ pub(crate) mod order;
 mod references;
 pub mod reserved;
 mod settings;
+mod surfaces;
 #[cfg(test)]
 mod tests;
 mod words;

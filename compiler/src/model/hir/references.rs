@@ -3,12 +3,13 @@
 
 use super::index::{Holder, Kind, Recorder, Role};
 use super::reserved::{VALUES, is_function, is_kept};
+use super::surfaces::{boundaries, positional, switching};
 use super::words::Worded;
-use super::{Definition, File, Global, Model, Reference, References, local_lets};
+use super::{Definition, File, Global, Model, Reference, References, import, local_lets};
 use crate::source::Span;
 use crate::syntax::{
     Bind, Binder, Domain, Expr, ExprKind, Function, Ident, Index, Part, Path, ProgramKind,
-    RegionGuard, Row, Segment, Stmt,
+    RegionGuard, Row, Segment, Stmt, Unit,
 };
 
 pub(super) struct Resolver<'r, 'f> {
@@ -67,15 +68,19 @@ impl<'r, 'f> Resolver<'r, 'f> {
         if self.recorder.is_none() {
             return;
         }
-        let declared = match self.reference(name) {
-            Some(Reference::Index | Reference::Argument(_) | Reference::Let(_)) => {
+        self.take_down(span, self.declared_at(name), role);
+    }
+
+    /// Where a name is declared.
+    pub(super) fn declared_at(&self, name: &str) -> Option<Span> {
+        match self.reference(name)? {
+            Reference::Index | Reference::Argument(_) | Reference::Let(_) => {
                 self.local(name).map(|(local, _)| local.span)
             }
-            Some(Reference::Own(index)) => self.model.map(|model| model.declared[index].name.span),
-            Some(Reference::Global(index)) => Some(self.file.globals[index].declared_at()),
-            Some(Reference::BuiltIn) | None => None,
-        };
-        self.take_down(span, declared, role);
+            Reference::Own(index) => self.model.map(|model| model.declared[index].name.span),
+            Reference::Global(index) => Some(self.file.globals[index].declared_at()),
+            Reference::BuiltIn => None,
+        }
     }
 
     pub(super) fn take_down(&mut self, span: Span, declared: Option<Span>, role: Role) {
@@ -176,7 +181,11 @@ impl<'r, 'f> Resolver<'r, 'f> {
     }
 
     pub fn expr(&mut self, expr: &'f Expr) {
+        if self.recorder.is_some() {
+            Switching { resolver: self }.expr(expr);
+        }
         match &expr.kind {
+            ExprKind::Quantity(_, unit) => stands(&mut self.recorder, Some(unit)),
             ExprKind::Name(name) => {
                 let reference = self.reference(name);
                 self.found.extend(reference.map(|found| (expr.span, found)));
@@ -257,10 +266,15 @@ impl<'r, 'f> Resolver<'r, 'f> {
         match stmt {
             Stmt::Const(item) => self.expr(&item.value),
             Stmt::Decl(decl) => {
-                self.exprs(decl.shape.iter().chain(&decl.value));
+                self.exprs(&decl.shape);
+                stands(&mut self.recorder, decl.unit.as_ref());
                 self.domain(decl.domain.as_ref());
+                self.exprs(&decl.value);
             }
-            Stmt::Named(named) => self.expr(&named.value),
+            Stmt::Named(named) => {
+                stands(&mut self.recorder, named.unit.as_ref());
+                self.expr(&named.value);
+            }
             Stmt::Switch(switch) => self.expr(&switch.value),
             Stmt::Part(part) => self.part(part),
             Stmt::Region(region) => {
@@ -295,6 +309,7 @@ impl<'r, 'f> Resolver<'r, 'f> {
             Stmt::Project(project) => {
                 self.path(&project.state, None, Role::Sets);
                 self.rows(&project.rows);
+                Switching { resolver: self }.know(boundaries(&project.rows));
                 self.exprs(&project.metric);
             }
             Stmt::Equation { residual, .. } => self.expr(residual),
@@ -380,4 +395,74 @@ fn inside(index: &Index) -> impl Iterator<Item = &Expr> {
         Index::Range(first, last) => [Some(first), Some(last)],
     };
     ends.into_iter().flatten()
+}
+
+/// A unit stands at its place, where somebody looks at the text.
+fn stands(recorder: &mut Option<Recorder<'_, '_>>, unit: Option<&Unit>) {
+    if let (Some(recorder), Some(unit)) = (recorder, unit) {
+        recorder.units.push(unit.span);
+    }
+}
+
+/// What finds names that are switching functions, where somebody looks at the text.
+pub(super) struct Switching<'s, 'r, 'f> {
+    pub resolver: &'s mut Resolver<'r, 'f>,
+}
+
+impl<'f> Switching<'_, '_, 'f> {
+    /// What switches in an expression itself, and what is given to a function that may.
+    fn expr(&mut self, expr: &'f Expr) {
+        self.know(switching(expr));
+        let ExprKind::Call(called, args) = &expr.kind else {
+            return;
+        };
+        if let Some(function) = self.function(called) {
+            let params = function.params.iter().zip(positional(args));
+            let given = params.filter_map(|(param, arg)| Some((self.declared(arg)?, param.span)));
+            let given: Vec<_> = given.collect();
+            let recorder = self.resolver.recorder.iter_mut();
+            recorder.for_each(|recorder| recorder.surfaces.given.extend(&given));
+        }
+    }
+
+    /// Those of these expressions that are names.
+    pub fn know(&mut self, found: Vec<&Expr>) {
+        let found = found.into_iter().filter_map(|psi| self.declared(psi));
+        let found: Vec<_> = found.collect();
+        let recorder = self.resolver.recorder.iter_mut();
+        recorder.for_each(|recorder| recorder.surfaces.found.extend(&found));
+    }
+
+    /// Where a name is declared that stands alone, or with indices.
+    fn declared(&self, expr: &Expr) -> Option<Span> {
+        match &expr.kind {
+            ExprKind::Name(name) => self.resolver.declared_at(name),
+            ExprKind::Index(base, _) => self.declared(base),
+            ExprKind::Field(base, field) => {
+                let recorder = self.resolver.recorder.as_ref()?;
+                let (declared, _) = recorder.member(self.resolver.holder(base)?, &field.name)?;
+                Some(declared)
+            }
+            _ => None,
+        }
+    }
+
+    /// The function of this file or another one that is called by a name.
+    fn function(&self, called: &Expr) -> Option<&'f Function> {
+        let global = match &called.kind {
+            ExprKind::Name(name) => match self.resolver.file.get(name)?.global {
+                Global::Import(import) => import.target()?,
+                global => global,
+            },
+            ExprKind::Field(base, field) => match self.resolver.holder(base)? {
+                Holder::File(file) => import::own(file, &field.name)?,
+                Holder::Model(..) => return None,
+            },
+            _ => return None,
+        };
+        match global {
+            Global::Function(_, function) => Some(function),
+            _ => None,
+        }
+    }
 }

@@ -38,6 +38,8 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                     }
                 }
                 SettingKind::Data(data) => {
+                    self.resolver
+                        .binds(data.with.as_deref().unwrap_or_default());
                     for measured in &data.columns {
                         self.resolver.path(&measured.path, None, Role::Reads);
                         self.resolver.exprs(&measured.weight);

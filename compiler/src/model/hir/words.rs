@@ -2,7 +2,8 @@
 
 use super::Global;
 use super::index::Role;
-use super::references::Resolver;
+use super::references::{Resolver, Switching};
+use super::surfaces::entries;
 use crate::model::statements::restitution;
 use crate::source::Span;
 use crate::syntax::{Arg, Bind, Expr, ExprKind, Segment, Setting};
@@ -41,11 +42,19 @@ impl<'f> Worded<'_, '_, 'f> {
         self.resolver.take_down(head.span, function, Role::Reads);
     }
 
-    /// The arguments of a call; kinds of events are words of the language in what is said of a run.
+    /// The arguments of a call; kinds of events are words of the language in what is said of a run. The values of named
+    /// ones are words of the language, but for the thresholds of a relay.
     pub fn args_of(&mut self, function: &Expr, args: &'f [Arg], scope: Span) {
-        let is_events = matches!(&function.kind, ExprKind::Name(name) if name == "events");
-        let n_words = usize::from(is_events && !self.resolver.of_runs.is_empty());
+        let is_called = |word: &str| matches!(&function.kind, ExprKind::Name(name) if name == word);
+        let n_words = usize::from(is_called("events") && !self.resolver.of_runs.is_empty());
         self.args(args.get(n_words..).unwrap_or_default(), scope);
+        if is_called("hysteresis") {
+            let named = args.iter().filter_map(|arg| match arg {
+                Arg::Named(_, value) => Some(value),
+                Arg::Positional(..) => None,
+            });
+            self.resolver.exprs(named);
+        }
     }
 
     /// The values of named arguments are words of the language.
@@ -85,7 +94,13 @@ impl<'f> Worded<'_, '_, 'f> {
                 (name, value) if WORDED.contains(&name) => self.word(value),
                 ("law", value) => self.head(value),
                 ("restitution", value) if restitution::is_law(value) => self.word(value),
-                (_, value) => self.resolver.expr(value),
+                (name, value) => {
+                    self.resolver.expr(value);
+                    if name == "gap" {
+                        let resolver = &mut *self.resolver;
+                        Switching { resolver }.know(entries(value));
+                    }
+                }
             }
         }
     }

@@ -367,12 +367,12 @@ impl Here {
 
 /// `linear` or `nonlinear`
 fn sliding(value: &syntax::Expr, diags: &mut Diagnostics) -> Result<Sliding, Reported> {
-    match &value.kind {
-        ExprKind::Name(name) if name == "linear" => Ok(Sliding::Linear),
-        ExprKind::Name(name) if name == "nonlinear" => Ok(Sliding::Nonlinear),
-        _ => {
-            diags.push(ModelError::UnknownReading { span: value.span });
-            Err(Reported)
-        }
-    }
+    let reading = match &value.kind {
+        ExprKind::Name(name) => Sliding::named(name),
+        _ => None,
+    };
+    reading.ok_or_else(|| {
+        diags.push(ModelError::UnknownReading { span: value.span });
+        Reported
+    })
 }

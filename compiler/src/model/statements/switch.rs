@@ -173,10 +173,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
 
     /// A relay never slides.
     fn sliding_relay(&mut self, switch: &syntax::Switch) -> Result<Meaning<'e>, Reported> {
-        let word = match switch.sliding {
-            Some(Sliding::Nonlinear) => "nonlinear",
-            _ => "linear",
-        };
+        let word = switch.sliding.unwrap_or(Sliding::Linear).word();
         self.diags.push(DynamicsError::RelayForm {
             what: format!("it never slides, so `sliding {word}` has no meaning"),
             span: switch.span,

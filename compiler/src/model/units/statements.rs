@@ -254,6 +254,7 @@ impl<'f> Checker<'f, '_> {
         for setting in &experiment.settings {
             match &setting.kind {
                 SettingKind::With(binds) => self.binds(binds),
+                SettingKind::Data(data) => self.binds(data.with.as_deref().unwrap_or_default()),
                 SettingKind::Horizon {
                     value: Some(value), ..
                 } => self.dims.expect("the horizon", time, value, None),

@@ -220,14 +220,11 @@ fn element_after(
 
 /// Integrals begin at zero again.
 fn forget_integrals(problem: &Problem<'_>, x: &mut [f64], placed: &[Placed<'_>], delta: f64) {
-    let n_integrals = problem
-        .system
-        .task
-        .as_ref()
-        .map_or(0, |task| task.integrals);
-    let Some(first) = x.len().checked_sub(n_integrals).filter(|_| n_integrals > 0) else {
+    // Those that are sums over nodes are no states of the program.
+    let first = problem.system.n_proper_states();
+    if first >= x.len() {
         return;
-    };
+    }
     let behind = placed.partition_point(|one| one.to <= delta);
     let one = &placed[behind.min(placed.len() - 1)];
     let share = ((delta - one.from) / (one.to - one.from)).clamp(0.0, 1.0);

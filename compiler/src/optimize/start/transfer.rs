@@ -29,6 +29,13 @@ pub struct Point {
     pub(super) elements: Vec<Element>,
 }
 
+impl Point {
+    /// The states at its start.
+    pub fn start(&self) -> &[f64] {
+        &self.elements[0].before
+    }
+}
+
 /// What tells apart programs that have no points in common.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Kind {

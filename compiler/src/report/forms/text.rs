@@ -377,9 +377,10 @@ fn measured(fit: &Fit, text: &mut String) -> fmt::Result {
     for data in &fit.data {
         write!(
             text,
-            "    {} of {}: {}",
+            "    {} of {}{}: {}",
             data.quantity,
             data.file,
+            data.run(),
             counted(data.time.len(), "value")
         )?;
         for (count, what) in [

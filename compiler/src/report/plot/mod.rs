@@ -140,8 +140,10 @@ impl<'a> Figure<'a> {
         let end = self.samples.time.last().copied().unwrap_or(0.0);
         let panels = self.panels.iter();
         let panels = panels.map(|group| Panel::new(group, units, several, end));
-        let measured = several.fit.iter().flat_map(|fit| &fit.data);
-        let panels = panels.chain(measured.map(Panel::of_residuals));
+        let measured = || several.fit.iter().flat_map(|fit| &fit.data);
+        let others = measured().filter(|data| data.with.is_some());
+        let panels = panels.chain(others.map(Panel::of_run));
+        let panels = panels.chain(measured().map(Panel::of_residuals));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.is_empty()).collect();
         let bands = Bands::new(history);
         let legend = match many {

@@ -41,7 +41,7 @@ pub struct Panel {
     title: String,
     curves: Vec<Curve>,
     dots: Vec<Beside>,
-    /// Plans of a controller.
+    /// Plans of a controller, or other runs that were measured.
     plans: Vec<Beside>,
     axis: Axis,
 }
@@ -84,6 +84,7 @@ impl Panel {
         let entries: Vec<_> = group.iter().flat_map(|series| series.columns()).collect();
         let (n, many) = (entries.len(), several.ensemble.as_ref());
         let measured = several.fit.iter().flat_map(|fit| &fit.data);
+        let measured = measured.filter(|data| data.with.is_none());
         let measured: Vec<(usize, &Measurements)> = measured
             .filter_map(|data| {
                 let mut names = entries.iter();
@@ -146,10 +147,28 @@ impl Panel {
         }
     }
 
+    /// What was measured, with what a run of its own has at these instants.
+    pub fn of_run(data: &Measurements) -> Self {
+        let found = data.measured.iter().zip(&data.residuals);
+        let found: Vec<f64> = found.map(|(y, residual)| y + residual).collect();
+        let beside = |values: &[f64], color| Beside {
+            time: data.time.clone(),
+            values: values.to_vec(),
+            color,
+        };
+        Panel {
+            title: data.quantity.clone() + &data.run(),
+            curves: Vec::new(),
+            axis: Axis::around(data.measured.iter().chain(&found).copied()),
+            dots: vec![beside(&data.measured, LINES[0])],
+            plans: vec![beside(&found, LINES[0])],
+        }
+    }
+
     /// The run less what was measured.
     pub fn of_residuals(data: &Measurements) -> Self {
         Panel {
-            title: format!("{} - {}", data.quantity, data.column),
+            title: format!("{} - {}{}", data.quantity, data.column, data.run()),
             curves: Vec::new(),
             plans: Vec::new(),
             axis: Axis::around(data.residuals.iter().copied().chain([0.0])),

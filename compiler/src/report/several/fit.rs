@@ -97,6 +97,8 @@ pub struct Measurements {
     pub column: String,
     /// The file.
     pub file: String,
+    /// What is given to the run that it is compared with alone, as it is written; none where that is the run of the experiment.
+    pub with: Option<String>,
     /// What differences are multiplied by.
     pub weight: f64,
     /// Instants.
@@ -120,6 +122,15 @@ impl Fit {
         for rows in [&mut self.covariance, &mut self.correlation] {
             rows.iter_mut().for_each(|row| row.fill(None));
         }
+    }
+}
+
+impl Measurements {
+    /// ", x = 2": which run is compared.
+    pub(crate) fn run(&self) -> String {
+        self.with
+            .as_ref()
+            .map_or_else(String::new, |with| format!(", {with}"))
     }
 }
 

@@ -82,7 +82,7 @@ pub(super) fn told(
             failed_starts: searched.failed,
             best_starts: searched.n_best,
         },
-        data: measurements(fit, best.at.residuals.as_slice()),
+        data: measurements(runs, best.at.residuals.as_slice()),
     }
 }
 
@@ -97,9 +97,10 @@ fn reached(runs: &Runs<'_, '_>, best: &Fitted) -> Vec<Option<Bound>> {
     pairs.map(bound).collect()
 }
 
-fn measurements(fit: &experiment::Fit<'_>, residuals: &[f64]) -> Vec<Measurements> {
+fn measurements(runs: &Runs<'_, '_>, residuals: &[f64]) -> Vec<Measurements> {
     let mut left = residuals.iter();
-    let columns = fit.columns.iter().map(|column| Measurements {
+    let columns = runs.columns().map(|(column, with)| Measurements {
+        with: with.cloned(),
         quantity: column.kept.name.clone(),
         column: column.name.clone(),
         file: column.file.clone(),

@@ -8,6 +8,7 @@
 
 mod found;
 mod runs;
+mod single;
 mod statistics;
 
 use nsd_solver::optimization::least_squares::{self, Fitted, Status};
@@ -93,6 +94,39 @@ pub(crate) fn run<'e>(
     }
     trajectory.several.fit = Some(found);
     Ok(trajectory)
+}
+
+/// Lets the runs of a fit be differentiated by those free numbers alone that they depend on, where some other run does.
+pub(crate) fn share(compiled: &mut Compiled<'_>) {
+    let needed = |run: &Compiled<'_>| -> Vec<String> {
+        let sensed = run.settings.recording.sensed.iter();
+        let needed = sensed.filter(|sensed| {
+            let params = || run.system.exogenous.params.iter().map(|param| param.var);
+            match sensed.is_initial {
+                true => run
+                    .system
+                    .states
+                    .iter()
+                    .any(|state| state.var == sensed.var),
+                false => params().any(|var| var == sensed.var),
+            }
+        });
+        needed.map(|sensed| sensed.name.clone()).collect()
+    };
+    let of_runs = [&*compiled].into_iter().chain(&compiled.others);
+    let of_runs: Vec<Vec<String>> = of_runs.map(needed).collect();
+    let share_one = |(at, run): (usize, &mut Compiled<'_>)| {
+        let has_others = |name: &String| of_runs.iter().flatten().any(|known| known == name);
+        let is_needed = |name: &String| of_runs[at].contains(name);
+        if !of_runs[at].is_empty() {
+            let sensed = &mut run.settings.recording.sensed;
+            sensed.retain(|sensed| is_needed(&sensed.name) || !has_others(&sensed.name));
+        }
+    };
+    let mut others = std::mem::take(&mut compiled.others);
+    share_one((0, compiled));
+    (1..).zip(&mut others).for_each(share_one);
+    compiled.others = others;
 }
 
 /// The best minimum of all starts; those that come later are told apart from the first by seed and number only.

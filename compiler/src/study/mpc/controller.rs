@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::expr::Exprs;
 use crate::limit::Limit;
-use crate::optimize::receding::{Followed, Last, Planned};
+use crate::optimize::receding::{Compares, Followed, Last, Planned};
 use crate::optimize::{Plan, PrepareError, Prepared};
 use crate::project::Project;
 use crate::project::clock::Instant;
@@ -57,10 +57,19 @@ pub struct Memory {
     of: (String, Vec<String>, Vec<String>),
     /// The plan that is followed, and since when.
     last: Option<(Followed, f64)>,
+    /// What is ready for the next sample.
+    ahead: Option<Ahead>,
     /// Samples until a plan is compared with what is found without the last one, whatever it costs.
     waits: u32,
     /// How many these are from one comparison to the next one.
     gap: u32,
+}
+
+/// A sample that is prepared: when it is, and the plan from the state that the last one leads to there, if there is one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Ahead {
+    time: f64,
+    plan: Option<Followed>,
 }
 
 /// Samples from one comparison to the next one at most, where they are in vain again and again.
@@ -124,6 +133,20 @@ pub(super) fn recedes(system: &System<'_>) -> Result<(), PrepareError> {
     match system.exogenous.data.is_empty() && moves_cost && !all.any(|e| e.depends_on(time)) {
         true => Ok(()),
         false => Err(PrepareError::ChangesWithTime),
+    }
+}
+
+impl Memory {
+    /// The plan that is followed at an instant, as long as it is not over.
+    fn last(&self, t: f64, compares: Compares) -> Option<Last<'_>> {
+        let (followed, since) = self.last.as_ref()?;
+        let passed = t - since;
+        let is_going_on = (0.0..followed.plan.horizon()).contains(&passed);
+        is_going_on.then_some(Last {
+            followed,
+            passed,
+            compares,
+        })
     }
 }
 
@@ -205,9 +228,12 @@ impl<'e> Controller<'e> {
 
     /// Goes on from what another one of this problem has remembered; whether it is one.
     pub fn remember(&mut self, memory: Memory) -> bool {
-        let last = memory.last.as_ref();
+        let last = memory.last.iter().map(|(followed, _)| followed);
+        let ahead = memory.ahead.iter().filter_map(|ahead| ahead.plan.as_ref());
         let is_known = memory.of == self.memory.of
-            && last.is_none_or(|(followed, _)| self.prepared.takes(followed));
+            && last
+                .chain(ahead)
+                .all(|followed| self.prepared.takes(followed));
         if is_known {
             self.memory = memory;
         }
@@ -218,21 +244,68 @@ impl<'e> Controller<'e> {
     ///
     /// The first plan takes the time it needs: without one there is nothing to follow.
     pub fn step(&mut self, t: f64, x0: &[f64], parameters: &[f64], limit: &Limit) -> Step {
+        self.memory.ahead = None;
+        let compares = self.compares();
+        let (step, found) = self.decide((t, x0), parameters, compares, limit);
+        found.iter().for_each(|found| self.wait(found));
+        step
+    }
+
+    /// Solves from the state that the plan leads to at the next sample, before that is measured: [`Controller::feedback`] then
+    /// has the difference between the two to solve for (Zavala & Biegler 2009, advanced-step control). What is followed until
+    /// then stays as it is, and no deadline ends it.
+    ///
+    /// Without a plan that leads there, nothing is known of the state, and all is left to the feedback.
+    pub fn prepare(&mut self, t: f64, parameters: &[f64], limit: &Limit) {
+        let compares = self.compares();
+        let found = self.memory.last(t, compares).and_then(|last| {
+            let x0 = self.prepared.predicted(&last);
+            let found = self
+                .prepared
+                .plan(parameters, &x0, Some(last), limit, &mut ());
+            // What is wrong with the numbers, the feedback says.
+            found.ok()
+        });
+        found.iter().for_each(|found| self.wait(found));
+        self.memory.ahead = Some(Ahead {
+            time: t,
+            plan: found.and_then(|found| found.followed),
+        });
+    }
+
+    /// Decides at the instant that was prepared, from the state that is there; none where nothing is prepared.
+    ///
+    /// The plan that was prepared is followed where no better one is found before the deadline, and is compared with no other.
+    pub fn feedback(&mut self, x0: &[f64], parameters: &[f64], limit: &Limit) -> Option<Step> {
+        let Ahead { time, plan } = self.memory.ahead.take()?;
+        if let Some(plan) = plan {
+            self.memory.last = Some((plan, time));
+        }
+        let (step, _) = self.decide((time, x0), parameters, Compares::Never, limit);
+        Some(step)
+    }
+
+    /// Whether the next plan is compared with others whatever it costs.
+    fn compares(&self) -> Compares {
+        match self.memory.waits {
+            0 => Compares::Always,
+            _ => Compares::Dearer,
+        }
+    }
+
+    /// What is followed from a state at an instant on, and what was found there.
+    fn decide(
+        &mut self,
+        (t, x0): (f64, &[f64]),
+        parameters: &[f64],
+        compares: Compares,
+        limit: &Limit,
+    ) -> (Step, Option<Planned>) {
         let started = Instant::now();
         let limit = match (&self.memory.last, self.deadline) {
             (Some(_), Some(deadline)) => limit.sooner(deadline),
             _ => limit.clone(),
         };
-        let last = self.memory.last.as_ref().map(|(followed, since)| Last {
-            followed,
-            passed: t - since,
-            compares: self.memory.waits == 0,
-        });
-        let last = last.filter(|last| {
-            let horizon = last.followed.plan.horizon();
-            (0.0..horizon).contains(&last.passed)
-        });
-        let found = self.prepared.plan(parameters, x0, last, &limit, &mut ());
         let mut step = Step {
             time: t,
             decision: Decision::Kept,
@@ -241,32 +314,35 @@ impl<'e> Controller<'e> {
             iterations: 0,
             seconds: 0.0,
         };
-        match found {
-            Ok(found) => {
-                self.wait(&found);
-                step.iterations = found.iterations;
-                step.decision = match (&found.followed, &found.failure) {
-                    (None, _) => Decision::Kept,
-                    (_, Some(_)) => Decision::Feasible,
-                    _ if found.is_warm => Decision::Warm,
-                    _ => Decision::Cold,
-                };
-                step.why = found.failure;
-                step.plan = found.followed.as_ref().map(|new| new.plan.clone());
-                if let Some(new) = found.followed {
-                    self.memory.last = Some((new, t));
-                }
-            }
+        let last = self.memory.last(t, compares);
+        let found = self.prepared.plan(parameters, x0, last, &limit, &mut ());
+        let found = match found {
+            Ok(found) => Some(found),
             Err(error) => {
                 step.why = Some(Failure::NoPlan {
                     time: t,
                     why: error.to_string(),
                     span: self.name.span,
                 });
+                None
+            }
+        };
+        if let Some(found) = &found {
+            step.iterations = found.iterations;
+            step.decision = match (&found.followed, &found.failure) {
+                (None, _) => Decision::Kept,
+                (_, Some(_)) => Decision::Feasible,
+                _ if found.is_warm => Decision::Warm,
+                _ => Decision::Cold,
+            };
+            step.why = found.failure.clone();
+            step.plan = found.followed.as_ref().map(|new| new.plan.clone());
+            if let Some(new) = &found.followed {
+                self.memory.last = Some((new.clone(), t));
             }
         }
         step.seconds = started.elapsed().as_secs_f64();
-        step
+        (step, found)
     }
 
     /// Puts the next comparison off, the longer the more of them were in vain.

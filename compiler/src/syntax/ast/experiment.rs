@@ -18,6 +18,8 @@ pub struct Experiment {
     pub open: Vec<Path>,
     /// Whether runs are differentiated as is asked for; no file says so.
     pub differentiates: bool,
+    /// Of a fit, the file of data whose run it is, where that has one of its own; no file says so.
+    pub measures: Option<usize>,
     /// The whole item.
     pub span: Span,
 }
@@ -30,6 +32,25 @@ impl Experiment {
             .filter_map(|setting| match &setting.kind {
                 SettingKind::Data(data) => Some(data),
                 _ => None,
+            })
+    }
+
+    /// What is given to the run of its own that some data have, in place of what the experiment gives.
+    pub fn own(&self) -> &[Bind] {
+        let data = self.measures.and_then(|at| self.measured().nth(at));
+        data.and_then(|data| data.with.as_deref())
+            .unwrap_or_default()
+    }
+
+    /// The experiment as it is for each of the data with a run of its own.
+    pub fn owned(&self) -> impl Iterator<Item = Self> {
+        let has_own = |(at, data): (usize, &Data)| data.with.is_some().then_some(at);
+        self.measured()
+            .enumerate()
+            .filter_map(has_own)
+            .map(|at| Experiment {
+                measures: Some(at),
+                ..self.clone()
             })
     }
 }
@@ -232,6 +253,8 @@ pub struct Data {
     pub file: String,
     /// Where it stands.
     pub span: Span,
+    /// What its run is given, where it has one of its own.
+    pub with: Option<Vec<Bind>>,
     /// Its columns with what they are measurements of.
     pub columns: Vec<Measured>,
 }

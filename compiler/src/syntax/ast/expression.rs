@@ -105,6 +105,14 @@ pub enum BinaryOp {
 }
 
 impl Expr {
+    /// Whether it is `0` as written.
+    pub fn is_zero(&self) -> bool {
+        matches!(
+            self.kind,
+            ExprKind::Number(0.0) | ExprKind::Quantity(0.0, _)
+        )
+    }
+
     /// Looks at the expressions directly inside, in order; at the bounds of indices before what they hold in.
     pub fn each<'a>(&'a self, look: &mut dyn FnMut(&'a Expr)) {
         match &self.kind {

@@ -190,6 +190,26 @@ pub enum Sliding {
     Nonlinear,
 }
 
+impl Sliding {
+    /// All readings.
+    pub const ALL: [Sliding; 2] = [Sliding::Linear, Sliding::Nonlinear];
+
+    /// The word of the language.
+    pub fn word(self) -> &'static str {
+        match self {
+            Sliding::Linear => "linear",
+            Sliding::Nonlinear => "nonlinear",
+        }
+    }
+
+    /// The reading with a word of the language.
+    pub fn named(word: &str) -> Option<Self> {
+        Sliding::ALL
+            .into_iter()
+            .find(|reading| reading.word() == word)
+    }
+}
+
 /// `switch s = sign(psi) sliding linear;`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Switch {

@@ -38,6 +38,7 @@ pub(crate) fn experiment(reading: &mut Reading, mut parts: Parts, span: Span) ->
         settings,
         open: Vec::new(),
         differentiates: false,
+        measures: None,
         span,
     }
 }
@@ -142,11 +143,13 @@ fn horizon(reading: &mut Reading, mut parts: Parts) -> SettingKind {
 fn data(reading: &mut Reading, mut parts: Parts) -> SettingKind {
     let file = parts.one(Rule::string);
     let (name, span) = (unquoted(&file).to_owned(), reading.span(&file));
+    let with = parts.maybe(Rule::binds).map(|with| binds(reading, with));
     let build = |reading: &mut Reading, pair: Pair<Rule>| Some(measured(reading, pair));
     let columns = members(reading, parts, Place::Data, build, |_| None);
     SettingKind::Data(Data {
         file: name,
         span,
+        with,
         columns: columns.into_iter().flatten().collect(),
     })
 }

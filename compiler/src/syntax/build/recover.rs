@@ -397,13 +397,10 @@ fn expectation<'t>(text: &'t str, start: usize, found: &str) -> Option<(Token<'t
     let second = tokens
         .next()
         .filter(|token| token.kind == TokenKind::Word)?;
-    let wanted: &[&str] = match found {
-        "is" => &["mode", "status"],
-        "golden" => &["lowering", "numbers"],
-        _ if explain::page(found).is_some() => &["warning"],
-        _ => &[],
-    };
-    let meant = words::nearest(second.text, wanted.iter().copied())?;
+    let wanted = words::EXPECTATIONS.iter().filter(|(_, behind)| {
+        behind.map_or_else(|| explain::page(found).is_some(), |word| word == found)
+    });
+    let meant = words::nearest(second.text, wanted.map(|(word, _)| *word))?;
     (meant != second.text).then_some((second, meant))
 }
 

@@ -81,10 +81,7 @@ fn statement(reading: &mut Reading, pair: Pair<Rule>) -> Stmt {
         Rule::switch => Stmt::Switch(Switch {
             name: reading.ident(parts.one(Rule::name)),
             value: expr(reading, parts.one(Rule::expr)),
-            sliding: parts.maybe(Rule::sliding).map(|pair| match pair.as_str() {
-                "linear" => Sliding::Linear,
-                _ => Sliding::Nonlinear,
-            }),
+            sliding: (parts.maybe(Rule::sliding)).and_then(|pair| Sliding::named(pair.as_str())),
             span,
         }),
         Rule::part => Stmt::Part(Part {

@@ -248,6 +248,15 @@ const ALIASES: [(&str, &str); 24] = [
     ("cost", "minimize"),
 ];
 
+/// Words that begin an expectation of more than numbers, with the word that each has behind it; `warning` has a code.
+pub const EXPECTATIONS: [(&str, Option<&str>); 5] = [
+    ("mode", Some("is")),
+    ("status", Some("is")),
+    ("lowering", Some("golden")),
+    ("numbers", Some("golden")),
+    ("warning", None),
+];
+
 /// What a rule of the grammar is called in a message; alternatives are separated by `|`.
 pub fn describe(rule: Rule) -> &'static str {
     match rule {

@@ -108,7 +108,13 @@ impl Printer {
     }
 
     fn data(&mut self, data: &Data) {
-        self.block(format!("data \"{}\"", data.file), "", |printer| {
+        let with = data.with.as_ref().map(|binds| {
+            let binds = binds.iter();
+            let binds = binds.map(|bind| format!("{} = {}; ", bind.target, bind.value));
+            format!(" with {{ {}}}", binds.collect::<String>())
+        });
+        let head = format!("data \"{}\"{}", data.file, with.unwrap_or_default());
+        self.block(head, "", |printer| {
             for Measured {
                 path,
                 column,

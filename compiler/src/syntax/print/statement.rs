@@ -19,11 +19,10 @@ impl Printer {
             Stmt::Decl(stmt) => self.line(decl(stmt)),
             Stmt::Named(stmt) => self.line(named(stmt)),
             Stmt::Switch(stmt) => {
-                let sliding = match stmt.sliding {
-                    None => "",
-                    Some(Sliding::Linear) => " sliding linear",
-                    Some(Sliding::Nonlinear) => " sliding nonlinear",
-                };
+                let sliding = stmt
+                    .sliding
+                    .map(|reading| format!(" sliding {}", reading.word()));
+                let sliding = sliding.unwrap_or_default();
                 self.line(format!("switch {} = {}{sliding};", stmt.name, stmt.value));
             }
             Stmt::Part(stmt) => self.part(stmt),

@@ -7,7 +7,7 @@ use super::capabilities::Taken::{self, Lowered, No, Yes};
 use super::error::ExperimentError;
 use super::fesd::{self, FesdOptions, SteppingOptions};
 use super::law::{self, Law};
-use super::optimize;
+use super::optimize::{self, At};
 use super::reader::{Reader, unknown_choice};
 use crate::diagnostics::Help;
 use crate::syntax::{self, ExprKind, Ident, Setting};
@@ -387,6 +387,9 @@ pub fn words_of(option: &str) -> Vec<String> {
         "relaxation" => first(&optimize::RELAXATIONS),
         "steering" => first(&optimize::STEERINGS),
         "path" => first(&optimize::PATHS),
+        "controls" => first(&optimize::SHAPES),
+        "loss" => optimize::LOSSES.to_vec(),
+        "at" => optimize::INSTANTS.map(At::as_str).to_vec(),
         "law" => return Law::BUILT_IN.map(|law| law.word()).to_vec(),
         _ => vec![],
     };

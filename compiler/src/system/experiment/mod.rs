@@ -69,6 +69,9 @@ pub fn evaluate<'e>(
     };
 
     let mut statements = Statements::new(model, data, experiment.kind);
+    if let (Some(fit), Some(given)) = (&mut statements.fit, &given) {
+        fit.begin(experiment, given);
+    }
     // The horizon bounds what others may be, wherever it stands.
     let is_horizon =
         |setting: &&syntax::ExperimentSetting| matches!(setting.kind, SettingKind::Horizon { .. });

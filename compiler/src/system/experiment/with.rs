@@ -23,6 +23,8 @@ pub(crate) struct Given<'e> {
     pub free: FxHashMap<Var, Span>,
     /// Those that stay open.
     pub open: FxHashSet<Var>,
+    /// What the data of a run of its own give, which is not free there.
+    pub own: FxHashSet<Var>,
     /// The experiment.
     pub span: Span,
 }
@@ -40,9 +42,11 @@ pub(crate) fn given<'e>(
             syntax::ExperimentKind::Optimize | syntax::ExperimentKind::Mpc
         ),
         free: freed(model, experiment),
+        own: own(model, experiment),
         span: experiment.span,
         ..Given::default()
     };
+    given.free.retain(|var, _| !given.own.contains(var));
     if experiment.kind == syntax::ExperimentKind::Fit {
         given.open = given.free.keys().copied().collect();
     }
@@ -60,7 +64,23 @@ pub(crate) fn given<'e>(
     for bind in overrides {
         complete &= give(model, bind, true, &mut given, diags).is_some();
     }
+    let mut of_data = Given::default();
+    for bind in experiment.own() {
+        complete &= give(model, bind, false, &mut of_data, diags).is_some();
+    }
+    given.values.extend(of_data.values);
+    given.sliding.extend(of_data.sliding);
     complete.then_some(given)
+}
+
+/// What data with a run of their own give; what is wrong with it is reported where it is given.
+fn own(model: &Model<'_>, experiment: &syntax::Experiment) -> FxHashSet<Var> {
+    let targets = experiment.own().iter().filter_map(|bind| {
+        let target = model.scope.target(&bind.target, &mut Diagnostics::new())?;
+        let quantity = model.quantities.get(target.kind)?;
+        Some(entries(quantity, &target).collect::<Vec<_>>())
+    });
+    targets.flatten().collect()
 }
 
 /// Lets parameters stay open; false where something else should, or what is optimized.
@@ -199,21 +219,13 @@ fn sliding(value: &syntax::Expr, diags: &mut Diagnostics) -> Option<Sliding> {
         ExprKind::Name(name) => name.clone(),
         _ => "..".to_owned(),
     };
-    match name.as_str() {
-        "linear" => Some(Sliding::Linear),
-        "nonlinear" => Some(Sliding::Nonlinear),
-        _ => {
-            diags.push(unknown_choice(
-                "reading",
-                &Ident {
-                    name,
-                    span: value.span,
-                },
-                &["linear", "nonlinear"],
-            ));
-            None
-        }
+    let reading = Sliding::named(&name);
+    if reading.is_none() {
+        let span = value.span;
+        let words = Sliding::ALL.map(Sliding::word);
+        diags.push(unknown_choice("reading", &Ident { name, span }, &words));
     }
+    reading
 }
 
 /// The name of what a path means: `q`, `x[2]`, `x[1..3]`.

@@ -161,8 +161,7 @@ fn frozen<'e>(
     let measures = names.zip(values).map(|(name, value)| measure(name, value));
     let (measures, params): (Vec<Expr<'e>>, Vec<Option<Param<'e>>>) = measures.unzip();
     // Integrals of a cost stay behind all other states.
-    let integrals = system.task.as_ref().map_or(0, |task| task.integrals);
-    let n_states = system.states.len() - integrals;
+    let n_states = system.n_proper_states();
     let (places, switches) = lasting_switches(system);
     let mut motion = Motion {
         system,

@@ -11,6 +11,8 @@ use lsp_types::{
     MarkupContent, MarkupKind,
 };
 
+use nsd_grammar::Rule;
+
 use super::around::Around;
 use super::text::number;
 use super::world::{Analysis, World};
@@ -20,7 +22,7 @@ use crate::model::hir::reserved::{VALUES, function_names};
 use crate::model::index::{Definition, Kind};
 use crate::model::unit_names;
 use crate::project::describe;
-use crate::syntax::{Place, TokenKind, starts};
+use crate::syntax::{Place, Sliding, TokenKind, describe, starts};
 
 fn item(label: &str, kind: CompletionItemKind, text: Option<String>) -> CompletionItem {
     let markdown = |value| {
@@ -37,8 +39,10 @@ fn item(label: &str, kind: CompletionItemKind, text: Option<String>) -> Completi
     }
 }
 
-/// Readings of a switch on its surface.
-const READINGS: [&str; 2] = ["linear", "nonlinear"];
+/// The words and signs that a rule of the grammar is one of.
+fn choices(rule: Rule) -> impl Iterator<Item = &'static str> {
+    describe(rule).split('|').map(|word| word.trim_matches('`'))
+}
 
 fn words<'w>(words: impl IntoIterator<Item = &'w str>) -> Vec<CompletionItem> {
     let words = words.into_iter();
@@ -122,7 +126,7 @@ impl Known<'_> {
         let (first, last) = (around.word(0), around.last());
         let has = |text: &str| around.before.iter().any(|token| token.text == text);
         match first {
-            "switch" if last == "sliding" => Some(words(READINGS)),
+            "switch" if last == "sliding" => Some(words(Sliding::ALL.map(Sliding::word))),
             "switch" if last == ")" && !around.is_open() => Some(words(["sliding"])),
             "param" | "state" | "discrete" | "control" | "input" | "algebraic" | "let"
             | "output" | "signal"
@@ -145,7 +149,7 @@ impl Known<'_> {
             ("simulate" | "optimize" | "fit" | "mpc", _) if around.before.len() == 2 => {
                 words(["of"])
             }
-            ("expect", "expect") => words(["error", "warning"]),
+            ("expect", "expect") => words(choices(Rule::severity)),
             ("expect", "error") => codes('E'),
             ("expect", "warning") => codes('W'),
             ("const" | "fn", _) if around.before.len() > 1 => self.values(),

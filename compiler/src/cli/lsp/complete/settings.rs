@@ -2,30 +2,19 @@
 
 use lsp_types::{CompletionItem, CompletionItemKind};
 
+use nsd_grammar::Rule;
+
 use super::super::around::Around;
 use super::super::reference;
-use super::{Known, READINGS, codes, item, words};
+use super::{Known, choices, codes, item, words};
 use crate::model::hir::reserved::VALUES;
 use crate::model::index::Kind;
 use crate::report::Status;
-use crate::syntax::{ExperimentKind, Place, SettingKind, TokenKind, starts};
+use crate::syntax::{EXPECTATIONS, ExperimentKind, Place, SettingKind, Sliding, TokenKind, starts};
 use crate::system::experiment::{Lowering, MethodKind, OPTIMIZER, options_of, words_of, written};
 
-/// What an expectation may begin with, beside expressions.
-const EXPECTATIONS: [&str; 9] = [
-    "mode",
-    "status",
-    "warning",
-    "lowering",
-    "numbers",
-    "switches",
-    "events",
-    "order",
-    "objective",
-];
-
-/// What relates the sides of an expectation.
-const RELATIONS: [&str; 6] = ["~", "<=", ">=", "<", ">", "="];
+/// What an expectation may begin with besides, of what a run has as numbers.
+const OF_RUNS: [&str; 4] = ["switches", "events", "order", "objective"];
 
 impl Known<'_> {
     /// What may stand in an experiment.
@@ -54,10 +43,8 @@ impl Known<'_> {
             ("lower", _) => self.lowerings(around),
             ("on", 1) => words(["chattering slide"]),
             ("stop", 1) => words(["when"]),
-            ("controls", 1) => words(["constant", "linear"]),
-            ("loss", 1) => words(["squared", "huber"]),
-            ("scheme", 1) => self.choices("scheme"),
-            ("subject", _) if around.last() == "at" => words(["nodes", "elements", "intervals"]),
+            (setting @ ("controls" | "loss" | "scheme"), 1) => self.choices(setting),
+            ("subject", _) if around.last() == "at" => self.choices("at"),
             ("subject" | "sensitivity", 1) => words(["to"]),
             ("controller", 1) => {
                 let all = self.good.project.experiments();
@@ -87,7 +74,9 @@ impl Known<'_> {
                 let begin = words(starts(Place::Plot).iter().map(|(word, _)| *word));
                 begin.into_iter().chain(self.values()).collect()
             }
-            ("with", false) if around.ends_with(&[".", "sliding", "="]) => words(READINGS),
+            ("with", false) if around.ends_with(&[".", "sliding", "="]) => {
+                words(Sliding::ALL.map(Sliding::word))
+            }
             _ => self.values(),
         }
     }
@@ -128,7 +117,8 @@ impl Known<'_> {
         };
         match (around.word(1), around.before.len()) {
             (_, 1) => {
-                let begin = words(EXPECTATIONS).into_iter();
+                let begin = words(EXPECTATIONS.map(|(word, _)| word)).into_iter();
+                let begin = begin.chain(words(OF_RUNS));
                 begin.chain(self.values()).collect()
             }
             ("warning", 2) => codes('W'),
@@ -141,12 +131,12 @@ impl Known<'_> {
             ("mode", _) if has("is") => words(["and", "or"]),
             ("mode", _) => words(["is"]),
             _ => {
-                let is_related = RELATIONS.iter().any(|relation| has(relation));
+                let is_related = choices(Rule::expect_op).any(has);
                 let last_at = around.before.iter().rposition(|token| token.text == "at");
                 let relation = around
                     .before
                     .iter()
-                    .position(|token| RELATIONS.contains(&token.text));
+                    .position(|token| choices(Rule::expect_op).any(|sign| sign == token.text));
                 let has_instant = last_at.is_some_and(|at| relation.is_none_or(|k| at > k));
                 let mut next = vec![];
                 if !has_instant && !has("within") && (is_related || !has("always")) {

@@ -1,14 +1,16 @@
 //! Shapes, units and values of what a model declares, at the parameters of an experiment.
 
+use std::rc::Rc;
+
 use super::super::world::Analysis;
+use super::cache::{Cache, Made};
+use crate::compile;
 use crate::diagnostics::Diagnostics;
-use crate::expr::Exprs;
 use crate::model::{self, Model};
 use crate::project::clock::Clock;
 use crate::source::Span;
 use crate::syntax::{self, Experiment, Expr, ExprKind, File, Ident, Index, Item, Link, Stmt};
 use crate::system::About;
-use crate::{Compiled, compile};
 
 /// More entries are not shown.
 const MOST_ENTRIES: usize = 12;
@@ -32,35 +34,27 @@ pub struct Shown {
 }
 
 /// A model, as an experiment takes it or by itself.
-pub enum Facts<'e> {
-    /// Without an experiment: what a run needs is not known.
-    Alone(Box<Model<'e>>),
-    /// What is compiled of an experiment.
-    Taken(Box<Taken<'e>>),
-}
-
-/// What is compiled of an experiment.
-pub struct Taken<'e> {
+pub struct Facts<'e> {
     /// The experiment.
-    name: String,
+    experiment: Option<String>,
     /// The part of its model that is meant, as `leg[1].`; empty of the model itself.
     part: String,
-    compiled: Compiled<'e>,
+    made: Rc<Made<'e>>,
 }
 
 impl<'e> Facts<'e> {
     /// The model that is declared at a place, as each sound experiment of the file takes it, by itself or as a part: first the
     /// one that is named, then those that have it as the part that is named, and those of the model itself.
-    pub fn taken(
-        exprs: &'e Exprs,
-        analysis: &'e Analysis,
+    pub fn taken<'a>(
+        cache: &'a Cache<'e>,
+        analysis: &'a Rc<Analysis>,
         declared: Span,
         (first, part): (&str, Option<&str>),
-    ) -> impl Iterator<Item = Self> + 'e {
+    ) -> impl Iterator<Item = Self> + 'a {
         let file = &analysis.project.file;
         let experiments = analysis.project.experiments();
         let sound = experiments.filter(|known| !analysis.is_broken(known.span));
-        let of = |known: &'e Experiment| {
+        let of = |known: &'a Experiment| {
             let found = model::find(file, &known.model, &mut Diagnostics::new());
             let mut parts = parts_of(found?, declared);
             let named = part.and_then(|part| parts.iter().find_map(|found| named(part, found)));
@@ -72,56 +66,58 @@ impl<'e> Facts<'e> {
         let mut all: Vec<_> = sound.filter_map(of).collect();
         all.sort_by_key(|(order, ..)| *order);
         all.into_iter().filter_map(move |(_, known, part)| {
-            let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
-            Some(Facts::Taken(Box::new(Taken {
-                name: known.name.name.clone(),
+            let made = cache.get(analysis, known.span, |exprs| {
+                let (mut clock, mut silent) = (Clock::default(), Diagnostics::new());
+                let compiled = compile(exprs, file, known, &[], &mut clock, &mut silent)?;
+                let lowered = compiled.lowered();
+                Some(Made::Taken(Box::new(compiled), Box::new(lowered)))
+            });
+            Some(Facts {
+                experiment: Some(known.name.name.clone()),
                 part,
-                compiled: compile(exprs, file, known, &[], &mut clock, &mut silent)?,
-            })))
+                made: made?,
+            })
         })
     }
 
     /// The model that is declared at a place, by itself.
-    pub fn alone(exprs: &'e Exprs, analysis: &Analysis, declared: Span) -> Option<Self> {
+    pub fn alone(cache: &Cache<'e>, analysis: &Rc<Analysis>, declared: Span) -> Option<Self> {
         let (home, item) = model_at(&analysis.project.file, declared)?;
-        let model = model::resolve(exprs, home, &item.name.name, &[], &mut Diagnostics::new())?;
-        Some(Facts::Alone(Box::new(model)))
+        let made = cache.get(analysis, declared, |exprs| {
+            let name = &item.name.name;
+            let model = model::resolve(exprs, home, name, &[], &mut Diagnostics::new());
+            Some(Made::Alone(Box::new(model?)))
+        });
+        Some(Facts {
+            experiment: None,
+            part: String::new(),
+            made: made?,
+        })
     }
 
     /// The experiment.
     pub fn experiment(&self) -> Option<&str> {
-        match self {
-            Facts::Alone(_) => None,
-            Facts::Taken(taken) => Some(&taken.name),
-        }
+        self.experiment.as_deref()
     }
 
     /// What a name of the model is called in all of it.
     pub fn called(&self, name: &str) -> String {
-        match self {
-            Facts::Alone(_) => name.to_owned(),
-            Facts::Taken(taken) => format!("{}{name}", taken.part),
-        }
-    }
-
-    fn compiled(&self) -> Option<&Compiled<'e>> {
-        match self {
-            Facts::Alone(_) => None,
-            Facts::Taken(taken) => Some(&taken.compiled),
-        }
+        format!("{}{name}", self.part)
     }
 
     fn model(&self) -> &Model<'e> {
-        match self {
-            Facts::Alone(model) => model,
-            Facts::Taken(taken) => &taken.compiled.model,
+        match &*self.made {
+            Made::Alone(model) => model,
+            Made::Taken(compiled, _) => &compiled.model,
         }
     }
 
     /// The lowered equations of a name, and the switches that they meet, as `nsdc emit` prints them; of many the first.
     pub fn equations(&self, name: &str) -> Option<String> {
-        let system = self.compiled()?.lowered();
-        let text = About(&system, &self.called(name)).to_string();
+        let Made::Taken(_, system) = &*self.made else {
+            return None;
+        };
+        let text = About(system, &self.called(name)).to_string();
         let mut lines: Vec<String> = text.lines().take(MOST_LINES).map(shortened).collect();
         if text.lines().nth(MOST_LINES).is_some() {
             lines.push("..".to_owned());
@@ -137,12 +133,11 @@ impl<'e> Facts<'e> {
             .scope
             .expr(&path(name)?, None, &mut Diagnostics::new())?;
         let number = |var| {
-            let numbers = self
-                .compiled()
-                .map(|compiled| &compiled.settings.values.numbers);
-            numbers
-                .and_then(|numbers| numbers.get(&var).copied())
-                .unwrap_or(f64::NAN)
+            let known = match &*self.made {
+                Made::Alone(_) => None,
+                Made::Taken(compiled, _) => compiled.settings.values.numbers.get(&var).copied(),
+            };
+            known.unwrap_or(f64::NAN)
         };
         let value: Vec<f64> = tensor
             .data

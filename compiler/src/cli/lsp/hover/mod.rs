@@ -1,17 +1,18 @@
 //! What stands at a position, in words.
 
+pub mod cache;
 pub mod facts;
 
 use std::rc::Rc;
 
 use lsp_types::{Hover, HoverContents, HoverParams, MarkupContent, MarkupKind, Position, Range};
 
+use self::cache::Cache;
 use self::facts::{Facts, model_at, numbers};
 use super::around::Around;
 use super::world::{Analysis, World};
 use super::{Answer, reference};
 use crate::diagnostics::explain;
-use crate::expr::Exprs;
 use crate::model::hir::reserved::is_function;
 use crate::model::index::{Definition, Kind};
 use crate::model::inferred;
@@ -22,7 +23,7 @@ use crate::syntax::Stmt;
 const MOST_LINES: usize = 8;
 
 /// What is known of what stands at a position.
-pub fn hover(world: &mut World, params: &HoverParams) -> Answer<Option<Hover>> {
+pub fn hover(world: &mut World, cache: &Cache<'_>, params: &HoverParams) -> Answer<Option<Hover>> {
     let at = &params.text_document_position_params;
     let uri = &at.text_document.uri;
     let Some([now, good]) = world.states(uri) else {
@@ -48,6 +49,7 @@ pub fn hover(world: &mut World, params: &HoverParams) -> Answer<Option<Hover>> {
     let mut text = of_definition(then, meant);
     if let Some(model) = then.index.model_of(meant) {
         let of = Declared {
+            cache,
             then,
             meant,
             model,
@@ -84,8 +86,9 @@ fn of_definition(then: &Analysis, meant: &Definition) -> String {
 }
 
 /// What is declared in a model.
-struct Declared<'d> {
-    then: &'d Analysis,
+struct Declared<'d, 'e> {
+    cache: &'d Cache<'e>,
+    then: &'d Rc<Analysis>,
     meant: &'d Definition,
     model: &'d Definition,
     /// The experiment that it is named in.
@@ -111,16 +114,15 @@ fn part_at(then: &Analysis, position: Position) -> Option<String> {
     Some(parts.next()?.name.name.clone())
 }
 
-impl Declared<'_> {
+impl<'e> Declared<'_, 'e> {
     /// Its unit and shape, and its value and equations in an experiment; whether one takes the model.
     fn now(&self, text: &mut String) -> bool {
-        let exprs = Exprs::new();
-        let mut taken = self.taken(&exprs, self.then, self.model);
+        let mut taken = self.taken(self.then, self.model);
         let first = taken.next();
         match &first {
             Some(facts) => self.value(facts, text),
             None => {
-                let alone = Facts::alone(&exprs, self.then, self.model.place);
+                let alone = Facts::alone(self.cache, self.then, self.model.place);
                 alone.iter().for_each(|facts| self.value(facts, text));
             }
         }
@@ -135,7 +137,7 @@ impl Declared<'_> {
     }
 
     /// Its equations before there was an error, where that is not in the text of its model.
-    fn before(&self, now: &Analysis, sound: &Analysis, text: &mut String) {
+    fn before(&self, now: &Analysis, sound: &Rc<Analysis>, text: &mut String) {
         let home = |then: &Analysis, model: &Definition| {
             let file = then.project.sources.file(model.whole);
             file.map(|file| file.name.clone())
@@ -152,20 +154,18 @@ impl Declared<'_> {
         let was = sound.project.sources.text(twin.whole);
         let mut files = now.project.sources.files().iter();
         if files.any(|known| Some(&known.name) == file.as_ref() && known.text.contains(was)) {
-            let exprs = Exprs::new();
-            let taken = self.taken(&exprs, sound, twin);
+            let taken = self.taken(sound, twin);
             self.equations(taken, "before the error, ", text);
         }
     }
 
-    fn taken<'e>(
-        &self,
-        exprs: &'e Exprs,
-        then: &'e Analysis,
+    fn taken<'a>(
+        &'a self,
+        then: &'a Rc<Analysis>,
         model: &Definition,
-    ) -> impl Iterator<Item = Facts<'e>> + 'e {
+    ) -> impl Iterator<Item = Facts<'e>> + 'a {
         let name = self.experiment.map_or("", |known| known.name.as_str());
-        Facts::taken(exprs, then, model.place, (name, self.part.as_deref()))
+        Facts::taken(self.cache, then, model.place, (name, self.part.as_deref()))
     }
 
     fn value(&self, facts: &Facts<'_>, text: &mut String) {
@@ -202,12 +202,7 @@ impl Declared<'_> {
     }
 
     /// Its equations in the first experiment whose system has some.
-    fn equations<'e>(
-        &self,
-        mut taken: impl Iterator<Item = Facts<'e>>,
-        when: &str,
-        text: &mut String,
-    ) {
+    fn equations(&self, mut taken: impl Iterator<Item = Facts<'e>>, when: &str, text: &mut String) {
         let found = taken.find_map(|facts| {
             let equations = facts.equations(&self.meant.name)?;
             Some((facts.experiment()?.to_owned(), equations))
@@ -301,5 +296,76 @@ fn of_setting(around: &Around<'_>, word: &str) -> Option<String> {
                 reference::of_part(reference::MODEL, "switch", word).filter(|_| block == "with")
             })
             .or_else(|| of_statement().filter(|_| first.is_empty())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lsp_types::InlayHintParams;
+    use serde_json::json;
+
+    use super::*;
+    use crate::cli::lsp::hints::hints;
+    use crate::expr::Exprs;
+
+    const TEXT: &str = "model m {
+  param p = 2;
+  state x = 1;
+  state y = 3*p;
+  x' = -y;
+  y' = x;
+}
+simulate one of m { horizon 1; }
+simulate two of m { horizon 1; with { p = 5; } }
+";
+
+    /// Each experiment is compiled once for all names of a text, and anew once it has changed.
+    #[test]
+    fn hovers_compile_once() {
+        let uri: lsp_types::Uri = "file:///nowhere/cache.nsd".parse().expect("a name");
+        let mut world = World::default();
+        world.open(uri.clone(), 1, TEXT.to_owned());
+        assert!(world.has_changed() && !world.has_changed());
+        let exprs = Exprs::new();
+        let cache = Cache::new(&exprs);
+        let told = |world: &mut World, line: u32, character: u32| {
+            let at = json!({ "line": line, "character": character });
+            let params = json!({ "textDocument": { "uri": uri }, "position": at });
+            let params: HoverParams = serde_json::from_value(params).expect("a place");
+            let Ok(Some(found)) = hover(world, &cache, &params) else {
+                panic!("something is told");
+            };
+            let HoverContents::Markup(found) = found.contents else {
+                panic!("it is Markdown");
+            };
+            (found.value, cache.len())
+        };
+        let (first, n_compiled) = told(&mut world, 3, 8);
+        assert!(first.contains("y = 6 at the start in `one`"), "{first}");
+        assert!(first.contains("der(y) = x"), "{first}");
+        assert_eq!(n_compiled, 1);
+        // The same name, another one, and hints.
+        assert_eq!(told(&mut world, 3, 8), (first, 1));
+        let (other, n_compiled) = told(&mut world, 2, 8);
+        assert!(other.contains("der(x) = -y"), "{other}");
+        assert_eq!(n_compiled, 1);
+        let range =
+            json!({ "start": { "line": 0, "character": 0 }, "end": { "line": 9, "character": 0 } });
+        let params = json!({ "textDocument": { "uri": uri }, "range": range });
+        let params: InlayHintParams = serde_json::from_value(params).expect("a range");
+        hints(&mut world, &cache, &params);
+        assert_eq!(cache.len(), 1);
+        // In the other experiment it is the other value.
+        let (other, n_compiled) = told(&mut world, 8, 38);
+        assert!(other.contains("p = 5 in `two`"), "{other}");
+        assert_eq!(n_compiled, 2);
+        assert_eq!(told(&mut world, 8, 38), (other, 2));
+        assert!(!world.has_changed());
+        let change = json!([{ "text": TEXT.replace("3*p", "4*p") }]);
+        world.change(&uri, 2, serde_json::from_value(change).expect("a change"));
+        assert!(world.has_changed());
+        let (changed, n_compiled) = told(&mut world, 3, 8);
+        assert!(changed.contains("y = 8 at the start in `one`"), "{changed}");
+        assert_eq!(n_compiled, 3);
     }
 }

@@ -3,13 +3,16 @@
 //! minimize Σ ρ(w (q(t_k; p) - y_k))   over free p and free x(0)
 
 use nsd_solver::optimization::least_squares::Loss;
+use rustc_hash::FxHashSet;
 
 use super::super::error::ExperimentError;
 use super::super::reader::{Reader, unknown_choice};
 use super::super::sensed::Sensed;
 use super::super::settings::Kept;
+use super::super::with::Given;
 use super::free::freed;
 use super::{Freed, Starts, one_argument};
+use crate::expr::Var;
 use crate::model::TargetKind;
 use crate::model::errors::tables::{Places, TableError};
 use crate::source::Span;
@@ -30,6 +33,13 @@ pub struct Fit<'e> {
     pub loss: Loss,
     /// Several starts.
     pub starts: Option<Starts>,
+    /// What is given to this run alone, as it is written; none in the run of the experiment.
+    pub with: Option<String>,
+    /// The files of data that are compared with this run, by where they stand, and how many are with others.
+    data: Vec<Span>,
+    n_elsewhere: usize,
+    /// What is given to this run alone.
+    own: FxHashSet<Var>,
 }
 
 /// `q -> position weight 2;`: a column of measurements.
@@ -54,6 +64,26 @@ pub struct Column<'e> {
 }
 
 impl<'e> Fit<'e> {
+    /// Which of the data are compared with the run of an experiment.
+    pub(crate) fn begin(&mut self, experiment: &syntax::Experiment, given: &Given<'e>) {
+        self.own = given.own.clone();
+        let is_here = |at: usize, data: &syntax::Data| match experiment.measures {
+            Some(own) => own == at,
+            None => data.with.is_none(),
+        };
+        for (at, data) in experiment.measured().enumerate() {
+            match is_here(at, data) {
+                true => self.data.push(data.span),
+                false => self.n_elsewhere += 1,
+            }
+        }
+        if experiment.measures.is_some() {
+            let binds = experiment.own().iter();
+            let binds = binds.map(|bind| format!("{} = {}", bind.target, bind.value));
+            self.with = Some(binds.collect::<Vec<_>>().join(", "));
+        }
+    }
+
     /// Reads a setting that simulations do not have; `horizon` is known by now.
     pub(crate) fn setting(
         &mut self,
@@ -76,6 +106,7 @@ impl<'e> Fit<'e> {
                     not_for_fit(reader, "a constraint of `initial`", span);
                 }
             }
+            SettingKind::Data(given) if !self.data.contains(&given.span) => {}
             SettingKind::Data(given) => {
                 for measured in &given.columns {
                     let column = self.column(reader, data, given, measured, horizon);
@@ -110,6 +141,9 @@ impl<'e> Fit<'e> {
             {
                 let what = format!("a bound of `{}`", entry.name);
                 reader.error((reader.values).depends_on_free(reader.model, what, free, path.span));
+            }
+            if self.own.contains(&entry.freed.var) {
+                continue;
             }
             self.free.push(entry.freed);
             self.sensed.push(Sensed {
@@ -228,8 +262,10 @@ impl<'e> Fit<'e> {
         } else {
             None
         };
+        let is_of_data = experiment.measures.is_some();
+        let has_others = !is_of_data && self.n_elsewhere > 0;
         let missing = match missing {
-            None if !reader.failed && self.columns.is_empty() => Some("data"),
+            None if !reader.failed && self.columns.is_empty() && !has_others => Some("data"),
             None if !reader.failed && self.free.is_empty() => Some("free"),
             other => other,
         };
@@ -239,7 +275,10 @@ impl<'e> Fit<'e> {
         reader.error(ExperimentError::NothingToFit {
             name: experiment.name.name.clone(),
             what,
-            span: experiment.name.span,
+            span: match self.data[..] {
+                [span] if is_of_data => span,
+                _ => experiment.name.span,
+            },
         });
         None
     }
@@ -276,6 +315,9 @@ pub(crate) fn not_for_fit(reader: &mut Reader<'_, '_>, setting: &str, span: Span
         span,
     });
 }
+
+/// The words of losses.
+pub(crate) const LOSSES: [&str; 2] = ["squared", "huber"];
 
 /// `squared` or `huber(d)`
 fn loss(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<Loss> {

@@ -14,9 +14,9 @@ mod start;
 
 pub use closed_loop::ClosedLoop;
 pub(crate) use closed_loop::{Draft as LoopDraft, not_for_mpc};
-pub(crate) use fit::not_for_fit;
 pub use fit::{Column, Fit};
-pub(crate) use settings::{Draft, OPTIONS, PATHS, RELAXATIONS, STEERINGS};
+pub(crate) use fit::{LOSSES, not_for_fit};
+pub(crate) use settings::{Draft, INSTANTS, OPTIONS, PATHS, RELAXATIONS, SHAPES, STEERINGS};
 pub use settings::{OPTIMIZER, relaxation_word, steering_word};
 pub(crate) use start::{LARGEST_SEED, one_argument};
 

@@ -33,8 +33,11 @@ pub(crate) struct Draft<'m, 'e> {
     options: MpccOptions,
 }
 
-const INSTANTS: [&str; 3] = ["nodes", "elements", "intervals"];
-const SHAPES: [(&str, Shape); 2] = [("constant", Shape::Constant), ("linear", Shape::Linear)];
+/// Where constraints hold.
+pub(crate) const INSTANTS: [At; 3] = [At::Nodes, At::Elements, At::Intervals];
+/// Shapes of controls.
+pub(crate) const SHAPES: [(&str, Shape); 2] =
+    [("constant", Shape::Constant), ("linear", Shape::Linear)];
 /// The method of `optimize`.
 pub const OPTIMIZER: &str = "mpcc";
 pub(crate) const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
@@ -393,15 +396,11 @@ fn intervals(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(usize
 }
 
 fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
-    match at.name.as_str() {
-        "nodes" => Some(At::Nodes),
-        "elements" => Some(At::Elements),
-        "intervals" => Some(At::Intervals),
-        _ => {
-            reader.error(unknown_choice("instants", at, &INSTANTS));
-            None
-        }
+    let found = INSTANTS.into_iter().find(|known| known.as_str() == at.name);
+    if found.is_none() {
+        reader.error(unknown_choice("instants", at, &INSTANTS.map(At::as_str)));
     }
+    found
 }
 
 impl<'e> Reader<'_, 'e> {
