@@ -145,7 +145,7 @@ class Function:
 
         `DerivativeError` comes from where it pulls back.
         """
-        inputs = dict(inputs)
+        inputs = {name: real(name, value) for name, value in inputs.items()}
         # The derivative of nothing costs nothing, and its run has the rows of one with weights.
         result = self._run(inputs, list(self.inputs), {})
         places = self._rows(result.time)

@@ -113,6 +113,18 @@ def test_a_function_gives_values_and_derivatives() -> None:
         relay.function(["a"], at=[2])({})
 
 
+def test_what_pulls_back_keeps_its_inputs() -> None:
+    decay = nsdc.loads("model m { param k = 1; state x[2] = [1, 2]; x' = -k*x; } simulate d of m { horizon 1; }")["d"]
+    start = np.array([1.0, 2.0])
+    inputs = {"k": 1.0, "x": start}
+    _, pull = decay.function(["k", "x"]).vjp(inputs)
+    before = pull({"x": [1, 1]})
+    start[:] = [10, 20]
+    inputs["k"] = 3.0
+    behind = pull({"x": [1, 1]})
+    assert before["k"] == pytest.approx(-3 * np.exp(-1)) and behind["k"] == before["k"]
+
+
 def test_inputs_replace_what_is_asked_for_otherwise(oscillator: nsdc.Experiment) -> None:
     for by, asked, given in (
         (["x[1]"], {"x": [3, 4]}, {"x[1]": 1}),

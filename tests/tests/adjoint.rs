@@ -3,6 +3,7 @@
 
 use crate::sensitivity::affine;
 use nsd_tests::random::Random;
+use nsdc::files::Memory;
 use nsdc::report::Trajectory;
 use nsdc::{Messages, Options, Project};
 
@@ -15,10 +16,14 @@ fn run(text: &str, tolerance: f64, weights: Option<Weights>) -> Trajectory {
         weights,
         ..Options::default()
     };
-    let project = Project::from_text("model.nsd", text);
+    let files: Memory = [("model.nsd", text), ("r.csv", DATA)].into_iter().collect();
+    let project = Project::from_files("model.nsd", files).expect("there is a text");
     let found = project.run("s", &options, &mut ());
     found.expect("it compiles and is differentiated").trajectory
 }
+
+/// What models read.
+const DATA: &str = "time,r\n0,0\n0.9,1\n1.5,0\n2.2,2\n3,1\n";
 
 /// Random weights of all states and outputs at all rows, none where a derivative is not known.
 fn weights(run: &Trajectory, seed: u64) -> Weights {
@@ -62,6 +67,10 @@ fn contracted(run: &Trajectory, weights: &Weights) -> Vec<[f64; 2]> {
 
 /// Asserts that both passes agree to 1e-11; whether the second one has gone backward.
 fn agrees(text: &str, seed: u64) -> bool {
+    agrees_to(text, seed, 1e-11)
+}
+
+fn agrees_to(text: &str, seed: u64, share: f64) -> bool {
     let forward = run(text, 1e-13, None);
     let weights = weights(&forward, seed);
     let expected = contracted(&forward, &weights);
@@ -71,14 +80,14 @@ fn agrees(text: &str, seed: u64) -> bool {
     for (found, [sum, size]) in found.iter().zip(expected) {
         let error = (found - sum).abs();
         assert!(
-            error <= 1e-11 * size,
+            error <= share * size,
             "{found} {sum}: {error:e} of {size}\n{text}"
         );
     }
     back.samples.sensitivities.is_empty()
 }
 
-const SYSTEMS: [&str; 11] = [
+const SYSTEMS: [&str; 17] = [
     "model m { param k = 2; param a = 1; state x = a; x' = -k*sign(x) + time; }
      simulate s of m { horizon 3; sensitivity to k, a; }",
     "model m { param g = 9; param e = 0.5; param h = 2; state q = h; state v = 0;
@@ -111,6 +120,25 @@ const SYSTEMS: [&str; 11] = [
     "model m { param p = 0.7; state x = 1; algebraic z = 0.5; x' = -x*z; 0 = z^3 + z - p*x;
        jump halve when x >= 0.9 { x := 0.5*x + 0.2*z; } }
      simulate s of m { horizon 1; sensitivity to p, x at 0; }",
+    "model m { param k = 2; param a = 1; state x = a; output u = sign(x); x' = -k*sign(x) + time; }
+     simulate s of m { horizon 3; sensitivity to k, a; }",
+    "model m { param mu = 0.6; param k = 1.1; param vb = 0.3; param d = 0.1; state q = 0.1; state v = 1;
+       output u = mu*sign(v - vb*cos(time)); q' = v;
+       v' = -k*q - d*v - mu*sign(v - vb*cos(time))*exp(-abs(v - vb*cos(time))); }
+     simulate s of m { horizon 12; sensitivity to mu, k, d, v at 0; }",
+    "model m { param a = 1; state x = 1; state y = 0.1; state z = 0.2; output e = sign(x - y*sin(time));
+       x' = -2*a*sign(x - y*sin(time)) + 0.3*z*(1 + time); y' = x*(1 + time) + 0.1*y;
+       z' = -sign(x - y*sin(time))*x + time*z; }
+     simulate s of m { horizon 2; sensitivity to a, x at 0, y at 0, z at 0; }",
+    "model m { signal r = table(\"r.csv\", \"r\", fit=cubic); param a = 1; param b = 0.5; state x = 1; algebraic z = 0.5;
+       x' = -a + 0.3*sign(x - b) - 0.1*z; 0 = z^3 + z - x - r; }
+     simulate s of m { horizon 3; sensitivity to a, b, x at 0; }",
+    "model m { signal r = table(\"r.csv\", \"r\", fit=hold); param a = 1; param b = 0.5; state x = 1; algebraic z = 0.5;
+       x' = -a + 0.3*sign(x - b) - 0.1*z; 0 = z^3 + z - x - r*time; }
+     simulate s of m { horizon 3; sensitivity to a, b, x at 0; }",
+    "model m { param p = 1; state x = 1; state u = 0; x' = -x + u; u' = 0;
+       jump a1 when x <= 0.5 { u := 3*p*x; } jump a2 when x <= 0.5 { u := 3*p*x; } }
+     simulate s of m { horizon 1; sensitivity to p, x at 0; }",
 ];
 
 #[test]
@@ -133,6 +161,104 @@ fn both_passes_agree_for_random_systems() {
         }
     }
     assert!(all >= 40 && 4 * back >= 3 * all, "{back} of {all}");
+}
+
+/// A random model of what depends on time by itself where an instant does not move: surfaces that move and are slid on, outputs
+/// that see α, data, algebraic states, and jumps.
+fn moving(seed: u64) -> String {
+    let mut random = Random(seed);
+    let data = random.of(&["linear", "cubic", "hold"]);
+    let has = [0; 4].map(|_| random.below(3) > 0);
+    let mut number = |lo: f64, hi: f64| random.rounded(lo, hi);
+    let mut text = format!(
+        "model m {{ signal r = table(\"r.csv\", \"r\", fit={data});
+           param a = {}; param b = {}; param k = {}; state x = {}; state y = {};",
+        number(0.5, 1.5),
+        number(0.2, 0.8),
+        number(0.8, 2.5),
+        number(0.5, 1.5),
+        number(-0.5, 0.5),
+    );
+    let surfaces = [
+        "x - b*sin(2*time)",
+        "x - b*time",
+        "x - b + 0.2*r*time",
+        "x - b*cos(time) - 0.1*y",
+    ];
+    let equations = [
+        "z^3 + z - x - r",
+        "z^3 + z - b*x - r*time",
+        "z + 0.2*sin(z) - y*cos(time) - x",
+    ];
+    let by_z = if has[0] { " - 0.3*z" } else { "" };
+    let by_r = if has[1] { " + 0.4*r*a" } else { "" };
+    let (c, d, e) = (number(0.2, 0.6), number(0.0, 0.4), number(0.5, 1.5));
+    let psi = random.of(&surfaces);
+    text += &format!(
+        "output u = k*sign({psi})*(1 + 0.2*time);
+         x' = -k*sign({psi}) + {c}*a*time{by_z}; y' = {e} + {d}*x*sin(time){by_r};"
+    );
+    if has[0] {
+        let equation = random.of(&equations);
+        text += &format!("algebraic z = 0.5; output o = z*time; 0 = {equation};");
+    }
+    if has[2] {
+        text += &format!(
+            "jump back when y >= 1 {{ y := 0.2*y + 0.1*time*a{by_z}; x := x + 0.3*b*time; }}"
+        );
+    }
+    if has[3] {
+        text += "state q = 0.1; state v = 1; output f = a*sign(v - b*cos(time)); q' = v;
+           v' = -k*q - 0.1*x - a*sign(v - b*cos(time));";
+    }
+    text + "} simulate s of m { horizon 2.7; sensitivity to a, b, k, x at 0, y at 0; }"
+}
+
+/// Nothing differs in silence where functions depend on time by themselves.
+#[test]
+fn both_passes_agree_for_what_moves_by_itself() {
+    let (mut back, mut all) = (0, 0);
+    for seed in 0..100 {
+        let text = moving(seed);
+        if run(&text, 1e-13, None).failure.is_none() {
+            all += 1;
+            back += usize::from(agrees_to(&text, seed, 1e-9));
+        }
+    }
+    assert!(all >= 80 && 4 * back >= 3 * all, "{back} of {all}");
+}
+
+/// Where it slides, α is t/k: at an instant that stands, whatever comes before it.
+#[test]
+fn a_row_does_not_move() {
+    let text = SYSTEMS[11].replace("horizon 3", "horizon 3; output at [1.2]");
+    let back = run(&text, 1e-12, Some(vec![("u".to_owned(), vec![1.0])]));
+    let found = back.samples.gradient.as_ref().expect("it was asked for");
+    assert!(back.samples.sensitivities.is_empty());
+    for (found, exact) in found.iter().zip([-0.3, 0.0]) {
+        assert!((found - exact).abs() < 1e-11, "{found} {exact}");
+    }
+}
+
+/// What one direction does beside a large one, of which it is no part: y = ∫ x where x - s goes to 0 as exp(-20 t), and s = q.
+#[test]
+fn directions_are_known_in_their_own_scales() {
+    for q in [1.0, 1e6, 1e9] {
+        let text = format!(
+            "model m {{ param q = {q}; param q2 = 0; state s = q; state x = q + q2; state y = 0;
+               s' = 0; x' = -20*(x - s); y' = x; }}
+             simulate s of m {{ horizon 1; sensitivity to q, q2, x at 0; output at [1]; }}"
+        );
+        for tolerance in [1e-8, 1e-12] {
+            let back = run(&text, tolerance, Some(vec![("y".to_owned(), vec![1.0])]));
+            let found = back.samples.gradient.as_ref().expect("it was asked for");
+            let own = (1.0 - (-20.0_f64).exp()) / 20.0;
+            for (found, exact) in found.iter().zip([1.0, own, own]) {
+                let error = (found / exact - 1.0).abs();
+                assert!(error <= 1e-10, "{q}: {found} {exact}: {error:e}");
+            }
+        }
+    }
 }
 
 /// x' = -k sign(x) + t from a meets the surface at k - √(k² - 2a), slides until k, and x = (t - k)²/2 then.

@@ -14,8 +14,8 @@
 //! What else has to hold to first order are rows r S = 0, of surfaces that are stayed on. They hold for all directions where
 //! they follow at their own event from its trigger, from what slides and from what jumps (`implied`); others go back to the
 //! start beside the costate, and are asked of each direction there. Where one does not hold, where the combination is lost,
-//! where a run rests on a surface, where a step is stiff, and where the last terms of series add more than the tolerance to
-//! the derivative by a parameter, directions are followed one by one instead.
+//! where a run rests on a surface, where a step is stiff, and where the last terms of series, which go back beside the costate
+//! as well, make more than the tolerance of a derivative, directions are followed one by one instead.
 
 use super::asked::{Directions, Moment};
 use super::forward::{Forward, Passed, Row, Sensitivities, Traced};
@@ -98,9 +98,18 @@ impl Costate {
         for (x, weight) in self.x.iter_mut().zip(states) {
             *x += weight;
         }
-        for (switch, slopes) in &row.alpha {
-            self.add(slots, slopes, alphas[*switch]);
-        }
+        self.still(|costate| {
+            for (switch, slopes) in &row.alpha {
+                costate.add(slots, slopes, alphas[*switch]);
+            }
+        });
+    }
+
+    /// The transpose of what is done at an instant that does not move.
+    fn still(&mut self, transpose: impl FnOnce(&mut Self)) {
+        let time = self.time;
+        transpose(self);
+        self.time = time;
     }
 }
 
@@ -167,19 +176,23 @@ fn backward(
         ..
     } = traced;
     let slots = functions.slots;
-    let mut costate = Costate::of(slots, &[], [run.system.n_states(), run.parameters.len()]);
-    let mut conditions: Vec<Costate> = Vec::new();
+    let nothing = Costate::of(slots, &[], [run.system.n_states(), run.parameters.len()]);
+    // The costate, what is missing of it, and conditions.
+    let mut all = vec![nothing.clone(), nothing.clone()];
     for step in passed.iter().rev() {
         run.limit.over().map_or(Some(()), |_| None)?;
-        let all = std::iter::once(&mut costate).chain(&mut conditions);
         match step {
-            Passed::Row(row) => costate.add_row(slots, row, &weights[row.instant]),
-            Passed::Kept(algebraic) => all.for_each(|one| algebraic.transpose(&functions, one)),
-            Passed::Event(crossing) => {
-                all.for_each(|one| crossing.transpose(&functions, one));
-                conditions.extend(crossing.conditions(&functions));
+            Passed::Row(row) => all[0].add_row(slots, row, &weights[row.instant]),
+            Passed::Kept(algebraic) => {
+                let all = all.iter_mut();
+                all.for_each(|one| one.still(|one| algebraic.transpose(&functions, one)));
             }
-            Passed::Start(held) => conditions.extend(held.iter().map(|held| {
+            Passed::Event(crossing) => {
+                all.iter_mut()
+                    .for_each(|one| crossing.transpose(&functions, one));
+                all.extend(crossing.conditions(&functions));
+            }
+            Passed::Start(held) => all.extend(held.iter().map(|held| {
                 let sizes = [run.system.n_states(), run.parameters.len()];
                 Costate::of(slots, &held.slopes, sizes)
             })),
@@ -201,43 +214,65 @@ fn backward(
                     sizes: &sizes,
                 };
                 let slopes = Slopes::new(&mut functions, way, *a).ok()?;
-                costate.follow(&slopes, (slots, b - a), (rows, weights));
-                for condition in &mut conditions {
-                    condition.follow(&slopes, (slots, b - a), (&[], weights));
+                let mut last = nothing.clone();
+                for (at, one) in all.iter_mut().enumerate() {
+                    let rows = if at == 0 { &rows[..] } else { &[] };
+                    let ends = one.ends((slots, b - a), (rows, weights));
+                    if at == 0 {
+                        last.follow(&slopes, &ends, ORDER + 1 - LAST);
+                    }
+                    one.follow(&slopes, &ends, 0);
                 }
+                all[1].join(&last);
             }
             Passed::Part { .. } => return None,
         }
-        if conditions.len() > MOST_CONDITIONS {
+        if all.len() > 2 + MOST_CONDITIONS {
             return None;
         }
     }
+    let (costate, tail, conditions) = (&all[0], &all[1], &all[2..]);
     let all = || directions.initial.iter().zip(&directions.parameters);
     let holds = |row: &Costate| all().all(|(start, by)| row.vanishes(start, by));
-    let is_known = costate.is_known(run.tolerance) && conditions.iter().all(holds);
+    let is_nothing = |(start, by): (&Vec<f64>, &Vec<f64>)| {
+        let [_, size] = costate.along(start, by);
+        tail.along(start, by)[0].abs() <= run.tolerance * size
+    };
+    let is_known = all().all(is_nothing) && conditions.iter().all(holds);
     let found = all().map(|(start, by)| costate.along(start, by)[0]);
     let found: Vec<f64> = found.collect();
     (is_known && found.iter().all(|by| by.is_finite())).then_some(found)
 }
 
 impl Costate {
-    /// From the end of a part of this length to its start, at rows of which weights are added.
-    fn follow(
+    /// The weights of x at the end of a part of this length, and at its rows, which it hands over.
+    fn ends(
         &mut self,
-        slopes: &Slopes,
         (slots, length): (Slots, f64),
         (rows, weights): (&[Row], &[Vec<f64>]),
-    ) {
+    ) -> Vec<(f64, Vec<f64>)> {
         let n = self.x.len();
         let mut ends = vec![(length, std::mem::replace(&mut self.x, vec![0.0; n]))];
         for row in rows {
             self.add_row(slots, row, &weights[row.instant]);
             ends.push((row.tau, std::mem::replace(&mut self.x, vec![0.0; n])));
         }
-        let mut last = Weighed::new(self.by.sums.len());
-        slopes.transposed(&ends, (n, ORDER + 1 - LAST), &mut last);
-        self.by.add_tails(&last);
-        self.x = slopes.transposed(&ends, (n, 0), &mut self.by);
+        ends
+    }
+
+    /// Goes from these to the start of the part, by the terms of series from an order on.
+    fn follow(&mut self, slopes: &Slopes, ends: &[(f64, Vec<f64>)], from: usize) {
+        self.x = slopes.transposed(ends, (self.x.len(), from), &mut self.by);
+    }
+
+    /// Adds another one.
+    fn join(&mut self, other: &Costate) {
+        for (sum, own) in self.x.iter_mut().zip(&other.x) {
+            *sum += own;
+        }
+        for (parameter, own) in other.by.sums.iter().enumerate() {
+            self.by.add(parameter, *own);
+        }
     }
 
     /// Its product with a direction at the start, and the size of its terms.
@@ -254,14 +289,5 @@ impl Costate {
     fn vanishes(&self, start: &[f64], parameters: &[f64]) -> bool {
         let [sum, size] = self.along(start, parameters);
         sum.abs() <= VANISHES * size
-    }
-
-    /// Whether the last terms of series add nothing to it.
-    fn is_known(&self, tolerance: f64) -> bool {
-        let Weighed { sizes, tails, .. } = &self.by;
-        tails
-            .iter()
-            .zip(sizes)
-            .all(|(tail, size)| *tail <= tolerance * size)
     }
 }

@@ -148,16 +148,24 @@ fn together(
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let system = functions.system.clone();
     let mut x = point.x.to_vec();
-    let mut rows = Vec::new();
+    let mut rows: Vec<(usize, Slope)> = Vec::new();
     let mut impacts = Vec::new();
+    let is_same = |i: usize, a: f64, b: f64| (a - b).abs() <= SAME * sizes[i];
     let laws = places.iter().map(|&place| (event.laws[place], place));
     let beside = beside.iter().map(|&law| (law, usize::MAX));
     for (law, place) in laws.chain(beside) {
         match (&system.laws[law].guard, &system.laws[law].effect) {
             (_, Effect::Reset(reset)) => {
                 for (state, value, slope) in reset_to(functions, point, (event, place), reset)? {
-                    x[state] = value;
-                    rows.push((state, slope));
+                    match rows.iter().find(|(set, _)| *set == state) {
+                        Some(_) if !is_same(state, x[state], value) => return Ok(None),
+                        Some((_, other)) if !slope.is_near(other) => return Err(Why::Several),
+                        Some(_) => {}
+                        None => {
+                            x[state] = value;
+                            rows.push((state, slope));
+                        }
+                    }
                 }
             }
             (Guard::Strikes(normal), Effect::Impact(impact)) => impacts.push((*normal, impact)),

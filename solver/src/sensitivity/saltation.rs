@@ -86,6 +86,14 @@ impl Slope {
         [terms(moved.x).iter().sum(), sizes.sum()]
     }
 
+    /// Whether both are the same up to rounding.
+    pub fn is_near(&self, other: &Slope) -> bool {
+        const SAME: f64 = 1e-12;
+        let (own, other) = (self.entries(), other.entries());
+        let mut pairs = own.iter().zip(&other);
+        pairs.all(|(a, b)| (a - b).abs() <= SAME * (a.abs() + b.abs()))
+    }
+
     /// Whether one is a multiple of the other.
     fn is_multiple(&self, other: &Slope) -> bool {
         /// sin² of an angle.

@@ -68,21 +68,18 @@ impl Slope {
     }
 }
 
-/// What parameters make of a functional, with the sizes of what it is made of, and what the last terms of series add to it.
+/// What parameters make of a functional, with the sizes of what it is made of.
 #[derive(Clone, Debug)]
 pub(super) struct Weighed {
     pub sums: Vec<f64>,
     pub sizes: Vec<f64>,
-    pub tails: Vec<f64>,
 }
 
 impl Weighed {
     pub fn new(n: usize) -> Self {
-        let zero = || vec![0.0; n];
         Weighed {
-            sums: zero(),
-            sizes: zero(),
-            tails: zero(),
+            sums: vec![0.0; n],
+            sizes: vec![0.0; n],
         }
     }
 
@@ -90,13 +87,6 @@ impl Weighed {
     pub fn add(&mut self, parameter: usize, term: f64) {
         self.sums[parameter] += term;
         self.sizes[parameter] += term.abs();
-    }
-
-    /// Adds what the last terms of series make of it.
-    pub fn add_tails(&mut self, last: &Weighed) {
-        for (tail, last) in self.tails.iter_mut().zip(&last.sums) {
-            *tail += last.abs();
-        }
     }
 }
 
