@@ -232,7 +232,7 @@ fn both_passes_agree_for_what_moves_by_itself() {
 #[test]
 fn a_row_does_not_move() {
     let text = SYSTEMS[11].replace("horizon 3", "horizon 3; output at [1.2]");
-    let back = run(&text, 1e-12, Some(vec![("u".to_owned(), vec![1.0])]));
+    let back = run(&text, 1e-12, Some(vec![("u".to_owned(), vec![1.0, 0.0])]));
     let found = back.samples.gradient.as_ref().expect("it was asked for");
     assert!(back.samples.sensitivities.is_empty());
     for (found, exact) in found.iter().zip([-0.3, 0.0]) {
