@@ -231,13 +231,17 @@ fn backward(
             return None;
         }
     }
+    let parts = passed.iter();
+    let parts = parts.filter(|step| matches!(step, Passed::Part { .. }));
+    // Every part is known to the tolerance.
+    along_all(&all, directions, run.tolerance * parts.count() as f64)
+}
+
+/// A costate at the start along directions, where what is missing of it is nothing to this share and conditions hold.
+fn along_all(all: &[Costate], directions: &Directions, allowed: f64) -> Option<Vec<f64>> {
     let (costate, tail, conditions) = (&all[0], &all[1], &all[2..]);
     let all = || directions.initial.iter().zip(&directions.parameters);
     let holds = |row: &Costate| all().all(|(start, by)| row.vanishes(start, by));
-    // Every part is known to the tolerance.
-    let parts = passed.iter();
-    let parts = parts.filter(|step| matches!(step, Passed::Part { .. }));
-    let allowed = run.tolerance * parts.count() as f64;
     let is_nothing = |(start, by): (&Vec<f64>, &Vec<f64>)| {
         let [_, size] = costate.along(start, by);
         tail.along(start, by)[0].abs() <= allowed * size
