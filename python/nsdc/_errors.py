@@ -193,8 +193,9 @@ class DerivativeError(RuntimeError):
 
     >>> import nsdc
     >>> rests = nsdc.loads("model m { state x = 0; x' = -sign(x); } simulate s of m { horizon 1; }")["s"]
+    >>> _, pull = rests.vjp(["x"])
     >>> try:
-    ...     rests.vjp(["x"])
+    ...     pull({"x": 1})
     ... except nsdc.DerivativeError as error:
     ...     print(error.result.status, error.result.warnings[0].code)
     solved W0735

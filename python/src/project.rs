@@ -141,19 +141,21 @@ impl Project {
         Ok(serde_json::to_string(&found).unwrap_or_default())
     }
 
-    /// Runs an experiment.
+    /// Runs an experiment, and finds the gradient of a sum of what it reports where that has weights.
     fn run(
         &self,
         py: Python<'_>,
         experiment: &str,
         asked: Asked,
-        multipliers: bool,
-        figure: bool,
+        weights: Option<Vec<(String, Vec<f64>)>>,
+        kept: (bool, bool),
     ) -> PyResult<Run> {
+        let (multipliers, figure) = kept;
         let (interrupt, time) = (Interrupt::new(), asked.time()?);
         let options = Options {
             limit: Limit::from(time).canceled_by(&interrupt.cancel),
             dense: true,
+            weights,
             multipliers,
             figure,
             ..asked.replacing()

@@ -155,6 +155,12 @@ impl Run {
         Ok(columns.map(|column| PyArray1::from_vec(py, column)))
     }
 
+    /// The gradient of what was weighed, by direction.
+    fn gradient<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let gradient = self.rows().gradient.as_ref()?;
+        Some(PyArray1::from_slice(py, gradient))
+    }
+
     /// The entries of states, the first and last instants of pieces, their numbers of coefficients, and all coefficients: of
     /// a piece those of the first state, of the second, and so on, constant terms first.
     #[expect(clippy::type_complexity, reason = "four arrays")]

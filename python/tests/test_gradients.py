@@ -113,6 +113,18 @@ def test_a_function_gives_values_and_derivatives() -> None:
         relay.function(["a"], at=[2])({})
 
 
+def test_what_pulls_back_keeps_its_inputs() -> None:
+    decay = nsdc.loads("model m { param k = 1; state x[2] = [1, 2]; x' = -k*x; } simulate d of m { horizon 1; }")["d"]
+    start = np.array([1.0, 2.0])
+    inputs = {"k": 1.0, "x": start}
+    _, pull = decay.function(["k", "x"]).vjp(inputs)
+    before = pull({"x": [1, 1]})
+    start[:] = [10, 20]
+    inputs["k"] = 3.0
+    behind = pull({"x": [1, 1]})
+    assert before["k"] == pytest.approx(-3 * np.exp(-1)) and behind["k"] == before["k"]
+
+
 def test_inputs_replace_what_is_asked_for_otherwise(oscillator: nsdc.Experiment) -> None:
     for by, asked, given in (
         (["x[1]"], {"x": [3, 4]}, {"x[1]": 1}),
@@ -125,10 +137,48 @@ def test_inputs_replace_what_is_asked_for_otherwise(oscillator: nsdc.Experiment)
 def test_what_has_no_derivative_is_an_error() -> None:
     # A start on the surface.
     relay = nsdc.loads(RELAY)["settles"]
+    _, pull = relay.vjp(["x"], x=0)
     with pytest.raises(nsdc.DerivativeError, match="W0735"):
-        relay.vjp(["x"], x=0)
+        pull({"x": 1})
+    assert pull({"x": 0})["x"] == 0
+    with pytest.raises(nsdc.DerivativeError, match="W0735"):
+        relay.function(["x"]).linearized({"x": 0})
     with pytest.raises(nsdc.RunError):
         relay.vjp(["a"], time_limit=0)
+    # Of two, that which has one is not told without the other.
+    _, pull = relay.vjp(["a", "x"], x=0)
+    with pytest.raises(nsdc.DerivativeError, match="sensitivity to `x at 0`"):
+        pull({"x": 1})
+
+
+def test_pulling_back_is_the_transpose_of_derivatives(oscillator: nsdc.Experiment, ball: nsdc.Experiment) -> None:
+    random = np.random.default_rng(1)
+    functions = [
+        oscillator.function(["omega", "c", "x"], ["x", "energy", "x[2]"], at=[0, 1, 1, 3]),
+        ball.function(["g", "q"], ["q", "v"], g=2, horizon=1.5, tolerance=1e-12),
+    ]
+    for f in functions:
+        values, jacobian = f.linearized({})
+        same, pull = f.vjp({})
+        for _ in range(2):
+            weights = {name: random.normal(size=shape) for name, shape in f.outputs.items()}
+            found = pull(weights)
+            for by, shape in f.inputs.items():
+                terms = [weights[name].ravel() @ jacobian[name][by].reshape(weights[name].size, -1) for name in weights]
+                assert found[by].shape == shape
+                assert found[by].ravel() == pytest.approx(sum(terms), rel=1e-8, abs=1e-8)
+        for name, value in values.items():
+            assert same[name] == pytest.approx(value, abs=1e-11)
+
+
+def test_many_parameters_have_a_gradient() -> None:
+    # x' = -Σ k_i x / n: every entry has the derivative -x(1)/n.
+    n = 60
+    text = f"model m {{ param k[{n}] = ones({n}); state x = 2; x' = -sum(k)/{n}*x; }} simulate s of m {{ horizon 1; tolerance 1e-11; }}"
+    values, pull = nsdc.loads(text)["s"].vjp(["k", "x"])
+    found = pull({"x": 3})
+    assert found["k"] == pytest.approx(np.full(n, -3 * float(values["x"]) / n), abs=1e-9)
+    assert found["x"] == pytest.approx(3 * np.exp(-1), abs=1e-9)
 
 
 def test_jax_goes_through_runs(ball: nsdc.Experiment, oscillator: nsdc.Experiment) -> None:

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod adaptive;
+mod adjoint;
 mod algebraic;
 mod algebraic_optimal;
 mod allocation;

@@ -482,6 +482,25 @@ fn outputs_have_derivatives_without_states_and_without_switches() {
     );
 }
 
+/// x = 1 - a t, and y = t - a t²/2: at the start nothing moves with a.
+#[test]
+fn what_does_not_move_at_the_start_is_known() {
+    let run = run_at(
+        "model m { param a = 1; state x = 1; state y = 0; x' = -a; y' = x; }
+         simulate s of m { horizon 2; output every 0.25; sensitivity to a; }",
+        1e-10,
+    );
+    let by = &run.samples.sensitivities[0];
+    assert_eq!(by.until, None);
+    assert!(!warned(&run) && run.samples.time.len() > 2);
+    for (at, t) in run.samples.time.iter().enumerate() {
+        let found: Vec<f64> = by.states.iter().map(|own| own.at(at)[0]).collect();
+        for (found, exact) in found.iter().zip([-t, -0.5 * t * t]) {
+            assert!((found - exact).abs() <= 1e-12, "{t}: {found} {exact}");
+        }
+    }
+}
+
 /// Where a derivative does not exist, or none is known, a warning has the instant and there is no number from there on.
 fn loses(text: &str, time: f64, words: &str) {
     for tolerance in [1e-8, 1e-10] {
@@ -527,6 +546,14 @@ fn what_is_lost_is_said() {
         "model m { param a = 1; state x = -1; state y = -1; x' = a + 0.5*step(y); y' = 1 + step(x); }
         simulate s of m { horizon 3; sensitivity to a; }",
         1.0,
+        "meet in one point",
+    );
+    // Two laws set one state at ln 2, to the same value for these parameters alone.
+    loses(
+        "model m { param p = 1; param q = 1; state x = 1; state u = 0; x' = -x + u; u' = 0;
+           jump a1 when x <= 0.5 { u := 3*p; } jump a2 when x <= 0.5 { u := 3*q; } }
+        simulate s of m { horizon 1; sensitivity to p, q; }",
+        2.0_f64.ln(),
         "meet in one point",
     );
     // The top of a parabola is on the surface.
@@ -679,7 +706,7 @@ fn derivatives_end_where_runs_are_canceled() {
 }
 
 /// A random piecewise affine system x' = A x + b + Σ_k step(c_k x - d_k) (B_k x + e_k), whose first entries are parameters.
-fn affine(seed: u64) -> String {
+pub(crate) fn affine(seed: u64) -> String {
     let mut random = Random(seed);
     let (n, surfaces) = (2 + random.below(2), 1 + random.below(2));
     let mut text = "model m { param p = 1; param r = 0.3; ".to_owned();

@@ -49,7 +49,9 @@ fn within(
         let mut told = |progress| watch.progress(&Progress::Simulation(progress));
         let sensing = sensed::sensing(compiled)?;
         let asked = (request, sensing.as_ref());
-        return Ok(simulate::run_sensed(system, settings, asked, &mut told));
+        let run = simulate::run_sensed(system, settings, asked, &mut told);
+        sensed::check_rows(compiled, sensing.as_ref(), &run)?;
+        return Ok(run);
     };
     let sampled = sampled_within(project, task, request, depth)?;
     match optimize::run(system, settings, task, &sampled, request, watch) {

@@ -10,7 +10,7 @@ use crate::optimize::{self, PrepareError};
 use crate::project::clock::Clock;
 use crate::project::prepared::{NotPrepared, Prepared};
 use crate::project::watch::Watch;
-use crate::project::{Project, bindings, ensemble, launch, prepared, replace_setting};
+use crate::project::{Project, bindings, ensemble, launch, prepared, replace_setting, sensed};
 use crate::report::forms::{csv, json, text};
 use crate::report::{Trajectory, Warning};
 use crate::simulate::Request;
@@ -31,6 +31,10 @@ pub struct Options {
     pub tolerance: Option<f64>,
     /// When the run ends, done or not.
     pub limit: Limit,
+    /// Weights of states, outputs and controls, by name and row by row as they are reported: a run with `sensitivity to` has
+    /// the gradient of their sum alone, [`Samples::gradient`](crate::report::Samples::gradient), at a cost that hardly grows with what that is by.
+    /// Others are refused (E0534).
+    pub weights: Option<Vec<(String, Vec<f64>)>>,
     /// Whether multipliers are kept, where the method has them.
     pub multipliers: bool,
     /// Whether rows are at the ends of steps and elements alone; else inside of them, too, where straight lines from row to
@@ -189,6 +193,11 @@ impl Project {
         let (mut compiled, diags) = asked.compiled(&exprs, &self.file, &mut clock)?;
         if !options.ends_alone {
             compiled.settings.follow_curves();
+        }
+        if let Some(weights) = &options.weights
+            && let Err(diags) = sensed::weigh(&mut compiled, weights)
+        {
+            return Err(Messages::new(diags, asked.sources));
         }
         let request = options.request();
         let source = ensemble::Source {

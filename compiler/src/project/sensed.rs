@@ -1,4 +1,4 @@
-//! By what a run is differentiated, in the parameters and states of its system.
+//! By what a run is differentiated, in the parameters and states of its system, and of which sum.
 
 use nsd_solver::sensitivity::Directions;
 use nsd_solver::tape::Tape;
@@ -6,6 +6,7 @@ use nsd_solver::tape::Tape;
 use crate::Compiled;
 use crate::diagnostics::Diagnostics;
 use crate::project::prepared::{NotPrepared, Opened, Target};
+use crate::report::{Status, Trajectory};
 use crate::simulate::Sensing;
 use crate::source::Span;
 use crate::system::experiment::{ExperimentError, Settings};
@@ -20,7 +21,75 @@ pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagno
         return Ok(None);
     }
     let sensor = Sensor::new(compiled, Opened::kept)?;
-    Ok(Some(sensor.at(&sensor.values())))
+    Ok(Some(Sensing {
+        weights: compiled.settings.recording.weights.clone(),
+        ..sensor.at(&sensor.values())
+    }))
+}
+
+/// Lets an experiment find the gradient of a weighted sum of what it reports.
+///
+/// # Errors
+///
+/// Where it is not differentiated, or weights are not those of what it reports.
+pub(crate) fn weigh(
+    compiled: &mut Compiled<'_>,
+    weights: &[(String, Vec<f64>)],
+) -> Result<(), Diagnostics> {
+    if let Some(why) = unweighed(compiled, weights) {
+        return Err(no_gradient(compiled, why));
+    }
+    compiled.settings.recording.weights = Some(weights.to_vec());
+    Ok(())
+}
+
+/// Why these are no weights of what an experiment reports.
+fn unweighed(compiled: &Compiled<'_>, weights: &[(String, Vec<f64>)]) -> Option<String> {
+    if compiled.settings.recording.sensed.is_empty() {
+        return Some("the experiment has no `sensitivity to`".to_owned());
+    }
+    let recorded = &compiled.system.recorded;
+    let states = recorded.groups.iter().map(|group| &group.name);
+    let known: Vec<&String> = states
+        .chain(recorded.signals().map(|one| &one.name))
+        .collect();
+    let why = |(place, (name, own)): (usize, &(String, Vec<f64>))| {
+        if !known.contains(&name) {
+            return Some(format!("no state, output or control `{name}` is reported"));
+        }
+        if weights[..place].iter().any(|(other, _)| other == name) {
+            return Some(format!("`{name}` has weights twice"));
+        }
+        let strange = own.iter().find(|weight| !weight.is_finite())?;
+        Some(format!("`{name}` has the weight {strange}"))
+    };
+    weights.iter().enumerate().find_map(why)
+}
+
+/// Whether a run that is done has rows for all its weights.
+///
+/// # Errors
+///
+/// Where it has reached its end and has others.
+pub(crate) fn check_rows(
+    compiled: &Compiled<'_>,
+    sensing: Option<&Sensing>,
+    run: &Trajectory,
+) -> Result<(), Diagnostics> {
+    let why = sensing.and_then(|sensing| sensing.misfit(&run.samples));
+    match why.filter(|_| run.status == Status::Solved) {
+        Some(why) => Err(no_gradient(compiled, why)),
+        None => Ok(()),
+    }
+}
+
+fn no_gradient(compiled: &Compiled<'_>, why: String) -> Diagnostics {
+    let settings = &compiled.settings;
+    let sensed = settings.recording.sensed.first();
+    let span = sensed.map_or(settings.span, |sensed| sensed.span);
+    let mut diags = Diagnostics::new();
+    diags.push(ExperimentError::NoGradient { why, span });
+    diags
 }
 
 /// By what runs of an experiment are differentiated, whatever the open parameters are.
@@ -126,6 +195,7 @@ impl Sensor {
             open: self.opened.places.clone(),
             directions,
             names: self.names.clone(),
+            weights: None,
         }
     }
 }

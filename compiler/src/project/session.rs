@@ -95,7 +95,12 @@ impl<'e> Session<'e> {
     ) -> Result<Run, Messages> {
         let values: Vec<f64> = options.values.iter().map(|(_, value)| *value).collect();
         let parsing = self.project.compile_seconds(&Clock::default());
-        let again = self.known(experiment, options).and_then(|kept| {
+        let known = match options.weights {
+            // Gradients are those of one compilation.
+            Some(_) => None,
+            None => self.known(experiment, options),
+        };
+        let again = known.and_then(|kept| {
             let following = |rerun: Rerun<'e>| rerun.following(!options.ends_alone);
             let rerun = kept.reruns.of(&values, following)?;
             let seconds = rerun.take_seconds();

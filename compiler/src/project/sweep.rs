@@ -95,6 +95,14 @@ impl Project {
             return Err(failed(diags));
         };
         let experiment = asked.experiment.into_owned();
+        if options.weights.is_some() {
+            let mut diags = Diagnostics::new();
+            diags.push(ExperimentError::NoGradient {
+                why: "rows of a sweep are not differentiated".to_owned(),
+                span: experiment.name.span,
+            });
+            return Err(failed(diags));
+        }
         let sweep = Sweep::new(self, experiment, (asked.overrides, axes), grid);
         let mut sweep = sweep.map_err(failed)?;
         sweep.sources = sources;

@@ -113,6 +113,10 @@ pub struct Samples {
     /// Derivatives of all of them, where they were asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sensitivities: Vec<Sensitivity>,
+    /// The gradient of a weighted sum of what is reported, in the order of what it is differentiated by, where that was
+    /// asked for; not a number where it is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gradient: Option<Vec<f64>>,
 }
 
 /// The derivatives of a run by a parameter or an initial value.
@@ -482,6 +486,7 @@ impl Samples {
                     ..by.clone()
                 })
                 .collect(),
+            gradient: self.gradient.clone(),
         }
     }
 

@@ -11,7 +11,7 @@ use nsd_solver::sensitivity::{Directions, Moment, Sensitivities};
 
 use super::estimate::{Comparison, Estimate, Estimator};
 use super::record::Recorder;
-use super::sensing::{Both, Sensing, instants};
+use super::sensing::{Both, Sensing, Weigh, instants};
 use super::watch::{Progress, Watched};
 use super::{Request, outcome};
 use crate::limit::Limit;
@@ -231,6 +231,17 @@ pub(super) trait Run<'e> {
         None
     }
 
+    /// The gradient of a functional of that run; none where it is not known in one pass, or the method has none.
+    fn pull(
+        &self,
+        _: &Recording,
+        _: &Ended,
+        _: (&Directions, &[Moment]),
+        _: &mut dyn FnMut(&Sensitivities) -> Option<Vec<Vec<f64>>>,
+    ) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Adds to a trajectory what only the method knows of it.
     fn tell(&mut self, _problem: &Problem<'_, 'e>, _ended: &Ended, _trajectory: &mut Trajectory) {}
 }
@@ -280,11 +291,8 @@ pub(super) fn drive<'e>(
     } = first;
     let mut trajectory = assemble(&problem, &ended, recorder);
     if let Some(sensing) = sensing {
-        let wanted = instants(&trajectory.samples.time);
-        let found = run.differentiate(&recording, &ended, (&sensing.directions, &wanted));
-        if let Some(found) = found {
-            sensing.tell(&found, (system, reported), &mut trajectory);
-        }
+        let of = (system, &**reported);
+        differentiate(run, (&recording, &ended), (sensing, of), &mut trajectory);
     }
     trajectory.setup.method = run.describe(&problem, &ended);
     run.tell(&problem, &ended, &mut trajectory);
@@ -293,6 +301,40 @@ pub(super) fn drive<'e>(
     }
     trajectory.quality.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
+}
+
+/// Adds the derivatives of a run, or the gradient of what is weighed of one that has reached its end: in one pass back where
+/// that serves all directions, else from the derivatives of all rows.
+fn differentiate<'e>(
+    run: &dyn Run<'e>,
+    (recording, ended): (&Recording, &Ended),
+    (sensing, of): (&Sensing, (&System<'e>, &Reported)),
+    trajectory: &mut Trajectory,
+) {
+    let weights = sensing.weights.as_deref();
+    if let Some(weights) = weights {
+        if !ended.is_solved() || sensing.misfit(&trajectory.samples).is_some() {
+            return;
+        }
+        // The sum of nothing.
+        if weights.iter().all(|(_, own)| own.iter().all(|w| *w == 0.0)) {
+            trajectory.samples.gradient = Some(vec![0.0; sensing.directions.len()]);
+            return;
+        }
+    }
+    let wanted = instants(&trajectory.samples.time);
+    let asked = (&sensing.directions, &wanted[..]);
+    let mut pull = |weigh: &mut Weigh| run.pull(recording, ended, asked, weigh);
+    if weights.is_some_and(|weights| sensing.pull(weights, &mut pull, of, trajectory)) {
+        return;
+    }
+    let Some(found) = run.differentiate(recording, ended, asked) else {
+        return;
+    };
+    sensing.tell(&found, of, trajectory);
+    if let Some(weights) = weights {
+        sensing.weigh(weights, trajectory);
+    }
 }
 
 /// The first run.

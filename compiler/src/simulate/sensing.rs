@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::sensitivity::{Directions, Loss, Moment, Sensitivities};
 
-use crate::report::{Moves, Sensitivity, Trajectory, Warning};
+use crate::report::{Moves, Samples, Sensitivity, Trajectory, Warning};
 use crate::simulate::record::reported::{Reported, is_before};
 use crate::simulate::record::sensed::Rows;
 use crate::source::Span;
@@ -20,7 +20,12 @@ pub(crate) struct Sensing {
     pub directions: Directions,
     /// What each is called, with where it is asked for.
     pub names: Vec<(String, Span)>,
+    /// Of a functional, if it alone is differentiated: the weights of what is reported, by name and row.
+    pub weights: Option<Vec<(String, Vec<f64>)>>,
 }
+
+/// From where a run is to the weights of states and α at its rows.
+pub(super) type Weigh<'w> = dyn FnMut(&Sensitivities) -> Option<Vec<Vec<f64>>> + 'w;
 
 /// Two observers of one run.
 pub(super) struct Both<'a, A, B>(pub &'a mut A, pub &'a mut B);
@@ -83,6 +88,66 @@ impl Sensing {
             .iter()
             .map(|(loss, directions)| self.lost(system, loss, directions));
         trajectory.warnings.extend(warnings);
+    }
+
+    /// Why weights are not those of the rows of a run.
+    pub fn misfit(&self, samples: &Samples) -> Option<String> {
+        let rows = samples.time.len();
+        self.weights.iter().flatten().find_map(|(name, weights)| {
+            let own = samples.series().find(|series| series.name == *name)?;
+            let entries = own.n_entries();
+            (weights.len() != rows * entries).then(|| {
+                let each = match entries {
+                    1 => String::new(),
+                    entries => format!(" of {entries} entries"),
+                };
+                format!(
+                    "{} weights of `{name}` for {rows} rows{each}",
+                    weights.len()
+                )
+            })
+        })
+    }
+
+    /// Finds the gradient of the functional in one pass back through the run: whether that is possible.
+    pub fn pull(
+        &self,
+        weights: &[(String, Vec<f64>)],
+        back: &mut dyn FnMut(&mut Weigh) -> Option<Vec<f64>>,
+        (system, reported): (&System, &Reported),
+        trajectory: &mut Trajectory,
+    ) -> bool {
+        let times = &trajectory.samples.time;
+        let mut direct = Vec::new();
+        let found = back(&mut |found: &Sensitivities| {
+            let (rows, by) = Rows::new(reported, system, times, found).weigh(weights)?;
+            direct = by;
+            Some(rows)
+        });
+        let Some(mut gradient) = found else {
+            return false;
+        };
+        for (sum, by) in gradient.iter_mut().zip(&self.directions.parameters) {
+            let terms = direct.iter().zip(by).filter(|(_, by)| **by != 0.0);
+            *sum += terms.map(|(a, b)| a * b).sum::<f64>();
+        }
+        trajectory.samples.gradient = Some(gradient);
+        true
+    }
+
+    /// Finds the gradient of the functional from the derivatives of all that it is made of.
+    pub fn weigh(&self, weights: &[(String, Vec<f64>)], trajectory: &mut Trajectory) {
+        let product = |by: &Sensitivity| {
+            let terms = weights.iter().flat_map(|(name, weights)| {
+                let mut all = by.states.iter().chain(&by.outputs);
+                let own = all.find(|series| series.name == *name).into_iter();
+                own.flat_map(|series| weights.iter().zip(&series.values))
+            });
+            let terms = terms.filter(|(weight, _)| **weight != 0.0);
+            terms.map(|(a, b)| a * b).sum()
+        };
+        let all = trajectory.samples.sensitivities.iter();
+        trajectory.samples.gradient = Some(all.map(product).collect());
     }
 
     /// What is said where derivatives in these directions are not known any more.

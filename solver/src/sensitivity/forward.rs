@@ -2,8 +2,9 @@
 
 use super::asked::{Directions, Moment};
 use super::functions::{Functions, Linearized, Moved, Point};
+use super::meeting::{Algebraic, Held, Known, Meeting};
 use super::run::Run;
-use super::saltation::{Known, Meeting, Saltation};
+use super::saltation::{Crossing, Saltation};
 use super::sizes::Sizes;
 use super::taylor::Tangent;
 use super::variational::{self, Variational, Way};
@@ -74,6 +75,59 @@ pub(super) struct Forward<'r> {
     sizes: Sizes,
     coefficients: Vec<f64>,
     method: Variational,
+    /// What has been done to tangents, where somebody wants to know.
+    trace: Option<Vec<Passed>>,
+}
+
+/// What a pass does to tangents, in order.
+pub(super) enum Passed {
+    /// A part of a step, which has this place in the recording.
+    Part {
+        place: usize,
+        ends: [f64; 2],
+        is_stiff: bool,
+        /// Whether the run rests on a surface without sliding.
+        is_resting: bool,
+        rows: Vec<Row>,
+    },
+    /// What has to stay zero at the start.
+    Start(Vec<Held>),
+    /// Algebraic states follow from what keeps them.
+    Kept(Algebraic),
+    Event(Crossing),
+    /// An instant between them.
+    Row(Row),
+}
+
+/// An instant that was asked for.
+pub(super) struct Row {
+    pub instant: usize,
+    /// How long after the start of its part.
+    pub tau: f64,
+    /// What slides, with the derivatives of α by slots.
+    pub alpha: Vec<(usize, Vec<(usize, f64)>)>,
+}
+
+impl Row {
+    fn new(instant: usize, tau: f64, linear: Option<&Linearized>) -> Self {
+        let sliding = linear.iter().flat_map(|linear| {
+            let all = linear.sliding.iter();
+            all.map(|&i| (i, linear.alpha(i)))
+        });
+        Row {
+            instant,
+            tau,
+            alpha: sliding.collect(),
+        }
+    }
+}
+
+/// A pass with all that it has done, and the functions that it knows.
+pub(super) struct Traced<'r> {
+    pub found: Sensitivities,
+    pub functions: Functions<'r>,
+    pub sizes: Sizes,
+    pub passed: Vec<Passed>,
 }
 
 impl<'r> Forward<'r> {
@@ -96,11 +150,29 @@ impl<'r> Forward<'r> {
             coefficients: Vec::new(),
             method: Variational::new(run.tolerance),
             run,
+            trace: None,
         }
     }
 
     /// Goes through a recorded run.
     pub fn follow(mut self, recording: &Recording, approaches: &[Approach]) -> Sensitivities {
+        self.pass(recording, approaches);
+        self.found
+    }
+
+    /// The same with all that it has done.
+    pub fn traced(mut self, recording: &Recording, approaches: &[Approach]) -> Traced<'r> {
+        self.trace = Some(Vec::new());
+        self.pass(recording, approaches);
+        Traced {
+            found: self.found,
+            functions: self.functions,
+            sizes: self.sizes,
+            passed: self.trace.unwrap_or_default(),
+        }
+    }
+
+    fn pass(&mut self, recording: &Recording, approaches: &[Approach]) {
         let mut last = None;
         let mut approaches = approaches.iter().peekable();
         for (at, part) in recording.parts.iter().enumerate() {
@@ -111,7 +183,7 @@ impl<'r> Forward<'r> {
             match part {
                 Part::Step(step) => {
                     self.enter(step, behind);
-                    self.step(step, behind.is_empty());
+                    self.step(step, (at, behind.is_empty()));
                     last = Some(step);
                     while let Some(approach) = approaches.next_if(|a| a.time <= step.until) {
                         self.approach(approach);
@@ -133,7 +205,6 @@ impl<'r> Forward<'r> {
         let (n, d) = (self.found.instants.len(), self.tangents.len());
         self.found.points.resize(n, Vec::new());
         self.found.tangents.resize(n, vec![None; d]);
-        self.found
     }
 
     /// Gives up some directions.
@@ -237,13 +308,17 @@ impl<'r> Forward<'r> {
             instant: 0.0,
             f: slope,
         };
+        let held = meeting.held(&mut self.functions, &known, [&[], &[]]);
         let mut lost = Vec::new();
         for (d, tangent) in self.tangents.iter().enumerate() {
-            let moved = tangent.as_ref().map(|tangent| Moved::still(tangent));
-            let leaves = moved.and_then(|moved| {
-                meeting.leaves(&mut self.functions, &known, ([&[], &[]], moved), d)
-            });
-            lost.extend(leaves.map(|switch| (d, switch)));
+            let Some(tangent) = tangent else { continue };
+            let still = Moved::still(tangent);
+            let left = held.iter();
+            let left = { left }.find(|held| held.is_left(&self.functions, still, d));
+            lost.extend(left.map(|held| (d, held.switch)));
+        }
+        if let Some(trace) = &mut self.trace {
+            trace.push(Passed::Start(held));
         }
         for (d, switch) in lost {
             self.lose(step.start, Why::Start, &[switch], &[d]);
@@ -290,10 +365,13 @@ impl<'r> Forward<'r> {
                 algebraic.keep(&self.functions, tangent, 0.0, d);
             }
         }
+        if let Some(trace) = &mut self.trace {
+            trace.push(Passed::Kept(algebraic));
+        }
     }
 
     /// Takes the tangents along a step.
-    fn step(&mut self, step: &Step, is_last: bool) {
+    fn step(&mut self, step: &Step, (place, is_last): (usize, bool)) {
         let mode = self.functions.mode(&step.sides);
         let way = Way {
             step,
@@ -302,12 +380,22 @@ impl<'r> Forward<'r> {
             run: self.run,
             sizes: &self.sizes,
         };
-        let found = &mut self.found;
+        let (found, trace) = (&mut self.found, &mut self.trace);
         let mut seen = Seen::default();
         let see = |functions: &mut Functions, part: &variational::Part| {
             seen.take(functions, part);
-            found.read(functions, way, (part, is_last));
-            way.rests(functions, part)
+            let rows = found.read(functions, way, (part, is_last));
+            let resting = way.resting(functions, part.ends);
+            if let Some(trace) = trace {
+                trace.push(Passed::Part {
+                    place,
+                    ends: part.ends,
+                    is_stiff: part.is_stiff,
+                    is_resting: !resting.is_empty(),
+                    rows,
+                });
+            }
+            way.leaving(functions, part, &resting)
         };
         let lost = self
             .method
@@ -366,13 +454,16 @@ impl<'r> Forward<'r> {
                     let Some(tangent) = &self.tangents[d] else {
                         continue;
                     };
-                    match prepared.cross(&mut self.functions, tangent, d) {
+                    match prepared.cross(&self.functions, tangent, d) {
                         Ok((time, tangent)) => {
                             *by = time;
                             self.tangents[d] = Some(tangent);
                         }
                         Err((why, switches)) => failed.push((d, why, switches)),
                     }
+                }
+                if let Some(trace) = &mut self.trace {
+                    trace.push(Passed::Event(prepared.crossing(&self.functions)));
                 }
             }
         }
@@ -411,6 +502,10 @@ impl<'r> Forward<'r> {
                 Some(whole(&self.functions, linear, tangent.as_ref()?, d))
             };
             let tangents = self.tangents.iter().enumerate().map(of_direction).collect();
+            if let Some(trace) = &mut self.trace {
+                let row = Row::new(self.found.points.len(), 0.0, linear.as_ref().ok());
+                trace.push(Passed::Row(row));
+            }
             self.found.points.push([x, &alpha].concat());
             self.found.tangents.push(tangents);
         }
@@ -469,7 +564,8 @@ impl Sensitivities {
         functions: &mut Functions,
         way: Way,
         (part, is_last): (&variational::Part, bool),
-    ) {
+    ) -> Vec<Row> {
+        let mut rows = Vec::new();
         let [a, b] = part.ends;
         let step = way.step;
         let ends_step = b == step.length;
@@ -493,8 +589,10 @@ impl Sensitivities {
                 Some(whole(functions, linear.as_ref().ok()?, &tangent, d))
             };
             let tangents = part.tangents.iter().enumerate().map(of_direction).collect();
+            rows.push(Row::new(self.points.len(), tau - a, linear.as_ref().ok()));
             self.points.push([x, alpha].concat());
             self.tangents.push(tangents);
         }
+        rows
     }
 }

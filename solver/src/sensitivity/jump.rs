@@ -9,6 +9,7 @@
 
 use std::sync::Arc;
 
+use super::adjoint::Costate;
 use super::functions::{Functions, Group, Kick, Moved, Point};
 use super::saltation::{Slope, weigh};
 use super::why::Why;
@@ -20,6 +21,8 @@ use crate::selector::coupling::Coupling;
 
 /// States behind a jump are those of its law up to this part of their sizes.
 const SAME: f64 = 1e-9;
+/// A derivative is zero up to this part of its terms.
+const CANCELS: f64 = 1e-13;
 /// A slip velocity is zero up to this part of its terms.
 const STICKS: f64 = 1e-12;
 
@@ -36,6 +39,32 @@ impl Jumped {
             [x[*state], size[*state]] = slope.along(moved, direction);
         }
         (x, size)
+    }
+
+    /// Whether it changes a state.
+    pub fn sets(&self, state: usize) -> bool {
+        self.rows.iter().any(|(own, _)| *own == state)
+    }
+
+    /// How large its derivatives are.
+    pub fn magnitude(&self) -> Jumped {
+        let rows = self.rows.iter();
+        Jumped {
+            rows: rows
+                .map(|(state, slope)| (*state, slope.magnitude()))
+                .collect(),
+        }
+    }
+
+    /// The transpose of that.
+    pub fn transpose(&self, costate: &mut Costate) {
+        let rows = self.rows.iter();
+        let weights: Vec<f64> = rows
+            .map(|(state, _)| std::mem::take(&mut costate.x[*state]))
+            .collect();
+        for ((_, slope), weight) in self.rows.iter().zip(weights) {
+            costate.add_slope(slope, weight);
+        }
     }
 }
 
@@ -119,16 +148,24 @@ fn together(
 ) -> Result<Option<(Vec<f64>, Jumped)>, Why> {
     let system = functions.system.clone();
     let mut x = point.x.to_vec();
-    let mut rows = Vec::new();
+    let mut rows: Vec<(usize, Slope)> = Vec::new();
     let mut impacts = Vec::new();
+    let is_same = |i: usize, a: f64, b: f64| (a - b).abs() <= SAME * sizes[i];
     let laws = places.iter().map(|&place| (event.laws[place], place));
     let beside = beside.iter().map(|&law| (law, usize::MAX));
     for (law, place) in laws.chain(beside) {
         match (&system.laws[law].guard, &system.laws[law].effect) {
             (_, Effect::Reset(reset)) => {
                 for (state, value, slope) in reset_to(functions, point, (event, place), reset)? {
-                    x[state] = value;
-                    rows.push((state, slope));
+                    match rows.iter().find(|(set, _)| *set == state) {
+                        Some(_) if !is_same(state, x[state], value) => return Ok(None),
+                        Some((_, other)) if !slope.is_near(other) => return Err(Why::Several),
+                        Some(_) => {}
+                        None => {
+                            x[state] = value;
+                            rows.push((state, slope));
+                        }
+                    }
                 }
             }
             (Guard::Strikes(normal), Effect::Impact(impact)) => impacts.push((*normal, impact)),
@@ -288,6 +325,16 @@ impl Speeds {
     }
 }
 
+/// A sum, zero where rounding alone is left of its terms: what is stopped does not move with what it was.
+fn sum(terms: impl Iterator<Item = f64>) -> f64 {
+    let add = |[sum, size]: [f64; 2], term: f64| [sum + term, size + term.abs()];
+    let [sum, size] = terms.fold([0.0; 2], add);
+    match sum.abs() <= CANCELS * size {
+        true => 0.0,
+        false => sum,
+    }
+}
+
 /// The state behind an impact of contacts that push, none where they do not.
 fn struck(
     functions: &mut Functions,
@@ -354,8 +401,8 @@ fn struck(
             let of_kicks = kicks
                 .iter()
                 .enumerate()
-                .map(|(l, kick)| kick.0[i] * changes[l] + kick.1[i][column] * lambda[l]);
-            row.push(own + of_kicks.sum::<f64>());
+                .flat_map(|(l, kick)| [kick.0[i] * changes[l], kick.1[i][column] * lambda[l]]);
+            row.push(sum(of_kicks.chain([own])));
         }
     }
     let pushed = |i: usize| {

@@ -14,10 +14,13 @@
 //! rates are those of the recorded polynomials. A direction for which something does not hold is lost from there on, and
 //! said to be.
 
+mod adjoint;
 mod asked;
 mod forward;
 mod functions;
+mod implied;
 mod jump;
+mod meeting;
 mod resting;
 mod run;
 mod saltation;
@@ -43,9 +46,31 @@ pub fn differentiate(
     directions: &Directions,
     instants: &[Moment],
 ) -> Sensitivities {
+    let run = run_of(simulator);
+    let forward = forward::Forward::new(&run, directions, instants);
+    forward.follow(recording, approaches)
+}
+
+/// Finds the gradient of Σ_k w_k (x, α)(t_k) over instants in order, of a run as in [`differentiate`], in one pass from the end
+/// to the start for all directions; none where that does not serve all of them, whose derivatives are known one by one if at
+/// all.
+///
+/// `weigh` gives the weights of states, and behind them of all α, at each instant, from where the run is there.
+pub fn adjoint(
+    simulator: &Simulator,
+    (recording, approaches): (&Recording, &[Approach]),
+    directions: &Directions,
+    instants: &[Moment],
+    weigh: impl FnOnce(&Sensitivities) -> Option<Vec<Vec<f64>>>,
+) -> Option<Vec<f64>> {
+    let run = run_of(simulator);
+    adjoint::gradient(&run, (recording, approaches), directions, instants, weigh)
+}
+
+fn run_of(simulator: &Simulator) -> run::Run<'_> {
     let Simulator { mode, settings, .. } = simulator;
     let memory = &mode.memory;
-    let run = run::Run {
+    run::Run {
         system: simulator.system.clone(),
         coupling: &simulator.coupling,
         observers: &mode.monitored.observers,
@@ -54,7 +79,5 @@ pub fn differentiate(
         accuracy: settings.tolerance,
         tolerance: (0.01 * settings.tolerance).clamp(1e-13, 1e-10),
         limit: &settings.limit,
-    };
-    let forward = forward::Forward::new(&run, directions, instants);
-    forward.follow(recording, approaches)
+    }
 }

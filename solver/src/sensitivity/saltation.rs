@@ -1,14 +1,16 @@
 //! What an event does to tangents.
 
+use super::adjoint::Costate;
 use super::functions::{Functions, Linearized, Moved, Point};
+use super::implied::Implied;
 use super::jump::{Jumped, jumped};
-use super::run::{Run, STAYS};
+use super::meeting::{Algebraic, Held, Known, Meeting, magnitudes};
+use super::run::Run;
 use super::sizes::{Recent, Sizes};
 use super::why::Why;
 use crate::event::recording::{EventRecord, Step};
 use crate::expansion::series;
-use crate::hybrid::{Effect, Input, Role, Side};
-use crate::linalg::DenseLu;
+use crate::hybrid::Side;
 
 /// A rate is none below this part of how large its terms have been of late.
 const TANGENTIAL: f64 = 1e-12;
@@ -62,6 +64,16 @@ impl Slope {
         [&[self.time], &self.x[..], &self.by].concat()
     }
 
+    /// How large its derivatives are.
+    pub fn magnitude(&self) -> Slope {
+        let abs = |all: &[f64]| all.iter().map(|one| one.abs()).collect();
+        Slope {
+            time: self.time.abs(),
+            x: abs(&self.x),
+            by: abs(&self.by),
+        }
+    }
+
     /// Its derivative in a direction, with the size of its terms.
     pub fn along(&self, moved: Moved, direction: usize) -> [f64; 2] {
         let terms = |x: &[f64]| -> Vec<f64> {
@@ -74,6 +86,14 @@ impl Slope {
         [terms(moved.x).iter().sum(), sizes.sum()]
     }
 
+    /// Whether both are the same up to rounding.
+    pub fn is_near(&self, other: &Slope) -> bool {
+        const SAME: f64 = 1e-12;
+        let (own, other) = (self.entries(), other.entries());
+        let mut pairs = own.iter().zip(&other);
+        pairs.all(|(a, b)| (a - b).abs() <= SAME * (a.abs() + b.abs()))
+    }
+
     /// Whether one is a multiple of the other.
     fn is_multiple(&self, other: &Slope) -> bool {
         /// sin² of an angle.
@@ -82,179 +102,6 @@ impl Slope {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let (aa, ab, bb) = (dot(&a, &a), dot(&a, &b), dot(&b, &b));
         aa * bb - ab * ab <= PARALLEL * aa * bb
-    }
-}
-
-/// How well a run knows where it is.
-pub(super) struct Known<'a> {
-    /// The share of its terms up to which ψ is zero.
-    pub share: f64,
-    /// How large states have been.
-    pub sizes: &'a [f64],
-    /// How far the instant may be off, and the rates by which that moves states.
-    pub instant: f64,
-    pub f: &'a [f64],
-}
-
-impl Known<'_> {
-    /// How far a function may be off.
-    fn width(&self, slopes: &[(usize, f64)], t: f64) -> f64 {
-        let n = self.sizes.len();
-        let (mut terms, mut rate) = (0.0, 0.0);
-        for &(slot, slope) in slopes {
-            match slot {
-                0 => {
-                    terms += (slope * t).abs();
-                    rate += slope;
-                }
-                slot if slot <= n => {
-                    terms += slope.abs() * self.sizes[slot - 1];
-                    rate += slope * self.f[slot - 1];
-                }
-                _ => {}
-            }
-        }
-        self.share * terms + (rate * self.instant).abs()
-    }
-}
-
-/// A point in a mode.
-#[derive(Clone, Copy)]
-pub(super) struct Meeting<'a> {
-    pub point: Point<'a>,
-    pub sides: &'a [Side],
-    /// Of each switch, whether nothing but outputs looks at it.
-    pub observers: &'a [bool],
-}
-
-/// The equations that keep algebraic states.
-pub(super) struct Algebraic {
-    rows: Vec<Vec<(usize, f64)>>,
-    lu: DenseLu,
-}
-
-impl Algebraic {
-    /// Gives z the tangent that they want: h_z Z = -(h_y Y + h_t dt/dp + h_p).
-    pub fn keep(&self, functions: &Functions, tangent: &mut [f64], time: f64, direction: usize) {
-        let algebraics = &functions.system.algebraics;
-        algebraics.iter().for_each(|&z| tangent[z] = 0.0);
-        let moved = Moved {
-            time,
-            ..Moved::still(tangent)
-        };
-        let rows = self.rows.iter();
-        let rhs = rows.map(|row| -functions.along(row, moved, direction)[0]);
-        let mut rhs: Vec<f64> = rhs.collect();
-        self.lu.solve(&mut rhs);
-        for (&z, value) in algebraics.iter().zip(rhs) {
-            tangent[z] = value;
-        }
-    }
-}
-
-impl Meeting<'_> {
-    /// Whether f alone sees a kink of a switch: then its sides act for no time to first order where it is passed.
-    fn is_passed(&self, functions: &Functions, i: usize, met: &[usize], laws: &[usize]) -> bool {
-        let system = &functions.system;
-        if !system.switches[i].is_continuous || system.role(i) != Role::Step {
-            return false;
-        }
-        let reads = |&law: &usize| match &system.laws[law].effect {
-            Effect::Reset(reset) => reset.inputs.contains(&Input::Alpha(i)),
-            Effect::Impact(impact) => impact.inputs.contains(&Input::Alpha(i)),
-            Effect::Stop => false,
-        };
-        let is_outer = |k: usize| self.sides[k] == Side::Slide || met.contains(&k);
-        let mut outer = (0..self.sides.len()).filter(|&k| is_outer(k));
-        !system.laws.iter().any(|law| law.guard.looks_at(i))
-            && !laws.iter().any(reads)
-            && !outer.any(|k| system.switches[k].inside.contains(&i))
-    }
-
-    /// A switch on whose surface the point is, and does not stay as it moves in a direction. Those on one side of their
-    /// surface alone that are `met` are known to be on it, and `laws` jump.
-    pub fn leaves(
-        &self,
-        functions: &mut Functions,
-        known: &Known,
-        ([met, laws], moved): ([&[usize]; 2], Moved),
-        direction: usize,
-    ) -> Option<usize> {
-        let system = functions.system.clone();
-        (0..self.sides.len()).find(|&i| {
-            let is_other = self.observers[i] || system.is_idle(i, self.sides);
-            if is_other || self.is_passed(functions, i, met, laws) {
-                return false;
-            }
-            let slides = self.sides[i] == Side::Slide;
-            let orders = if slides {
-                functions.n_derivatives(i)
-            } else {
-                0
-            };
-            (0..=orders).any(|order| {
-                let psi = functions.psi(i, order, self.sides);
-                let slopes = psi.slopes(&self.point, &mut functions.registers);
-                let value = psi.value(&self.point, &mut functions.registers);
-                let is_on = slides || value.abs() <= known.width(&slopes, self.point.t);
-                let [sum, size] = functions.along(&slopes, moved, direction);
-                (is_on || met.contains(&i)) && is_off(sum, size)
-            })
-        })
-    }
-
-    /// What keeps algebraic states.
-    pub fn algebraic(&self, functions: &mut Functions) -> Result<Algebraic, Why> {
-        let system = functions.system.clone();
-        let n = system.algebraics.len();
-        let kept = |&i: &usize| self.sides[i] == Side::Slide && system.role(i) != Role::Step;
-        let rows = (0..self.sides.len()).filter(kept).map(|i| {
-            let psi = functions.psi(i, functions.n_derivatives(i), self.sides);
-            psi.slopes(&self.point, &mut functions.registers)
-        });
-        let rows: Vec<Vec<(usize, f64)>> = rows.collect();
-        if rows.len() != n {
-            return Err(Why::Singular);
-        }
-        let place = |slot: usize| system.algebraics.binary_search(&slot.checked_sub(1)?).ok();
-        let mut matrix = vec![0.0; n * n];
-        for (row, slopes) in rows.iter().enumerate() {
-            for &(slot, slope) in slopes {
-                if let Some(column) = place(slot) {
-                    matrix[row * n + column] += slope;
-                }
-            }
-        }
-        let mut lu = DenseLu::new(n);
-        lu.factor(&matrix).map_err(|_| Why::Singular)?;
-        Ok(Algebraic { rows, lu })
-    }
-
-    /// A switch whose α is at a bound, and moves away from it in a direction.
-    fn loosens(
-        &self,
-        functions: &Functions,
-        (linear, known): (&Linearized, &Known),
-        but: Option<usize>,
-        moved: Moved,
-        direction: usize,
-    ) -> Option<usize> {
-        let system = &functions.system;
-        (0..self.sides.len()).find(|&i| {
-            if self.sides[i] != Side::Slide || but == Some(i) || self.observers[i] {
-                return false;
-            }
-            let distances = system.switches[i].limits().iter();
-            let distances = distances.map(|limit| (self.point.alpha[i] - limit).abs());
-            let distance = distances.fold(f64::INFINITY, f64::min);
-            if distance == f64::INFINITY {
-                return false;
-            }
-            let slopes = linear.alpha(i);
-            let is_at = distance <= known.width(&slopes, self.point.t) + known.share;
-            let [sum, size] = functions.along(&slopes, moved, direction);
-            is_at && is_off(sum, size)
-        })
     }
 }
 
@@ -286,7 +133,6 @@ struct Trigger {
 /// An event with what is the same in all directions.
 pub(super) struct Prepared<'a> {
     of: &'a Saltation<'a>,
-    alpha: [Vec<f64>; 2],
     before: Linearized,
     after: Linearized,
     /// None where the instant is known.
@@ -294,7 +140,13 @@ pub(super) struct Prepared<'a> {
     passes: bool,
     jumps: Vec<Jumped>,
     algebraic: Option<Algebraic>,
+    /// What has to stay zero before it and behind it, but for rows that are known to.
+    held: [Vec<Held>; 2],
+    known: Vec<Slopes>,
 }
+
+/// (slot, derivative) of a function.
+type Slopes = Vec<(usize, f64)>;
 
 /// Why there is no derivative, and the switches that it is about.
 type Failed = (Why, Vec<usize>);
@@ -411,16 +263,81 @@ impl<'a> Saltation<'a> {
             true => None,
             false => Some(meeting.algebraic(functions).map_err(all)?),
         };
+        let (mut held, mut known) = ([Vec::new(), Vec::new()], Vec::new());
+        if !passes {
+            let trigger = trigger.as_ref();
+            let all = [
+                self.held(functions, false, (&before, &alpha), trigger),
+                self.held(functions, true, (&after, &behind), trigger),
+            ];
+            (held, known) = self.open(functions, all, trigger, &jumps);
+        }
         Ok(Prepared {
             of: self,
-            alpha: [alpha, behind],
             before,
             after,
             trigger,
             passes,
             jumps,
             algebraic,
+            held,
+            known,
         })
+    }
+
+    /// What lies on surfaces and at bounds on one side of it.
+    fn held(
+        &self,
+        functions: &mut Functions,
+        behind: bool,
+        (linear, alpha): (&Linearized, &[f64]),
+        trigger: Option<&Trigger>,
+    ) -> Vec<Held> {
+        let meeting = self.meeting(behind, alpha);
+        let known = Known {
+            share: self.run.width(),
+            sizes: &self.sizes.largest,
+            instant: trigger.map_or(0.0, |trigger| trigger.width / trigger.rate.abs()),
+            f: &linear.f,
+        };
+        let met: Vec<usize> = match behind {
+            true => Vec::new(),
+            false => self.met(),
+        };
+        let plain = |i: &usize| self.event.from[*i] != Side::Slide && !self.run.observers[*i];
+        let met: Vec<usize> = met.into_iter().filter(plain).collect();
+        let laws: &[usize] = if behind { &[] } else { &self.event.laws };
+        let but = trigger.filter(|_| !behind).map(|trigger| trigger.switch);
+        let mut held = meeting.held(functions, &known, [&met, laws]);
+        held.extend(meeting.bounded(functions, (linear, &known), but));
+        held
+    }
+
+    /// Of that, what is not among the rows that vanish: those of what slides before the event, and of what triggers it, with
+    /// which come those behind it that nothing changes.
+    fn open(
+        &self,
+        functions: &Functions,
+        [before, behind]: [Vec<Held>; 2],
+        trigger: Option<&Trigger>,
+        jumped: &[Jumped],
+    ) -> ([Vec<Held>; 2], Vec<Slopes>) {
+        // What slides at the start has not been asked for yet.
+        let slides = |held: &&Held| held.slides && !self.is_start;
+        let met = trigger.map(|trigger| trigger.slopes.clone());
+        let known = before.iter().filter(slides).map(|held| held.slopes.clone());
+        let known: Vec<Slopes> = known.chain(met).collect();
+        let jumps = |&(slot, _): &(usize, f64)| {
+            let is_set = |state| jumped.iter().any(|jump| jump.sets(state));
+            let state = slot.checked_sub(1);
+            state.is_some_and(|i| is_set(i) || functions.system.is_algebraic(i))
+        };
+        let is_open = |held: &Held| !known.contains(&held.slopes);
+        let changes = |held: &Held| held.slopes.iter().any(jumps);
+        let before = before.into_iter().filter(is_open).collect();
+        let behind = behind.into_iter();
+        let behind = behind.filter(|held| changes(held) || is_open(held));
+        ([before, behind.collect()], known)
     }
 
     fn meeting<'p>(&'p self, behind: bool, alpha: &'p [f64]) -> Meeting<'p> {
@@ -516,11 +433,6 @@ impl<'a> Saltation<'a> {
     }
 }
 
-/// Whether a sum is more than what rounding leaves of its terms; what is no number may be.
-fn is_off(sum: f64, size: f64) -> bool {
-    sum.is_nan() || size.is_nan() || sum.abs() > STAYS * size
-}
-
 /// How large the terms of a function by states are, by its slopes and the sizes of these.
 pub(super) fn weigh(slopes: &[(usize, f64)], n: usize, size: impl Fn(usize) -> f64) -> f64 {
     let states = slopes.iter().filter(|(slot, _)| (1..=n).contains(slot));
@@ -542,11 +454,126 @@ fn moved<'x>(x: &'x [f64], size: &'x [f64], time: f64) -> Moved<'x> {
     Moved { x, size, time }
 }
 
+/// What an event does to tangents, and nothing else of it.
+pub(super) struct Crossing {
+    /// The slopes of what triggers it, and its rate.
+    trigger: Option<(Vec<(usize, f64)>, f64)>,
+    /// Whether its instant is that of the event before.
+    follows: bool,
+    passes: bool,
+    jumps: Vec<Jumped>,
+    algebraic: Option<Algebraic>,
+    /// f before and behind it.
+    rates: [Vec<f64>; 2],
+    /// Rows of x⁻ at its instant, of that and of parameters, which have to be zero and are not so for any direction.
+    conditions: Vec<Costate>,
+}
+
+impl Crossing {
+    /// The transpose of `cross`.
+    pub fn transpose(&self, functions: &Functions, costate: &mut Costate) {
+        if !self.passes {
+            costate.time -= product(&self.rates[1], &costate.x);
+            jumped_back(functions, (&self.jumps, self.algebraic.as_ref()), costate);
+        }
+        self.meet(functions, costate);
+    }
+
+    /// The rows of what has to be zero for its tangents, before it.
+    pub fn conditions(&self, functions: &Functions) -> impl Iterator<Item = Costate> {
+        self.conditions.iter().map(|row| {
+            let mut row = row.clone();
+            self.meet(functions, &mut row);
+            row
+        })
+    }
+
+    /// The transpose of x⁻ at the instant of the event, and of that.
+    fn meet(&self, functions: &Functions, costate: &mut Costate) {
+        if !self.passes {
+            costate.time += product(&self.rates[0], &costate.x);
+        }
+        if self.follows {
+            return;
+        }
+        let time = std::mem::take(&mut costate.time);
+        if let Some((slopes, rate)) = &self.trigger {
+            costate.add(functions.slots, slopes, -time / rate);
+            costate.time = 0.0;
+        }
+    }
+}
+
+fn product(f: &[f64], x: &[f64]) -> f64 {
+    f.iter().zip(x).map(|(f, x)| f * x).sum()
+}
+
+/// The transpose of what jumps.
+fn jumped_back(
+    functions: &Functions,
+    (jumps, algebraic): (&[Jumped], Option<&Algebraic>),
+    costate: &mut Costate,
+) {
+    if let Some(algebraic) = algebraic {
+        algebraic.transpose(functions, costate);
+    }
+    for jump in jumps.iter().rev() {
+        jump.transpose(costate);
+    }
+}
+
 impl Prepared<'_> {
+    /// What it does to tangents.
+    pub fn crossing(self, functions: &Functions) -> Crossing {
+        Crossing {
+            conditions: self.conditions(functions),
+            follows: self.trigger.is_none() && !self.of.event.is_scheduled,
+            trigger: self.trigger.map(|trigger| (trigger.slopes, trigger.rate)),
+            passes: self.passes,
+            jumps: self.jumps,
+            algebraic: self.algebraic,
+            rates: [self.before.f, self.after.f],
+        }
+    }
+
+    /// Rows of the state and the instant where it is met, of what has to be zero and does not follow for all directions from
+    /// what is; what is behind it follows from that by what jumps. All parameters are directions here.
+    fn conditions(&self, functions: &Functions) -> Vec<Costate> {
+        let [before, behind] = &self.held;
+        if before.is_empty() && behind.is_empty() {
+            return Vec::new();
+        }
+        let sizes = [functions.slots.n_states, self.of.run.parameters.len()];
+        let row = |slopes: &[(usize, f64)]| Costate::of(functions.slots, slopes, sizes);
+        let known = self.known.iter().map(|slopes| row(slopes).entries());
+        // An instant that is known does not move.
+        let fixed = self
+            .of
+            .event
+            .is_scheduled
+            .then(|| row(&[(0, 1.0)]).entries());
+        let known = Implied::by(known.chain(fixed).collect());
+        let both = |held: &Held| [row(&held.slopes), row(&magnitudes(&held.slopes))];
+        let behind = behind.iter().map(|held| {
+            let [mut own, mut size] = both(held);
+            if let Some(algebraic) = &self.algebraic {
+                algebraic.spread(functions, &own, &mut size);
+            }
+            jumped_back(functions, (&self.jumps, self.algebraic.as_ref()), &mut own);
+            for jump in self.jumps.iter().rev() {
+                jump.magnitude().transpose(&mut size);
+            }
+            [own, size]
+        });
+        let all = before.iter().map(both).chain(behind);
+        let open = all.filter(|[own, size]| !known.has(own.entries(), &size.entries()));
+        open.map(|[own, _]| own).collect()
+    }
+
     /// dt/dp and the tangent behind the event, from that before it.
     pub fn cross(
         &self,
-        functions: &mut Functions,
+        functions: &Functions,
         tangent: &[f64],
         direction: usize,
     ) -> Result<(f64, Vec<f64>), Failed> {
@@ -564,8 +591,8 @@ impl Prepared<'_> {
             .map(|(s, f)| s + f * time)
             .collect();
         let mut size = self.sizes(tangent, time, direction);
-        let but = self.trigger.as_ref().map(|trigger| trigger.switch);
-        self.check(functions, false, (moved(&x, &size, time), direction), but)?;
+        let [before, behind] = &self.held;
+        self.check(functions, before, (moved(&x, &size, time), direction))?;
         for jump in &self.jumps {
             (x, size) = jump.apply(moved(&x, &size, time), direction);
         }
@@ -574,7 +601,7 @@ impl Prepared<'_> {
         }
         let sizes = x.iter().zip(&size).map(|(x, size)| x.abs().max(*size));
         let size: Vec<f64> = sizes.collect();
-        self.check(functions, true, (moved(&x, &size, time), direction), None)?;
+        self.check(functions, behind, (moved(&x, &size, time), direction))?;
         let slipped = x.iter().zip(&self.after.f).map(|(x, f)| x - f * time);
         let slipped: Vec<f64> = slipped.collect();
         match slipped.iter().all(|s| s.is_finite()) {
@@ -599,32 +626,14 @@ impl Prepared<'_> {
     /// What lies on surfaces and at bounds stays there to first order.
     fn check(
         &self,
-        functions: &mut Functions,
-        behind: bool,
+        functions: &Functions,
+        held: &[Held],
         (moved, direction): (Moved, usize),
-        but: Option<usize>,
     ) -> Result<(), Failed> {
-        let of = self.of;
-        let linear = if behind { &self.after } else { &self.before };
-        let meeting = of.meeting(behind, &self.alpha[usize::from(behind)]);
-        let instant = self.trigger.as_ref();
-        let known = Known {
-            share: of.run.width(),
-            sizes: &of.sizes.largest,
-            instant: instant.map_or(0.0, |trigger| trigger.width / trigger.rate.abs()),
-            f: &linear.f,
-        };
-        let met: Vec<usize> = match behind {
-            true => Vec::new(),
-            false => of.met(),
-        };
-        let plain = |i: &usize| of.event.from[*i] != Side::Slide && !of.run.observers[*i];
-        let met: Vec<usize> = met.into_iter().filter(plain).collect();
-        let laws: &[usize] = if behind { &[] } else { &of.event.laws };
-        let leaves = meeting.leaves(functions, &known, ([&met, laws], moved), direction);
-        let loosens = meeting.loosens(functions, (linear, &known), but, moved, direction);
-        match leaves.or(loosens) {
-            Some(switch) if of.is_start => Err((Why::Start, vec![switch])),
+        let mut held = held.iter();
+        let left = held.find(|held| held.is_left(functions, moved, direction));
+        match left.map(|held| held.switch) {
+            Some(switch) if self.of.is_start => Err((Why::Start, vec![switch])),
             Some(switch) => Err((Why::Several, vec![switch])),
             None => Ok(()),
         }

@@ -59,6 +59,35 @@ impl Slope {
             false => 0.0,
         }
     }
+
+    /// What a weight of that coefficient makes those of the other series, from an order on.
+    fn spread(&self, weight: f64, onto: &mut [f64], k: usize, from: usize) {
+        for j in from..=self.degree.min(k) {
+            onto[k - j] += weight * self.series[j];
+        }
+    }
+}
+
+/// What parameters make of a functional, with the sizes of what it is made of.
+#[derive(Clone, Debug)]
+pub(super) struct Weighed {
+    pub sums: Vec<f64>,
+    pub sizes: Vec<f64>,
+}
+
+impl Weighed {
+    pub fn new(n: usize) -> Self {
+        Weighed {
+            sums: vec![0.0; n],
+            sizes: vec![0.0; n],
+        }
+    }
+
+    /// Adds a term.
+    pub fn add(&mut self, parameter: usize, term: f64) {
+        self.sums[parameter] += term;
+        self.sizes[parameter] += term.abs();
+    }
 }
 
 /// A tangent along a part: a polynomial for each state in the time since its start.
@@ -250,6 +279,52 @@ impl Slopes {
             }
         }
         Tangent::new(STRIDE, s)
+    }
+
+    /// The transpose of `tangent`: the weights of S at instants after the start as weights of S at the start and of the
+    /// parameters, order by order from the last one. Of the series of S only terms from an order on are weighed.
+    pub fn transposed(
+        &self,
+        ends: &[(f64, Vec<f64>)],
+        (n, from): (usize, usize),
+        by: &mut Weighed,
+    ) -> Vec<f64> {
+        let mut s = vec![0.0; n * STRIDE];
+        for (tau, weights) in ends {
+            for (row, weight) in s.chunks_mut(STRIDE).zip(weights) {
+                let mut power = *weight;
+                for (k, entry) in row.iter_mut().enumerate() {
+                    *entry += if k < from { 0.0 } else { power };
+                    power *= tau;
+                }
+            }
+        }
+        let mut a = vec![0.0; self.n_sliding * STRIDE];
+        let mut order = vec![0.0; self.n_sliding];
+        for k in (0..ORDER).rev() {
+            for slope in &self.rates {
+                let weight = s[slope.of * STRIDE + k + 1] / (k + 1) as f64;
+                match slope.by {
+                    By::State(i) => slope.spread(weight, &mut s[i * STRIDE..], k, 0),
+                    By::Alpha(i) => slope.spread(weight, &mut a[i * STRIDE..], k, 0),
+                    By::Parameter(i) => by.add(i, weight * slope.series[k]),
+                }
+            }
+            let Some(lu) = &self.lu else { continue };
+            for (order, row) in order.iter_mut().zip(a.chunks(STRIDE)) {
+                *order = -row[k];
+            }
+            lu.solve_transposed(&mut order);
+            for slope in &self.phi {
+                let weight = order[slope.of];
+                match slope.by {
+                    By::State(i) => slope.spread(weight, &mut s[i * STRIDE..], k, 0),
+                    By::Alpha(i) => slope.spread(weight, &mut a[i * STRIDE..], k, 1),
+                    By::Parameter(i) => by.add(i, weight * slope.series[k]),
+                }
+            }
+        }
+        s.chunks(STRIDE).map(|row| row[0]).collect()
     }
 }
 

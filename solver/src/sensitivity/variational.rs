@@ -8,6 +8,8 @@
 //! halved until the derivatives of f are tame over it (`tape/enclosures/tame.rs`), so that no pulse of theirs is between the
 //! points that are looked at.
 
+use std::cell::OnceCell;
+
 use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
 use super::run::Run;
 use super::sizes::Sizes;
@@ -38,6 +40,8 @@ const FAST: f64 = 4.0;
 pub(super) struct Part {
     /// Its ends, from the start of the step.
     pub ends: [f64; 2],
+    /// Whether it was solved by Radau IIA.
+    pub is_stiff: bool,
     /// The functions in its middle.
     pub middle: Linearized,
     /// S by direction that is known.
@@ -112,7 +116,7 @@ impl Variational {
                 Some(over) => Err(Why::from(over)),
                 None if !is_tame => Err(Why::Rough),
                 None if is_stiff => self.stiff.part(functions, way, tangents, ends),
-                None => expanded(functions, way, tangents, ends),
+                None => expanded(functions, way, tangents, (ends, halvings < STIFF)),
             };
             let (middle, found) = match found {
                 Ok(found) => found,
@@ -139,6 +143,7 @@ impl Variational {
             }
             let mut part = Part {
                 ends,
+                is_stiff,
                 middle,
                 tangents: Vec::new(),
             };
@@ -165,12 +170,12 @@ impl Variational {
 /// What is known of a part: the functions in its middle, and S by direction.
 pub(super) type Known = (Linearized, Vec<Option<Found>>);
 
-/// Tangents along a part by Taylor series.
+/// Tangents along a part by Taylor series; where one of them will halve it, no more than that.
 fn expanded(
     functions: &mut Functions,
     way: Way,
     tangents: &[Option<Vec<f64>>],
-    [a, b]: [f64; 2],
+    ([a, b], is_halved): ([f64; 2], bool),
 ) -> Result<Known, Why> {
     let half = 0.5 * (a + b);
     let slopes = Slopes::new(functions, way, a).map_err(|_| Why::Singular)?;
@@ -178,6 +183,7 @@ fn expanded(
     let mut expansion = Expansion {
         end: way.linearize(functions, b)?,
         shaken: None,
+        fastest: OnceCell::new(),
         middle: &middle,
         slopes,
         h: b - a,
@@ -185,7 +191,9 @@ fn expanded(
     };
     let solve = |expansion: &Expansion, functions: &Functions, d: usize| {
         let tangent = tangents[d].as_ref()?;
-        Some(expansion.solve(functions, tangent, way.sizes.tangents(d), d))
+        let (largest, share) = (way.sizes.tangents(d), way.least(functions, tangent, d));
+        let least = |k: usize| share * way.sizes.largest[k];
+        Some(expansion.solve(functions, tangent, (largest, least), d))
     };
     let mut found: Vec<Option<Found>> = Vec::new();
     for d in 0..tangents.len() {
@@ -197,7 +205,11 @@ fn expanded(
             }
             one = solve(&expansion, functions, d);
         }
+        let is_last = is_halved && matches!(one, Some(Err(_)));
         found.push(one);
+        if is_last {
+            break;
+        }
     }
     Ok((middle, found))
 }
@@ -216,6 +228,8 @@ pub(super) fn difference(v: &[f64], w: &[f64]) -> Vec<f64> {
 /// The series of tangents along a part of a step.
 struct Expansion<'a> {
     slopes: Slopes,
+    /// How fast S may change by itself, where that is asked for.
+    fastest: OnceCell<f64>,
     middle: &'a Linearized,
     end: Linearized,
     /// In the middle, beside the run by rounding, where that matters.
@@ -225,12 +239,12 @@ struct Expansion<'a> {
 }
 
 impl Expansion<'_> {
-    /// S of a direction, from how large its entries have been.
+    /// S of a direction, from how large its entries have been, and below which size they are nothing.
     fn solve(
         &self,
         functions: &Functions,
         start: &[f64],
-        largest: impl Fn(usize) -> f64,
+        (largest, least): (impl Fn(usize) -> f64, impl Fn(usize) -> f64),
         d: usize,
     ) -> Found {
         let h = self.h;
@@ -242,12 +256,12 @@ impl Expansion<'_> {
         let known = |k: usize| largest(k).max(start[k].abs()).max(h * first_terms[k]);
         for (k, [whole, last]) in tangent.terms(h).enumerate() {
             let known = if known(k) > 0.0 { known(k) } else { whole };
-            let allowed = self.tolerance * known;
+            let allowed = self.tolerance * known.max(least(k));
             // Its sum is what terms leave of each other, or no sum.
             let is_sum = f64::EPSILON * whole <= allowed;
             if !is_sum || !(last <= DECAYED * whole || last <= allowed) {
-                let is_fast = h * self.slopes.fastest(start.len()) > FAST;
-                return Err(if is_fast {
+                let fastest = || self.slopes.fastest(start.len());
+                return Err(if h * *self.fastest.get_or_init(fastest) > FAST {
                     TooLong::Divergent
                 } else {
                     TooLong::Inexact
@@ -268,7 +282,8 @@ impl Expansion<'_> {
         let order = tangent.order() as f64;
         for (k, [_, last]) in tangent.terms(h).enumerate() {
             // Where an entry has been small so far, its size is that of what it is made of.
-            let size = known(k).max(end[k].abs()) / h + terms[k] + NOTHING;
+            let known = known(k).max(end[k].abs()).max(least(k));
+            let size = known / h + terms[k] + NOTHING;
             let allowed = self.tolerance * size + ROUNDING * terms[k] + noise[k];
             // The defect at the end is that of the first term that is missing.
             let defects = [last / h, inside[k], missed[k] / (order + 1.0)];
@@ -352,6 +367,19 @@ impl Way<'_> {
         point.t *= 1.0 + 4.0 * f64::EPSILON;
         let shaken = functions.linearize(self.mode, &point);
         shaken.map_err(|_| Why::Singular)
+    }
+
+    /// The part of how large states are that a tangent has to have to be anything at all: where states and parameters are
+    /// one, rounding of what rounding leaves of its largest entry, as what comes to it through many others at first.
+    fn least(&self, functions: &Functions, tangent: &[f64], d: usize) -> f64 {
+        let share = |(by, size): (&f64, &f64)| match *size == 0.0 {
+            true => 0.0,
+            false => (by / size).abs(),
+        };
+        let own = tangent.iter().zip(&self.sizes.largest).map(share);
+        let by = functions.direction(d).iter().zip(self.run.parameters);
+        let largest = own.chain(by.map(share)).fold(0.0, f64::max);
+        f64::EPSILON * (f64::EPSILON * largest).min(1.0)
     }
 
     /// Whether no derivative of the functions hides anything in a part of the step.

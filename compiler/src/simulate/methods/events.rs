@@ -6,7 +6,7 @@ use nsd_solver::event::Recording;
 use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::hybrid as solver;
 use nsd_solver::hybrid::HybridSystem;
-use nsd_solver::sensitivity::{Directions, Moment, Sensitivities, differentiate};
+use nsd_solver::sensitivity::{Directions, Moment, Sensitivities, adjoint, differentiate};
 
 use super::smoothed;
 use crate::limit::Limit;
@@ -122,6 +122,17 @@ impl<'e> Run<'e> for Events {
         Some(differentiate(
             simulator, recording, approaches, directions, instants,
         ))
+    }
+
+    fn pull(
+        &self,
+        recording: &Recording,
+        ended: &Ended,
+        (directions, instants): (&Directions, &[Moment]),
+        weigh: &mut dyn FnMut(&Sensitivities) -> Option<Vec<Vec<f64>>>,
+    ) -> Option<Vec<f64>> {
+        let of = (recording, &ended.outcome.approaches[..]);
+        adjoint(self.coarse.as_ref()?, of, directions, instants, weigh)
     }
 
     fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {

@@ -202,5 +202,6 @@ fn named(system: &System) -> Samples {
         outputs,
         controls,
         sensitivities: Vec::new(),
+        gradient: None,
     }
 }

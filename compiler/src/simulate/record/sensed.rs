@@ -127,6 +127,72 @@ impl<'r> Rows<'r> {
         [states, signals]
     }
 
+    /// The weights of states and α at each row, and those of open parameters, of a sum of what is reported; none where its
+    /// derivatives are not those of states alone.
+    pub fn weigh(&self, weights: &[(String, Vec<f64>)]) -> Option<(Vec<Vec<f64>>, Vec<f64>)> {
+        let [n, m] = self.reported.sizes();
+        let (named, n_rows) = (&self.given.named, self.times.len());
+        let mut rows = vec![vec![0.0; n + m]; n_rows];
+        let n_outputs = self.outputs.values.n_outputs();
+        let mut of_outputs = vec![vec![0.0; n_outputs]; n_rows];
+        let (mut entry, mut signal) = (0, 0);
+        let signals = named.outputs.iter().chain(&named.controls);
+        let all = named.states.iter().map(|series| (series, true));
+        for (series, is_state) in all.chain(signals.map(|series| (series, false))) {
+            let count = series.n_entries();
+            let first = if is_state { &mut entry } else { &mut signal };
+            let own = *first..*first + count;
+            *first = own.end;
+            let Some((_, weights)) = weights.iter().find(|(name, _)| *name == series.name) else {
+                continue;
+            };
+            for (k, weights) in weights.chunks(count.max(1)).enumerate() {
+                for (place, weight) in own.clone().zip(weights) {
+                    match is_state {
+                        true => rows[k][self.given.entries[place]] += weight,
+                        false => of_outputs[k][place] += weight,
+                    }
+                }
+            }
+        }
+        let mut by = vec![0.0; self.given.parameters.len()];
+        for (k, own) in of_outputs.iter().enumerate() {
+            if own.iter().any(|weight| *weight != 0.0) {
+                self.weigh_outputs(k, own, (&mut rows[k], &mut by))?;
+            }
+        }
+        Some((rows, by))
+    }
+
+    /// Adds what weights of outputs in a row are of states and α, and of open parameters.
+    fn weigh_outputs(
+        &self,
+        k: usize,
+        weights: &[f64],
+        (row, by): (&mut [f64], &mut [f64]),
+    ) -> Option<()> {
+        let [n, m] = self.reported.sizes();
+        let first = 1 + self.given.data.len();
+        let partials = evaluated(&self.outputs.slopes, self.inputs[k].as_ref()?);
+        for (&(output, input), partial) in self.outputs.entries.iter().zip(partials) {
+            let weight = weights[output];
+            if weight == 0.0 {
+                continue;
+            }
+            let place = input - first;
+            let is_switch = (n..n + m).contains(&place);
+            // Whether the row moves off a surface depends on the direction.
+            if is_switch && self.bends((k, place - n), |_| f64::NAN) {
+                return None;
+            }
+            match row.get_mut(place) {
+                Some(sum) => *sum += weight * partial,
+                None => by[place - n - m] += weight * partial,
+            }
+        }
+        Some(())
+    }
+
     /// Derivatives of the entries of outputs, then of controls, instant by instant.
     fn slopes(&self, direction: usize, parameters: &[f64]) -> Vec<Vec<f64>> {
         let [n, m] = self.reported.sizes();

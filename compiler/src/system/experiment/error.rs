@@ -583,6 +583,20 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// Weights of which no sum is differentiated.
+    #[error("no gradient of a weighted sum: {why}")]
+    #[diagnostic(
+        code(E0534),
+        help(
+            "give states, outputs and controls by name, each once, as many finite weights as they have values in the rows of a simulation with `sensitivity to`"
+        )
+    )]
+    NoGradient {
+        why: String,
+        #[label("weighted here")]
+        span: Span,
+    },
+
     /// A setting of another kind of experiment.
     #[error("{setting} is no setting of a fit")]
     #[diagnostic(
