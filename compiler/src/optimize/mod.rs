@@ -213,9 +213,7 @@ impl<'e> Problem<'e> {
     /// A solution as a trajectory, of a system that has nothing left to decide.
     fn described(&self, solution: &Solution) -> (System<'e>, Trajectory) {
         let mut solved = checks::solved::system(self, &solution.w);
-        // Integrals are no states of the model.
-        let integrals = self.system.task.as_ref().map_or(0, |task| task.integrals);
-        solved.states.truncate(solved.states.len() - integrals);
+        solved.states.truncate(self.system.n_model_states());
         let mut trajectory = record::trajectory(self, &solved, &solution.w);
         describe(self, solution, &mut trajectory);
         trajectory.warnings.extend(simulate::sampled(&solved));

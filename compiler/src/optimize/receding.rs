@@ -98,7 +98,7 @@ pub(crate) fn given_states(system: &System<'_>) -> Vec<usize> {
     let freed = task.iter().flat_map(|task| &task.initial);
     let freed = freed.map(|free| free.place);
     let others: Vec<usize> = freed.chain(system.algebraic_states()).collect();
-    let given = 0..system.n_proper_states();
+    let given = 0..system.n_model_states();
     given.filter(|place| !others.contains(place)).collect()
 }
 
@@ -124,7 +124,7 @@ impl<'e> Prepared<'e> {
     /// The names of the states of plans, entry by entry.
     pub(crate) fn planned_states(&self) -> Vec<String> {
         let system = &self.problem.system;
-        let states = &system.states[..system.n_proper_states()];
+        let states = &system.states[..system.n_model_states()];
         states.iter().map(|state| state.name.clone()).collect()
     }
 
@@ -319,7 +319,7 @@ fn is_plan(solution: &Solution, failure: Option<&Failure>) -> bool {
 fn followed_from(problem: &Problem<'_>, solution: &Solution) -> Followed {
     let Layout { steps, end, .. } = problem.layout;
     let (layout, w) = (&problem.layout, &solution.w);
-    let n = problem.system.n_proper_states();
+    let n = problem.system.n_model_states();
     let state = |first: usize| w[first..first + n].to_vec();
     let at_ends = (1..=steps).map(|k| state(layout.x(k, layout.elements, end)));
     let task = problem.dcs.task.as_ref();
@@ -380,5 +380,70 @@ impl Plan {
             pieces.push((end.max(0.0), [last, 0.0]));
         }
         pieces
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Project;
+    use crate::expr::Exprs;
+
+    /// Costs whose integrals are sums, are states of the program, or are none; controls of both shapes, a switch, a free end.
+    const TASKS: [(&str, &str); 7] = [
+        (
+            "x' = v; v' = u;",
+            "horizon 1; minimize integral(x^2 + u^2);",
+        ),
+        (
+            "x' = v; v' = u;",
+            "horizon 1; minimize exp(integral(u^2)) + final(x^2);",
+        ),
+        (
+            "x' = v; v' = u;",
+            "horizon 1; minimize integral(x^2) + integral(u^2) + final(v^2);",
+        ),
+        ("x' = v; v' = u;", "horizon 1; minimize final(x^2 + v^2);"),
+        (
+            "x' = v; v' = u;",
+            "horizon 1; controls linear; minimize integral(x^2 + u^2);",
+        ),
+        (
+            "x' = v; v' = u - 0.2*sign(v + 2);",
+            "horizon 1; minimize integral(x^2 + u^2);",
+        ),
+        (
+            "x' = v; v' = u;",
+            "horizon free in [0.1, 10] = 3; minimize final(time); final { x = 0; v = 0; }",
+        ),
+    ];
+
+    /// Shifted by some of its intervals, a plan begins where it is then.
+    #[test]
+    fn shifted_plans_begin_where_the_plan_is() {
+        for (rates, task) in TASKS {
+            let text = format!(
+                "model m {{ state x = 1; state v = 0; control u in [-3, 3]; {rates} }}
+                optimize o of m {{ intervals 4; elements 1; {task} }}"
+            );
+            let (exprs, limit) = (Exprs::new(), Limit::default());
+            let project = Project::from_text("m.nsd", &text);
+            let prepared = project.prepare_optimal(&exprs, "o", &[], &[]);
+            let mut prepared = prepared.unwrap_or_else(|error| panic!("{task}: {error}"));
+            let planned = prepared.plan(&[], &[1.0, 0.0], None, &limit, &mut ());
+            let followed = planned.expect("numbers that it takes").followed;
+            let followed = followed.unwrap_or_else(|| panic!("{task}: no plan"));
+            for (k, state) in followed.plan.states[..4].iter().enumerate() {
+                let last = Last {
+                    followed: &followed,
+                    passed: followed.plan.ends[k],
+                    compares: Compares::Never,
+                };
+                let begins = prepared.predicted(&last);
+                let mut pairs = begins.iter().zip(state);
+                let is_there = pairs.all(|(a, b)| (a - b).abs() < 1e-9);
+                assert!(is_there, "{task}: {begins:?} is not {state:?}");
+            }
+        }
     }
 }

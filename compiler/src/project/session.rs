@@ -96,7 +96,7 @@ impl<'e> Session<'e> {
         let values: Vec<f64> = options.values.iter().map(|(_, value)| *value).collect();
         let parsing = self.project.compile_seconds(&Clock::default());
         let known = match options.weights {
-            // Gradients are those of one compilation.
+            // Runs of what is kept find no gradients.
             Some(_) => None,
             None => self.known(experiment, options),
         };

@@ -319,8 +319,8 @@ impl<'e> Law<'e> {
 }
 
 impl System<'_> {
-    /// The number of states that are no integrals of the task; these come behind all others.
-    pub fn n_proper_states(&self) -> usize {
+    /// The number of states of the model; integrals of the task come behind them.
+    pub fn n_model_states(&self) -> usize {
         let n_integrals = self.task.as_ref().map_or(0, |task| task.integrals);
         self.states.len() - n_integrals
     }

@@ -384,7 +384,9 @@ impl<'r> Forward<'r> {
         let mut seen = Seen::default();
         let see = |functions: &mut Functions, part: &variational::Part| {
             seen.take(functions, part);
-            let rows = found.read(functions, way, (part, is_last));
+            let mut rows = Vec::new();
+            let wanted = trace.is_some().then_some(&mut rows);
+            found.read(functions, way, (part, is_last), wanted);
             let resting = way.resting(functions, part.ends);
             if let Some(trace) = trace {
                 trace.push(Passed::Part {
@@ -558,14 +560,14 @@ impl Seen {
 }
 
 impl Sensitivities {
-    /// Takes down the instants inside of a part of a step.
+    /// Takes down the instants inside of a part of a step, and in `rows` what slides there.
     fn read(
         &mut self,
         functions: &mut Functions,
         way: Way,
         (part, is_last): (&variational::Part, bool),
-    ) -> Vec<Row> {
-        let mut rows = Vec::new();
+        mut rows: Option<&mut Vec<Row>>,
+    ) {
         let [a, b] = part.ends;
         let step = way.step;
         let ends_step = b == step.length;
@@ -589,10 +591,11 @@ impl Sensitivities {
                 Some(whole(functions, linear.as_ref().ok()?, &tangent, d))
             };
             let tangents = part.tangents.iter().enumerate().map(of_direction).collect();
-            rows.push(Row::new(self.points.len(), tau - a, linear.as_ref().ok()));
+            if let Some(rows) = &mut rows {
+                rows.push(Row::new(self.points.len(), tau - a, linear.as_ref().ok()));
+            }
             self.points.push([x, alpha].concat());
             self.tangents.push(tangents);
         }
-        rows
     }
 }

@@ -152,8 +152,8 @@ struct Server<'c> {
     is_stale: bool,
     /// What was told of each file.
     told: BTreeMap<String, PublishDiagnosticsParams>,
-    /// Whether the client was found gone when it was to be told something.
-    is_left: Cell<bool>,
+    /// Whether a message found that the process of the client is gone: no other waits for it.
+    has_lost_client: Cell<bool>,
 }
 
 impl<'c> Server<'c> {
@@ -169,7 +169,7 @@ impl<'c> Server<'c> {
             }),
             is_stale: false,
             told: BTreeMap::new(),
-            is_left: Cell::new(false),
+            has_lost_client: Cell::new(false),
         }
     }
 
@@ -231,14 +231,14 @@ impl<'c> Server<'c> {
         // That nobody listens is seen when nothing comes any more. A client that is gone never does, though others may hold its
         // ends of the pipes.
         let mut message = message.into();
-        let wait = || match self.is_left.get() {
+        let wait = || match self.has_lost_client.get() {
             true => Duration::ZERO,
             false => GLANCE,
         };
         let sender = &self.connection.sender;
         while let Err(SendTimeoutError::Timeout(unsent)) = sender.send_timeout(message, wait()) {
             if self.client.is_gone() {
-                self.is_left.set(true);
+                self.has_lost_client.set(true);
                 return;
             }
             message = unsent;

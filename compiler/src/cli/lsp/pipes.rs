@@ -47,7 +47,7 @@ pub fn is_there(process: u32) -> bool {
     !known || kill(Pid::from_raw(process.cast_signed()), None) != Err(Errno::ESRCH)
 }
 
-/// Nobody tells.
+/// Other systems are not asked: any process is taken to be there.
 #[cfg(not(unix))]
 pub fn is_there(_: u32) -> bool {
     true

@@ -42,7 +42,7 @@ pub(crate) fn left_alone(
     let mut reduced = Reduced::new(problem, w, limit)?;
     let through_switches = through_switches(system, &reduced.quantities);
     let n = system.states.len();
-    let states = system.states[..system.n_proper_states()].iter().enumerate();
+    let states = system.states[..system.n_model_states()].iter().enumerate();
     let states: Vec<(usize, &State)> = (states)
         .filter(|(_, state)| {
             (state.var.as_variable()).is_some_and(|var| through_switches.contains(&var))

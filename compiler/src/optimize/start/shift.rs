@@ -221,7 +221,7 @@ fn element_after(
 /// Integrals begin at zero again.
 fn forget_integrals(problem: &Problem<'_>, x: &mut [f64], placed: &[Placed<'_>], delta: f64) {
     // Those that are sums over nodes are no states of the program.
-    let first = problem.system.n_proper_states();
+    let first = problem.system.n_model_states();
     if first >= x.len() {
         return;
     }

@@ -33,12 +33,12 @@ pub(crate) fn join(
     let mut free: Vec<_> = free.collect();
     // In the order of the text, initial values last.
     free.sort_by_key(|(freed, sensed)| (sensed.is_initial, freed.span.start));
-    let needed: HashSet<String> = all().flat_map(needed).collect();
+    let of_all: HashSet<String> = all().flat_map(needed).collect();
     let mut others = std::mem::take(&mut compiled.others);
     for run in [&mut *compiled].into_iter().chain(&mut others) {
-        let own: HashSet<String> = self::needed(run).collect();
+        let own: HashSet<String> = needed(run).collect();
         let sensed = &mut run.settings.recording.sensed;
-        sensed.retain(|sensed| own.contains(&sensed.name) || !needed.contains(&sensed.name));
+        sensed.retain(|sensed| own.contains(&sensed.name) || !of_all.contains(&sensed.name));
     }
     compiled.others = others;
     if let Some(fit) = &mut compiled.settings.recording.fit {

@@ -161,7 +161,7 @@ fn frozen<'e>(
     let measures = names.zip(values).map(|(name, value)| measure(name, value));
     let (measures, params): (Vec<Expr<'e>>, Vec<Option<Param<'e>>>) = measures.unzip();
     // Integrals of a cost stay behind all other states.
-    let n_states = system.n_proper_states();
+    let n_states = system.n_model_states();
     let (places, switches) = lasting_switches(system);
     let mut motion = Motion {
         system,

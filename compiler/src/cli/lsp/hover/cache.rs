@@ -66,7 +66,7 @@ impl<'e> Cache<'e> {
         self.all.borrow().len()
     }
 
-    /// Whether there is more than anybody needs.
+    /// Whether so many expressions are kept that all of it is to be dropped.
     pub fn is_full(&self) -> bool {
         self.exprs.n_nodes() > MOST_NODES
     }
