@@ -563,7 +563,7 @@ impl Runs<'_> {
         parameters: &[f64],
         x0: Option<&[f64]>,
         horizon: f64,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<Outcome, NotRun> {
         self.check(parameters, x0, horizon)?;
         match x0 {
@@ -577,7 +577,7 @@ impl Runs<'_> {
             }
             Work::Elements { system, settings } => {
                 system.set_parameters(parameters);
-                let (settings, mut observer) = (settings.clone(), observer as &mut dyn Observer);
+                let (settings, mut observer) = (settings.clone(), observer);
                 let ran = system.by_elements(settings, horizon, &self.x0, &mut observer);
                 ran.solution.outcome
             }
@@ -592,8 +592,7 @@ impl Runs<'_> {
             }
             Work::Frozen { runner, kept } => {
                 runner.set_parameters(parameters);
-                let mut observer = observer as &mut dyn Observer;
-                let ran = runner.run(horizon, &self.x0, kept, &mut observer);
+                let ran = runner.run(horizon, &self.x0, kept, observer);
                 runner.told(ran)
             }
             Work::Adaptive { field, settings } => {

@@ -102,7 +102,7 @@ impl<F: Field> Simulator<F> {
 
     /// Integrates from `x0` at `t0` to `t1`. A change of sides from one end of a step to the other is
     /// told as an event there, wherever in the step it was.
-    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut dyn Observer) -> Outcome {
         let mut run = self.begin(t0, t1, x0);
         let status = loop {
             if let Some(status) = self.limit(&run, t1) {
@@ -211,7 +211,7 @@ impl<F: Field> Simulator<F> {
     }
 
     /// Moves to the end of a step and hands it on.
-    fn accept(&mut self, run: &mut Run, end: f64, observer: &mut impl Observer) -> ControlFlow<()> {
+    fn accept(&mut self, run: &mut Run, end: f64, observer: &mut dyn Observer) -> ControlFlow<()> {
         let start = std::mem::replace(&mut run.t, end);
         run.stats.steps += 1;
         self.extrapolation.advance();

@@ -65,7 +65,7 @@ impl History {
         system: &HybridSystem,
         state: &mut State,
         step: &Step,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) {
         let ends = step.reaches_end || !step.triggers.is_empty();
         let Some((from, _)) = self.limit.take_if(|_| ends) else {
@@ -148,7 +148,7 @@ pub fn run_decided(
     simulator: &mut Simulator,
     [t0, t1]: [f64; 2],
     x0: &[f64],
-    observer: &mut impl Observer,
+    observer: &mut dyn Observer,
     decide: &mut Decide<'_>,
 ) -> Outcome {
     let known = simulator.mode.n_functions();
@@ -174,7 +174,7 @@ pub fn run_decided(
 
 impl Simulator {
     /// Integrates from `x0` at `t0` to `t1`.
-    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut dyn Observer) -> Outcome {
         let goes_on = &mut |_: f64, _: &[f64]| ControlFlow::Continue(None);
         run_decided(self, [t0, t1], x0, observer, goes_on)
     }
@@ -184,7 +184,7 @@ impl Simulator {
         &mut self,
         state: &mut State,
         [t0, t1]: [f64; 2],
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let started = self.start(state, t1 - t0);
         if started.is_ok() && !state.jumps.fired.is_empty() {
@@ -218,7 +218,7 @@ impl Simulator {
         state: &mut State,
         history: &mut History,
         [t0, t1]: [f64; 2],
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
         decide: &mut Decide<'_>,
     ) -> Result<(), Status> {
         self.mode.memory.order = self.stepper.order.full();
@@ -300,7 +300,7 @@ impl Simulator {
         history: &mut History,
         step: &mut Step,
         goal: f64,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         history.violation = f64::max(history.violation, step.defect);
         if !step.implicit {
@@ -415,7 +415,7 @@ impl Simulator {
         history: &mut History,
         before: Before,
         t1: f64,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let from = &before.from;
         self.stepper.stiffness.after_event();
@@ -537,7 +537,7 @@ fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Out
 }
 
 /// Lets an observer move the state by roundings: of each x, and of the terms of its rate over the last step.
-fn displace(mode: &Mode, state: &mut State, length: f64, observer: &mut impl Observer) {
+fn displace(mode: &Mode, state: &mut State, length: f64, observer: &mut dyn Observer) {
     if !observer.displaces() {
         return;
     }

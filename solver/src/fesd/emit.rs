@@ -86,7 +86,7 @@ impl Polynomials {
         points: &[f64],
         mode: &mut Mode,
         solved: &Solved,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) {
         let Mode { element, hidden } = mode;
         let reduced = &*element.reduced;

@@ -164,7 +164,7 @@ impl Folds {
         run: &mut Run,
         ahead: Ahead,
         length: Length,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<Reached, Status> {
         if length.end - run.place.t <= NEAR * length.end.abs() {
             run.place.go_to(length.end);
@@ -352,7 +352,7 @@ impl Folds {
         scheme: &Scheme,
         mode: &mut Mode,
         solved: &Solved,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let n = run.place.x.len();
         let sides = mode.element.reduced.sides.clone();

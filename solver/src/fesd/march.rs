@@ -441,7 +441,7 @@ impl March {
         run: &mut Run,
         count: usize,
         end: Option<f64>,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let mode = &mut modes.all[run.place.mode];
         for (at, solved) in self.solved[..count].iter().enumerate() {

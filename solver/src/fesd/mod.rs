@@ -197,7 +197,7 @@ impl<'s> Simulator<'s> {
     }
 
     /// Integrates from `x0` at `t0` to `t1`.
-    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut dyn Observer) -> Solution {
         let known = self.n_functions();
         let mut run = Run::new(self.system, t0, t1, x0);
         let status = match self.integrate(&mut run, t0, t1, observer) {
@@ -249,7 +249,7 @@ impl<'s> Simulator<'s> {
         run: &mut Run,
         t0: f64,
         t1: f64,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         self.load(run, t0);
         run.place.z = run.place.point(&self.modes.numbers).start(self.system);
@@ -285,12 +285,12 @@ impl<'s> Simulator<'s> {
     }
 
     /// Integrates to `end` from breakpoint to breakpoint.
-    fn pieces<O: Observer>(
+    fn pieces(
         &mut self,
         run: &mut Run,
         end: f64,
-        observer: &mut O,
-        integrate: impl Fn(&mut Self, &mut Run, f64, &mut O) -> Result<(), Status>,
+        observer: &mut dyn Observer,
+        integrate: impl Fn(&mut Self, &mut Run, f64, &mut dyn Observer) -> Result<(), Status>,
     ) -> Result<(), Status> {
         let (length, near) = (end - run.place.t, NEAR * end.abs());
         while run.until < end - near {
@@ -337,7 +337,7 @@ impl<'s> Simulator<'s> {
         run: &mut Run,
         end: f64,
         elements: usize,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let step = run.place.left(end);
         let mut left = elements;
@@ -376,7 +376,7 @@ impl<'s> Simulator<'s> {
         run: &mut Run,
         t1: f64,
         tolerance: f64,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let control = Control::new(&self.modes.scheme, tolerance);
         let target = control.target;
@@ -457,7 +457,7 @@ impl<'s> Simulator<'s> {
         &mut self,
         run: &mut Run,
         length: Length,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<bool, Status> {
         let (folds, modes) = (&mut self.folds, &mut self.modes);
         let Some(ahead) = folds.ahead(modes, run) else {
@@ -478,7 +478,7 @@ impl<'s> Simulator<'s> {
         &mut self,
         run: &mut Run,
         length: f64,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let before = self.modes.sides(run.place.mode).into();
         // The instant may be just ahead, by rounding.
@@ -498,7 +498,7 @@ impl<'s> Simulator<'s> {
         run: &mut Run,
         event: Option<usize>,
         length: f64,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         run.history.stalled = if run.lengths.last <= 1e-13 * length {
             run.history.stalled + 1
@@ -521,7 +521,7 @@ impl<'s> Simulator<'s> {
         &mut self,
         run: &mut Run,
         before: Box<[Side]>,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) -> Result<(), Status> {
         let after = self.modes.sides(run.place.mode);
         if *before != *after || run.decisions.iter().any(|decision| decision.folds) {

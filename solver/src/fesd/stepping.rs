@@ -101,7 +101,7 @@ impl<'s> Stepper<'s> {
     }
 
     /// Integrates from `x0` at `t0` to `t1`.
-    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut dyn Observer) -> Outcome {
         let steps = self.settings.steps;
         let mut x = x0.to_vec();
         let mut end = x.clone();

@@ -126,7 +126,7 @@ impl Contacts {
         motion: &Motion,
         impacts: &Impacts,
         detector: &mut Detector,
-        observer: &mut impl Observer,
+        observer: &mut dyn Observer,
     ) {
         let rows = &impacts.active.rows;
         std::mem::swap(&mut self.present, &mut self.before);

@@ -132,7 +132,7 @@ impl<F: Free> Stepper<F> {
     }
 
     /// Integrates from `x0` at `t0` to `t1`.
-    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut dyn Observer) -> Solution {
         let steps = self.settings.steps;
         let (mut x, mut y) = (x0.to_vec(), x0.to_vec());
         let mut sides = vec![Side::Plus; self.free.n_switches()];

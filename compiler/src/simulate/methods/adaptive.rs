@@ -70,7 +70,7 @@ impl<'e> Run<'e> for Adaptive {
         &mut self,
         problem: &Problem<'_, 'e>,
         accuracy: Accuracy,
-        mut observer: &mut dyn Observer,
+        observer: &mut dyn Observer,
     ) -> Ended {
         let (system, field) = (problem.system, &mut self.field);
         field.set_parameters(&system.values_of(&self.open));
@@ -78,7 +78,7 @@ impl<'e> Run<'e> for Adaptive {
         let settings = settings_of(accuracy, problem.limit.clone());
         let mut simulator = Simulator::new(field.clone(), settings);
         let horizon = problem.settings.horizon;
-        Ended::by(simulator.run(0.0, horizon, &problem.x0, &mut observer))
+        Ended::by(simulator.run(0.0, horizon, &problem.x0, observer))
     }
 
     fn takes_numbers(&self) -> bool {

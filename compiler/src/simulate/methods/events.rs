@@ -76,11 +76,11 @@ impl<'e> Run<'e> for Events {
         &mut self,
         problem: &Problem<'_, 'e>,
         accuracy: Accuracy,
-        mut observer: &mut dyn Observer,
+        observer: &mut dyn Observer,
     ) -> Ended {
         let simulator = self.ready(problem, accuracy);
         let horizon = problem.settings.horizon;
-        Ended::by(simulator.run(0.0, horizon, &problem.x0, &mut observer))
+        Ended::by(simulator.run(0.0, horizon, &problem.x0, observer))
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, ended: &Ended) -> Method {

@@ -82,7 +82,7 @@ impl Compiled {
         settings: fesd::Settings,
         horizon: f64,
         x0: &[f64],
-        observer: &mut impl fesd::Observer,
+        observer: &mut dyn fesd::Observer,
     ) -> Ran {
         let library = std::mem::take(&mut self.library);
         let simulator = Simulator::new(&self.complementarity, settings);
@@ -115,7 +115,7 @@ impl Compiled {
         settings: SteppingSettings,
         horizon: f64,
         x0: &[f64],
-        observer: &mut impl event::Observer,
+        observer: &mut dyn event::Observer,
     ) -> Outcome {
         let library = std::mem::take(&mut self.library);
         let stepper = Stepper::new(&self.complementarity, settings);

@@ -71,12 +71,12 @@ impl<'e> Run<'e> for Stepping {
         &mut self,
         problem: &Problem<'_, 'e>,
         accuracy: Accuracy,
-        mut observer: &mut dyn Observer,
+        observer: &mut dyn Observer,
     ) -> Ended {
         let settings = settings_of(problem.settings, accuracy, problem.limit.clone());
         self.compiled.load(problem.system);
         let (horizon, x0) = (problem.settings.horizon, &problem.x0);
-        Ended::by((self.compiled).by_steps(settings, horizon, x0, &mut observer))
+        Ended::by((self.compiled).by_steps(settings, horizon, x0, observer))
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
