@@ -11,6 +11,7 @@
 
 mod arena;
 mod compile;
+mod decide;
 mod degree;
 mod derivative;
 mod evaluate;
@@ -237,7 +238,7 @@ impl<'e> Expr<'e> {
             scale *= c.powi(power);
             normal.push((factor.id, power));
         }
-        if !scale.is_finite() || scale == 0.0 {
+        if !simplify::is_moderate(scale) {
             return one_level;
         }
         (scale, self.exprs.build(|arena| arena.product(1.0, normal)))

@@ -10,6 +10,11 @@ use super::arena::Arena;
 use super::nodes::{Data, Id};
 use super::{BinaryFunction, Function};
 
+/// Numbers come out of powers as far as this, and powers of products up to this one are products of powers: the rest is
+/// what no power of a number of common size overflows with.
+const WIDE: f64 = 1e32;
+const DISTRIBUTED: i32 = 8;
+
 /// Longer sums and products are opaque to the larger ones around them.
 /// Without a limit, adding term by term would cost quadratic memory.
 const FLATTEN_LIMIT: u32 = 128;
@@ -247,7 +252,9 @@ impl Arena {
             }
             _ => (1.0, Some(id)),
         };
-        let folded = fold_power(number, power).and_then(|value| multiply(*coefficient, value));
+        let folded = fold_power(number, power)
+            .filter(|value| id.is_none() || power.abs() == 1 || is_moderate(*value))
+            .and_then(|value| multiply(*coefficient, value));
         let Some(folded) = folded else {
             return flat.push((whole, power));
         };
@@ -255,6 +262,7 @@ impl Arena {
         let Some(id) = id else { return };
         if let Data::Product { start, len } = self.nodes.data(id)
             && len <= FLATTEN_LIMIT
+            && (len == 1 || power.abs() <= DISTRIBUTED)
         {
             let kept = flat.len();
             let scaled = (self.nodes.factors(start, len).iter())
@@ -308,6 +316,11 @@ impl Arena {
 /// Whether `power` is an integer that a product can hold.
 fn is_power(power: f64) -> bool {
     power.fract() == 0.0 && power.abs() <= f64::from(i32::MAX)
+}
+
+/// Whether what such a number is taken out of neither overflows nor vanishes, where the whole does not.
+pub(super) fn is_moderate(number: f64) -> bool {
+    (1.0 / WIDE..=WIDE).contains(&number.abs())
 }
 
 fn fold_power(number: f64, power: i32) -> Option<f64> {
@@ -379,6 +392,29 @@ mod tests {
         assert_snapshot!((1e200 * x) * (1e200 * x), @"1e200*x*(1e200*x)");
         assert_snapshot!((1e-200 * x).powi(2), @"(1e-200*x)^2");
         assert_snapshot!(1e200 * (1e200 * x + 1.0), @"1e200*(1e200*x + 1)");
+    }
+
+    /// 5000^-100 is no number, and neither is x^100 where x is 5000.
+    #[test]
+    fn powers_of_quotients_are_powers() {
+        let e = Exprs::new();
+        let (x, k) = (e.variable("x"), e.variable("k"));
+        assert_snapshot!((x / 5000.0).powi(100), @"(0.0002*x)^100");
+        assert_snapshot!((x / k).powi(60) / (x / k).powi(20), @"(x/k)^40");
+        assert_snapshot!((x / k).powi(-60), @"1/(x/k)^60");
+        assert_snapshot!((x / 2.0).powi(4) + (x / k).powi(8), @"0.0625*x^4 + x^8/k^8");
+        for (value, power) in [(4900.0, 100), (5100.0, 88), (2.0, 12)] {
+            let whole = (x / 5000.0).powi(power) + (x / k).powi(power);
+            let value = |var| {
+                if Some(var) == k.as_variable() {
+                    5000.0
+                } else {
+                    value
+                }
+            };
+            let right = 2.0 * (value(x.as_variable().unwrap()) / 5000.0_f64).powi(power);
+            assert!((whole.eval(&value) / right - 1.0).abs() < 1e-12, "{power}");
+        }
     }
 
     #[test]

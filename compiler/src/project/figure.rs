@@ -192,7 +192,13 @@ fn refined(
             None if Some(var) == time => t,
             None => params.get(&var).copied().unwrap_or(f64::NAN),
         };
-        exprs.iter().map(|expr| expr.eval(&number)).collect()
+        let alphas = n_states..n_states + system.switches.len();
+        let side = |var: Var| {
+            let place = rows.get(&var).filter(|place| alphas.contains(place))?;
+            Some(row[*place]).filter(|alpha| *alpha == 0.0 || *alpha == 1.0)
+        };
+        let on_sides = exprs.iter().map(|expr| expr.decided(&number, &side));
+        on_sides.map(|expr| expr.eval(&number)).collect()
     });
     samples
 }

@@ -167,7 +167,7 @@ impl<'a> JumpLaws<'a> {
             let Effect::Reset(reset) = &self.system.laws[l].effect else {
                 continue;
             };
-            let (states, tape) = (&reset.states, &reset.values);
+            let states = &reset.states;
             // At a known instant numbers are compared, wherever the state comes from and goes.
             let on = match self.system.laws[l].guard {
                 Guard::Every(_) => &known.zero,
@@ -176,10 +176,14 @@ impl<'a> JumpLaws<'a> {
             let place = n_fired + at;
             known.read.extend(on.iter().map(|&switch| (place, switch)));
             let inputs = reset.inputs_on(on, &state.point.sides);
-            registers.resize(tape.n_registers().max(reset.inputs.len()), 0.0);
-            for (register, input) in registers.iter_mut().zip(inputs) {
-                *register = self.mode.memory.value(input);
-            }
+            registers.clear();
+            registers.extend(inputs.map(|input| self.mode.memory.value(input)));
+            let tape = self
+                .mode
+                .library
+                .reset(l, reset)
+                .on(|input| registers[input]);
+            registers.resize(tape.n_registers(), 0.0);
             tape.run(registers);
             for (&state, value) in states.iter().zip(tape.results(registers)) {
                 match values.iter().find(|(other, ..)| *other == state) {

@@ -10,8 +10,8 @@ use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::Side;
-use super::system::{HybridSystem, Input};
-use crate::tape::{Linear, Tape};
+use super::system::{HybridSystem, Input, Reset};
+use crate::tape::{Linear, Sided, Tape};
 
 /// Functions with α as inputs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -128,6 +128,8 @@ pub(crate) struct Library {
     rates: Known<FormRates>,
     jacobians: Known<Arc<Partials>>,
     surfaces: Known<FormSurface>,
+    /// New values of states, by law.
+    resets: FxHashMap<usize, Sided>,
 }
 
 /// Rates of a form on certain sides.
@@ -278,6 +280,7 @@ impl Library {
             rates: Known::default(),
             jacobians: Known::default(),
             surfaces: Known::default(),
+            resets: FxHashMap::default(),
         }
     }
 
@@ -297,6 +300,12 @@ impl Library {
             field: rates.field.clone(),
             by_alpha: rates.by_alpha.clone(),
         }
+    }
+
+    /// The new values that a law gives to states, as functions of what they read.
+    pub(crate) fn reset(&mut self, law: usize, reset: &Reset) -> &mut Sided {
+        let is_alpha = |input: usize| matches!(reset.inputs.get(input), Some(Input::Alpha(_)));
+        (self.resets.entry(law)).or_insert_with(|| Sided::new(reset.values.clone(), is_alpha))
     }
 
     /// ∂f/∂x of a block on its local sides, by the inputs of its [`Rates`]. Only implicit methods ask for it.

@@ -8,8 +8,8 @@
 //!
 //! (Jᵀ ω J + λ D²) s = -Jᵀ ω r
 //!
-//! for those p that are not held at a bound by the gradient, D_j being the largest length of column j so far (Moré 1978). What
-//! would go beyond a bound goes as far as that, and the others are solved for with it. λ follows the ratio of what is gained
+//! for those p that are not held at a bound by the gradient, D_j being the largest length of column j so far (Moré 1978), and
+//! is the best one within the bounds. λ follows the ratio of what is gained
 //! and what the linear model gains (Nielsen 1999). A point where r is not known, or is beyond what numbers can tell, is a step
 //! that is rejected; where the gain is below the rounding of the sum, a step is judged by the offset.
 //!
@@ -122,6 +122,8 @@ const SMALL: f64 = 1e-3;
 /// λ in the beginning (Nielsen 1999), and where a step is as good as none.
 const FIRST: f64 = 1e-3;
 const LARGEST: f64 = 1e14;
+/// Changes of what a step holds at a bound, for each p.
+const MOST_HELD: usize = 8;
 /// A step gains at least this part of what its model gains ..
 const LEAST_RATIO: f64 = 1e-4;
 /// .. and where that is below this part of the sum, the offset becomes this part of what it was.
@@ -344,35 +346,63 @@ impl<'b> Search<'b> {
             .sum()
     }
 
-    /// The step for λ: what it takes beyond a bound goes as far as that, and the others are the best with it.
+    /// The step for λ that is the best one within the bounds (Stark & Parker 1995): the first p that it would take beyond
+    /// its bound is held there, until the gradient leads inside.
     fn step(&self, lambda: f64) -> DVector<f64> {
-        let n = self.point.len();
-        let mut step = DVector::zeros(n);
         let felt = self.open().filter(|(_, is_felt)| *is_felt);
-        let mut open: Vec<usize> = felt.map(|(j, _)| j).collect();
-        loop {
-            let solved = self.solved(lambda, &open, &step);
-            let rest = |j: usize| self.bounds[j].map(|bound| bound - self.point[j]);
-            let is_within = |&k: &usize| {
-                let [low, high] = rest(open[k]);
-                (low..=high).contains(&solved[k])
+        let open: Vec<usize> = felt.map(|(j, _)| j).collect();
+        let (mut free, mut step) = (open.clone(), DVector::zeros(self.point.len()));
+        for _ in 0..=MOST_HELD * open.len() {
+            let mut held = step.clone();
+            free.iter().for_each(|&j| held[j] = 0.0);
+            let solved = self.solved(lambda, &free, &held);
+            let within = |k: usize| {
+                let [low, high] = self.bounds[free[k]].map(|bound| bound - self.point[free[k]]);
+                solved[k].max(low).min(high)
             };
-            let (within, beyond): (Vec<usize>, Vec<usize>) = (0..open.len()).partition(is_within);
-            for &k in &beyond {
-                let [low, high] = rest(open[k]);
-                step[open[k]] = solved[k].max(low).min(high);
-            }
-            if beyond.is_empty() {
-                for (&j, &s) in open.iter().zip(solved.iter()) {
-                    step[j] = s;
+            let share = |k: usize| match within(k) {
+                bound if bound == solved[k] => 1.0,
+                bound => (bound - step[free[k]]) / (solved[k] - step[free[k]]),
+            };
+            let shares = (0..free.len()).map(|k| (k, share(k)));
+            let first = shares.min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((k, share)) = first.filter(|(_, share)| *share < 1.0) else {
+                free.iter().zip(&solved).for_each(|(&j, &s)| step[j] = s);
+                match self.led_inside(lambda, &step, open.iter().filter(|j| !free.contains(j))) {
+                    Some(j) => free.push(j),
+                    None => return step,
                 }
-                return step;
+                continue;
+            };
+            let bound = within(k);
+            for (&j, s) in free.iter().zip(&solved) {
+                step[j] += share * (s - step[j]);
             }
-            open = within.into_iter().map(|k| open[k]).collect();
+            step[free.remove(k)] = bound;
         }
+        step
     }
 
-    /// The step of some parameters where the others have theirs.
+    /// Which of those that are held at a bound the gradient leads inside the most, by the gain of its scale.
+    fn led_inside<'j>(
+        &self,
+        lambda: f64,
+        step: &DVector<f64>,
+        held: impl Iterator<Item = &'j usize>,
+    ) -> Option<usize> {
+        let left = &self.residuals + &self.jacobian * step;
+        let inward = |&j: &usize| {
+            let column = self.jacobian.column(j);
+            let slope = column.dot(&left) + lambda * self.scale[j].powi(2) * step[j];
+            let is_low = self.point[j] + step[j] <= self.bounds[j][0];
+            (j, if is_low { -slope } else { slope } / column.norm())
+        };
+        let most = held.map(inward).max_by(|a, b| a.1.total_cmp(&b.1));
+        let (j, inward) = most?;
+        (inward > ROUNDING * left.norm()).then_some(j)
+    }
+
+    /// The step of some parameters where the others have theirs, and they none.
     fn solved(&self, lambda: f64, open: &[usize], step: &DVector<f64>) -> DVector<f64> {
         let (m, k) = (self.jacobian.nrows(), open.len());
         if k == 0 {
@@ -457,6 +487,49 @@ mod tests {
         let found = found(rosenbrock, &[-1.2, 1.0], &[OPEN; 2]);
         assert_eq!(found.status, Status::Solved);
         assert!((found.point[0] - 1.0).abs() < 1e-7 && (found.point[1] - 1.0).abs() < 1e-7);
+    }
+
+    /// From (3/4, 3/4) the best of all steps leaves the bound of b, which then is not the first that holds.
+    #[test]
+    fn what_a_bound_holds_is_let_go() {
+        let line = |p: &[f64]| {
+            let data = [(1.0, 1.0), (1.5, 2.5), (2.0, 4.0)];
+            let r = data.iter().map(|(t, q)| p[0] + p[1] * t - q);
+            Some((r.collect(), vec![1.0, 1.0, 1.0, 1.5, 1.0, 2.0]))
+        };
+        let found = found(line, &[0.75, 0.75], &[[0.0, 1.0]; 2]);
+        assert_eq!(found.status, Status::Solved);
+        assert_eq!(found.point, [1.0, 1.0]);
+        assert!((found.cost - 2.0).abs() < 1e-14);
+    }
+
+    /// Linear least squares within random bounds: the gradient is zero, or holds p at a bound.
+    #[test]
+    fn the_conditions_of_a_minimum_hold_within_bounds() {
+        let mut seed = 1_u64;
+        let mut draw = |low: f64, high: f64| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            low + (high - low) * ((seed >> 11) as f64 / (1_u64 << 53) as f64)
+        };
+        for case in 0..500 {
+            let (m, n) = (6, 1 + case % 4);
+            let rows: Vec<f64> = (0..m * n).map(|_| draw(-1.0, 1.0)).collect();
+            let data: Vec<f64> = (0..m).map(|_| draw(-3.0, 3.0)).collect();
+            let bounds: Vec<[f64; 2]> = (0..n).map(|_| [draw(-1.0, 0.0), draw(0.0, 1.0)]).collect();
+            let start: Vec<f64> = bounds.iter().map(|b| draw(b[0], b[1])).collect();
+            let jacobian = DMatrix::from_row_slice(m, n, &rows);
+            let residuals = |p: &[f64]| {
+                &jacobian * DVector::from_column_slice(p) - DVector::from_column_slice(&data)
+            };
+            let problem = |p: &[f64]| Some((residuals(p).as_slice().to_vec(), rows.clone()));
+            let found = found(problem, &start, &bounds);
+            assert_eq!(found.status, Status::Solved, "{case}");
+            let gradient = jacobian.tr_mul(&residuals(&found.point));
+            for ((p, slope), [low, high]) in found.point.iter().zip(&gradient).zip(bounds) {
+                let holds = p <= &low && *slope > 0.0 || p >= &high && *slope < 0.0;
+                assert!(holds || slope.abs() < 1e-6, "{case}: {slope:e} at {p}");
+            }
+        }
     }
 
     #[test]

@@ -15,9 +15,10 @@ use super::saltation::{Slope, weigh};
 use super::why::Why;
 use crate::contact::impact::impact_of;
 use crate::event::recording::EventRecord;
-use crate::hybrid::{Effect, Guard, HybridSystem, Impact, ImpactLaw, Reset, Side};
+use crate::hybrid::{Effect, Guard, HybridSystem, Impact, ImpactLaw, Input, Reset, Side};
 use crate::linalg::DenseLu;
 use crate::selector::coupling::Coupling;
+use crate::tape::Sided;
 
 /// States behind a jump are those of its law up to this part of their sizes.
 const SAME: f64 = 1e-9;
@@ -189,11 +190,15 @@ fn reset_to(
 ) -> Result<Vec<(usize, f64, Slope)>, Why> {
     let on = event.on.iter().filter(|(law, _)| *law == place);
     let on: Vec<usize> = on.map(|(_, switch)| *switch).collect();
-    let group = Group::new(
-        Arc::new(reset.values.clone()),
-        reset.inputs_on(&on, &event.from).collect(),
-        functions.slots,
-    );
+    let inputs: Vec<Input> = reset.inputs_on(&on, &event.from).collect();
+    let is_alpha = |place: usize| matches!(reset.inputs[place], Input::Alpha(_));
+    let mut values = Sided::new(reset.values.clone(), is_alpha);
+    let values = values.on(|place| match inputs[place] {
+        Input::Alpha(switch) => point.alpha[switch],
+        Input::Number(number) => number,
+        _ => f64::NAN,
+    });
+    let group = Group::new(Arc::new(values.clone()), inputs, functions.slots);
     let values = group.values(&point, &mut functions.registers);
     let slopes = group.slopes(&point, &mut functions.registers);
     let slots = functions.slots;

@@ -17,14 +17,19 @@ pub struct Linear<K = usize> {
 }
 
 impl Tape {
-    /// The tape with these numbers, as a function of the inputs that it still needs; which ones, in order.
-    pub fn specialize(&self, number: impl Fn(usize) -> Option<f64>) -> (Self, Vec<usize>) {
+    /// The tape with these numbers, as a function of the same inputs.
+    pub(super) fn with_numbers(&self, number: impl Fn(usize) -> Option<f64>) -> Self {
         let mut builder = Self::builder(self.n_inputs);
         let outputs = self.collect(&mut builder, |i, b| match number(i) {
             Some(number) => Linear::number(number),
             None => Linear::of(b.input(i)),
         });
-        let tape = finish(builder, &outputs);
+        finish(builder, &outputs)
+    }
+
+    /// The tape with these numbers, as a function of the inputs that it still needs; which ones, in order.
+    pub fn specialize(&self, number: impl Fn(usize) -> Option<f64>) -> (Self, Vec<usize>) {
+        let tape = self.with_numbers(number);
         let needed = tape.needed_inputs();
         let mut builder = Self::builder(needed.len());
         let outputs = tape.collect(&mut builder, |i, b| match needed.binary_search(&i) {

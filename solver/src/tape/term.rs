@@ -12,6 +12,14 @@ pub(crate) enum Term {
 
 use Term::{Multiple, Number};
 
+/// Factors come out of products as far as this: what they come out of neither overflows nor vanishes, where the whole does
+/// not, as (x/5000)^100 = 5000^-100 x^100 would.
+const WIDE: f64 = 1e32;
+
+fn is_moderate(factor: f64) -> bool {
+    (1.0 / WIDE..=WIDE).contains(&factor.abs())
+}
+
 impl Term {
     pub(crate) const ZERO: Self = Number(0.0);
     pub(crate) const ONE: Self = Number(1.0);
@@ -78,7 +86,11 @@ impl Term {
     pub(crate) fn mul(self, other: Self, b: &mut TapeBuilder) -> Self {
         match (self, other) {
             (Number(x), term) | (term, Number(x)) => term.times(x),
-            (Multiple(c, v), Multiple(d, w)) => Multiple(c * d, b.mul(v, w)),
+            (Multiple(c, v), Multiple(d, w)) if is_moderate(c * d) => Multiple(c * d, b.mul(v, w)),
+            (factor, other) => {
+                let (factor, other) = (factor.place(b), other.place(b));
+                Self::value(b.mul(factor, other))
+            }
         }
     }
 
@@ -89,7 +101,11 @@ impl Term {
     pub(crate) fn recip(self, b: &mut TapeBuilder) -> Self {
         match self {
             Number(x) => Number(1.0 / x),
-            Multiple(c, v) => Multiple(1.0 / c, b.recip(v)),
+            Multiple(c, v) if is_moderate(c) => Multiple(1.0 / c, b.recip(v)),
+            term => {
+                let term = term.place(b);
+                Self::value(b.recip(term))
+            }
         }
     }
 
@@ -98,7 +114,11 @@ impl Term {
             (term, Number(x)) => term.times(1.0 / x),
             (Number(x), term) => term.recip(b).times(x),
             (Multiple(c, v), Multiple(d, w)) if v == w => Number(c / d),
-            (Multiple(c, v), Multiple(d, w)) => Multiple(c / d, b.div(v, w)),
+            (Multiple(c, v), Multiple(d, w)) if is_moderate(c / d) => Multiple(c / d, b.div(v, w)),
+            (numerator, denominator) => {
+                let (numerator, denominator) = (numerator.place(b), denominator.place(b));
+                Self::value(b.div(numerator, denominator))
+            }
         }
     }
 

@@ -329,6 +329,11 @@ fn clip<'e>(
     lo: Tensor<'e>,
     hi: Tensor<'e>,
 ) -> Result<Tensor<'e>, Reported> {
+    let is_number = |value: &Tensor<'e>| value.data.iter().all(|e| e.as_constant().is_some());
+    if [&x, &lo, &hi].into_iter().all(is_number) {
+        let raised = fold(lowering, call, &[x, lo], BinaryFunction::Max)?;
+        return fold(lowering, call, &[raised, hi], BinaryFunction::Min);
+    }
     let zero = lowering.constant(0.0);
     let is_infinite = |bound: Expr<'e>| bound.as_constant().is_some_and(f64::is_infinite);
     let raised = fold_with(lowering, call, &[x.clone(), lo], |x, lo| {

@@ -215,17 +215,25 @@ pub fn evaluate(
             got: reason.clone(),
         };
     }
-    let instants: &[f64] = match (sides.left_when, sides.right_when) {
-        (When::Always, _) | (_, When::Always) => &trajectory.samples.time,
-        _ => &[f64::NAN],
+    let both = |time: f64| {
+        let left = values(subject, trajectory, &sides.left, sides.left_when, time)?;
+        Ok((
+            left,
+            values(subject, trajectory, &sides.right, sides.right_when, time)?,
+        ))
+    };
+    let instants = match (sides.left_when, sides.right_when) {
+        (When::Always, _) | (_, When::Always) => looks(trajectory, &|time| {
+            let (left, right) = both(time).ok()?;
+            Some(slack(&sides, relation.relation, &left, &right))
+        }),
+        _ => vec![f64::NAN],
     };
     let mut worst: Option<Miss> = None;
-    for &time in instants {
-        let left = values(subject, trajectory, &sides.left, sides.left_when, time);
-        let right = values(subject, trajectory, &sides.right, sides.right_when, time);
-        let (left, right) = match (left, right) {
-            (Ok(left), Ok(right)) => (left, right),
-            (Err(got), _) | (_, Err(got)) => {
+    for time in instants {
+        let (left, right) = match both(time) {
+            Ok(both) => both,
+            Err(got) => {
                 let expected = subject.sources.text(relation.right.span).to_owned();
                 return Verdict::Failed { expected, got };
             }
@@ -254,6 +262,71 @@ pub fn evaluate(
             },
         },
     }
+}
+
+/// The instants at which what is to hold always is looked at: those that are reported, some within every step, and, of
+/// those between them, where it is closest to be missed.
+fn looks(trajectory: &Trajectory, slack: &impl Fn(f64) -> Option<f64>) -> Vec<f64> {
+    let mut looks = trajectory.samples.time.clone();
+    let pieces = &trajectory.dense.pieces;
+    let parts = (LOOKS / pieces.len().max(1)).clamp(LEAST_PARTS, MOST_PARTS);
+    let mut close: Vec<(f64, [f64; 2])> = Vec::new();
+    for piece in pieces.iter() {
+        let at = |k: usize| piece.from + (piece.to - piece.from) * (k as f64 / parts as f64);
+        let slacks: Vec<Option<f64>> = (0..=parts).map(|k| slack(at(k))).collect();
+        looks.extend((1..parts).map(at));
+        for k in 1..parts {
+            if let [Some(before), Some(here), Some(behind)] = slacks[k - 1..=k + 1]
+                && here <= before.min(behind)
+            {
+                close.push((here, [at(k - 1), at(k + 1)]));
+            }
+        }
+    }
+    close.sort_by(|a, b| a.0.total_cmp(&b.0));
+    close.truncate(SEARCHES);
+    looks.extend(close.into_iter().map(|(_, within)| closest(slack, within)));
+    looks
+}
+
+/// Looks within all steps together, within each, and places around which the closest one is searched for.
+const LOOKS: usize = 4096;
+const LEAST_PARTS: usize = 4;
+const MOST_PARTS: usize = 256;
+const SEARCHES: usize = 32;
+
+/// Where a slack is least between two instants, by golden sections.
+fn closest(slack: &impl Fn(f64) -> Option<f64>, [mut from, mut to]: [f64; 2]) -> f64 {
+    const SECTIONS: usize = 40;
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let value = |time: f64| slack(time).unwrap_or(f64::INFINITY);
+    for _ in 0..SECTIONS {
+        let (early, late) = (to - golden * (to - from), from + golden * (to - from));
+        match value(early) <= value(late) {
+            true => to = late,
+            false => from = early,
+        }
+    }
+    0.5 * (from + to)
+}
+
+/// By how much a relation holds in the entry in which it does so least, negative where it is missed.
+fn slack(sides: &Sides<'_>, relation: ExpectOp, left: &[f64], right: &[f64]) -> f64 {
+    let sizes = [left.len(), right.len()];
+    let is_list = sizes.contains(&0) || sizes[0] != sizes[1] && !sizes.contains(&1);
+    if is_list {
+        return f64::NEG_INFINITY;
+    }
+    let entry = |side: &[f64], k: usize| side[if side.len() == 1 { 0 } else { k }];
+    let slacks = (0..left.len().max(right.len())).map(|k| {
+        let above = entry(left, k) - entry(right, k);
+        match relation {
+            ExpectOp::Close | ExpectOp::Equal => sides.within - above.abs(),
+            ExpectOp::Less | ExpectOp::LessEqual => -above,
+            ExpectOp::Greater | ExpectOp::GreaterEqual => above,
+        }
+    });
+    slacks.fold(f64::INFINITY, f64::min)
 }
 
 /// A relation that does not hold.

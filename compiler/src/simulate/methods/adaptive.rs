@@ -12,7 +12,7 @@ use nsd_solver::hybrid::{Piecewise, write_pieces};
 use nsd_solver::adaptive::{self, Field, Simulator};
 use nsd_solver::event::Observer;
 use nsd_solver::hybrid::Side;
-use nsd_solver::tape::{Scratch, Tape};
+use nsd_solver::tape::{Scratch, Sided, Tape};
 
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::limit::Limit;
@@ -125,9 +125,8 @@ impl<'e> Run<'e> for Adaptive {
 #[derive(Clone, Debug)]
 pub(crate) struct Jumping {
     /// (t, x, α) to f and to ψ.
-    rates: Tape,
+    rates: Sided,
     switching: Tape,
-    rates_scratch: Scratch,
     switching_scratch: Scratch,
     /// Whether there is an α in f; others matter for what is recorded alone.
     rates_switch: bool,
@@ -187,7 +186,7 @@ impl<'e> Inputs<'e> {
 impl Jumping {
     /// Lets no step pass over the pulses.
     pub(crate) fn of<'e>(system: &System<'e>, inputs: &Inputs<'e>, pulses: Pulses) -> Self {
-        let numbers = &inputs.numbers;
+        let (numbers, n) = (&inputs.numbers, system.states.len());
         let rates: Vec<Expr> = system.states.iter().map(|state| state.rate).collect();
         let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
         let (rates, switching) = (numbers.apply(&rates), numbers.apply(&switching));
@@ -206,13 +205,14 @@ impl Jumping {
         let rates_switch = alphas.iter().any(|alpha| in_rates.contains(alpha));
         let (rates, switching) = (tape(&inputs.vars, &rates), tape(&inputs.vars, &switching));
         Jumping {
-            rates_scratch: rates.scratch(),
             switching_scratch: switching.scratch(),
-            rates,
+            rates: Sided::new(rates, |input| {
+                (1 + n..1 + n + alphas.len()).contains(&input)
+            }),
             switching,
             rates_switch,
             rounds: depth.into_iter().max().map_or(0, |depth| depth + 1),
-            n: system.states.len(),
+            n,
             m: alphas.len(),
             data: inputs.data.clone(),
             pulses,
@@ -299,7 +299,6 @@ impl Field for Jumping {
 
     fn rates(&mut self, t: f64, x: &[f64], rates: &mut [f64]) {
         self.at(t, x);
-        let scratch = &mut self.rates_scratch;
-        self.rates.eval(&self.inputs, rates, scratch);
+        self.rates.eval(&self.inputs, rates);
     }
 }

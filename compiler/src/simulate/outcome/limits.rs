@@ -4,7 +4,7 @@
 //! the instant at which it leaves its bounds. A control is looked at in a few points of every step.
 
 use nsd_solver::event::Segment;
-use nsd_solver::tape::{Scratch, Tape};
+use nsd_solver::tape::{Sided, Tape};
 
 use crate::expr::{self, Expr};
 use crate::lowering::hybrid::{numbers, variable};
@@ -34,8 +34,7 @@ pub(crate) struct Limits<'s, 'e> {
     /// When each was left first, and its value there.
     left: Vec<Option<(f64, f64)>>,
     /// (t, data, x, α, parameters) to what is evaluated, in order.
-    tape: Tape,
-    scratch: Scratch,
+    functions: Sided,
     inputs: Vec<f64>,
     values: Vec<f64>,
     data: &'s [Data<'e>],
@@ -45,8 +44,8 @@ pub(crate) struct Limits<'s, 'e> {
 impl<'s, 'e> Limits<'s, 'e> {
     pub(crate) fn new(system: &'s System<'e>, tolerance: f64, reported: &Reported) -> Self {
         let limits = &system.recorded.limits;
-        let tape = reported.limits.clone();
-        let mut inputs = vec![0.0; tape.n_inputs()];
+        let functions = reported.limits.clone();
+        let mut inputs = vec![0.0; functions.whole().n_inputs()];
         let parameters: Vec<f64> = reported.parameters(system).collect();
         let first = inputs.len() - parameters.len();
         inputs[first..].copy_from_slice(&parameters);
@@ -56,10 +55,9 @@ impl<'s, 'e> Limits<'s, 'e> {
             state: limits.iter().map(|limit| place(system, limit)).collect(),
             left: vec![None; limits.len()],
             tolerance,
-            scratch: tape.scratch(),
-            values: vec![0.0; tape.n_outputs()],
+            values: vec![0.0; functions.whole().n_outputs()],
             inputs,
-            tape,
+            functions,
             data: &system.exogenous.data,
             shifted: Vec::new(),
         }
@@ -102,8 +100,7 @@ impl<'s, 'e> Limits<'s, 'e> {
                 *value = data.table.piece(segment.start).value(time);
             }
             self.inputs[0] = time;
-            self.tape
-                .eval(&self.inputs, &mut self.values, &mut self.scratch);
+            self.functions.eval(&self.inputs, &mut self.values);
             let evaluated = (0..self.left.len()).filter(|&k| self.state[k].is_none());
             for (k, &value) in evaluated.zip(&self.values) {
                 let allowed = &self.limits[k].allowed;

@@ -1,8 +1,8 @@
 //! Functions that a run is reported by: outputs, controls and limits, compiled once, with parameters that stay open.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use nsd_solver::tape::Tape;
+use nsd_solver::tape::{Sided, Tape};
 
 use crate::expr::{self, Expr, Var};
 use crate::lowering::hybrid::{numbers, variable};
@@ -18,9 +18,9 @@ use crate::system::switches::roots::Vanishing;
 #[derive(Debug)]
 pub(crate) struct Reported {
     /// The entries of all outputs, then those of all controls.
-    pub(super) outputs: Tape,
+    outputs: Mutex<Sided>,
     /// What limits are about that are no states.
-    pub limits: Tape,
+    pub limits: Sided,
     /// What may hide something from a step, for a method that does not see that by itself.
     pub hiding: Option<Hiding>,
     /// The numbers of the open parameters.
@@ -43,18 +43,17 @@ pub(crate) struct Given {
 impl Reported {
     /// Compiles them with some parameters open, by their numbers.
     pub fn new(system: &System, open: &[usize]) -> Self {
+        let sizes = [system.states.len(), system.switches.len()];
         let tape = compiler(system, open);
+        let sided = |exprs| Sided::new(tape(exprs), |input| alpha_of(system, input).is_some());
         let outputs = system.recorded.signals();
+        let outputs = outputs.flat_map(|output| output.exprs.iter().copied());
         Reported {
-            outputs: tape(
-                outputs
-                    .flat_map(|output| output.exprs.iter().copied())
-                    .collect(),
-            ),
-            limits: tape(evaluated(system)),
+            outputs: Mutex::new(sided(outputs.collect())),
+            limits: sided(evaluated(system)),
             hiding: None,
             open: open.to_vec(),
-            sizes: [system.states.len(), system.switches.len()],
+            sizes,
         }
     }
 
@@ -114,6 +113,15 @@ impl Reported {
         samples
     }
 
+    /// The functions of outputs and controls, on whatever sides.
+    pub(super) fn outputs(&self) -> Tape {
+        self.sided(|outputs| outputs.whole().clone())
+    }
+
+    fn sided<T>(&self, with: impl FnOnce(&mut Sided) -> T) -> T {
+        with(&mut self.outputs.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
     /// The entries of outputs, then of controls, each at all points.
     fn signals(&self, points: &Points, given: &Given) -> Vec<f64> {
         let Points {
@@ -123,26 +131,44 @@ impl Reported {
             ..
         } = points;
         let (n_points, [n, m]) = (times.len(), self.sizes);
-        let mut columns = vec![0.0; self.outputs.n_outputs() * n_points];
-        if columns.is_empty() {
-            return columns;
-        }
-        // Structure of arrays: one row per input, one column per point.
-        let mut table = times.clone();
-        for data in &given.data {
-            let value = |k: usize| data_at(data, times, k);
-            table.extend((0..n_points).map(value));
-        }
-        table.extend((0..n).flat_map(|i| (0..n_points).map(move |k| states[k * n + i])));
-        table.extend((0..m).flat_map(|i| (0..n_points).map(move |k| alphas[k * m + i])));
-        for &value in &given.parameters {
-            table.extend(std::iter::repeat_n(value, n_points));
-        }
-        let scratch = &mut self.outputs.lane_scratch();
-        self.outputs
-            .eval_many(&table, &mut columns, n_points, scratch);
-        columns
+        let (first, n_data) = (1 + given.data.len(), given.data.len());
+        let input = |k: usize, input: usize| match input {
+            0 => times[k],
+            _ if input <= n_data => data_at(&given.data[input - 1], times, k),
+            _ if input < first + n => states[k * n + input - first],
+            _ if input < first + n + m => alphas[k * m + input - first - n],
+            _ => given.parameters[input - first - n - m],
+        };
+        self.sided(|outputs| {
+            let n_outputs = outputs.whole().n_outputs();
+            let mut columns = vec![0.0; n_outputs * n_points];
+            let (mut from, mut part) = (0, Vec::new());
+            while n_outputs > 0 && from < n_points {
+                let ends = |k: &usize| !outputs.agree(|i| input(from, i), |i| input(*k, i));
+                let to = (from + 1..n_points).find(ends).unwrap_or(n_points);
+                let tape = outputs.on(|i| input(from, i));
+                // Structure of arrays: one row per input, one column per point.
+                let inputs = 0..tape.n_inputs();
+                let table: Vec<f64> = inputs
+                    .flat_map(|i| (from..to).map(move |k| input(k, i)))
+                    .collect();
+                part.resize(n_outputs * (to - from), 0.0);
+                tape.eval_many(&table, &mut part, to - from, &mut tape.lane_scratch());
+                for (o, part) in part.chunks(to - from).enumerate() {
+                    columns[o * n_points + from..o * n_points + to].copy_from_slice(part);
+                }
+                from = to;
+            }
+            columns
+        })
     }
+}
+
+/// The switch whose α an input of what is reported is.
+pub(super) fn alpha_of(system: &System, input: usize) -> Option<usize> {
+    let first = 1 + system.exogenous.data.len() + system.states.len();
+    let switch = input.checked_sub(first)?;
+    (switch < system.switches.len()).then_some(switch)
 }
 
 /// What makes functions of time, data, states, α and open parameters.

@@ -87,7 +87,7 @@ impl<'r> Rows<'r> {
             values.fold(0.0, f64::max)
         };
         Rows {
-            outputs: Differentiated::of(reported.outputs.clone(), first),
+            outputs: Differentiated::of(reported.outputs(), first),
             surfaces: Differentiated::of(reported.surfaces(system), first),
             sizes: (0..n).map(size).collect(),
             inputs,

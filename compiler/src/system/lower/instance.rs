@@ -80,7 +80,7 @@ impl<'m, 'e> Instance<'m, 'e> {
     /// The value of an expression in parameters, free ones at their guesses.
     pub fn number(&self, e: Expr<'e>) -> f64 {
         let numbers = &self.values().numbers;
-        e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
+        e.value(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
     }
 
     /// The variable of a state that is kept, by its place in the system.

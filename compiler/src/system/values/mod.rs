@@ -107,7 +107,7 @@ impl<'e> Values<'e> {
     /// Where parameters that stay open may be: where they were declared to be, and on their side of zero.
     pub fn open_ranges(&self, model: &Model<'e>) -> FxHashMap<Var, Interval> {
         let number =
-            |e: Expr<'e>| e.eval(&|var| self.numbers.get(&var).copied().unwrap_or(f64::NAN));
+            |e: Expr<'e>| e.value(&|var| self.numbers.get(&var).copied().unwrap_or(f64::NAN));
         let entries = (model.quantities.params.iter())
             .flat_map(|param| (0..param.vars.len()).map(move |k| (param, k)));
         let open = entries.filter_map(|(param, k)| {
@@ -193,7 +193,7 @@ impl<'e> Values<'e> {
             Some(other) => Err(model.exprs.name(other)),
             None => Ok(exprs
                 .iter()
-                .map(|e| e.eval(&|var| self.numbers[&var]))
+                .map(|e| e.value(&|var| self.numbers[&var]))
                 .collect()),
         }
     }
@@ -251,7 +251,7 @@ fn numbers<'e>(
                 .iter()
                 .all(|var| params.contains(var) && numbers.contains_key(var));
             if ready {
-                numbers.insert(var, value.eval(&|var| numbers[&var]));
+                numbers.insert(var, value.value(&|var| numbers[&var]));
                 free.define(var, value, params.contains(&var), span);
             }
             !ready
@@ -328,7 +328,7 @@ fn in_range<'e>(
     numbers: &FxHashMap<Var, f64>,
     diags: &mut Diagnostics,
 ) -> bool {
-    let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
+    let number = |e: Expr<'e>| e.value(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
     let mut fine = true;
     for param in &model.quantities.params {
         for (k, &var) in param.vars.iter().enumerate() {
@@ -354,7 +354,7 @@ fn in_sets<'e>(
     diags: &mut Diagnostics,
 ) -> bool {
     let numbers = &values.numbers;
-    let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
+    let number = |e: Expr<'e>| e.value(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
     let params: FxHashSet<Var> = (model.quantities.of_params())
         .filter_map(|var| var.as_variable())
         .collect();

@@ -1,23 +1,28 @@
 //! The numbers that variables stand for at a point of a run.
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::System;
 
 /// Variables with their numbers.
 #[derive(Clone, Debug, Default)]
-pub struct Valuation(FxHashMap<Var, f64>);
+pub struct Valuation {
+    numbers: FxHashMap<Var, f64>,
+    /// Those that are α.
+    alphas: FxHashSet<Var>,
+}
 
 impl Valuation {
     /// Gives a variable a number.
     pub fn set(&mut self, e: Expr<'_>, number: f64) {
-        self.0.extend(e.as_variable().map(|var| (var, number)));
+        self.numbers
+            .extend(e.as_variable().map(|var| (var, number)));
     }
 
     /// Where a variable has a number, that one.
     pub fn get(&self, var: Var) -> Option<f64> {
-        self.0.get(&var).copied()
+        self.numbers.get(&var).copied()
     }
 
     /// The number of a variable, NaN where it has none.
@@ -25,22 +30,33 @@ impl Valuation {
         self.get(var).unwrap_or(f64::NAN)
     }
 
-    /// The value of an expression; not a number where a variable has none.
+    /// Gives an α a number.
+    fn set_alpha(&mut self, alpha: Expr<'_>, number: f64) {
+        self.set(alpha, number);
+        self.alphas.extend(alpha.as_variable());
+    }
+
+    /// The value of an expression on the sides on which it is; not a number where a variable has none.
     pub fn value(&self, e: Expr<'_>) -> f64 {
-        e.eval(&|var| self.number(var))
+        let number = |var| self.number(var);
+        let side = |var| {
+            let alpha = self.alphas.contains(&var).then(|| number(var));
+            alpha.filter(|alpha| *alpha == 0.0 || *alpha == 1.0)
+        };
+        e.decided(&number, &side).eval(&number)
     }
 
     /// A variable of the expressions that has no number.
     pub fn unknown(&self, exprs: &[Expr<'_>]) -> Option<Var> {
         let mut variables = variables_of(exprs).into_iter();
-        variables.find(|var| !self.0.contains_key(var))
+        variables.find(|var| !self.numbers.contains_key(var))
     }
 }
 
 impl<'e> Extend<(Expr<'e>, f64)> for Valuation {
     fn extend<I: IntoIterator<Item = (Expr<'e>, f64)>>(&mut self, numbers: I) {
         let numbers = numbers.into_iter();
-        (self.0).extend(numbers.filter_map(|(e, number)| Some((e.as_variable()?, number))));
+        (self.numbers).extend(numbers.filter_map(|(e, number)| Some((e.as_variable()?, number))));
     }
 }
 
@@ -60,8 +76,9 @@ impl System<'_> {
         known.extend(data.map(|data| (data.var, data.table.value(time))));
         let states = self.states.iter().map(|state| state.var);
         known.extend(states.zip(x.iter().copied()));
-        let alphas = self.switches.iter().map(|switch| switch.alpha);
-        known.extend(alphas.zip(alpha.iter().copied()));
+        for (switch, &alpha) in self.switches.iter().zip(alpha) {
+            known.set_alpha(switch.alpha, alpha);
+        }
         known
     }
 
@@ -84,7 +101,7 @@ impl System<'_> {
         for (switch, alpha) in self.switches.iter().zip(alpha) {
             if alpha.is_nan() {
                 *alpha = f64::from(u8::from(known.value(switch.psi) >= 0.0));
-                known.set(switch.alpha, *alpha);
+                known.set_alpha(switch.alpha, *alpha);
             }
         }
     }
