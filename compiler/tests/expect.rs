@@ -207,3 +207,33 @@ fn what_has_no_derivative_has_values() {
         "{checks:?}"
     );
 }
+
+/// x = t - t²/7 is 7/4 in the middle of a step that begins and ends at 0, and sin t is 1.
+#[test]
+fn what_holds_always_holds_within_steps() {
+    let parabola =
+        "model m { state x = 0; state v = 1; x' = v; v' = -2/7; output a = exp(-1e3*(x - 1)^2); }
+        simulate run of m { horizon 7;";
+    let wave = "model m { state x = 0; state v = 1; x' = v; v' = -x; }
+        simulate run of m { horizon 7;";
+    for (model, expect, holds) in [
+        (parabola, "x always <= 0.1", false),
+        (parabola, "x always <= 1.7499", false),
+        (parabola, "x always <= 1.75 + 1e-9", true),
+        (parabola, "a always <= 0.9", false),
+        (parabola, "x always ~ 1 within 0.99", false),
+        (wave, "x always <= 0.7", false),
+        (wave, "x always < 0.99999999", false),
+        (wave, "x always >= -1 - 1e-9", true),
+        (wave, "x^2 + v^2 always ~ 1 within 1e-7", true),
+        (wave, "[x, v] always <= [1 + 1e-9, 1 + 1e-9]", true),
+        (wave, "[x, v] always <= [1 + 1e-9, 0.9]", false),
+    ] {
+        let checks = verdicts_of(&format!("{model} expect {expect}; }}"));
+        assert_eq!(
+            checks[0].verdict == Verdict::Passed,
+            holds,
+            "{expect}: {checks:?}"
+        );
+    }
+}

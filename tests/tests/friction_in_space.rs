@@ -446,3 +446,36 @@ fn joined(c: f64, [x, y]: [f64; 2], pull: f64, tolerance: f64) -> Trajectory {
     );
     solved(&text, "this")
 }
+
+/// A force F - b t along a line: a block slips, comes to rest at an instant that steps may end at, sticks, and slips back.
+#[test]
+fn what_comes_to_rest_at_the_end_of_a_step_sticks() {
+    for force in [1.25, 1.5, 1.75, 2.0] {
+        for slope in [0.5, 1.0, 2.0] {
+            for horizon in [4.0, 5.0, 8.0] {
+                for line in [[1.0, 0.0], [0.6, 0.8]] {
+                    let [a, b] = line.map(|c| format!("{c:?}*({force:?} - {slope:?}*time)"));
+                    let text = format!(
+                        "model puck {{
+                           state q[3] = [0, 0, 0]; state v[3] = [0, 0, 0];
+                           q' = v;
+                           mechanics q, v {{
+                             mass = 1; force = [{a}, {b}, -10];
+                             contact ground {{ gap = q[3]; restitution = 0; friction = 0.1; slip = [v[1], v[2]]; }}
+                           }}
+                         }}
+                         simulate s of puck {{ horizon {horizon:?}; }}"
+                    );
+                    let (rest, back) = (2.0 * (force - 1.0) / slope, (force + 1.0) / slope);
+                    let [first, second] =
+                        [rest, horizon - back].map(|t: f64| t.clamp(0.0, horizon));
+                    let way = 0.5 * (force - 1.0) * first * first
+                        - slope * first.powi(3) / 6.0
+                        - slope * second.powi(3) / 6.0;
+                    let found = end(&solved(&text, "s"), "q");
+                    assert_near(&found, &[line[0] * way, line[1] * way, 0.0], 1e-9);
+                }
+            }
+        }
+    }
+}

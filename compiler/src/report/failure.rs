@@ -393,7 +393,7 @@ pub enum Failure {
 
     /// Constraints that contradict each other, or a grid that holds no trajectory.
     #[error(
-        "no controls satisfy the model and all constraints on this grid: at best {violation} is missed"
+        "no controls were found that satisfy the model and all constraints on this grid: where they are missed least from here, by {violation}"
     )]
     #[diagnostic(
         code(E0715),

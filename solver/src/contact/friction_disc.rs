@@ -142,16 +142,20 @@ impl NearRest<'_> {
         bands.width[switch] * STOPS.max(TURNS * self.tolerance / BAND)
     }
 
-    /// The end of what slips in two directions and is all but at rest, where it still turns: no step gets there.
+    /// The end of what slips in two directions and is all but at rest, where it still turns: no step gets there. Where a step
+    /// has ended at rest, w has no direction.
     pub(crate) fn comes_to_rest(&mut self, state: &mut State) -> Option<Step> {
         let (mode, mut all) = (&mut *self.mode, 0..state.point.sides.len());
+        mode.move_to(&state.point);
         let slowing = |i: &usize| {
-            if state.bands.armed[*i]
-                || mode
-                    .planes
-                    .slips_with(*i, &mode.system, &mode.sides)
-                    .is_none()
-            {
+            let slips_with = mode.planes.slips_with(*i, &mode.system, &mode.sides);
+            let Some(other) = slips_with else {
+                return false;
+            };
+            if mode.psi(*i).hypot(mode.psi(other)) <= state.bands.width[*i] {
+                return true;
+            }
+            if state.bands.armed[*i] {
                 return false;
             }
             let bands = &mut state.bands;

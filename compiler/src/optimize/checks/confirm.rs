@@ -8,7 +8,7 @@
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution};
 
-use super::descent::{Candidate, Found, LARGE, SMALL, Search};
+use super::descent::{self, Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
 use super::solved;
 use crate::limit::Limit;
@@ -34,9 +34,10 @@ const CREDIBLE: f64 = 1e-3;
 const DOUBT: f64 = 10.0;
 
 /// Where a better point is looked for, in this order: what curves, and switches that are near, show in larger changes.
-const LOOKS: [Look; 4] = [
+const LOOKS: [Look; 5] = [
     Look::Around(SMALL),
     Look::Around(LARGE),
+    Look::Choices,
     Look::Elsewhere,
     Look::Through,
 ];
@@ -45,6 +46,8 @@ const LOOKS: [Look; 4] = [
 enum Look {
     /// In changes of such a share of the sizes of quantities.
     Around(f64),
+    /// At other values of finite sets.
+    Choices,
     /// All over the ranges.
     Elsewhere,
     /// Where events come in other intervals.
@@ -221,7 +224,7 @@ fn look(
     let Some(mut reduced) = Reduced::new(problem, w, limit) else {
         return Err(Confirmation::None);
     };
-    if reduced.quantities.is_empty() {
+    if reduced.quantities.is_empty() && !problem.has_choices(w) {
         return Err(Confirmation::Confirmed);
     }
     let base = reduced.at(w);
@@ -246,7 +249,9 @@ fn look(
     if error > CREDIBLE * solution.objective.abs().max(1.0) {
         return Err(Confirmation::Differs);
     }
+    let scale = descent::scale(&mut reduced, w, solution.objective);
     let mut search = Search {
+        scale,
         reduced: &mut reduced,
         w,
         objective: solution.objective,
@@ -258,6 +263,7 @@ fn look(
     for (i, look) in looks.iter().enumerate() {
         let found = match look {
             Look::Around(change) => search.descent(*change),
+            Look::Choices => search.choices(),
             Look::Elsewhere => search.elsewhere(),
             Look::Through => search.through(),
         };

@@ -15,9 +15,11 @@ pub(crate) const SMALL: f64 = 1e-4;
 pub(crate) const LARGE: f64 = 1e-2;
 /// Changes that bounds leave no more than this share of are none.
 const LEAST_ROOM: f64 = 1e-2;
-/// Decreases per size of a quantity that count: relative to the objective, and others.
+/// Decreases per size of a quantity that count: relative to the objective, and others. These are smaller where the objective
+/// is nowhere larger than `TINY`.
 const RELATIVE: f64 = 3e-4;
 const ABSOLUTE: f64 = 1e-5;
+const TINY: f64 = 1e-2;
 /// Constraints that are farther away, relative to their values, are not near.
 const NEAR: f64 = 1e-2;
 /// By which factor steps grow, and how often.
@@ -71,12 +73,32 @@ pub(crate) struct Search<'s, 'r, 'e> {
     pub weight: f64,
     pub doubt: f64,
     pub room: f64,
+    /// How large the objective is around the point, at most 1.
+    pub scale: f64,
+}
+
+/// How large the objective is at a point and where all quantities are larger or smaller by their sizes, as a share of
+/// `TINY` and at most 1.
+pub(crate) fn scale(reduced: &mut Reduced<'_, '_>, w: &[f64], objective: f64) -> f64 {
+    let costs = [1.0, -1.0].map(|sign| {
+        let mut other = w.to_vec();
+        for quantity in &reduced.quantities {
+            let value = &mut other[quantity.index];
+            *value = (*value + sign * quantity.size)
+                .max(quantity.lower)
+                .min(quantity.upper);
+        }
+        reduced.problem.balance(&mut other);
+        reduced.at(&other).map_or(TINY, |values| values.cost.abs())
+    });
+    let largest = costs.into_iter().fold(objective.abs(), f64::max);
+    (largest / TINY).min(1.0)
 }
 
 impl Search<'_, '_, '_> {
     /// What counts as a decrease per size of a quantity, in changes of such a share of it.
     pub(crate) fn threshold(&self, change: f64) -> f64 {
-        let least = RELATIVE * self.objective.abs() + ABSOLUTE;
+        let least = RELATIVE * self.objective.abs() + ABSOLUTE * self.scale;
         least.max(self.doubt).max(self.room / change)
     }
 
@@ -359,6 +381,7 @@ mod tests {
                 weight: 1.0,
                 doubt: 0.0,
                 room: 0.0,
+                scale: 1.0,
             };
             let Found::Descent { points, .. } = search.descent(SMALL) else {
                 panic!("there is a slope");

@@ -1,5 +1,6 @@
 //! What a simulation says about a solution.
 
+mod choices;
 pub(crate) mod confirm;
 pub(crate) mod descent;
 pub(crate) mod elsewhere;

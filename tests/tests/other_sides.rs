@@ -1,0 +1,160 @@
+//! What is on another side has no part in values: limits that are never met, branches without a value, powers of quotients.
+
+use nsd_tests::{end, solved};
+
+/// Limits that take all digits of 1 with them, and some that take a few.
+const LIMITS: [f64; 5] = [1e3, 1e9, 1e15, 1e20, 1e300];
+
+fn close(found: f64, exact: f64, what: &str) {
+    let error = (found - exact).abs() / exact.abs().max(1.0);
+    assert!(error <= 1e-10, "{what}: {found:e}, not {exact:e}");
+}
+
+/// x = e⁻ᵗ is between all limits, and 3 - x beyond a few.
+#[test]
+fn values_do_not_see_limits_that_are_not_met() {
+    let (end_of_run, half) = ((-1.0_f64).exp(), (-0.5_f64).exp());
+    let cases: [(&str, fn(f64, f64) -> f64); 12] = [
+        ("sat(x, -L, L)", |x, _| x),
+        ("sat(-2*x, -L, L)", |x, _| -2.0 * x),
+        ("sat(L*(x + 1), -1, 1)", |_, _| 1.0),
+        ("clamp(x, 0, L)", |x, _| x),
+        ("max(x, -L)", |x, _| x),
+        ("min(x, L)", |x, _| x),
+        ("max(min(x, L), -L) + 1", |x, _| x + 1.0),
+        ("deadzone(x + L, L)", |x, _| x),
+        ("1/max(x, 1/L)", |x, _| 1.0 / x),
+        ("if x > 2 then L else x", |x, _| x),
+        ("abs(x - L) - L", |x, limit| (x - limit).abs() - limit),
+        ("sqrt(max(x, 0)) + L*step(-x)", |x, _| x.sqrt()),
+    ];
+    for limit in LIMITS {
+        for (form, exact) in cases {
+            let text = format!(
+                "model m {{
+                   param L = {limit:e};
+                   state x = 1; x' = -x;
+                   discrete sampled = 0; every 0.5 {{ sampled := {form}; }}
+                   discrete kept = 0; state clock = 0; clock' = 1;
+                   jump keep when clock > 0.5 {{ kept := {form}; clock := -10; }}
+                   output told = {form};
+                 }}
+                 simulate run of m {{ horizon 1; tolerance 1e-12; }}"
+            );
+            let found = solved(&text, "run");
+            let what = format!("{form} with {limit:e}");
+            // A sum with a limit has the digits that the limit leaves.
+            let of_sum = ["deadzone", "abs", "sat(L"]
+                .iter()
+                .any(|name| form.starts_with(name));
+            if of_sum && limit > 1e3 {
+                continue;
+            }
+            close(end(&found, "told")[0], exact(end_of_run, limit), &what);
+            close(end(&found, "sampled")[0], exact(end_of_run, limit), &what);
+            close(end(&found, "kept")[0], exact(half, limit), &what);
+        }
+    }
+}
+
+/// Rates by events and by `adaptive`, initial values and parameters by others, and numbers.
+#[test]
+fn rates_and_numbers_do_not_either() {
+    for limit in LIMITS {
+        for method in ["event", "adaptive"] {
+            let text = format!(
+                "model m {{
+                   param p = 1.25; param q = sat(p, -{limit:e}, {limit:e});
+                   state x = 1; state y = q; state z = 0;
+                   x' = sat(-x, -{limit:e}, {limit:e}); y' = 0;
+                   z' = sat(1.3, -{limit:e}, {limit:e});
+                 }}
+                 simulate run of m {{ horizon 1; tolerance 1e-11; method {method}; }}"
+            );
+            let found = solved(&text, "run");
+            let what = format!("{limit:e} by {method}");
+            close(end(&found, "x")[0], (-1.0_f64).exp(), &what);
+            close(end(&found, "y")[0], 1.25, &what);
+            close(end(&found, "z")[0], 1.3, &what);
+        }
+    }
+}
+
+/// log(x - 5) and √(x - 5) have no value where x is below 5.
+#[test]
+fn what_has_no_value_is_not_asked_for_one() {
+    let text = "model m {
+           state x = 1; x' = -x;
+           let branch = if x > 5 then log(x - 5) else x;
+           discrete d = 0; every 0.5 { d := if x > 5 then sqrt(x - 5) else x; }
+           output told = branch;
+           output level = log(abs(x));
+         }
+         simulate run of m { horizon 1; tolerance 1e-12; }";
+    let found = solved(text, "run");
+    close(end(&found, "told")[0], (-1.0_f64).exp(), "if");
+    close(end(&found, "level")[0], -1.0, "abs");
+    close(end(&found, "d")[0], (-1.0_f64).exp(), "sampled");
+}
+
+/// A harvest that sets in at K: r N (1 - N/(2 K)) = h (N/K)ⁿ/(1 + (N/K)ⁿ) at rest, by bisection; K⁻ⁿ is no number.
+#[test]
+fn steep_powers_of_quotients_act() {
+    for (k, n) in [
+        (5000.0, 20),
+        (5000.0, 88),
+        (5000.0, 100),
+        (1e6, 55),
+        (1e13, 25),
+        (1e-3, 120),
+    ] {
+        let power = |x: f64| (x / k).powi(n);
+        let rate = |x: f64| x * (1.0 - x / (2.0 * k)) - 0.6 * k * power(x) / (1.0 + power(x));
+        let (mut low, mut high) = (0.5 * k, 1.5 * k);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            match rate(middle) > 0.0 {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        for parameter in ["param K", "const K"] {
+            let text = format!(
+                "{} model m {{ {} state N = {:e};
+                   N' = N*(1 - N/(2*K)) - 0.6*K*(N/K)^{n}/(1 + (N/K)^{n}); }}
+                 simulate run of m {{ horizon 40; }}",
+                if parameter == "const K" {
+                    format!("const K = {k:e};")
+                } else {
+                    String::new()
+                },
+                if parameter == "param K" {
+                    format!("param K = {k:e};")
+                } else {
+                    String::new()
+                },
+                0.2 * k
+            );
+            let found = end(&solved(&text, "run"), "N")[0];
+            assert!(
+                (found / low - 1.0).abs() < 1e-6,
+                "{k:e}, {n}: {found:e}, not {low:e}"
+            );
+        }
+    }
+}
+
+/// N' = N/2 halves at K: after ln 2/(1/2) again and again.
+#[test]
+fn guards_see_powers_of_quotients() {
+    for n in [20, 100, 300] {
+        let text = format!(
+            "model m {{ state N = 4000; discrete n = 0; N' = N/2;
+               jump halve when (N/5000)^{n} > 1 {{ N := N/2; n := n + 1; }} }}
+             simulate run of m {{ horizon 10; }}"
+        );
+        let first = 2.0 * (5.0_f64 / 4.0).ln();
+        let count = 1.0 + ((10.0 - first) / (2.0 * 2.0_f64.ln())).floor();
+        assert_eq!(end(&solved(&text, "run"), "n")[0], count, "{n}");
+    }
+}
