@@ -490,7 +490,8 @@ fn a_second_gradient_compiles_nothing() {
         let mut known = None;
         for values in [first.clone(), second.clone(), first] {
             let value = |name: &str| values.iter().find(|(known, _)| *known == name).map(|v| v.1);
-            let [k, a]: [f64; 2] = [("k", 1.0), ("a", 2.0)].map(|(name, own)| value(name).unwrap_or(own));
+            let [k, a]: [f64; 2] =
+                [("k", 1.0), ("a", 2.0)].map(|(name, own)| value(name).unwrap_or(own));
             let (x, starts) = (value("x").unwrap_or(a), value("x").is_none());
             let fades = (-k).exp();
             let of_x = [-x * fades, if starts { fades } else { 0.0 }, fades];

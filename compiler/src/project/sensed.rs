@@ -138,9 +138,12 @@ impl Sensor {
             };
             targets.push(place.ok_or_else(not_there)?);
         }
-        let is_target =
-            |&place: &usize| (targets.iter()).any(|t| matches!(t, Target::Parameter(at) if *at == place));
-        let by: Vec<bool> = (0..opened.places.len()).map(|place| is_target(&place)).collect();
+        let is_target = |&place: &usize| {
+            (targets.iter()).any(|t| matches!(t, Target::Parameter(at) if *at == place))
+        };
+        let by: Vec<bool> = (0..opened.places.len())
+            .map(|place| is_target(&place))
+            .collect();
         let (entries, slopes) = opened.start.partials(|input| by[input]);
         let names = all.iter();
         Ok(Sensor {

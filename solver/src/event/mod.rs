@@ -23,12 +23,13 @@ pub(crate) mod state;
 pub(crate) mod tests;
 mod transition;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use crate::hybrid::{HybridSystem, Piecewise, Settings, Side, Status};
 use crate::runtime::limit::Limit;
 use crate::selector::algebraic::Initialization;
 use crate::selector::coupling::Coupling;
+use crate::sensitivity::{Derivatives, locked};
 
 pub use crate::event::numerical_time::{Clock, Clocked};
 pub use crate::event::perturbation::{KickSize, Kicks};
@@ -54,6 +55,8 @@ pub struct Simulator {
     looked_at: Vec<usize>,
     /// Memory that one run leaves to the next.
     pub(crate) state: State,
+    /// What passes over runs leave to the next.
+    pub(crate) derivatives: Mutex<Derivatives>,
 }
 
 impl Simulator {
@@ -69,6 +72,7 @@ impl Simulator {
             projection: Projection::default(),
             looked_at: standing::looked_at(&system),
             state: State::default(),
+            derivatives: Mutex::new(Derivatives::new(system.clone())),
             system,
         }
     }
@@ -77,6 +81,7 @@ impl Simulator {
     pub fn with(&self, settings: Settings) -> Self {
         let mut other = Simulator::new(self.system.clone(), settings);
         other.mode.library.clone_from(&self.mode.library);
+        locked(&other.derivatives).clone_from(&locked(&self.derivatives));
         other.mode.memory.data.clone_from(&self.mode.memory.data);
         other.set_parameters(&self.mode.memory.values[self.mode.memory.parameters()]);
         other
@@ -116,6 +121,11 @@ impl Simulator {
     /// share them.
     pub fn n_functions(&self) -> usize {
         self.mode.library.len()
+    }
+
+    /// The number of functions whose derivatives were made so far, of all sides that passes over runs have met.
+    pub fn n_derivatives(&self) -> usize {
+        locked(&self.derivatives).len()
     }
 
     /// The settings in force.

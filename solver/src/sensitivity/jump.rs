@@ -194,8 +194,9 @@ fn reset_to(
         reset.inputs_on(&on, &event.from).collect(),
         functions.slots,
     );
-    let values = group.values(&point, &mut functions.registers);
+    let values: Vec<f64> = group.values(&point, &mut functions.registers).collect();
     let slopes = group.slopes(&point, &mut functions.registers);
+    let slopes: Vec<(usize, usize, f64)> = slopes.collect();
     let slots = functions.slots;
     let slides = |slot| {
         slots
@@ -249,8 +250,8 @@ impl Closed {
             (closed.sides[normal], closed.alpha[normal]) = (Side::Slide, 0.0);
             let tape = Arc::new(impact.numbers.clone());
             let group = Group::new(tape, impact.inputs.clone(), functions.slots);
-            let numbers = group.values(&point, &mut functions.registers);
-            let slopes = group.slopes(&point, &mut functions.registers).into_iter();
+            let numbers: Vec<f64> = group.values(&point, &mut functions.registers).collect();
+            let slopes = group.slopes(&point, &mut functions.registers);
             let of_e = slopes.filter(|&(number, ..)| number == 0);
             let of_e: Vec<_> = of_e.map(|(_, slot, slope)| (slot, slope)).collect();
             closed.stopped.push(Stopped {
