@@ -518,10 +518,6 @@ impl<'r> Functions<'r> {
                 alpha[i] -= delta;
                 change = change.max(delta.abs() / (1.0 + alpha[i].abs()));
             }
-            // What rounding moves is where it was.
-            if change <= 4.0 * f64::EPSILON {
-                return Ok(linear);
-            }
             if change <= SOLVED {
                 return self.linearize(mode, &Point { alpha, ..*point });
             }
