@@ -118,14 +118,9 @@ impl Simulator {
     }
 
     /// The number of functions that were made so far, of all sides that runs have met: blocks and surfaces of one form
-    /// share them.
+    /// share them. Those whose derivatives passes over runs have met, block by block, are counted with them.
     pub fn n_functions(&self) -> usize {
-        self.mode.library.len()
-    }
-
-    /// The number of functions whose derivatives were made so far, of all sides that passes over runs have met.
-    pub fn n_derivatives(&self) -> usize {
-        locked(&self.derivatives).len()
+        self.mode.library.len() + locked(&self.derivatives).len()
     }
 
     /// The settings in force.

@@ -77,7 +77,7 @@ fn a_second_pass_meets_no_other_derivatives() {
     let pass = |of: &Simulator| {
         let found = differentiate(of, &recording, &approaches, &directions, &[]);
         assert!(found.lost[0].is_none());
-        of.n_derivatives()
+        of.n_functions()
     };
     let made = pass(&simulator);
     assert!(made >= hybrid.blocks.len());
