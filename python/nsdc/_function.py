@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import DerivativeError
-from ._quantities import Quantity, both, entry, finite, given, real, rows
+from ._quantities import ENTRY, Quantity, both, entry, finite, given, real, rows
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Values = dict[str, NDArray[np.float64]]
 #: Derivatives by what is differentiated, and by what it is differentiated by: of the shape of the one, and behind it the other's.
 Jacobian = dict[str, Values]
+#: How many rows a run has, and the places of values among them.
+Rows = tuple[int, NDArray[np.intp]]
 #: From derivatives of a number by what a function gives, by name, to its derivatives by what the function takes.
 Pullback = Callable[[Mapping[str, ArrayLike]], Values]
 
@@ -74,6 +76,10 @@ class Function:
         instants = () if self._at is None else self._at.shape
         #: What it gives, with shapes.
         self.outputs = {name: instants + _shape(reported, name) for name in (reported if of is None else of)}
+        #: The shape of its values' rows.
+        self.instants = instants
+        #: What it gives, or gives an entry of, with shapes.
+        self._whole = {one: reported[one].shape for one in (_whole(reported, name) for name in self.outputs)}
         if not self.inputs or not self.outputs:
             raise ValueError("by, of: expected one name or more")
         # What is named twice.
@@ -100,29 +106,32 @@ class Function:
         flat = None if weights is None else [(name, one.ravel().tolist()) for name, one in weights.items()]
         return self._experiment._run(asked, sensitivities, weights=flat).raise_for_status()
 
-    def _rows(self, time: NDArray[np.float64]) -> Any:
-        """The places of rows, those behind what jumps there."""
-        if self._at is None:
-            return -1
-        places = np.searchsorted(time, self._at, side="right") - 1
-        if np.any(places < 0) or np.any(time[places] != self._at):
-            raise ValueError("at: instants outside of the run")
-        return places
+    def _values(self, result: Result) -> tuple[Values, Rows]:
+        """The values, those behind what jumps at their instants, with their rows."""
+        count = len(result.time)
+        places = np.array(count - 1)
+        if self._at is not None:
+            places = np.searchsorted(result.time, self._at, side="right") - 1
+            if np.any(places < 0) or np.any(result.time[places] != self._at):
+                raise ValueError("at: instants outside of the run")
+        return {name: np.array(result[name][places]) for name in self.outputs}, (count, places)
+
+    def _some(self, by: Collection[str] | None) -> dict[str, tuple[int, ...]]:
+        """These inputs, or all, with shapes."""
+        return {name: shape for name, shape in self.inputs.items() if by is None or name in by}
 
     def __call__(self, inputs: Mapping[str, ArrayLike]) -> Values:
         """The values, where it is given these."""
-        result = self._run(inputs, ())
-        places = self._rows(result.time)
-        return {name: np.array(result[name][places]) for name in self.outputs}
+        values, _ = self._values(self._run(inputs, ()))
+        return values
 
     def linearized(
         self, inputs: Mapping[str, ArrayLike], by: Collection[str] | None = None
     ) -> tuple[Values, Jacobian]:
         """The values and all derivatives there, `jacobian["x"]["mu"]` of x by mu; or the derivatives by some inputs alone."""
-        shapes = {name: shape for name, shape in self.inputs.items() if by is None or name in by}
+        shapes = self._some(by)
         result = self._run(inputs, list(shapes))
-        places = self._rows(result.time)
-        values = {name: np.array(result[name][places]) for name in self.outputs}
+        values, (_, places) = self._values(result)
         ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes.values()])
         jacobian: Jacobian = {}
         for name, shape in self.outputs.items():
@@ -132,6 +141,37 @@ class Function:
             parts = zip(shapes.items(), np.split(derivatives, ends[:-1], axis=-1))
             jacobian[name] = {of: part.reshape(shape + own) for (of, own), part in parts}
         return values, jacobian
+
+    def valued(
+        self, inputs: Mapping[str, ArrayLike], by: Collection[str] | None = None
+    ) -> tuple[Values, Rows]:
+        """The values, with the rows from which `pulled` pulls them back to the inputs, or to some of them."""
+        # The derivative of nothing costs nothing, and its run has the rows of one with weights.
+        return self._values(self._run(inputs, list(self._some(by)), {}))
+
+    def pulled(
+        self,
+        inputs: Mapping[str, ArrayLike],
+        rows_of: Rows,
+        weights: Mapping[str, ArrayLike],
+        by: Collection[str] | None = None,
+    ) -> Values:
+        """From derivatives of a number by values, of which `valued` has told the rows, to those by the inputs, or by some."""
+        (count, places), shapes = rows_of, self._some(by)
+        spread = {name: np.zeros((int(count), *shape)) for name, shape in self._whole.items()}
+        for name, one in weights.items():
+            if name not in self.outputs:
+                raise TypeError(f"`{name}` is none of {', '.join(self.outputs)}")
+            shape = self.outputs[name]
+            np.add.at(rows(spread, name), places, finite(name, one, shape).reshape(shape))
+        weighed = {name: one for name, one in spread.items() if one.any()}
+        result = self._run(inputs, list(shapes), weighed)
+        gradient = result._of_run().gradient()
+        if gradient is None or not np.all(np.isfinite(gradient)):
+            raise DerivativeError(result)
+        ends = np.cumsum([np.prod(shape, dtype=int) for shape in shapes.values()])
+        parts = zip(shapes.items(), np.split(gradient, ends[:-1]))
+        return {name: part.reshape(shape) for (name, shape), part in parts}
 
     def vjp(self, inputs: Mapping[str, ArrayLike]) -> tuple[Values, Pullback]:
         """The values, and what takes derivatives of a number by them to its derivatives by the inputs, in a run and a pass back
@@ -146,28 +186,18 @@ class Function:
         `DerivativeError` comes from where it pulls back.
         """
         inputs = {name: real(name, value) for name, value in inputs.items()}
-        # The derivative of nothing costs nothing, and its run has the rows of one with weights.
-        result = self._run(inputs, list(self.inputs), {})
-        places = self._rows(result.time)
-        shapes = {name: result[name].shape for name in result.names}
-        ends = np.cumsum([np.prod(shape, dtype=int) for shape in self.inputs.values()])
+        values, rows_of = self.valued(inputs)
 
         def pull(weights: Mapping[str, ArrayLike]) -> Values:
-            spread = {name: np.zeros(shape) for name, shape in shapes.items()}
-            for name, one in weights.items():
-                if name not in self.outputs:
-                    raise TypeError(f"`{name}` is none of {', '.join(self.outputs)}")
-                shape = self.outputs[name]
-                np.add.at(rows(spread, name), places, finite(name, one, shape).reshape(shape))
-            weighed = {name: one for name, one in spread.items() if one.any()}
-            pulled = self._run(inputs, list(self.inputs), weighed)
-            gradient = pulled._of_run().gradient()
-            if gradient is None or not np.all(np.isfinite(gradient)):
-                raise DerivativeError(pulled)
-            parts = zip(self.inputs.items(), np.split(gradient, ends[:-1]))
-            return {name: part.reshape(shape) for (name, shape), part in parts}
+            return self.pulled(inputs, rows_of, weights)
 
-        return {name: np.array(result[name][places]) for name in self.outputs}, pull
+        return values, pull
+
+
+def _whole(known: Mapping[str, Quantity], name: str) -> str:
+    """The name of a quantity, or of that of which it is the name of an entry."""
+    match = None if name in known else ENTRY.match(name)
+    return match["base"] if match else name
 
 
 def _shape(known: Mapping[str, Quantity], name: str) -> tuple[int, ...]:

@@ -52,26 +52,31 @@ def function(
     Under `jax.vmap` runs go to all cores.
     """
     called = Function(experiment, by, of, at, **asked)
+    rows_like = tuple(jax.ShapeDtypeStruct(shape, jnp.result_type(int)) for shape in ((), called.instants))
 
     def shapes(names: Mapping[str, tuple[int, ...]]) -> dict[str, jax.ShapeDtypeStruct]:
         return {name: jax.ShapeDtypeStruct(shape, jnp.result_type(float)) for name, shape in names.items()}
 
-    def run(call: Callable[[Values], Any], like: Any, inputs: Mapping[str, Any]) -> Any:
-        """Calls back with arrays that have the inputs' shapes, and axes of `jax.vmap` in front of them."""
+    def run(call: Callable[..., Any], like: Any, inputs: Mapping[str, Any], *more: Any) -> Any:
+        """Calls back with arrays that have the inputs' shapes, and more, and axes of `jax.vmap` in front of them."""
 
-        def back(inputs: Mapping[str, ArrayLike]) -> Any:
+        def back(inputs: Mapping[str, ArrayLike], *more: Any) -> Any:
             arrays = {name: np.asarray(value, dtype=float) for name, value in inputs.items()}
             name, first = next(iter(arrays.items()))
             batch = first.shape[: first.ndim - len(called.inputs[name])]
-            rows = [{name: value[k] for name, value in arrays.items()} for k in np.ndindex(batch)]
-            found = list(_pool(os.getpid()).map(call, rows)) if batch else [call(rows[0])]
+            whole = (arrays, *more)
+
+            def row(k: tuple[int, ...]) -> Any:
+                return call(*jax.tree.map(lambda value: np.asarray(value)[k], whole))
+
+            found = list(_pool(os.getpid()).map(row, np.ndindex(batch))) if batch else [row(())]
 
             def stacked(like: Any, *leaves: Any) -> Any:
                 return np.reshape(np.array(leaves, dtype=like.dtype), batch + like.shape)
 
             return jax.tree.map(stacked, like, *found)
 
-        return jax.pure_callback(back, like, inputs, vmap_method="broadcast_all")
+        return jax.pure_callback(back, like, inputs, *more, vmap_method="broadcast_all")
 
     @jax.custom_vjp  # type: ignore[untyped-decorator]
     def values(inputs: Mapping[str, Any]) -> Any:
@@ -80,29 +85,28 @@ def function(
     def forward(inputs: Mapping[str, Any]) -> Any:
         # By what somebody differentiates; the others need not have a derivative.
         asked = [name for name, one in inputs.items() if one.perturbed]
-        slopes = {
-            name: shapes({by: shape + called.inputs[by] for by in asked})
-            for name, shape in called.outputs.items()
-        }
         plain = {name: one.value for name, one in inputs.items()}
         if not asked:
-            return run(called, shapes(called.outputs), plain), slopes
+            return run(called, shapes(called.outputs), plain), (plain, (), {})
 
-        def linearized(inputs: Values) -> Any:
-            return called.linearized(inputs, asked)
+        def valued(inputs: Values) -> Any:
+            return called.valued(inputs, asked)
 
-        return run(linearized, (shapes(called.outputs), slopes), plain)
+        values, rows = run(valued, (shapes(called.outputs), rows_like), plain)
+        # Names are those of leaves that are not there.
+        return values, (plain, rows, dict.fromkeys(asked))
 
-    def backward(slopes: Mapping[str, Mapping[str, Any]], weights: Mapping[str, Any]) -> Any:
-        def pulled(by: str) -> Any:
-            parts = (
-                jnp.tensordot(weight, slopes[name][by], axes=jnp.ndim(weight))
-                for name, weight in weights.items()
-                if by in slopes[name] and not isinstance(weight, SymbolicZero)
-            )
-            return sum(parts, start=jnp.zeros(called.inputs[by]))
+    def backward(kept: tuple[Values, Any, Mapping[str, None]], weights: Mapping[str, Any]) -> Any:
+        plain, rows, asked = kept
+        told = {name: one for name, one in weights.items() if not isinstance(one, SymbolicZero)}
+        found = {by: jnp.zeros(shape) for by, shape in called.inputs.items()}
+        if asked and told:
 
-        return ({by: pulled(by) for by in called.inputs},)
+            def pulled(inputs: Values, rows: Any, weights: Values) -> Any:
+                return called.pulled(inputs, rows, weights, asked)
+
+            found |= run(pulled, shapes({by: called.inputs[by] for by in asked}), plain, rows, told)
+        return (found,)
 
     values.defvjp(forward, backward, symbolic_zeros=True)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import reduce
+from functools import partial, reduce
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -21,32 +21,30 @@ class _Call(torch.autograd.Function):  # type: ignore[misc]
     @staticmethod
     def forward(ctx: Any, called: Function, dtype: Any, *inputs: Any) -> tuple[Any, ...]:
         pairs = zip(called.inputs, inputs)
-        arrays = {name: one.detach().to("cpu", torch.float64).numpy() for name, one in pairs}
+        # Copies, as tensors may change before it goes backward.
+        arrays = {name: one.detach().to("cpu", torch.float64, copy=True).numpy() for name, one in pairs}
 
         def tensor(values: Any) -> Any:
             return torch.tensor(values, dtype=dtype, device=inputs[0].device)
 
         needed = zip(called.inputs, ctx.needs_input_grad[2:])
         ctx.asked = [name for name, is_needed in needed if is_needed]
-        ctx.names = list(called.inputs)
         if not ctx.asked:
             return tuple(map(tensor, called(arrays).values()))
-        values, jacobian = called.linearized(arrays, ctx.asked)
-        ctx.save_for_backward(*(tensor(slopes) for row in jacobian.values() for slopes in row.values()))
+        values, rows = called.valued(arrays, ctx.asked)
+        ctx.pulled, ctx.tensor = partial(called.pulled, arrays, rows), tensor
+        ctx.names = list(called.outputs), list(called.inputs)
         return tuple(map(tensor, values.values()))
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, *weights: Any) -> tuple[Any, ...]:
-        slopes, asked = ctx.saved_tensors, ctx.asked
-
-        def pulled(by: str) -> Any:
-            if by not in asked:
-                return None
-            parts = zip(weights, slopes[asked.index(by) :: len(asked)])
-            return sum(torch.tensordot(weight, slope, dims=weight.ndim) for weight, slope in parts)
-
-        return (None, None, *map(pulled, ctx.names))
+        outputs, inputs = ctx.names
+        pairs = zip(outputs, weights)
+        arrays = {name: one.detach().to("cpu", torch.float64).numpy() for name, one in pairs}
+        found = ctx.pulled(arrays, ctx.asked)
+        slopes = (ctx.tensor(found[by]) if by in found else None for by in inputs)
+        return (None, None, *slopes)
 
 
 def function(

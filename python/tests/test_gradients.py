@@ -113,6 +113,29 @@ def test_a_function_gives_values_and_derivatives() -> None:
         relay.function(["a"], at=[2])({})
 
 
+def test_a_second_gradient_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever it is weighed with, and wherever it is, on the same sides of zero: x(1) = x(0) exp(-k)."""
+    decay = nsdc.loads("model m { param k = 1; state x = 2; x' = -k*x; } simulate d of m { horizon 1; tolerance 1e-12; }")["d"]
+    seconds = []
+    run = nsdc.Experiment._run
+
+    def spied(*asked: object, **rest: object) -> nsdc.Result:
+        result = run(*asked, **rest)  # type: ignore[arg-type]
+        seconds.append(result.stats["compile_s"])
+        return result
+
+    monkeypatch.setattr(nsdc.Experiment, "_run", spied)
+    f = decay.function(["k", "x"])
+    for k, x in ((0.5, 3), (1.5, 1)):
+        values, pull = f.vjp({"k": k, "x": x})
+        for weight in (1, -2):
+            found = pull({"x": weight})
+            assert found["k"] == pytest.approx(-weight * x * np.exp(-k)) and found["x"] == pytest.approx(weight * np.exp(-k))
+        _, jacobian = f.linearized({"k": k, "x": x})
+        assert jacobian["x"]["x"] == pytest.approx(np.exp(-k))
+    assert seconds[0] > 0 and len(seconds) == 8 and not any(seconds[1:])
+
+
 def test_what_pulls_back_keeps_its_inputs() -> None:
     decay = nsdc.loads("model m { param k = 1; state x[2] = [1, 2]; x' = -k*x; } simulate d of m { horizon 1; }")["d"]
     start = np.array([1.0, 2.0])
@@ -181,7 +204,9 @@ def test_many_parameters_have_a_gradient() -> None:
     assert found["x"] == pytest.approx(3 * np.exp(-1), abs=1e-9)
 
 
-def test_jax_goes_through_runs(ball: nsdc.Experiment, oscillator: nsdc.Experiment) -> None:
+def test_jax_goes_through_runs(
+    ball: nsdc.Experiment, oscillator: nsdc.Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
     jax = pytest.importorskip("jax")
     from jax.test_util import check_grads
 
@@ -203,6 +228,11 @@ def test_jax_goes_through_runs(ball: nsdc.Experiment, oscillator: nsdc.Experimen
         _, pull = ball.vjp(["g", "q"], ["q"], g=2, q=q, horizon=1.5, tolerance=1e-11)
         for name, slope in zip(("g", "q"), slopes):
             assert slope[k] == pytest.approx(pull({"q": 1})[name], abs=1e-9)
+    # One pass back for all, from what is weighed of whole values, without numbers from elsewhere.
+    with monkeypatch.context() as patch:
+        patch.setattr(nsdc._function.Function, "linearized", None)
+        both = jax.vmap(jax.grad(lambda q, w: height(2.0, q) * w))(heights, heights)
+    assert both == pytest.approx(np.asarray(slopes[1]) * heights, abs=1e-9)
     # At rest on the surface there is a derivative by a alone.
     relay = nsdc.jax.function(nsdc.loads(RELAY)["settles"], ["a", "x"])
     assert abs(jax.grad(lambda a: relay({"a": a, "x": 1.0})["x"])(0.5)) < 1e-12
@@ -229,5 +259,12 @@ def test_torch_goes_through_runs(ball: nsdc.Experiment, oscillator: nsdc.Experim
     assert torch.autograd.gradcheck(flat, (tensor(1.1), tensor(1, 0.1)))
     whole = f({"omega": 1, "x": [1, 2]})["x"]
     assert whole.dtype == torch.get_default_dtype() and not torch.equal(whole, whole.round())
+    # What changes behind a run does not change its derivatives.
+    start = tensor(1, 0.5)
+    energy = f({"omega": tensor(1.1), "x": start})["energy"]
+    (slope,) = torch.autograd.grad(energy[1], start, retain_graph=True)
+    with torch.no_grad():
+        start.add_(1)
+    assert torch.equal(torch.autograd.grad(energy[1], start)[0], slope)
     bounced = nsdc.torch.function(ball, ["g"], ["q"], horizon=1.5, tolerance=1e-11)
     assert torch.autograd.gradcheck(lambda g: bounced({"g": g})["q"], (tensor(2),))

@@ -3,8 +3,10 @@
 
 use crate::sensitivity::affine;
 use nsd_tests::random::Random;
+use nsdc::expr::Exprs;
 use nsdc::files::Memory;
 use nsdc::report::Trajectory;
+use nsdc::session::Session;
 use nsdc::{Messages, Options, Project};
 
 type Weights = Vec<(String, Vec<f64>)>;
@@ -399,8 +401,8 @@ fn what_is_no_weight_is_refused() {
             ..Options::default()
         };
         let project = Project::from_text("model.nsd", text);
-        let exprs = nsdc::expr::Exprs::new();
-        let mut session = nsdc::session::Session::new(&exprs, &project);
+        let exprs = Exprs::new();
+        let mut session = Session::new(&exprs, &project);
         let found = [
             project.run("s", &options, &mut ()),
             session.run("s", &options, &mut ()),
@@ -462,6 +464,69 @@ fn a_sum_of_nothing_does_not_move() {
         simulate s of m { horizon 2; sensitivity to k; output at [0, 2]; }";
     let failed = run(grows, 1e-9, Some(vec![("x".to_owned(), vec![0.0, 1.0])]));
     assert!(failed.failure.is_some() && failed.samples.gradient.is_none());
+}
+
+/// x(1) = x(0) e^{-k} and y(1) = y(0) + a, y(0) = k, and x(0) = a where it is not given: a session compiles the gradient of
+/// x(1) + 10 y(1), and the derivatives, once for all values on the same sides of zero.
+#[test]
+fn a_second_gradient_compiles_nothing() {
+    let text = "model m { param k = 1; param a = 2; state x = a; state y = k; x' = -k*x; y' = a; }
+        simulate s of m { horizon 1; sensitivity to k, a, x at 0; output at [1]; }";
+    let project = Project::from_text("model.nsd", text);
+    let exprs = Exprs::new();
+    let mut session = Session::new(&exprs, &project);
+    let weights = vec![("x".to_owned(), vec![1.0]), ("y".to_owned(), vec![10.0])];
+    let given = |all: &[(&str, f64)]| -> Vec<(String, f64)> {
+        let all = all.iter().map(|&(name, value)| (name.to_owned(), value));
+        all.collect()
+    };
+    for [first, second] in [
+        [vec![("k", 0.5), ("a", 3.0)], vec![("k", 2.0), ("a", 1.5)]],
+        [vec![("k", 0.5), ("x", 5.0)], vec![("k", 1.5), ("x", 0.1)]],
+        [vec![("k", 0.0), ("a", 1.0)], vec![("k", 0.0), ("a", 0.5)]],
+        [vec![("k", -0.5), ("a", 1.0)], vec![("k", -1.0), ("a", 0.5)]],
+        [vec![], vec![]],
+    ] {
+        let mut known = None;
+        for values in [first.clone(), second.clone(), first] {
+            let value = |name: &str| values.iter().find(|(known, _)| *known == name).map(|v| v.1);
+            let [k, a]: [f64; 2] =
+                [("k", 1.0), ("a", 2.0)].map(|(name, own)| value(name).unwrap_or(own));
+            let (x, starts) = (value("x").unwrap_or(a), value("x").is_none());
+            let fades = (-k).exp();
+            let of_x = [-x * fades, if starts { fades } else { 0.0 }, fades];
+            let expected = [of_x[0] + 10.0, of_x[1] + 10.0, fades];
+            for weights in [Some(weights.clone()), None] {
+                let options = Options {
+                    values: given(&values),
+                    tolerance: Some(1e-12),
+                    weights,
+                    ..Options::default()
+                };
+                let run = session.run("s", &options, &mut ()).expect("it compiles");
+                let samples = &run.trajectory.samples;
+                let is_known = known == Some(exprs.n_nodes());
+                assert_eq!(run.trajectory.quality.stats.compile_s == 0.0, is_known);
+                known = Some(exprs.n_nodes());
+                match &samples.gradient {
+                    Some(found) => near(found, &expected),
+                    None => {
+                        let by = samples.sensitivities.iter();
+                        let found: Vec<f64> = by.map(|by| by.states[0].values[0]).collect();
+                        near(&found, &of_x);
+                    }
+                }
+            }
+        }
+    }
+    assert_eq!(session.kept(), 5);
+}
+
+fn near(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len());
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
 }
 
 /// Where one of two directions has no derivative, the other one keeps its own.

@@ -136,7 +136,8 @@ pub struct Parameter {
     pub name: String,
     /// Its value in the experiment.
     pub value: f64,
-    /// What it may be: where it was declared to be, on the same side of zero, which is no value of it.
+    /// What it may be: where it was declared to be, on the same side of zero, which is no value of it; zero alone, where it
+    /// was compiled with that.
     pub range: [f64; 2],
 }
 
@@ -144,7 +145,8 @@ impl Parameter {
     /// Whether it may have a value.
     pub fn takes(&self, value: f64) -> bool {
         let [low, high] = self.range;
-        low <= value && value <= high && value != 0.0 && value.is_finite()
+        let is_on_side = value != 0.0 || (low, high) == (0.0, 0.0);
+        low <= value && value <= high && is_on_side && value.is_finite()
     }
 }
 
@@ -428,7 +430,10 @@ impl Opened {
         let values = &settings.values;
         let places = open_places(compiled);
         let ranges = settings.open_ranges(&compiled.model);
-        let range = |place: usize| ranges[&variable(system.exogenous.params[place].var)];
+        let range = |place: usize| match &system.exogenous.params[place] {
+            param if param.value == 0.0 => Interval::ZERO,
+            param => ranges[&variable(param.var)],
+        };
         if let Some((at, why)) = deciding(compiled, &places, range, decides) {
             return Err(NotPrepared::Structural(
                 system.exogenous.params[at].name.clone(),

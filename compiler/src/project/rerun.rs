@@ -10,7 +10,8 @@ use crate::model::Model;
 use crate::optimize;
 use crate::project::clock::{Clock, Instant};
 use crate::project::ensemble::Source;
-use crate::project::prepared::{Opened, Parameter, Target, check_parameters};
+use crate::project::prepared::{NotPrepared, Opened, Parameter, Target, check_parameters};
+use crate::project::sensed::{self, Sensor};
 use crate::project::watch::{Progress, Watch};
 use crate::project::{Project, launch};
 use crate::report::Trajectory;
@@ -46,7 +47,8 @@ enum Work<'e> {
     /// From event to event.
     Events {
         plan: Box<Plan<'e>>,
-        opened: Box<Opened>,
+        /// The parameters that stay open, and by what runs are differentiated.
+        sensor: Box<Sensor>,
     },
     Optimal(Box<optimize::Prepared<'e>>),
 }
@@ -71,9 +73,15 @@ impl<'e> Rerun<'e> {
         let open: Vec<Path> = open.cloned().collect();
         let compiled = without_warnings(exprs, source, &open).ok_or(NoRerun::Here)?;
         let system = &compiled.system;
-        let work = Work::of(project, &compiled).ok_or(NoRerun::Here)?;
+        let mut work = Work::of(project, &compiled).ok_or(NoRerun::Here)?;
         let parameters = work.parameters();
-        if parameters.len() != open.len() || !guesses_as_declared(&compiled) {
+        let sensed = &compiled.settings.recording.sensed;
+        let is_asked = |parameter: &Parameter| {
+            let mut sensed = sensed.iter().map(|sensed| &sensed.name);
+            let mut open = open.iter().map(Path::to_string);
+            sensed.any(|name| *name == parameter.name) || open.any(|name| name == parameter.name)
+        };
+        if !parameters.iter().all(is_asked) || !guesses_as_declared(&compiled) {
             return Err(NoRerun::Ever);
         }
         let starts = work.states(system);
@@ -94,9 +102,13 @@ impl<'e> Rerun<'e> {
             Some(name) => change(name).map(Some),
             None => Some(None),
         });
-        let changes: Option<_> = changes.collect();
+        let changes: Option<Vec<Option<Target>>> = changes.collect();
+        let changes = changes.ok_or(NoRerun::Ever)?;
+        if let Work::Events { sensor, .. } = &mut work {
+            sensor.give_initial(changes.iter().flatten());
+        }
         Ok(Rerun {
-            changes: changes.ok_or(NoRerun::Ever)?,
+            changes,
             own_tolerance: compiled.settings.numerics.tolerance,
             compiled,
             work,
@@ -131,6 +143,16 @@ impl<'e> Rerun<'e> {
         let tolerance = tolerance.unwrap_or(self.own_tolerance);
         self.compiled.settings.numerics.tolerance = tolerance;
         (0.0 < tolerance && tolerance < 1.0).then_some(self)
+    }
+
+    /// Runs find the gradient of a sum of what they report from now on, or derivatives of all of it. None where these are no
+    /// weights of that.
+    pub fn weighing(&mut self, weights: Option<&[(String, Vec<f64>)]>) -> Option<&mut Self> {
+        self.compiled.settings.recording.weights = None;
+        if let Some(weights) = weights {
+            sensed::weigh(&mut self.compiled, weights).ok()?;
+        }
+        Some(self)
     }
 
     /// The seconds of its compilation, once; of further runs there are none.
@@ -183,12 +205,17 @@ impl<'e> Rerun<'e> {
             }
         }
         match &mut self.work {
-            Work::Events { plan, opened } => {
-                let is_same = opened.set(&mut self.compiled.system, &open, &x0);
+            Work::Events { plan, sensor } => {
+                if !sensor.opened.set(&mut self.compiled.system, &open, &x0) {
+                    return None;
+                }
                 let (system, settings) = (&self.compiled.system, &self.compiled.settings);
                 let told = &mut |progress| watch.progress(&Progress::Simulation(progress));
-                let run = || plan.run(system, settings, request, told);
-                is_same.then(run)
+                let sensing = sensor.asked(settings, &open);
+                let asked = (request, sensing.as_ref());
+                let run = plan.run_sensed(system, settings, asked, told);
+                sensed::check_rows(&self.compiled, sensing.as_ref(), &run).ok()?;
+                Some(run)
             }
             Work::Optimal(prepared) => {
                 let solved = prepared.solve(&open, Some(&x0), None, &request.limit, watch);
@@ -205,11 +232,16 @@ impl<'e> Work<'e> {
     fn of(project: &Project, compiled: &Compiled<'e>) -> Option<Self> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         let Some(task) = &settings.optimize else {
-            let opened = Opened::of(compiled).ok()?;
+            let open: fn(&Compiled<'_>) -> Result<Opened, NotPrepared> =
+                match settings.recording.sensed.is_empty() {
+                    true => Opened::of,
+                    false => Opened::kept,
+                };
+            let sensor = Sensor::new(compiled, open).ok()?;
             let moves = moves_limits(&compiled.model, &settings.values);
             return (!moves).then(|| Work::Events {
-                plan: Box::new(Plan::of_method(system, settings, &opened.places)),
-                opened: Box::new(opened),
+                plan: Box::new(Plan::of_method(system, settings, &sensor.opened.places)),
+                sensor: Box::new(sensor),
             });
         };
         let sampled = launch::sampled(project, task, &Request::default()).ok()?;
@@ -220,7 +252,7 @@ impl<'e> Work<'e> {
 
     fn parameters(&self) -> &[Parameter] {
         match self {
-            Work::Events { opened, .. } => &opened.parameters,
+            Work::Events { sensor, .. } => &sensor.opened.parameters,
             Work::Optimal(prepared) => prepared.parameters(),
         }
     }
@@ -236,7 +268,8 @@ impl<'e> Work<'e> {
     /// Their values with those of the parameters; none where these may not have them.
     fn initial(&self, parameters: &[f64]) -> Option<Vec<f64>> {
         match self {
-            Work::Events { opened, .. } => {
+            Work::Events { sensor, .. } => {
+                let opened = &sensor.opened;
                 check_parameters(&opened.parameters, parameters).ok()?;
                 Some(opened.initial(parameters))
             }
@@ -245,7 +278,7 @@ impl<'e> Work<'e> {
     }
 }
 
-/// An experiment with parameters that stay open; none where there is anything to say about it.
+/// An experiment with parameters that stay open, besides its own; none where there is anything to say about it.
 fn without_warnings<'e>(
     exprs: &'e Exprs,
     source: Source<'_>,
@@ -253,7 +286,7 @@ fn without_warnings<'e>(
 ) -> Option<Compiled<'e>> {
     let (mut clock, mut diags) = (Clock::default(), Diagnostics::new());
     let mut experiment = source.experiment.clone();
-    experiment.open = open.to_vec();
+    experiment.open.extend_from_slice(open);
     let (file, overrides) = (source.file, source.overrides);
     let compiled = compile(exprs, file, &experiment, overrides, &mut clock, &mut diags)?;
     diags.is_empty().then_some(compiled)

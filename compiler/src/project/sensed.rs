@@ -17,14 +17,12 @@ use crate::system::experiment::{ExperimentError, Settings};
 ///
 /// Where the run is not differentiated by something of it.
 pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
-    if compiled.settings.recording.sensed.is_empty() {
+    let settings = &compiled.settings;
+    if settings.recording.sensed.is_empty() {
         return Ok(None);
     }
     let sensor = Sensor::new(compiled, Opened::kept)?;
-    Ok(Some(Sensing {
-        weights: compiled.settings.recording.weights.clone(),
-        ..sensor.at(&sensor.values())
-    }))
+    Ok(sensor.asked(settings, &sensor.values()))
 }
 
 /// Lets an experiment find the gradient of a weighted sum of what it reports.
@@ -140,7 +138,13 @@ impl Sensor {
             };
             targets.push(place.ok_or_else(not_there)?);
         }
-        let (entries, slopes) = opened.start.partials(|_| true);
+        let is_target = |&place: &usize| {
+            (targets.iter()).any(|t| matches!(t, Target::Parameter(at) if *at == place))
+        };
+        let by: Vec<bool> = (0..opened.places.len())
+            .map(|place| is_target(&place))
+            .collect();
+        let (entries, slopes) = opened.start.partials(|input| by[input]);
         let names = all.iter();
         Ok(Sensor {
             targets,
@@ -154,19 +158,26 @@ impl Sensor {
         })
     }
 
-    /// The same where initial values among the targets are numbers of their own, as parameters are.
-    pub fn with_given_initial(mut self) -> Self {
-        let targets = self.targets.iter().filter_map(|target| match *target {
+    /// Lets initial values among these be numbers of their own, as parameters are.
+    pub fn give_initial<'t>(&mut self, targets: impl Iterator<Item = &'t Target>) {
+        let states = targets.filter_map(|target| match *target {
             Target::Initial(state) => Some(state),
             Target::Parameter(_) => None,
         });
-        self.given = targets.collect();
-        self
+        self.given = states.collect();
     }
 
     /// The values of the open parameters with which the experiment was compiled.
     pub fn values(&self) -> Vec<f64> {
         self.opened.parameters.iter().map(|p| p.value).collect()
+    }
+
+    /// What a run asks for where the open parameters have these values; none where that is nothing.
+    pub fn asked(&self, settings: &Settings<'_>, parameters: &[f64]) -> Option<Sensing> {
+        (!self.targets.is_empty()).then(|| Sensing {
+            weights: settings.recording.weights.clone(),
+            ..self.at(parameters)
+        })
     }
 
     /// The directions where the open parameters have these values.

@@ -95,16 +95,12 @@ impl<'e> Session<'e> {
     ) -> Result<Run, Messages> {
         let values: Vec<f64> = options.values.iter().map(|(_, value)| *value).collect();
         let parsing = self.project.compile_seconds(&Clock::default());
-        let known = match options.weights {
-            // Runs of what is kept find no gradients.
-            Some(_) => None,
-            None => self.known(experiment, options),
-        };
-        let again = known.and_then(|kept| {
+        let again = self.known(experiment, options).and_then(|kept| {
             let following = |rerun: Rerun<'e>| rerun.following(!options.ends_alone);
             let rerun = kept.reruns.of(&values, following)?;
             let seconds = rerun.take_seconds();
             let rerun = rerun.with_tolerance(options.tolerance)?;
+            let rerun = rerun.weighing(options.weights.as_deref())?;
             let mut trajectory = rerun.run(&values, &options.request(), watch)?;
             trajectory.quality.stats.compile_s = match seconds {
                 0.0 => 0.0,
@@ -144,13 +140,16 @@ impl<'e> Session<'e> {
             .project
             .ask(experiment, &options.values, &options.settings);
         let asked = asked.ok()?;
-        // An optimum, or a fit, is looked for with all that its experiment says, anew, and derivatives are those of one compilation.
-        if asked.experiment.kind != ExperimentKind::Simulate || asked.experiment.is_sensed() {
+        // An optimum, or a fit, is looked for with all that its experiment says, anew.
+        if asked.experiment.kind != ExperimentKind::Simulate {
             return None;
         }
         let (file, names, diags) = (&self.project.file, asked.overrides, &mut Diagnostics::new());
         let (states, _) = check_names(file, &asked.experiment, &names, diags)?;
-        let experiment = asked.experiment.into_owned();
+        let mut experiment = asked.experiment.into_owned();
+        if experiment.is_sensed() {
+            experiment.open_sensed();
+        }
         let binds = [Vec::new(), names];
         Some(Kept {
             experiment: experiment.name.name.clone(),

@@ -23,12 +23,13 @@ pub(crate) mod state;
 pub(crate) mod tests;
 mod transition;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use crate::hybrid::{HybridSystem, Piecewise, Settings, Side, Status};
 use crate::runtime::limit::Limit;
 use crate::selector::algebraic::Initialization;
 use crate::selector::coupling::Coupling;
+use crate::sensitivity::{Derivatives, locked};
 
 pub use crate::event::numerical_time::{Clock, Clocked};
 pub use crate::event::perturbation::{KickSize, Kicks};
@@ -54,6 +55,8 @@ pub struct Simulator {
     looked_at: Vec<usize>,
     /// Memory that one run leaves to the next.
     pub(crate) state: State,
+    /// What passes over runs leave to the next.
+    pub(crate) derivatives: Mutex<Derivatives>,
 }
 
 impl Simulator {
@@ -69,6 +72,7 @@ impl Simulator {
             projection: Projection::default(),
             looked_at: standing::looked_at(&system),
             state: State::default(),
+            derivatives: Mutex::new(Derivatives::new(system.clone())),
             system,
         }
     }
@@ -77,6 +81,7 @@ impl Simulator {
     pub fn with(&self, settings: Settings) -> Self {
         let mut other = Simulator::new(self.system.clone(), settings);
         other.mode.library.clone_from(&self.mode.library);
+        locked(&other.derivatives).clone_from(&locked(&self.derivatives));
         other.mode.memory.data.clone_from(&self.mode.memory.data);
         other.set_parameters(&self.mode.memory.values[self.mode.memory.parameters()]);
         other
@@ -113,9 +118,9 @@ impl Simulator {
     }
 
     /// The number of functions that were made so far, of all sides that runs have met: blocks and surfaces of one form
-    /// share them.
+    /// share them. Those whose derivatives passes over runs have met, block by block, are counted with them.
     pub fn n_functions(&self) -> usize {
-        self.mode.library.len()
+        self.mode.library.len() + locked(&self.derivatives).len()
     }
 
     /// The settings in force.

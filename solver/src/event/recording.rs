@@ -80,8 +80,7 @@ impl Step {
     /// The state and its rate `tau` after the start.
     pub fn state(&self, tau: f64, x: &mut [f64], slope: &mut [f64]) {
         for (i, (x, slope)) in x.iter_mut().zip(slope).enumerate() {
-            *x = series::value(self.row(i), tau);
-            *slope = series::slope(self.row(i), tau);
+            [*x, *slope] = series::value_and_slope(self.row(i), tau);
         }
     }
 

@@ -7,6 +7,12 @@ pub(crate) fn value(c: &[f64], tau: f64) -> f64 {
     c.iter().rev().fold(0.0, |sum, c| sum * tau + c)
 }
 
+/// Σ c[k] τᵏ and its derivative.
+pub(crate) fn value_and_slope(c: &[f64], tau: f64) -> [f64; 2] {
+    let next = |[value, slope]: [f64; 2], c: &f64| [value * tau + c, slope * tau + value];
+    c.iter().rev().fold([0.0, 0.0], next)
+}
+
 /// Σ c[k] τᵏ at several τ side by side.
 pub(crate) fn values(c: &[f64], tau: f64x4) -> f64x4 {
     let sum = f64x4::splat(0.0);

@@ -15,6 +15,7 @@ pub mod symmetric;
 use nalgebra::ComplexField;
 
 use crate::runtime::limit::work;
+use crate::tape::Lane;
 
 /// A real or complex number.
 pub trait Number: ComplexField<RealField = f64> + Copy {}
@@ -88,16 +89,39 @@ impl<T: Number> DenseLu<T> {
 }
 
 impl DenseLu {
-    /// Overwrites `rhs` with the solution for the transposed matrix.
-    pub fn solve_transposed(&self, rhs: &mut [f64]) {
+    /// Overwrites several right-hand sides, in lanes, with the solutions.
+    pub fn solve_lanes<L: Lane>(&self, rhs: &mut [L]) {
+        let (n, a) = (rhs.len(), &self.factors);
+        work::add(n * n * L::WIDTH);
+        for (row, &pivot) in self.pivots.iter().enumerate() {
+            rhs.swap(row, pivot);
+        }
+        for row in 0..n {
+            for col in 0..row {
+                rhs[row] = rhs[row] - L::splat(a[row * n + col]) * rhs[col];
+            }
+        }
+        for row in (0..n).rev() {
+            for col in row + 1..n {
+                rhs[row] = rhs[row] - L::splat(a[row * n + col]) * rhs[col];
+            }
+            rhs[row] = rhs[row] * L::splat(self.inverses[row]);
+        }
+    }
+
+    /// Overwrites right-hand sides, in lanes, with the solutions for the transposed matrix.
+    pub fn solve_transposed<L: Lane>(&self, rhs: &mut [L]) {
         let (n, a) = (rhs.len(), &self.factors);
         for col in 0..n {
-            let known: f64 = (0..col).map(|row| a[row * n + col] * rhs[row]).sum();
-            rhs[col] = (rhs[col] - known) / a[col * n + col];
+            for row in 0..col {
+                rhs[col] = rhs[col] - L::splat(a[row * n + col]) * rhs[row];
+            }
+            rhs[col] = rhs[col] / L::splat(a[col * n + col]);
         }
         for col in (0..n).rev() {
-            let known: f64 = (col + 1..n).map(|row| a[row * n + col] * rhs[row]).sum();
-            rhs[col] -= known;
+            for row in col + 1..n {
+                rhs[col] = rhs[col] - L::splat(a[row * n + col]) * rhs[row];
+            }
         }
         for (row, &pivot) in self.pivots.iter().enumerate().rev() {
             rhs.swap(row, pivot);
@@ -375,12 +399,33 @@ mod tests {
     fn solves_the_transposed_system() {
         let matrix = [0.0, 2.0, 1.0, 3.0, 1.0, -1.0, 1.0, 4.0, 2.0];
         let x = [1.0, -2.0, 0.5];
-        let mut rhs = [0, 1, 2].map(|col| (0..3).map(|row| matrix[row * 3 + col] * x[row]).sum());
+        let sum = |col: usize| -> f64 { (0..3).map(|row| matrix[row * 3 + col] * x[row]).sum() };
+        let mut rhs = [0, 1, 2].map(sum);
         let mut lu = DenseLu::new(3);
         lu.factor(&matrix).unwrap();
         lu.solve_transposed(&mut rhs);
         for (found, exact) in rhs.iter().zip(&x) {
             assert!((found - exact).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn solves_several_systems_in_lanes() {
+        let matrix = [0.0, 2.0, 1.0, 3.0, 1.0, -1.0, 1.0, 4.0, 2.0];
+        // Of lane l, x = (1, -2, l).
+        let x = |lane: usize| [1.0, -2.0, lane as f64];
+        let of = |lane: usize, row: usize| -> f64 {
+            (0..3).map(|col| matrix[row * 3 + col] * x(lane)[col]).sum()
+        };
+        let mut rhs =
+            [0, 1, 2].map(|row| wide::f64x4::from([0, 1, 2, 3].map(|lane| of(lane, row))));
+        let mut lu = DenseLu::new(3);
+        lu.factor(&matrix).unwrap();
+        lu.solve_lanes(&mut rhs);
+        for (row, found) in rhs.iter().enumerate() {
+            for (lane, found) in found.to_array().into_iter().enumerate() {
+                assert!((found - x(lane)[row]).abs() < 1e-14);
+            }
         }
     }
 

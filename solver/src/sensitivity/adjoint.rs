@@ -22,9 +22,9 @@ use super::forward::{Forward, Passed, Row, Sensitivities, Traced};
 use super::functions::Slots;
 use super::run::Run;
 use super::saltation::Slope;
-use super::taylor::{ORDER, Slopes, Weighed};
+use super::taylor::{Back, LANES, ORDER, Slopes, Weighed};
 use super::variational::Way;
-use crate::event::recording::{Part, Recording};
+use crate::event::recording::Recording;
 use crate::events::Approach;
 
 /// The last orders of series, which show what is missing.
@@ -150,9 +150,11 @@ fn combined(run: &Run, directions: &Directions) -> Directions {
             *sum += weight * entry;
         }
     }
+    // Nobody asks for those that no direction moves.
+    let moves = |at: usize| directions.parameters.iter().any(|by| by[at] != 0.0);
     let unit = |at: usize| {
         let mut unit = vec![0.0; by.len()];
-        unit[at] = 1.0;
+        unit[at] = f64::from(moves(at));
         unit
     };
     let units = (0..by.len()).map(unit);
@@ -199,31 +201,26 @@ fn backward(
             Passed::Part {
                 place,
                 ends: [a, b],
-                is_stiff: false,
-                is_resting: false,
+                slopes,
+                goes_back: true,
                 rows,
             } => {
-                let Part::Step(step) = &recording.parts[*place] else {
-                    return None;
-                };
-                let way = Way {
-                    step,
-                    mode: &functions.mode(&step.sides),
-                    coefficients: &run.coefficients(step.start),
-                    run,
-                    sizes: &sizes,
-                };
-                let slopes = Slopes::new(&mut functions, way, *a).ok()?;
-                let mut last = nothing.clone();
-                for (at, one) in all.iter_mut().enumerate() {
-                    let rows = if at == 0 { &rows[..] } else { &[] };
-                    let ends = one.ends((slots, b - a), (rows, weights));
-                    if at == 0 {
-                        last.follow(&slopes, &ends, ORDER + 1 - LAST);
+                let mut found = None;
+                let slopes = match slopes.as_deref() {
+                    Some(slopes) => slopes,
+                    None => {
+                        let step = recording.parts[*place].step()?;
+                        let way = Way {
+                            step,
+                            mode: &functions.mode(&step.sides),
+                            coefficients: &run.coefficients(step.start),
+                            run,
+                            sizes: &sizes,
+                        };
+                        found.insert(Slopes::new(&mut functions, way, *a).ok()?)
                     }
-                    one.follow(&slopes, &ends, 0);
-                }
-                all[1].join(&last);
+                };
+                follow(slopes, &mut all, (slots, b - a), (rows, weights));
             }
             Passed::Part { .. } => return None,
         }
@@ -235,6 +232,49 @@ fn backward(
     let parts = parts.filter(|step| matches!(step, Passed::Part { .. }));
     // Every part is known to the tolerance.
     along_all(&all, directions, run.tolerance * parts.count() as f64)
+}
+
+/// Takes costates from the end of a part of this length to its start. What the last terms of the first one's series make is
+/// added to the second one, which is what is missing.
+fn follow(
+    slopes: &Slopes,
+    all: &mut [Costate],
+    (slots, length): (Slots, f64),
+    (rows, weights): (&[Row], &[Vec<f64>]),
+) {
+    let (n, parameters) = (all[0].x.len(), all[0].by.sums.len());
+    let ends = all.iter_mut().enumerate().map(|(at, one)| {
+        let rows = if at == 0 { rows } else { &[] };
+        one.ends((slots, length), (rows, weights))
+    });
+    let ends: Vec<Vec<(f64, Vec<f64>)>> = ends.collect();
+    let mut last = Weighed::new(parameters);
+    let own = all.iter_mut().zip(&ends).map(|(one, ends)| Back {
+        ends,
+        from: 0,
+        by: &mut one.by,
+    });
+    let mut lanes: Vec<Back> = own.collect();
+    lanes.push(Back {
+        ends: &ends[0],
+        from: ORDER + 1 - LAST,
+        by: &mut last,
+    });
+    let starts = lanes.chunks_mut(LANES);
+    let mut starts: Vec<Vec<f64>> = starts
+        .flat_map(|lanes| slopes.transposed(lanes, n))
+        .collect();
+    let of_last = starts.pop().unwrap_or_default();
+    for (one, x) in all.iter_mut().zip(starts) {
+        one.x = x;
+    }
+    let missing = &mut all[1];
+    for (sum, own) in missing.x.iter_mut().zip(&of_last) {
+        *sum += own;
+    }
+    for (parameter, own) in last.sums.iter().enumerate() {
+        missing.by.add(parameter, *own);
+    }
 }
 
 /// A costate at the start along directions, where what is missing of it is nothing to this share and conditions hold.
@@ -266,21 +306,6 @@ impl Costate {
             ends.push((row.tau, std::mem::replace(&mut self.x, vec![0.0; n])));
         }
         ends
-    }
-
-    /// Goes from these to the start of the part, by the terms of series from an order on.
-    fn follow(&mut self, slopes: &Slopes, ends: &[(f64, Vec<f64>)], from: usize) {
-        self.x = slopes.transposed(ends, (self.x.len(), from), &mut self.by);
-    }
-
-    /// Adds another one.
-    fn join(&mut self, other: &Costate) {
-        for (sum, own) in self.x.iter_mut().zip(&other.x) {
-            *sum += own;
-        }
-        for (parameter, own) in other.by.sums.iter().enumerate() {
-            self.by.add(parameter, *own);
-        }
     }
 
     /// Its product with a direction at the start, and the size of its terms.

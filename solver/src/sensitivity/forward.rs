@@ -6,7 +6,7 @@ use super::meeting::{Algebraic, Held, Known, Meeting};
 use super::run::Run;
 use super::saltation::{Crossing, Saltation};
 use super::sizes::Sizes;
-use super::taylor::Tangent;
+use super::taylor::{LANES, Slopes, Tangent, in_lanes, of_lane};
 use super::variational::{self, Variational, Way};
 use super::why::{Loss, Why};
 use crate::event::recording::{EventRecord, Part, Recording, Step};
@@ -76,7 +76,7 @@ pub(super) struct Forward<'r> {
     coefficients: Vec<f64>,
     method: Variational,
     /// What has been done to tangents, where somebody wants to know.
-    trace: Option<Vec<Passed>>,
+    trace: Option<Trace>,
 }
 
 /// What a pass does to tangents, in order.
@@ -85,9 +85,10 @@ pub(super) enum Passed {
     Part {
         place: usize,
         ends: [f64; 2],
-        is_stiff: bool,
-        /// Whether the run rests on a surface without sliding.
-        is_resting: bool,
+        /// The slopes along it, where they are kept.
+        slopes: Option<Box<Slopes>>,
+        /// Whether it goes back: not where it was stiff, or where the run rests on a surface without sliding.
+        goes_back: bool,
         rows: Vec<Row>,
     },
     /// What has to stay zero at the start.
@@ -97,6 +98,30 @@ pub(super) enum Passed {
     Event(Crossing),
     /// An instant between them.
     Row(Row),
+}
+
+/// What has been done to tangents so far.
+#[derive(Default)]
+struct Trace {
+    passed: Vec<Passed>,
+    /// How many numbers the slopes are that are kept.
+    kept: usize,
+}
+
+impl Trace {
+    /// Numbers of slopes that are kept; others are found again.
+    const MOST: usize = 1 << 23;
+
+    fn push(&mut self, passed: Passed) {
+        self.passed.push(passed);
+    }
+
+    /// Slopes that are kept as long as there is room.
+    fn kept(&mut self, slopes: Option<Slopes>) -> Option<Box<Slopes>> {
+        let slopes = slopes.filter(|slopes| self.kept + slopes.size() <= Self::MOST)?;
+        self.kept += slopes.size();
+        Some(Box::new(slopes))
+    }
 }
 
 /// An instant that was asked for.
@@ -134,7 +159,7 @@ impl<'r> Forward<'r> {
     pub fn new(run: &'r Run<'r>, directions: &'r Directions, instants: &[Moment]) -> Self {
         let n = run.system.n_states();
         Forward {
-            functions: Functions::new(run.system.clone(), &directions.parameters),
+            functions: Functions::new(run, &directions.parameters),
             tangents: directions.initial.iter().cloned().map(Some).collect(),
             found: Sensitivities {
                 events: Vec::new(),
@@ -162,13 +187,13 @@ impl<'r> Forward<'r> {
 
     /// The same with all that it has done.
     pub fn traced(mut self, recording: &Recording, approaches: &[Approach]) -> Traced<'r> {
-        self.trace = Some(Vec::new());
+        self.trace = Some(Trace::default());
         self.pass(recording, approaches);
         Traced {
             found: self.found,
             functions: self.functions,
             sizes: self.sizes,
-            passed: self.trace.unwrap_or_default(),
+            passed: self.trace.unwrap_or_default().passed,
         }
     }
 
@@ -382,18 +407,20 @@ impl<'r> Forward<'r> {
         };
         let (found, trace) = (&mut self.found, &mut self.trace);
         let mut seen = Seen::default();
-        let see = |functions: &mut Functions, part: &variational::Part| {
+        let see = |functions: &mut Functions, part: &mut variational::Part| {
             seen.take(functions, part);
             let mut rows = Vec::new();
             let wanted = trace.is_some().then_some(&mut rows);
             found.read(functions, way, (part, is_last), wanted);
             let resting = way.resting(functions, part.ends);
             if let Some(trace) = trace {
+                let goes_back = part.slopes.is_some() && resting.is_empty();
+                let slopes = trace.kept(part.slopes.take());
                 trace.push(Passed::Part {
                     place,
                     ends: part.ends,
-                    is_stiff: part.is_stiff,
-                    is_resting: !resting.is_empty(),
+                    slopes,
+                    goes_back,
                     rows,
                 });
             }
@@ -549,12 +576,23 @@ struct Seen(Vec<(usize, Vec<f64>, Vec<f64>)>);
 impl Seen {
     fn take(&mut self, functions: &Functions, part: &variational::Part) {
         let [a, b] = part.ends;
-        for (d, tangent) in part.tangents.iter().enumerate() {
-            let Some(tangent) = tangent else { continue };
-            let end = tangent.at(b - a);
-            let terms = part.middle.terms(functions, Moved::still(&end), d);
-            let terms = terms.into_iter().map(|term| (b - a) * term).collect();
-            self.0.push((d, end, terms));
+        let known = part.tangents.iter().enumerate();
+        let known: Vec<(usize, &[f64])> = known
+            .filter_map(|(d, one)| Some((d, &one.as_ref()?.1[..])))
+            .collect();
+        for lanes in known.chunks(LANES) {
+            let ends: Vec<&[f64]> = lanes.iter().map(|&(_, end)| end).collect();
+            let (ends, by) = (
+                in_lanes(&ends),
+                functions.lanes(lanes.iter().map(|&(d, _)| d)),
+            );
+            let term = |slot, slope| functions.term_lanes(slot, slope, [&ends, &by]);
+            let terms = part.middle.terms_lanes(functions.slots, term);
+            for (lane, &(d, end)) in lanes.iter().enumerate() {
+                let terms = of_lane(&terms, lane).into_iter();
+                let terms = terms.map(|term| (b - a) * term).collect();
+                self.0.push((d, end.to_vec(), terms));
+            }
         }
     }
 }
@@ -586,8 +624,8 @@ impl Sensitivities {
             step.state(tau, &mut x, &mut vec![0.0; n]);
             step.known_alpha(tau, &mut alpha);
             let linear = way.linearize(functions, tau);
-            let of_direction = |(d, tangent): (usize, &Option<Tangent>)| {
-                let tangent = tangent.as_ref()?.at(tau - a);
+            let of_direction = |(d, tangent): (usize, &Option<(Tangent, Vec<f64>)>)| {
+                let tangent = tangent.as_ref()?.0.at(tau - a);
                 Some(whole(functions, linear.as_ref().ok()?, &tangent, d))
             };
             let tangents = part.tangents.iter().enumerate().map(of_direction).collect();

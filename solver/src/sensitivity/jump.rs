@@ -199,8 +199,9 @@ fn reset_to(
         _ => f64::NAN,
     });
     let group = Group::new(Arc::new(values.clone()), inputs, functions.slots);
-    let values = group.values(&point, &mut functions.registers);
+    let values: Vec<f64> = group.values(&point, &mut functions.registers).collect();
     let slopes = group.slopes(&point, &mut functions.registers);
+    let slopes: Vec<(usize, usize, f64)> = slopes.collect();
     let slots = functions.slots;
     let slides = |slot| {
         slots
@@ -254,8 +255,8 @@ impl Closed {
             (closed.sides[normal], closed.alpha[normal]) = (Side::Slide, 0.0);
             let tape = Arc::new(impact.numbers.clone());
             let group = Group::new(tape, impact.inputs.clone(), functions.slots);
-            let numbers = group.values(&point, &mut functions.registers);
-            let slopes = group.slopes(&point, &mut functions.registers).into_iter();
+            let numbers: Vec<f64> = group.values(&point, &mut functions.registers).collect();
+            let slopes = group.slopes(&point, &mut functions.registers);
             let of_e = slopes.filter(|&(number, ..)| number == 0);
             let of_e: Vec<_> = of_e.map(|(_, slot, slope)| (slot, slope)).collect();
             closed.stopped.push(Stopped {

@@ -32,6 +32,7 @@ mod why;
 
 pub use asked::{Directions, Moment};
 pub use forward::{EventTime, Sensitivities};
+pub(crate) use functions::{Derivatives, locked};
 pub use why::{Loss, Why};
 
 use crate::event::{Recording, Simulator};
@@ -79,5 +80,6 @@ fn run_of(simulator: &Simulator) -> run::Run<'_> {
         accuracy: settings.tolerance,
         tolerance: (0.01 * settings.tolerance).clamp(1e-13, 1e-10),
         limit: &settings.limit,
+        derivatives: &simulator.derivatives,
     }
 }

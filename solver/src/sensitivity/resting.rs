@@ -78,7 +78,9 @@ impl Way<'_> {
         let mut lost = Vec::new();
         for (i, surfaces) in resting {
             for (d, tangent) in part.tangents.iter().enumerate() {
-                let Some(tangent) = tangent else { continue };
+                let Some((tangent, _)) = tangent else {
+                    continue;
+                };
                 let moves = |surface, share: f64| {
                     self.moves(functions, surface, &tangent.at(length * share), d)
                 };

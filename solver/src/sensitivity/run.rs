@@ -1,7 +1,8 @@
 //! What has been run, and how well that is known.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
+use super::functions::Derivatives;
 use crate::hybrid::{HybridSystem, Piecewise, write_pieces};
 use crate::runtime::limit::Limit;
 use crate::selector::coupling::Coupling;
@@ -28,6 +29,8 @@ pub(super) struct Run<'r> {
     pub accuracy: f64,
     pub tolerance: f64,
     pub limit: &'r Limit,
+    /// What is kept from pass to pass.
+    pub derivatives: &'r Mutex<Derivatives>,
 }
 
 impl Run<'_> {

@@ -127,7 +127,7 @@ impl Stiff {
         }
         match problem.failed {
             Some(why) => Err(why),
-            None => Ok((middle, found)),
+            None => Ok((middle, None, found)),
         }
     }
 }
@@ -180,7 +180,10 @@ fn solved(radau: &mut Radau, problem: &mut Tangent, start: &Start, h: f64) -> Fo
         }
     }
     let n = problem.way.step.end.len();
-    let rows = (0..n).flat_map(|i| radau.series(i));
-    let coefficients: Vec<f64> = rows.copied().collect();
-    Ok(Polynomial::new(radau.series(0).len(), coefficients))
+    let orders = 0..radau.series(0).len();
+    let orders = orders.flat_map(|k| (0..n).map(move |i| (i, k)));
+    let coefficients = orders.map(|(i, k)| radau.series(i)[k]);
+    let tangent = Polynomial::new(n, coefficients.collect());
+    let end = tangent.at(h);
+    Ok((tangent, end))
 }

@@ -10,11 +10,13 @@
 
 use std::cell::OnceCell;
 
+use wide::f64x4;
+
 use super::functions::{Functions, Linearized, ModeFunctions, Moved, Point};
 use super::run::Run;
 use super::sizes::Sizes;
 use super::stiff::Stiff;
-use super::taylor::{Slopes, Tangent};
+use super::taylor::{LANES, Slopes, Tangent, of_lane};
 use super::why::Why;
 use crate::event::recording::Step;
 use crate::expansion::series;
@@ -40,12 +42,12 @@ const FAST: f64 = 4.0;
 pub(super) struct Part {
     /// Its ends, from the start of the step.
     pub ends: [f64; 2],
-    /// Whether it was solved by Radau IIA.
-    pub is_stiff: bool,
+    /// The slopes along it; none where it was solved by Radau IIA.
+    pub slopes: Option<Slopes>,
     /// The functions in its middle.
     pub middle: Linearized,
-    /// S by direction that is known.
-    pub tangents: Vec<Option<Tangent>>,
+    /// S by direction that is known, and where it ends.
+    pub tangents: Vec<Option<(Tangent, Vec<f64>)>>,
 }
 
 /// A step in its mode.
@@ -65,8 +67,8 @@ pub(super) enum TooLong {
     Divergent,
 }
 
-/// S of a direction along a part.
-pub(super) type Found = Result<Tangent, TooLong>;
+/// S of a direction along a part, and where it ends.
+pub(super) type Found = Result<(Tangent, Vec<f64>), TooLong>;
 
 /// The method.
 pub(super) struct Variational {
@@ -95,7 +97,7 @@ impl Variational {
         functions: &mut Functions,
         way: Way,
         tangents: &mut [Option<Vec<f64>>],
-        mut see: impl FnMut(&mut Functions, &Part) -> Vec<(usize, Why, Vec<usize>)>,
+        mut see: impl FnMut(&mut Functions, &mut Part) -> Vec<(usize, Why, Vec<usize>)>,
     ) -> Vec<(usize, Why, Vec<usize>, f64)> {
         let length = way.step.length;
         let mut lost = Vec::new();
@@ -118,7 +120,7 @@ impl Variational {
                 None if is_stiff => self.stiff.part(functions, way, tangents, ends),
                 None => expanded(functions, way, tangents, (ends, halvings < STIFF)),
             };
-            let (middle, found) = match found {
+            let (middle, slopes, found) = match found {
                 Ok(found) => found,
                 Err(why) => {
                     let all = (0..tangents.len()).filter(|&d| tangents[d].take().is_some());
@@ -143,7 +145,7 @@ impl Variational {
             }
             let mut part = Part {
                 ends,
-                is_stiff,
+                slopes,
                 middle,
                 tangents: Vec::new(),
             };
@@ -151,13 +153,11 @@ impl Variational {
                 if let Some(Err(_)) = found {
                     lost.push((d, Why::Rough, way.mode.sliding.clone(), ends[0]));
                 }
-                let tangent = found.and_then(Result::ok);
-                tangents[d] = tangent
-                    .as_ref()
-                    .map(|tangent| tangent.at(ends[1] - ends[0]));
-                part.tangents.push(tangent);
+                let found = found.and_then(Result::ok);
+                tangents[d] = found.as_ref().map(|(_, end)| end.clone());
+                part.tangents.push(found);
             }
-            for (d, why, switches) in see(functions, &part) {
+            for (d, why, switches) in see(functions, &mut part) {
                 tangents[d] = None;
                 lost.push((d, why, switches, ends[0]));
             }
@@ -167,8 +167,8 @@ impl Variational {
     }
 }
 
-/// What is known of a part: the functions in its middle, and S by direction.
-pub(super) type Known = (Linearized, Vec<Option<Found>>);
+/// What is known of a part: the functions in its middle, slopes along it where there are any, and S by direction.
+pub(super) type Known = (Linearized, Option<Slopes>, Vec<Option<Found>>);
 
 /// Tangents along a part by Taylor series; where one of them will halve it, no more than that.
 fn expanded(
@@ -189,29 +189,39 @@ fn expanded(
         h: b - a,
         tolerance: way.run.tolerance,
     };
-    let solve = |expansion: &Expansion, functions: &Functions, d: usize| {
-        let tangent = tangents[d].as_ref()?;
-        let (largest, share) = (way.sizes.tangents(d), way.least(functions, tangent, d));
-        let least = |k: usize| share * way.sizes.largest[k];
-        Some(expansion.solve(functions, tangent, (largest, least), d))
-    };
-    let mut found: Vec<Option<Found>> = Vec::new();
-    for d in 0..tangents.len() {
-        let mut one = solve(&expansion, functions, d);
-        if let Some(Err(_)) = one {
-            // Rounding of the functions may be why.
-            if expansion.shaken.is_none() {
-                expansion.shaken = Some(way.shaken(functions, half, NOISE)?);
+    let known = tangents.iter().enumerate();
+    let known: Vec<(usize, &[f64])> = known
+        .filter_map(|(d, tangent)| Some((d, tangent.as_deref()?)))
+        .collect();
+    let checked =
+        |expansion: &Expansion, functions: &Functions, one, (looked, lane): (&Looked, _)| {
+            let (d, start): (usize, &[f64]) = one;
+            let (largest, share) = (way.sizes.tangents(d), way.least(functions, start, d));
+            let least = |k: usize| share * way.sizes.largest[k];
+            expansion.checked(functions, one, (largest, least), (looked, lane))
+        };
+    let mut found: Vec<Option<Found>> = tangents.iter().map(|_| None).collect();
+    'all: for lanes in known.chunks(LANES) {
+        let looked = expansion.look(functions, lanes);
+        for (lane, &one) in lanes.iter().enumerate() {
+            let mut solved = checked(&expansion, functions, one, (&looked, lane));
+            if solved.is_err() {
+                // Rounding of the functions may be why.
+                if expansion.shaken.is_none() {
+                    expansion.shaken = Some(way.shaken(functions, half, NOISE)?);
+                }
+                let again = expansion.look(functions, &[one]);
+                solved = checked(&expansion, functions, one, (&again, 0));
             }
-            one = solve(&expansion, functions, d);
-        }
-        let is_last = is_halved && matches!(one, Some(Err(_)));
-        found.push(one);
-        if is_last {
-            break;
+            let is_last = is_halved && solved.is_err();
+            found[one.0] = Some(solved);
+            if is_last {
+                break 'all;
+            }
         }
     }
-    Ok((middle, found))
+    let Expansion { slopes, .. } = expansion;
+    Ok((middle, Some(slopes), found))
 }
 
 /// The halves of a part, the first one last.
@@ -223,6 +233,19 @@ fn halves([a, b]: [f64; 2], halvings: usize) -> [([f64; 2], usize); 2] {
 /// |v - w|.
 pub(super) fn difference(v: &[f64], w: &[f64]) -> Vec<f64> {
     v.iter().zip(w).map(|(v, w)| (v - w).abs()).collect()
+}
+
+/// What is seen of tangents along a part, in lanes of directions.
+struct Looked {
+    tangents: Tangent<f64x4>,
+    /// The largest terms of each entry at the end, and those of the last orders.
+    terms: Vec<[f64x4; 2]>,
+    /// S at the end, and the sizes of the terms of its rates.
+    end: Vec<f64x4>,
+    rates: Vec<f64x4>,
+    /// The defects S' - J S - b in the middle and at the end.
+    inside: Vec<f64x4>,
+    missed: Vec<f64x4>,
 }
 
 /// The series of tangents along a part of a step.
@@ -239,22 +262,51 @@ struct Expansion<'a> {
 }
 
 impl Expansion<'_> {
-    /// S of a direction, from how large its entries have been, and below which size they are nothing.
-    fn solve(
+    /// S of directions from their starts.
+    fn look(&self, functions: &Functions, lanes: &[(usize, &[f64])]) -> Looked {
+        // What begins at a high order is seen at a second look.
+        let ends = self.shaken.is_none().then_some(self.h);
+        let starts = lanes
+            .iter()
+            .map(|&(d, start)| (start, functions.direction(d)));
+        let tangents = self.slopes.tangents(&starts.collect::<Vec<_>>(), ends);
+        let (h, slots) = (self.h, functions.slots);
+        let by = functions.lanes(lanes.iter().map(|&(d, _)| d));
+        let missed = |linear: &Linearized, [s, mut slope]: [Vec<f64x4>; 2]| {
+            let term = |slot, slope| functions.term_lanes(slot, slope, [&s, &by]);
+            let rates = linear.along_lanes(slots, term);
+            for (slope, rate) in slope.iter_mut().zip(rates) {
+                *slope = (*slope - rate).abs();
+            }
+            (s, slope)
+        };
+        let (_, inside) = missed(self.middle, tangents.at_with_slope(0.5 * h));
+        let (end, missed) = missed(&self.end, tangents.at_with_slope(h));
+        let term = |slot, slope| functions.term_lanes(slot, slope, [&end, &by]);
+        Looked {
+            rates: self.end.terms_lanes(slots, term),
+            inside,
+            missed,
+            terms: tangents.terms(h),
+            end,
+            tangents,
+        }
+    }
+
+    /// S of a direction where it is one, by how large its entries have been, and below which size they are nothing.
+    fn checked(
         &self,
         functions: &Functions,
-        start: &[f64],
+        (d, start): (usize, &[f64]),
         (largest, least): (impl Fn(usize) -> f64, impl Fn(usize) -> f64),
-        d: usize,
+        (looked, lane): (&Looked, usize),
     ) -> Found {
         let h = self.h;
-        // What begins at a high order is seen at a second look.
-        let ends = self.shaken.is_none().then_some(h);
-        let direction = functions.direction(d);
-        let tangent = self.slopes.tangent(start, direction, ends);
-        let first_terms = self.slopes.terms(start, direction);
+        let first_terms = self.slopes.terms(start, functions.direction(d));
+        let of = |numbers: &f64x4| numbers.as_array()[lane];
         let known = |k: usize| largest(k).max(start[k].abs()).max(h * first_terms[k]);
-        for (k, [whole, last]) in tangent.terms(h).enumerate() {
+        for (k, terms) in looked.terms.iter().enumerate() {
+            let [whole, last] = terms.each_ref().map(of);
             let known = if known(k) > 0.0 { known(k) } else { whole };
             let allowed = self.tolerance * known.max(least(k));
             // Its sum is what terms leave of each other, or no sum.
@@ -272,26 +324,22 @@ impl Expansion<'_> {
             Some(shaken) => self.noise(functions, shaken, (start, d)),
             None => vec![0.0; start.len()],
         };
-        let missed = |linear: &Linearized, tau: f64, s: &[f64]| {
-            difference(&tangent.slope(tau), &along(functions, linear, s, d))
-        };
-        let end = tangent.at(h);
-        let terms = self.end.terms(functions, Moved::still(&end), d);
-        let inside = missed(self.middle, 0.5 * h, &tangent.at(0.5 * h));
-        let missed = missed(&self.end, h, &end);
+        let (tangent, end) = (looked.tangents.lane(lane), of_lane(&looked.end, lane));
         let order = tangent.order() as f64;
-        for (k, [_, last]) in tangent.terms(h).enumerate() {
+        for (k, [_, last]) in looked.terms.iter().enumerate() {
             // Where an entry has been small so far, its size is that of what it is made of.
             let known = known(k).max(end[k].abs()).max(least(k));
-            let size = known / h + terms[k] + NOTHING;
-            let allowed = self.tolerance * size + ROUNDING * terms[k] + noise[k];
+            let terms = of(&looked.rates[k]);
+            let size = known / h + terms + NOTHING;
+            let allowed = self.tolerance * size + ROUNDING * terms + noise[k];
             // The defect at the end is that of the first term that is missing.
-            let defects = [last / h, inside[k], missed[k] / (order + 1.0)];
+            let (inside, missed) = (of(&looked.inside[k]), of(&looked.missed[k]));
+            let defects = [of(last) / h, inside, missed / (order + 1.0)];
             if !defects.into_iter().all(|rate| rate <= allowed) {
                 return Err(TooLong::Inexact);
             }
         }
-        Ok(tangent)
+        Ok((tangent, end))
     }
 
     /// What rounding makes of the rates of a tangent.
@@ -391,13 +439,14 @@ impl Way<'_> {
             Ball::new(series::value(row, middle), motion)
         };
         let n = functions.slots.n_states;
+        let states: Vec<Ball> = (0..n).map(moving).collect();
         let mut alpha = vec![0.0; functions.slots.n_switches];
         self.step.alpha(middle, &mut alpha);
         let point = self.point(middle, &[], &alpha);
         let sliding = &self.mode.sliding;
         functions.are_tame(self.mode, |input| match input {
             Input::Time => Ball::new(point.t, radius),
-            Input::State(i) => moving(i),
+            Input::State(i) => states[i],
             Input::Alpha(switch) if sliding.contains(&switch) => moving(n + switch),
             _ => Ball::new(point.value(input), 0.0),
         })

@@ -35,7 +35,6 @@ pub(crate) use crate::tape::enclosures::tame::{NOTHING, Tame};
 pub(crate) use crate::tape::taylor::bulk::fill_all;
 pub use crate::tape::taylor::jet::Jet;
 pub(crate) use crate::tape::taylor::jet::{Recurrences, weights};
-pub(crate) use crate::tape::taylor::recurrence::convolve;
 pub(crate) use crate::tape::taylor::row::{Depends, Row, UNBOUNDED};
 pub(crate) use crate::tape::taylor::steps::{Step, advance_all, start_all};
 pub use builder::{TapeBuilder, Value};

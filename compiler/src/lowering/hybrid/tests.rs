@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use nsd_solver::event::Simulator;
+use nsd_solver::event::{Recording, Simulator};
 use nsd_solver::hybrid::{HybridSystem, Settings};
+use nsd_solver::sensitivity::{Directions, differentiate};
 
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
@@ -58,6 +59,30 @@ fn instances_of_one_part_share_their_functions() {
     });
     other.run(0.0, 1.0, &x0, &mut Silent);
     assert_eq!(other.n_functions(), made);
+}
+
+/// And so do derivatives, from pass to pass: that of q' by v, those of v' on each side and sliding, and those of ψ.
+#[test]
+fn a_second_pass_meets_no_other_derivatives() {
+    let (hybrid, x0) = lowered(PARTS);
+    let mut simulator = Simulator::new(hybrid.clone(), Settings::default());
+    let mut recording = Recording::default();
+    let approaches = (simulator.run(0.0, 1.0, &x0, &mut recording)).approaches;
+    let mut start = vec![0.0; x0.len()];
+    start[0] = 1.0;
+    let directions = Directions {
+        initial: vec![start],
+        parameters: vec![vec![0.0; hybrid.parameters.len()]],
+    };
+    let pass = |of: &Simulator| {
+        let found = differentiate(of, &recording, &approaches, &directions, &[]);
+        assert!(found.lost[0].is_none());
+        of.n_functions()
+    };
+    let made = pass(&simulator);
+    assert!(made >= hybrid.blocks.len());
+    assert_eq!(pass(&simulator), made);
+    assert_eq!(pass(&simulator.with(Settings::default())), made);
 }
 
 struct Silent;

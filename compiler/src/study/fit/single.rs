@@ -59,7 +59,9 @@ impl<'e> Single<'e> {
     ///
     /// Where it is not differentiated by something that is free in it.
     pub fn new(compiled: &Compiled<'e>, fit: &Fit<'e>, limit: &Limit) -> Result<Self, Diagnostics> {
-        let sensor = Sensor::new(compiled, Opened::of)?.with_given_initial();
+        let mut sensor = Sensor::new(compiled, Opened::of)?;
+        let targets = sensor.targets.clone();
+        sensor.give_initial(targets.iter());
         let (system, mut settings) = (&compiled.system, compiled.settings.clone());
         let plan = Plan::of_method(system, &settings, &sensor.opened.places);
         let own = settings.recording.fit.take().expect("it is a run of a fit");

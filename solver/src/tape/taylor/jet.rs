@@ -8,6 +8,8 @@
 //! For an ordinary differential equation `x' = f(x)` the coefficient of order `k` of `f` gives the one of order
 //! `k + 1` of `x`, which is the next input.
 
+use rustc_hash::FxHashMap;
+
 use super::bulk::fill_all;
 use super::row::{Depends, Row, UNBOUNDED};
 use super::steps::{Kind, Step, advance_all, start_all};
@@ -149,9 +151,9 @@ impl Jet {
         self.recurrences = place(&self.tape, &self.degrees, self.stride);
     }
 
-    /// Sets all coefficients of an input.
-    pub(crate) fn set_input_row(&mut self, input: usize, row: &[f64]) {
-        self.data[input * self.stride..][..self.stride].copy_from_slice(row);
+    /// All coefficients of an input, to be set.
+    pub(crate) fn input_row_mut(&mut self, input: usize) -> &mut [f64] {
+        &mut self.data[input * self.stride..][..self.stride]
     }
 
     /// Sets the coefficient of order `k` of an input.
@@ -186,6 +188,15 @@ impl Jet {
     /// The coefficients of an output, all orders.
     pub fn output_row(&self, output: usize) -> &[f64] {
         &self.data[self.recurrences.outputs[output]..][..self.stride]
+    }
+
+    /// Of every output, the first one that is the same value.
+    pub(crate) fn same_outputs(&self) -> Vec<usize> {
+        let mut first = FxHashMap::default();
+        let outputs = self.recurrences.outputs.iter().enumerate();
+        outputs
+            .map(|(at, start)| *first.entry(start).or_insert(at))
+            .collect()
     }
 
     /// Computes the coefficients of order `k` from the inputs up to order `k` and everything of lower order.

@@ -2,18 +2,25 @@
 //!
 //! Derivatives are rows over *slots*: t, the states, all α, the parameters.
 
-use std::cell::RefCell;
+mod group;
+mod linearized;
+
 use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rustc_hash::FxHashMap;
+use wide::f64x4;
 
-use super::taylor::{ORDER, Series};
+use super::run::Run;
+use super::taylor::in_lanes;
 use crate::expansion::field::run_balls;
-use crate::hybrid::form::{Library, Surface};
+use crate::hybrid::form::Library;
 use crate::hybrid::{HybridSystem, Input, Side};
 use crate::linalg::{DenseLu, Singular};
-use crate::tape::{Ball, Jet, Lane, Rounded, Tame, Tape};
+use crate::tape::{Ball, Lane, Rounded, Tape};
+pub(super) use group::{Group, Psi};
+use linearized::Equations;
+pub(super) use linearized::Linearized;
 
 /// Where inputs stand among the slots.
 #[derive(Clone, Copy)]
@@ -89,318 +96,23 @@ impl Point<'_> {
     }
 }
 
-/// Functions with their first derivatives.
-pub(super) struct Group {
-    inputs: Vec<Input>,
-    values: Arc<Tape>,
-    slopes: Tape,
-    /// (function, slot) of every slope.
-    entries: Vec<(usize, usize)>,
-    /// The slopes as series, once somebody has asked for them.
-    jet: RefCell<Option<Jet>>,
-}
-
-impl Group {
-    pub fn new(values: Arc<Tape>, inputs: Vec<Input>, slots: Slots) -> Self {
-        let (entries, slopes) = values.partials(|input| slots.of(inputs[input]).is_some());
-        let slot = |input: usize| slots.of(inputs[input]).unwrap_or(0);
-        let entries = entries.into_iter();
-        Group {
-            entries: entries.map(|(function, i)| (function, slot(i))).collect(),
-            inputs,
-            values,
-            slopes,
-            jet: RefCell::new(None),
-        }
-    }
-
-    /// Hands on (function, slot, derivative) as series, where inputs are series.
-    pub fn series(
-        &self,
-        input: impl Fn(Input) -> Series,
-        mut take: impl FnMut(usize, usize, &Series),
-    ) {
-        let mut jet = self.jet.borrow_mut();
-        let jet = jet.get_or_insert_with(|| {
-            let mut jet = Jet::new(&self.slopes, ORDER);
-            let degrees = self.inputs.iter().enumerate();
-            jet.bound_degrees(degrees.filter_map(|(place, input)| match input {
-                Input::Time => Some((place, 1)),
-                Input::State(_) | Input::Alpha(_) => None,
-                Input::Coefficient(_) | Input::Parameter(_) | Input::Number(_) => Some((place, 0)),
-            }));
-            jet
-        });
-        for (place, &of) in self.inputs.iter().enumerate() {
-            jet.set_input_row(place, &input(of));
-        }
-        jet.fill();
-        for (at, &(function, slot)) in self.entries.iter().enumerate() {
-            if let Ok(row) = jet.output_row(at).try_into() {
-                take(function, slot, row);
-            }
-        }
-    }
-
-    /// The values at a point.
-    pub fn values(&self, point: &Point, registers: &mut Vec<f64>) -> Vec<f64> {
-        point.run(&self.values, &self.inputs, registers).collect()
-    }
-
-    /// (function, slot, derivative) at a point.
-    pub fn slopes(&self, point: &Point, registers: &mut Vec<f64>) -> Vec<(usize, usize, f64)> {
-        let slopes = point.run(&self.slopes, &self.inputs, registers);
-        let entries = self.entries.iter().zip(slopes);
-        entries
-            .map(|(&(f, slot), slope)| (f, slot, slope))
-            .collect()
-    }
-
-    /// Whether the middle of a part speaks for all of it, for every slope.
-    fn is_tame(&self, input: &impl Fn(Input) -> Ball, registers: &mut Vec<Tame>) -> bool {
-        run_balls(&self.slopes, &self.inputs, input, registers);
-        self.slopes.results(registers).all(|slope| slope.is_tame)
-    }
-
-    /// The slopes as functions of their own.
-    fn differentiated(&self, slots: Slots) -> Group {
-        Group::new(Arc::new(self.slopes.clone()), self.inputs.clone(), slots)
-    }
-}
-
-/// ψ, or a derivative of it, with two derivatives.
-pub(super) enum Psi {
-    /// Value at zero and slopes of what is affine.
-    Affine(f64, Vec<(usize, f64)>),
-    /// The function, and its slopes as functions.
-    Smooth(Box<[Group; 2]>),
-}
-
-impl Psi {
-    fn new(surface: Surface, slots: Slots) -> Self {
-        match surface {
-            Surface::Affine(affine) => {
-                let terms = affine.terms.iter();
-                let terms = terms.map(|&(j, c)| (slots.state(j), c));
-                Psi::Affine(affine.constant, terms.chain([(0, affine.time)]).collect())
-            }
-            Surface::Parametric(smooth) | Surface::Smooth(smooth) => {
-                let group = Group::new(smooth.psi, smooth.inputs, slots);
-                let second = group.differentiated(slots);
-                Psi::Smooth(Box::new([group, second]))
-            }
-        }
-    }
-
-    /// What is not affine.
-    fn groups(&self) -> &[Group] {
-        match self {
-            Psi::Affine(..) => &[],
-            Psi::Smooth(groups) => &**groups,
-        }
-    }
-
-    pub fn value(&self, point: &Point, registers: &mut Vec<f64>) -> f64 {
-        match self {
-            Psi::Affine(constant, terms) => {
-                let at = |slot: usize| {
-                    if slot == 0 {
-                        point.t
-                    } else {
-                        point.x[slot - 1]
-                    }
-                };
-                terms.iter().map(|&(slot, c)| c * at(slot)).sum::<f64>() + constant
-            }
-            Psi::Smooth(groups) => groups[0].values(point, registers)[0],
-        }
-    }
-
-    /// (slot, derivative).
-    pub fn slopes(&self, point: &Point, registers: &mut Vec<f64>) -> Vec<(usize, f64)> {
-        match self {
-            Psi::Affine(_, terms) => terms.clone(),
-            Psi::Smooth(groups) => {
-                let slopes = groups[0].slopes(point, registers).into_iter();
-                slopes.map(|(_, slot, slope)| (slot, slope)).collect()
-            }
-        }
-    }
-
-    /// Hands on (slot, derivative) as series, where inputs are series.
-    pub fn series(&self, input: impl Fn(Input) -> Series, mut take: impl FnMut(usize, &Series)) {
-        match self {
-            Psi::Affine(_, terms) => {
-                for &(slot, c) in terms {
-                    let mut series = [0.0; ORDER + 1];
-                    series[0] = c;
-                    take(slot, &series);
-                }
-            }
-            Psi::Smooth(groups) => groups[0].series(input, |_, slot, row| take(slot, row)),
-        }
-    }
-
-    /// The same of ((slot, slot), second derivative).
-    pub fn bent_series(
-        &self,
-        input: impl Fn(Input) -> Series,
-        mut take: impl FnMut([usize; 2], &Series),
-    ) {
-        if let Psi::Smooth(groups) = self {
-            let [group, second] = &**groups;
-            second.series(input, |at, slot, row| {
-                take([group.entries[at].1, slot], row)
-            });
-        }
-    }
-
-    /// (slot, slot, second derivative).
-    fn bends(&self, point: &Point, registers: &mut Vec<f64>) -> Vec<(usize, usize, f64)> {
-        match self {
-            Psi::Affine(..) => Vec::new(),
-            Psi::Smooth(groups) => {
-                let [group, second] = &**groups;
-                let bends = second.slopes(point, registers).into_iter();
-                bends
-                    .map(|(at, slot, bend)| (group.entries[at].1, slot, bend))
-                    .collect()
-            }
-        }
-    }
-}
-
 /// The functions on certain sides.
 pub(super) struct ModeFunctions {
     /// The switches that slide by an equation for α.
     pub sliding: Vec<usize>,
     /// The rates, with the states that they are of.
-    pub blocks: Vec<(Vec<usize>, Rc<Group>)>,
+    pub blocks: Vec<(Vec<usize>, Arc<Group>)>,
     /// h of each that slides, of which dh/dt = φ.
-    pub kept: Vec<Rc<Psi>>,
+    pub kept: Vec<Arc<Psi>>,
 }
 
-/// f with its derivatives at a point of a mode, those of α_K in it.
-pub(super) struct Linearized {
-    pub f: Vec<f64>,
-    /// (state, slot, ∂f/∂slot), state by state.
-    entries: Vec<(usize, usize, f64)>,
-    /// K, and its equations.
-    pub sliding: Vec<usize>,
-    equations: Option<Equations>,
-}
-
-impl Linearized {
-    /// The derivatives of f and of α_K with a point that moves in a direction.
-    pub fn along(&self, functions: &Functions, moved: Moved, direction: usize) -> [Vec<f64>; 2] {
-        let term = |slot, slope| functions.term(slot, slope, moved, direction);
-        let mut alpha = Vec::new();
-        if let Some(equations) = &self.equations {
-            alpha = equations.sums(|slot, slope| -term(slot, slope));
-            equations.lu.solve(&mut alpha);
-        }
-        let f = self.rates(functions.slots, term, |at, slope| slope * alpha[at]);
-        [f, alpha]
-    }
-
-    /// How large the terms of the derivatives of f are.
-    pub fn terms(&self, functions: &Functions, moved: Moved, direction: usize) -> Vec<f64> {
-        let size = |slot, slope: f64| (slope * functions.by(slot, moved, direction)[1]).abs();
-        let mut alpha = Vec::new();
-        if let Some(equations) = &self.equations {
-            alpha = equations.sums(size);
-            equations.lu.solve(&mut alpha);
-        }
-        self.rates(functions.slots, size, |at, slope| (slope * alpha[at]).abs())
-    }
-
-    /// Sums over the slopes of each rate, of those by slots and by the α of what slides.
-    pub fn rates(
-        &self,
-        slots: Slots,
-        term: impl Fn(usize, f64) -> f64,
-        of_alpha: impl Fn(usize, f64) -> f64,
-    ) -> Vec<f64> {
-        let mut sums = vec![0.0; self.f.len()];
-        for &(state, slot, slope) in &self.entries {
-            sums[state] += match slots.switch(slot) {
-                None => term(slot, slope),
-                Some(switch) => {
-                    let at = self.sliding.binary_search(&switch);
-                    at.map_or(0.0, |at| of_alpha(at, slope))
-                }
-            };
-        }
-        sums
-    }
-
-    /// The derivatives of f and of φ_K with (x, α_K) in a direction.
-    pub fn open(&self, functions: &Functions, y: &[f64], direction: usize, out: &mut [f64]) {
-        let (tangent, alpha) = y.split_at(self.f.len());
-        let term = |slot, slope| functions.term(slot, slope, Moved::still(tangent), direction);
-        let (rates, residuals) = out.split_at_mut(tangent.len());
-        rates.copy_from_slice(&self.rates(functions.slots, term, |at, slope| slope * alpha[at]));
-        let Some(equations) = &self.equations else {
-            return;
-        };
-        let of_alpha = |slot: usize| {
-            let switch = functions.slots.switch(slot)?;
-            Some(alpha[self.sliding.binary_search(&switch).ok()?])
-        };
-        let sums = equations.sums(|slot, slope| match of_alpha(slot) {
-            Some(alpha) => slope * alpha,
-            None => term(slot, slope),
-        });
-        residuals.copy_from_slice(&sums);
-    }
-
-    /// ∂(f, φ_K)/∂(x, α_K), row major.
-    pub fn matrix(&self, slots: Slots, out: &mut [f64]) {
-        let n = self.f.len();
-        let width = n + self.sliding.len();
-        out.fill(0.0);
-        let column = |slot: usize| match slots.switch(slot) {
-            Some(switch) => Some(n + self.sliding.binary_search(&switch).ok()?),
-            None => slot.checked_sub(1).filter(|state| *state < n),
-        };
-        let rows = self.equations.iter().flat_map(|equations| &equations.rows);
-        let rows = rows.enumerate();
-        let phi = rows.flat_map(|(at, row)| row.iter().map(move |&(s, slope)| (n + at, s, slope)));
-        for (row, slot, slope) in self.entries.iter().copied().chain(phi) {
-            if let Some(column) = column(slot) {
-                out[row * width + column] += slope;
-            }
-        }
-    }
-
-    /// The derivatives of α of a switch that slides, by slots.
-    pub fn alpha(&self, switch: usize) -> Vec<(usize, f64)> {
-        let (Some(equations), Ok(at)) = (&self.equations, self.sliding.binary_search(&switch))
-        else {
-            return Vec::new();
-        };
-        let mut weights = vec![0.0; self.sliding.len()];
-        weights[at] = -1.0;
-        equations.lu.solve_transposed(&mut weights);
-        let rows = equations.rows.iter().zip(weights);
-        rows.flat_map(|(row, weight)| row.iter().map(move |&(slot, slope)| (slot, weight * slope)))
-            .collect()
-    }
-}
-
-/// φ_K with its derivatives by slots, and A factored.
-struct Equations {
-    lu: DenseLu,
-    values: Vec<f64>,
-    rows: Vec<Vec<(usize, f64)>>,
-}
-
-impl Equations {
-    /// Sums over the slopes of each φ.
-    fn sums(&self, term: impl Fn(usize, f64) -> f64) -> Vec<f64> {
-        let sum =
-            |row: &Vec<(usize, f64)>| row.iter().map(|&(slot, slope)| term(slot, slope)).sum();
-        self.rows.iter().map(sum).collect()
+impl ModeFunctions {
+    /// How many derivatives rates have.
+    pub fn n_slopes(&self) -> usize {
+        self.blocks
+            .iter()
+            .map(|(_, group)| group.entries.len())
+            .sum()
     }
 }
 
@@ -410,51 +122,83 @@ type Key = (usize, Box<[Side]>);
 /// -∂f/∂α of a switch by states, and of each its derivatives by t, states and directions.
 pub(super) type Kick = (Vec<f64>, Vec<Vec<f64>>);
 
-/// All functions of a system with their derivatives, made where they are met first.
+/// What a simulator has compiled of the derivatives of its functions, where passes have met them first.
+#[derive(Clone)]
+pub(crate) struct Derivatives {
+    library: Library,
+    blocks: FxHashMap<Key, Arc<Group>>,
+    surfaces: FxHashMap<(Key, usize), Arc<Psi>>,
+}
+
+impl Derivatives {
+    /// None of a system yet.
+    pub fn new(system: Arc<HybridSystem>) -> Self {
+        Derivatives {
+            library: Library::new(system),
+            blocks: FxHashMap::default(),
+            surfaces: FxHashMap::default(),
+        }
+    }
+
+    /// How many functions there are.
+    pub fn len(&self) -> usize {
+        self.blocks.len() + self.surfaces.len()
+    }
+}
+
+/// All functions of a system with their derivatives.
 pub(super) struct Functions<'r> {
     pub system: Arc<HybridSystem>,
     pub slots: Slots,
     /// Derivatives of the parameters, by direction.
     directions: &'r [Vec<f64>],
-    library: Library,
-    blocks: FxHashMap<Key, Rc<Group>>,
-    surfaces: FxHashMap<(Key, usize), Rc<Psi>>,
+    /// Whether a parameter moves in any of them.
+    moving: Vec<bool>,
+    known: MutexGuard<'r, Derivatives>,
     modes: FxHashMap<Box<[Side]>, Rc<ModeFunctions>>,
     pub registers: Vec<f64>,
 }
 
+/// What is inside, whatever has become of those who held it.
+pub(crate) fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 impl<'r> Functions<'r> {
-    pub fn new(system: Arc<HybridSystem>, directions: &'r [Vec<f64>]) -> Self {
+    pub fn new(run: &'r Run<'r>, directions: &'r [Vec<f64>]) -> Self {
+        let system = run.system.clone();
         Functions {
+            known: locked(run.derivatives),
+            moving: (0..run.parameters.len())
+                .map(|at| directions.iter().any(|by| by[at] != 0.0))
+                .collect(),
             slots: Slots {
                 n_states: system.n_states(),
                 n_switches: system.n_switches(),
             },
             directions,
-            library: Library::new(system.clone()),
             system,
-            blocks: FxHashMap::default(),
-            surfaces: FxHashMap::default(),
             modes: FxHashMap::default(),
             registers: Vec::new(),
         }
     }
 
     /// ψ of a switch where order is 0, or a derivative of it.
-    pub fn psi(&mut self, switch: usize, order: usize, sides: &[Side]) -> Rc<Psi> {
+    pub fn psi(&mut self, switch: usize, order: usize, sides: &[Side]) -> Arc<Psi> {
+        let known = &mut *self.known;
         let inside = &self.system.switches[switch].inside;
         let local: Box<[Side]> = inside.iter().map(|&i| sides[i]).collect();
         let key = ((switch, local), order);
-        if let Some(known) = self.surfaces.get(&key) {
-            return known.clone();
+        if let Some(psi) = known.surfaces.get(&key) {
+            return psi.clone();
         }
         let local = &key.0.1;
         let surface = match order {
-            0 => self.library.surface(switch, local),
-            _ => self.library.derivative(switch, order, local),
+            0 => known.library.surface(switch, local),
+            _ => known.library.derivative(switch, order, local),
         };
-        let made = Rc::new(Psi::new(surface, self.slots));
-        self.surfaces.insert(key, made.clone());
+        let made = Arc::new(Psi::new(surface, self.slots));
+        known.surfaces.insert(key, made.clone());
         made
     }
 
@@ -473,10 +217,10 @@ impl<'r> Functions<'r> {
         let blocks = (0..system.blocks.len()).map(|at| {
             let block = &system.blocks[at];
             let local: Box<[Side]> = block.switches.iter().map(|&i| sides[i]).collect();
-            let (library, slots) = (&mut self.library, self.slots);
-            let group = self.blocks.entry((at, local)).or_insert_with_key(|key| {
-                let rates = library.rates(at, &key.1);
-                Rc::new(Group::new(rates.field, rates.inputs, slots))
+            let (known, slots) = (&mut *self.known, self.slots);
+            let group = known.blocks.entry((at, local)).or_insert_with_key(|key| {
+                let rates = known.library.rates(at, &key.1);
+                Arc::new(Group::new(rates.field, rates.inputs, slots))
             });
             (block.states.clone(), group.clone())
         });
@@ -497,6 +241,11 @@ impl<'r> Functions<'r> {
         &self.directions[direction]
     }
 
+    /// Whether a parameter moves in any direction.
+    pub fn moves(&self, parameter: usize) -> bool {
+        self.moving[parameter]
+    }
+
     /// How many directions there are.
     pub fn n_directions(&self) -> usize {
         self.directions.len()
@@ -515,8 +264,8 @@ impl<'r> Functions<'r> {
                 continue;
             }
             let second = group.differentiated(self.slots);
-            let slopes = group.slopes(point, &mut self.registers);
-            let bends = second.slopes(point, &mut self.registers);
+            let slopes: Vec<_> = group.slopes(point, &mut self.registers).collect();
+            let bends: Vec<_> = second.slopes(point, &mut self.registers).collect();
             for (kick, &alpha) in kicks.iter_mut().zip(&alphas) {
                 for &(at, slot, slope) in &slopes {
                     if slot == alpha {
@@ -541,7 +290,7 @@ impl<'r> Functions<'r> {
     pub fn bends(&mut self, of: &Psi, point: &Point) -> Vec<Vec<f64>> {
         let (n, first) = (self.slots.n_states, self.slots.parameter(0));
         let mut rows = vec![vec![0.0; first + self.directions.len()]; n];
-        for (a, b, bend) in of.bends(point, &mut self.registers) {
+        for (a, b, bend) in of.bends(self.slots, point, &mut self.registers) {
             if (1..=n).contains(&a) {
                 self.spread(b, bend, &mut rows[a - 1]);
             }
@@ -567,6 +316,24 @@ impl<'r> Functions<'r> {
             by if by == 0.0 && slot >= self.slots.alpha(0) => 0.0,
             by => slope * by,
         }
+    }
+
+    /// The same in lanes of states and parameters, at an instant that does not move.
+    pub fn term_lanes(&self, slot: usize, slope: f64, [x, by]: [&[f64x4]; 2]) -> f64x4 {
+        let first = self.slots.parameter(0);
+        match slot {
+            0 => f64x4::splat(0.0 * slope),
+            slot if slot <= self.slots.n_states => x[slot - 1] * f64x4::splat(slope),
+            slot if slot < first => f64x4::splat(0.0),
+            slot if slope.is_finite() => by[slot - first] * f64x4::splat(slope),
+            slot => by[slot - first].map(|by| if by == 0.0 { 0.0 } else { slope * by }),
+        }
+    }
+
+    /// How parameters move in directions, in lanes.
+    pub fn lanes(&self, directions: impl Iterator<Item = usize>) -> Vec<f64x4> {
+        let rows: Vec<&[f64]> = directions.map(|d| self.direction(d)).collect();
+        in_lanes(&rows)
     }
 
     /// The product of slopes with a tangent of states and time, in a direction.
@@ -599,7 +366,8 @@ impl<'r> Functions<'r> {
     pub fn are_tame(&self, mode: &ModeFunctions, input: impl Fn(Input) -> Ball) -> bool {
         let mut registers = Vec::new();
         let rates = mode.blocks.iter().map(|(_, group)| &**group);
-        let mut all = rates.chain(mode.kept.iter().flat_map(|psi| psi.groups()));
+        let kept = mode.kept.iter().flat_map(|psi| psi.groups(self.slots));
+        let mut all = rates.chain(kept);
         all.all(|group| group.is_tame(&input, &mut registers))
     }
 
@@ -639,7 +407,7 @@ impl<'r> Functions<'r> {
                 _ => {}
             }
         }
-        for (a, b, bend) in of.bends(point, &mut self.registers) {
+        for (a, b, bend) in of.bends(self.slots, point, &mut self.registers) {
             match a {
                 0 => row.push((b, bend)),
                 a if a <= n => row.push((b, bend * f[a - 1])),
@@ -675,9 +443,9 @@ impl<'r> Functions<'r> {
         point: &Point,
     ) -> (Vec<f64>, Vec<(usize, usize, f64)>) {
         let f = self.rates(mode, point);
-        let mut entries = Vec::new();
+        let mut entries = Vec::with_capacity(mode.n_slopes());
         for (states, group) in &mode.blocks {
-            let slopes = group.slopes(point, &mut self.registers).into_iter();
+            let slopes = group.slopes(point, &mut self.registers);
             entries.extend(slopes.map(|(at, slot, slope)| (states[at], slot, slope)));
         }
         entries.sort_by_key(|entry| entry.0);
@@ -735,34 +503,23 @@ impl<'r> Functions<'r> {
         point: &Point,
         alpha: &mut [f64],
     ) -> Result<Linearized, Singular> {
-        self.solve_alpha(mode, point, alpha)?;
-        self.linearize(mode, &Point { alpha, ..*point })
-    }
-
-    /// Solves φ_K = 0 for α_K by Newton's method from those that are given.
-    fn solve_alpha(
-        &mut self,
-        mode: &ModeFunctions,
-        point: &Point,
-        alpha: &mut [f64],
-    ) -> Result<(), Singular> {
+        // Newton's method for φ_K = 0.
         const MOST: usize = 30;
         const SOLVED: f64 = 1e-11;
         for _ in 0..MOST {
-            let here = Point { alpha, ..*point };
-            let (f, entries) = self.entries(mode, &here);
-            let Some(found) = self.equations(mode, &here, (&f, &entries))? else {
-                return Ok(());
+            let linear = self.linearize(mode, &Point { alpha, ..*point })?;
+            let Some(equations) = &linear.equations else {
+                return Ok(linear);
             };
-            let (lu, mut phi) = (found.lu, found.values);
-            lu.solve(&mut phi);
+            let mut phi = equations.values.clone();
+            equations.lu.solve(&mut phi);
             let mut change = 0.0_f64;
             for (&i, delta) in mode.sliding.iter().zip(&phi) {
                 alpha[i] -= delta;
                 change = change.max(delta.abs() / (1.0 + alpha[i].abs()));
             }
             if change <= SOLVED {
-                return Ok(());
+                return self.linearize(mode, &Point { alpha, ..*point });
             }
         }
         Err(Singular { column: 0 })
