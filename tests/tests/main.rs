@@ -36,6 +36,7 @@ mod free;
 mod friction_in_space;
 mod functions;
 mod goldens;
+mod grids;
 mod hidden;
 mod hidden_optimal;
 mod hidden_roads;

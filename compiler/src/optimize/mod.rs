@@ -15,6 +15,7 @@ mod branches;
 pub mod checks;
 mod duals;
 mod failure;
+mod grid;
 mod iterate;
 mod moved;
 mod prepared;
@@ -25,7 +26,7 @@ mod record;
 pub(crate) mod start;
 
 use nsd_solver::optimization::mpcc;
-use nsd_solver::optimization::mpcc::{MultiStart, Solution};
+use nsd_solver::optimization::mpcc::{MultiStart, Options, Solution};
 use nsd_solver::optimization::problem::Nlp;
 
 use crate::limit::{Limit, Over};
@@ -34,8 +35,8 @@ use crate::lowering::mpcc::Mpcc;
 use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{
-    Certificate, Confirmation, Failure, Kind, Method, Optimum, Stationarity, Stats, Status,
-    Trajectory, Warning,
+    Certificate, Confirmation, Failure, GridTried, Kind, Method, Optimum, Stationarity, Stats,
+    Status, Trajectory, Warning,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
@@ -49,6 +50,9 @@ use problem::Given;
 pub(crate) use problem::Problem;
 pub use progress::Progress;
 pub use receding::Plan;
+
+/// How often a solution is refined and confirmed, where the one leads to another.
+const MOST_ROUNDS: usize = 3;
 
 /// A solved task.
 pub struct Solved<'e> {
@@ -86,8 +90,14 @@ pub fn resume<'e>(
     request: &Request,
     watch: &mut dyn Watch,
 ) -> Result<Option<Solved<'e>>, DiscretizeError> {
+    let mut task = task.clone();
+    if task.discretization.refines {
+        let [elements, nodes] = point.grid();
+        task.discretization.elements = elements;
+        task.discretization.scheme.1 = nodes;
+    }
     let start = Start::Point(point);
-    run_from(system, settings, task, start, request, watch)
+    run_from(system, settings, &task, start, request, watch)
 }
 
 fn run_from<'e>(
@@ -155,8 +165,9 @@ impl<'e> Problem<'e> {
             true => branches::settle(self, &mut solution, options, limit, watch),
             false => None,
         };
+        let mut grids = Vec::new();
         let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
-            true => checks::confirm::confirm(self, &mut solution, options, limit, watch),
+            true => self.confirmed(&mut solution, options, &mut grids, watch),
             false => (Confirmation::None, None),
         };
         let seconds = (started.elapsed() - built).as_secs_f64();
@@ -182,6 +193,7 @@ impl<'e> Problem<'e> {
                 .sum(),
             branches: solution.others,
             confirmation,
+            grids,
             ..Optimum::default()
         });
         trajectory.quality.stats.solve_s = seconds;
@@ -208,6 +220,34 @@ impl<'e> Problem<'e> {
             trajectory,
             system,
         }
+    }
+
+    /// What simulations say of a solution, or of what they lead to, on a grid that is fine enough where it is to be.
+    fn confirmed(
+        &mut self,
+        solution: &mut Solution,
+        options: &Options,
+        grids: &mut Vec<GridTried>,
+        watch: &mut dyn Watch,
+    ) -> (Confirmation, Option<f64>) {
+        let limit = &options.limit;
+        let confirm = checks::confirm::confirm;
+        if !self.task.discretization.refines {
+            return confirm(self, solution, options, limit, watch);
+        }
+        grid::refine(self, solution, (options, limit), grids, watch);
+        let mut said = confirm(self, solution, options, limit, watch);
+        for _ in 1..MOST_ROUNDS {
+            // Another solution may ask for another grid.
+            let is_other = grids
+                .last()
+                .is_some_and(|grid| grid.objective != solution.objective);
+            if !is_other || !grid::refine(self, solution, (options, limit), grids, watch) {
+                break;
+            }
+            said = confirm(self, solution, options, limit, watch);
+        }
+        said
     }
 
     /// A solution as a trajectory, of a system that has nothing left to decide.

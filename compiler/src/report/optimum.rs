@@ -20,6 +20,8 @@ pub struct Optimum {
     pub branches: usize,
     /// What simulations with other free quantities say about the certificate.
     pub confirmation: Confirmation,
+    /// The grids that it was solved on, from coarse to fine, where it looked for one that is fine enough.
+    pub grids: Vec<GridTried>,
     /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.
     pub factor_entries: usize,
     /// What a simulation with the controls that were found says, where it reached the end.
@@ -37,6 +39,20 @@ pub struct Optimum {
     /// Seconds of the simulation with the controls that were found.
     #[serde(skip)]
     pub check_s: f64,
+}
+
+/// A grid on which a task was solved.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct GridTried {
+    /// Elements per interval.
+    pub elements: usize,
+    /// Nodes per element.
+    pub nodes: usize,
+    /// The cost on it.
+    pub objective: f64,
+    /// By how much a simulation with its controls differs at the end, or in the objective where that is more; not finite
+    /// where it does not reach the end.
+    pub error: f64,
 }
 
 /// What an optimum consists of.
