@@ -23,11 +23,13 @@ const WORTH: f64 = 4.0;
 const ROUGH: f64 = 1e-2;
 /// How often elements are halved.
 const MOST_HALVINGS: usize = 2;
+/// So many iterations may lead to no solution in any case.
+const LOST: usize = 800;
 /// A finer grid costs more by no more than this, relative to max(1, |J|): what does is another minimum.
 const WORSE: f64 = 0.1;
 
 /// Takes finer and finer grids until a simulation with the controls ends where the program does, or none gets closer;
-/// whether there was one. Programs that lead to no solution take together no more iterations than the solution did.
+/// whether there was one. Programs that lead to no solution take together about as many iterations as the solution did.
 pub(super) fn refine(
     problem: &mut Problem,
     solution: &mut Solution,
@@ -51,7 +53,7 @@ pub(super) fn refine(
         }
         let mut finer = None;
         for grid in next(problem, tried) {
-            if limit.is_over() || lost > solution.stats.iterations {
+            if limit.is_over() || lost > solution.stats.iterations.max(LOST) {
                 break;
             }
             match on(problem, solution, grid, options, watch) {

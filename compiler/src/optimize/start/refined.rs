@@ -1,13 +1,10 @@
 //! A solution as a point of a program on a finer grid: its controls, and its polynomials at more nodes or in parts of its
 //! elements.
 
-use nsd_solver::integrate::tableau::lagrange;
+use nsd_solver::integrate::tableau::lagrange_distinct;
 
 use super::transfer::{Element, Point};
 use crate::lowering::discretize::Layout;
-
-/// Nodes that are closer together, as shares of an element, are one.
-const ONE: f64 = 1e-12;
 
 impl Point {
     /// The same on a grid whose elements are equal parts of those of its own, or these with other nodes.
@@ -55,17 +52,14 @@ fn part(
 
 /// The polynomials through rows of values at nodes, at other places.
 fn interpolated(nodes: &[f64], rows: &[Vec<f64>], places: &[f64]) -> Vec<Vec<f64>> {
-    let is_own = |m: &usize| *m == 0 || nodes[*m] - nodes[*m - 1] > ONE;
-    let kept: Vec<usize> = (0..nodes.len()).filter(is_own).collect();
-    let distinct: Vec<f64> = kept.iter().map(|&m| nodes[m]).collect();
     let width = rows.first().map_or(0, Vec::len);
     let at = |weights: &[f64]| {
         let entry = |i: usize| {
-            let terms = weights.iter().zip(&kept);
-            terms.map(|(weight, &m)| weight * rows[m][i]).sum()
+            let terms = weights.iter().zip(rows);
+            terms.map(|(weight, row)| weight * row[i]).sum()
         };
         (0..width).map(entry).collect()
     };
-    let weights = lagrange(&distinct, places);
-    weights.chunks(distinct.len()).map(at).collect()
+    let weights = lagrange_distinct(nodes, places);
+    weights.chunks(nodes.len()).map(at).collect()
 }
