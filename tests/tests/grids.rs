@@ -51,11 +51,11 @@ fn nodes_are_added_until_a_simulation_agrees() {
 fn a_switch_stays_where_elements_meet() {
     let found = solved(
         "state x = 1; state y = 0; control u = 0; x' = -x - sign(x); y' = u*x;",
-        "horizon 1; intervals 1; elements 3; scheme radau_iia(1); grid auto;
+        "horizon 1; intervals 1; elements 3; scheme radau_iia(2); grid auto;
          minimize integral((u - 1)^2) + final(y);",
     );
     let way = 1.0 - 2.0_f64.ln();
-    is_refined_to(&found, way - way * way / 4.0, 1e-3);
+    is_refined_to(&found, way - way * way / 4.0, 1e-5);
     assert_eq!(found.history.events.len(), 1);
     assert!((found.history.events[0].time - 2.0_f64.ln()).abs() < 1e-6);
 }
@@ -114,6 +114,35 @@ fn impacts_stay_where_elements_meet() {
     assert!(grids(&found).iter().all(|grid| grid.elements == 2));
 }
 
+/// Nodes at the ends of elements, and two at one place.
+#[test]
+fn every_family_has_polynomials() {
+    for scheme in [
+        "radau_ia(1)",
+        "radau_ia(2)",
+        "lobatto_iiia(3)",
+        "lobatto_iiic(3)",
+        "explicit(2)",
+        "explicit(3)",
+        "explicit(4)",
+    ] {
+        let found = optimum(
+            &format!(
+                "model m {{ state x = 1; state v = 0; control u in [-1, 1] = 0; x' = v; v' = -9*x + u; }}
+                 optimize o of m {{ horizon 1; intervals 2; elements 60; scheme {scheme}; minimize final(x); }}"
+            ),
+            "o",
+        );
+        let at = |k: i32| (3.0 * (1.0 - 0.5 * f64::from(k))).cos() / 9.0;
+        let gained: f64 = (1..=2).map(|k| (at(k) - at(k - 1)).abs()).sum();
+        let cost = found.objective.expect("an optimum");
+        assert!(
+            (cost - (3.0_f64.cos() - gained)).abs() < 0.05,
+            "{scheme}: {cost}"
+        );
+    }
+}
+
 /// Explicit methods have 4 nodes at most; each halving of elements divides their error by 16.
 #[test]
 fn elements_are_halved_where_there_are_no_more_nodes() {
@@ -130,7 +159,7 @@ fn elements_are_halved_where_there_are_no_more_nodes() {
     assert_eq!(sizes, [[1, 4], [2, 4], [4, 4]]);
     for pair in grids.windows(2) {
         let gain = pair[0].error / pair[1].error;
-        assert!((8.0..32.0).contains(&gain), "{grids:?}");
+        assert!(gain > 8.0, "{grids:?}");
     }
     // There it ends, and says so.
     let codes: Vec<&str> = found

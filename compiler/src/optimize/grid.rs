@@ -7,14 +7,16 @@
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution, Status, Trust};
 
-use super::checks::simulated;
+use super::checks::{confirm, simulated};
 use super::problem::Given;
 use super::{Problem, branches};
 use crate::limit::Limit;
 use crate::project::watch::Watch;
-use crate::report::GridTried;
+use crate::report::{Confirmation, GridTried};
 use crate::system::experiment::Discretization;
 
+/// How often a solution is refined and confirmed, where the one leads to another.
+const MOST_ROUNDS: usize = 3;
 /// How many nodes come with a finer grid, and how many where that leads to no solution.
 const MORE_NODES: [usize; 2] = [2, 1];
 /// Grids that do not divide the error by so much gain little, once it is below the second number: before, solutions may
@@ -26,11 +28,37 @@ const MOST_HALVINGS: usize = 2;
 /// So many iterations may lead to no solution in any case.
 const LOST: usize = 800;
 /// A finer grid costs more by no more than this, relative to max(1, |J|): what does is another minimum.
-const WORSE: f64 = 0.1;
+const WORSE: f64 = 1.0;
+
+/// What simulations say of a solution, or of what they lead to, on a grid that is fine enough where it is to be.
+pub(super) fn confirm(
+    problem: &mut Problem,
+    solution: &mut Solution,
+    options: &Options,
+    grids: &mut Vec<GridTried>,
+    watch: &mut dyn Watch,
+) -> (Confirmation, Option<f64>) {
+    let limit = &options.limit;
+    if !problem.task.discretization.refines {
+        return confirm::confirm(problem, solution, options, limit, watch);
+    }
+    refine(problem, solution, (options, limit), grids, watch);
+    let mut said = confirm::confirm(problem, solution, options, limit, watch);
+    for _ in 1..MOST_ROUNDS {
+        // Another solution may ask for another grid.
+        let last = grids.last().map(|grid| grid.objective);
+        let is_other = last != Some(solution.objective);
+        if !is_other || !refine(problem, solution, (options, limit), grids, watch) {
+            break;
+        }
+        said = confirm::confirm(problem, solution, options, limit, watch);
+    }
+    said
+}
 
 /// Takes finer and finer grids until a simulation with the controls ends where the program does, or none gets closer;
 /// whether there was one. Programs that lead to no solution take together about as many iterations as the solution did.
-pub(super) fn refine(
+fn refine(
     problem: &mut Problem,
     solution: &mut Solution,
     (options, limit): (&Options, &Limit),

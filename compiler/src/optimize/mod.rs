@@ -26,7 +26,7 @@ mod record;
 pub(crate) mod start;
 
 use nsd_solver::optimization::mpcc;
-use nsd_solver::optimization::mpcc::{MultiStart, Options, Solution};
+use nsd_solver::optimization::mpcc::{MultiStart, Solution};
 use nsd_solver::optimization::problem::Nlp;
 
 use crate::limit::{Limit, Over};
@@ -35,7 +35,7 @@ use crate::lowering::mpcc::Mpcc;
 use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{
-    Certificate, Confirmation, Failure, GridTried, Kind, Method, Optimum, Stationarity, Stats,
+    Certificate, Confirmation, Failure, Kind, Method, Optimum, Seconds, Stationarity, Stats,
     Status, Trajectory, Warning,
 };
 use crate::simulate::{self, Request};
@@ -50,9 +50,6 @@ use problem::Given;
 pub(crate) use problem::Problem;
 pub use progress::Progress;
 pub use receding::Plan;
-
-/// How often a solution is refined and confirmed, where the one leads to another.
-const MOST_ROUNDS: usize = 3;
 
 /// A solved task.
 pub struct Solved<'e> {
@@ -167,7 +164,7 @@ impl<'e> Problem<'e> {
         };
         let mut grids = Vec::new();
         let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
-            true => self.confirmed(&mut solution, options, &mut grids, watch),
+            true => grid::confirm(self, &mut solution, options, &mut grids, watch),
             false => (Confirmation::None, None),
         };
         let seconds = (started.elapsed() - built).as_secs_f64();
@@ -182,15 +179,18 @@ impl<'e> Problem<'e> {
         let values = duals::values(self, solution, options);
         trajectory.optimum = Some(Optimum {
             values,
-            built_s: built.as_secs_f64(),
             factor_entries: solution.stats.factor_entries,
             analyses: self.analyses.made() - analyzed,
             starts: found.solutions.len(),
             spread: found.spread(),
             median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
-            certificate_s: (found.solutions.iter())
-                .map(|solution| solution.stats.certificate_seconds)
-                .sum(),
+            seconds: Seconds {
+                build: built.as_secs_f64(),
+                certificates: (found.solutions.iter())
+                    .map(|solution| solution.stats.certificate_seconds)
+                    .sum(),
+                check: 0.0,
+            },
             branches: solution.others,
             confirmation,
             grids,
@@ -220,34 +220,6 @@ impl<'e> Problem<'e> {
             trajectory,
             system,
         }
-    }
-
-    /// What simulations say of a solution, or of what they lead to, on a grid that is fine enough where it is to be.
-    fn confirmed(
-        &mut self,
-        solution: &mut Solution,
-        options: &Options,
-        grids: &mut Vec<GridTried>,
-        watch: &mut dyn Watch,
-    ) -> (Confirmation, Option<f64>) {
-        let limit = &options.limit;
-        let confirm = checks::confirm::confirm;
-        if !self.task.discretization.refines {
-            return confirm(self, solution, options, limit, watch);
-        }
-        grid::refine(self, solution, (options, limit), grids, watch);
-        let mut said = confirm(self, solution, options, limit, watch);
-        for _ in 1..MOST_ROUNDS {
-            // Another solution may ask for another grid.
-            let is_other = grids
-                .last()
-                .is_some_and(|grid| grid.objective != solution.objective);
-            if !is_other || !grid::refine(self, solution, (options, limit), grids, watch) {
-                break;
-            }
-            said = confirm(self, solution, options, limit, watch);
-        }
-        said
     }
 
     /// A solution as a trajectory, of a system that has nothing left to decide.

@@ -30,15 +30,20 @@ pub struct Optimum {
     /// How many symbolic factorizations were made: patterns of matrices that had not been met before.
     #[serde(skip)]
     pub analyses: usize,
-    /// Seconds from the system to a compiled program.
+    /// Where its time went.
     #[serde(skip)]
-    pub built_s: f64,
-    /// Seconds of certificates of all starts.
-    #[serde(skip)]
-    pub certificate_s: f64,
-    /// Seconds of the simulation with the controls that were found.
-    #[serde(skip)]
-    pub check_s: f64,
+    pub seconds: Seconds,
+}
+
+/// Seconds of parts of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seconds {
+    /// From the system to a compiled program.
+    pub build: f64,
+    /// Certificates of all starts.
+    pub certificates: f64,
+    /// The simulation with the controls that were found.
+    pub check: f64,
 }
 
 /// A grid on which a task was solved.

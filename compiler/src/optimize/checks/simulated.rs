@@ -72,7 +72,7 @@ pub(crate) fn simulate(
     let started = Instant::now();
     let compared = compare(problem, solution, limit);
     if let Some(optimum) = &mut trajectory.optimum {
-        optimum.check_s = started.elapsed().as_secs_f64();
+        optimum.seconds.check = started.elapsed().as_secs_f64();
     }
     let (check, size) = match compared {
         Ok(compared) => compared,
