@@ -37,6 +37,7 @@ mod free;
 mod friction_in_space;
 mod functions;
 mod goldens;
+mod grids;
 mod hidden;
 mod hidden_optimal;
 mod hidden_roads;

@@ -5,7 +5,7 @@
 //! ([`nsd_solver::event`]). So the controls that were found are run from event to event. Where that run is in other
 //! modes the program is solved again from it, in its modes. What differs still is no solution of the model.
 
-use nsd_solver::integrate::tableau::lagrange;
+use nsd_solver::integrate::tableau::lagrange_distinct;
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution, Status};
 
@@ -49,7 +49,7 @@ impl<'e> Problem<'e> {
         let layout = &self.layout;
         let (at, horizon) = (self.at(w), self.at(w).horizon());
         let ends = at.ends();
-        let middle = lagrange(&layout.points[1..=layout.nodes], &[0.5]);
+        let middle = lagrange_distinct(&layout.points[1..=layout.nodes], &[0.5]);
         let (mut first, mut duration) = (None, 0.0);
         for (k, j) in layout.all_elements() {
             let h = w[layout.h(k, j)].max(0.0);

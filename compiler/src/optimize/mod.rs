@@ -15,6 +15,7 @@ mod branches;
 pub mod checks;
 mod duals;
 mod failure;
+mod grid;
 mod iterate;
 mod moved;
 mod prepared;
@@ -34,8 +35,8 @@ use crate::lowering::mpcc::Mpcc;
 use crate::project::clock::Instant;
 use crate::project::watch::{Counted, Watch};
 use crate::report::{
-    Certificate, Confirmation, Failure, Kind, Method, Optimum, Stationarity, Stats, Status,
-    Trajectory, Warning,
+    Certificate, Confirmation, Failure, Kind, Method, Optimum, Seconds, Stationarity, Stats,
+    Status, Trajectory, Warning,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
@@ -86,8 +87,14 @@ pub fn resume<'e>(
     request: &Request,
     watch: &mut dyn Watch,
 ) -> Result<Option<Solved<'e>>, DiscretizeError> {
+    let mut task = task.clone();
+    if task.discretization.refines {
+        let [elements, nodes] = point.grid();
+        task.discretization.elements = elements;
+        task.discretization.scheme.1 = nodes;
+    }
     let start = Start::Point(point);
-    run_from(system, settings, task, start, request, watch)
+    run_from(system, settings, &task, start, request, watch)
 }
 
 fn run_from<'e>(
@@ -155,8 +162,9 @@ impl<'e> Problem<'e> {
             true => branches::settle(self, &mut solution, options, limit, watch),
             false => None,
         };
+        let mut grids = Vec::new();
         let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
-            true => checks::confirm::confirm(self, &mut solution, options, limit, watch),
+            true => grid::confirm(self, &mut solution, options, &mut grids, watch),
             false => (Confirmation::None, None),
         };
         let seconds = (started.elapsed() - built).as_secs_f64();
@@ -171,17 +179,21 @@ impl<'e> Problem<'e> {
         let values = duals::values(self, solution, options);
         trajectory.optimum = Some(Optimum {
             values,
-            built_s: built.as_secs_f64(),
             factor_entries: solution.stats.factor_entries,
             analyses: self.analyses.made() - analyzed,
             starts: found.solutions.len(),
             spread: found.spread(),
             median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
-            certificate_s: (found.solutions.iter())
-                .map(|solution| solution.stats.certificate_seconds)
-                .sum(),
+            seconds: Seconds {
+                build: built.as_secs_f64(),
+                certificates: (found.solutions.iter())
+                    .map(|solution| solution.stats.certificate_seconds)
+                    .sum(),
+                check: 0.0,
+            },
             branches: solution.others,
             confirmation,
+            grids,
             ..Optimum::default()
         });
         trajectory.quality.stats.solve_s = seconds;

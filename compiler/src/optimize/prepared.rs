@@ -160,7 +160,10 @@ impl<'e> Prepared<'e> {
         }
         let opened = Opened::inputs(compiled)?;
         let given = Given::Inputs(&opened.places);
-        let problem = Problem::new(system, settings, asked, given).map_err(|error| {
+        let mut asked = asked.clone();
+        // One program serves all.
+        asked.discretization.refines = false;
+        let problem = Problem::new(system, settings, &asked, given).map_err(|error| {
             let mut diags = Diagnostics::new();
             diags.push(refused(&error, settings));
             PrepareError::NotCompiled(Messages::new(diags, sources.clone()))

@@ -1,8 +1,9 @@
 //! The solution of a program as a trajectory.
 
-use nsd_solver::integrate::tableau::lagrange;
+use nsd_solver::integrate::tableau::lagrange_distinct;
 
 use super::Problem;
+use crate::lowering::discretize::Layout;
 use crate::report::Trajectory;
 use crate::simulate::Elements;
 use crate::system::System;
@@ -20,7 +21,9 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     let ends = at.ends();
     let instant = |k: usize| ends[k];
     let follows = following(&problem.system).states;
-    let mut elements = Elements::new(system, &layout.points, layout.nodes);
+    let kept = Kept::new(layout);
+    let points: Vec<f64> = kept.points.iter().map(|&m| layout.points[m]).collect();
+    let mut elements = Elements::new(system, &points, kept.nodes.len());
     // The state when the clock stopped, and the laws that have acted since.
     let mut stopped: Option<(Vec<f64>, Vec<usize>)> = None;
     let mut t = 0.0_f64;
@@ -71,7 +74,11 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         }
         if to - from > SHORTEST * horizon {
             let instants = [&[from], &instants[1..layout.end], &[to]].concat();
-            let x: Vec<&[f64]> = (0..=layout.end).map(x).collect();
+            let instants: Vec<f64> = kept.points.iter().map(|&m| instants[m]).collect();
+            let x: Vec<&[f64]> = kept.points.iter().map(|&m| x(m)).collect();
+            let alphas: Vec<Vec<f64>> = (kept.nodes.iter())
+                .map(|&m| alphas[m - 1].clone())
+                .collect();
             elements.element(&instants, &x, &alphas);
         }
         t = to;
@@ -86,12 +93,44 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     elements.finish(&problem.settings, horizon, &problem.open)
 }
 
+/// The points of an element that polynomials go through: where several are at one place its ends count before its nodes,
+/// and of nodes the first.
+struct Kept {
+    /// From its start to its end.
+    points: Vec<usize>,
+    /// The nodes among them that have an α; the last of all nodes, if none does.
+    nodes: Vec<usize>,
+}
+
+impl Kept {
+    fn new(layout: &Layout) -> Self {
+        let (points, end) = (&layout.points, layout.end);
+        let is_alone = |m: &usize| {
+            let m = *m;
+            m == end || points[m] != points[m - 1] && points[m] != points[end]
+        };
+        let inside: Vec<usize> = (1..=layout.nodes).filter(is_alone).collect();
+        let ends = [end].into_iter().filter(|end| !inside.contains(end));
+        Kept {
+            points: [0]
+                .into_iter()
+                .chain(inside.iter().copied())
+                .chain(ends)
+                .collect(),
+            nodes: match inside.is_empty() {
+                true => vec![layout.nodes],
+                false => inside,
+            },
+        }
+    }
+}
+
 /// The state where an element begins; of algebraic states that jump there, what the program has for them, or else the
 /// polynomial through the nodes.
 fn left(problem: &Problem, follows: &[bool], w: &[f64], (k, j): (usize, usize)) -> Vec<f64> {
     let layout = &problem.layout;
     let mut x = w[layout.x(k, j, 0)..][..layout.n_states()].to_vec();
-    let at_left = lagrange(&layout.points[1..=layout.nodes], &[0.0]);
+    let at_left = lagrange_distinct(&layout.points[1..=layout.nodes], &[0.0]);
     for (i, x) in x
         .iter_mut()
         .enumerate()

@@ -33,7 +33,7 @@ pub use dense::{Dense, Piece};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use modes::ModeTexts;
-pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
+pub use optimum::{Check, Confirmation, Constraint, GridTried, Optimum, Seconds, Term, Values};
 pub(crate) use rows::{Course, curve};
 pub use rows::{Rows, curve::refine};
 pub use several::{

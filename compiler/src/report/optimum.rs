@@ -20,6 +20,8 @@ pub struct Optimum {
     pub branches: usize,
     /// What simulations with other free quantities say about the certificate.
     pub confirmation: Confirmation,
+    /// The grids that it was solved on, from coarse to fine, where it looked for one that is fine enough.
+    pub grids: Vec<GridTried>,
     /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.
     pub factor_entries: usize,
     /// What a simulation with the controls that were found says, where it reached the end.
@@ -28,15 +30,34 @@ pub struct Optimum {
     /// How many symbolic factorizations were made: patterns of matrices that had not been met before.
     #[serde(skip)]
     pub analyses: usize,
-    /// Seconds from the system to a compiled program.
+    /// Where its time went.
     #[serde(skip)]
-    pub built_s: f64,
-    /// Seconds of certificates of all starts.
-    #[serde(skip)]
-    pub certificate_s: f64,
-    /// Seconds of the simulation with the controls that were found.
-    #[serde(skip)]
-    pub check_s: f64,
+    pub seconds: Seconds,
+}
+
+/// Seconds of parts of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seconds {
+    /// From the system to a compiled program.
+    pub build: f64,
+    /// Certificates of all starts.
+    pub certificates: f64,
+    /// The simulation with the controls that were found.
+    pub check: f64,
+}
+
+/// A grid on which a task was solved.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct GridTried {
+    /// Elements per interval.
+    pub elements: usize,
+    /// Nodes per element.
+    pub nodes: usize,
+    /// The cost on it.
+    pub objective: f64,
+    /// By how much a simulation with its controls differs at the end, or in the objective where that is more; not finite
+    /// where it does not reach the end.
+    pub error: f64,
 }
 
 /// What an optimum consists of.

@@ -65,7 +65,7 @@ const PLACES: [&str; 65] = [
     "fit s of m { loss squared; loss @(2); initial { @ free; } }",
     "simulate s of m { sensitivity to @, a.@[1] at 0; sensitivity to @ at 0; }",
     "simulate s of m { stop when @ <= 0 and a > @; }",
-    "simulate s of m { intervals @; elements @; scheme @; controls @; }",
+    "simulate s of m { intervals @; elements @; scheme @; grid @; controls @; }",
     "simulate s of m { plot { @; @, a; a, @ + 1; phase @, b; title \"@\"; width 8 cm; } }",
     "simulate s of m { plot { phase - a; phase[1]; phase; phase, a; phase a, b; width - 3; width, 2; title; } }",
     "simulate s of m { animate { title \"a\"; disc @, 1; segment 0, @; for @ in 1..n { @ @, 2; } width 30 mm; } }",

@@ -17,6 +17,51 @@ const FEASIBLE: f64 = 1e-6;
 /// The code of what a simulation says against a result.
 const DISAGREES: &str = "W0709";
 
+/// What a simulation says, and the largest magnitude of a state in it.
+fn compare(
+    problem: &Problem,
+    solution: &Solution,
+    limit: &Limit,
+) -> Result<(Check, f64), Option<Failure>> {
+    let w = &solution.w;
+    let refines = problem.task.discretization.refines;
+    let run = solved::run(problem, w, limit, |settings| {
+        let numerics = &mut settings.numerics;
+        numerics.tolerance = match refines {
+            // What grows along the run is to be the error of the grid.
+            true => FINEST,
+            false => (FINER * numerics.tolerance).max(FINEST),
+        };
+        settings.recording.sampling = Sampling::Method;
+    });
+    if run.status != Status::Solved {
+        return Err(run.failure);
+    }
+    let last = run.samples.time.len() - 1;
+    let x = run.samples.states[0].at(last);
+    let (_, n) = solved::end(problem, x);
+    let all = (0..run.samples.time.len()).flat_map(|k| &run.samples.states[0].at(k)[..n]);
+    let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
+    let check = Check {
+        terminal_error: solved::terminal_error(problem, w, x),
+        objective_error: cost(problem, x, w) - solution.objective,
+    };
+    Ok((check, size))
+}
+
+/// By how much a simulation differs at the end, in states and relative to them where they are small, or in the objective;
+/// not finite where it does not get there.
+pub(crate) fn disagreement(problem: &Problem, solution: &Solution, limit: &Limit) -> f64 {
+    let compared = compare(problem, solution, limit);
+    let relative = |(check, size): (Check, f64)| relative(&check, size.min(1.0), solution);
+    compared.map_or(f64::INFINITY, relative)
+}
+
+fn relative(check: &Check, size: f64, solution: &Solution) -> f64 {
+    let objective = check.objective_error.abs() / solution.objective.abs().max(1.0);
+    (check.terminal_error / size.max(FEASIBLE)).max(objective)
+}
+
 /// Simulates in the time that is left, and says by how much the end and the objective differ.
 pub(crate) fn simulate(
     problem: &Problem,
@@ -24,43 +69,35 @@ pub(crate) fn simulate(
     limit: &Limit,
     trajectory: &mut Trajectory,
 ) {
-    let w = &solution.w;
     let started = Instant::now();
-    let run = solved::run(problem, w, limit, |settings| {
-        settings.numerics.tolerance = (FINER * settings.numerics.tolerance).max(FINEST);
-        settings.recording.sampling = Sampling::Method;
-    });
+    let compared = compare(problem, solution, limit);
     if let Some(optimum) = &mut trajectory.optimum {
-        optimum.check_s = started.elapsed().as_secs_f64();
+        optimum.seconds.check = started.elapsed().as_secs_f64();
     }
-    if run.status != Status::Solved {
-        let warning = unfinished(&problem.settings, run.failure.as_ref());
-        return trajectory.warnings.push(warning);
-    }
-    let last = run.samples.time.len() - 1;
-    let x = run.samples.states[0].at(last);
-    let (_, n) = solved::end(problem, x);
-    let terminal = solved::terminal_error(problem, w, x);
-    let all = (0..run.samples.time.len()).flat_map(|k| &run.samples.states[0].at(k)[..n]);
-    let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
-    let objective = cost(problem, x, w) - solution.objective;
-    let relative =
-        (terminal / size.max(FEASIBLE)).max(objective.abs() / solution.objective.abs().max(1.0));
+    let (check, size) = match compared {
+        Ok(compared) => compared,
+        Err(failure) => {
+            let warning = unfinished(&problem.settings, failure.as_ref());
+            return trajectory.warnings.push(warning);
+        }
+    };
+    let relative = relative(&check, size, solution);
     if relative > problem.settings.numerics.tolerance {
+        let advice = match problem.task.discretization.refines {
+            true => "no finer grid that was tried is closer",
+            false => "more `elements` or nodes are more accurate, and `grid auto;` looks for them",
+        };
         let message = format!(
-            "a simulation with these controls ends {terminal:.1e} away, with an objective that differs by \
-             {:.1e}; more `elements` or nodes are more accurate",
-            objective.abs()
+            "a simulation with these controls ends {:.1e} away, with an objective that differs by {:.1e}; {advice}",
+            check.terminal_error,
+            check.objective_error.abs()
         );
         let warning = disagrees(&problem.settings, message);
         trajectory.warnings.push(warning);
     }
     trajectory.quality.error_estimate = Some(relative);
     if let Some(optimum) = &mut trajectory.optimum {
-        optimum.check = Some(Check {
-            terminal_error: terminal,
-            objective_error: objective,
-        });
+        optimum.check = Some(check);
     }
 }
 

@@ -4,6 +4,7 @@ pub(crate) mod guess;
 pub(crate) mod products;
 pub(crate) mod read;
 pub(crate) mod reference;
+mod refined;
 pub(crate) mod shift;
 pub(crate) mod transfer;
 use nsd_solver::optimization::mpcc;

@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::lowering::dcs::solve_in_mode;
+use crate::lowering::discretize::Layout;
 use crate::optimize::Problem;
 use crate::system::task::Shape;
 
@@ -30,6 +31,17 @@ pub struct Point {
 }
 
 impl Point {
+    /// Makes it one of programs on another grid.
+    pub(super) fn set_grid(&mut self, layout: &Layout) {
+        self.kind.grid = grid(layout);
+    }
+
+    /// Elements and nodes of its grid.
+    pub(crate) fn grid(&self) -> [usize; 2] {
+        let [_, elements, nodes] = self.kind.grid;
+        [elements, nodes]
+    }
+
     /// The states at its start.
     pub fn start(&self) -> &[f64] {
         &self.elements[0].before
@@ -45,6 +57,10 @@ struct Kind {
     n_switches: usize,
     /// Steps, elements and nodes.
     grid: [usize; 3],
+}
+
+fn grid(layout: &Layout) -> [usize; 3] {
+    [layout.steps, layout.elements, layout.nodes]
 }
 
 /// What happens in an element.
@@ -105,7 +121,7 @@ impl Problem<'_> {
             n_impacts: self.n_impulses(),
             n_states: layout.n_states(),
             n_switches: self.dcs.switches.alphas.len(),
-            grid: [layout.steps, layout.elements, layout.nodes],
+            grid: grid(layout),
         }
     }
 

@@ -4,8 +4,8 @@ use std::fmt::{self, Display, Write};
 
 use crate::diagnostics::counted;
 use crate::report::{
-    Bands, Constraint, Decision, Event, EventKind, Fit, History, MethodOption, ModeTexts, Samples,
-    Search, Series, Stationarity, Stats, Status, Times, Trajectory,
+    Bands, Constraint, Decision, Event, EventKind, Fit, GridTried, History, MethodOption,
+    ModeTexts, Samples, Search, Series, Stationarity, Stats, Status, Times, Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
@@ -538,6 +538,23 @@ fn optimum(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         writeln!(
             text,
             "  the certificate is that of the program alone: {reason}"
+        )?;
+    }
+    for tried in &optimum.grids {
+        let GridTried {
+            elements,
+            nodes,
+            objective,
+            error,
+        } = tried;
+        let error = match error.is_finite() {
+            true => format!("off by {error:.1e}"),
+            false => "without an end".to_owned(),
+        };
+        writeln!(
+            text,
+            "  grid of {elements} x {nodes} nodes per interval: objective {}, simulated {error}",
+            significant(*objective, 9),
         )?;
     }
     if let Some(check) = &optimum.check {

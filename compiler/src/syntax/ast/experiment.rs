@@ -191,7 +191,7 @@ pub enum SettingKind {
     Plot(Vec<PlotItem>),
     /// `animate { disc q, r; trace q[1], q[2]; speed 0.5; title "Fall"; width 8 cm; }`
     Animate(Vec<PlotItem>),
-    /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `loss`, `sample`, `deadline`
+    /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `grid`, `controls`, `minimize`, `loss`, `sample`, `deadline`
     Value {
         /// Which setting.
         name: Ident,

@@ -100,6 +100,7 @@ const EXPERIMENT: Starts = &[
     ("intervals", Rule::value),
     ("elements", Rule::value),
     ("scheme", Rule::value),
+    ("grid", Rule::value),
     ("controls", Rule::value),
     ("minimize", Rule::value),
     ("subject", Rule::subject_to),

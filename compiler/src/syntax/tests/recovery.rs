@@ -213,7 +213,7 @@ fn misplaced_statements_say_where_they_belong() {
     assert_snapshot!(check("state x = 0;\nsimulate s of m {\n  param k = 1;\n  foo 3;\n}\n"), @r"
     E0018 at 1:1: `state` does not belong at the top level of a file | move it into a model
     E0018 at 3:3: `param` does not belong in an experiment | move it into a model
-    E0012 at 4:3: no setting of an experiment starts with `foo` | start with `with`, `horizon`, `tolerance`, `method`, `lower`, `output`, `perturb`, `on`, `stop`, `sensitivity`, `data`, `loss`, `controller`, `sample`, `deadline`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `subject`, `initial`, `free`, `final`, `guess`, `starts`, `plot`, `animate`, `expect`
+    E0012 at 4:3: no setting of an experiment starts with `foo` | start with `with`, `horizon`, `tolerance`, `method`, `lower`, `output`, `perturb`, `on`, `stop`, `sensitivity`, `data`, `loss`, `controller`, `sample`, `deadline`, `runs`, `intervals`, `elements`, `scheme`, `grid`, `controls`, `minimize`, `subject`, `initial`, `free`, `final`, `guess`, `starts`, `plot`, `animate`, `expect`
     // a statement that could not be read
     simulate s of m {
       // a statement that could not be read
@@ -275,7 +275,7 @@ fn members_of_blocks_are_checked_one_by_one() {
     E0010 at 4:15: expected `<=`, `>=`, `=` or an operator, found `free`
     E0010 at 4:29: expected an expression, found `;`
     E0010 at 5:17: expected `<=`, `>=`, `=` or an operator, found `;`
-    E0012 at 5:21: no setting of an experiment starts with `at` | start with `with`, `horizon`, `tolerance`, `method`, `lower`, `output`, `perturb`, `on`, `stop`, `sensitivity`, `data`, `loss`, `controller`, `sample`, `deadline`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`, `subject`, `initial`, `free`, `final`, `guess`, `starts`, `plot`, `animate`, `expect`
+    E0012 at 5:21: no setting of an experiment starts with `at` | start with `with`, `horizon`, `tolerance`, `method`, `lower`, `output`, `perturb`, `on`, `stop`, `sensitivity`, `data`, `loss`, `controller`, `sample`, `deadline`, `runs`, `intervals`, `elements`, `scheme`, `grid`, `controls`, `minimize`, `subject`, `initial`, `free`, `final`, `guess`, `starts`, `plot`, `animate`, `expect`
     E0010 at 6:18: expected an expression, found `;`
     optimize o of m {
       guess {

@@ -21,6 +21,23 @@ pub fn lagrange(nodes: &[f64], points: &[f64]) -> Vec<f64> {
         .collect()
 }
 
+/// The same of nodes that may stand next to themselves, as the start of an element beside a node there and the two middle
+/// ones of a Runge-Kutta method: the first of them counts, and the polynomials of others are zero.
+pub fn lagrange_distinct(nodes: &[f64], points: &[f64]) -> Vec<f64> {
+    let is_first = |m: &usize| *m == 0 || nodes[*m] != nodes[*m - 1];
+    let kept: Vec<usize> = (0..nodes.len()).filter(is_first).collect();
+    let distinct: Vec<f64> = kept.iter().map(|&m| nodes[m]).collect();
+    let mut values = vec![0.0; points.len() * nodes.len()];
+    let rows = values.chunks_mut(nodes.len());
+    let known = lagrange(&distinct, points);
+    for (row, known) in rows.zip(known.chunks(kept.len())) {
+        for (&m, &value) in kept.iter().zip(known) {
+            row[m] = value;
+        }
+    }
+    values
+}
+
 /// Derivatives at the nodes of the Lagrange polynomials of nodes: row major, nodes × nodes.
 ///
 /// Nodes are distinct, in any order. With the weights w_j = 1/Π_m (c_j - c_m) the derivative of

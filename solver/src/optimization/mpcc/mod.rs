@@ -124,6 +124,16 @@ impl Work<'_> {
     /// A problem without pairs is that of the interior-point method, and polished as its only branch: bounds with small
     /// multipliers are not reached before.
     fn smooth(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
+        if self.options.trust != Trust::No {
+            let guess = Guess {
+                w: start.to_vec(),
+                y: vec![0.0; lifted.n_rows()],
+            };
+            let near = polish(lifted, &guess, &[], Goal::Solution, self);
+            if let Some(near) = near.ok().filter(|near| near.is_optimal) {
+                return self.of_smooth(lifted, near);
+            }
+        }
         let mut program = Branch::new(lifted, &[], start);
         let found = self.minimize(
             Program::Smooth,
@@ -161,6 +171,11 @@ impl Work<'_> {
             Ok(finer) if finer.is_optimal => finer,
             _ => polished,
         };
+        self.of_smooth(lifted, best)
+    }
+
+    /// The solution of a problem without pairs that a point is, or leads to where its Lagrangian curves down.
+    fn of_smooth(&mut self, lifted: &mut Lifted<'_>, best: Polished) -> Solution {
         let best = self.fall(lifted, best);
         let certificate = self.certify(lifted, &best.point);
         let candidate = Candidate {

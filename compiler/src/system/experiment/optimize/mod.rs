@@ -70,6 +70,8 @@ pub struct Discretization {
     pub controls: Shape,
     /// How long intervals are.
     pub lengths: Lengths,
+    /// Whether elements and nodes become more until a simulation agrees.
+    pub refines: bool,
 }
 
 /// How long control intervals are.

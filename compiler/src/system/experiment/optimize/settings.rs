@@ -20,6 +20,8 @@ use crate::syntax::{self, GuessSource, Ident, Path, Relation, Row, Setting, Sett
 pub(crate) struct Draft<'m, 'e> {
     words: Words<'m, 'e>,
     pub(crate) discretization: Discretization,
+    /// Whether the grid refines itself, where that is said, or where a grid is given.
+    refines: Option<bool>,
     /// Bounds of a free horizon.
     horizon: Option<(f64, f64)>,
     /// Nothing in it after a mistake.
@@ -38,6 +40,8 @@ pub(crate) const INSTANTS: [At; 3] = [At::Nodes, At::Elements, At::Intervals];
 /// Shapes of controls.
 pub(crate) const SHAPES: [(&str, Shape); 2] =
     [("constant", Shape::Constant), ("linear", Shape::Linear)];
+/// Grids, and whether they refine themselves.
+pub(crate) const GRIDS: [(&str, bool); 2] = [("auto", true), ("fixed", false)];
 /// The method of `optimize`.
 pub const OPTIMIZER: &str = "mpcc";
 pub(crate) const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
@@ -91,7 +95,9 @@ impl<'m, 'e> Draft<'m, 'e> {
                 scheme: (Family::RadauIia, 3),
                 controls: Shape::Constant,
                 lengths: Lengths::Equal,
+                refines: true,
             },
+            refines: None,
             horizon: None,
             cost: None,
             comparisons: Vec::new(),
@@ -115,6 +121,7 @@ impl<'m, 'e> Draft<'m, 'e> {
         match kind {
             SettingKind::FreeIntervals(value) => {
                 reader.once("`intervals`", span);
+                self.refines.get_or_insert(false);
                 let count = reader.count("`intervals`", value, MOST_INTERVALS);
                 self.discretization.intervals = count.unwrap_or(1);
                 self.discretization.lengths = match count {
@@ -259,12 +266,14 @@ impl<'m, 'e> Draft<'m, 'e> {
         match name.name.as_str() {
             "intervals" => {
                 reader.once("`intervals`", span);
+                self.refines.get_or_insert(false);
                 if let Some((count, lengths)) = intervals(reader, value) {
                     (grid.intervals, grid.lengths) = (count, lengths);
                 }
             }
             "elements" => {
                 reader.once("`elements`", span);
+                self.refines.get_or_insert(false);
                 let count = reader.count("`elements`", value, fesd::MOST_ELEMENTS);
                 grid.elements = count.unwrap_or(grid.elements);
             }
@@ -276,6 +285,11 @@ impl<'m, 'e> Draft<'m, 'e> {
                 reader.once("`controls`", span);
                 let shape = fesd::word(reader, "shape of controls", value, &SHAPES);
                 grid.controls = shape.unwrap_or(grid.controls);
+            }
+            "grid" => {
+                reader.once("`grid`", span);
+                let chosen = fesd::word(reader, "grid", value, &GRIDS);
+                self.refines = chosen.or(self.refines);
             }
             "minimize" => {
                 reader.once("`minimize`", span);
@@ -353,7 +367,10 @@ impl<'m, 'e> Draft<'m, 'e> {
         };
         let tied = self.tied(reader);
         Some(Optimize {
-            discretization: self.discretization,
+            discretization: Discretization {
+                refines: self.refines.unwrap_or(true),
+                ..self.discretization
+            },
             horizon: self.horizon,
             integrals: self.words.into_integrals(),
             cost: cost?,
