@@ -67,6 +67,7 @@ fn rates_and_numbers_do_not_either() {
                    param p = 1.25; param q = sat(p, -{limit:e}, {limit:e});
                    state x = 1; state y = q; state z = 0;
                    x' = sat(-x, -{limit:e}, {limit:e}); y' = 0;
+                   state w = 0; w' = 1 + sat(-w, -{limit:e}, {limit:e});
                    z' = sat(1.3, -{limit:e}, {limit:e});
                  }}
                  simulate run of m {{ horizon 1; tolerance 1e-11; method {method}; }}"
@@ -76,6 +77,7 @@ fn rates_and_numbers_do_not_either() {
             close(end(&found, "x")[0], (-1.0_f64).exp(), &what);
             close(end(&found, "y")[0], 1.25, &what);
             close(end(&found, "z")[0], 1.3, &what);
+            close(end(&found, "w")[0], 1.0 - (-1.0_f64).exp(), &what);
         }
     }
 }

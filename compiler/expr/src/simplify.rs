@@ -35,6 +35,17 @@ pub(super) fn nearby_decimal(value: f64, size: f64) -> f64 {
     }
 }
 
+/// A number that keeps no more than this part of its digits in a sum is a term of its own.
+const ABSORBED: f64 = 1e-8;
+
+/// The sum of two constants, where both keep their digits in it: 1e20 + 1 stays as it is written, since terms that come to
+/// -1e20 leave the 1.
+fn add_constants(a: f64, b: f64) -> Option<f64> {
+    let (total, [small, large]) = (add(a, b), if a.abs() < b.abs() { [a, b] } else { [b, a] });
+    let is_kept = ((total - large) - small).abs() <= ABSORBED * small.abs();
+    (total.is_finite() && is_kept).then_some(total)
+}
+
 /// The sum as it is in decimals: 2 - 1.8 is 0.2.
 fn add(a: f64, b: f64) -> f64 {
     let total = a + b;
@@ -80,8 +91,8 @@ impl Arena {
         }
         match self.nodes.data(id) {
             Data::Constant(value) => {
-                let total = multiply(coefficient, value).map(|term| add(*constant, term));
-                if let Some(total) = total.filter(|total| total.is_finite()) {
+                let total = multiply(coefficient, value);
+                if let Some(total) = total.and_then(|term| add_constants(*constant, term)) {
                     *constant = total;
                     return;
                 }
@@ -91,14 +102,15 @@ impl Arena {
                 start,
                 len,
             } if len <= FLATTEN_LIMIT => {
-                let total = multiply(coefficient, inner).map(|term| add(*constant, term));
+                let total = multiply(coefficient, inner);
+                let total = total.and_then(|term| add_constants(*constant, term));
                 let kept = flat.len();
                 let scaled = self.nodes.terms(start, len).iter().map_while(|&(term, c)| {
                     multiply(coefficient, c).map(|product| (term, product))
                 });
                 flat.extend(scaled);
                 match total {
-                    Some(total) if total.is_finite() && flat.len() - kept == len as usize => {
+                    Some(total) if flat.len() - kept == len as usize => {
                         *constant = total;
                         return;
                     }
@@ -347,6 +359,21 @@ mod tests {
         assert_eq!((2.0 * x) * (3.0 * y), 6.0 * (x * y));
         assert_eq!(x.powf(e.constant(2.0)), x * x);
         assert_eq!(e.constant(-0.0), e.constant(0.0));
+    }
+
+    #[test]
+    fn constants_keep_their_digits_in_sums() {
+        let e = Exprs::new();
+        let (x, a) = (e.variable("x"), e.variable("a"));
+        let either = a * x + (1.0 - a) * 1e20;
+        let one = e.constant(1.0);
+        for (value, right) in [(one, x + 1.0), (e.constant(0.0), 1e20 + one)] {
+            let there = a.as_variable().unwrap();
+            let there = (either + 1.0).substitute(&[(there, value)].into_iter().collect());
+            assert_eq!(there, right);
+        }
+        let far = (x + 1e20) + 1.0 - 1e20;
+        assert_eq!(far.value(&|_| 0.0), 1.0);
     }
 
     #[test]

@@ -146,12 +146,12 @@ impl NearRest<'_> {
     /// has ended at rest, w has no direction.
     pub(crate) fn comes_to_rest(&mut self, state: &mut State) -> Option<Step> {
         let (mode, mut all) = (&mut *self.mode, 0..state.point.sides.len());
-        mode.move_to(&state.point);
         let slowing = |i: &usize| {
             let slips_with = mode.planes.slips_with(*i, &mode.system, &mode.sides);
             let Some(other) = slips_with else {
                 return false;
             };
+            mode.move_to(&state.point);
             if mode.psi(*i).hypot(mode.psi(other)) <= state.bands.width[*i] {
                 return true;
             }

@@ -10,6 +10,7 @@ use crate::report::Trajectory;
 use crate::report::forms::text::significant;
 use crate::source::Span;
 use crate::syntax::{self, ExpectOp, ExpectRelation, ExpectWhen};
+use crate::system::experiment::MethodKind;
 
 /// A relation in the terms of the system.
 pub struct Sides<'e> {
@@ -265,9 +266,12 @@ pub fn evaluate(
 }
 
 /// The instants at which what is to hold always is looked at: those that are reported, some within every step, and, of
-/// those between them, where it is closest to be missed.
+/// those between them, where it is closest to be missed. A scheme of fixed steps promises nothing within them.
 fn looks(trajectory: &Trajectory, slack: &impl Fn(f64) -> Option<f64>) -> Vec<f64> {
     let mut looks = trajectory.samples.time.clone();
+    if trajectory.setup.method.name == MethodKind::Timestepping.word() {
+        return looks;
+    }
     let pieces = &trajectory.dense.pieces;
     let parts = (LOOKS / pieces.len().max(1)).clamp(LEAST_PARTS, MOST_PARTS);
     let mut close: Vec<(f64, [f64; 2])> = Vec::new();
