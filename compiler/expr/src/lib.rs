@@ -11,7 +11,6 @@
 
 mod arena;
 mod compile;
-mod decide;
 mod degree;
 mod derivative;
 mod evaluate;
@@ -36,7 +35,7 @@ use nodes::{Data, Id, Nodes};
 
 pub use compile::{CompileError, compile};
 pub use derivative::{SparseJacobian, gradient, hessian, jacobian};
-pub use evaluate::Evaluator;
+pub use evaluate::{Evaluator, decided, value_on_sides};
 pub use function::{BinaryFunction, Definition, Function, Steep, Unit};
 pub use interval::Interval;
 pub use operators::{dot, sum};

@@ -373,7 +373,7 @@ mod tests {
             assert_eq!(there, right);
         }
         let far = (x + 1e20) + 1.0 - 1e20;
-        assert_eq!(far.value(&|_| 0.0), 1.0);
+        assert_eq!(crate::value_on_sides(far, &|_| 0.0), 1.0);
     }
 
     #[test]

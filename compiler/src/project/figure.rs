@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::Compiled;
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::{Expr, Var, decided, variables_of};
 use crate::model::Units;
 use crate::report::plot::animation::Animation;
 use crate::report::plot::{Figure, Phase, Surface};
@@ -197,7 +197,7 @@ fn refined(
             let place = rows.get(&var).filter(|place| alphas.contains(place))?;
             Some(row[*place]).filter(|alpha| *alpha == 0.0 || *alpha == 1.0)
         };
-        let on_sides = exprs.iter().map(|expr| expr.decided(&number, &side));
+        let on_sides = exprs.iter().map(|expr| decided(*expr, &number, &side));
         on_sides.map(|expr| expr.eval(&number)).collect()
     });
     samples

@@ -499,7 +499,8 @@ mod tests {
         };
         let found = found(line, &[0.75, 0.75], &[[0.0, 1.0]; 2]);
         assert_eq!(found.status, Status::Solved);
-        assert_eq!(found.point, [1.0, 1.0]);
+        let near = found.point.iter().all(|p| (p - 1.0).abs() < 1e-9);
+        assert!(near, "{:?}", found.point);
         assert!((found.cost - 2.0).abs() < 1e-14);
     }
 

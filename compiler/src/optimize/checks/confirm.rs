@@ -8,6 +8,7 @@
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution};
 
+use super::choices;
 use super::descent::{self, Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
 use super::solved;
@@ -224,7 +225,7 @@ fn look(
     let Some(mut reduced) = Reduced::new(problem, w, limit) else {
         return Err(Confirmation::None);
     };
-    if reduced.quantities.is_empty() && !problem.has_choices(w) {
+    if reduced.quantities.is_empty() && !choices::are_any(problem, w) {
         return Err(Confirmation::Confirmed);
     }
     let base = reduced.at(w);
@@ -263,7 +264,7 @@ fn look(
     for (i, look) in looks.iter().enumerate() {
         let found = match look {
             Look::Around(change) => search.descent(*change),
-            Look::Choices => search.choices(),
+            Look::Choices => choices::look(&mut search),
             Look::Elsewhere => search.elsewhere(),
             Look::Through => search.through(),
         };

@@ -2,7 +2,7 @@
 
 use rustc_hash::FxHashMap;
 
-use crate::expr::{Expr, Interval, Var, variables_of};
+use crate::expr::{Expr, Interval, Var, value_on_sides, variables_of};
 use crate::model::{self, Domain, Model, Quantity, Sliding};
 use crate::system::experiment::Settings;
 use crate::system::needs::{Extent, Needs};
@@ -80,7 +80,7 @@ impl<'m, 'e> Instance<'m, 'e> {
     /// The value of an expression in parameters, free ones at their guesses.
     pub fn number(&self, e: Expr<'e>) -> f64 {
         let numbers = &self.values().numbers;
-        e.value(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
+        value_on_sides(e, &|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
     }
 
     /// The variable of a state that is kept, by its place in the system.

@@ -8,7 +8,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::ExperimentError;
 use super::experiment::with::Given;
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
+use crate::expr::{Expr, Interval, Substitution, Var, value_on_sides, variables_of};
 use crate::model::{Domain, Model, Quantity};
 use crate::source::Span;
 use crate::system::values::limits::Allowed;
@@ -106,8 +106,11 @@ impl<'e> Values<'e> {
 
     /// Where parameters that stay open may be: where they were declared to be, and on their side of zero.
     pub fn open_ranges(&self, model: &Model<'e>) -> FxHashMap<Var, Interval> {
-        let number =
-            |e: Expr<'e>| e.value(&|var| self.numbers.get(&var).copied().unwrap_or(f64::NAN));
+        let number = |e: Expr<'e>| {
+            value_on_sides(e, &|var| {
+                self.numbers.get(&var).copied().unwrap_or(f64::NAN)
+            })
+        };
         let entries = (model.quantities.params.iter())
             .flat_map(|param| (0..param.vars.len()).map(move |k| (param, k)));
         let open = entries.filter_map(|(param, k)| {
@@ -193,7 +196,7 @@ impl<'e> Values<'e> {
             Some(other) => Err(model.exprs.name(other)),
             None => Ok(exprs
                 .iter()
-                .map(|e| e.value(&|var| self.numbers[&var]))
+                .map(|&e| value_on_sides(e, &|var| self.numbers[&var]))
                 .collect()),
         }
     }
@@ -251,7 +254,7 @@ fn numbers<'e>(
                 .iter()
                 .all(|var| params.contains(var) && numbers.contains_key(var));
             if ready {
-                numbers.insert(var, value.value(&|var| numbers[&var]));
+                numbers.insert(var, value_on_sides(value, &|var| numbers[&var]));
                 free.define(var, value, params.contains(&var), span);
             }
             !ready
@@ -328,7 +331,8 @@ fn in_range<'e>(
     numbers: &FxHashMap<Var, f64>,
     diags: &mut Diagnostics,
 ) -> bool {
-    let number = |e: Expr<'e>| e.value(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
+    let number =
+        |e: Expr<'e>| value_on_sides(e, &|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
     let mut fine = true;
     for param in &model.quantities.params {
         for (k, &var) in param.vars.iter().enumerate() {
@@ -354,7 +358,8 @@ fn in_sets<'e>(
     diags: &mut Diagnostics,
 ) -> bool {
     let numbers = &values.numbers;
-    let number = |e: Expr<'e>| e.value(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
+    let number =
+        |e: Expr<'e>| value_on_sides(e, &|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
     let params: FxHashSet<Var> = (model.quantities.of_params())
         .filter_map(|var| var.as_variable())
         .collect();

@@ -2,7 +2,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::{Expr, Var, decided, variables_of};
 use crate::system::System;
 
 /// Variables with their numbers.
@@ -43,7 +43,7 @@ impl Valuation {
             let alpha = self.alphas.contains(&var).then(|| number(var));
             alpha.filter(|alpha| *alpha == 0.0 || *alpha == 1.0)
         };
-        e.decided(&number, &side).eval(&number)
+        decided(e, &number, &side).eval(&number)
     }
 
     /// A variable of the expressions that has no number.
