@@ -14,12 +14,15 @@ fn close(found: f64, exact: f64, what: &str) {
 #[test]
 fn values_do_not_see_limits_that_are_not_met() {
     let (end_of_run, half) = ((-1.0_f64).exp(), (-0.5_f64).exp());
-    let cases: [(&str, fn(f64, f64) -> f64); 12] = [
+    let cases: [(&str, fn(f64, f64) -> f64); 15] = [
         ("sat(x, -L, L)", |x, _| x),
         ("sat(-2*x, -L, L)", |x, _| -2.0 * x),
         ("sat(L*(x + 1), -1, 1)", |_, _| 1.0),
         ("clamp(x, 0, L)", |x, _| x),
         ("max(x, -L)", |x, _| x),
+        ("sat(x - 1.5, -L, L)", |x, _| x - 1.5),
+        ("max(2*x - 3, -L)", |x, _| 2.0 * x - 3.0),
+        ("max(time - 1.5, -L)/(time - 1.5) + 1", |_, _| 2.0),
         ("min(x, L)", |x, _| x),
         ("max(min(x, L), -L) + 1", |x, _| x + 1.0),
         ("deadzone(x + L, L)", |x, _| x),
@@ -68,6 +71,7 @@ fn rates_and_numbers_do_not_either() {
                    state x = 1; state y = q; state z = 0;
                    x' = sat(-x, -{limit:e}, {limit:e}); y' = 0;
                    state w = 0; w' = 1 + sat(-w, -{limit:e}, {limit:e});
+                   state v = 0; v' = sat(time - 1.5, -{limit:e}, p*{limit:e});
                    z' = sat(1.3, -{limit:e}, {limit:e});
                  }}
                  simulate run of m {{ horizon 1; tolerance 1e-11; method {method}; }}"
@@ -77,6 +81,7 @@ fn rates_and_numbers_do_not_either() {
             close(end(&found, "x")[0], (-1.0_f64).exp(), &what);
             close(end(&found, "y")[0], 1.25, &what);
             close(end(&found, "z")[0], 1.3, &what);
+            close(end(&found, "v")[0], -1.0, &what);
             close(end(&found, "w")[0], 1.0 - (-1.0_f64).exp(), &what);
         }
     }
@@ -158,5 +163,20 @@ fn guards_see_powers_of_quotients() {
         let first = 2.0 * (5.0_f64 / 4.0).ln();
         let count = 1.0 + ((10.0 - first) / (2.0 * 2.0_f64.ln())).floor();
         assert_eq!(end(&solved(&text, "run"), "n")[0], count, "{n}");
+    }
+}
+
+/// Sides that parameters alone decide, small ones beside large ones.
+#[test]
+fn sides_of_numbers_are_known() {
+    for (large, small) in [(1e9, 0.3), (2.1e11, 0.3), (1.0, 1e-9), (1e20, -1.0)] {
+        let text = format!(
+            "model m {{ param a = {large:e}; param b = {small:e}; state x = 1; state y = 0;
+               x' = if a - b > 0 then 1 else 0; y' = sign(a + b) + max(b - a, 0); }}
+             simulate run of m {{ horizon 1; }}"
+        );
+        let found = solved(&text, "run");
+        close(end(&found, "x")[0], 2.0, "x");
+        close(end(&found, "y")[0], 1.0, "y");
     }
 }

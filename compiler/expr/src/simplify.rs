@@ -38,8 +38,36 @@ pub(super) fn nearby_decimal(value: f64, size: f64) -> f64 {
 /// A number that keeps no more than this part of its digits in a sum is a term of its own.
 const ABSORBED: f64 = 1e-8;
 
-/// The sum of two constants, where both keep their digits in it: 1e20 + 1 stays as it is written, since terms that come to
-/// -1e20 leave the 1.
+/// Constants of a sum, of which none takes the digits of another: beside 1e20, 1 stays by itself, since a term that comes to
+/// -1e20 leaves it.
+#[derive(Default)]
+struct Constants(Vec<f64>);
+
+impl Constants {
+    /// False where one with which it is added is no number.
+    fn add(&mut self, value: f64) -> bool {
+        if let Some(opposite) = self.0.iter().position(|&known| known == -value) {
+            self.0.swap_remove(opposite);
+            return true;
+        }
+        let sums = self.0.iter().enumerate();
+        let mut sums = sums.filter_map(|(at, &known)| Some((at, add_constants(known, value)?)));
+        let (found, sum) = match sums.next() {
+            Some(found) => found,
+            None => {
+                let overflows = self.0.iter().any(|known| !(known + value).is_finite());
+                if value != 0.0 && !overflows {
+                    self.0.push(value);
+                }
+                return !overflows;
+            }
+        };
+        self.0.swap_remove(found);
+        self.add(sum)
+    }
+}
+
+/// The sum of two constants, where both keep their digits in it.
 fn add_constants(a: f64, b: f64) -> Option<f64> {
     let (total, [small, large]) = (add(a, b), if a.abs() < b.abs() { [a, b] } else { [b, a] });
     let is_kept = ((total - large) - small).abs() <= ABSORBED * small.abs();
@@ -63,10 +91,23 @@ fn multiply(a: f64, b: f64) -> Option<f64> {
 impl Arena {
     /// `constant + Σ coefficient * term`, canonical.
     pub fn sum(&mut self, constant: f64, terms: impl IntoIterator<Item = (Id, f64)>) -> Id {
-        let mut constant = constant;
+        let mut constants = Constants::default();
+        constants.add(constant);
         let mut flat = Vec::new();
         for (id, coefficient) in terms {
-            self.add_term(&mut constant, &mut flat, id, coefficient);
+            self.add_term(&mut constants, &mut flat, id, coefficient);
+        }
+        // Of numbers alone, what is lost is lost.
+        if flat.is_empty() {
+            let total = constants.0.iter().sum();
+            return self.constant(total);
+        }
+        constants.0.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+        let mut constants = constants.0.into_iter();
+        let constant = constants.next().unwrap_or(0.0);
+        for apart in constants {
+            let apart = self.constant(apart);
+            flat.push((apart, 1.0));
         }
         flat.sort_by_key(|&(id, _)| id);
         flat.dedup_by(|next, kept| {
@@ -78,6 +119,19 @@ impl Arena {
             same
         });
         flat.retain(|&(_, coefficient)| coefficient != 0.0);
+        if flat
+            .iter()
+            .all(|&(id, _)| matches!(self.nodes.data(id), Data::Constant(_)))
+        {
+            let value = |&(id, c): &(Id, f64)| match self.nodes.data(id) {
+                Data::Constant(value) => c * value,
+                _ => f64::NAN,
+            };
+            let total: f64 = constant + flat.iter().map(value).sum::<f64>();
+            if total.is_finite() {
+                return self.constant(total);
+            }
+        }
         match flat[..] {
             [] => self.constant(constant),
             [(id, coefficient)] if constant == 0.0 => self.scale(id, coefficient),
@@ -85,15 +139,20 @@ impl Arena {
         }
     }
 
-    fn add_term(&self, constant: &mut f64, flat: &mut Vec<(Id, f64)>, id: Id, coefficient: f64) {
+    fn add_term(
+        &self,
+        constants: &mut Constants,
+        flat: &mut Vec<(Id, f64)>,
+        id: Id,
+        coefficient: f64,
+    ) {
         if coefficient == 0.0 {
             return;
         }
         match self.nodes.data(id) {
             Data::Constant(value) => {
-                let total = multiply(coefficient, value);
-                if let Some(total) = total.and_then(|term| add_constants(*constant, term)) {
-                    *constant = total;
+                let term = multiply(coefficient, value);
+                if term.is_some_and(|term| constants.add(term)) {
                     return;
                 }
             }
@@ -102,19 +161,20 @@ impl Arena {
                 start,
                 len,
             } if len <= FLATTEN_LIMIT => {
-                let total = multiply(coefficient, inner);
-                let total = total.and_then(|term| add_constants(*constant, term));
-                let kept = flat.len();
-                let scaled = self.nodes.terms(start, len).iter().map_while(|&(term, c)| {
-                    multiply(coefficient, c).map(|product| (term, product))
-                });
-                flat.extend(scaled);
-                match total {
-                    Some(total) if flat.len() - kept == len as usize => {
-                        *constant = total;
-                        return;
+                let inner = multiply(coefficient, inner);
+                let terms = self.nodes.terms(start, len).iter();
+                let scaled = terms.map(|&(term, c)| Some((term, multiply(coefficient, c)?)));
+                let scaled: Option<Vec<(Id, f64)>> = scaled.collect();
+                if let (Some(inner), Some(scaled)) = (inner, scaled)
+                    && constants.add(inner)
+                {
+                    for (term, c) in scaled {
+                        match self.nodes.data(term) {
+                            Data::Constant(_) => self.add_term(constants, flat, term, c),
+                            _ => flat.push((term, c)),
+                        }
                     }
-                    _ => flat.truncate(kept),
+                    return;
                 }
             }
             _ => {}
@@ -372,8 +432,11 @@ mod tests {
             let there = (either + 1.0).substitute(&[(there, value)].into_iter().collect());
             assert_eq!(there, right);
         }
-        let far = (x + 1e20) + 1.0 - 1e20;
-        assert_eq!(crate::value_on_sides(far, &|_| 0.0), 1.0);
+        assert_eq!((x + 1e20) + 1.0 - 1e20, x + 1.0);
+        assert_eq!(x - 1.5 + 1e300 - 1e300, x - 1.5);
+        assert_eq!(3.0 * (x - 1.5 + 1e20) - 3e20, 3.0 * x - 4.5);
+        assert_eq!((e.constant(1e9) - 0.3).as_constant(), Some(999_999_999.7));
+        assert_eq!((e.constant(1e20) + 1.0).as_constant(), Some(1e20));
     }
 
     #[test]

@@ -255,7 +255,9 @@ impl Form {
                 *number = Some(*known);
             }
         }
-        let Linear { terms, constant } = self.tape.linear(|input| numbers[input])?;
+        let Linear {
+            terms, constant, ..
+        } = self.tape.linear(|input| numbers[input])?;
         let mut affine = Affine {
             constant,
             ..Affine::default()

@@ -6,6 +6,10 @@
 use super::partial::replay;
 use super::term::Term;
 use super::{Op, Slot, Tape, TapeBuilder, UNUSED, Value};
+use crate::integrate::two_sum::two_sum;
+
+/// A number that keeps no more than this part of its digits in a sum is kept beside it.
+const ABSORBED: f64 = 1e-8;
 
 /// A sum of multiples of inputs, or of values, and a number.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,6 +18,8 @@ pub struct Linear<K = usize> {
     pub terms: Vec<(K, f64)>,
     /// The number.
     pub constant: f64,
+    /// A number that it has taken the digits of: beside 1e20 a 1 is there again once -1e20 is added.
+    lost: f64,
 }
 
 impl Tape {
@@ -66,6 +72,7 @@ impl Tape {
             }
         }
         sums.swap_remove(self.outputs[0] as usize)
+            .map(Linear::settled)
     }
 
     /// The outputs in another tape, with sums of its values in place of inputs.
@@ -135,6 +142,7 @@ impl<K: Copy + Ord> Linear<K> {
         Linear {
             terms: Vec::new(),
             constant,
+            lost: 0.0,
         }
     }
 
@@ -142,6 +150,7 @@ impl<K: Copy + Ord> Linear<K> {
         Linear {
             terms: vec![(key, 1.0)],
             constant: 0.0,
+            lost: 0.0,
         }
     }
 
@@ -165,7 +174,19 @@ impl<K: Copy + Ord> Linear<K> {
             }
         }
         self.terms.retain(|term| term.1 != 0.0);
-        self.constant += c * other.constant;
+        let added = c * other.constant;
+        let (sum, lost) = two_sum(self.constant, added);
+        let is_absorbed = lost.abs() > ABSORBED * self.constant.abs().min(added.abs());
+        if is_absorbed || other.lost != 0.0 {
+            self.lost += c * other.lost + if is_absorbed { lost } else { 0.0 };
+        }
+        self.constant = sum;
+        self
+    }
+
+    /// The number with that.
+    fn settled(mut self) -> Self {
+        self.constant += std::mem::take(&mut self.lost);
         self
     }
 
@@ -174,7 +195,7 @@ impl<K: Copy + Ord> Linear<K> {
     }
 
     pub(crate) fn as_number(&self) -> Option<f64> {
-        self.terms.is_empty().then_some(self.constant)
+        self.terms.is_empty().then_some(self.constant + self.lost)
     }
 }
 
@@ -182,8 +203,8 @@ impl Linear<Value> {
     /// It as one term, computed where it is a sum.
     pub(super) fn term(&self, b: &mut TapeBuilder) -> Term {
         match self.terms[..] {
-            [] => Term::Number(self.constant),
-            [(value, factor)] if self.constant == 0.0 => Term::Multiple(factor, value),
+            [] => Term::Number(self.constant + self.lost),
+            [(value, factor)] if self.constant + self.lost == 0.0 => Term::Multiple(factor, value),
             _ => Term::value(self.place(b)),
         }
     }
@@ -192,7 +213,7 @@ impl Linear<Value> {
     fn place(&self, b: &mut TapeBuilder) -> Value {
         let start = self.terms.iter().position(|term| term.1 == 1.0);
         let start = start.unwrap_or(0);
-        let mut constant = self.constant;
+        let mut constant = self.constant + self.lost;
         let (value, factor) = self.terms[start];
         let mut total = match factor == -1.0 {
             true => b.subtract_from(std::mem::take(&mut constant), value),
@@ -214,6 +235,7 @@ impl From<Term> for Linear<Value> {
             Term::Multiple(factor, value) => Linear {
                 terms: vec![(value, factor)],
                 constant: 0.0,
+                lost: 0.0,
             },
         }
     }

@@ -68,8 +68,11 @@ pub(crate) fn are_any(problem: &Problem<'_>, w: &[f64]) -> bool {
 pub(crate) fn look(search: &mut Search<'_, '_, '_>) -> Found {
     let changes = other_values(search.reduced.problem, search.w);
     let steps = search.base.map_or(1, |base| base.steps);
-    if changes.is_empty() || search.reduced.is_too_much(changes.len(), steps) {
+    if changes.is_empty() {
         return Found::Nothing;
+    }
+    if search.reduced.is_too_much(changes.len(), steps) {
+        return Found::Unknown;
     }
     let alone = changes.iter().map(|change| vec![change.clone()]).collect();
     let mut points = better(search, alone);

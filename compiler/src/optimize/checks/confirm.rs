@@ -289,6 +289,9 @@ fn look(
             Found::Unknown if matches!(look, Look::Around(SMALL)) => {
                 return Err(Confirmation::Unfinished);
             }
+            Found::Unknown if matches!(look, Look::Choices) => {
+                return Err(Confirmation::TooLong);
+            }
             Found::Unknown | Found::Nothing => {}
         }
     }

@@ -265,20 +265,20 @@ pub fn evaluate(
     }
 }
 
-/// The instants at which what is to hold always is looked at: those that are reported, some within every step, and, of
-/// those between them, where it is closest to be missed. A scheme of fixed steps promises nothing within them.
+/// The instants at which what is to hold always is looked at: those that are reported, and those within steps at which it is
+/// missed, of a few in each and of those between them where it is closest to be missed. A scheme of fixed steps promises
+/// nothing within them.
 fn looks(trajectory: &Trajectory, slack: &impl Fn(f64) -> Option<f64>) -> Vec<f64> {
     let mut looks = trajectory.samples.time.clone();
-    if trajectory.setup.method.name == MethodKind::Timestepping.word() {
+    let pieces = &trajectory.dense.pieces;
+    let parts = (LOOKS / pieces.len().max(1)).min(MOST_PARTS);
+    if trajectory.setup.method.name == MethodKind::Timestepping.word() || parts < 2 {
         return looks;
     }
-    let pieces = &trajectory.dense.pieces;
-    let parts = (LOOKS / pieces.len().max(1)).clamp(LEAST_PARTS, MOST_PARTS);
     let mut close: Vec<(f64, [f64; 2])> = Vec::new();
     for piece in pieces.iter() {
         let at = |k: usize| piece.from + (piece.to - piece.from) * (k as f64 / parts as f64);
         let slacks: Vec<Option<f64>> = (0..=parts).map(|k| slack(at(k))).collect();
-        looks.extend((1..parts).map(at));
         for k in 1..parts {
             if let [Some(before), Some(here), Some(behind)] = slacks[k - 1..=k + 1]
                 && here <= before.min(behind)
@@ -286,22 +286,27 @@ fn looks(trajectory: &Trajectory, slack: &impl Fn(f64) -> Option<f64>) -> Vec<f6
                 close.push((here, [at(k - 1), at(k + 1)]));
             }
         }
+        let missed = (1..parts).filter(|&k| slacks[k].is_some_and(|slack| slack < 0.0));
+        looks.extend(missed.map(at));
     }
     close.sort_by(|a, b| a.0.total_cmp(&b.0));
     close.truncate(SEARCHES);
-    looks.extend(close.into_iter().map(|(_, within)| closest(slack, within)));
+    let closest = close.into_iter().map(|(_, within)| closest(slack, within));
+    looks.extend(closest.filter(|&time| slack(time).is_some_and(|slack| slack < 0.0)));
     looks
 }
 
-/// Looks within all steps together, within each, and places around which the closest one is searched for.
-const LOOKS: usize = 4096;
-const LEAST_PARTS: usize = 4;
+/// Looks within all steps together, and within each, and places around which the closest one is searched for.
+const LOOKS: usize = 2048;
 const MOST_PARTS: usize = 256;
-const SEARCHES: usize = 32;
+const SEARCHES: usize = 8;
+
+/// What rounding does to both sides, as a share of them.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// Where a slack is least between two instants, by golden sections.
 fn closest(slack: &impl Fn(f64) -> Option<f64>, [mut from, mut to]: [f64; 2]) -> f64 {
-    const SECTIONS: usize = 40;
+    const SECTIONS: usize = 30;
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
     let value = |time: f64| slack(time).unwrap_or(f64::INFINITY);
     for _ in 0..SECTIONS {
@@ -314,7 +319,7 @@ fn closest(slack: &impl Fn(f64) -> Option<f64>, [mut from, mut to]: [f64; 2]) ->
     0.5 * (from + to)
 }
 
-/// By how much a relation holds in the entry in which it does so least, negative where it is missed.
+/// By how much a relation holds in the entry in which it does so least, negative where it is missed by more than rounding.
 fn slack(sides: &Sides<'_>, relation: ExpectOp, left: &[f64], right: &[f64]) -> f64 {
     let sizes = [left.len(), right.len()];
     let is_list = sizes.contains(&0) || sizes[0] != sizes[1] && !sizes.contains(&1);
@@ -323,12 +328,14 @@ fn slack(sides: &Sides<'_>, relation: ExpectOp, left: &[f64], right: &[f64]) -> 
     }
     let entry = |side: &[f64], k: usize| side[if side.len() == 1 { 0 } else { k }];
     let slacks = (0..left.len().max(right.len())).map(|k| {
-        let above = entry(left, k) - entry(right, k);
-        match relation {
-            ExpectOp::Close | ExpectOp::Equal => sides.within - above.abs(),
-            ExpectOp::Less | ExpectOp::LessEqual => -above,
-            ExpectOp::Greater | ExpectOp::GreaterEqual => above,
-        }
+        let [a, b] = [left, right].map(|side| entry(side, k));
+        let (above, rounding) = (a - b, ROUNDING * a.abs().max(b.abs()));
+        rounding
+            + match relation {
+                ExpectOp::Close | ExpectOp::Equal => sides.within - above.abs(),
+                ExpectOp::Less | ExpectOp::LessEqual => -above,
+                ExpectOp::Greater | ExpectOp::GreaterEqual => above,
+            }
     });
     slacks.fold(f64::INFINITY, f64::min)
 }
