@@ -55,6 +55,17 @@ enum Look {
     Through,
 }
 
+impl Look {
+    /// What is said of a solution where it shows nothing, if it has to.
+    fn unknown(self) -> Option<Confirmation> {
+        match self {
+            Look::Around(change) => (change == SMALL).then_some(Confirmation::Unfinished),
+            Look::Choices => Some(Confirmation::TooLong),
+            Look::Elsewhere | Look::Through => None,
+        }
+    }
+}
+
 /// Points that are better or may lead to better ones, the best first.
 struct Better {
     points: Vec<Candidate>,
@@ -286,13 +297,12 @@ fn look(
                     left: &looks[i + 1..],
                 });
             }
-            Found::Unknown if matches!(look, Look::Around(SMALL)) => {
-                return Err(Confirmation::Unfinished);
+            Found::Unknown => {
+                if let Some(confirmation) = look.unknown() {
+                    return Err(confirmation);
+                }
             }
-            Found::Unknown if matches!(look, Look::Choices) => {
-                return Err(Confirmation::TooLong);
-            }
-            Found::Unknown | Found::Nothing => {}
+            Found::Nothing => {}
         }
     }
     Err(Confirmation::Confirmed)
