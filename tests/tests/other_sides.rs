@@ -2,6 +2,9 @@
 
 use nsd_tests::{end, solved};
 
+/// What a form is of x and L.
+type Exact = fn(f64, f64) -> f64;
+
 /// Limits that take all digits of 1 with them, and some that take a few.
 const LIMITS: [f64; 5] = [1e3, 1e9, 1e15, 1e20, 1e300];
 
@@ -14,7 +17,7 @@ fn close(found: f64, exact: f64, what: &str) {
 #[test]
 fn values_do_not_see_limits_that_are_not_met() {
     let (end_of_run, half) = ((-1.0_f64).exp(), (-0.5_f64).exp());
-    let cases: [(&str, fn(f64, f64) -> f64); 15] = [
+    let cases: [(&str, Exact); 15] = [
         ("sat(x, -L, L)", |x, _| x),
         ("sat(-2*x, -L, L)", |x, _| -2.0 * x),
         ("sat(L*(x + 1), -1, 1)", |_, _| 1.0),
