@@ -38,8 +38,8 @@ use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::algebraic::following;
 use self::system::experiment::{ExperimentError, Feature, Method, MethodKind, Settings};
-use self::system::task::{Control, Lengths, Shape};
-use self::system::{Allowed, Extent, Role, Switch, System, freezing};
+use self::system::task::{Lengths, Shape};
+use self::system::{Extent, Role, Switch, System, freezing};
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
@@ -399,10 +399,9 @@ fn beside_contacts(system: &System, settings: &Settings) -> Option<ExperimentErr
 /// Refuses straight lines for controls with finite sets of values.
 fn line_of_choices(system: &System, settings: &Settings) -> Option<ExperimentError> {
     let task = system.task.as_ref()?;
-    let chosen = |control: &&Control| matches!(control.allowed, Some(Allowed::OneOf(_)));
     let control = (task.controls.iter())
         .filter(|_| task.shape == Shape::Linear)
-        .find(chosen)?;
+        .find(|control| control.values().is_some())?;
     Some(ExperimentError::LinesOfChoices {
         name: control.name.clone(),
         control: control.span,

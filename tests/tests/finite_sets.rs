@@ -63,3 +63,19 @@ fn heating_is_as_cheap_as_enumeration_finds() {
         assert!((found - best).abs() < 1e-4, "{case}: {found}, not {best}");
     }
 }
+
+/// A ball that bounces beside x' = g, by impulses where elements meet: what tells of the value of g is none of the impulses.
+#[test]
+fn contacts_do_not_change_choices() {
+    for r in [0.4, -0.7, 0.95] {
+        let text = format!(
+            "model m {{ state q = 0.05; state v = 0; state x = 0; control g in {{-1, 0, 1}} = 0;
+               q' = v; x' = g;
+               mechanics q, v {{ mass = 1; force = -10; contact ground {{ gap = q; restitution = 0; }} }} }}
+             optimize o of m {{ horizon 1; intervals 3; elements 2; lower impact; minimize final((x - {r:?})^2); }}"
+        );
+        let cost = move |g: &[f64]| (g.iter().sum::<f64>() / 3.0 - r).powi(2);
+        let (found, best) = (objective(&text), least(&[-1.0, 0.0, 1.0], 3, &cost));
+        assert!(found <= best + 1e-9, "{r}: {found}, not {best}");
+    }
+}

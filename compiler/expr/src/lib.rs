@@ -35,7 +35,7 @@ use nodes::{Data, Id, Nodes};
 
 pub use compile::{CompileError, compile};
 pub use derivative::{SparseJacobian, gradient, hessian, jacobian};
-pub use evaluate::{Evaluator, decided, value_on_sides};
+pub use evaluate::Evaluator;
 pub use function::{BinaryFunction, Definition, Function, Steep, Unit};
 pub use interval::Interval;
 pub use operators::{dot, sum};
@@ -237,7 +237,7 @@ impl<'e> Expr<'e> {
             scale *= c.powi(power);
             normal.push((factor.id, power));
         }
-        if !simplify::is_moderate(scale) {
+        if !nsd_solver::tape::is_moderate(scale) {
             return one_level;
         }
         (scale, self.exprs.build(|arena| arena.product(1.0, normal)))

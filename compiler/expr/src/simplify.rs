@@ -6,13 +6,13 @@
 //! - `x - x` is 0, `0*x` is 0, `x/x` is 1: the value is kept wherever the original has one.
 //! - Folding never makes an infinity, a NaN or a zero out of nonzero numbers: `1/0` stays as it is written.
 
+use nsd_solver::tape::{absorbs, is_moderate};
+
 use super::arena::Arena;
 use super::nodes::{Data, Id};
 use super::{BinaryFunction, Function};
 
-/// Numbers come out of powers as far as this, and powers of products up to this one are products of powers: the rest is
-/// what no power of a number of common size overflows with.
-const WIDE: f64 = 1e32;
+/// Powers of products up to this one are products of powers: no number of common size overflows in them.
 const DISTRIBUTED: i32 = 8;
 
 /// Longer sums and products are opaque to the larger ones around them.
@@ -35,16 +35,13 @@ pub(super) fn nearby_decimal(value: f64, size: f64) -> f64 {
     }
 }
 
-/// A number that keeps no more than this part of its digits in a sum is a term of its own.
-const ABSORBED: f64 = 1e-8;
-
 /// Constants of a sum, of which none takes the digits of another: beside 1e20, 1 stays by itself, since a term that comes to
 /// -1e20 leaves it.
 #[derive(Default)]
 struct Constants(Vec<f64>);
 
 impl Constants {
-    /// False where one with which it is added is no number.
+    /// Adds one; false where the sum with another would be no number.
     fn add(&mut self, value: f64) -> bool {
         if let Some(opposite) = self.0.iter().position(|&known| known == -value) {
             self.0.swap_remove(opposite);
@@ -69,9 +66,8 @@ impl Constants {
 
 /// The sum of two constants, where both keep their digits in it.
 fn add_constants(a: f64, b: f64) -> Option<f64> {
-    let (total, [small, large]) = (add(a, b), if a.abs() < b.abs() { [a, b] } else { [b, a] });
-    let is_kept = ((total - large) - small).abs() <= ABSORBED * small.abs();
-    (total.is_finite() && is_kept).then_some(total)
+    let total = add(a, b);
+    (total.is_finite() && !absorbs(a, b, total)).then_some(total)
 }
 
 /// The sum as it is in decimals: 2 - 1.8 is 0.2.
@@ -97,11 +93,6 @@ impl Arena {
         for (id, coefficient) in terms {
             self.add_term(&mut constants, &mut flat, id, coefficient);
         }
-        // Of numbers alone, what is lost is lost.
-        if flat.is_empty() {
-            let total = constants.0.iter().sum();
-            return self.constant(total);
-        }
         constants.0.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
         let mut constants = constants.0.into_iter();
         let constant = constants.next().unwrap_or(0.0);
@@ -119,18 +110,14 @@ impl Arena {
             same
         });
         flat.retain(|&(_, coefficient)| coefficient != 0.0);
-        if flat
-            .iter()
-            .all(|&(id, _)| matches!(self.nodes.data(id), Data::Constant(_)))
-        {
-            let value = |&(id, c): &(Id, f64)| match self.nodes.data(id) {
-                Data::Constant(value) => c * value,
-                _ => f64::NAN,
-            };
-            let total: f64 = constant + flat.iter().map(value).sum::<f64>();
-            if total.is_finite() {
-                return self.constant(total);
-            }
+        // Of numbers alone, what is lost is lost.
+        let numbers = flat.iter().map(|&(id, c)| match self.nodes.data(id) {
+            Data::Constant(value) => Some(c * value),
+            _ => None,
+        });
+        let total = numbers.sum::<Option<f64>>().map(|sum| constant + sum);
+        if let Some(total) = total.filter(|total| total.is_finite()) {
+            return self.constant(total);
         }
         match flat[..] {
             [] => self.constant(constant),
@@ -388,11 +375,6 @@ impl Arena {
 /// Whether `power` is an integer that a product can hold.
 fn is_power(power: f64) -> bool {
     power.fract() == 0.0 && power.abs() <= f64::from(i32::MAX)
-}
-
-/// Whether what such a number is taken out of neither overflows nor vanishes, where the whole does not.
-pub(super) fn is_moderate(number: f64) -> bool {
-    (1.0 / WIDE..=WIDE).contains(&number.abs())
 }
 
 fn fold_power(number: f64, power: i32) -> Option<f64> {

@@ -127,7 +127,7 @@ fn described<'e>(
     let value = quantity.vars.iter();
     let value: Option<Vec<f64>> = value.map(|var| number(var.as_variable()?)).collect();
     let eval = |e: crate::expr::Expr<'e>| {
-        crate::expr::value_on_sides(e, &|var| number(var).unwrap_or(f64::NAN))
+        crate::system::switches::terms::value_on_sides(e, &|var| number(var).unwrap_or(f64::NAN))
     };
     let ranges = (0..quantity.vars.len()).map(|k| match Allowed::of(quantity, k, &eval) {
         Some(Allowed::Between(low, high)) => (low, high),

@@ -3,12 +3,13 @@
 use std::collections::HashMap;
 
 use crate::Compiled;
-use crate::expr::{Expr, Var, decided, variables_of};
+use crate::expr::{Expr, Var, variables_of};
 use crate::model::Units;
 use crate::report::plot::animation::Animation;
 use crate::report::plot::{Figure, Phase, Surface};
 use crate::report::{Dense, Samples, Series, Trajectory, refine};
 use crate::system::experiment::Plot;
+use crate::system::switches::terms::decided;
 
 /// The SVG text: what the experiment asks for, or all that is reported.
 pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
@@ -193,11 +194,8 @@ fn refined(
             None => params.get(&var).copied().unwrap_or(f64::NAN),
         };
         let alphas = n_states..n_states + system.switches.len();
-        let side = |var: Var| {
-            let place = rows.get(&var).filter(|place| alphas.contains(place))?;
-            Some(row[*place]).filter(|alpha| *alpha == 0.0 || *alpha == 1.0)
-        };
-        let on_sides = exprs.iter().map(|expr| decided(*expr, &number, &side));
+        let is_alpha = |var: Var| rows.get(&var).is_some_and(|place| alphas.contains(place));
+        let on_sides = exprs.iter().map(|&expr| decided(expr, &number, &is_alpha));
         on_sides.map(|expr| expr.eval(&number)).collect()
     });
     samples

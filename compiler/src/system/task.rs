@@ -59,6 +59,14 @@ pub struct Control<'e> {
 }
 
 impl Control<'_> {
+    /// The finite set of its values, if that is what is allowed.
+    pub fn values(&self) -> Option<&[f64]> {
+        match &self.allowed {
+            Some(Allowed::OneOf(values)) => Some(values),
+            _ => None,
+        }
+    }
+
     /// What is allowed and near to its default.
     pub fn guess(&self) -> f64 {
         let allowed = self.allowed.as_ref();

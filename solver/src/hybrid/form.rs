@@ -10,8 +10,9 @@ use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use super::Side;
+use super::sided::Sided;
 use super::system::{HybridSystem, Input, Reset};
-use crate::tape::{Linear, Sided, Tape};
+use crate::tape::{Linear, Tape};
 
 /// Functions with α as inputs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -169,7 +170,7 @@ impl Argument {
     }
 
     /// Its number on a side, where it has one.
-    fn on(self, side: Side) -> Option<f64> {
+    pub(super) fn on(self, side: Side) -> Option<f64> {
         match (self, side) {
             (Self::Alpha, Side::Slide) => None,
             (Self::Resting, Side::Slide) => Some(0.5),

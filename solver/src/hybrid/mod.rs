@@ -9,6 +9,7 @@ pub(crate) mod piecewise;
 pub(crate) mod point;
 pub(crate) mod settings;
 pub(crate) mod side;
+pub(crate) mod sided;
 pub(crate) mod status;
 pub(crate) mod system;
 
@@ -18,6 +19,7 @@ pub use periodic::{LEAST_SHARE, Periodic};
 pub use piecewise::{Piece, Piecewise, write_pieces};
 pub use settings::Settings;
 pub use side::Side;
+pub use sided::Sided;
 pub use status::{Coefficient, Function, Note, Stats, Status};
 pub use system::{
     Block, Effect, Guard, HybridSystem, Impact, ImpactLaw, Input, Law, Reset, Role, Switch,

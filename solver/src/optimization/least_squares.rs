@@ -122,7 +122,7 @@ const SMALL: f64 = 1e-3;
 /// λ in the beginning (Nielsen 1999), and where a step is as good as none.
 const FIRST: f64 = 1e-3;
 const LARGEST: f64 = 1e14;
-/// Changes of what a step holds at a bound, for each p.
+/// Changes of what a step holds at a bound, for each p: a step before the best one gains, too.
 const MOST_HELD: usize = 8;
 /// A step gains at least this part of what its model gains ..
 const LEAST_RATIO: f64 = 1e-4;
@@ -383,7 +383,7 @@ impl<'b> Search<'b> {
         step
     }
 
-    /// Which of those that are held at a bound the gradient leads inside the most, by the gain of its scale.
+    /// Which of those that are held at a bound the gradient leads inside the most, relative to the length of its column.
     fn led_inside<'j>(
         &self,
         lambda: f64,

@@ -15,10 +15,9 @@ use super::saltation::{Slope, weigh};
 use super::why::Why;
 use crate::contact::impact::impact_of;
 use crate::event::recording::EventRecord;
-use crate::hybrid::{Effect, Guard, HybridSystem, Impact, ImpactLaw, Input, Reset, Side};
+use crate::hybrid::{Effect, Guard, HybridSystem, Impact, ImpactLaw, Input, Reset, Side, Sided};
 use crate::linalg::DenseLu;
 use crate::selector::coupling::Coupling;
-use crate::tape::Sided;
 
 /// States behind a jump are those of its law up to this part of their sizes.
 const SAME: f64 = 1e-9;

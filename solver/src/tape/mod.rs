@@ -17,7 +17,6 @@ pub mod enclosures;
 mod lanes;
 mod partial;
 mod plain;
-mod sided;
 mod specialize;
 mod sums;
 pub mod taylor;
@@ -41,10 +40,10 @@ pub use builder::{TapeBuilder, Value};
 pub use derivative::Derivative;
 pub use elementary::Elementary;
 pub use lanes::{Lane, LaneScratch};
-pub use sided::Sided;
-pub use specialize::Linear;
+pub use specialize::{Linear, absorbs};
 pub(crate) use sums::{Sum, Sums};
 pub(crate) use term::Term;
+pub use term::is_moderate;
 
 /// The number of a value or of a register.
 pub(crate) type Slot = u32;

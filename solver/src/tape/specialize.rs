@@ -8,8 +8,12 @@ use super::term::Term;
 use super::{Op, Slot, Tape, TapeBuilder, UNUSED, Value};
 use crate::integrate::two_sum::two_sum;
 
-/// A number that keeps no more than this part of its digits in a sum is kept beside it.
-const ABSORBED: f64 = 1e-8;
+/// Whether the sum of two numbers has lost digits of the smaller one that matter: by more than this part of it.
+pub fn absorbs(a: f64, b: f64, sum: f64) -> bool {
+    const ABSORBED: f64 = 1e-8;
+    let [small, large] = if a.abs() < b.abs() { [a, b] } else { [b, a] };
+    ((sum - large) - small).abs() > ABSORBED * small.abs()
+}
 
 /// A sum of multiples of inputs, or of values, and a number.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,13 +22,13 @@ pub struct Linear<K = usize> {
     pub terms: Vec<(K, f64)>,
     /// The number.
     pub constant: f64,
-    /// A number that it has taken the digits of: beside 1e20 a 1 is there again once -1e20 is added.
+    /// What it has absorbed: beside 1e20 a 1 is there again once -1e20 is added.
     lost: f64,
 }
 
 impl Tape {
     /// The tape with these numbers, as a function of the same inputs.
-    pub(super) fn with_numbers(&self, number: impl Fn(usize) -> Option<f64>) -> Self {
+    pub(crate) fn with_numbers(&self, number: impl Fn(usize) -> Option<f64>) -> Self {
         let mut builder = Self::builder(self.n_inputs);
         let outputs = self.collect(&mut builder, |i, b| match number(i) {
             Some(number) => Linear::number(number),
@@ -176,18 +180,27 @@ impl<K: Copy + Ord> Linear<K> {
         self.terms.retain(|term| term.1 != 0.0);
         let added = c * other.constant;
         let (sum, lost) = two_sum(self.constant, added);
-        let is_absorbed = lost.abs() > ABSORBED * self.constant.abs().min(added.abs());
-        if is_absorbed || other.lost != 0.0 {
-            self.lost += c * other.lost + if is_absorbed { lost } else { 0.0 };
+        if sum.is_finite() && absorbs(self.constant, added, sum) {
+            self.lost += lost;
+        }
+        if other.lost != 0.0 {
+            self.lost += c * other.lost;
         }
         self.constant = sum;
         self
     }
 
-    /// The number with that.
-    fn settled(mut self) -> Self {
-        self.constant += std::mem::take(&mut self.lost);
-        self
+    /// The number with what it has absorbed.
+    fn settled(self) -> Self {
+        Linear {
+            constant: self.value(),
+            lost: 0.0,
+            ..self
+        }
+    }
+
+    fn value(&self) -> f64 {
+        self.constant + self.lost
     }
 
     pub(crate) fn times(&self, c: f64) -> Self {
@@ -195,7 +208,7 @@ impl<K: Copy + Ord> Linear<K> {
     }
 
     pub(crate) fn as_number(&self) -> Option<f64> {
-        self.terms.is_empty().then_some(self.constant + self.lost)
+        self.terms.is_empty().then_some(self.value())
     }
 }
 
@@ -203,8 +216,8 @@ impl Linear<Value> {
     /// It as one term, computed where it is a sum.
     pub(super) fn term(&self, b: &mut TapeBuilder) -> Term {
         match self.terms[..] {
-            [] => Term::Number(self.constant + self.lost),
-            [(value, factor)] if self.constant + self.lost == 0.0 => Term::Multiple(factor, value),
+            [] => Term::Number(self.value()),
+            [(value, factor)] if self.value() == 0.0 => Term::Multiple(factor, value),
             _ => Term::value(self.place(b)),
         }
     }
@@ -213,7 +226,7 @@ impl Linear<Value> {
     fn place(&self, b: &mut TapeBuilder) -> Value {
         let start = self.terms.iter().position(|term| term.1 == 1.0);
         let start = start.unwrap_or(0);
-        let mut constant = self.constant + self.lost;
+        let mut constant = self.value();
         let (value, factor) = self.terms[start];
         let mut total = match factor == -1.0 {
             true => b.subtract_from(std::mem::take(&mut constant), value),

@@ -16,7 +16,8 @@ use Term::{Multiple, Number};
 /// not, as (x/5000)^100 = 5000^-100 x^100 would.
 const WIDE: f64 = 1e32;
 
-fn is_moderate(factor: f64) -> bool {
+/// Whether a factor is within that.
+pub fn is_moderate(factor: f64) -> bool {
     (1.0 / WIDE..=WIDE).contains(&factor.abs())
 }
 

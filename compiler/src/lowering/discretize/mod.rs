@@ -61,6 +61,7 @@ pub use layout::Layout;
 pub(crate) use layout::ends::End;
 pub(crate) use layout::fixed_params;
 pub use options::{Detection, Grid, Options};
+pub(crate) use task::chosen;
 
 use crate::expr::Expr;
 use crate::lowering::dcs::Dcs;

@@ -8,7 +8,7 @@
 use nsd_solver::optimization::mpcc;
 use nsd_solver::optimization::mpcc::{Options, Solution};
 
-use super::choices;
+use super::choices::choices;
 use super::descent::{self, Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
 use super::solved;
@@ -225,6 +225,16 @@ fn from(
     ))
 }
 
+/// Whether a control has a finite set of values.
+fn has_finite_sets(problem: &Problem) -> bool {
+    let mut tasks = problem.system.task.iter();
+    tasks.any(|task| {
+        task.controls
+            .iter()
+            .any(|control| control.values().is_some())
+    })
+}
+
 /// A better point by the first of these looks that shows one, or what else simulations say.
 fn look(
     problem: &Problem,
@@ -236,7 +246,7 @@ fn look(
     let Some(mut reduced) = Reduced::new(problem, w, limit) else {
         return Err(Confirmation::None);
     };
-    if reduced.quantities.is_empty() && !choices::are_any(problem, w) {
+    if reduced.quantities.is_empty() && !has_finite_sets(problem) {
         return Err(Confirmation::Confirmed);
     }
     let base = reduced.at(w);
@@ -275,7 +285,7 @@ fn look(
     for (i, look) in looks.iter().enumerate() {
         let found = match look {
             Look::Around(change) => search.descent(*change),
-            Look::Choices => choices::look(&mut search),
+            Look::Choices => choices(&mut search),
             Look::Elsewhere => search.elsewhere(),
             Look::Through => search.through(),
         };

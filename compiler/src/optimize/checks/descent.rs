@@ -44,6 +44,20 @@ pub(crate) enum Found {
     Unknown,
 }
 
+impl Found {
+    /// Points that are better than an objective by more than small changes show, the best first.
+    pub(crate) fn better(points: Vec<Candidate>, objective: f64) -> Self {
+        match points.first() {
+            None => Found::Nothing,
+            Some(best) => Found::Descent {
+                rate: objective - best.merit,
+                points,
+                is_first_order: false,
+            },
+        }
+    }
+}
+
 /// A point, and the objective there with what violations add.
 pub(crate) struct Candidate {
     pub merit: f64,
@@ -80,6 +94,9 @@ pub(crate) struct Search<'s, 'r, 'e> {
 /// How large the objective is at a point and where all quantities are larger or smaller by their sizes, as a share of
 /// `TINY` and at most 1.
 pub(crate) fn scale(reduced: &mut Reduced<'_, '_>, w: &[f64], objective: f64) -> f64 {
+    if objective.abs() >= TINY {
+        return 1.0;
+    }
     let costs = [1.0, -1.0].map(|sign| {
         let mut other = w.to_vec();
         for quantity in &reduced.quantities {

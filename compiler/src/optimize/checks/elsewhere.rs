@@ -46,14 +46,7 @@ impl Search<'_, '_, '_> {
             true => self.compass(edge, target),
             false => edge.into_iter().collect(),
         };
-        match points.first() {
-            None => Found::Nothing,
-            Some(best) => Found::Descent {
-                rate: self.objective - best.merit,
-                points,
-                is_first_order: false,
-            },
-        }
+        Found::better(points, self.objective)
     }
 
     /// Whether switches act, and nothing but ranges constrains.
@@ -67,7 +60,7 @@ impl Search<'_, '_, '_> {
     }
 
     /// Other points than the solution, if they can be simulated, the best first.
-    fn candidates(&mut self, points: Vec<Vec<f64>>) -> Vec<Candidate> {
+    pub(super) fn candidates(&mut self, points: Vec<Vec<f64>>) -> Vec<Candidate> {
         let solution = self.w;
         let points = points.into_iter().filter(|w| *w != solution);
         let mut points: Vec<Candidate> = points.filter_map(|w| self.simulated(w)).collect();

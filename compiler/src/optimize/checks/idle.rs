@@ -16,7 +16,7 @@ use crate::optimize::Problem;
 use crate::report::{Trajectory, Warning};
 use crate::system::experiment::Settings;
 use crate::system::task::Control;
-use crate::system::{Allowed, State, System};
+use crate::system::{State, System};
 
 /// Changes of states that are none, and of the objective, relative to their sizes or 1.
 const SAME: f64 = 1e-9;
@@ -35,7 +35,7 @@ pub(crate) fn left_alone(
     limit: &Limit,
 ) -> Option<Warning> {
     let (system, task) = (&problem.system, problem.system.task.as_ref()?);
-    let is_finite = |control: &Control| matches!(control.allowed, Some(Allowed::OneOf(_)));
+    let is_finite = |control: &Control| control.values().is_some();
     if task.controls.iter().any(is_finite) || !trajectory.history.events.is_empty() {
         return None;
     }

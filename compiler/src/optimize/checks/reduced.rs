@@ -439,12 +439,9 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
     let Some(task) = &problem.system.task else {
         return Vec::new();
     };
-    let one_of = |allowed: &Option<crate::system::Allowed>| {
-        matches!(allowed, Some(crate::system::Allowed::OneOf(_)))
-    };
     let mut found: Vec<(Kind, usize, f64)> = Vec::new();
     let controls = task.controls.iter().enumerate();
-    for (i, _) in controls.filter(|(_, control)| !one_of(&control.allowed)) {
+    for (i, _) in controls.filter(|(_, control)| control.values().is_none()) {
         let all = || layout.control_instants().map(|(k, _)| layout.u(k) + i);
         let largest = all().fold(0.0, |m: f64, index| m.max(w[index].abs()));
         found.extend(all().map(|index| (Kind::Control(i), index, largest)));

@@ -11,8 +11,8 @@ use nsd_solver::hybrid::{Piecewise, write_pieces};
 
 use nsd_solver::adaptive::{self, Field, Simulator};
 use nsd_solver::event::Observer;
-use nsd_solver::hybrid::Side;
-use nsd_solver::tape::{Scratch, Sided, Tape};
+use nsd_solver::hybrid::{Side, Sided};
+use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::limit::Limit;

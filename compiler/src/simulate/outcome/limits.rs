@@ -4,7 +4,8 @@
 //! the instant at which it leaves its bounds. A control is looked at in a few points of every step.
 
 use nsd_solver::event::Segment;
-use nsd_solver::tape::{Sided, Tape};
+use nsd_solver::hybrid::Sided;
+use nsd_solver::tape::Tape;
 
 use crate::expr::{self, Expr};
 use crate::lowering::hybrid::{numbers, variable};

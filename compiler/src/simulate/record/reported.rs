@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nsd_solver::tape::{Sided, Tape};
+use nsd_solver::hybrid::Sided;
+use nsd_solver::tape::Tape;
 
 use crate::expr::{self, Expr, Var};
 use crate::lowering::hybrid::{numbers, variable};
@@ -45,7 +46,9 @@ impl Reported {
     pub fn new(system: &System, open: &[usize]) -> Self {
         let sizes = [system.states.len(), system.switches.len()];
         let tape = compiler(system, open);
-        let sided = |exprs| Sided::new(tape(exprs), |input| alpha_of(system, input).is_some());
+        let first = 1 + system.exogenous.data.len() + sizes[0];
+        let alphas = first..first + sizes[1];
+        let sided = |exprs| Sided::new(tape(exprs), |input| alphas.contains(&input));
         let outputs = system.recorded.signals();
         let outputs = outputs.flat_map(|output| output.exprs.iter().copied());
         Reported {
@@ -131,28 +134,27 @@ impl Reported {
             ..
         } = points;
         let (n_points, [n, m]) = (times.len(), self.sizes);
-        let (first, n_data) = (1 + given.data.len(), given.data.len());
+        let first = 1 + given.data.len();
         let input = |k: usize, input: usize| match input {
             0 => times[k],
-            _ if input <= n_data => data_at(&given.data[input - 1], times, k),
+            _ if input < first => data_at(&given.data[input - 1], times, k),
             _ if input < first + n => states[k * n + input - first],
             _ if input < first + n + m => alphas[k * m + input - first - n],
             _ => given.parameters[input - first - n - m],
         };
         self.sided(|outputs| {
-            let n_outputs = outputs.whole().n_outputs();
+            let (n_inputs, n_outputs) = (outputs.whole().n_inputs(), outputs.whole().n_outputs());
             let mut columns = vec![0.0; n_outputs * n_points];
-            let (mut from, mut part) = (0, Vec::new());
+            // Structures of arrays: one row per input or output, one column per point on the same sides.
+            let (mut table, mut part) = (Vec::new(), Vec::new());
+            let mut from = 0;
             while n_outputs > 0 && from < n_points {
                 let ends = |k: &usize| !outputs.agree(|i| input(from, i), |i| input(*k, i));
                 let to = (from + 1..n_points).find(ends).unwrap_or(n_points);
-                let tape = outputs.on(|i| input(from, i));
-                // Structure of arrays: one row per input, one column per point.
-                let inputs = 0..tape.n_inputs();
-                let table: Vec<f64> = inputs
-                    .flat_map(|i| (from..to).map(move |k| input(k, i)))
-                    .collect();
+                table.clear();
+                table.extend((0..n_inputs).flat_map(|i| (from..to).map(move |k| input(k, i))));
                 part.resize(n_outputs * (to - from), 0.0);
+                let tape = outputs.on(|i| input(from, i));
                 tape.eval_many(&table, &mut part, to - from, &mut tape.lane_scratch());
                 for (o, part) in part.chunks(to - from).enumerate() {
                     columns[o * n_points + from..o * n_points + to].copy_from_slice(part);
@@ -162,13 +164,6 @@ impl Reported {
             columns
         })
     }
-}
-
-/// The switch whose α an input of what is reported is.
-pub(super) fn alpha_of(system: &System, input: usize) -> Option<usize> {
-    let first = 1 + system.exogenous.data.len() + system.states.len();
-    let switch = input.checked_sub(first)?;
-    (switch < system.switches.len()).then_some(switch)
 }
 
 /// What makes functions of time, data, states, α and open parameters.

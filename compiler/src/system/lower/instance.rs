@@ -2,11 +2,12 @@
 
 use rustc_hash::FxHashMap;
 
-use crate::expr::{Expr, Interval, Var, value_on_sides, variables_of};
+use crate::expr::{Expr, Interval, Var, variables_of};
 use crate::model::{self, Domain, Model, Quantity, Sliding};
 use crate::system::experiment::Settings;
 use crate::system::needs::{Extent, Needs};
 use crate::system::switches::known::Known;
+use crate::system::switches::terms::value_on_sides;
 use crate::system::task::Control;
 use crate::system::values::Values;
 use crate::system::values::limits::Allowed;

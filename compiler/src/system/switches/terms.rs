@@ -5,7 +5,7 @@
 
 use rustc_hash::FxHashSet;
 
-use crate::expr::{BinaryFunction, Expr, Function, Node, transform, variables_of};
+use crate::expr::{BinaryFunction, Expr, Function, Node, Var, rewrite, transform, variables_of};
 use crate::system::switches::entries::Entry;
 use crate::system::switches::known::Known;
 
@@ -71,6 +71,41 @@ pub(crate) fn at_alpha<'e>(e: Expr<'e>, alpha: Expr<'e>) -> Expr<'e> {
     }
 }
 
+/// An expression as it is where variables have these values: with those α that are 0 or 1 as numbers, and in place of each
+/// nonsmooth term the one that it is there, if that is known.
+///
+/// lo + max(x - lo, 0) is x above lo: in numbers a large lo takes digits of x with it, and a term that is on another side may
+/// have no value.
+pub(crate) fn decided<'e>(
+    expr: Expr<'e>,
+    value: &impl Fn(Var) -> f64,
+    is_alpha: &impl Fn(Var) -> bool,
+) -> Expr<'e> {
+    rewrite(expr, &mut |e| {
+        let number = |value: f64| e.exprs().constant(value);
+        if let Some(alpha) = e.as_variable().filter(|var| is_alpha(*var)).map(value) {
+            return if alpha == 0.0 || alpha == 1.0 {
+                number(alpha)
+            } else {
+                e
+            };
+        }
+        let Some((psi, entry)) = compared(e) else {
+            return e;
+        };
+        match (psi.eval(value), e.node()) {
+            (psi, _) if psi.is_nan() => e,
+            (psi, Node::Unary(function, _)) if entry != Entry::Kink => number(function.value(psi)),
+            (psi, _) => at_alpha(e, number(f64::from(u8::from(psi >= 0.0)))),
+        }
+    })
+}
+
+/// The value where variables have these, of the expression as it is there.
+pub(crate) fn value_on_sides(expr: Expr, value: &impl Fn(Var) -> f64) -> f64 {
+    decided(expr, value, &|_| false).eval(value)
+}
+
 /// What a smaller or larger of two terms is where one of them is infinite, whatever states are: an infinite bound is
 /// never met.
 pub(crate) fn beside_infinite<'e>(e: Expr<'e>, params: &Known) -> Option<Expr<'e>> {
@@ -107,4 +142,49 @@ fn infinite(e: Expr, params: &Known) -> Option<f64> {
         _ => fixed(e)?,
     };
     value.is_infinite().then_some(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{decided, value_on_sides};
+    use crate::expr::Exprs;
+
+    #[test]
+    fn what_is_on_another_side_has_no_part_in_a_value() {
+        let e = Exprs::new();
+        let x = e.variable("x");
+        let zero = e.constant(0.0);
+        let at = |value: f64| move |_| value;
+        for large in [2.0, 1e9, 1e20, 1e300] {
+            let clipped = -large + (x + large).max(zero) - (x - large).max(zero);
+            for (x, right) in [(1.3, 1.3), (-1.7e301, -large), (1.7e301, large), (0.1, 0.1)] {
+                assert_eq!(value_on_sides(clipped, &at(x)), right, "{large:e} {x:e}");
+            }
+        }
+        let either = (x - 5.0).positive() * (x - 5.0).log() + (1.0 - (x - 5.0).positive()) * x;
+        assert_eq!(value_on_sides(either, &at(2.0)), 2.0);
+        assert_eq!(value_on_sides(either, &at(8.0)), 3.0_f64.ln());
+        assert_eq!(value_on_sides(x.abs().log(), &at(-1.0)), 0.0);
+        assert_eq!(value_on_sides(x.min(zero).sqrt(), &at(4.0)), 0.0);
+        assert_eq!(value_on_sides(x.step() + x.sign(), &at(0.0)), 0.5);
+        assert!(value_on_sides(x.max(zero), &at(f64::NAN)).is_nan());
+    }
+
+    #[test]
+    fn alphas_are_numbers_where_they_are_sides() {
+        let e = Exprs::new();
+        let (x, alpha) = (e.variable("x"), e.variable("alpha"));
+        let either = alpha * x.log() + (1.0 - alpha) * (1e20 - x) - 1e20 + alpha * 1e20;
+        let is_alpha = |var| Some(var) == alpha.as_variable();
+        let on = |side: f64| {
+            decided(
+                either,
+                &|var| if is_alpha(var) { side } else { 2.0 },
+                &is_alpha,
+            )
+        };
+        assert_eq!(on(1.0), x.log());
+        assert_eq!(on(0.0), -x);
+        assert_eq!(on(0.5), either);
+    }
 }

@@ -8,9 +8,10 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::ExperimentError;
 use super::experiment::with::Given;
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Interval, Substitution, Var, value_on_sides, variables_of};
+use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
 use crate::model::{Domain, Model, Quantity};
 use crate::source::Span;
+use crate::system::switches::terms::value_on_sides;
 use crate::system::values::limits::Allowed;
 
 /// What an experiment fixes.

@@ -2,8 +2,9 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::expr::{Expr, Var, decided, variables_of};
+use crate::expr::{Expr, Var, variables_of};
 use crate::system::System;
+use crate::system::switches::terms::decided;
 
 /// Variables with their numbers.
 #[derive(Clone, Debug, Default)]
@@ -39,11 +40,7 @@ impl Valuation {
     /// The value of an expression on the sides on which it is; not a number where a variable has none.
     pub fn value(&self, e: Expr<'_>) -> f64 {
         let number = |var| self.number(var);
-        let side = |var| {
-            let alpha = self.alphas.contains(&var).then(|| number(var));
-            alpha.filter(|alpha| *alpha == 0.0 || *alpha == 1.0)
-        };
-        decided(e, &number, &side).eval(&number)
+        decided(e, &number, &|var| self.alphas.contains(&var)).eval(&number)
     }
 
     /// A variable of the expressions that has no number.

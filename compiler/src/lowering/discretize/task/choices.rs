@@ -4,21 +4,20 @@
 
 use crate::lowering::discretize::formals::block::Builder;
 use crate::lowering::discretize::layout::{Layout, range};
-use crate::lowering::mpcc::{Bounds, Kind, Mpcc, Source};
-use crate::system::Allowed;
-use crate::system::task::Task;
+use crate::lowering::mpcc::{Bounds, Kind, Mpcc, Source, Variables};
+use crate::system::task::{Control, Task};
 
 /// All variables y and rows.
 pub(crate) fn state<'e>(layout: &Layout, task: &Task<'e>, mpcc: &mut Mpcc<'e>) {
     let (exprs, steps) = (mpcc.exprs, layout.each_step());
     for (i, control) in task.controls.iter().enumerate() {
-        let Some(Allowed::OneOf(values)) = &control.allowed else {
+        let Some(values) = control.values() else {
             continue;
         };
         let source = Source::Task(control.span);
         let (name, u) = (&control.name, control.var);
         let block = Builder::new("choice", [steps]).variable(u, |[k]| layout.u(k) + i);
-        match values[..] {
+        match *values {
             [] | [_] => {}
             [_, _] => {
                 let [a, b] = range(values);
@@ -29,9 +28,8 @@ pub(crate) fn state<'e>(layout: &Layout, task: &Task<'e>, mpcc: &mut Mpcc<'e>) {
             _ => {
                 let n = values.len();
                 let bounds = vec![Bounds::between(0.0, 1.0, 1.0 / n as f64); n];
-                let names = values.iter().map(|value| format!("{name}={value}"));
                 let bounds = bounds.repeat(layout.steps);
-                let first = mpcc.declare("y", names.collect(), &[steps], bounds);
+                let first = mpcc.declare("y", names(control, values), &[steps], bounds);
                 let y = exprs.variables("y", n);
                 let index = |[k]: [usize; 1]| first + (k - 1) * n;
                 let sum = exprs.sum(y.iter().zip(values).map(|(&y, &value)| value * y));
@@ -47,4 +45,35 @@ pub(crate) fn state<'e>(layout: &Layout, task: &Task<'e>, mpcc: &mut Mpcc<'e>) {
             }
         }
     }
+}
+
+/// What the y of a control are called.
+fn names(control: &Control, values: &[f64]) -> Vec<String> {
+    let name = &control.name;
+    values
+        .iter()
+        .map(|value| format!("{name}={value}"))
+        .collect()
+}
+
+/// The y of a control in an interval that say that it has the value of this number: variables of w, with their values.
+/// None where it has two values, which say so themselves.
+pub(crate) fn chosen(
+    mpcc: &Mpcc,
+    control: &Control,
+    interval: usize,
+    number: usize,
+) -> Vec<(usize, f64)> {
+    let values = control.values().unwrap_or_default();
+    let names = names(control, values);
+    let block = mpcc
+        .variables
+        .iter()
+        .find(|block| block.components == names);
+    let of_block = |block: &Variables| {
+        let first = block.start + (interval - 1) * values.len();
+        let y = (0..values.len()).map(|at| (first + at, f64::from(u8::from(at == number))));
+        y.collect()
+    };
+    block.map_or(Vec::new(), of_block)
 }

@@ -10,6 +10,8 @@ mod points;
 pub(crate) mod quadrature;
 mod starts;
 
+pub(crate) use choices::chosen;
+
 use nsd_solver::integrate::tableau::Tableau;
 
 use super::DiscretizeError;

@@ -1,11 +1,7 @@
 //! Values of expressions, also of those that are not smooth.
 
-mod decide;
-
 use std::cell::RefCell;
 use std::ops::{Add, Mul};
-
-pub use decide::{decided, value_on_sides};
 
 use super::nodes::{Data, Id};
 use super::{BinaryFunction, Expr, Function, Interval, Var};

@@ -3,7 +3,9 @@
 //! α a + (1 - α) b is a where α is 1, whatever b is: in numbers a large b takes digits of a with it, and one that has no value
 //! all of them. So functions are specialized to the α that are 0 or 1, and what was made is kept.
 
-use super::Tape;
+use super::Side;
+use super::form::Argument;
+use crate::tape::Tape;
 
 /// Functions on as many combinations of sides are kept.
 const MOST: usize = 256;
@@ -16,34 +18,17 @@ pub struct Sided {
     alphas: Vec<usize>,
     /// Functions of all inputs, by the sides of these α.
     known: Vec<(Vec<Side>, Tape)>,
-    /// Those that were asked for last.
+    /// Which of them were asked for last.
     now: usize,
     registers: Vec<f64>,
 }
 
-/// Where an α is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
-    Zero,
-    One,
-    Between,
-}
-
-impl Side {
-    fn of(alpha: f64) -> Self {
-        match alpha {
-            0.0 => Side::Zero,
-            1.0 => Side::One,
-            _ => Side::Between,
-        }
-    }
-
-    fn number(self) -> Option<f64> {
-        match self {
-            Side::Zero => Some(0.0),
-            Side::One => Some(1.0),
-            Side::Between => None,
-        }
+/// The side that an α tells.
+fn side(alpha: f64) -> Side {
+    match alpha {
+        0.0 => Side::Minus,
+        1.0 => Side::Plus,
+        _ => Side::Slide,
     }
 }
 
@@ -69,7 +54,7 @@ impl Sided {
     /// Whether two points, by their inputs, are on one side of all that is read.
     pub fn agree(&self, a: impl Fn(usize) -> f64, b: impl Fn(usize) -> f64) -> bool {
         let mut alphas = self.alphas.iter();
-        alphas.all(|&input| Side::of(a(input)) == Side::of(b(input)))
+        alphas.all(|&input| side(a(input)) == side(b(input)))
     }
 
     /// The functions of the same inputs on the sides of a point.
@@ -79,7 +64,7 @@ impl Sided {
         }
         let holds = |(sides, _): &(Vec<Side>, Tape)| {
             let mut pairs = sides.iter().zip(&self.alphas);
-            pairs.all(|(side, &input)| *side == Side::of(point(input)))
+            pairs.all(|(known, &input)| *known == side(point(input)))
         };
         if !self.known.get(self.now).is_some_and(holds) {
             let known = self.known.iter().position(holds);
@@ -89,8 +74,9 @@ impl Sided {
     }
 
     fn make(&mut self, point: impl Fn(usize) -> f64) -> usize {
-        let sides: Vec<Side> = self.alphas.iter().map(|&i| Side::of(point(i))).collect();
-        let number = |input: usize| sides[self.alphas.binary_search(&input).ok()?].number();
+        let sides: Vec<Side> = self.alphas.iter().map(|&i| side(point(i))).collect();
+        let number =
+            |input: usize| Argument::Alpha.on(sides[self.alphas.binary_search(&input).ok()?]);
         let tape = self.whole.with_numbers(number);
         if self.known.len() == MOST {
             self.known.clear();
