@@ -3,6 +3,8 @@
 use std::sync::Arc;
 
 use nsd_solver::linalg::analyses::Analyses;
+use nsd_solver::optimization::problem::Nlp;
+use nsd_solver::optimization::scaling::Sizes;
 
 use super::checks::runs::Runs;
 use super::moved::Moved;
@@ -35,6 +37,8 @@ pub(crate) struct Problem<'e> {
     pub(crate) mpcc: Mpcc<'e>,
     pub(crate) layout: Layout,
     pub(crate) program: Program,
+    /// How large its variables, its rows and its objective are.
+    pub(crate) sizes: Arc<Sizes>,
     pub(crate) runs: Runs<'e>,
     pub(crate) analyses: Analyses,
     /// The places of parameters that are inputs.
@@ -73,6 +77,8 @@ impl<'e> Problem<'e> {
         let mut program = program.expect("kernels are smooth");
         let moved = Moved::new(&layout, &mpcc.conditions, products(&dcs));
         program.set_others(Arc::new(moved));
+        let start = program.start().to_vec();
+        let sizes = Sizes::new(&mut program, &mpcc.quantities(), &start);
         Ok(Problem {
             system: system.clone(),
             frozen,
@@ -82,6 +88,7 @@ impl<'e> Problem<'e> {
             mpcc,
             layout,
             program,
+            sizes: Arc::new(sizes),
             runs: Runs::default(),
             analyses: Analyses::default(),
             open: open.to_vec(),

@@ -11,3 +11,4 @@ pub mod nl;
 pub mod problem;
 pub mod qp;
 pub mod quadratic;
+pub mod scaling;

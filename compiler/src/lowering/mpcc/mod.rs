@@ -29,6 +29,7 @@ mod nl;
 mod program;
 mod verify;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 pub use conditions::{Branches, Conditions, Group, Impulses, Rests};
@@ -413,6 +414,23 @@ impl<'e> Mpcc<'e> {
     pub fn names(&self) -> Vec<String> {
         let blocks = self.variables.iter();
         blocks.flat_map(Variables::names).collect()
+    }
+
+    /// The number of the quantity that every variable is a value of: a component of a block, or of several of one name.
+    pub fn quantities(&self) -> Vec<usize> {
+        let mut numbers = BTreeMap::new();
+        let mut quantities = Vec::with_capacity(self.n_variables());
+        for block in &self.variables {
+            let components = block.components.iter().map(|component| {
+                let next = numbers.len();
+                *numbers.entry((&block.name, component)).or_insert(next)
+            });
+            let components: Vec<usize> = components.collect();
+            for _ in 0..n_places(&block.ranges) {
+                quantities.extend(&components);
+            }
+        }
+        quantities
     }
 
     /// How many variables, equations and pairs there are.

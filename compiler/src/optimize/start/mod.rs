@@ -150,6 +150,7 @@ fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &L
         patience,
         form,
         homotopy,
+        sizes: Some(problem.sizes.clone()),
         limit: limit.clone(),
         analyses: problem.analyses.clone(),
         trust: match reference && starts.is_none() {

@@ -29,6 +29,7 @@ use crate::optimization::ipm;
 use crate::optimization::mpcc::branch::leave::{BOXES, gain};
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
+use crate::optimization::scaling::{InUnits, Scaled};
 use branch::{Branch, choose};
 use certificate::Certificate;
 use way::{DeadEnd, ways};
@@ -101,8 +102,28 @@ pub fn solve_observed(
     options: &Options,
     observer: &mut dyn Observer,
 ) -> Solution {
-    let mut run = Work::new(options, observer);
     assert_eq!(start.len(), problem.n_variables(), "one value per variable");
+    let Some(sizes) = &options.sizes else {
+        return solve_lifted(problem, start, options, observer);
+    };
+    let mut scaled = Scaled::new(problem, sizes);
+    let start = scaled.scaled(start);
+    let mut observer = InUnits {
+        observer,
+        objective: sizes.objective,
+    };
+    let found = solve_lifted(&mut scaled, &start, options, &mut observer);
+    scaled.solution(found)
+}
+
+/// Finds a local minimum from a point, in the units of the problem.
+fn solve_lifted(
+    problem: &mut dyn Mpcc,
+    start: &[f64],
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Solution {
+    let mut run = Work::new(options, observer);
     let mut lifted = Lifted::new(problem);
     let start = lifted.extend(start);
     let mut solution = if lifted.pairs().is_empty() {

@@ -1,0 +1,276 @@
+//! Programs in units of their own.
+//!
+//! w = o + D w',   c = k + R c',   f = s f'
+//!
+//! where o and k are the values nearest to zero that the bounds allow, so that distances from bounds far from zero have
+//! digits of their own, and D, R and s are [`Sizes`]. All tolerances of a solver are absolute ones of w', c' and f': those
+//! are of moderate size whatever the units of a model are. Sizes are powers of two, so that they round nothing.
+
+mod sizes;
+
+pub use sizes::Sizes;
+
+use crate::optimization::ipm;
+use crate::optimization::mpcc::{Class, Observer, Program, Solution};
+use crate::optimization::problem::{
+    Bounds, HeldStructure, Intervals, Member, Mpcc, Nlp, Other, Pair, Side, Structure,
+};
+
+/// A program in w', c' and f'.
+pub(crate) struct Scaled<'p> {
+    problem: &'p mut dyn Mpcc,
+    sizes: &'p Sizes,
+    structure: HeldStructure,
+    /// o and k.
+    offsets: Vec<f64>,
+    row_offsets: Vec<f64>,
+    /// The row of every entry of the Jacobian, and the row and the column of every entry of the Hessian.
+    rows: Vec<u32>,
+    curvature: Vec<[u32; 2]>,
+    /// A point w and multipliers y of the program itself.
+    w: Vec<f64>,
+    y: Vec<f64>,
+}
+
+/// The value nearest to zero between two bounds.
+fn nearest(lower: f64, upper: f64) -> f64 {
+    0.0_f64.max(lower).min(upper)
+}
+
+fn offsets(bounds: Bounds<'_>) -> Vec<f64> {
+    let bounds = bounds.lower.iter().zip(bounds.upper);
+    bounds.map(|(&lower, &upper)| nearest(lower, upper)).collect()
+}
+
+/// The row of every entry of a pattern.
+fn rows(pattern: &crate::optimization::problem::Pattern) -> Vec<u32> {
+    let rows = 0..pattern.n_rows();
+    rows.flat_map(|row| vec![row as u32; pattern.starts[row + 1] - pattern.starts[row]])
+        .collect()
+}
+
+impl<'p> Scaled<'p> {
+    pub fn new(problem: &'p mut dyn Mpcc, sizes: &'p Sizes) -> Self {
+        let Structure {
+            variables,
+            rows: row_bounds,
+            jacobian,
+            hessian,
+            start,
+        } = problem.structure();
+        let columns = hessian.columns.iter();
+        let curvature = rows(hessian).into_iter().zip(columns);
+        let mut scaled = Scaled {
+            sizes,
+            offsets: offsets(variables),
+            row_offsets: offsets(row_bounds),
+            rows: rows(jacobian),
+            curvature: curvature.map(|(row, &column)| [row, column]).collect(),
+            w: start.to_vec(),
+            y: vec![0.0; row_bounds.lower.len()],
+            structure: HeldStructure {
+                variables: Intervals::extended(variables, 0, [0.0; 2]),
+                rows: Intervals::extended(row_bounds, 0, [0.0; 2]),
+                start: start.to_vec(),
+                jacobian: jacobian.clone(),
+                hessian: hessian.clone(),
+            },
+            problem,
+        };
+        scaled.structure.start = scaled.scaled(&scaled.w);
+        scaled.read_bounds();
+        scaled
+    }
+
+    /// Takes over the bounds, with the same offsets.
+    fn read_bounds(&mut self) {
+        let HeldStructure {
+            variables, rows, ..
+        } = &mut self.structure;
+        let scale = |to: &mut Vec<f64>, from: &[f64], offsets: &[f64], size: &dyn Fn(usize) -> f64| {
+            for (i, (to, (from, offset))) in to.iter_mut().zip(from.iter().zip(offsets)).enumerate() {
+                *to = (from - offset) / size(i);
+            }
+        };
+        let (of_variable, of_row) = (
+            |i: usize| self.sizes.variables[i],
+            |i: usize| self.sizes.rows[i],
+        );
+        let bounds = self.problem.variable_bounds();
+        scale(&mut variables.lower, bounds.lower, &self.offsets, &of_variable);
+        scale(&mut variables.upper, bounds.upper, &self.offsets, &of_variable);
+        let bounds = self.problem.row_bounds();
+        scale(&mut rows.lower, bounds.lower, &self.row_offsets, &of_row);
+        scale(&mut rows.upper, bounds.upper, &self.row_offsets, &of_row);
+    }
+
+    /// w' of a point w.
+    pub fn scaled(&self, w: &[f64]) -> Vec<f64> {
+        let places = w.iter().zip(&self.offsets).zip(&self.sizes.variables);
+        places.map(|((w, offset), size)| (w - offset) / size).collect()
+    }
+
+    fn load(&mut self, scaled: &[f64]) {
+        let places = scaled.iter().zip(&self.offsets).zip(&self.sizes.variables);
+        for (w, ((scaled, offset), size)) in self.w.iter_mut().zip(places) {
+            *w = offset + size * scaled;
+        }
+    }
+
+    /// R⁻¹ y' = y / s of multipliers y' of the rows.
+    fn load_multipliers(&mut self, scaled: &[f64]) {
+        let places = scaled.iter().zip(&self.sizes.rows);
+        for (y, (scaled, size)) in self.y.iter_mut().zip(places) {
+            *y = scaled / size;
+        }
+    }
+
+    /// What was found, in the units of the program.
+    pub fn solution(mut self, found: Solution) -> Solution {
+        self.load(&found.w);
+        self.load_multipliers(&found.multipliers.rows);
+        let Sizes {
+            variables,
+            rows,
+            objective,
+        } = self.sizes;
+        let bounds = self.problem.variable_bounds();
+        for (w, (lower, upper)) in self.w.iter_mut().zip(bounds.lower.iter().zip(bounds.upper)) {
+            *w = w.max(*lower).min(*upper);
+        }
+        let in_units = |z: Vec<f64>| -> Vec<f64> {
+            let places = z.into_iter().zip(variables);
+            places.map(|(z, size)| z * objective / size).collect()
+        };
+        let side = |side: Side, value: f64| {
+            value * objective
+                / match side {
+                    Side::Variable(variable) => variables[variable as usize],
+                    Side::Row(row) => rows[row as usize],
+                }
+        };
+        let mut multipliers = found.multipliers;
+        multipliers.rows = self.y.iter().map(|y| y * objective).collect();
+        multipliers.lower = in_units(multipliers.lower);
+        multipliers.upper = in_units(multipliers.upper);
+        for (values, pair) in multipliers.pairs.iter_mut().zip(self.problem.pairs()) {
+            *values = [side(pair.a, values[0]), side(pair.b, values[1])];
+        }
+        Solution {
+            objective: found.objective * objective,
+            w: self.w,
+            multipliers,
+            ..found
+        }
+    }
+}
+
+impl Nlp for Scaled<'_> {
+    fn structure(&self) -> Structure<'_> {
+        self.structure.view()
+    }
+
+    fn has_objective(&self) -> bool {
+        self.problem.has_objective()
+    }
+
+    fn objective(&mut self, w: &[f64]) -> f64 {
+        self.load(w);
+        self.problem.objective(&self.w) / self.sizes.objective
+    }
+
+    fn gradient(&mut self, w: &[f64], gradient: &mut [f64]) {
+        self.load(w);
+        self.problem.gradient(&self.w, gradient);
+        for (slope, size) in gradient.iter_mut().zip(&self.sizes.variables) {
+            *slope *= size / self.sizes.objective;
+        }
+    }
+
+    fn rows(&mut self, w: &[f64], rows: &mut [f64]) {
+        self.load(w);
+        self.problem.rows(&self.w, rows);
+        let places = self.row_offsets.iter().zip(&self.sizes.rows);
+        for (row, (offset, size)) in rows.iter_mut().zip(places) {
+            *row = (*row - offset) / size;
+        }
+    }
+
+    fn jacobian(&mut self, w: &[f64], entries: &mut [f64]) {
+        self.load(w);
+        self.problem.jacobian(&self.w, entries);
+        let columns = &self.structure.jacobian.columns;
+        for ((entry, &row), &column) in entries.iter_mut().zip(&self.rows).zip(columns) {
+            *entry *= self.sizes.variables[column as usize] / self.sizes.rows[row as usize];
+        }
+    }
+
+    fn hessian(&mut self, w: &[f64], factor: f64, y: &[f64], entries: &mut [f64]) {
+        self.load(w);
+        self.load_multipliers(y);
+        let factor = factor / self.sizes.objective;
+        self.problem.hessian(&self.w, factor, &self.y, entries);
+        let sizes = &self.sizes.variables;
+        for (entry, [i, j]) in entries.iter_mut().zip(&self.curvature) {
+            *entry *= sizes[*i as usize] * sizes[*j as usize];
+        }
+    }
+}
+
+impl Mpcc for Scaled<'_> {
+    fn pairs(&self) -> &[Pair] {
+        self.problem.pairs()
+    }
+
+    fn settle(&mut self, zeros: Option<&[Member]>) -> bool {
+        let has_changed = self.problem.settle(zeros);
+        if has_changed {
+            self.read_bounds();
+        }
+        has_changed
+    }
+
+    fn terms(&self, pair: usize, member: Member) -> &[u32] {
+        self.problem.terms(pair, member)
+    }
+
+    fn others(&mut self, w: &[f64], zeros: &[Member], y: &[f64]) -> Vec<Other> {
+        self.load(w);
+        self.load_multipliers(y);
+        for y in &mut self.y {
+            *y *= self.sizes.objective;
+        }
+        let mut others = self.problem.others(&self.w, zeros, &self.y);
+        for (variable, value) in others.iter_mut().flat_map(|other| &mut other.w) {
+            let place = *variable as usize;
+            *value = (*value - self.offsets[place]) / self.sizes.variables[place];
+        }
+        others
+    }
+}
+
+/// Tells an observer of a run in the units of the program.
+pub(crate) struct InUnits<'o> {
+    pub observer: &'o mut dyn Observer,
+    /// s.
+    pub objective: f64,
+}
+
+impl Observer for InUnits<'_> {
+    fn program(&mut self, program: &Program) {
+        self.observer.program(program);
+    }
+
+    fn stationary(&mut self, objective: f64, class: Class) {
+        self.observer.stationary(self.objective * objective, class);
+    }
+
+    fn iteration(&mut self, program: &Program, progress: &ipm::Progress<'_>) {
+        let progress = ipm::Progress {
+            objective: self.objective * progress.objective,
+            gap: self.objective * progress.gap,
+            ..*progress
+        };
+        self.observer.iteration(program, &progress);
+    }
+}

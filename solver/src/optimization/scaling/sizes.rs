@@ -1,0 +1,277 @@
+//! How large the quantities of a program are.
+//!
+//! A quantity is what several variables are values of: a state at all nodes. Its size d is known from bounds, values that
+//! are given, and guesses; and the entries of a row are of one size, as a sum of them is zero: |a_ij| d_j ≈ r_i. Logarithms
+//! of all sizes are the least-squares solution of these equations (Curtis and Reid 1972). They follow a change of units.
+
+use std::collections::BTreeMap;
+
+use super::nearest;
+use crate::optimization::problem::{Bounds, Nlp};
+use crate::runtime::random;
+
+/// Sizes are powers of 2^`PREFIX`, as prefixes of units are powers of 1000: those near 1 are 1.
+const PREFIX: f64 = 10.0;
+/// How many points of the sizes found so far show the derivatives that vanish at the start.
+const POINTS: usize = 3;
+/// Sweeps over all equations.
+const SWEEPS: usize = 300;
+/// What is known of a size counts as so many rows.
+const KNOWN: f64 = 2.0;
+/// What ties a size to 1 that nothing else tells: next to nothing.
+const UNKNOWN: f64 = 1e-6;
+/// Logarithms to base 2 beyond this are none.
+const LARGEST: f64 = 200.0;
+
+/// D, R and s: the sizes of the variables, of the rows and of the objective, powers of two.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sizes {
+    /// Of the variables.
+    pub variables: Vec<f64>,
+    /// Of the rows.
+    pub rows: Vec<f64>,
+    /// Of the objective.
+    pub objective: f64,
+}
+
+/// |a| d ≈ r, in logarithms.
+struct Entry {
+    row: usize,
+    quantity: usize,
+    log: f64,
+}
+
+/// The logarithms of sizes of quantities and of rows that have the same quantities.
+struct Balance<'n> {
+    nlp: &'n mut dyn Nlp,
+    /// The quantity of every variable.
+    quantities: &'n [usize],
+    /// The class of every row, and of the objective.
+    classes: Vec<usize>,
+    offsets: Vec<f64>,
+    /// The largest |a| of a quantity in rows of a class.
+    entries: BTreeMap<(usize, usize), f64>,
+    /// The largest constant in rows of a class.
+    constants: BTreeMap<usize, f64>,
+    known: Vec<Vec<f64>>,
+    /// log₂ d.
+    sizes: Vec<f64>,
+    /// -log₂ r.
+    rows: Vec<f64>,
+}
+
+impl Sizes {
+    /// Those of a program whose variables are values of such quantities, numbered from 0, near a point.
+    pub fn new(nlp: &mut dyn Nlp, quantities: &[usize], start: &[f64]) -> Self {
+        let mut balance = Balance::new(nlp, quantities, start);
+        balance.look(start);
+        balance.settle();
+        for point in 0..POINTS as u64 {
+            let point = balance.point(point);
+            balance.look(&point);
+            balance.settle();
+        }
+        let s = balance.sizes();
+        if std::env::var("NSD_SIZES").is_ok() { let mut seen = BTreeMap::new(); for (i, q) in quantities.iter().enumerate() { seen.insert(*q, s.variables[i].log2()); } eprintln!("sizes {:?} obj {} rows {:?}", seen, s.objective.log2(), { let mut r: Vec<i32> = s.rows.iter().map(|r| r.log2() as i32).collect(); r.sort(); r.dedup(); r }); }
+        s
+    }
+}
+
+/// The logarithm of a size, if it is one.
+fn log(size: f64) -> Option<f64> {
+    let log = size.abs().log2();
+    (log.abs() <= LARGEST).then_some(log)
+}
+
+/// The nearest size.
+fn power(log: f64) -> f64 {
+    (PREFIX * (log / PREFIX).round()).exp2()
+}
+
+impl<'n> Balance<'n> {
+    fn new(nlp: &'n mut dyn Nlp, quantities: &'n [usize], start: &[f64]) -> Self {
+        let pattern = nlp.jacobian_pattern();
+        let mut numbers: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
+        let mut classes = Vec::new();
+        for row in 0..pattern.n_rows() {
+            let columns = pattern.row(row).iter();
+            let mut key: Vec<usize> = columns.map(|&j| quantities[j as usize]).collect();
+            key.sort_unstable();
+            key.dedup();
+            let next = numbers.len();
+            classes.push(*numbers.entry(key).or_insert(next));
+        }
+        classes.push(numbers.len());
+        let n = quantities.iter().max().map_or(0, |last| last + 1);
+        let bounds = nlp.variable_bounds();
+        let (offsets, known) = known(bounds, quantities, start, n);
+        let n_classes = numbers.len() + 1;
+        Balance {
+            nlp,
+            quantities,
+            classes,
+            offsets,
+            entries: BTreeMap::new(),
+            constants: BTreeMap::new(),
+            known,
+            sizes: vec![0.0; n],
+            rows: vec![0.0; n_classes],
+        }
+    }
+
+    /// Takes what derivatives at a point tell.
+    fn look(&mut self, w: &[f64]) {
+        let mut entries = vec![0.0; self.nlp.jacobian_pattern().n_entries()];
+        self.nlp.jacobian(w, &mut entries);
+        let mut gradient = vec![0.0; w.len()];
+        self.nlp.gradient(w, &mut gradient);
+        let mut values = vec![0.0; self.nlp.n_rows()];
+        self.nlp.rows(w, &mut values);
+        let pattern = self.nlp.jacobian_pattern();
+        let bounds = self.nlp.row_bounds();
+        let mut keep = |class: usize, column: usize, value: f64| {
+            if value != 0.0 && value.is_finite() {
+                let place = (class, self.quantities[column]);
+                let largest = self.entries.entry(place).or_default();
+                *largest = largest.max(value.abs());
+            }
+        };
+        for (column, &slope) in gradient.iter().enumerate() {
+            keep(*self.classes.last().expect("the objective"), column, slope);
+        }
+        for (row, value) in values.into_iter().enumerate() {
+            let places = pattern.starts[row]..pattern.starts[row + 1];
+            let mut constant = value - nearest(bounds.lower[row], bounds.upper[row]);
+            let mut sum = constant.abs();
+            for (&column, &entry) in pattern.row(row).iter().zip(&entries[places]) {
+                let column = column as usize;
+                keep(self.classes[row], column, entry);
+                let term = entry * (w[column] - self.offsets[column]);
+                constant -= term;
+                sum = sum.max(term.abs());
+            }
+            // What rounding leaves is none.
+            if constant.abs() > 1e-9 * sum && constant.is_finite() {
+                let largest = self.constants.entry(self.classes[row]).or_default();
+                *largest = largest.max(constant.abs());
+            }
+        }
+    }
+
+    /// Solves for all sizes, by Gauss and Seidel.
+    fn settle(&mut self) {
+        let entries = self.entries.iter().filter_map(|(&(row, quantity), &a)| {
+            let log = log(a)?;
+            Some(Entry { row, quantity, log })
+        });
+        let entries: Vec<Entry> = entries.collect();
+        for _ in 0..SWEEPS {
+            let mut rows = vec![(0.0, 0.0_f64); self.rows.len()];
+            for (&row, &constant) in &self.constants {
+                if let Some(log) = log(constant) {
+                    rows[row] = (-log, 1.0);
+                }
+            }
+            for entry in &entries {
+                let (sum, weight) = &mut rows[entry.row];
+                *sum -= entry.log + self.sizes[entry.quantity];
+                *weight += 1.0;
+            }
+            for (row, (sum, weight)) in self.rows.iter_mut().zip(rows) {
+                *row = sum / weight.max(1.0);
+            }
+            let of_known = self.known.iter().map(|known| {
+                let sum: f64 = known.iter().sum();
+                (KNOWN * sum, KNOWN * known.len() as f64 + UNKNOWN)
+            });
+            let mut sizes: Vec<(f64, f64)> = of_known.collect();
+            for entry in &entries {
+                let (sum, weight) = &mut sizes[entry.quantity];
+                *sum -= entry.log + self.rows[entry.row];
+                *weight += 1.0;
+            }
+            for (size, (sum, weight)) in self.sizes.iter_mut().zip(sizes) {
+                *size = sum / weight;
+            }
+        }
+    }
+
+    /// A point of the sizes found so far, between the bounds.
+    fn point(&self, number: u64) -> Vec<f64> {
+        let mut state = random::mix(number);
+        let bounds = self.nlp.variable_bounds();
+        let values = self.quantities.iter().enumerate().map(|(i, &quantity)| {
+            // From 1/2 to 1, of either sign.
+            let number = random::next(&mut state);
+            let share = 0.5 + 0.5 * (number >> 11) as f64 / (1_u64 << 53) as f64;
+            let signed = if number & 1 == 0 { share } else { -share };
+            let size = self.sizes[quantity].clamp(-LARGEST, LARGEST).exp2();
+            let value = self.offsets[i] + signed * size;
+            value.max(bounds.lower[i]).min(bounds.upper[i])
+        });
+        values.collect()
+    }
+
+    fn sizes(self) -> Sizes {
+        let sizes: Vec<f64> = self.sizes.iter().map(|&log| power(log)).collect();
+        let mut rows = vec![0.0_f64; self.rows.len()];
+        for (&(row, quantity), a) in &self.entries {
+            rows[row] = rows[row].max(a * sizes[quantity]);
+        }
+        let rows: Vec<f64> = rows
+            .into_iter()
+            .map(|size| log(size).map_or(1.0, power))
+            .collect();
+        let (objective, of_rows) = self.classes.split_last().expect("the objective");
+        Sizes {
+            variables: self.quantities.iter().map(|&q| sizes[q]).collect(),
+            rows: of_rows.iter().map(|&class| rows[class]).collect(),
+            objective: rows[*objective],
+        }
+    }
+}
+
+/// Offsets of all variables, and what is known of the sizes of quantities: logarithms of the distances of their values,
+/// bounds and guesses from there.
+fn known(
+    bounds: Bounds<'_>,
+    quantities: &[usize],
+    start: &[f64],
+    n: usize,
+) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let mut ranges = vec![[f64::INFINITY, f64::NEG_INFINITY]; n];
+    for (i, &quantity) in quantities.iter().enumerate() {
+        let [lower, upper] = &mut ranges[quantity];
+        *lower = lower.min(bounds.lower[i]);
+        *upper = upper.max(bounds.upper[i]);
+    }
+    let offset = |i: usize| {
+        let [lower, upper] = ranges[quantities[i]];
+        nearest(lower, upper)
+    };
+    let offsets: Vec<f64> = (0..quantities.len()).map(offset).collect();
+    // The largest value that is given, bound and guess of each.
+    let mut largest = vec![[0.0_f64; 3]; n];
+    for (i, &quantity) in quantities.iter().enumerate() {
+        let (lower, upper) = (bounds.lower[i], bounds.upper[i]);
+        let kept = &mut largest[quantity];
+        let mut keep = |kind: usize, value: f64| {
+            let distance = (value - offsets[i]).abs();
+            if distance.is_finite() {
+                kept[kind] = kept[kind].max(distance);
+            }
+        };
+        if lower == upper {
+            keep(0, lower);
+        } else {
+            keep(1, lower);
+            keep(1, upper);
+            keep(2, start[i]);
+        }
+    }
+    let known = largest.iter().map(|kinds| {
+        let logs = kinds.iter().filter_map(|&size| log(size));
+        logs.collect()
+    });
+    (offsets, known.collect())
+}
