@@ -79,6 +79,8 @@ impl<'e> Problem<'e> {
         program.set_others(Arc::new(moved));
         let start = program.start().to_vec();
         let sizes = Sizes::new(&mut program, &mpcc.quantities(), &start);
+        let length = sizes.variables[layout.h(1, 1)];
+        program.set_steering(sizes.objective / (length * length));
         Ok(Problem {
             system: system.clone(),
             frozen,

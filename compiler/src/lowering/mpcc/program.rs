@@ -27,6 +27,8 @@ pub struct Program {
     kernels: kernels::Program,
     /// Terms of the objective that only steer.
     steering: Vec<usize>,
+    /// What these terms count.
+    steers: f64,
     conditions: Conditions,
     /// The first row of every block that has rows of its own.
     first_rows: Vec<usize>,
@@ -122,6 +124,7 @@ impl<'e> Mpcc<'e> {
         Ok(Program {
             kernels: builder.finish(),
             steering,
+            steers: 1.0,
             conditions: self.conditions.clone(),
             first_rows,
             terms: pairs.terms,
@@ -326,6 +329,12 @@ impl Program {
         self.kernels.n_parameters()
     }
 
+    /// Weights the terms that only steer.
+    pub fn set_steering(&mut self, weight: f64) {
+        self.steers = weight;
+        problem::Mpcc::settle(self, None);
+    }
+
     /// Where a solver starts from.
     pub fn set_start(&mut self, start: &[f64]) {
         self.kernels.set_start(start);
@@ -425,7 +434,8 @@ impl problem::Mpcc for Program {
 
     fn settle(&mut self, zeros: Option<&[Member]>) -> bool {
         for &term in &self.steering {
-            self.kernels.switch_term(term, zeros.is_none());
+            let weight = if zeros.is_none() { self.steers } else { 0.0 };
+            self.kernels.weight_term(term, weight);
         }
         let holding = zeros.map(|zeros| self.conditions.holding(zeros));
         for block in self.conditions.blocks() {

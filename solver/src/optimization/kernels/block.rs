@@ -154,11 +154,11 @@ impl Function {
         &self.outputs
     }
 
-    /// Adds the outputs to entries.
-    fn add(&mut self, inputs: &[f64], entries: &mut [f64]) {
+    /// Adds the outputs to entries, with a weight.
+    fn add(&mut self, inputs: &[f64], weight: f64, entries: &mut [f64]) {
         self.eval(inputs);
         for (value, &entry) in self.outputs.iter().zip(&self.to) {
-            entries[entry as usize] += value;
+            entries[entry as usize] += weight * value;
         }
     }
 }
@@ -294,7 +294,7 @@ impl Compiled {
 
     /// Adds the slopes that do not change with the variables.
     pub(crate) fn add_constant_slopes(&mut self, entries: &mut [f64]) {
-        self.constant.add(self.inputs.of_values(), entries);
+        self.constant.add(self.inputs.of_values(), 1.0, entries);
     }
 
     /// Notes where second derivatives go.
@@ -324,11 +324,11 @@ impl Compiled {
         self.values.eval(self.inputs.of_values()).iter().sum()
     }
 
-    /// Adds the slopes at w that change.
-    pub(crate) fn add_slopes(&mut self, w: &[f64], entries: &mut [f64]) {
+    /// Adds the slopes at w that change, with a weight.
+    pub(crate) fn add_slopes(&mut self, w: &[f64], weight: f64, entries: &mut [f64]) {
         if !self.slopes.to.is_empty() {
             self.inputs.gather(w);
-            self.slopes.add(self.inputs.of_values(), entries);
+            self.slopes.add(self.inputs.of_values(), weight, entries);
         }
     }
 
@@ -343,7 +343,7 @@ impl Compiled {
             Weights::Factor(factor) => of_outputs.fill(factor),
             Weights::Rows(y) => of_outputs.copy_from_slice(&y[self.rows.clone()]),
         }
-        self.curvature.add(&self.inputs.values, entries);
+        self.curvature.add(&self.inputs.values, 1.0, entries);
         for &(output, entry) in &self.twice {
             entries[entry as usize] += self.curvature.outputs[output as usize];
         }

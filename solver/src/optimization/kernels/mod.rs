@@ -79,7 +79,8 @@ struct Term {
     constant: Vec<(u32, f64)>,
     /// Whether it depends on no variable.
     is_constant: bool,
-    is_on: bool,
+    /// What it counts in the objective: nothing with 0.
+    weight: f64,
 }
 
 /// Collects the parts of a [`Program`].
@@ -142,7 +143,6 @@ impl Program {
             block.set_parameters(values);
             block.add_constant_slopes(&mut self.constant_slopes);
         }
-        self.constant_gradient.fill(0.0);
         let mut own = vec![0.0; self.constant_gradient.len()];
         for term in &mut self.terms {
             term.block.set_parameters(values);
@@ -150,26 +150,29 @@ impl Program {
             term.block.add_constant_slopes(&mut own);
             let constant = (0..).zip(own.iter().copied());
             term.constant = constant.filter(|(_, slope)| *slope != 0.0).collect();
-            for &(variable, slope) in term.constant.iter().filter(|_| term.is_on) {
-                self.constant_gradient[variable as usize] += slope;
+        }
+        self.add_constant_gradients();
+    }
+
+    fn add_constant_gradients(&mut self) {
+        self.constant_gradient.fill(0.0);
+        for term in &self.terms {
+            for &(variable, slope) in &term.constant {
+                self.constant_gradient[variable as usize] += term.weight * slope;
             }
         }
     }
 
-    /// Takes a term of the objective out of it, or puts it back; patterns stay as they are.
+    /// Weights a term of the objective, at first by 1; patterns stay as they are.
     ///
     /// # Panics
     ///
     /// If there is no such term.
-    pub fn switch_term(&mut self, term: usize, is_on: bool) {
-        let term = &mut self.terms[term];
-        if term.is_on == is_on {
-            return;
-        }
-        term.is_on = is_on;
-        let sign = if is_on { 1.0 } else { -1.0 };
-        for &(variable, slope) in &term.constant {
-            self.constant_gradient[variable as usize] += sign * slope;
+    pub fn weight_term(&mut self, term: usize, weight: f64) {
+        let weighted = &mut self.terms[term].weight;
+        if *weighted != weight {
+            *weighted = weight;
+            self.add_constant_gradients();
         }
     }
 
@@ -288,7 +291,7 @@ impl ProgramBuilder {
                 block,
                 constant: Vec::new(),
                 is_constant: found.entries.is_empty(),
-                is_on: true,
+                weight: 1.0,
             });
         }
         let mut program = Program {
@@ -344,18 +347,18 @@ impl Nlp for Program {
 
     fn has_objective(&self) -> bool {
         let mut terms = self.terms.iter();
-        terms.any(|term| term.is_on && !term.is_constant)
+        terms.any(|term| term.weight != 0.0 && !term.is_constant)
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {
-        let terms = self.terms.iter_mut().filter(|term| term.is_on);
-        terms.map(|term| term.block.sum(w)).sum()
+        let terms = self.terms.iter_mut().filter(|term| term.weight != 0.0);
+        terms.map(|term| term.weight * term.block.sum(w)).sum()
     }
 
     fn gradient(&mut self, w: &[f64], gradient: &mut [f64]) {
         gradient.copy_from_slice(&self.constant_gradient);
-        for term in self.terms.iter_mut().filter(|term| term.is_on) {
-            term.block.add_slopes(w, gradient);
+        for term in self.terms.iter_mut().filter(|term| term.weight != 0.0) {
+            term.block.add_slopes(w, term.weight, gradient);
         }
     }
 
@@ -368,14 +371,14 @@ impl Nlp for Program {
     fn jacobian(&mut self, w: &[f64], entries: &mut [f64]) {
         entries.copy_from_slice(&self.constant_slopes);
         for block in &mut self.blocks {
-            block.add_slopes(w, entries);
+            block.add_slopes(w, 1.0, entries);
         }
     }
 
     fn hessian(&mut self, w: &[f64], factor: f64, y: &[f64], entries: &mut [f64]) {
         entries.fill(0.0);
-        for term in self.terms.iter_mut().filter(|term| term.is_on) {
-            let weights = block::Weights::Factor(factor);
+        for term in self.terms.iter_mut().filter(|term| term.weight != 0.0) {
+            let weights = block::Weights::Factor(factor * term.weight);
             term.block.add_curvature(w, weights, entries);
         }
         for block in &mut self.blocks {

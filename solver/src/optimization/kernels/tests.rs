@@ -247,13 +247,18 @@ fn a_term_may_be_taken_out() {
         (program.objective(&w), gradient, hessian)
     };
     assert_eq!(all(&mut program), (21.0, [6.0, 14.0], [2.0, 12.0]));
-    program.switch_term(cube, false);
+    program.weight_term(cube, 0.0);
     assert_eq!(all(&mut program), (13.0, [6.0, 2.0], [2.0, 0.0]));
-    program.switch_term(linear, false);
-    program.switch_term(linear, false);
+    program.weight_term(linear, 0.0);
+    program.weight_term(linear, 0.0);
     assert_eq!(all(&mut program), (9.0, [6.0, 0.0], [2.0, 0.0]));
-    program.switch_term(linear, true);
-    program.switch_term(cube, true);
+    program.weight_term(linear, 1.0);
+    program.weight_term(cube, 0.5);
+    assert_eq!(all(&mut program), (17.0, [6.0, 8.0], [2.0, 6.0]));
+    program.weight_term(linear, 2.0);
+    assert_eq!(all(&mut program), (21.0, [6.0, 10.0], [2.0, 6.0]));
+    program.weight_term(linear, 1.0);
+    program.weight_term(cube, 1.0);
     assert_eq!(all(&mut program), (21.0, [6.0, 14.0], [2.0, 12.0]));
 }
 
@@ -295,11 +300,11 @@ fn parameters_may_have_other_values() {
     program.set_parameters(&[7.0, -0.5]);
     assert_eq!(all(&mut program), all(&mut other));
     // A term that is out stays out, and comes back with the parameter that there is.
-    program.switch_term(term, false);
+    program.weight_term(term, 0.0);
     program.set_parameters(&[7.0, 3.0]);
     let mut gradient = [0.0; 2];
     program.gradient(&[0.5, 2.0], &mut gradient);
     assert_eq!(gradient, [0.0; 2]);
-    program.switch_term(term, true);
+    program.weight_term(term, 1.0);
     assert_eq!(all(&mut program), all(&mut built(3.0).0));
 }

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use super::nearest;
-use crate::optimization::problem::{Bounds, Nlp};
+use crate::optimization::problem::{Bounds, Member, Mpcc};
 use crate::runtime::random;
 
 /// Sizes are powers of 2^`PREFIX`, as prefixes of units are powers of 1000: those near 1 are 1.
@@ -43,7 +43,7 @@ struct Entry {
 
 /// The logarithms of sizes of quantities and of rows that have the same quantities.
 struct Balance<'n> {
-    nlp: &'n mut dyn Nlp,
+    nlp: &'n mut dyn Mpcc,
     /// The quantity of every variable.
     quantities: &'n [usize],
     /// The class of every row, and of the objective.
@@ -62,8 +62,18 @@ struct Balance<'n> {
 
 impl Sizes {
     /// Those of a program whose variables are values of such quantities, numbered from 0, near a point.
-    pub fn new(nlp: &mut dyn Nlp, quantities: &[usize], start: &[f64]) -> Self {
-        let mut balance = Balance::new(nlp, quantities, start);
+    ///
+    /// They are those of the objective itself, without terms that only steer.
+    pub fn new(problem: &mut dyn Mpcc, quantities: &[usize], start: &[f64]) -> Self {
+        let members = vec![Member::A; problem.pairs().len()];
+        problem.settle(Some(&members));
+        let sizes = Self::balanced(problem, quantities, start);
+        problem.settle(None);
+        sizes
+    }
+
+    fn balanced(problem: &mut dyn Mpcc, quantities: &[usize], start: &[f64]) -> Self {
+        let mut balance = Balance::new(problem, quantities, start);
         balance.look(start);
         balance.settle();
         for point in 0..POINTS as u64 {
@@ -89,7 +99,7 @@ fn power(log: f64) -> f64 {
 }
 
 impl<'n> Balance<'n> {
-    fn new(nlp: &'n mut dyn Nlp, quantities: &'n [usize], start: &[f64]) -> Self {
+    fn new(nlp: &'n mut dyn Mpcc, quantities: &'n [usize], start: &[f64]) -> Self {
         let pattern = nlp.jacobian_pattern();
         let mut numbers: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
         let mut classes = Vec::new();
@@ -160,8 +170,10 @@ impl<'n> Balance<'n> {
 
     /// Solves for all sizes, by Gauss and Seidel.
     fn settle(&mut self) {
+        // The objective is no sum that is zero.
+        let of_rows = self.rows.len() - 1;
         let entries = self.entries.iter().filter_map(|(&(row, quantity), &a)| {
-            let log = log(a)?;
+            let log = log(a).filter(|_| row < of_rows)?;
             Some(Entry { row, quantity, log })
         });
         let entries: Vec<Entry> = entries.collect();
