@@ -160,10 +160,11 @@ fn on<'e>(
     let options = Options {
         trust: Trust::Alone,
         effort: 0,
+        sizes: Some(finer.sizes.clone()),
         ..options.clone()
     };
     let mut found = mpcc::solve_observed(&mut finer.program, &start, &options, watch);
-    let most = solution.objective + WORSE * solution.objective.abs().max(1.0);
+    let most = solution.objective + WORSE * problem.size_of_objective(solution.objective);
     let is_as_good = |found: &Solution| {
         let is_kept = found.status == Status::Solved || solution.status != Status::Solved;
         found.is_feasible() && is_kept && found.objective <= most

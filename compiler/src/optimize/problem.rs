@@ -97,6 +97,18 @@ impl<'e> Problem<'e> {
         })
     }
 
+    /// What errors of an objective are measured by: itself, or where that is nearly zero, what its derivatives make of the
+    /// sizes of quantities, at most 1.
+    pub(crate) fn size_of_objective(&self, objective: f64) -> f64 {
+        objective.abs().max(self.sizes.objective.min(1.0))
+    }
+
+    /// What errors of a state are measured by where it is nearly zero, at most 1.
+    pub(crate) fn size_of_state(&self, state: usize) -> f64 {
+        let first = self.layout.x(self.layout.steps, self.layout.elements, self.layout.end);
+        self.sizes.variables[first + state].min(1.0)
+    }
+
     /// The system that is discretized.
     pub(crate) fn lowered(&self) -> &System<'e> {
         match &self.frozen {

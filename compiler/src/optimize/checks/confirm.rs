@@ -22,14 +22,15 @@ use crate::report::Confirmation;
 const MAX_ROUNDS: usize = 10;
 /// Decreases of the objective, relative to it, that are none.
 const NO_GAIN: f64 = 1e-8;
-/// A minimum elsewhere is told where it is better by more than this share, and by more than that at all.
+/// A minimum elsewhere is told where it is better by more than this share, and by more than that, relative to the size of
+/// the objective, at all.
 const WORTH: f64 = 1e-2;
 const LEAST_WORTH: f64 = 1e-6;
 /// Constraints that are violated by no more are kept.
 const KEPT: f64 = 1e-6;
 /// Multipliers of constraints are weighted by so much more.
 const WEIGHT: f64 = 2.0;
-/// Simulations that miss the objective by more than this, relative to max(1, |J|), say nothing about it.
+/// Simulations that miss the objective by more than this, relative to the size of the objective, say nothing about it.
 const CREDIBLE: f64 = 1e-3;
 /// Errors of derivatives are so many times those of the objective, at most.
 const DOUBT: f64 = 10.0;
@@ -97,7 +98,8 @@ pub(crate) fn confirm(
             Ok(better) => better,
             Err(confirmation) => return (confirmation, unfollowed),
         };
-        let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN);
+        let least_size = problem.size_of_objective(0.0);
+        let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN * least_size);
         let least = solution.objective - gain;
         let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
         let round = rounds.next();
@@ -136,7 +138,7 @@ pub(crate) fn confirm(
             continue;
         }
         // What is only better at some distance, and keeps the constraints, is another minimum.
-        let worth = solution.objective - (WORTH * solution.objective.abs()).max(LEAST_WORTH);
+        let worth = solution.objective - (WORTH * solution.objective.abs()).max(LEAST_WORTH * least_size);
         let kept = better.points.iter().filter(|point| point.excess <= KEPT);
         let merits = kept.map(|point| point.merit);
         let best = merits.fold(unfollowed.unwrap_or(worth), f64::min);
@@ -268,7 +270,7 @@ fn look(
         .as_ref()
         .map_or(0.0, |base| solved::terminal_error(problem, w, &base.end));
     // Where simulations are that far off, no change of them is told from it.
-    if error > CREDIBLE * solution.objective.abs().max(1.0) {
+    if error > CREDIBLE * problem.size_of_objective(solution.objective) {
         return Err(Confirmation::Differs);
     }
     let scale = descent::scale(&mut reduced, w, solution.objective);
@@ -278,7 +280,7 @@ fn look(
         w,
         objective: solution.objective,
         base: base.as_ref(),
-        weight: WEIGHT * largest.max(1.0),
+        weight: WEIGHT * largest.max(problem.size_of_objective(0.0)),
         doubt: DOUBT * error,
         room: largest * terminal,
     };

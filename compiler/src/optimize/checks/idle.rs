@@ -60,17 +60,17 @@ pub(crate) fn left_alone(
     }
     let other = reduced.at(&changed(&reduced, w));
     let other = other.filter(|other| other.events.is_empty())?;
-    let size = |value: f64| value.abs().max(1.0);
+    let size = |i: usize, value: f64| value.abs().max(problem.size_of_state(i));
     let left = states.iter().filter(|&&(i, state)| {
-        if (base.end[i] - other.end[i]).abs() > SAME * size(base.end[i]) {
+        if (base.end[i] - other.end[i]).abs() > SAME * size(i, base.end[i]) {
             return false;
         }
         let mut from = |sign: f64| {
-            let values = reduced.at_from(w, (i, sign * CHANGE * size(state.initial)))?;
+            let values = reduced.at_from(w, (i, sign * CHANGE * size(i, state.initial)))?;
             (values.events.is_empty()).then_some(values.cost)
         };
         let costs = from(1.0).zip(from(-1.0));
-        costs.is_some_and(|(up, down)| (up - down).abs() > NO_SLOPE * size(base.cost))
+        costs.is_some_and(|(up, down)| (up - down).abs() > NO_SLOPE * problem.size_of_objective(base.cost))
     });
     let names = left.map(|(_, state)| state.name.as_str());
     let names: Vec<&str> = names.take(MOST_NAMES + 1).collect();

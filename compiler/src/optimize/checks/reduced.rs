@@ -459,7 +459,8 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
     found.extend(others.map(|(kind, index)| (kind, index, w[index].abs())));
     let quantity = |(kind, index, largest): (Kind, usize, f64)| {
         let range = bounds[index].upper - bounds[index].lower;
-        let largest = if largest > 0.0 { largest } else { 1.0 };
+        let size = problem.sizes.variables[index];
+        let largest = if largest > 0.0 { largest } else { size };
         Quantity {
             index,
             lower: bounds[index].lower,

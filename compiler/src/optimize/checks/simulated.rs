@@ -12,7 +12,7 @@ use crate::system::experiment::{Sampling, Settings};
 /// How accurate the simulation is, compared with what the result is to be.
 const FINER: f64 = 1e-2;
 const FINEST: f64 = 1e-12;
-/// The rows of a program hold to an absolute accuracy: smaller states are zero to it.
+/// The rows of a program hold to an accuracy relative to the sizes of states: smaller ones are zero to it.
 const FEASIBLE: f64 = 1e-6;
 /// The code of what a simulation says against a result.
 const DISAGREES: &str = "W0709";
@@ -53,13 +53,18 @@ fn compare(
 /// not finite where it does not get there.
 pub(crate) fn disagreement(problem: &Problem, solution: &Solution, limit: &Limit) -> f64 {
     let compared = compare(problem, solution, limit);
-    let relative = |(check, size): (Check, f64)| relative(&check, size.min(1.0), solution);
+    let relative =
+        |(check, size): (Check, f64)| relative(problem, &check, size.min(1.0), solution);
     compared.map_or(f64::INFINITY, relative)
 }
 
-fn relative(check: &Check, size: f64, solution: &Solution) -> f64 {
-    let objective = check.objective_error.abs() / solution.objective.abs().max(1.0);
-    (check.terminal_error / size.max(FEASIBLE)).max(objective)
+fn relative(problem: &Problem, check: &Check, size: f64, solution: &Solution) -> f64 {
+    let size_of_objective = problem.size_of_objective(solution.objective);
+    let objective = check.objective_error.abs() / size_of_objective;
+    let states = 0..problem.system.n_model_states();
+    let least = states.fold(0.0, |m: f64, i| m.max(problem.size_of_state(i)));
+    let least = if least > 0.0 { least } else { 1.0 };
+    (check.terminal_error / size.max(FEASIBLE * least)).max(objective)
 }
 
 /// Simulates in the time that is left, and says by how much the end and the objective differ.
@@ -81,7 +86,7 @@ pub(crate) fn simulate(
             return trajectory.warnings.push(warning);
         }
     };
-    let relative = relative(&check, size, solution);
+    let relative = relative(problem, &check, size, solution);
     if relative > problem.settings.numerics.tolerance {
         let advice = match problem.task.discretization.refines {
             true => "no finer grid that was tried is closer",

@@ -399,6 +399,14 @@ impl Work<'_> {
         Elsewhere::Nothing(n_worse)
     }
 
+    /// The residuals of a point in the units of the problem.
+    fn measured(&self, lifted: &mut Lifted<'_>, w: &[f64], residuals: Residuals) -> Residuals {
+        match self.options.sizes.as_deref() {
+            Some(sizes) => Residuals::measured(lifted, w, Some(sizes)),
+            None => residuals,
+        }
+    }
+
     fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {
         let status = candidate.status();
         let Candidate {
@@ -407,6 +415,8 @@ impl Work<'_> {
             others,
         } = candidate;
         let n = lifted.n_original();
+        lifted.settle(Some(&best.zeros));
+        let residuals = self.measured(lifted, &best.point.w, best.residuals);
         let biactive = self.options.certificate.biactive;
         let (y, reduced) = (certificate.y, &certificate.reduced);
         let multipliers =
@@ -417,7 +427,7 @@ impl Work<'_> {
             status,
             w,
             objective: best.objective,
-            residuals: best.residuals,
+            residuals,
             multipliers,
             class: certificate.class,
             is_class_exact: certificate.is_exact,
@@ -431,6 +441,7 @@ impl Work<'_> {
 
     fn dead_end(&self, lifted: &mut Lifted<'_>, end: DeadEnd) -> Solution {
         let objective = lifted.objective(&end.w);
+        let residuals = self.measured(lifted, &end.w, end.residuals);
         let mut w = end.w;
         w.truncate(lifted.n_original());
         Solution {
@@ -462,7 +473,7 @@ impl Work<'_> {
             },
             w,
             objective,
-            residuals: end.residuals,
+            residuals,
             class: Class::None,
             is_class_exact: false,
             b_stationary: None,

@@ -12,6 +12,11 @@ use crate::runtime::random;
 
 /// Sizes are powers of 2^`PREFIX`, as prefixes of units are powers of 1000: those near 1 are 1.
 const PREFIX: f64 = 10.0;
+/// Where the sizes begin, as logarithms, that are not 1 any more: small ones, large ones, and large ones of objectives, which
+/// interior-point methods scale themselves.
+const SMALL: f64 = -5.0;
+const LARGE: f64 = 8.0;
+const LARGE_OBJECTIVE: f64 = 15.0;
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
 const POINTS: usize = 3;
 /// Sweeps over all equations.
@@ -93,9 +98,11 @@ fn log(size: f64) -> Option<f64> {
     (log.abs() <= LARGEST).then_some(log)
 }
 
-/// The nearest size.
-fn power(log: f64) -> f64 {
-    (PREFIX * (log / PREFIX).round()).exp2()
+/// The size near one of such a logarithm, of those that are 1 until `large`.
+fn power(log: f64, large: f64) -> f64 {
+    let from = if log > 0.0 { large } else { -SMALL };
+    let prefixes = (log.abs() - from) / PREFIX + 1.0;
+    (log.signum() * PREFIX * prefixes.max(0.0).floor()).exp2()
 }
 
 impl<'n> Balance<'n> {
@@ -225,20 +232,17 @@ impl<'n> Balance<'n> {
     }
 
     fn sizes(self) -> Sizes {
-        let sizes: Vec<f64> = self.sizes.iter().map(|&log| power(log)).collect();
+        let sizes: Vec<f64> = self.sizes.iter().map(|&log| power(log, LARGE)).collect();
         let mut rows = vec![0.0_f64; self.rows.len()];
         for (&(row, quantity), a) in &self.entries {
             rows[row] = rows[row].max(a * sizes[quantity]);
         }
-        let rows: Vec<f64> = rows
-            .into_iter()
-            .map(|size| log(size).map_or(1.0, power))
-            .collect();
+        let power_of = |size: f64, large: f64| log(size).map_or(1.0, |log| power(log, large));
         let (objective, of_rows) = self.classes.split_last().expect("the objective");
         Sizes {
             variables: self.quantities.iter().map(|&q| sizes[q]).collect(),
-            rows: of_rows.iter().map(|&class| rows[class]).collect(),
-            objective: rows[*objective],
+            rows: of_rows.iter().map(|&class| power_of(rows[class], LARGE)).collect(),
+            objective: power_of(rows[*objective], LARGE_OBJECTIVE),
         }
     }
 }

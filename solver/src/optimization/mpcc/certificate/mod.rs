@@ -12,7 +12,8 @@ use super::local::{Local, Sets};
 use crate::linalg::analyses::Analyses;
 use crate::optimization::mpcc::certificate::class::{Class, classify};
 use crate::optimization::mpcc::certificate::lpec::{Descent, descend};
-use crate::optimization::problem::Nlp;
+use crate::optimization::problem::{Bounds, Nlp};
+use crate::optimization::scaling::Sizes;
 use crate::runtime::limit::Limit;
 
 /// How far a point is from satisfying the problem.
@@ -87,8 +88,19 @@ pub struct Certificate {
 impl Residuals {
     /// Those of a point of the vertical form.
     pub fn new(lifted: &mut Lifted<'_>, w: &[f64]) -> Self {
+        Self::measured(lifted, w, None)
+    }
+
+    /// Those of a point of the vertical form of a problem of such sizes, in the units of the problem itself.
+    pub fn measured(lifted: &mut Lifted<'_>, w: &[f64], sizes: Option<&Sizes>) -> Self {
         let mut rows = vec![0.0; lifted.n_rows()];
         lifted.rows(w, &mut rows);
+        let of_rows = sizes.map_or_else(|| vec![1.0; rows.len()], |sizes| sizes.rows.clone());
+        let mut of_variables = match sizes {
+            Some(sizes) => sizes.variables.clone(),
+            None => vec![1.0; lifted.n_original()],
+        };
+        of_variables.extend(lifted.slacks().map(|(row, _)| of_rows[row]));
         let outside = |value: f64, lower: f64, upper: f64| {
             let excess = (lower - value).max(value - upper).max(0.0);
             if value.is_finite() {
@@ -97,18 +109,22 @@ impl Residuals {
                 f64::INFINITY
             }
         };
-        let of = |values: &[f64], bounds: crate::optimization::problem::Bounds<'_>| {
+        let of = |values: &[f64], bounds: Bounds<'_>, sizes: &[f64]| {
             let bounds = bounds.lower.iter().zip(bounds.upper);
-            let each = values.iter().zip(bounds);
-            each.fold(0.0, |m: f64, (&v, (&l, &u))| m.max(outside(v, l, u)))
+            let each = values.iter().zip(bounds).zip(sizes);
+            each.fold(0.0, |m: f64, ((&v, (&l, &u)), size)| {
+                m.max(size * outside(v, l, u))
+            })
         };
-        let violation = of(w, lifted.variable_bounds()).max(of(&rows, lifted.row_bounds()));
-        let pairs = (0..lifted.pairs().len()).map(|pair| lifted.distances(pair, w));
+        let of_bounds = of(w, lifted.variable_bounds(), &of_variables);
         let mut residuals = Residuals {
-            violation,
+            violation: of_bounds.max(of(&rows, lifted.row_bounds(), &of_rows)),
             ..Residuals::default()
         };
-        for [a, b] in pairs {
+        for (pair, sides) in lifted.pairs().iter().enumerate() {
+            let [p, q] = sides.map(|side| of_variables[side as usize]);
+            let [a, b] = lifted.distances(pair, w);
+            let [a, b] = [p * a, q * b];
             residuals.complementarity = residuals.complementarity.max(a.min(b).abs());
             residuals.product = residuals.product.max((a * b).abs());
         }
