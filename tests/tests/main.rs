@@ -94,4 +94,5 @@ mod tables_methods;
 mod timefreezing;
 mod timefreezing_closed;
 mod timefreezing_space;
+mod units;
 mod unmodelled_errors;

@@ -105,7 +105,9 @@ impl<'e> Problem<'e> {
 
     /// What errors of a state are measured by where it is nearly zero, at most 1.
     pub(crate) fn size_of_state(&self, state: usize) -> f64 {
-        let first = self.layout.x(self.layout.steps, self.layout.elements, self.layout.end);
+        let first = self
+            .layout
+            .x(self.layout.steps, self.layout.elements, self.layout.end);
         self.sizes.variables[first + state].min(1.0)
     }
 

@@ -138,7 +138,8 @@ pub(crate) fn confirm(
             continue;
         }
         // What is only better at some distance, and keeps the constraints, is another minimum.
-        let worth = solution.objective - (WORTH * solution.objective.abs()).max(LEAST_WORTH * least_size);
+        let worth =
+            solution.objective - (WORTH * solution.objective.abs()).max(LEAST_WORTH * least_size);
         let kept = better.points.iter().filter(|point| point.excess <= KEPT);
         let merits = kept.map(|point| point.merit);
         let best = merits.fold(unfollowed.unwrap_or(worth), f64::min);

@@ -70,7 +70,9 @@ pub(crate) fn left_alone(
             (values.events.is_empty()).then_some(values.cost)
         };
         let costs = from(1.0).zip(from(-1.0));
-        costs.is_some_and(|(up, down)| (up - down).abs() > NO_SLOPE * problem.size_of_objective(base.cost))
+        costs.is_some_and(|(up, down)| {
+            (up - down).abs() > NO_SLOPE * problem.size_of_objective(base.cost)
+        })
     });
     let names = left.map(|(_, state)| state.name.as_str());
     let names: Vec<&str> = names.take(MOST_NAMES + 1).collect();

@@ -53,8 +53,7 @@ fn compare(
 /// not finite where it does not get there.
 pub(crate) fn disagreement(problem: &Problem, solution: &Solution, limit: &Limit) -> f64 {
     let compared = compare(problem, solution, limit);
-    let relative =
-        |(check, size): (Check, f64)| relative(problem, &check, size.min(1.0), solution);
+    let relative = |(check, size): (Check, f64)| relative(problem, &check, size.min(1.0), solution);
     compared.map_or(f64::INFINITY, relative)
 }
 

@@ -86,7 +86,7 @@ pub fn solve(problem: &mut dyn Mpcc, options: &Options) -> Solution {
 ///
 /// # Panics
 ///
-/// When the point has more or fewer values than the problem has variables, or as [`solve`].
+/// When the point has more or fewer values than the problem has variables, sizes are those of another one, or as [`solve`].
 pub fn solve_from(problem: &mut dyn Mpcc, start: &[f64], options: &Options) -> Solution {
     solve_observed(problem, start, options, &mut ())
 }
@@ -106,6 +106,7 @@ pub fn solve_observed(
     let Some(sizes) = &options.sizes else {
         return solve_lifted(problem, start, options, observer);
     };
+    assert!(sizes.fit(problem), "sizes are those of the problem");
     let mut scaled = Scaled::new(problem, sizes);
     let start = scaled.scaled(start);
     let mut observer = InUnits {

@@ -2,9 +2,10 @@
 //!
 //! w = o + D w',   c = k + R c',   f = s f'
 //!
-//! where o and k are the values nearest to zero that the bounds allow, so that distances from bounds far from zero have
-//! digits of their own, and D, R and s are [`Sizes`]. All tolerances of a solver are absolute ones of w', c' and f': those
-//! are of moderate size whatever the units of a model are. Sizes are powers of two, so that they round nothing.
+//! where o and k are the values nearest to zero that the bounds allow, if these are farther away than the sizes, so that
+//! distances from bounds far from zero have digits of their own, and D, R and s are [`Sizes`]. All tolerances of a solver
+//! are absolute ones of w', c' and f': those are of moderate size whatever the units of a model are. Sizes are powers of
+//! two, so that they round nothing.
 
 mod sizes;
 
@@ -37,9 +38,14 @@ fn nearest(lower: f64, upper: f64) -> f64 {
     0.0_f64.max(lower).min(upper)
 }
 
-fn offsets(bounds: Bounds<'_>) -> Vec<f64> {
-    let bounds = bounds.lower.iter().zip(bounds.upper);
-    bounds.map(|(&lower, &upper)| nearest(lower, upper)).collect()
+/// These, where they are farther from zero than the sizes.
+fn offsets(bounds: Bounds<'_>, sizes: &[f64]) -> Vec<f64> {
+    let bounds = bounds.lower.iter().zip(bounds.upper).zip(sizes);
+    let offset = |((&lower, &upper), size): ((&f64, &f64), &f64)| {
+        let nearest = nearest(lower, upper);
+        if nearest.abs() > *size { nearest } else { 0.0 }
+    };
+    bounds.map(offset).collect()
 }
 
 /// The row of every entry of a pattern.
@@ -62,8 +68,8 @@ impl<'p> Scaled<'p> {
         let curvature = rows(hessian).into_iter().zip(columns);
         let mut scaled = Scaled {
             sizes,
-            offsets: offsets(variables),
-            row_offsets: offsets(row_bounds),
+            offsets: offsets(variables, &sizes.variables),
+            row_offsets: offsets(row_bounds, &sizes.rows),
             rows: rows(jacobian),
             curvature: curvature.map(|(row, &column)| [row, column]).collect(),
             w: start.to_vec(),
@@ -87,18 +93,31 @@ impl<'p> Scaled<'p> {
         let HeldStructure {
             variables, rows, ..
         } = &mut self.structure;
-        let scale = |to: &mut Vec<f64>, from: &[f64], offsets: &[f64], size: &dyn Fn(usize) -> f64| {
-            for (i, (to, (from, offset))) in to.iter_mut().zip(from.iter().zip(offsets)).enumerate() {
-                *to = (from - offset) / size(i);
-            }
-        };
+        let scale =
+            |to: &mut Vec<f64>, from: &[f64], offsets: &[f64], size: &dyn Fn(usize) -> f64| {
+                for (i, (to, (from, offset))) in
+                    to.iter_mut().zip(from.iter().zip(offsets)).enumerate()
+                {
+                    *to = (from - offset) / size(i);
+                }
+            };
         let (of_variable, of_row) = (
             |i: usize| self.sizes.variables[i],
             |i: usize| self.sizes.rows[i],
         );
         let bounds = self.problem.variable_bounds();
-        scale(&mut variables.lower, bounds.lower, &self.offsets, &of_variable);
-        scale(&mut variables.upper, bounds.upper, &self.offsets, &of_variable);
+        scale(
+            &mut variables.lower,
+            bounds.lower,
+            &self.offsets,
+            &of_variable,
+        );
+        scale(
+            &mut variables.upper,
+            bounds.upper,
+            &self.offsets,
+            &of_variable,
+        );
         let bounds = self.problem.row_bounds();
         scale(&mut rows.lower, bounds.lower, &self.row_offsets, &of_row);
         scale(&mut rows.upper, bounds.upper, &self.row_offsets, &of_row);
@@ -107,7 +126,9 @@ impl<'p> Scaled<'p> {
     /// w' of a point w.
     pub fn scaled(&self, w: &[f64]) -> Vec<f64> {
         let places = w.iter().zip(&self.offsets).zip(&self.sizes.variables);
-        places.map(|((w, offset), size)| (w - offset) / size).collect()
+        places
+            .map(|((w, offset), size)| (w - offset) / size)
+            .collect()
     }
 
     fn load(&mut self, scaled: &[f64]) {

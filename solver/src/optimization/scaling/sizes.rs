@@ -10,15 +10,14 @@ use super::nearest;
 use crate::optimization::problem::{Bounds, Member, Mpcc};
 use crate::runtime::random;
 
-/// Sizes are powers of 2^`PREFIX`, as prefixes of units are powers of 1000: those near 1 are 1.
+/// Sizes are powers of 2^`PREFIX`, as prefixes of units are powers of 1000.
 const PREFIX: f64 = 10.0;
-/// Where the sizes begin, as logarithms, that are not 1 any more: small ones, large ones, and large ones of objectives, which
+/// Logarithms of sizes that are 1 as well: what is not far from 1 stays in the units that a user has chosen. Large objectives
 /// interior-point methods scale themselves.
-const SMALL: f64 = -5.0;
-const LARGE: f64 = 8.0;
-const LARGE_OBJECTIVE: f64 = 15.0;
+const ONE: [f64; 2] = [-11.0, 9.0];
+const ONE_OBJECTIVE: [f64; 2] = [-5.0, 15.0];
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
-const POINTS: usize = 3;
+const POINTS: usize = 5;
 /// Sweeps over all equations.
 const SWEEPS: usize = 300;
 /// What is known of a size counts as so many rows.
@@ -77,18 +76,24 @@ impl Sizes {
         sizes
     }
 
+    /// Whether a problem has as many variables and rows.
+    pub fn fit(&self, problem: &dyn Mpcc) -> bool {
+        self.variables.len() == problem.n_variables() && self.rows.len() == problem.n_rows()
+    }
+
     fn balanced(problem: &mut dyn Mpcc, quantities: &[usize], start: &[f64]) -> Self {
         let mut balance = Balance::new(problem, quantities, start);
         balance.look(start);
         balance.settle();
-        for point in 0..POINTS as u64 {
-            let point = balance.point(point);
+        let at_start = (balance.entries.clone(), balance.constants.clone());
+        for number in 0..POINTS as u64 {
+            let point = balance.point(number);
+            // Points of other sizes than those found so far say nothing.
+            (balance.entries, balance.constants) = at_start.clone();
             balance.look(&point);
             balance.settle();
         }
-        let s = balance.sizes();
-        if std::env::var("NSD_SIZES").is_ok() { let mut seen = BTreeMap::new(); for (i, q) in quantities.iter().enumerate() { seen.insert(*q, s.variables[i].log2()); } eprintln!("sizes {:?} obj {} rows {:?}", seen, s.objective.log2(), { let mut r: Vec<i32> = s.rows.iter().map(|r| r.log2() as i32).collect(); r.sort(); r.dedup(); r }); }
-        s
+        balance.sizes()
     }
 }
 
@@ -98,11 +103,12 @@ fn log(size: f64) -> Option<f64> {
     (log.abs() <= LARGEST).then_some(log)
 }
 
-/// The size near one of such a logarithm, of those that are 1 until `large`.
-fn power(log: f64, large: f64) -> f64 {
-    let from = if log > 0.0 { large } else { -SMALL };
-    let prefixes = (log.abs() - from) / PREFIX + 1.0;
-    (log.signum() * PREFIX * prefixes.max(0.0).floor()).exp2()
+/// The size nearest to one of such a logarithm, 1 between two of them.
+fn power(log: f64, [small, large]: [f64; 2]) -> f64 {
+    match small <= log && log <= large {
+        true => 1.0,
+        false => (PREFIX * (log / PREFIX).round()).exp2(),
+    }
 }
 
 impl<'n> Balance<'n> {
@@ -232,17 +238,25 @@ impl<'n> Balance<'n> {
     }
 
     fn sizes(self) -> Sizes {
-        let sizes: Vec<f64> = self.sizes.iter().map(|&log| power(log, LARGE)).collect();
-        let mut rows = vec![0.0_f64; self.rows.len()];
+        let sizes: Vec<f64> = self.sizes.iter().map(|&log| power(log, ONE)).collect();
+        let mut rows = vec![(0.0_f64, f64::INFINITY); self.rows.len()];
         for (&(row, quantity), a) in &self.entries {
-            rows[row] = rows[row].max(a * sizes[quantity]);
+            let (largest, most) = &mut rows[row];
+            *largest = largest.max(a * sizes[quantity]);
+            // Large rows of quantities in the units that were chosen stay in theirs.
+            if sizes[quantity] != 1.0 {
+                *most = ONE[1];
+            }
         }
-        let power_of = |size: f64, large: f64| log(size).map_or(1.0, |log| power(log, large));
+        let row = |class: usize| {
+            let (largest, most) = rows[class];
+            log(largest).map_or(1.0, |log| power(log, [ONE[0], most]))
+        };
         let (objective, of_rows) = self.classes.split_last().expect("the objective");
         Sizes {
             variables: self.quantities.iter().map(|&q| sizes[q]).collect(),
-            rows: of_rows.iter().map(|&class| power_of(rows[class], LARGE)).collect(),
-            objective: power_of(rows[*objective], LARGE_OBJECTIVE),
+            rows: of_rows.iter().map(|&class| row(class)).collect(),
+            objective: log(rows[*objective].0).map_or(1.0, |log| power(log, ONE_OBJECTIVE)),
         }
     }
 }
