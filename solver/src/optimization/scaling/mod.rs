@@ -2,10 +2,10 @@
 //!
 //! w = o + D w',   c = k + R c',   f = s f'
 //!
-//! where o and k are the values nearest to zero that the bounds allow, if these are farther away than the sizes, so that
-//! distances from bounds far from zero have digits of their own, and D, R and s are [`Sizes`]. All tolerances of a solver
-//! are absolute ones of w', c' and f': those are of moderate size whatever the units of a model are. Sizes are powers of
-//! two, so that they round nothing.
+//! where D, R and s are [`Sizes`], and o and k are the values nearest to zero that the bounds allow, if ranges are narrower
+//! than these are far away, so that distances from bounds far from zero have digits of their own. All tolerances of a
+//! solver are absolute ones of w', c' and f': those are of moderate size whatever the units of a model are. Sizes are
+//! powers of two, so that they round nothing.
 
 mod sizes;
 
@@ -38,12 +38,13 @@ fn nearest(lower: f64, upper: f64) -> f64 {
     0.0_f64.max(lower).min(upper)
 }
 
-/// These, where they are farther from zero than the sizes.
-fn offsets(bounds: Bounds<'_>, sizes: &[f64]) -> Vec<f64> {
-    let bounds = bounds.lower.iter().zip(bounds.upper).zip(sizes);
-    let offset = |((&lower, &upper), size): ((&f64, &f64), &f64)| {
+/// These, where a range is narrower than it is far from zero.
+fn offsets(bounds: Bounds<'_>) -> Vec<f64> {
+    let bounds = bounds.lower.iter().zip(bounds.upper);
+    let offset = |(&lower, &upper): (&f64, &f64)| {
         let nearest = nearest(lower, upper);
-        if nearest.abs() > *size { nearest } else { 0.0 }
+        let is_far = lower < upper && nearest.abs() > upper - lower;
+        if is_far { nearest } else { 0.0 }
     };
     bounds.map(offset).collect()
 }
@@ -68,8 +69,8 @@ impl<'p> Scaled<'p> {
         let curvature = rows(hessian).into_iter().zip(columns);
         let mut scaled = Scaled {
             sizes,
-            offsets: offsets(variables, &sizes.variables),
-            row_offsets: offsets(row_bounds, &sizes.rows),
+            offsets: offsets(variables),
+            row_offsets: offsets(row_bounds),
             rows: rows(jacobian),
             curvature: curvature.map(|(row, &column)| [row, column]).collect(),
             w: start.to_vec(),

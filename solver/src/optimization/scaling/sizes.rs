@@ -13,8 +13,9 @@ use crate::runtime::random;
 /// Sizes are powers of 2^`PREFIX`, as prefixes of units are powers of 1000.
 const PREFIX: f64 = 10.0;
 /// Logarithms of sizes that are 1 as well: what is not far from 1 stays in the units that a user has chosen. Large objectives
-/// interior-point methods scale themselves.
+/// interior-point methods scale themselves, and sizes of which rows alone tell are rather too large.
 const ONE: [f64; 2] = [-11.0, 9.0];
+const ONE_UNKNOWN: [f64; 2] = [-11.0, 12.0];
 const ONE_OBJECTIVE: [f64; 2] = [-5.0, 15.0];
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
 const POINTS: usize = 5;
@@ -45,6 +46,14 @@ struct Entry {
     log: f64,
 }
 
+/// The largest of several |a|, the sum of their logarithms, and how many there are.
+#[derive(Clone, Copy, Default)]
+struct Slopes {
+    largest: f64,
+    logs: f64,
+    count: f64,
+}
+
 /// The logarithms of sizes of quantities and of rows that have the same quantities.
 struct Balance<'n> {
     nlp: &'n mut dyn Mpcc,
@@ -53,8 +62,8 @@ struct Balance<'n> {
     /// The class of every row, and of the objective.
     classes: Vec<usize>,
     offsets: Vec<f64>,
-    /// The largest |a| of a quantity in rows of a class.
-    entries: BTreeMap<(usize, usize), f64>,
+    /// |a| of a quantity in rows of a class.
+    entries: BTreeMap<(usize, usize), Slopes>,
     /// The largest constant in rows of a class.
     constants: BTreeMap<usize, f64>,
     known: Vec<Vec<f64>>,
@@ -85,6 +94,7 @@ impl Sizes {
         let mut balance = Balance::new(problem, quantities, start);
         balance.look(start);
         balance.settle();
+        let objective = balance.objective();
         let at_start = (balance.entries.clone(), balance.constants.clone());
         for number in 0..POINTS as u64 {
             let point = balance.point(number);
@@ -93,7 +103,8 @@ impl Sizes {
             balance.look(&point);
             balance.settle();
         }
-        balance.sizes()
+        let found = balance.objective();
+        balance.sizes(objective.or(found))
     }
 }
 
@@ -155,8 +166,10 @@ impl<'n> Balance<'n> {
         let mut keep = |class: usize, column: usize, value: f64| {
             if value != 0.0 && value.is_finite() {
                 let place = (class, self.quantities[column]);
-                let largest = self.entries.entry(place).or_default();
-                *largest = largest.max(value.abs());
+                let slopes = self.entries.entry(place).or_default();
+                slopes.largest = slopes.largest.max(value.abs());
+                slopes.logs += value.abs().log2();
+                slopes.count += 1.0;
             }
         };
         for (column, &slope) in gradient.iter().enumerate() {
@@ -185,8 +198,8 @@ impl<'n> Balance<'n> {
     fn settle(&mut self) {
         // The objective is no sum that is zero.
         let of_rows = self.rows.len() - 1;
-        let entries = self.entries.iter().filter_map(|(&(row, quantity), &a)| {
-            let log = log(a).filter(|_| row < of_rows)?;
+        let entries = self.entries.iter().filter_map(|(&(row, quantity), a)| {
+            let log = log((a.logs / a.count).exp2()).filter(|_| row < of_rows)?;
             Some(Entry { row, quantity, log })
         });
         let entries: Vec<Entry> = entries.collect();
@@ -237,12 +250,24 @@ impl<'n> Balance<'n> {
         values.collect()
     }
 
-    fn sizes(self) -> Sizes {
-        let sizes: Vec<f64> = self.sizes.iter().map(|&log| power(log, ONE)).collect();
+    /// The logarithm of the largest a d of the objective, if there is one.
+    fn objective(&self) -> Option<f64> {
+        let class = self.rows.len() - 1;
+        let slopes = self.entries.range((class, 0)..);
+        let sizes = slopes.map(|(&(_, quantity), a)| a.largest * self.sizes[quantity].exp2());
+        log(sizes.fold(0.0, f64::max))
+    }
+
+    fn sizes(self, objective: Option<f64>) -> Sizes {
+        let sizes = self.sizes.iter().zip(&self.known).map(|(&log, known)| {
+            let one = if known.is_empty() { ONE_UNKNOWN } else { ONE };
+            power(log, one)
+        });
+        let sizes: Vec<f64> = sizes.collect();
         let mut rows = vec![(0.0_f64, f64::INFINITY); self.rows.len()];
         for (&(row, quantity), a) in &self.entries {
             let (largest, most) = &mut rows[row];
-            *largest = largest.max(a * sizes[quantity]);
+            *largest = largest.max(a.largest * sizes[quantity]);
             // Large rows of quantities in the units that were chosen stay in theirs.
             if sizes[quantity] != 1.0 {
                 *most = ONE[1];
@@ -252,11 +277,11 @@ impl<'n> Balance<'n> {
             let (largest, most) = rows[class];
             log(largest).map_or(1.0, |log| power(log, [ONE[0], most]))
         };
-        let (objective, of_rows) = self.classes.split_last().expect("the objective");
+        let (_, of_rows) = self.classes.split_last().expect("the objective");
         Sizes {
             variables: self.quantities.iter().map(|&q| sizes[q]).collect(),
             rows: of_rows.iter().map(|&class| row(class)).collect(),
-            objective: log(rows[*objective].0).map_or(1.0, |log| power(log, ONE_OBJECTIVE)),
+            objective: objective.map_or(1.0, |log| power(log, ONE_OBJECTIVE)),
         }
     }
 }
