@@ -25,11 +25,13 @@ mod work;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
+
 use crate::optimization::ipm;
 use crate::optimization::mpcc::branch::leave::{BOXES, gain};
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
-use crate::optimization::scaling::{InUnits, Scaled};
+use crate::optimization::scaling::{InUnits, Scaled, Sizes};
 use branch::{Branch, choose};
 use certificate::Certificate;
 use way::{DeadEnd, ways};
@@ -107,6 +109,32 @@ pub fn solve_observed(
         return solve_lifted(problem, start, options, observer);
     };
     assert!(sizes.fit(problem), "sizes are those of the problem");
+    let found = solve_scaled(problem, start, options, sizes, observer);
+    // Where the objective turns out to be much smaller than it was taken for, tolerances have been too large.
+    let smaller = sizes.at(problem, &found.w).filter(|_| found.is_feasible());
+    let Some(sizes) = smaller else {
+        return found;
+    };
+    let options = Options {
+        trust: Trust::First,
+        effort: 0,
+        sizes: Some(Arc::new(sizes.clone())),
+        ..options.clone()
+    };
+    let mut finer = solve_scaled(problem, &found.w, &options, &sizes, observer);
+    finer.stats.iterations += found.stats.iterations;
+    finer.stats.seconds += found.stats.seconds;
+    finer
+}
+
+/// Finds a local minimum from a point, in units of these sizes.
+fn solve_scaled(
+    problem: &mut dyn Mpcc,
+    start: &[f64],
+    options: &Options,
+    sizes: &Sizes,
+    observer: &mut dyn Observer,
+) -> Solution {
     let mut scaled = Scaled::new(problem, sizes);
     let start = scaled.scaled(start);
     let mut observer = InUnits {

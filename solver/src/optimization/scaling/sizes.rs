@@ -17,6 +17,8 @@ const PREFIX: f64 = 10.0;
 const ONE: [f64; 2] = [-11.0, 9.0];
 const ONE_UNKNOWN: [f64; 2] = [-11.0, 12.0];
 const ONE_OBJECTIVE: [f64; 2] = [-5.0, 15.0];
+/// An objective that is smaller than it was taken for by more prefixes is zero.
+const MOST_PREFIXES: f64 = 4.0;
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
 const POINTS: usize = 5;
 /// Sweeps over all equations.
@@ -88,6 +90,21 @@ impl Sizes {
     /// Whether a problem has as many variables and rows.
     pub fn fit(&self, problem: &dyn Mpcc) -> bool {
         self.variables.len() == problem.n_variables() && self.rows.len() == problem.n_rows()
+    }
+
+    /// These with the objective's size at a point, where it was scaled and is much smaller there: what its slopes make of the
+    /// values of the variables.
+    pub fn at(&self, problem: &mut dyn Mpcc, w: &[f64]) -> Option<Sizes> {
+        let mut gradient = vec![0.0; w.len()];
+        problem.gradient(w, &mut gradient);
+        let terms = gradient.iter().zip(w).map(|(slope, w)| (slope * w).abs());
+        let log = log(terms.fold(0.0, f64::max))?;
+        let fall = self.objective.log2() - log;
+        let is_smaller = self.objective != 1.0 && (PREFIX..MOST_PREFIXES * PREFIX).contains(&fall);
+        is_smaller.then(|| Sizes {
+            objective: power(log, ONE_OBJECTIVE),
+            ..self.clone()
+        })
     }
 
     fn balanced(problem: &mut dyn Mpcc, quantities: &[usize], start: &[f64]) -> Self {
