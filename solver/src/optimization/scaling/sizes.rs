@@ -16,7 +16,7 @@ const PREFIX: f64 = 10.0;
 /// interior-point methods scale themselves, and sizes of which rows alone tell are rather too large.
 const ONE: [f64; 2] = [-11.0, 9.0];
 const ONE_UNKNOWN: [f64; 2] = [-11.0, 12.0];
-const ONE_OBJECTIVE: [f64; 2] = [-5.0, 15.0];
+const ONE_OBJECTIVE: [f64; 2] = [-5.0, 25.0];
 /// An objective that is smaller than it was taken for by more prefixes is zero.
 const MOST_PREFIXES: f64 = 4.0;
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
