@@ -15,7 +15,7 @@ use nsdc::{Options, Project};
 use nsd_tests::random::Random;
 
 /// Models, and values of m; the first one is what they are prepared for.
-const MODELS: usize = 60;
+const MODELS: usize = 30;
 const VALUES: [f64; 4] = [1.0, 3.0, 0.3, 2.2];
 
 /// Finite elements of fifth order at least, beside a simulation to 1e-8.

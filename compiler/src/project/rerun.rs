@@ -11,7 +11,7 @@ use crate::optimize;
 use crate::project::clock::{Clock, Instant};
 use crate::project::ensemble::Source;
 use crate::project::prepared::{NotPrepared, Opened, Parameter, Target, check_parameters};
-use crate::project::sensed::{self, Sensor};
+use crate::project::sensed::{self, Beside, Sensor};
 use crate::project::watch::{Progress, Watch};
 use crate::project::{Project, launch};
 use crate::report::Trajectory;
@@ -213,8 +213,16 @@ impl<'e> Rerun<'e> {
                 let told = &mut |progress| watch.progress(&Progress::Simulation(progress));
                 let sensing = sensor.asked(settings, &open);
                 let asked = (request, sensing.as_ref());
-                let run = plan.run_sensed(system, settings, asked, told);
+                let mut run = plan.run_sensed(system, settings, asked, told);
                 sensed::check_rows(&self.compiled, sensing.as_ref(), &run).ok()?;
+                let beside = Beside {
+                    compiled: &mut self.compiled,
+                    plan,
+                    sensor,
+                    open: &open,
+                    x0: &x0,
+                };
+                beside.add(request, &mut run);
                 Some(run)
             }
             Work::Optimal(prepared) => {
