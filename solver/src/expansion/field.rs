@@ -8,7 +8,7 @@ use wide::f64x4;
 use super::layout::{Memory, Registers};
 use crate::hybrid::form::Library;
 use crate::hybrid::{Block, HybridSystem, Input, Partials, Side};
-use crate::tape::{Ball, Lane, Recurrences, Step, Tape};
+use crate::tape::{Ball, Lane, Recurrences, Step, Tape, UNBOUNDED};
 
 pub(crate) struct Field {
     blocks: Vec<Local>,
@@ -25,6 +25,8 @@ pub(crate) struct Field {
     /// f at the lanes evaluated last.
     pub wide: Vec<f64x4>,
     wide_registers: Vec<f64x4>,
+    /// The local sides that are looked up.
+    local_sides: Vec<Side>,
     /// Functions taken up so far.
     pub n_functions: usize,
 }
@@ -63,6 +65,8 @@ struct Compiled {
     by_alpha: Arc<Partials>,
     /// The values of `by_alpha` where it was last evaluated.
     slopes: Vec<f64>,
+    /// The degrees of inputs as polynomials in time that were asked for last, and those of the rates.
+    degrees: [Vec<u32>; 2],
     /// ∂f/∂x with its values, once somebody has asked for it.
     jacobian: Option<(Arc<Partials>, Vec<f64>)>,
 }
@@ -103,6 +107,7 @@ impl Field {
             registers: Registers::default(),
             wide: vec![f64x4::splat(0.0); n],
             wide_registers: Vec::new(),
+            local_sides: Vec::new(),
             n_functions: 0,
         }
     }
@@ -142,10 +147,12 @@ impl Field {
     ) {
         let local = &mut self.blocks[block];
         let switches = local.block.switches.iter();
-        let sides: Box<[Side]> = switches.map(|&switch| sides[switch]).collect();
-        local.now = match local.index.get(&sides) {
+        self.local_sides.clear();
+        (self.local_sides).extend(switches.map(|&switch| sides[switch]));
+        local.now = match local.index.get(&self.local_sides[..]) {
             Some(&known) => known,
             None => {
+                let sides: Box<[Side]> = self.local_sides[..].into();
                 let rates = library.rates(block, &sides);
                 self.n_functions += 1;
                 let inputs: Vec<_> = rates.inputs.iter().map(|&i| memory.row(i)).collect();
@@ -169,6 +176,7 @@ impl Field {
                     series,
                     slopes: vec![0.0; rates.by_alpha.entries.len()],
                     by_alpha: rates.by_alpha,
+                    degrees: Default::default(),
                     jacobian: None,
                 });
                 local.index.insert(sides, local.known.len() - 1);
@@ -377,6 +385,38 @@ impl Field {
             }
         }
         lists
+    }
+
+    /// The degrees of all states as polynomials in time, where each is one and nothing slides: where rates are polynomials
+    /// of states that do not depend on each other in a circle.
+    pub(crate) fn degrees(&mut self) -> Option<Vec<u32>> {
+        let mut degrees = vec![UNBOUNDED; self.f.len()];
+        let mut open: Vec<usize> = (0..self.blocks.len()).collect();
+        while !open.is_empty() {
+            let known = open.len();
+            open.retain(|&block| {
+                let local = &mut self.blocks[block];
+                let compiled = &mut local.known[local.now];
+                let of_inputs = compiled.inputs.iter();
+                let of_inputs = of_inputs.map(|&input| Memory::degree(input, &degrees));
+                if of_inputs.clone().any(|degree| degree == UNBOUNDED) {
+                    return true;
+                }
+                let [asked, rates] = &mut compiled.degrees;
+                if rates.is_empty() || !of_inputs.clone().eq(asked.iter().copied()) {
+                    *asked = of_inputs.collect();
+                    *rates = compiled.field.degrees(asked);
+                }
+                for (&state, rate) in local.block.states.iter().zip(rates) {
+                    degrees[state] = rate.saturating_add(1);
+                }
+                false
+            });
+            if open.len() == known {
+                return None;
+            }
+        }
+        Some(degrees)
     }
 
     /// What was listed last.
