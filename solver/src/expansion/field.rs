@@ -65,8 +65,8 @@ struct Compiled {
     by_alpha: Arc<Partials>,
     /// The values of `by_alpha` where it was last evaluated.
     slopes: Vec<f64>,
-    /// The degrees of inputs as polynomials in time that were asked for last, and those of the rates.
-    degrees: [Vec<u32>; 2],
+    /// Degrees of inputs as polynomials in time, with those of the rates.
+    degrees: Vec<[Vec<u32>; 2]>,
     /// ∂f/∂x with its values, once somebody has asked for it.
     jacobian: Option<(Arc<Partials>, Vec<f64>)>,
 }
@@ -74,6 +74,20 @@ struct Compiled {
 impl Compiled {
     fn slides(&self) -> bool {
         self.sides.contains(&Side::Slide)
+    }
+
+    /// The degrees of the rates as polynomials in time, where states have these.
+    fn degrees(&mut self, states: &[u32]) -> &[u32] {
+        let of_inputs = self.inputs.iter();
+        let of_inputs = of_inputs.map(|&input| Memory::degree(input, states));
+        let asked = |[asked, _]: &[Vec<u32>; 2]| of_inputs.clone().eq(asked.iter().copied());
+        let known = self.degrees.iter().position(asked).unwrap_or_else(|| {
+            let asked: Vec<u32> = of_inputs.collect();
+            let rates = self.field.degrees(&asked);
+            self.degrees.push([asked, rates]);
+            self.degrees.len() - 1
+        });
+        &self.degrees[known][1]
     }
 }
 
@@ -176,7 +190,7 @@ impl Field {
                     series,
                     slopes: vec![0.0; rates.by_alpha.entries.len()],
                     by_alpha: rates.by_alpha,
-                    degrees: Default::default(),
+                    degrees: Vec::new(),
                     jacobian: None,
                 });
                 local.index.insert(sides, local.known.len() - 1);
@@ -391,28 +405,19 @@ impl Field {
     /// of states that do not depend on each other in a circle.
     pub(crate) fn degrees(&mut self) -> Option<Vec<u32>> {
         let mut degrees = vec![UNBOUNDED; self.f.len()];
-        let mut open: Vec<usize> = (0..self.blocks.len()).collect();
-        while !open.is_empty() {
-            let known = open.len();
-            open.retain(|&block| {
-                let local = &mut self.blocks[block];
-                let compiled = &mut local.known[local.now];
-                let of_inputs = compiled.inputs.iter();
-                let of_inputs = of_inputs.map(|&input| Memory::degree(input, &degrees));
-                if of_inputs.clone().any(|degree| degree == UNBOUNDED) {
-                    return true;
-                }
-                let [asked, rates] = &mut compiled.degrees;
-                if rates.is_empty() || !of_inputs.clone().eq(asked.iter().copied()) {
-                    *asked = of_inputs.collect();
-                    *rates = compiled.field.degrees(asked);
-                }
+        let mut open = degrees.len();
+        while open > 0 {
+            let before = open;
+            for local in &mut self.blocks {
+                let rates = local.known[local.now].degrees(&degrees);
                 for (&state, rate) in local.block.states.iter().zip(rates) {
-                    degrees[state] = rate.saturating_add(1);
+                    if degrees[state] == UNBOUNDED && *rate < UNBOUNDED {
+                        degrees[state] = rate.saturating_add(1);
+                        open -= 1;
+                    }
                 }
-                false
-            });
-            if open.len() == known {
+            }
+            if open == before {
                 return None;
             }
         }

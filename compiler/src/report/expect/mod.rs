@@ -5,6 +5,7 @@
 //! only a run gives a meaning to: `switches`, `events(..)`, `end`.
 
 mod error;
+mod miss;
 mod mode;
 mod relation;
 mod values;
