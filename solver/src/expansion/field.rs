@@ -83,7 +83,7 @@ impl Compiled {
         let asked = |[asked, _]: &[Vec<u32>; 2]| of_inputs.clone().eq(asked.iter().copied());
         let known = self.degrees.iter().position(asked).unwrap_or_else(|| {
             let asked: Vec<u32> = of_inputs.collect();
-            let rates = self.field.degrees(&asked);
+            let rates = Recurrences::degrees(&self.field, &asked);
             self.degrees.push([asked, rates]);
             self.degrees.len() - 1
         });

@@ -21,7 +21,6 @@ use crate::hybrid::form::Library;
 use crate::hybrid::point::Point;
 use crate::hybrid::{HybridSystem, Side};
 use crate::linalg::Singular;
-use crate::tape::UNBOUNDED;
 
 pub(crate) struct Mode {
     pub(crate) system: Arc<HybridSystem>,
@@ -194,18 +193,6 @@ impl Mode {
             slopes.map(move |(_, slope)| g * slope)
         });
         by_alpha.sum::<f64>() + self.surfaces.now(switch).mixed(alpha, &self.field.f)
-    }
-
-    /// The degree as polynomials in time of all states and of every ψ, where nothing slides and they are that.
-    pub(crate) fn degree(&mut self) -> Option<usize> {
-        if !self.sliding.is_empty() {
-            return None;
-        }
-        let states = self.field.degrees()?;
-        let switches = 0..self.sides.len();
-        let psi = switches.map(|i| self.surfaces.now(i).degree(&states));
-        let degree = psi.chain(states.iter().copied()).max().unwrap_or(0);
-        (degree < UNBOUNDED).then_some(degree as usize)
     }
 
     /// Finds what interacts where a mode begins.

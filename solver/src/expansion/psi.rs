@@ -201,7 +201,7 @@ impl Compiled {
             Form::Smooth(tapes) => {
                 let inputs = tapes.functions.inputs.iter();
                 let inputs: Vec<u32> = inputs.map(|&i| Memory::degree(i, states)).collect();
-                let degrees = tapes.functions.psi.degrees(&inputs);
+                let degrees = Recurrences::degrees(&tapes.functions.psi, &inputs);
                 degrees.into_iter().fold(0, u32::max)
             }
         }

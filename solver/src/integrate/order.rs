@@ -11,6 +11,7 @@ use crate::expansion::mode::Mode;
 use crate::expansion::scales::Scales;
 use crate::expansion::step_size::StepSize;
 use crate::hybrid::{HybridSystem, Side};
+use crate::tape::UNBOUNDED;
 
 /// The least order that is looked at.
 const LEAST: usize = 6;
@@ -69,7 +70,7 @@ impl ShortOrder {
     /// off from rest.
     pub(super) fn take(&mut self, mode: &mut Mode, is_known: bool, sets_off: bool) {
         if self.sides.as_deref() != Some(&*mode.sides) {
-            let degree = mode.degree().map(|degree| degree.saturating_add(ENDS));
+            let degree = degree(mode).map(|degree| degree.saturating_add(ENDS));
             self.here = degree.map_or(self.full, |order| order.min(self.full));
             self.sides = Some(mode.sides.clone());
         }
@@ -114,4 +115,16 @@ impl ShortOrder {
         }
         true
     }
+}
+
+/// The degree as polynomials in time of all states and of every ψ, where nothing slides and they are that.
+fn degree(mode: &mut Mode) -> Option<usize> {
+    if !mode.sliding.is_empty() {
+        return None;
+    }
+    let states = mode.field.degrees()?;
+    let switches = 0..mode.sides.len();
+    let psi = switches.map(|i| mode.surfaces.now(i).degree(&states));
+    let degree = psi.chain(states.iter().copied()).max().unwrap_or(0);
+    (degree < UNBOUNDED).then_some(degree as usize)
 }

@@ -2,8 +2,6 @@
 //!
 //! Sums over orders turn into sums of rows, which several orders take part in at a time.
 
-use wide::f64x4;
-
 use super::steps::{Kind, Step, advance, start};
 use crate::runtime::limit::work;
 
@@ -61,65 +59,29 @@ fn binary(w: &mut [f64], a: &[f64], b: &[f64], f: impl Fn(f64, f64) -> f64) {
     }
 }
 
-/// How many orders of a product are summed side by side.
-const LANES: usize = 4;
-
-/// `c` times the coefficients of a row from one on, for as many orders.
-fn lanes(a: &[f64], from: usize, c: f64) -> f64x4 {
-    let row: [f64; LANES] = a[from..from + LANES].try_into().expect("it has so many");
-    f64x4::splat(c) * f64x4::from(row)
-}
-
 /// w_k = Σ_j b_j a_{k-j}; higher orders of b vanish.
 fn multiply(w: &mut [f64], a: &[f64], b: &[f64]) {
-    let whole = w.len() / LANES * LANES;
-    for k in (0..whole).step_by(LANES) {
-        let all = b.len().min(k + 1);
-        let first = lanes(a, k, b[0]);
-        let sums = (1..all).fold(first, |sums, j| sums + lanes(a, k - j, b[j]));
-        w[k..k + LANES].copy_from_slice(sums.as_array());
+    for (w, a) in w.iter_mut().zip(a) {
+        *w = b[0] * a;
     }
-    // Orders in which not all have a part, and those left over.
-    for j in 1..b.len() {
-        let k = j.next_multiple_of(LANES).min(whole);
-        for at in j..k {
-            w[at] += b[j] * a[at - j];
-        }
-    }
-    for k in whole..w.len() {
-        w[k] = b[0] * a[k];
-        for j in 1..b.len().min(k + 1) {
-            w[k] += b[j] * a[k - j];
+    for (j, b) in b.iter().enumerate().skip(1) {
+        for (w, a) in w[j..].iter_mut().zip(a) {
+            *w += b * a;
         }
     }
 }
 
 /// w_k = Σ_j a_j a_{k-j}, where products of two different orders occur twice.
 fn square(w: &mut [f64], a: &[f64]) {
-    let whole = w.len() / LANES * LANES;
-    for k in (0..whole).step_by(LANES) {
-        // All of these orders have such products, the middle ones only some.
-        let middle = k / 2;
-        let zero = f64x4::splat(0.0);
-        let sums = (0..middle).fold(zero, |sums, j| sums + lanes(a, k - j, 2.0 * a[j]));
-        let mut sums = sums.to_array();
-        if k == 0 {
-            sums[0] = w[0];
-        } else {
-            sums[0] += a[middle] * a[middle];
+    w[1..].fill(0.0);
+    let n = w.len();
+    for j in 0..n.div_ceil(2) {
+        if j > 0 {
+            w[2 * j] += a[j] * a[j];
         }
-        for (above, sum) in sums.iter_mut().enumerate().skip(1) {
-            *sum += 2.0 * a[middle] * a[middle + above];
+        let twice = 2.0 * a[j];
+        for (w, a) in w[2 * j + 1..].iter_mut().zip(&a[j + 1..]) {
+            *w += twice * a;
         }
-        sums[2] += a[middle + 1] * a[middle + 1];
-        sums[3] += 2.0 * a[middle + 1] * a[middle + 2];
-        w[k..k + LANES].copy_from_slice(&sums);
-    }
-    for k in whole.max(1)..w.len() {
-        let pairs = (0..k.div_ceil(2)).fold(0.0, |sum, j| sum + 2.0 * a[j] * a[k - j]);
-        w[k] = match k % 2 {
-            0 => pairs + a[k / 2] * a[k / 2],
-            _ => pairs,
-        };
     }
 }

@@ -109,12 +109,10 @@ impl Recurrences {
             end,
         }
     }
-}
 
-impl Tape {
-    /// The degrees of its outputs as polynomials in time, where those of its inputs are these.
-    pub(crate) fn degrees(&self, inputs: &[u32]) -> Vec<u32> {
-        place(self, inputs, 1).degrees
+    /// The degrees of the outputs of a tape as polynomials in time, where those of its inputs are these.
+    pub fn degrees(tape: &Tape, inputs: &[u32]) -> Vec<u32> {
+        place(tape, inputs, 1).degrees
     }
 }
 
