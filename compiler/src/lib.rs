@@ -564,7 +564,7 @@ fn check_experiment(
     // What a fit frees is open already.
     if compiled.settings.recording.fit.is_some() && !found.has_errors() {
         for run in [&compiled].into_iter().chain(&compiled.others) {
-            if let Err(more) = project::sensed::sensing(run) {
+            if let Err(more) = project::sensed::sensor(run) {
                 found.append(more);
             }
         }
@@ -588,7 +588,7 @@ fn check_sensed(file: &File, experiment: &Experiment, diags: &mut Diagnostics) {
         &mut found,
     );
     if let Some(compiled) = compiled
-        && let Err(more) = project::sensed::sensing(&compiled)
+        && let Err(more) = project::sensed::sensor(&compiled)
     {
         found.append(more);
     }

@@ -82,6 +82,7 @@ fn word(rule: Rule) -> Option<&'static str> {
         Rule::kw_offset => "offset",
         Rule::kw_on => "on",
         Rule::kw_onto => "onto",
+        Rule::kw_one_sided => "one_sided",
         Rule::kw_output => "output",
         Rule::kw_part => "part",
         Rule::kw_perp => "perp",

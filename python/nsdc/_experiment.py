@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ._sweep import Sweep
 
 #: What else runs and sweeps take by name.
-KEYWORDS = ("params", "settings", "sensitivities", "time_limit", "multipliers", "outputs", "zip", "threads", "seed", "on", "chunk")
+KEYWORDS = ("params", "settings", "sensitivities", "one_sided", "time_limit", "multipliers", "outputs", "zip", "threads", "seed", "on", "chunk")
 #: The settings that a run takes by name, with the words of the language.
 SETTINGS = {
     "method": "method",
@@ -162,6 +162,7 @@ class Experiment:
         params: Mapping[str, ArrayLike] | None = None,
         settings: Mapping[str, Any] | None = None,
         sensitivities: Sequence[str] = (),
+        one_sided: bool = False,
         time_limit: float | None = None,
         multipliers: bool = False,
         **values: Any,
@@ -174,6 +175,7 @@ class Experiment:
         those that are also names of the model. `time_limit` is in seconds.
         With `multipliers`, the result keeps those of the method. `sensitivities` names parameters and states, whole or by
         entry: by these parameters, and by the initial values of these states, the run is differentiated, see `Result.grad`.
+        Where a run has no derivative by one of them, `one_sided` adds those from below and from above.
 
         What a simulation is compiled to is kept: further runs of the thread with the same settings and values on the same
         sides of zero compile nothing, nor do those with another `tolerance` as a number. What comes of a run depends on its own
@@ -183,7 +185,8 @@ class Experiment:
         for unknown names and for what is no number, `ValueError` for wrong shapes and for numbers that are not finite.
         """
         asked = self._asked(both(values, params), settings or {}, time_limit)
-        return self._run(asked, sensitivities, multipliers)
+        sides = " one_sided" if one_sided else ""
+        return self._run(asked, sensitivities, multipliers, sides=sides)
 
     def _run(
         self,
@@ -191,9 +194,10 @@ class Experiment:
         sensitivities: Sequence[str],
         multipliers: bool = False,
         weights: list[tuple[str, list[float]]] | None = None,
+        sides: str = "",
     ) -> Result:
         if len(sensitivities):
-            statement = ("sensitivities", self._sensitivity(sensitivities))
+            statement = ("sensitivities", self._sensitivity(sensitivities) + sides)
             asked = {**asked, "settings": [*asked["settings"], statement]}
         # A figure of an optimum, or of a fit, has what was found.
         is_drawn = self.kind != "simulate"

@@ -62,6 +62,16 @@ def test_entries_and_outputs_are_differentiated(oscillator: nsdc.Experiment) -> 
     assert gradient["energy"][:, 0] == pytest.approx(np.ones(3), abs=1e-9)
 
 
+def test_both_sides_of_a_kink_are_told() -> None:
+    starts = nsdc.loads("model m { state x = 0; x' = if x >= 0 then 2 else 1; } simulate s of m { horizon 1; }")["s"]
+    assert np.isnan(starts.run(sensitivities=["x"]).grad.end["x"]).all()
+    gradient = starts.run(sensitivities=["x"], one_sided=True).grad
+    assert gradient.to == ["x at 0", "x at 0 from below", "x at 0 from above"]
+    # From below it is -x(0) late, and goes on with 2.
+    assert gradient.end["x"][1:] == pytest.approx([2, 1], abs=1e-9)
+    assert gradient.until[1:].tolist() == [np.inf, np.inf]
+
+
 def test_a_result_keeps_its_derivatives(ball: nsdc.Experiment) -> None:
     result = ball.run(sensitivities=["g"])
     kept = pickle.loads(pickle.dumps(result)).grad

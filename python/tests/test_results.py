@@ -21,6 +21,8 @@ LONG = {
     ("around_ellipse", "across"),
     ("ball_pile", "settles"),
     ("box", "lap"),
+    ("place_disc", "place"),
+    ("sledge", "straight"),
     ("tanks", "level"),
     ("throw_and_catch", "frozen"),
 }

@@ -17,7 +17,7 @@ use std::process::{Command, ExitCode};
 use std::thread;
 
 use nsd_solver::event::{Event, Observer, Segment, Simulator};
-use nsd_solver::fesd::{self, Grid};
+use nsd_solver::fesd;
 use nsd_solver::hybrid::Settings;
 use nsd_solver::integrate::tableau::Family;
 use nsd_solver::moreau::{self, Change};
@@ -27,7 +27,8 @@ use nsdc::lowering::hybrid;
 use nsdc::simulate::Request;
 use nsdc::simulate::fesd::complementarity;
 use nsdc::simulate::moreau::stepper;
-use nsdc::{Compiled, optimize};
+use nsdc::study::sweep::{Axis, Grid};
+use nsdc::{Compiled, Options, Project, optimize};
 
 /// By how much a count may be above the one that is kept.
 const TOLERANCE: f64 = 0.02;
@@ -35,7 +36,7 @@ const TOLERANCE: f64 = 0.02;
 /// What is run again and again: compiled once, then called so many times.
 type Work = fn(usize);
 
-const WORKLOADS: [(&str, Work); 8] = [
+const WORKLOADS: [(&str, Work); 11] = [
     ("compile friction_chain", |n| {
         for _ in 0..n {
             with_experiment(&example("friction_chain"), "longer", |_| ());
@@ -44,6 +45,10 @@ const WORKLOADS: [(&str, Work); 8] = [
     ("events oscillator", |n| {
         by_events("oscillator", "crossing", n)
     }),
+    ("events bouncing_ball", |n| {
+        by_events("bouncing_ball", "bounces", n)
+    }),
+    ("events stiction", |n| by_events("stiction", "coulomb", n)),
     ("events stick_slip", |n| {
         by_events("stick_slip", "cycles", n)
     }),
@@ -53,6 +58,7 @@ const WORKLOADS: [(&str, Work); 8] = [
     ("events fast_actuator", |n| {
         by_events("fast_actuator", "follows", n)
     }),
+    ("rows oscillator", in_rows),
     ("elements oscillator", by_elements),
     ("steps ball_pile", in_steps),
     ("optimize turbo_car", optimum),
@@ -244,12 +250,22 @@ fn by_events(file: &str, experiment: &str, runs: usize) {
     });
 }
 
+fn in_rows(runs: usize) {
+    let project = Project::from_text("oscillator.nsd", &example("oscillator"));
+    let values = (0..runs).map(|k| 6.0 + 1e-3 * k as f64).collect();
+    let name = "omega".to_owned();
+    let grid = Grid::new(vec![Axis { name, values }], false).expect("there are few points");
+    let sweep = project.sweep("crossing", &Options::default(), grid);
+    let rows = sweep.map(|sweep| sweep.rows(0..runs, 1, &mut |_| ()));
+    assert!(rows.is_ok_and(|found| found.rows.len() == runs));
+}
+
 fn by_elements(runs: usize) {
     with_experiment(&example("oscillator"), "crossing", |compiled| {
         let dcs = dcs::lower(&compiled.system, &[]).expect("one switch has Stewart's form");
         let system = complementarity(&compiled.system, &dcs);
         let settings = fesd::Settings {
-            grid: Grid::Steps {
+            grid: fesd::Grid::Steps {
                 steps: 20,
                 elements: 1,
             },

@@ -12,7 +12,7 @@ use nsdc::{Options, Project};
 const MOST: u64 = 5_000_000;
 
 /// After how many operations runs are canceled.
-const AFTER: [u64; 6] = [0, 3_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+const AFTER: [u64; 6] = [0, 3_000, 100_000, 1_000_000, 10_000_000, 30_000_000];
 
 /// A run that is canceled after so many operations, and what was counted.
 fn canceled(project: &Project, experiment: &str, after: u64) -> (Trajectory, Counts) {

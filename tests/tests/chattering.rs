@@ -60,7 +60,7 @@ fn elements_end_before_events_without_end() {
         let found = run(
             &format!(
                 "model m {{ state x = 0.5; state u = 0; x' = u; u' = (-sign(x) - u)/{e:?}; }}
-                 simulate run of m {{ horizon 10; method fesd; lower {lowering}; }}"
+                 simulate run of m {{ horizon 10; method fesd {{ scheme = radau_iia(2); }} lower {lowering}; }}"
             ),
             "run",
         );

@@ -44,8 +44,8 @@ fn steep_compositions_come_to_rest() {
 #[test]
 fn a_rate_that_turns_over_between_two_steps_is_told() {
     let source = composed("A + sin(A)", 60);
-    for method in ["event", "fesd"] {
-        let settings = format!("horizon 1; method {method};");
+    for method in ["event;", "fesd { scheme = radau_iia(2); }"] {
+        let settings = format!("horizon 1; method {method}");
         let trajectory = run(&source.replace("horizon 1;", &settings), "r");
         let failure = trajectory.failure.as_ref().expect("it is told");
         let Failure::Limit { what, terms, .. } = failure else {

@@ -91,7 +91,7 @@ fn integer<'v>(value: &'v mut Value, left: &mut usize) -> Option<&'v mut Value> 
 /// Until somebody has looked at it so often.
 fn limit() -> Limit {
     let looks = AtomicUsize::new(0);
-    let cancel = Cancel::asking(move || looks.fetch_add(1, Ordering::Relaxed) >= 1000);
+    let cancel = Cancel::asking(move || looks.fetch_add(1, Ordering::Relaxed) >= 200);
     Limit::default().canceled_by(&cancel)
 }
 

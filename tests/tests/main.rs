@@ -60,6 +60,7 @@ mod moreau_space;
 mod mpcc;
 mod narrow;
 mod nl;
+mod one_sided;
 mod open_parameters;
 mod optimal_contacts;
 mod optimal_nl;

@@ -10,12 +10,13 @@ use nsd_solver::hybrid;
 use nsdc::expr::Exprs;
 use nsdc::limit::Limit;
 use nsdc::report::Status;
+use nsdc::study::sweep::{Axis, Grid};
 use nsdc::{Options, Project};
 
 use nsd_tests::random::Random;
 
 /// Models, and values of m; the first one is what they are prepared for.
-const MODELS: usize = 60;
+const MODELS: usize = 30;
 const VALUES: [f64; 4] = [1.0, 3.0, 0.3, 2.2];
 
 /// Finite elements of fifth order at least, beside a simulation to 1e-8.
@@ -100,4 +101,37 @@ fn values_of_open_parameters_are_not_compiled_in() {
         n_simulated > 40 && n_optimal > 40,
         "{n_simulated} simulations, {n_optimal} optima"
     );
+}
+
+/// cos(ωt) is zero at (k - 1/2) π/ω, as often as that is before the end: what each row of a sweep is expected to do is
+/// about its own times, and as many of them as it has.
+#[test]
+fn expectations_of_rows_are_about_their_own_words() {
+    let project = Project::from_text(
+        "model.nsd",
+        "model m {
+           param omega = 2; state x = 1; state y = 0; state n = 0;
+           x' = -omega*y; y' = omega*x; n' = sign(x);
+         }
+         simulate s of m {
+           horizon 3;
+           expect switches[1] ~ pi/(2*omega) within 1e-8;
+           expect switches[2] ~ 1.5*pi/omega within 1e-8;
+           expect switches[3] ~ 2.5*pi/omega within 1e-8;
+           expect switches[len(switches)] - switches[1] ~ (len(switches) - 1)*pi/omega within 1e-8;
+           expect [switches[1], end] ~ [pi/(2*omega), 3] within 1e-8*omega;
+           expect x at end ~ cos(omega*end) within 1e-7;
+           expect len(switches) = 2;
+           expect len(events(crossing)) <= 3;
+         }",
+    );
+    let values = vec![2.0, 0.7, 3.0, 4.0, 2.5, 0.7, 2.0];
+    let missed = [1, 3, 1, 2, 1, 3, 1];
+    let name = "omega".to_owned();
+    let grid = Grid::new(vec![Axis { name, values }], false).expect("there are few points");
+    let sweep = project.sweep("s", &Options::default(), grid);
+    let sweep = sweep.unwrap_or_else(|errors| panic!("{errors}"));
+    let found = sweep.rows(0..missed.len(), 1, &mut |_| {}).rows;
+    let found: Vec<Option<usize>> = found.iter().flatten().map(|row| row.missed).collect();
+    assert_eq!(found, missed.map(Some));
 }

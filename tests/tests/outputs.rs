@@ -254,6 +254,27 @@ fn a_jump_at_an_instant_of_the_output_is_on_both_sides_of_it() {
     assert_eq!(found.samples.states[0].values, [0.0, 0.5, 1.0, 10.0]);
 }
 
+/// Where the horizon is a multiple of the period but for rounding, the end is one row.
+#[test]
+fn the_last_of_equal_periods_is_the_end() {
+    for (period, count) in [(0.1, 3), (0.3, 3), (0.7, 9), (0.1, 1000), (1e-3, 57)] {
+        let horizon = format!("{:.6}", period * f64::from(count));
+        for method in [
+            "event;",
+            "adaptive;",
+            "fesd { steps = 7; }",
+            "timestepping { steps = 7; }",
+        ] {
+            let text = format!(
+                "model m {{ state x = 0; x' = 1; }} simulate s of m {{ horizon {horizon}; method {method} output x every {period}; }}"
+            );
+            let times = solved(&text, "s").samples.time.clone();
+            assert_eq!(times.len(), 1 + count as usize, "{text}");
+            assert_eq!(times.last(), horizon.parse().ok().as_ref(), "{text}");
+        }
+    }
+}
+
 /// What is infinite at some points, by an overflow, is no bound that is infinite.
 #[test]
 fn what_overflows_at_some_states_keeps_its_switch() {

@@ -4,10 +4,11 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::optimize::{self, Sampled};
 use crate::project::clock::Clock;
+use crate::project::sensed::{Beside, Sensor};
 use crate::project::watch::{Progress, Watch};
 use crate::project::{Project, ensemble, sensed};
 use crate::report::Trajectory;
-use crate::simulate::{self, Request};
+use crate::simulate::{self, Plan, Request};
 use crate::source::Span;
 use crate::study::{fit, mpc};
 use crate::syntax::{GuessSource, Path};
@@ -46,12 +47,7 @@ fn within(
     }
     let (system, settings) = (&compiled.system, &compiled.settings);
     let Some(task) = &settings.optimize else {
-        let mut told = |progress| watch.progress(&Progress::Simulation(progress));
-        let sensing = sensed::sensing(compiled)?;
-        let asked = (request, sensing.as_ref());
-        let run = simulate::run_sensed(system, settings, asked, &mut told);
-        sensed::check_rows(compiled, sensing.as_ref(), &run)?;
-        return Ok(run);
+        return simulated(compiled, request, watch);
     };
     let sampled = sampled_within(project, task, request, depth)?;
     match optimize::run(system, settings, task, &sampled, request, watch) {
@@ -65,6 +61,35 @@ fn within(
             Err(diags)
         }
     }
+}
+
+/// The trajectory of a simulation, with the derivatives that are asked for.
+fn simulated(
+    compiled: &mut Compiled<'_>,
+    request: &Request,
+    watch: &mut dyn Watch,
+) -> Result<Trajectory, Diagnostics> {
+    let mut told = |progress| watch.progress(&Progress::Simulation(progress));
+    let (system, settings) = (&compiled.system, &compiled.settings);
+    let sensor = sensed::sensor(compiled)?;
+    let open = sensor.as_ref().map(Sensor::values).unwrap_or_default();
+    let sensing = (sensor.as_ref()).and_then(|sensor| sensor.asked(settings, &open));
+    let asked = (request, sensing.as_ref());
+    let mut run = simulate::run_sensed(system, settings, asked, &mut told);
+    sensed::check_rows(compiled, sensing.as_ref(), &run)?;
+    if let Some(sensor) = sensor.filter(|_| settings.recording.one_sided) {
+        let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+        let plan = &mut Plan::of_method(system, settings, &sensor.opened.places);
+        let beside = Beside {
+            compiled,
+            plan,
+            sensor: &sensor,
+            open: &open,
+            x0: &x0,
+        };
+        beside.add(request, &mut run);
+    }
+    Ok(run)
 }
 
 /// The same with all seeds, where it has several.

@@ -11,11 +11,13 @@ use crate::optimize;
 use crate::project::clock::{Clock, Instant};
 use crate::project::ensemble::Source;
 use crate::project::prepared::{NotPrepared, Opened, Parameter, Target, check_parameters};
-use crate::project::sensed::{self, Sensor};
+use crate::project::sensed::{self, Beside, Sensor};
 use crate::project::watch::{Progress, Watch};
 use crate::project::{Project, launch};
 use crate::report::Trajectory;
+use crate::report::expect::{Findings, Resolved};
 use crate::simulate::{Plan, Request};
+use crate::source::SourceMap;
 use crate::syntax::Path;
 use crate::system::System;
 use crate::system::values::{Values, bounds};
@@ -38,6 +40,8 @@ pub(crate) struct Rerun<'e> {
     changes: Vec<Option<Target>>,
     /// The tolerance of the experiment.
     own_tolerance: f64,
+    /// Its expectations.
+    resolved: Resolved<'e>,
     /// What it has taken to compile, until a run has told it.
     seconds: f64,
 }
@@ -110,6 +114,7 @@ impl<'e> Rerun<'e> {
         Ok(Rerun {
             changes,
             own_tolerance: compiled.settings.numerics.tolerance,
+            resolved: Resolved::default(),
             compiled,
             work,
             seconds: started.elapsed().as_secs_f64(),
@@ -165,6 +170,11 @@ impl<'e> Rerun<'e> {
         &self.compiled
     }
 
+    /// How many of its expectations its last run misses, where there are any.
+    pub fn missed(&mut self, sources: &SourceMap, run: &Trajectory) -> Option<usize> {
+        missed(&self.compiled, sources, &mut self.resolved, run)
+    }
+
     /// The value with which one of the names was compiled; none of an initial value, and of what stays as it is.
     pub fn value(&self, name: usize) -> Option<f64> {
         match self.changes[name]? {
@@ -213,18 +223,43 @@ impl<'e> Rerun<'e> {
                 let told = &mut |progress| watch.progress(&Progress::Simulation(progress));
                 let sensing = sensor.asked(settings, &open);
                 let asked = (request, sensing.as_ref());
-                let run = plan.run_sensed(system, settings, asked, told);
+                let mut run = plan.run_sensed(system, settings, asked, told);
                 sensed::check_rows(&self.compiled, sensing.as_ref(), &run).ok()?;
+                let beside = Beside {
+                    compiled: &mut self.compiled,
+                    plan,
+                    sensor,
+                    open: &open,
+                    x0: &x0,
+                };
+                beside.add(request, &mut run);
                 Some(run)
             }
             Work::Optimal(prepared) => {
                 let solved = prepared.solve(&open, Some(&x0), None, &request.limit, watch);
                 let solved = solved.ok()?;
                 self.compiled.system = solved.system;
+                self.resolved = Resolved::default();
                 Some(solved.trajectory)
             }
         }
     }
+}
+
+/// How many expectations do not hold in a run, where there are any; `resolved` are those of an earlier run.
+pub(crate) fn missed<'e>(
+    compiled: &Compiled<'e>,
+    sources: &SourceMap,
+    resolved: &mut Resolved<'e>,
+    run: &Trajectory,
+) -> Option<usize> {
+    let (subject, expects) = (compiled.subject(sources), &compiled.settings.expects);
+    let findings = Findings {
+        warnings: run.warnings.iter().map(|w| w.code.clone()).collect(),
+        ..Findings::default()
+    };
+    let missed = || resolved.missed(&subject, expects, run, &findings);
+    (!expects.is_empty()).then(missed)
 }
 
 impl<'e> Work<'e> {

@@ -14,10 +14,11 @@ use crate::limit::{Cancel, Limit};
 use crate::model::Units;
 use crate::project::clock::Clock;
 use crate::project::launch::launch;
+use crate::project::rerun::missed;
 use crate::project::reruns::Reruns;
 use crate::project::run::Options;
 use crate::project::{Project, bindings};
-use crate::report::expect::{self, Findings, Verdict};
+use crate::report::expect::{self, Resolved};
 use crate::report::{Trajectory, Warning};
 use crate::simulate::Request;
 use crate::source::SourceMap;
@@ -268,7 +269,7 @@ impl<'p> Sweep<'p> {
             let found = rerun.and_then(|rerun| {
                 rerun.seed(self.seed_of(k));
                 let run = rerun.run(point, &self.request(rerun.compiled()), &mut ())?;
-                let missed = self.missed(rerun.compiled(), &run);
+                let missed = rerun.missed(&self.sources, &run);
                 Some((run, missed))
             });
             let row = match found.map_or_else(|| self.trajectory((k, point)), Ok) {
@@ -321,21 +322,6 @@ impl<'p> Sweep<'p> {
         }
     }
 
-    /// How many expectations do not hold in a run, where there are any.
-    fn missed(&self, compiled: &Compiled<'_>, run: &Trajectory) -> Option<usize> {
-        let subject = compiled.subject(&self.sources);
-        let expects = &compiled.settings.expects;
-        let findings = Findings {
-            warnings: run.warnings.iter().map(|w| w.code.clone()).collect(),
-            ..Findings::default()
-        };
-        let checks = expect::evaluate(&subject, expects, run, &findings);
-        let missed = checks
-            .iter()
-            .filter(|check| check.verdict != Verdict::Passed);
-        (!expects.is_empty()).then(|| missed.count())
-    }
-
     /// Mistakes in expectations, as far as a point shows them.
     fn mistakes(&self, point: &[f64]) -> Option<Diagnostics> {
         let exprs = Exprs::new();
@@ -372,7 +358,7 @@ impl<'p> Sweep<'p> {
         let request = self.request(&compiled);
         let mut run = launch(self.project, &mut compiled, &request, &mut ())?;
         run.warnings.splice(0..0, Warning::all(&diags));
-        let missed = self.missed(&compiled, &run);
+        let missed = missed(&compiled, &self.sources, &mut Resolved::default(), &run);
         Ok((run, missed))
     }
 }

@@ -43,7 +43,7 @@
   "always" "animate" "argmin" "at" "by" "chattering" "controller" "controls" "data" "deadline" "elements" "error" "every" "expect"
   "final" "free" "golden" "grid" "guess" "hidden" "horizon" "in" "indicator" "initial" "intervals" "is"
   "linear" "loss" "lower" "lowering" "mechanics" "method" "metric" "minimize" "mode" "nonlinear" "numbers"
-  "of" "offset" "on" "onto" "perturb" "phase" "plot" "project" "runs" "sample" "scheme" "seed" "sensitivity" "slide"
+  "of" "offset" "on" "one_sided" "onto" "perturb" "phase" "plot" "project" "runs" "sample" "scheme" "seed" "sensitivity" "slide"
   "sliding" "solves" "starts" "status" "stop" "subject" "title" "to" "tolerance" "variational" "warning" "weight" "when"
   "where" "width" "with" "within"
 ] @keyword

@@ -367,6 +367,39 @@ proptest! {
     }
 }
 
+/// The most terms of the series of a step.
+#[derive(Default)]
+struct Degree(usize);
+
+impl Observer for Degree {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        self.0 = self.0.max(segment.polynomials().degree());
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: &Event) {}
+}
+
+/// x'' = 3 + t below x = 0 and 1 + t above are polynomials of degree 3 in time, whose series end there; with friction they
+/// are none.
+#[test]
+fn series_of_polynomials_end() {
+    let run = |friction: f64| {
+        let l = [0.0, 1.0, 0.0, -friction];
+        let planes = Planes::new(1, &[0.0, 3.0], &[0.0, 1.0], &l, &[0.0, -2.0]);
+        let mut simulator = Simulator::new(planes.system().into(), Settings::default());
+        let mut degree = Degree::default();
+        let outcome = simulator.run(0.0, 2.0, &[-5.0 / 3.0, 0.0], &mut degree);
+        assert_eq!(outcome.status, Status::Solved);
+        (outcome.x, degree.0, simulator.order())
+    };
+    let (x, degree, order) = run(0.0);
+    // It crosses at t = 1 with a speed of 7/2.
+    assert_close(&x, &[7.0 / 2.0 + 0.5 + 2.0 / 3.0, 3.5 + 1.0 + 1.5], 1e-14);
+    assert!(degree < 8 && degree < order, "{degree}");
+    assert_eq!(run(0.5).1, order);
+}
+
 #[test]
 fn the_jacobian_is_that_of_the_linear_part() {
     let l = [0.5, -2.0, 0.0, 3.0];

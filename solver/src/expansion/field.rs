@@ -8,7 +8,7 @@ use wide::f64x4;
 use super::layout::{Memory, Registers};
 use crate::hybrid::form::Library;
 use crate::hybrid::{Block, HybridSystem, Input, Partials, Side};
-use crate::tape::{Ball, Lane, Recurrences, Step, Tape};
+use crate::tape::{Ball, Lane, Recurrences, Step, Tape, UNBOUNDED};
 
 pub(crate) struct Field {
     blocks: Vec<Local>,
@@ -25,6 +25,8 @@ pub(crate) struct Field {
     /// f at the lanes evaluated last.
     pub wide: Vec<f64x4>,
     wide_registers: Vec<f64x4>,
+    /// The local sides that are looked up.
+    local_sides: Vec<Side>,
     /// Functions taken up so far.
     pub n_functions: usize,
 }
@@ -63,6 +65,8 @@ struct Compiled {
     by_alpha: Arc<Partials>,
     /// The values of `by_alpha` where it was last evaluated.
     slopes: Vec<f64>,
+    /// Degrees of inputs as polynomials in time, with those of the rates.
+    degrees: Vec<[Vec<u32>; 2]>,
     /// ∂f/∂x with its values, once somebody has asked for it.
     jacobian: Option<(Arc<Partials>, Vec<f64>)>,
 }
@@ -70,6 +74,20 @@ struct Compiled {
 impl Compiled {
     fn slides(&self) -> bool {
         self.sides.contains(&Side::Slide)
+    }
+
+    /// The degrees of the rates as polynomials in time, where states have these.
+    fn degrees(&mut self, states: &[u32]) -> &[u32] {
+        let of_inputs = self.inputs.iter();
+        let of_inputs = of_inputs.map(|&input| Memory::degree(input, states));
+        let asked = |[asked, _]: &[Vec<u32>; 2]| of_inputs.clone().eq(asked.iter().copied());
+        let known = self.degrees.iter().position(asked).unwrap_or_else(|| {
+            let asked: Vec<u32> = of_inputs.collect();
+            let rates = Recurrences::degrees(&self.field, &asked);
+            self.degrees.push([asked, rates]);
+            self.degrees.len() - 1
+        });
+        &self.degrees[known][1]
     }
 }
 
@@ -103,6 +121,7 @@ impl Field {
             registers: Registers::default(),
             wide: vec![f64x4::splat(0.0); n],
             wide_registers: Vec::new(),
+            local_sides: Vec::new(),
             n_functions: 0,
         }
     }
@@ -142,10 +161,12 @@ impl Field {
     ) {
         let local = &mut self.blocks[block];
         let switches = local.block.switches.iter();
-        let sides: Box<[Side]> = switches.map(|&switch| sides[switch]).collect();
-        local.now = match local.index.get(&sides) {
+        self.local_sides.clear();
+        (self.local_sides).extend(switches.map(|&switch| sides[switch]));
+        local.now = match local.index.get(&self.local_sides[..]) {
             Some(&known) => known,
             None => {
+                let sides: Box<[Side]> = self.local_sides[..].into();
                 let rates = library.rates(block, &sides);
                 self.n_functions += 1;
                 let inputs: Vec<_> = rates.inputs.iter().map(|&i| memory.row(i)).collect();
@@ -169,6 +190,7 @@ impl Field {
                     series,
                     slopes: vec![0.0; rates.by_alpha.entries.len()],
                     by_alpha: rates.by_alpha,
+                    degrees: Vec::new(),
                     jacobian: None,
                 });
                 local.index.insert(sides, local.known.len() - 1);
@@ -377,6 +399,29 @@ impl Field {
             }
         }
         lists
+    }
+
+    /// The degrees of all states as polynomials in time, where each is one and nothing slides: where rates are polynomials
+    /// of states that do not depend on each other in a circle.
+    pub(crate) fn degrees(&mut self) -> Option<Vec<u32>> {
+        let mut degrees = vec![UNBOUNDED; self.f.len()];
+        let mut open = degrees.len();
+        while open > 0 {
+            let before = open;
+            for local in &mut self.blocks {
+                let rates = local.known[local.now].degrees(&degrees);
+                for (&state, rate) in local.block.states.iter().zip(rates) {
+                    if degrees[state] == UNBOUNDED && *rate < UNBOUNDED {
+                        degrees[state] = rate.saturating_add(1);
+                        open -= 1;
+                    }
+                }
+            }
+            if open == before {
+                return None;
+            }
+        }
+        Some(degrees)
     }
 
     /// What was listed last.

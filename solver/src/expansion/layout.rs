@@ -131,6 +131,15 @@ impl Memory {
         }
     }
 
+    /// The degree of an input as a polynomial in time, where those of states are known and nothing slides.
+    pub(crate) fn degree(input: Input, states: &[u32]) -> u32 {
+        match input {
+            Input::Time => 1,
+            Input::State(state) => states[state],
+            Input::Alpha(_) | Input::Coefficient(_) | Input::Parameter(_) | Input::Number(_) => 0,
+        }
+    }
+
     /// New rows behind all others; where they start.
     pub(crate) fn grow(&mut self, n_rows: usize) -> usize {
         let start = self.rows.len();

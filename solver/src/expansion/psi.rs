@@ -191,6 +191,22 @@ impl Compiled {
         }
     }
 
+    /// Its degree as a polynomial in time, where those of states are known.
+    pub(crate) fn degree(&self, states: &[u32]) -> u32 {
+        match &self.form {
+            Form::Affine(affine) => {
+                let terms = affine.terms.iter().map(|&(state, _)| states[state]);
+                terms.fold(1, u32::max)
+            }
+            Form::Smooth(tapes) => {
+                let inputs = tapes.functions.inputs.iter();
+                let inputs: Vec<u32> = inputs.map(|&i| Memory::degree(i, states)).collect();
+                let degrees = Recurrences::degrees(&tapes.functions.psi, &inputs);
+                degrees.into_iter().fold(0, u32::max)
+            }
+        }
+    }
+
     /// Computes the coefficient of order k ≥ 1 again, after that of the states has changed.
     pub(crate) fn correct(&self, memory: &mut Memory, k: usize) {
         if let Form::Smooth(tapes) = &self.form

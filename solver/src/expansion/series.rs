@@ -82,6 +82,9 @@ pub(crate) fn around<const N: usize>(c: &[f64], tau: f64) -> [f64; N] {
 
 /// Largest |c[k]| hᵏ from k = `from`.
 pub(crate) fn magnitude(c: &[f64], h: f64, from: usize) -> f64 {
+    if h == 0.0 && from == 0 {
+        return c.first().map_or(0.0, |c| c.abs().max(0.0));
+    }
     let mut power = h.powi(from as i32);
     let mut largest = 0.0_f64;
     for c in &c[from..] {

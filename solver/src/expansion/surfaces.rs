@@ -27,6 +27,8 @@ pub(crate) struct Surfaces {
     /// The sides taken last, of the switches inside others; none before the first time.
     sides: Option<Box<[Side]>>,
     registers: Registers,
+    /// The sides inside a ψ that are looked up.
+    inner_sides: Vec<Side>,
     /// Functions taken up so far.
     pub n_functions: usize,
 }
@@ -77,6 +79,7 @@ impl Surfaces {
             around,
             sides: None,
             registers: Registers::default(),
+            inner_sides: Vec::new(),
             n_functions: 0,
         }
     }
@@ -107,11 +110,13 @@ impl Surfaces {
 
     fn enter_one(&mut self, library: &mut Library, memory: &mut Memory, at: usize, sides: &[Side]) {
         let local = &mut self.surfaces[at];
-        let sides: Box<[Side]> = local.inside.iter().map(|&inner| sides[inner]).collect();
-        if let Some(&known) = local.index.get(&sides) {
+        self.inner_sides.clear();
+        (self.inner_sides).extend(local.inside.iter().map(|&inner| sides[inner]));
+        if let Some(&known) = local.index.get(&self.inner_sides[..]) {
             local.now = known;
             return;
         }
+        let sides: Box<[Side]> = self.inner_sides[..].into();
         let surface = match at.checked_sub(self.slot.len()) {
             None => library.surface(at, &sides),
             Some(at) => {

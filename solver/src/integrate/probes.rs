@@ -28,6 +28,8 @@ pub(crate) struct Probes {
     rates: Vec<f64x4>,
     /// Error scales of the states.
     pub scales: Vec<f64>,
+    /// Switches that are monitored and not affine, with the series of ψ at the probes and its magnitude.
+    curved: Vec<(usize, f64x4, f64)>,
     /// Which coefficients and parameters the values have.
     version: usize,
 }
@@ -39,6 +41,7 @@ impl Probes {
             values: Vec::new(),
             rates: vec![f64x4::splat(0.0); n],
             scales: vec![0.0; n],
+            curved: Vec::new(),
             version: 0,
         }
     }
@@ -69,8 +72,9 @@ impl Probes {
                 }
             }
         }
+        self.see_curved(mode, tau);
         if !mode.sliding.is_empty() || !mode.monitored.switches.is_empty() {
-            for (k, probe) in PROBES.iter().enumerate() {
+            for k in 0..PROBES.len() {
                 self.place(mode, k);
                 let mut step = Comparison {
                     mode,
@@ -79,10 +83,27 @@ impl Probes {
                     length: tau,
                     allowed,
                 };
-                defect.switches_agree &= step.switches_agree(probe * tau);
+                let mut curved = self.curved.iter();
+                defect.switches_agree &= step.sliding_agree()
+                    && curved.all(|(i, values, size)| {
+                        step.psi_agrees(*i, [values.as_array()[k], *size])
+                    });
             }
         }
         defect
+    }
+
+    /// Evaluates the series of ψ at all probes, where ψ does not follow from those of the states.
+    fn see_curved(&mut self, mode: &Mode, tau: f64) {
+        let at = f64x4::from(PROBES.map(|probe| probe * tau));
+        let switches = mode.monitored.switches.iter();
+        let curved = switches.filter(|i| !mode.planes.is_affine(**i, &mode.surfaces));
+        let seen = curved.map(|&i| {
+            let c = mode.psi_series(i);
+            (i, series::values(c, at), series::magnitude(c, tau, 0))
+        });
+        self.curved.clear();
+        self.curved.extend(seen);
     }
 
     /// Evaluates the series of states and α at all probes.
@@ -171,10 +192,29 @@ impl Comparison<'_> {
     /// True when at the point φ_K vanishes and every other ψ that is monitored has the value of its
     /// series, `at` after the start of the step, up to `allowed`. An affine ψ has it anyway.
     fn switches_agree(&mut self, at: f64) -> bool {
-        let rounding = ROUNDINGS;
+        self.sliding_agree()
+            && (0..self.mode.monitored.switches.len()).all(|k| {
+                let mode = &*self.mode;
+                let i = mode.monitored.switches[k];
+                let c = mode.psi_series(i);
+                mode.planes.is_affine(i, &mode.surfaces) || {
+                    let size = series::magnitude(c, self.length, 0);
+                    self.psi_agrees(i, [series::value(c, at), size])
+                }
+            })
+    }
+
+    /// True when at the point ψ has a value, up to `allowed` of its magnitude within the step.
+    fn psi_agrees(&mut self, switch: usize, [value, size]: [f64; 2]) -> bool {
+        let difference = (value - self.mode.monitored_psi(switch)).abs();
+        difference <= self.allowed * size + ROUNDINGS * (self.bands.terms[switch] + size)
+    }
+
+    /// True when at the point φ_K vanishes.
+    fn sliding_agree(&mut self) -> bool {
         let turned = match self.mode.sliding.is_empty() {
             true => 0.0,
-            false => rounding * self.bands.roundings_of_direction(self.mode),
+            false => ROUNDINGS * self.bands.roundings_of_direction(self.mode),
         };
         for k in 0..self.mode.sliding.len() {
             let i = self.mode.sliding[k];
@@ -187,24 +227,8 @@ impl Comparison<'_> {
             let mode = &mut *self.mode;
             mode.surfaces.linearize(i, &mode.memory.values);
             let size = self.allowed * mode.equations.gain(i)
-                + (rounding + turned) * self.scales.terms_of_rate(mode, i);
+                + (ROUNDINGS + turned) * self.scales.terms_of_rate(mode, i);
             if mode.phi(i).abs() > size {
-                return false;
-            }
-        }
-        let mode = &mut *self.mode;
-        for k in 0..mode.monitored.switches.len() {
-            let i = mode.monitored.switches[k];
-            if mode.planes.is_affine(i, &mode.surfaces) {
-                continue;
-            }
-            let psi = mode.monitored_psi(i);
-            let c = mode.psi_series(i);
-            let size = series::magnitude(c, self.length, 0);
-            let difference = (series::value(c, at) - psi).abs();
-            let agrees =
-                difference <= self.allowed * size + rounding * (self.bands.terms[i] + size);
-            if !agrees {
                 return false;
             }
         }

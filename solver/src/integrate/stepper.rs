@@ -86,8 +86,8 @@ impl Stepper {
         goal: f64,
         t1: f64,
     ) -> Result<Step, Status> {
-        self.order
-            .take(mode, goal < t1 && state.selection.onsets.is_empty());
+        let sets_off = !state.selection.onsets.is_empty();
+        self.order.take(mode, goal < t1, sets_off);
         if !state.selection.onsets.is_empty()
             && let Some(step) = self.slip_onset_step(mode, state, goal, t1)
         {

@@ -378,6 +378,53 @@ impl<'a> Judge<'a> {
 }
 
 impl Judge<'_> {
+    /// The choice of a switch alone whose rates φ(0) and φ(1) on both sides have one sign and are no ties, where f is φ's.
+    ///
+    /// It is the only solution among all choices, and a clear one: φ is affine in α, so that its zero, where it has one, is
+    /// outside of [0, 1] by min(|φ(0)|, |φ(1)|)/|∂φ/∂α| at least, which is no tie either. Twice a tie is more than what
+    /// rounding does to these.
+    pub(crate) fn crossing(&mut self, state: &State, switch: usize) -> Option<Choice> {
+        let of_switch = &self.system.switches[switch];
+        let is_relay = self.system.relay(switch).is_some();
+        let is_sign = of_switch.is_plain() && !of_switch.is_in_disc() && !is_relay;
+        let mut sides = state.point.sides.clone();
+        sides[switch] = Side::Slide;
+        if !is_sign || self.system.is_idle(switch, &sides) {
+            return None;
+        }
+        let mode = &mut *self.mode;
+        mode.surfaces.linearize(switch, &mode.memory.values);
+        let mut alpha = state.point.alpha.clone();
+        let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
+            alpha[switch] = value;
+            mode.vary(&alpha);
+            let f = mode.focus.states.iter().map(|&state| mode.field.f[state]);
+            (mode.phi(switch), f.collect::<Vec<f64>>())
+        });
+        let has_one_sign = below * above > 0.0;
+        if !has_one_sign {
+            return None;
+        }
+        let zero = below / (below - above);
+        let between = minus.iter().zip(&plus).map(|(a, b)| a + zero * (b - a));
+        let between = between.collect();
+        let choice = |side, alpha, f| Choice {
+            sides: vec![side],
+            alpha: vec![alpha],
+            f,
+        };
+        let mut choices = vec![
+            choice(Side::Minus, 0.0, minus),
+            choice(Side::Plus, 1.0, plus),
+        ];
+        if zero.is_finite() {
+            choices.push(choice(Side::Slide, zero, between));
+        }
+        let rate = self.rates(state, &[switch], &choices)[0];
+        let is_clear = below.abs().min(above.abs()) > 2.0 * TIE * rate && rate > 0.0;
+        is_clear.then(|| choices.swap_remove(usize::from(above > 0.0)))
+    }
+
     /// The time that is left, or what contacts that meet are predicted for.
     fn longest_step(&mut self, state: &State, group: &[usize], t1: f64) -> f64 {
         let left = t1 - state.point.t;

@@ -320,6 +320,12 @@ impl Selector<'_> {
         {
             return Several::new(self.mode, self.settings).decide(state, group, wanted, t1);
         }
+        if let &[switch] = group
+            && let Some(choice) = Judge::new(self.mode, self.settings).crossing(state, switch)
+        {
+            self.adopt(state, group, &choice, settling);
+            return Ok(true);
+        }
         let choices = Enumeration::new(self.mode, self.settings).choices(state, group)?;
         let rates = Judge::new(self.mode, self.settings).rates(state, group, &choices.found);
         let measured = choices.found.into_iter().map(|choice| {

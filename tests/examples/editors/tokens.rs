@@ -63,7 +63,7 @@ const PLACES: [&str; 65] = [
     "fit @ of @ { data \"@\" { @ -> @; a.@[1] -> @ weight @; b -> \"@\" weight 2; } data \"b.csv\" with { @ = 1; b = @; } { @ -> @; } data \"b.csv\" {} }",
     "mpc @ of @ { controller @; sample @; deadline @ + 1; }",
     "fit s of m { loss squared; loss @(2); initial { @ free; } }",
-    "simulate s of m { sensitivity to @, a.@[1] at 0; sensitivity to @ at 0; }",
+    "simulate s of m { sensitivity to @, a.@[1] at 0; sensitivity to @ at 0 one_sided; }",
     "simulate s of m { stop when @ <= 0 and a > @; }",
     "simulate s of m { intervals @; elements @; scheme @; grid @; controls @; }",
     "simulate s of m { plot { @; @, a; a, @ + 1; phase @, b; title \"@\"; width 8 cm; } }",

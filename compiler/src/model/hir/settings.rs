@@ -32,7 +32,7 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                         self.resolver.expr(instants);
                     }
                 }
-                SettingKind::Sensitivity(to) => {
+                SettingKind::Sensitivity { to, .. } => {
                     for (path, _) in to {
                         self.resolver.path(path, None, Role::Reads);
                     }

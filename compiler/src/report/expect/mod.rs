@@ -5,13 +5,14 @@
 //! only a run gives a meaning to: `switches`, `events(..)`, `end`.
 
 mod error;
+mod miss;
 mod mode;
 mod relation;
 mod values;
 
 pub use error::ExpectError;
 
-use self::values::Run;
+use self::relation::Known;
 use super::{Status, Trajectory};
 use crate::diagnostics::Diagnostics;
 use crate::model::Model;
@@ -131,9 +132,7 @@ pub fn asks_for_order(subject: &Subject<'_, '_>, expects: &[(Expect, Span)]) -> 
         let Expect::Relation(relation) = expect else {
             return false;
         };
-        let run = &Run::Unknown;
-        let sides = relation::resolve(subject, relation, *span, run, &mut Diagnostics::new());
-        sides.is_some_and(|sides| sides.has_order)
+        relation::check(subject, relation, *span, &mut Diagnostics::new()) == Some(true)
     };
     expects.iter().any(asks)
 }
@@ -177,10 +176,55 @@ pub fn check(subject: &Subject<'_, '_>, expects: &[(Expect, Span)], diags: &mut 
                 mode::check(subject, mode, diags);
             }
             Expect::Relation(relation) => {
-                relation::resolve(subject, relation, *span, &Run::Unknown, diags);
+                relation::check(subject, relation, *span, diags);
             }
         }
     }
+}
+
+/// Expectations as they were resolved for a run, which serve others of the same compilation.
+#[derive(Default)]
+pub struct Resolved<'e> {
+    relations: Vec<Known<'e>>,
+}
+
+impl<'e> Resolved<'e> {
+    /// How many expectations do not hold in a run.
+    pub fn missed(
+        &mut self,
+        subject: &Subject<'_, 'e>,
+        expects: &[(Expect, Span)],
+        trajectory: &Trajectory,
+        findings: &Findings,
+    ) -> usize {
+        let subject = &up_to_stop(subject, trajectory);
+        self.relations.resize_with(expects.len(), Known::default);
+        let misses = |((expect, span), known): (&(Expect, Span), &mut Known<'e>)| match expect {
+            Expect::Relation(relation) => {
+                !known.holds(subject, (relation, *span), trajectory, findings)
+            }
+            _ => verdict(subject, expect, *span, trajectory, findings) != Verdict::Passed,
+        };
+        let missed = expects.iter().zip(&mut self.relations).map(misses);
+        let missed = missed.filter(|missed| *missed).count();
+        missed + usize::from(fails(expects, trajectory))
+    }
+}
+
+/// With the horizon where a run has been stopped.
+fn up_to_stop<'s, 'e>(subject: &Subject<'s, 'e>, trajectory: &Trajectory) -> Subject<'s, 'e> {
+    let stop = trajectory.history.stop();
+    Subject {
+        horizon: stop.map_or(subject.horizon, |stop| stop.time),
+        ..*subject
+    }
+}
+
+/// Whether a run has failed, and that is not what it is expected to do.
+fn fails(expects: &[(Expect, Span)], trajectory: &Trajectory) -> bool {
+    let mut expects = expects.iter();
+    let asks_for_status = expects.any(|(expect, _)| matches!(expect, Expect::Status(_)));
+    trajectory.status != Status::Solved && !asks_for_status
 }
 
 /// Compares all expectations with a run.
@@ -190,22 +234,14 @@ pub fn evaluate(
     trajectory: &Trajectory,
     findings: &Findings,
 ) -> Vec<Check> {
-    let stop = trajectory.history.stop();
-    let subject = &Subject {
-        horizon: stop.map_or(subject.horizon, |stop| stop.time),
-        ..*subject
-    };
+    let subject = &up_to_stop(subject, trajectory);
     let one = |(expect, span): &(Expect, Span)| Check {
         text: text(subject.sources, *span),
         span: *span,
         verdict: verdict(subject, expect, *span, trajectory, findings),
     };
     let mut checks: Vec<Check> = expects.iter().map(one).collect();
-    // A run that failed fails the test, unless that is what it is expected to do.
-    let asks_for_status = expects
-        .iter()
-        .any(|(expect, _)| matches!(expect, Expect::Status(_)));
-    if trajectory.status != Status::Solved && !asks_for_status {
+    if fails(expects, trajectory) {
         checks.insert(
             0,
             Check {
@@ -262,7 +298,7 @@ fn verdict(
         }
         Expect::Mode { at, mode } => mode::evaluate(subject, at, mode, trajectory),
         Expect::Relation(relation) => {
-            relation::evaluate(subject, relation, span, trajectory, findings)
+            Known::default().evaluate(subject, (relation, span), trajectory, findings)
         }
     }
 }

@@ -1,7 +1,8 @@
 //! `expect x at end ~ [1, 0] within 1e-9;`
 
 use super::error::ExpectError;
-use super::values::{Run, Words, at};
+use super::miss::{Miss, expected, misses, slack};
+use super::values::{Run, Symbols, Words, at};
 use super::{Findings, Subject, Verdict};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
@@ -10,28 +11,43 @@ use crate::report::Trajectory;
 use crate::report::forms::text::significant;
 use crate::source::Span;
 use crate::syntax::{self, ExpectOp, ExpectRelation, ExpectWhen};
+use crate::system::Valuation;
 use crate::system::experiment::MethodKind;
 
 /// A relation in the terms of the system.
 pub struct Sides<'e> {
     left: Tensor<'e>,
     right: Tensor<'e>,
-    left_when: When,
-    right_when: When,
-    within: f64,
+    left_when: When<Expr<'e>>,
+    right_when: When<Expr<'e>>,
+    within: Option<Expr<'e>>,
     /// Whether a side is about the order of convergence.
     pub has_order: bool,
 }
 
 /// When a side is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum When {
+enum When<T> {
     /// Once; it does not change over time.
     Run,
     /// At an instant.
-    At(f64),
+    At(T),
     /// At all reported instants.
     Always,
+}
+
+/// A relation as it was resolved for a run, which serves others, and other values of parameters.
+#[derive(Default)]
+pub struct Known<'e> {
+    symbols: Symbols<'e>,
+    sides: Option<Sides<'e>>,
+}
+
+/// What a relation is in one run.
+struct Numbers {
+    left_when: When<f64>,
+    right_when: When<f64>,
+    within: f64,
 }
 
 /// Resolves both sides, their instants and the tolerance.
@@ -39,23 +55,24 @@ pub fn resolve<'e>(
     subject: &Subject<'_, 'e>,
     relation: &ExpectRelation,
     span: Span,
-    run: &Run<'_>,
+    run: &Run<'_, 'e>,
     diags: &mut Diagnostics,
 ) -> Option<Sides<'e>> {
     let words = Words::new(subject, run);
+    let mut at = |expr: &syntax::Expr| entry(subject, run, expr, diags).map(When::At);
     let left_when = match &relation.when {
         ExpectWhen::Run => Some(When::Run),
-        ExpectWhen::At(at) => instant(subject, at, diags).map(When::At),
+        ExpectWhen::At(instant) => at(instant),
         ExpectWhen::Always => Some(When::Always),
     };
     // Without an instant of its own, the right side is taken together with the left one.
     let right_when = match &relation.right_at {
-        Some(at) => instant(subject, at, diags).map(When::At),
+        Some(instant) => at(instant),
         None => left_when,
     };
     let left = side(subject, &words, &relation.left, left_when, diags);
     let right = side(subject, &words, &relation.right, right_when, diags);
-    let within = within(subject, relation, span, diags);
+    let within = within(subject, relation, span, run, diags);
 
     let (left, right) = (left?, right?);
     let conforms =
@@ -79,6 +96,62 @@ pub fn resolve<'e>(
     })
 }
 
+/// Finds the mistakes in a relation that need no run to be seen; whether it is about the order of convergence.
+pub fn check(
+    subject: &Subject<'_, '_>,
+    relation: &ExpectRelation,
+    span: Span,
+    diags: &mut Diagnostics,
+) -> Option<bool> {
+    let sides = resolve(subject, relation, span, &Run::Unknown, diags)?;
+    let params = subject.system.parameters();
+    numbers(subject, relation, &sides, &params, diags)?;
+    Some(sides.has_order)
+}
+
+/// The instants and the tolerance of a relation, where parameters and words have these values.
+fn numbers(
+    subject: &Subject<'_, '_>,
+    relation: &ExpectRelation,
+    sides: &Sides<'_>,
+    known: &Valuation,
+    diags: &mut Diagnostics,
+) -> Option<Numbers> {
+    let mut at = |when: When<Expr<'_>>, expr: &syntax::Expr| match when {
+        When::Run => Some(When::Run),
+        When::At(entry) => {
+            let instant = known.value(entry);
+            within_run(subject, instant, expr, diags).then_some(When::At(instant))
+        }
+        When::Always => Some(When::Always),
+    };
+    // No expression is looked at where there is none.
+    let own = match &relation.when {
+        ExpectWhen::At(expr) => expr,
+        _ => &relation.left,
+    };
+    let left_when = at(sides.left_when, own);
+    let right_when = match &relation.right_at {
+        Some(expr) => at(sides.right_when, expr),
+        None => left_when,
+    };
+    let within = match sides.within {
+        None => 0.0,
+        Some(entry) => known.value(entry),
+    };
+    if !(within.is_finite() && within >= 0.0) {
+        if let Some(expr) = &relation.within {
+            diags.push(ExpectError::NotATolerance { span: expr.span });
+        }
+        return None;
+    }
+    Some(Numbers {
+        left_when: left_when?,
+        right_when: right_when?,
+        within,
+    })
+}
+
 /// What `left ~ right` says of the end of a run: entries of the left side with their numbers; nothing
 /// where they are not known before the run.
 pub fn at_end<'e>(
@@ -89,17 +162,17 @@ pub fn at_end<'e>(
     let mut diags = Diagnostics::new();
     let words = Words::new(subject, &Run::Unknown);
     words.value(&relation.right, &mut diags);
+    let params = subject.system.parameters();
     let sides = resolve(subject, relation, span, &Run::Unknown, &mut diags);
     let Some(Sides { left, right, .. }) = sides.filter(|sides| {
-        let params = subject.system.parameters();
+        let numbers = numbers(subject, relation, sides, &params, &mut diags);
         relation.relation == ExpectOp::Close
-            && sides.left_when == When::At(subject.horizon)
+            && numbers.is_some_and(|numbers| numbers.left_when == When::At(subject.horizon))
             && !words.has_list.get()
             && params.unknown(&sides.right.data).is_none()
     }) else {
         return Vec::new();
     };
-    let params = subject.system.parameters();
     let numbers = right.data.iter().map(|&entry| params.value(entry));
     match right.shape {
         Shape::Scalar => left.data.into_iter().zip(numbers.cycle()).collect(),
@@ -111,14 +184,14 @@ fn side<'e>(
     subject: &Subject<'_, 'e>,
     words: &Words<'_, '_, 'e>,
     expr: &syntax::Expr,
-    when: Option<When>,
+    when: Option<When<Expr<'e>>>,
     diags: &mut Diagnostics,
 ) -> Option<Tensor<'e>> {
     let value = words
         .value(expr, diags)?
         .map(|entry| subject.system.read(entry));
     if when == Some(When::Run)
-        && let Some(var) = subject.system.parameters().unknown(&value.data)
+        && let Some(var) = words.unknown(&subject.system.parameters(), &value.data)
     {
         let name = subject.model.exprs.name(var);
         diags.push(ExpectError::NoInstant {
@@ -130,30 +203,25 @@ fn side<'e>(
     Some(value)
 }
 
-fn within(
-    subject: &Subject<'_, '_>,
+/// The tolerance, none for a relation that is exact.
+fn within<'e>(
+    subject: &Subject<'_, 'e>,
     relation: &ExpectRelation,
     span: Span,
+    run: &Run<'_, 'e>,
     diags: &mut Diagnostics,
-) -> Option<f64> {
+) -> Option<Option<Expr<'e>>> {
     match (relation.relation, &relation.within) {
         (ExpectOp::Close, None) => {
             diags.push(ExpectError::NoTolerance { span });
             None
         }
-        (ExpectOp::Close, Some(expr)) => {
-            let within = number(subject, expr, diags)?;
-            if !(within.is_finite() && within >= 0.0) {
-                diags.push(ExpectError::NotATolerance { span: expr.span });
-                return None;
-            }
-            Some(within)
-        }
+        (ExpectOp::Close, Some(expr)) => entry(subject, run, expr, diags).map(Some),
         (_, Some(within)) => {
             diags.push(ExpectError::UnusedTolerance { span: within.span });
             None
         }
-        (_, None) => Some(0.0),
+        (_, None) => Some(None),
     }
 }
 
@@ -163,26 +231,41 @@ pub fn instant(
     at: &syntax::Expr,
     diags: &mut Diagnostics,
 ) -> Option<f64> {
-    let instant = number(subject, at, diags)?;
-    if !(0.0..=subject.horizon).contains(&instant) {
+    let entry = entry(subject, &Run::Unknown, at, diags)?;
+    let instant = subject.system.parameters().value(entry);
+    within_run(subject, instant, at, diags).then_some(instant)
+}
+
+fn within_run(
+    subject: &Subject<'_, '_>,
+    instant: f64,
+    at: &syntax::Expr,
+    diags: &mut Diagnostics,
+) -> bool {
+    let is_inside = (0.0..=subject.horizon).contains(&instant);
+    if !is_inside {
         diags.push(ExpectError::OutsideRun {
             instant: significant(instant, 12),
             horizon: significant(subject.horizon, 12),
             span: at.span,
         });
-        return None;
     }
-    Some(instant)
+    is_inside
 }
 
-/// A number that is known before the run.
-fn number(subject: &Subject<'_, '_>, expr: &syntax::Expr, diags: &mut Diagnostics) -> Option<f64> {
-    let words = Words::new(subject, &Run::Unknown);
+/// A number that is known before the run, in parameters and words.
+fn entry<'e>(
+    subject: &Subject<'_, 'e>,
+    run: &Run<'_, 'e>,
+    expr: &syntax::Expr,
+    diags: &mut Diagnostics,
+) -> Option<Expr<'e>> {
+    let words = Words::new(subject, run);
     let value = words.value(expr, diags)?;
     let params = subject.system.parameters();
     match value.as_scalar().map(|entry| subject.system.read(entry)) {
-        Some(entry) if !words.has_list.get() && params.unknown(&[entry]).is_none() => {
-            Some(params.value(entry))
+        Some(entry) if !words.has_list.get() && words.unknown(&params, &[entry]).is_none() => {
+            Some(entry)
         }
         _ => {
             diags.push(ExpectError::NotAnInstant { span: expr.span });
@@ -191,78 +274,189 @@ fn number(subject: &Subject<'_, '_>, expr: &syntax::Expr, diags: &mut Diagnostic
     }
 }
 
-/// Compares both sides in a run.
-pub fn evaluate(
-    subject: &Subject<'_, '_>,
-    relation: &ExpectRelation,
-    span: Span,
-    trajectory: &Trajectory,
-    findings: &Findings,
-) -> Verdict {
-    let mut diags = Diagnostics::new();
-    let order = match &findings.order {
-        Some(Ok(found)) => found.order,
-        _ => f64::NAN,
-    };
-    let run = Run::Known { trajectory, order };
-    let Some(sides) = resolve(subject, relation, span, &run, &mut diags) else {
-        return verdict_of(&diags);
-    };
-    if sides.has_order
-        && let Some(Err(reason)) = &findings.order
-    {
-        return Verdict::Failed {
-            expected: subject.sources.text(relation.right.span).to_owned(),
-            got: reason.clone(),
-        };
+/// A relation beside a run.
+enum Found<'k, 'e> {
+    Holds,
+    Misses(&'k Sides<'e>, f64, Miss),
+    /// Why there are no values.
+    Without(String),
+    Unresolved(Diagnostics),
+}
+
+impl<'e> Known<'e> {
+    /// Whether a relation holds in a run.
+    pub fn holds(
+        &mut self,
+        subject: &Subject<'_, 'e>,
+        relation: (&ExpectRelation, Span),
+        trajectory: &Trajectory,
+        findings: &Findings,
+    ) -> bool {
+        let found = self.compare(subject, relation, trajectory, findings);
+        matches!(found, Found::Holds)
     }
-    let both = |time: f64| {
-        let left = values(subject, trajectory, &sides.left, sides.left_when, time)?;
-        Ok((
-            left,
-            values(subject, trajectory, &sides.right, sides.right_when, time)?,
-        ))
-    };
-    let instants = match (sides.left_when, sides.right_when) {
-        (When::Always, _) | (_, When::Always) => looks(trajectory, &|time| {
-            let (left, right) = both(time).ok()?;
-            Some(slack(&sides, relation.relation, &left, &right))
-        }),
-        _ => vec![f64::NAN],
-    };
-    let mut worst: Option<Miss> = None;
-    for time in instants {
-        let (left, right) = match both(time) {
-            Ok(both) => both,
-            Err(got) => {
-                let expected = subject.sources.text(relation.right.span).to_owned();
-                return Verdict::Failed { expected, got };
-            }
-        };
-        let miss = misses(&sides, relation.relation, &left, &right);
-        let is_worse = |old: &Miss| miss.as_ref().is_some_and(|(_, by)| *by > old.by);
-        if let Some((entry, by)) = miss
-            && worst.as_ref().is_none_or(is_worse)
-        {
-            worst = Some(Miss {
-                time,
-                entry,
-                by,
-                left,
-                right,
-            });
+
+    /// Compares both sides in a run.
+    pub fn evaluate(
+        &mut self,
+        subject: &Subject<'_, 'e>,
+        (relation, span): (&ExpectRelation, Span),
+        trajectory: &Trajectory,
+        findings: &Findings,
+    ) -> Verdict {
+        match self.compare(subject, (relation, span), trajectory, findings) {
+            Found::Holds => Verdict::Passed,
+            Found::Misses(sides, within, miss) => Verdict::Failed {
+                expected: expected(relation, &miss.right, within),
+                got: match &findings.order {
+                    Some(Ok(found)) if sides.has_order => found.account.clone(),
+                    _ => miss.describe(),
+                },
+            },
+            Found::Without(got) => Verdict::Failed {
+                expected: subject.sources.text(relation.right.span).to_owned(),
+                got,
+            },
+            Found::Unresolved(diags) => verdict_of(&diags),
         }
     }
-    match worst {
-        None => Verdict::Passed,
-        Some(miss) => Verdict::Failed {
-            expected: expected(relation, &miss.right, sides.within),
-            got: match &findings.order {
-                Some(Ok(found)) if sides.has_order => found.account.clone(),
-                _ => miss.describe(),
-            },
-        },
+
+    /// Both sides with the numbers of the words, resolved anew where words have another number of them.
+    fn sides(
+        &mut self,
+        subject: &Subject<'_, 'e>,
+        (relation, span): (&ExpectRelation, Span),
+        (trajectory, order): (&Trajectory, f64),
+        diags: &mut Diagnostics,
+    ) -> Option<(&Sides<'e>, Vec<(Expr<'e>, f64)>)> {
+        let numbers = |symbols: &Symbols<'e>| symbols.numbers(subject, trajectory, order);
+        if self.sides.is_none() || numbers(&self.symbols).is_none() {
+            self.symbols.clear();
+            let symbols = &self.symbols;
+            let run = Run::Known {
+                trajectory,
+                order,
+                symbols,
+            };
+            self.sides = resolve(subject, relation, span, &run, diags);
+        }
+        Some((self.sides.as_ref()?, numbers(&self.symbols)?))
     }
+
+    fn compare(
+        &mut self,
+        subject: &Subject<'_, 'e>,
+        (relation, span): (&ExpectRelation, Span),
+        trajectory: &Trajectory,
+        findings: &Findings,
+    ) -> Found<'_, 'e> {
+        let mut diags = Diagnostics::new();
+        let order = match &findings.order {
+            Some(Ok(found)) => found.order,
+            _ => f64::NAN,
+        };
+        let run = (trajectory, order);
+        let Some((sides, words)) = self.sides(subject, (relation, span), run, &mut diags) else {
+            return Found::Unresolved(diags);
+        };
+        let mut known = subject.system.parameters();
+        known.extend(words.iter().copied());
+        let numbers = numbers(subject, relation, sides, &known, &mut diags);
+        let Some(numbers) = numbers else {
+            return Found::Unresolved(diags);
+        };
+        if sides.has_order
+            && let Some(Err(reason)) = &findings.order
+        {
+            return Found::Without(reason.clone());
+        }
+        let both = |time: f64| {
+            both(
+                subject,
+                trajectory,
+                (sides, &numbers),
+                (&known, &words),
+                time,
+            )
+        };
+        let instants = match (numbers.left_when, numbers.right_when) {
+            (When::Always, _) | (_, When::Always) => looks(trajectory, &|time| {
+                let [left, right] = both(time).ok()?;
+                Some(slack(numbers.within, relation.relation, &left, &right))
+            }),
+            _ => vec![f64::NAN],
+        };
+        let are_scalar = [&sides.left, &sides.right].map(|side| side.shape == Shape::Scalar);
+        let mut worst: Option<Miss> = None;
+        for time in instants {
+            let [left, right] = match both(time) {
+                Ok(both) => both,
+                Err(got) => return Found::Without(got),
+            };
+            let miss = misses(
+                numbers.within,
+                relation.relation,
+                [&left, &right],
+                are_scalar,
+            );
+            let is_worse = |old: &Miss| miss.as_ref().is_some_and(|(_, by)| *by > old.by);
+            if let Some((entry, by)) = miss
+                && worst.as_ref().is_none_or(is_worse)
+            {
+                worst = Some(Miss {
+                    time,
+                    entry,
+                    by,
+                    left,
+                    right,
+                });
+            }
+        }
+        match worst {
+            None => Found::Holds,
+            Some(miss) => Found::Misses(sides, numbers.within, miss),
+        }
+    }
+}
+
+/// The entries of both sides, or why one has none; `known` are parameters and words.
+fn both(
+    subject: &Subject<'_, '_>,
+    trajectory: &Trajectory,
+    (sides, numbers): (&Sides<'_>, &Numbers),
+    (known, words): (&Valuation, &[(Expr<'_>, f64)]),
+    time: f64,
+) -> Result<[Vec<f64>; 2], String> {
+    let point = |when: When<f64>| {
+        let time = match when {
+            When::Run => return Ok(None),
+            When::At(instant) => instant,
+            When::Always => time,
+        };
+        let mut point = at(subject, trajectory, time).ok_or_else(|| {
+            let reached = trajectory.samples.end().time.first().copied();
+            format!(
+                "the run ended at {}",
+                significant(reached.unwrap_or(0.0), 12)
+            )
+        })?;
+        point.extend(words.iter().copied());
+        Ok::<_, String>(Some(point))
+    };
+    let values = |side: &Tensor<'_>, point: &Option<Valuation>| {
+        let point = point.as_ref().unwrap_or(known);
+        let entries = side.data.iter();
+        entries
+            .map(|&entry: &Expr<'_>| point.value(entry))
+            .collect()
+    };
+    let left = point(numbers.left_when)?;
+    let of_left = values(&sides.left, &left);
+    let of_right = match numbers.right_when == numbers.left_when {
+        true => values(&sides.right, &left),
+        false => values(&sides.right, &point(numbers.right_when)?),
+    };
+    Ok([of_left, of_right])
 }
 
 /// The instants at which what is to hold always is looked at: those that are reported, and those within steps at which it is
@@ -301,9 +495,6 @@ const LOOKS: usize = 2048;
 const MOST_PARTS: usize = 256;
 const SEARCHES: usize = 8;
 
-/// What rounding does to both sides, as a share of them.
-const ROUNDING: f64 = 16.0 * f64::EPSILON;
-
 /// Where a slack is least between two instants, by golden sections.
 fn closest(slack: &impl Fn(f64) -> Option<f64>, [mut from, mut to]: [f64; 2]) -> f64 {
     const SECTIONS: usize = 30;
@@ -317,152 +508,6 @@ fn closest(slack: &impl Fn(f64) -> Option<f64>, [mut from, mut to]: [f64; 2]) ->
         }
     }
     0.5 * (from + to)
-}
-
-/// By how much a relation holds in the entry in which it does so least, negative where it is missed by more than rounding.
-fn slack(sides: &Sides<'_>, relation: ExpectOp, left: &[f64], right: &[f64]) -> f64 {
-    let sizes = [left.len(), right.len()];
-    let is_list = sizes.contains(&0) || sizes[0] != sizes[1] && !sizes.contains(&1);
-    if is_list {
-        return f64::NEG_INFINITY;
-    }
-    let entry = |side: &[f64], k: usize| side[if side.len() == 1 { 0 } else { k }];
-    let slacks = (0..left.len().max(right.len())).map(|k| {
-        let [a, b] = [left, right].map(|side| entry(side, k));
-        let (above, rounding) = (a - b, ROUNDING * a.abs().max(b.abs()));
-        rounding
-            + match relation {
-                ExpectOp::Close | ExpectOp::Equal => sides.within - above.abs(),
-                ExpectOp::Less | ExpectOp::LessEqual => -above,
-                ExpectOp::Greater | ExpectOp::GreaterEqual => above,
-            }
-    });
-    slacks.fold(f64::INFINITY, f64::min)
-}
-
-/// A relation that does not hold.
-struct Miss {
-    /// Not a number where the relation is about one instant.
-    time: f64,
-    /// The entry that misses most.
-    entry: usize,
-    by: f64,
-    left: Vec<f64>,
-    right: Vec<f64>,
-}
-
-impl Miss {
-    fn describe(&self) -> String {
-        let mut text = show(&self.left);
-        if self.left.len() != self.right.len() && self.by.is_infinite() {
-            let (got, wanted) = (self.left.len(), self.right.len());
-            text += &format!(", {got} entries instead of {wanted}");
-        } else if self.left.len().max(self.right.len()) > 1 {
-            text += &format!(
-                ", off by {} in entry {}",
-                significant(self.by, 3),
-                self.entry + 1
-            );
-        } else if self.by.is_finite() && self.by > 0.0 {
-            text += &format!(", off by {}", significant(self.by, 3));
-        }
-        if self.time.is_finite() {
-            text += &format!(" at time = {}", significant(self.time, 12));
-        }
-        text
-    }
-}
-
-/// The entries of a side, or why it has none.
-fn values(
-    subject: &Subject<'_, '_>,
-    trajectory: &Trajectory,
-    side: &Tensor<'_>,
-    when: When,
-    time: f64,
-) -> Result<Vec<f64>, String> {
-    let point = match when {
-        When::Run => Some(subject.system.parameters()),
-        When::At(instant) => at(subject, trajectory, instant),
-        When::Always => at(subject, trajectory, time),
-    };
-    let reached = || {
-        trajectory
-            .samples
-            .end()
-            .time
-            .first()
-            .copied()
-            .unwrap_or(0.0)
-    };
-    let point = point.ok_or_else(|| format!("the run ended at {}", significant(reached(), 12)))?;
-    Ok(side
-        .data
-        .iter()
-        .map(|&entry: &Expr<'_>| point.value(entry))
-        .collect())
-}
-
-/// The entry that misses the relation most, and by how much.
-///
-/// A scalar is compared with every entry of the other side. Lists of different length miss, and
-/// an empty list misses every scalar: what did not happen shall not pass for what should.
-fn misses(
-    sides: &Sides<'_>,
-    relation: ExpectOp,
-    left: &[f64],
-    right: &[f64],
-) -> Option<(usize, f64)> {
-    let is_scalar = |side: &Tensor<'_>| side.shape == Shape::Scalar;
-    let n = match (left.len(), right.len()) {
-        (a, b) if a == b => a,
-        (_, b @ 1..) if is_scalar(&sides.left) => b,
-        (a @ 1.., _) if is_scalar(&sides.right) => a,
-        (a, b) => return Some((a.min(b), f64::INFINITY)),
-    };
-    let within = sides.within;
-    let entry = |side: &[f64], k: usize| side[if side.len() == 1 { 0 } else { k }];
-    let missed = (0..n).filter_map(|k| {
-        let (a, b) = (entry(left, k), entry(right, k));
-        let holds = match relation {
-            ExpectOp::Close => (a - b).abs() <= within,
-            ExpectOp::Equal => a == b,
-            ExpectOp::Less => a < b,
-            ExpectOp::LessEqual => a <= b,
-            ExpectOp::Greater => a > b,
-            ExpectOp::GreaterEqual => a >= b,
-        };
-        let by = (a - b).abs();
-        (!holds).then_some((k, if by.is_nan() { f64::INFINITY } else { by }))
-    });
-    missed.max_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-/// What the right side asks for.
-fn expected(relation: &ExpectRelation, right: &[f64], within: f64) -> String {
-    let right = show(right);
-    match relation.relation {
-        ExpectOp::Close => format!("{right} within {within:e}"),
-        ExpectOp::Equal => right,
-        ExpectOp::Less => format!("< {right}"),
-        ExpectOp::LessEqual => format!("<= {right}"),
-        ExpectOp::Greater => format!("> {right}"),
-        ExpectOp::GreaterEqual => format!(">= {right}"),
-    }
-}
-
-fn show(values: &[f64]) -> String {
-    const MAX: usize = 6;
-    let shown: Vec<String> = values
-        .iter()
-        .take(MAX)
-        .map(|&value| significant(value, 14))
-        .collect();
-    match values {
-        [_] => shown.join(""),
-        _ if values.len() > MAX => format!("[{}, ... {} entries]", shown.join(", "), values.len()),
-        _ => format!("[{}]", shown.join(", ")),
-    }
 }
 
 /// The verdict on an expectation that does not resolve in a run.

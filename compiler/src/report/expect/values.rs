@@ -2,10 +2,12 @@
 
 use std::cell::{Cell, RefCell};
 
+use rustc_hash::FxHashSet;
+
 use super::error::ExpectError;
 use super::{Subject, as_name, mode};
 use crate::diagnostics::Diagnostics;
-use crate::expr::Expr;
+use crate::expr::{Expr, Var, variables_of};
 use crate::model::Tensor;
 use crate::model::hir::reserved::one_of;
 use crate::report::{Event, EventKind, History, Trajectory};
@@ -13,7 +15,7 @@ use crate::syntax::{self, Arg, ExprKind};
 use crate::system::Valuation;
 
 /// A run, or none yet.
-pub enum Run<'r> {
+pub enum Run<'r, 'e> {
     /// Mistakes are looked for before the run.
     Unknown,
     /// It has been made.
@@ -22,7 +24,92 @@ pub enum Run<'r> {
         trajectory: &'r Trajectory,
         /// The order of convergence of its method, not a number where none was measured.
         order: f64,
+        /// What its words are in expressions.
+        symbols: &'r Symbols<'e>,
     },
+}
+
+/// A word that belongs to a run.
+#[derive(Clone, Debug)]
+enum Word {
+    End,
+    Order,
+    Objective,
+    Switches,
+    /// The times of events of a kind, of some surfaces or of all.
+    Events(EventKind, Option<Vec<String>>),
+}
+
+impl Word {
+    /// Its numbers in a run that ends at the horizon of its subject.
+    fn numbers(&self, subject: &Subject<'_, '_>, trajectory: &Trajectory, order: f64) -> Vec<f64> {
+        let history = &trajectory.history;
+        match self {
+            Word::End => vec![subject.horizon],
+            Word::Order => vec![order],
+            Word::Objective => vec![trajectory.objective.unwrap_or(f64::NAN)],
+            Word::Switches => history.switch_times(),
+            Word::Events(kind, surfaces) => times(history, |event| {
+                let mut surfaces = surfaces.iter();
+                event.kind == *kind && surfaces.all(|known| known.contains(&event.surface))
+            }),
+        }
+    }
+}
+
+/// Variables in the place of the numbers that words have in a run: expressions of them hold for all runs in which the words
+/// have as many.
+#[derive(Default)]
+pub struct Symbols<'e> {
+    variables: RefCell<Vec<Expr<'e>>>,
+    known: RefCell<FxHashSet<Var>>,
+    /// Words in the order of their variables, with how many numbers each has.
+    words: RefCell<Vec<(Word, usize)>>,
+}
+
+impl<'e> Symbols<'e> {
+    /// Forgets the words.
+    pub fn clear(&mut self) {
+        self.words.get_mut().clear();
+    }
+
+    /// The variables of so many numbers of another word.
+    fn of(&self, subject: &Subject<'_, 'e>, word: Word, n: usize) -> Vec<Expr<'e>> {
+        let mut words = self.words.borrow_mut();
+        let first: usize = words.iter().map(|(_, n)| n).sum();
+        words.push((word, n));
+        let mut variables = self.variables.borrow_mut();
+        while variables.len() < first + n {
+            let variable = subject.model.exprs.variable("word");
+            self.known.borrow_mut().extend(variable.as_variable());
+            variables.push(variable);
+        }
+        variables[first..first + n].to_vec()
+    }
+
+    /// The numbers of all words in a run, by their variables; none where some word has more or fewer than it has had.
+    pub fn numbers(
+        &self,
+        subject: &Subject<'_, 'e>,
+        trajectory: &Trajectory,
+        order: f64,
+    ) -> Option<Vec<(Expr<'e>, f64)>> {
+        let mut numbers = Vec::new();
+        for (word, n) in self.words.borrow().iter() {
+            let own = word.numbers(subject, trajectory, order);
+            if own.len() != *n {
+                return None;
+            }
+            numbers.extend(own);
+        }
+        let variables = self.variables.borrow();
+        Some(variables.iter().copied().zip(numbers).collect())
+    }
+
+    /// Whether a variable is that of a word.
+    fn has(&self, var: Var) -> bool {
+        self.known.borrow().contains(&var)
+    }
 }
 
 /// Entries that a list has as long as the run is unknown, so that any index is good.
@@ -31,7 +118,7 @@ const MANY: usize = 10_000;
 /// Meanings of the words that belong to a run.
 pub struct Words<'w, 's, 'e> {
     subject: &'w Subject<'s, 'e>,
-    run: &'w Run<'w>,
+    run: &'w Run<'w, 'e>,
     errors: RefCell<Vec<ExpectError>>,
     /// Whether a list was asked for, whose length only a run knows.
     pub has_list: Cell<bool>,
@@ -41,7 +128,7 @@ pub struct Words<'w, 's, 'e> {
 
 impl<'w, 's, 'e> Words<'w, 's, 'e> {
     /// The words of a run.
-    pub fn new(subject: &'w Subject<'s, 'e>, run: &'w Run<'w>) -> Self {
+    pub fn new(subject: &'w Subject<'s, 'e>, run: &'w Run<'w, 'e>) -> Self {
         Words {
             subject,
             run,
@@ -67,18 +154,17 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
     /// What a name or call means, where it belongs to the run.
     fn meaning(&self, expr: &syntax::Expr) -> Option<Tensor<'e>> {
         match &expr.kind {
-            ExprKind::Name(name) if name == "switches" => Some(self.list(History::switch_times)),
-            ExprKind::Name(name) if name == "end" => Some(self.number(self.subject.horizon)),
+            ExprKind::Name(name) if name == "switches" => Some(self.list(Word::Switches)),
+            ExprKind::Name(name) if name == "end" => {
+                Some(self.number(Word::End, self.subject.horizon))
+            }
             ExprKind::Name(name) if name == "order" && self.is_free(name) => {
                 self.has_order.set(true);
                 if !self.subject.has_steps {
                     let span = expr.span;
                     self.errors.borrow_mut().push(ExpectError::NoOrder { span });
                 }
-                Some(self.number(match self.run {
-                    Run::Unknown => 1.0,
-                    Run::Known { order, .. } => *order,
-                }))
+                Some(self.number(Word::Order, 1.0))
             }
             ExprKind::Name(name) if name == "objective" && self.is_free(name) => {
                 // The task of a solved system is gone; then the run knows its objective.
@@ -92,14 +178,14 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
                         .borrow_mut()
                         .push(ExpectError::NoObjective { span });
                 }
-                Some(self.number(objective.unwrap_or(f64::NAN)))
+                Some(self.number(Word::Objective, objective.unwrap_or(f64::NAN)))
             }
             ExprKind::Call(function, args) if as_name(function) == Some("events") => {
                 Some(match self.events(args, expr) {
                     Ok(list) => list,
                     Err(error) => {
                         self.errors.borrow_mut().push(error);
-                        self.list(|_| Vec::new())
+                        Tensor::vector(Vec::new())
                     }
                 })
             }
@@ -129,7 +215,7 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         };
         let kind = self.kind(kind)?;
         let Some(surface) = surface else {
-            return Ok(self.list(|history| times(history, |event| event.kind == kind)));
+            return Ok(self.list(Word::Events(kind, None)));
         };
         let text = mode::plain(self.subject, surface);
         let system = self.subject.system;
@@ -140,11 +226,8 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
             let switches = mode::switches_of(self.subject, surface)?.into_iter();
             names.extend(switches.map(|(k, _)| self.subject.system.switches[k].name.as_str()));
         }
-        Ok(self.list(|history| {
-            times(history, |event| {
-                event.kind == kind && names.contains(&event.surface.as_str())
-            })
-        }))
+        let names = names.into_iter().map(str::to_owned);
+        Ok(self.list(Word::Events(kind, Some(names.collect()))))
     }
 
     fn kind(&self, expr: &syntax::Expr) -> Result<EventKind, ExpectError> {
@@ -160,22 +243,40 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         })
     }
 
-    fn list(&self, of: impl Fn(&History) -> Vec<f64>) -> Tensor<'e> {
-        self.has_list.set(true);
-        let numbers = match self.run {
-            Run::Unknown => vec![0.0; MANY],
-            Run::Known { trajectory, .. } => of(&trajectory.history),
-        };
-        Tensor::vector(
-            numbers
-                .into_iter()
-                .map(|number| self.constant(number))
-                .collect(),
-        )
+    /// A variable of the expressions that is neither a parameter nor a word of the run.
+    pub fn unknown(&self, params: &Valuation, exprs: &[Expr<'e>]) -> Option<Var> {
+        let is_word = |var: Var| matches!(self.run, Run::Known { symbols, .. } if symbols.has(var));
+        let mut variables = variables_of(exprs).into_iter();
+        variables.find(|&var| params.get(var).is_none() && !is_word(var))
     }
 
-    fn number(&self, number: f64) -> Tensor<'e> {
-        Tensor::scalar(self.constant(number))
+    fn list(&self, word: Word) -> Tensor<'e> {
+        self.has_list.set(true);
+        Tensor::vector(match self.run {
+            Run::Unknown => vec![self.constant(0.0); MANY],
+            Run::Known { .. } => self.symbols(word),
+        })
+    }
+
+    fn number(&self, word: Word, unknown: f64) -> Tensor<'e> {
+        Tensor::scalar(match self.run {
+            Run::Unknown => self.constant(unknown),
+            Run::Known { .. } => self.symbols(word)[0],
+        })
+    }
+
+    fn symbols(&self, word: Word) -> Vec<Expr<'e>> {
+        match self.run {
+            Run::Unknown => Vec::new(),
+            Run::Known {
+                trajectory,
+                order,
+                symbols,
+            } => {
+                let n = word.numbers(self.subject, trajectory, *order).len();
+                symbols.of(self.subject, word, n)
+            }
+        }
     }
 
     fn constant(&self, number: f64) -> Expr<'e> {

@@ -8,7 +8,7 @@ use nsd_solver::fesd::jumps::{self, Kind, Shape};
 use nsd_solver::hybrid::Side;
 
 use crate::report::{Dense, Piece, Trajectory};
-use crate::simulate::record::points::{Behind, Points, is_one_instant};
+use crate::simulate::record::points::{Behind, Points, is_one_instant, multiple};
 use crate::simulate::record::recorded;
 use crate::system::experiment::{Sampling, Settings};
 use crate::system::{Role, Switch, System};
@@ -153,9 +153,9 @@ fn sampled(
     let instants: Vec<f64> = match sampling {
         Sampling::Method | Sampling::Curve => Vec::new(),
         Sampling::Every(period) => {
-            let count = (horizon / period).floor() as usize;
-            let inner = (0..=count).map(|i| i as f64 * period);
-            inner.filter(|t| *t < horizon).chain([horizon]).collect()
+            let instants = (0..).map(|k| multiple(*period, k, horizon));
+            let inner = instants.take_while(|t| *t < horizon);
+            inner.chain([horizon]).collect()
         }
         Sampling::At(instants) => instants.iter().copied().filter(|t| *t <= horizon).collect(),
     };

@@ -105,9 +105,10 @@ impl<'s, 'e> Recorder<'s, 'e> {
 
     /// The next instant to sample, which may lie beyond the horizon.
     fn next_sample(&self) -> Option<f64> {
+        let horizon = self.record.horizon;
         match &self.sampling {
             Sampling::Method | Sampling::Curve => None,
-            Sampling::Every(period) => Some(self.sampled as f64 * period),
+            Sampling::Every(period) => Some(points::multiple(*period, self.sampled, horizon)),
             Sampling::At(instants) => instants.get(self.sampled).copied(),
         }
     }

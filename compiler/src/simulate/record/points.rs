@@ -18,6 +18,16 @@ pub(crate) fn is_one_instant(t: f64, other: f64) -> bool {
     (t - other).abs() <= SAME_INSTANT * other.abs()
 }
 
+/// The k-th multiple of a period, which is the horizon where rounding alone is between them.
+pub(super) fn multiple(period: f64, k: usize, horizon: f64) -> f64 {
+    let t = k as f64 * period;
+    if is_one_instant(t, horizon) {
+        horizon
+    } else {
+        t
+    }
+}
+
 /// States that have jumped.
 #[derive(Clone, Debug)]
 pub(in crate::simulate) struct Jump {

@@ -163,8 +163,13 @@ pub enum SettingKind {
     OnChattering,
     /// `stop when q <= 0;`
     Stop(Expr),
-    /// `sensitivity to mu, x[1] at 0;`: parameters, and initial values, which are marked.
-    Sensitivity(Vec<(Path, bool)>),
+    /// `sensitivity to mu, x[1] at 0 one_sided;`
+    Sensitivity {
+        /// Parameters, and initial values, which are marked.
+        to: Vec<(Path, bool)>,
+        /// Whether derivatives from both sides are asked for where there is none.
+        one_sided: bool,
+    },
     /// `perturb every 0.16 by sphere(1e-4) seed 1;`
     Perturb {
         /// Period.
@@ -220,7 +225,7 @@ impl SettingKind {
             SettingKind::Free(_) => "free",
             SettingKind::FreeIntervals(_) => "intervals",
             SettingKind::OnChattering => "on chattering",
-            SettingKind::Sensitivity(_) => "sensitivity to",
+            SettingKind::Sensitivity { .. } => "sensitivity to",
             SettingKind::Stop(_) => "stop when",
             SettingKind::Data(_) => "data",
             SettingKind::Controller(_) => "controller",

@@ -92,7 +92,14 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
         Rule::on_chattering => SettingKind::OnChattering,
         Rule::stop => SettingKind::Stop(expr(reading, parts.one(Rule::expr))),
         Rule::sensitivity => {
-            SettingKind::Sensitivity(parts.map(|to| sensed(reading, to)).collect())
+            let mut to = Vec::new();
+            while let Some(pair) = parts.maybe(Rule::sensed) {
+                to.push(sensed(reading, pair));
+            }
+            SettingKind::Sensitivity {
+                to,
+                one_sided: parts.maybe(Rule::one_sided).is_some(),
+            }
         }
         Rule::data => data(reading, parts),
         Rule::controller => SettingKind::Controller(path(reading, parts.one(Rule::path))),

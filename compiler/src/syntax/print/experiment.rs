@@ -88,7 +88,7 @@ impl Printer {
             SettingKind::FreeIntervals(count) => self.line(format!("intervals {count} free;")),
             SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
             SettingKind::Stop(condition) => self.line(format!("stop when {condition};")),
-            SettingKind::Sensitivity(to) => self.sensitivity(to),
+            SettingKind::Sensitivity { to, one_sided } => self.sensitivity(to, *one_sided),
             SettingKind::Data(data) => self.data(data),
             SettingKind::Controller(path) => self.line(format!("controller {path};")),
             SettingKind::Plot(items) => self.plot("plot", items),
@@ -99,12 +99,14 @@ impl Printer {
         }
     }
 
-    fn sensitivity(&mut self, to: &[(Path, bool)]) {
+    fn sensitivity(&mut self, to: &[(Path, bool)], one_sided: bool) {
         let to = to.iter().map(|(path, at_start)| match at_start {
             true => format!("{path} at 0"),
             false => path.to_string(),
         });
-        self.line(format!("sensitivity to {};", list(&to.collect::<Vec<_>>())));
+        let sides = if one_sided { " one_sided" } else { "" };
+        let to = list(&to.collect::<Vec<_>>());
+        self.line(format!("sensitivity to {to}{sides};"));
     }
 
     fn data(&mut self, data: &Data) {

@@ -224,7 +224,7 @@ fn reads_every_setting_of_a_simulation() {
           method fesd { scheme = radau_iia(4); steps = 10; } method auto;
           lower step, timefreezing;
           output q, E every 0.01; output at [0, 1]; output b[2].q; output every 1;
-          perturb every 0.16 by sphere(1e-4) seed 1; perturb every 1; on chattering slide; sensitivity to mu, x[1] at 0;
+          perturb every 0.16 by sphere(1e-4) seed 1; perturb every 1; on chattering slide; sensitivity to mu, x[1] at 0 one_sided;
           expect x at end ~ [1, 0] within 1e-9; expect x at 0.5 <= 0;
           expect energy at end <= energy at 0; expect clearance always >= -1e-8;
           expect switches ~ [1.0] within 1e-9; expect len(switches) = 3;
@@ -256,7 +256,7 @@ fn reads_every_setting_of_a_simulation() {
       perturb every 0.16 by sphere(0.0001) seed 1;
       perturb every 1;
       on chattering slide;
-      sensitivity to mu, x[1] at 0;
+      sensitivity to mu, x[1] at 0 one_sided;
       expect x at end ~ [1, 0] within 1e-9;
       expect x at 0.5 <= 0;
       expect energy at end <= energy at 0;

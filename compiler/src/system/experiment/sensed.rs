@@ -1,4 +1,4 @@
-//! `sensitivity to mu, x[1] at 0;`
+//! `sensitivity to mu, x[1] at 0 one_sided;`
 
 use super::error::ExperimentError;
 use super::reader::Reader;
@@ -89,7 +89,7 @@ impl Experiment {
         self.settings
             .iter()
             .flat_map(|setting| match &setting.kind {
-                SettingKind::Sensitivity(to) => &to[..],
+                SettingKind::Sensitivity { to, .. } => &to[..],
                 _ => &[],
             })
     }

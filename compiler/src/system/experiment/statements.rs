@@ -161,10 +161,11 @@ impl<'m, 'e> Statements<'m, 'e> {
             SettingKind::Stop(condition) => {
                 self.numerics.stops.extend(Stop::read(reader, condition))
             }
-            SettingKind::Sensitivity(_) if is_optimize => {
+            SettingKind::Sensitivity { .. } if is_optimize => {
                 reader.not_for_optimize("sensitivity to", span);
             }
-            SettingKind::Sensitivity(to) => {
+            SettingKind::Sensitivity { to, one_sided } => {
+                self.recording.one_sided |= one_sided;
                 for (path, at_start) in to {
                     Sensed::read(reader, path, *at_start, &mut self.recording.sensed);
                 }

@@ -40,8 +40,9 @@ pub(crate) struct Recurrences {
     pub by_alpha: Vec<Step>,
     /// Those that move and may hide what they do within a step.
     pub hiding: Vec<Step>,
-    /// Where the rows of the outputs start.
+    /// Where the rows of the outputs start, and their degrees as polynomials in time, as far as those of the inputs tell.
     pub outputs: Vec<usize>,
+    pub degrees: Vec<u32>,
     /// Where the rows behind its own start.
     pub end: usize,
 }
@@ -93,9 +94,10 @@ impl Recurrences {
                 by_alpha.push(step);
             }
         }
-        let outputs = tape.outputs.iter();
+        let outputs = tape.outputs.iter().map(|&value| row_of[value as usize]);
         Recurrences {
-            outputs: outputs.map(|&value| row_of[value as usize].start).collect(),
+            outputs: outputs.clone().map(|row| row.start).collect(),
+            degrees: outputs.map(|row| row.degree).collect(),
             hiding: moving
                 .iter()
                 .filter(|step| step.can_hide())
@@ -106,6 +108,11 @@ impl Recurrences {
             by_alpha,
             end,
         }
+    }
+
+    /// The degrees of the outputs of a tape as polynomials in time, where those of its inputs are these.
+    pub fn degrees(tape: &Tape, inputs: &[u32]) -> Vec<u32> {
+        place(tape, inputs, 1).degrees
     }
 }
 

@@ -1,7 +1,11 @@
 //! By what a run is differentiated, in the parameters and states of its system, and of which sum.
 
+mod one_sided;
+
 use nsd_solver::sensitivity::Directions;
 use nsd_solver::tape::Tape;
+
+pub(crate) use one_sided::Beside;
 
 use crate::Compiled;
 use crate::diagnostics::Diagnostics;
@@ -11,18 +15,16 @@ use crate::simulate::Sensing;
 use crate::source::Span;
 use crate::system::experiment::{ExperimentError, Settings};
 
-/// What the experiment asks for, if it was compiled for that.
+/// By what an experiment is differentiated, if it was compiled for that.
 ///
 /// # Errors
 ///
 /// Where the run is not differentiated by something of it.
-pub(crate) fn sensing(compiled: &Compiled<'_>) -> Result<Option<Sensing>, Diagnostics> {
-    let settings = &compiled.settings;
-    if settings.recording.sensed.is_empty() {
-        return Ok(None);
+pub(crate) fn sensor(compiled: &Compiled<'_>) -> Result<Option<Sensor>, Diagnostics> {
+    match compiled.settings.recording.sensed.is_empty() {
+        true => Ok(None),
+        false => Sensor::new(compiled, Opened::kept).map(Some),
     }
-    let sensor = Sensor::new(compiled, Opened::kept)?;
-    Ok(sensor.asked(settings, &sensor.values()))
 }
 
 /// Lets an experiment find the gradient of a weighted sum of what it reports.
