@@ -122,7 +122,7 @@ fn is_solved(name: &str, kind: Kind, units: Units) -> bool {
     true
 }
 
-/// One unit is changed alone.
+/// One unit is changed alone, or all of them are.
 #[test]
 fn optima_are_those_of_other_units() {
     const ONE: Units = Units {
@@ -144,6 +144,12 @@ fn optima_are_those_of_other_units() {
         cost(1e-12),
         cost(1e-6),
         cost(1e12),
+        // The objective is a thousandth of what its derivatives show at first, and lengths are in units of their own.
+        Units {
+            length: 1745.0,
+            time: 1.5e-4,
+            cost: 91.0,
+        },
     ];
     for (name, kind) in KINDS {
         for units in all {
@@ -158,7 +164,7 @@ fn optima_in_random_units_are_those_of_one() {
     let mut random = Random(20);
     let mut power = |low: f64, high: f64| 10.0_f64.powf(random.within(low, high));
     let (mut n_solved, mut count) = (0, 0);
-    for _ in 0..10 {
+    for _ in 0..6 {
         let units = Units {
             length: power(-9.0, 6.0),
             time: power(-6.0, 6.0),
@@ -169,5 +175,5 @@ fn optima_in_random_units_are_those_of_one() {
             count += 1;
         }
     }
-    assert!(n_solved >= count - 2, "{n_solved} of {count} are solved");
+    assert!(n_solved >= count - 1, "{n_solved} of {count} are solved");
 }

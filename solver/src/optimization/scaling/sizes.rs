@@ -18,7 +18,7 @@ const ONE: [f64; 2] = [-11.0, 9.0];
 const ONE_UNKNOWN: [f64; 2] = [-11.0, 12.0];
 const ONE_OBJECTIVE: [f64; 2] = [-5.0, 25.0];
 /// An objective that is smaller than it was taken for by more prefixes is zero.
-const MOST_PREFIXES: f64 = 4.0;
+const MOST_PREFIXES: f64 = 10.0;
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
 const POINTS: usize = 5;
 /// Sweeps over all equations.
@@ -100,7 +100,7 @@ impl Sizes {
         let terms = gradient.iter().zip(w).map(|(slope, w)| (slope * w).abs());
         let log = log(terms.fold(0.0, f64::max))?;
         let fall = self.objective.log2() - log;
-        let is_smaller = self.objective != 1.0 && (PREFIX..MOST_PREFIXES * PREFIX).contains(&fall);
+        let is_smaller = self.objective != 1.0 && (0.5 * PREFIX..MOST_PREFIXES * PREFIX).contains(&fall);
         is_smaller.then(|| Sizes {
             objective: power(log, ONE_OBJECTIVE),
             ..self.clone()
