@@ -11,6 +11,7 @@ use super::checks::{confirm, simulated};
 use super::problem::Given;
 use super::{Problem, branches};
 use crate::limit::Limit;
+use crate::optimize::problem::size_of_objective;
 use crate::project::watch::Watch;
 use crate::report::{Confirmation, GridTried};
 use crate::system::experiment::Discretization;
@@ -160,11 +161,14 @@ fn on<'e>(
     let options = Options {
         trust: Trust::Alone,
         effort: 0,
-        sizes: Some(finer.sizes.clone()),
+        certificate: mpcc::Tolerances {
+            sizes: Some(finer.sizes.clone()),
+            ..options.certificate.clone()
+        },
         ..options.clone()
     };
     let mut found = mpcc::solve_observed(&mut finer.program, &start, &options, watch);
-    let most = solution.objective + WORSE * problem.size_of_objective(solution.objective);
+    let most = solution.objective + WORSE * size_of_objective(problem, solution.objective);
     let is_as_good = |found: &Solution| {
         let is_kept = found.status == Status::Solved || solution.status != Status::Solved;
         found.is_feasible() && is_kept && found.objective <= most

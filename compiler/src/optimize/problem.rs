@@ -97,20 +97,6 @@ impl<'e> Problem<'e> {
         })
     }
 
-    /// What errors of an objective are measured by: itself, or where that is nearly zero, what its derivatives make of the
-    /// sizes of quantities, at most 1.
-    pub(crate) fn size_of_objective(&self, objective: f64) -> f64 {
-        objective.abs().max(self.sizes.objective.min(1.0))
-    }
-
-    /// What errors of a state are measured by where it is nearly zero, at most 1.
-    pub(crate) fn size_of_state(&self, state: usize) -> f64 {
-        let first = self
-            .layout
-            .x(self.layout.steps, self.layout.elements, self.layout.end);
-        self.sizes.variables[first + state].min(1.0)
-    }
-
     /// The system that is discretized.
     pub(crate) fn lowered(&self) -> &System<'e> {
         match &self.frozen {
@@ -118,4 +104,17 @@ impl<'e> Problem<'e> {
             None => &self.system,
         }
     }
+}
+
+/// What errors of an objective are measured by: itself, or where that is nearly zero, what its derivatives make of the sizes
+/// of quantities, at most 1.
+pub(crate) fn size_of_objective(problem: &Problem<'_>, objective: f64) -> f64 {
+    objective.abs().max(problem.sizes.objective.min(1.0))
+}
+
+/// What errors of a state are measured by where it is nearly zero, at most 1.
+pub(crate) fn size_of_state(problem: &Problem<'_>, state: usize) -> f64 {
+    let layout = &problem.layout;
+    let first = layout.x(layout.steps, layout.elements, layout.end);
+    problem.sizes.variables[first + state].min(1.0)
 }

@@ -77,7 +77,8 @@ fn simulated(
     let asked = (request, sensing.as_ref());
     let mut run = simulate::run_sensed(system, settings, asked, &mut told);
     sensed::check_rows(compiled, sensing.as_ref(), &run)?;
-    if let Some(sensor) = sensor.filter(|_| settings.recording.one_sided) {
+    let mut sensed = settings.recording.sensed.iter();
+    if let Some(sensor) = sensor.filter(|_| sensed.any(|sensed| sensed.one_sided)) {
         let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
         let plan = &mut Plan::of_method(system, settings, &sensor.opened.places);
         let beside = Beside {

@@ -14,6 +14,7 @@ use super::reduced::Reduced;
 use super::solved;
 use crate::limit::Limit;
 use crate::optimize::Problem;
+use crate::optimize::problem::size_of_objective;
 use crate::optimize::start::reference;
 use crate::project::watch::Watch;
 use crate::report::Confirmation;
@@ -98,7 +99,7 @@ pub(crate) fn confirm(
             Ok(better) => better,
             Err(confirmation) => return (confirmation, unfollowed),
         };
-        let least_size = problem.size_of_objective(0.0);
+        let least_size = size_of_objective(problem, 0.0);
         let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN * least_size);
         let least = solution.objective - gain;
         let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
@@ -271,7 +272,7 @@ fn look(
         .as_ref()
         .map_or(0.0, |base| solved::terminal_error(problem, w, &base.end));
     // Where simulations are that far off, no change of them is told from it.
-    if error > CREDIBLE * problem.size_of_objective(solution.objective) {
+    if error > CREDIBLE * size_of_objective(problem, solution.objective) {
         return Err(Confirmation::Differs);
     }
     let scale = descent::scale(&mut reduced, w, solution.objective);
@@ -281,7 +282,7 @@ fn look(
         w,
         objective: solution.objective,
         base: base.as_ref(),
-        weight: WEIGHT * largest.max(problem.size_of_objective(0.0)),
+        weight: WEIGHT * largest.max(size_of_objective(problem, 0.0)),
         doubt: DOUBT * error,
         room: largest * terminal,
     };

@@ -13,6 +13,7 @@ use super::reduced::{Kind, Quantity, Reduced};
 use crate::expr::{Expr, Var, variables_of};
 use crate::limit::Limit;
 use crate::optimize::Problem;
+use crate::optimize::problem::{size_of_objective, size_of_state};
 use crate::report::{Trajectory, Warning};
 use crate::system::experiment::Settings;
 use crate::system::task::Control;
@@ -60,7 +61,7 @@ pub(crate) fn left_alone(
     }
     let other = reduced.at(&changed(&reduced, w));
     let other = other.filter(|other| other.events.is_empty())?;
-    let size = |i: usize, value: f64| value.abs().max(problem.size_of_state(i));
+    let size = |i: usize, value: f64| value.abs().max(size_of_state(problem, i));
     let left = states.iter().filter(|&&(i, state)| {
         if (base.end[i] - other.end[i]).abs() > SAME * size(i, base.end[i]) {
             return false;
@@ -71,7 +72,7 @@ pub(crate) fn left_alone(
         };
         let costs = from(1.0).zip(from(-1.0));
         costs.is_some_and(|(up, down)| {
-            (up - down).abs() > NO_SLOPE * problem.size_of_objective(base.cost)
+            (up - down).abs() > NO_SLOPE * size_of_objective(problem, base.cost)
         })
     });
     let names = left.map(|(_, state)| state.name.as_str());

@@ -4,6 +4,7 @@ use nsd_solver::optimization::mpcc::Solution;
 
 use super::solved;
 use crate::limit::Limit;
+use crate::optimize::problem::{size_of_objective, size_of_state};
 use crate::optimize::{Problem, failure};
 use crate::project::clock::Instant;
 use crate::report::{Check, Confirmation, Failure, Status, Trajectory, Warning};
@@ -58,10 +59,10 @@ pub(crate) fn disagreement(problem: &Problem, solution: &Solution, limit: &Limit
 }
 
 fn relative(problem: &Problem, check: &Check, size: f64, solution: &Solution) -> f64 {
-    let size_of_objective = problem.size_of_objective(solution.objective);
+    let size_of_objective = size_of_objective(problem, solution.objective);
     let objective = check.objective_error.abs() / size_of_objective;
     let states = 0..problem.system.n_model_states();
-    let least = states.fold(0.0, |m: f64, i| m.max(problem.size_of_state(i)));
+    let least = states.fold(0.0, |m: f64, i| m.max(size_of_state(problem, i)));
     let least = if least > 0.0 { least } else { 1.0 };
     (check.terminal_error / size.max(FEASIBLE * least)).max(objective)
 }

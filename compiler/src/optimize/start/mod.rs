@@ -150,7 +150,10 @@ fn options(problem: &Problem, reference: bool, starts: Option<Starts>, limit: &L
         patience,
         form,
         homotopy,
-        sizes: Some(problem.sizes.clone()),
+        certificate: mpcc::Tolerances {
+            sizes: Some(problem.sizes.clone()),
+            ..mpcc::Tolerances::default()
+        },
         limit: limit.clone(),
         analyses: problem.analyses.clone(),
         trust: match reference && starts.is_none() {

@@ -17,6 +17,8 @@ pub struct Sensed<'e> {
     pub var: Expr<'e>,
     /// Whether it is an initial value.
     pub is_initial: bool,
+    /// Whether it is from both sides where there is no derivative.
+    pub one_sided: bool,
     /// The path.
     pub span: Span,
 }
@@ -25,8 +27,8 @@ impl<'e> Sensed<'e> {
     /// Adds the entries of what is named.
     pub(super) fn read(
         reader: &mut Reader<'_, 'e>,
-        path: &Path,
-        at_start: bool,
+        (path, at_start): (&Path, bool),
+        one_sided: bool,
         all: &mut Vec<Self>,
     ) {
         let model = reader.model;
@@ -52,6 +54,7 @@ impl<'e> Sensed<'e> {
                 name: quantity.shape.entry_name(&quantity.name, entry) + at,
                 var: quantity.vars[entry],
                 is_initial: at_start,
+                one_sided,
                 span: path.span,
             };
             let is_it = |known: &Self| (known.var, known.is_initial) == (sensed.var, at_start);

@@ -70,8 +70,6 @@ pub struct Recording<'e> {
     pub figures: Figures<'e>,
     /// By what the run is differentiated.
     pub sensed: Vec<Sensed<'e>>,
-    /// Whether it is from both sides where there is no derivative.
-    pub one_sided: bool,
     /// Weights of what is reported, by name and row, where their sum alone is differentiated.
     pub weights: Option<Vec<(String, Vec<f64>)>>,
     /// What runs are fitted to; `None` for other experiments.

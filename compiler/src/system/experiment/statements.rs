@@ -165,9 +165,9 @@ impl<'m, 'e> Statements<'m, 'e> {
                 reader.not_for_optimize("sensitivity to", span);
             }
             SettingKind::Sensitivity { to, one_sided } => {
-                self.recording.one_sided |= one_sided;
                 for (path, at_start) in to {
-                    Sensed::read(reader, path, *at_start, &mut self.recording.sensed);
+                    let all = &mut self.recording.sensed;
+                    Sensed::read(reader, (path, *at_start), *one_sided, all);
                 }
             }
             SettingKind::Perturb { every, by, seed } => {

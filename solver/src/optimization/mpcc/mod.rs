@@ -11,6 +11,7 @@
 
 mod branch;
 mod certificate;
+mod in_units;
 mod lift;
 pub mod linear;
 mod local;
@@ -31,9 +32,10 @@ use crate::optimization::ipm;
 use crate::optimization::mpcc::branch::leave::{BOXES, gain};
 use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
 use crate::optimization::problem::{Mpcc, Nlp};
-use crate::optimization::scaling::{InUnits, Scaled, Sizes};
+use crate::optimization::scaling::{Scaled, Sizes};
 use branch::{Branch, choose};
 use certificate::Certificate;
+use in_units::InUnits;
 use way::{DeadEnd, ways};
 use work::{MAX_SWITCHES, Work};
 
@@ -105,12 +107,13 @@ pub fn solve_observed(
     observer: &mut dyn Observer,
 ) -> Solution {
     assert_eq!(start.len(), problem.n_variables(), "one value per variable");
-    let Some(sizes) = &options.sizes else {
+    let Some(sizes) = &options.certificate.sizes else {
         return solve_lifted(problem, start, options, observer);
     };
     assert!(sizes.fit(problem), "sizes are those of the problem");
     let found = solve_scaled(problem, start, options, sizes, observer);
-    // Where the objective turns out to be much smaller than it was taken for, tolerances have been too large.
+    // Where the objective turns out to be much smaller than it was taken for, tolerances have been too large; what cannot be
+    // followed to smaller ones stays.
     let smaller = sizes.at(problem, &found.w).filter(|_| found.is_feasible());
     let Some(sizes) = smaller else {
         return found;
@@ -118,13 +121,23 @@ pub fn solve_observed(
     let options = Options {
         trust: Trust::First,
         effort: 0,
-        sizes: Some(Arc::new(sizes.clone())),
+        certificate: Tolerances {
+            sizes: Some(Arc::new(sizes.clone())),
+            ..options.certificate.clone()
+        },
         ..options.clone()
     };
     let mut finer = solve_scaled(problem, &found.w, &options, &sizes, observer);
     finer.stats.iterations += found.stats.iterations;
     finer.stats.seconds += found.stats.seconds;
-    finer
+    let is_kept = finer.status == Status::Solved || found.status != Status::Solved;
+    match finer.is_feasible() && is_kept {
+        true => finer,
+        false => Solution {
+            stats: finer.stats,
+            ..found
+        },
+    }
 }
 
 /// Finds a local minimum from a point, in units of these sizes.
@@ -142,7 +155,7 @@ fn solve_scaled(
         objective: sizes.objective,
     };
     let found = solve_lifted(&mut scaled, &start, options, &mut observer);
-    scaled.solution(found)
+    in_units::solution(scaled, sizes, found)
 }
 
 /// Finds a local minimum from a point, in the units of the problem.
@@ -430,7 +443,7 @@ impl Work<'_> {
 
     /// The residuals of a point in the units of the problem.
     fn measured(&self, lifted: &mut Lifted<'_>, w: &[f64], residuals: Residuals) -> Residuals {
-        match self.options.sizes.as_deref() {
+        match self.options.certificate.sizes.as_deref() {
             Some(sizes) => Residuals::measured(lifted, w, Some(sizes)),
             None => residuals,
         }

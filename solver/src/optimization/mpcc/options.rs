@@ -1,11 +1,8 @@
 //! What a run is asked for.
 
-use std::sync::Arc;
-
 use super::certificate::Tolerances;
 use super::relaxed::{Coupling, Form};
 use crate::linalg::analyses::Analyses;
-use crate::optimization::scaling::Sizes;
 use crate::runtime::limit::Limit;
 
 /// How σ is driven to zero.
@@ -60,8 +57,6 @@ pub struct Options {
     pub patience: usize,
     /// The largest number of iterations of one interior-point run.
     pub max_iterations: usize,
-    /// The sizes that all of this is relative to, 1 without.
-    pub sizes: Option<Arc<Sizes>>,
     /// When it ends.
     pub limit: Limit,
     /// Symbolic factorizations that are known, and those that are made.
@@ -81,7 +76,6 @@ impl Default for Options {
             effort: 100_000,
             patience: 100_000,
             max_iterations: 3000,
-            sizes: None,
             limit: Limit::default(),
             analyses: Analyses::default(),
         }

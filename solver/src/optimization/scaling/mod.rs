@@ -11,10 +11,8 @@ mod sizes;
 
 pub use sizes::Sizes;
 
-use crate::optimization::ipm;
-use crate::optimization::mpcc::{Class, Observer, Program, Solution};
 use crate::optimization::problem::{
-    Bounds, HeldStructure, Intervals, Member, Mpcc, Nlp, Other, Pair, Side, Structure,
+    Bounds, HeldStructure, Intervals, Member, Mpcc, Nlp, Other, Pair, Structure,
 };
 
 /// A program in w', c' and f'.
@@ -147,43 +145,15 @@ impl<'p> Scaled<'p> {
         }
     }
 
-    /// What was found, in the units of the program.
-    pub fn solution(mut self, found: Solution) -> Solution {
-        self.load(&found.w);
-        self.load_multipliers(&found.multipliers.rows);
-        let Sizes {
-            variables,
-            rows,
-            objective,
-        } = self.sizes;
+    /// w of w' within the bounds, and R⁻¹ y' of multipliers y' of the rows.
+    pub fn unscaled(&mut self, w: &[f64], y: &[f64]) -> [Vec<f64>; 2] {
+        self.load(w);
+        self.load_multipliers(y);
         let bounds = self.problem.variable_bounds();
         for (w, (lower, upper)) in self.w.iter_mut().zip(bounds.lower.iter().zip(bounds.upper)) {
             *w = w.max(*lower).min(*upper);
         }
-        let in_units = |z: Vec<f64>| -> Vec<f64> {
-            let places = z.into_iter().zip(variables);
-            places.map(|(z, size)| z * objective / size).collect()
-        };
-        let side = |side: Side, value: f64| {
-            value * objective
-                / match side {
-                    Side::Variable(variable) => variables[variable as usize],
-                    Side::Row(row) => rows[row as usize],
-                }
-        };
-        let mut multipliers = found.multipliers;
-        multipliers.rows = self.y.iter().map(|y| y * objective).collect();
-        multipliers.lower = in_units(multipliers.lower);
-        multipliers.upper = in_units(multipliers.upper);
-        for (values, pair) in multipliers.pairs.iter_mut().zip(self.problem.pairs()) {
-            *values = [side(pair.a, values[0]), side(pair.b, values[1])];
-        }
-        Solution {
-            objective: found.objective * objective,
-            w: self.w,
-            multipliers,
-            ..found
-        }
+        [self.w.clone(), self.y.clone()]
     }
 }
 
@@ -268,31 +238,5 @@ impl Mpcc for Scaled<'_> {
             *value = (*value - self.offsets[place]) / self.sizes.variables[place];
         }
         others
-    }
-}
-
-/// Tells an observer of a run in the units of the program.
-pub(crate) struct InUnits<'o> {
-    pub observer: &'o mut dyn Observer,
-    /// s.
-    pub objective: f64,
-}
-
-impl Observer for InUnits<'_> {
-    fn program(&mut self, program: &Program) {
-        self.observer.program(program);
-    }
-
-    fn stationary(&mut self, objective: f64, class: Class) {
-        self.observer.stationary(self.objective * objective, class);
-    }
-
-    fn iteration(&mut self, program: &Program, progress: &ipm::Progress<'_>) {
-        let progress = ipm::Progress {
-            objective: self.objective * progress.objective,
-            gap: self.objective * progress.gap,
-            ..*progress
-        };
-        self.observer.iteration(program, &progress);
     }
 }

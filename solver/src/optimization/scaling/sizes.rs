@@ -18,7 +18,7 @@ const ONE: [f64; 2] = [-11.0, 9.0];
 const ONE_UNKNOWN: [f64; 2] = [-11.0, 12.0];
 const ONE_OBJECTIVE: [f64; 2] = [-5.0, 25.0];
 /// An objective that is smaller than it was taken for by more prefixes is zero.
-const MOST_PREFIXES: f64 = 10.0;
+const MOST_PREFIXES: f64 = 4.0;
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
 const POINTS: usize = 5;
 /// Sweeps over all equations.
@@ -29,6 +29,8 @@ const KNOWN: f64 = 2.0;
 const UNKNOWN: f64 = 1e-6;
 /// Logarithms to base 2 beyond this are none.
 const LARGEST: f64 = 200.0;
+/// Numbers that are given with logarithms below this are roundings of zero.
+const ROUNDING: f64 = -45.0;
 
 /// D, R and s: the sizes of the variables, of the rows and of the objective, powers of two.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,7 +102,8 @@ impl Sizes {
         let terms = gradient.iter().zip(w).map(|(slope, w)| (slope * w).abs());
         let log = log(terms.fold(0.0, f64::max))?;
         let fall = self.objective.log2() - log;
-        let is_smaller = self.objective != 1.0 && (0.5 * PREFIX..MOST_PREFIXES * PREFIX).contains(&fall);
+        let is_smaller =
+            self.objective != 1.0 && (0.5 * PREFIX..MOST_PREFIXES * PREFIX).contains(&fall);
         is_smaller.then(|| Sizes {
             objective: power(log, ONE_OBJECTIVE),
             ..self.clone()
@@ -121,7 +124,7 @@ impl Sizes {
             balance.settle();
         }
         let found = balance.objective();
-        balance.sizes(objective.or(found))
+        balance.sizes(objective.or(found), &at_start.1)
     }
 }
 
@@ -129,6 +132,11 @@ impl Sizes {
 fn log(size: f64) -> Option<f64> {
     let log = size.abs().log2();
     (log.abs() <= LARGEST).then_some(log)
+}
+
+/// That of a number that is given, if it is more than what is left of others by rounding.
+fn log_of_given(size: f64) -> Option<f64> {
+    log(size).filter(|&log| log >= ROUNDING)
 }
 
 /// The size nearest to one of such a logarithm, 1 between two of them.
@@ -275,12 +283,26 @@ impl<'n> Balance<'n> {
         log(sizes.fold(0.0, f64::max))
     }
 
-    fn sizes(self, objective: Option<f64>) -> Sizes {
+    /// The sizes, where rows have these constants at the start.
+    fn sizes(self, objective: Option<f64>, given: &BTreeMap<usize, f64>) -> Sizes {
         let sizes = self.sizes.iter().zip(&self.known).map(|(&log, known)| {
             let one = if known.is_empty() { ONE_UNKNOWN } else { ONE };
             power(log, one)
         });
         let sizes: Vec<f64> = sizes.collect();
+        let objective = objective.map_or(1.0, |log| power(log, ONE_OBJECTIVE));
+        // Where all that is known is not far from 1, so is what rows make of it.
+        let mut known = sizes.iter().zip(&self.known);
+        let is_one =
+            |&constant: &f64| log_of_given(constant).is_none_or(|log| power(log, ONE) == 1.0);
+        let are_ones = given.values().all(is_one);
+        if are_ones && known.all(|(&size, known)| known.is_empty() || size == 1.0) {
+            return Sizes {
+                variables: vec![1.0; self.quantities.len()],
+                rows: vec![1.0; self.classes.len() - 1],
+                objective,
+            };
+        }
         let mut rows = vec![(0.0_f64, f64::INFINITY); self.rows.len()];
         for (&(row, quantity), a) in &self.entries {
             let (largest, most) = &mut rows[row];
@@ -298,7 +320,7 @@ impl<'n> Balance<'n> {
         Sizes {
             variables: self.quantities.iter().map(|&q| sizes[q]).collect(),
             rows: of_rows.iter().map(|&class| row(class)).collect(),
-            objective: objective.map_or(1.0, |log| power(log, ONE_OBJECTIVE)),
+            objective,
         }
     }
 }
@@ -342,7 +364,7 @@ fn known(
         }
     }
     let known = largest.iter().map(|kinds| {
-        let logs = kinds.iter().filter_map(|&size| log(size));
+        let logs = kinds.iter().filter_map(|&size| log_of_given(size));
         logs.collect()
     });
     (offsets, known.collect())

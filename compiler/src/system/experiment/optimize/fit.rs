@@ -137,6 +137,7 @@ impl<'e> Fit<'e> {
                 name: entry.name + if is_state { " at 0" } else { "" },
                 var: entry.symbol,
                 is_initial: is_state,
+                one_sided: false,
                 span: path.span,
             });
         }

@@ -7,6 +7,8 @@ pub(crate) mod lpec;
 #[cfg(test)]
 mod point_tests;
 pub(crate) mod unique;
+use std::sync::Arc;
+
 use super::lift::Lifted;
 use super::local::{Local, Sets};
 use crate::linalg::analyses::Analyses;
@@ -43,6 +45,8 @@ pub struct Tolerances {
     pub radius: f64,
     /// How many linear programs may be solved for B-stationarity.
     pub node_limit: usize,
+    /// The sizes that these and all other tolerances of a run are relative to, 1 without.
+    pub sizes: Option<Arc<Sizes>>,
     /// When searches have to end, undecided if need be.
     pub limit: Limit,
     /// Symbolic factorizations that are known, and those that are made.
@@ -58,6 +62,7 @@ impl Default for Tolerances {
             gain: 1e-11,
             radius: 1e-4,
             node_limit: 100,
+            sizes: None,
             limit: Limit::default(),
             analyses: Analyses::default(),
         }
