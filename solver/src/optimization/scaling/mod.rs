@@ -12,7 +12,7 @@ mod sizes;
 pub use sizes::Sizes;
 
 use crate::optimization::problem::{
-    Bounds, HeldStructure, Intervals, Member, Mpcc, Nlp, Other, Pair, Structure,
+    Bounds, HeldStructure, Intervals, Member, Mpcc, Nlp, Other, Pair, Pattern, Structure,
 };
 
 /// A program in w', c' and f'.
@@ -47,11 +47,18 @@ fn offsets(bounds: Bounds<'_>) -> Vec<f64> {
     bounds.map(offset).collect()
 }
 
+/// (value - offset) / size.
+fn in_own_units(values: &[f64], offsets: &[f64], sizes: &[f64]) -> Vec<f64> {
+    let places = values.iter().zip(offsets).zip(sizes);
+    let scaled = places.map(|((value, offset), size)| (value - offset) / size);
+    scaled.collect()
+}
+
 /// The row of every entry of a pattern.
-fn rows(pattern: &crate::optimization::problem::Pattern) -> Vec<u32> {
+fn rows(pattern: &Pattern) -> Vec<u32> {
     let rows = 0..pattern.n_rows();
-    rows.flat_map(|row| vec![row as u32; pattern.starts[row + 1] - pattern.starts[row]])
-        .collect()
+    let entries = rows.flat_map(|row| pattern.row(row).iter().map(move |_| row as u32));
+    entries.collect()
 }
 
 impl<'p> Scaled<'p> {
@@ -92,42 +99,22 @@ impl<'p> Scaled<'p> {
         let HeldStructure {
             variables, rows, ..
         } = &mut self.structure;
-        let scale =
-            |to: &mut Vec<f64>, from: &[f64], offsets: &[f64], size: &dyn Fn(usize) -> f64| {
-                for (i, (to, (from, offset))) in
-                    to.iter_mut().zip(from.iter().zip(offsets)).enumerate()
-                {
-                    *to = (from - offset) / size(i);
-                }
-            };
-        let (of_variable, of_row) = (
-            |i: usize| self.sizes.variables[i],
-            |i: usize| self.sizes.rows[i],
-        );
+        let Sizes {
+            variables: of_variables,
+            rows: of_rows,
+            ..
+        } = self.sizes;
         let bounds = self.problem.variable_bounds();
-        scale(
-            &mut variables.lower,
-            bounds.lower,
-            &self.offsets,
-            &of_variable,
-        );
-        scale(
-            &mut variables.upper,
-            bounds.upper,
-            &self.offsets,
-            &of_variable,
-        );
+        variables.lower = in_own_units(bounds.lower, &self.offsets, of_variables);
+        variables.upper = in_own_units(bounds.upper, &self.offsets, of_variables);
         let bounds = self.problem.row_bounds();
-        scale(&mut rows.lower, bounds.lower, &self.row_offsets, &of_row);
-        scale(&mut rows.upper, bounds.upper, &self.row_offsets, &of_row);
+        rows.lower = in_own_units(bounds.lower, &self.row_offsets, of_rows);
+        rows.upper = in_own_units(bounds.upper, &self.row_offsets, of_rows);
     }
 
     /// w' of a point w.
     pub fn scaled(&self, w: &[f64]) -> Vec<f64> {
-        let places = w.iter().zip(&self.offsets).zip(&self.sizes.variables);
-        places
-            .map(|((w, offset), size)| (w - offset) / size)
-            .collect()
+        in_own_units(w, &self.offsets, &self.sizes.variables)
     }
 
     fn load(&mut self, scaled: &[f64]) {

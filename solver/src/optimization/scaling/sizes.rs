@@ -12,8 +12,9 @@ use crate::runtime::random;
 
 /// Sizes are powers of 2^`PREFIX`, as prefixes of units are powers of 1000.
 const PREFIX: f64 = 10.0;
-/// Logarithms of sizes that are 1 as well: what is not far from 1 stays in the units that a user has chosen. Large objectives
-/// interior-point methods scale themselves, and sizes of which rows alone tell are rather too large.
+/// Logarithms of sizes that are 1 as well: what is not far from 1 stays in the units that a user has chosen. Sizes of which
+/// nothing but rows tells are estimated too large more often than too small, and an interior-point method divides a large
+/// objective by its gradient.
 const ONE: [f64; 2] = [-11.0, 9.0];
 const ONE_UNKNOWN: [f64; 2] = [-11.0, 12.0];
 const ONE_OBJECTIVE: [f64; 2] = [-5.0, 25.0];
@@ -21,8 +22,9 @@ const ONE_OBJECTIVE: [f64; 2] = [-5.0, 25.0];
 const MOST_PREFIXES: f64 = 4.0;
 /// How many points of the sizes found so far show the derivatives that vanish at the start.
 const POINTS: usize = 5;
-/// Sweeps over all equations.
+/// Sweeps over all equations, at most, and the change of a logarithm that ends them.
 const SWEEPS: usize = 300;
+const SETTLED: f64 = 1e-9;
 /// What is known of a size counts as so many rows.
 const KNOWN: f64 = 2.0;
 /// What ties a size to 1 that nothing else tells: next to nothing.
@@ -115,6 +117,10 @@ impl Sizes {
         balance.look(start);
         balance.settle();
         let objective = balance.objective();
+        let ones = balance.ones(objective, &balance.constants);
+        if let Some(ones) = ones.filter(|_| objective.is_some()) {
+            return ones;
+        }
         let at_start = (balance.entries.clone(), balance.constants.clone());
         for number in 0..POINTS as u64 {
             let point = balance.point(number);
@@ -123,8 +129,9 @@ impl Sizes {
             balance.look(&point);
             balance.settle();
         }
-        let found = balance.objective();
-        balance.sizes(objective.or(found), &at_start.1)
+        let objective = objective.or_else(|| balance.objective());
+        let ones = balance.ones(objective, &at_start.1);
+        ones.unwrap_or_else(|| balance.sizes(objective))
     }
 }
 
@@ -253,8 +260,13 @@ impl<'n> Balance<'n> {
                 *sum -= entry.log + self.rows[entry.row];
                 *weight += 1.0;
             }
+            let mut change = 0.0_f64;
             for (size, (sum, weight)) in self.sizes.iter_mut().zip(sizes) {
+                change = change.max((sum / weight - *size).abs());
                 *size = sum / weight;
+            }
+            if change < SETTLED {
+                break;
             }
         }
     }
@@ -283,26 +295,26 @@ impl<'n> Balance<'n> {
         log(sizes.fold(0.0, f64::max))
     }
 
-    /// The sizes, where rows have these constants at the start.
-    fn sizes(self, objective: Option<f64>, given: &BTreeMap<usize, f64>) -> Sizes {
+    /// Sizes of 1 of all but the objective, where all that is given is not far from 1, constants of rows among that: so is what
+    /// rows make of it.
+    fn ones(&self, objective: Option<f64>, constants: &BTreeMap<usize, f64>) -> Option<Sizes> {
+        let mut constants = constants.values().filter_map(|&size| log_of_given(size));
+        let mut known = self.sizes.iter().zip(&self.known);
+        let are_ones = constants.all(|log| power(log, ONE) == 1.0)
+            && known.all(|(&log, known)| known.is_empty() || power(log, ONE) == 1.0);
+        are_ones.then(|| Sizes {
+            variables: vec![1.0; self.quantities.len()],
+            rows: vec![1.0; self.classes.len() - 1],
+            objective: objective.map_or(1.0, |log| power(log, ONE_OBJECTIVE)),
+        })
+    }
+
+    fn sizes(self, objective: Option<f64>) -> Sizes {
         let sizes = self.sizes.iter().zip(&self.known).map(|(&log, known)| {
             let one = if known.is_empty() { ONE_UNKNOWN } else { ONE };
             power(log, one)
         });
         let sizes: Vec<f64> = sizes.collect();
-        let objective = objective.map_or(1.0, |log| power(log, ONE_OBJECTIVE));
-        // Where all that is known is not far from 1, so is what rows make of it.
-        let mut known = sizes.iter().zip(&self.known);
-        let is_one =
-            |&constant: &f64| log_of_given(constant).is_none_or(|log| power(log, ONE) == 1.0);
-        let are_ones = given.values().all(is_one);
-        if are_ones && known.all(|(&size, known)| known.is_empty() || size == 1.0) {
-            return Sizes {
-                variables: vec![1.0; self.quantities.len()],
-                rows: vec![1.0; self.classes.len() - 1],
-                objective,
-            };
-        }
         let mut rows = vec![(0.0_f64, f64::INFINITY); self.rows.len()];
         for (&(row, quantity), a) in &self.entries {
             let (largest, most) = &mut rows[row];
@@ -320,7 +332,7 @@ impl<'n> Balance<'n> {
         Sizes {
             variables: self.quantities.iter().map(|&q| sizes[q]).collect(),
             rows: of_rows.iter().map(|&class| row(class)).collect(),
-            objective,
+            objective: objective.map_or(1.0, |log| power(log, ONE_OBJECTIVE)),
         }
     }
 }
