@@ -98,6 +98,7 @@ fn word(rule: Rule) -> Option<&'static str> {
         Rule::kw_chattering => "chattering",
         Rule::kw_intervals => "intervals",
         Rule::kw_slide => "slide",
+        Rule::kw_soft => "soft",
         Rule::kw_starts => "starts",
         Rule::kw_status => "status",
         Rule::kw_stop => "stop",

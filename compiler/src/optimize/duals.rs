@@ -14,10 +14,10 @@ use nsd_solver::optimization::problem::{Bounds, Nlp};
 use super::Problem;
 use crate::lowering::dcs::Dcs;
 use crate::lowering::discretize::Layout;
-use crate::lowering::mpcc::Program;
+use crate::lowering::mpcc::{Block, Program};
 use crate::report::{Constraint, Term, Values};
 use crate::system::Allowed;
-use crate::system::task::Free;
+use crate::system::task::{Free, Holds};
 
 /// Multipliers that differ by more, relative to the larger of 1 and their size, are not the same.
 const SAME: f64 = 1e-6;
@@ -228,17 +228,30 @@ fn unique(problem: &mut Problem, solution: &Solution, options: &Options) -> Vec<
 fn terms(problem: &Problem, w: &[f64]) -> Vec<Term> {
     let texts = problem.task.cost.terms.iter().map(|term| &term.text);
     let terms = texts.zip(&problem.mpcc.terms);
+    let value = |blocks: &[Block]| problem.mpcc.sum(blocks, w).expect("kernels are smooth");
     let terms = terms.map(|(text, blocks)| Term {
         text: text.clone(),
-        value: problem.mpcc.sum(blocks, w).expect("kernels are smooth"),
+        value: value(blocks),
     });
-    terms.collect()
+    let rows = problem.task.rows.iter().zip(&problem.mpcc.stated);
+    let penalties = rows.filter_map(|(row, stated)| {
+        let penalty = stated.slack.as_ref()?.penalty;
+        Some(Term {
+            text: format!("soft {} at {}", row.name, row.at.as_str()),
+            value: value(&problem.mpcc.blocks[penalty..=penalty]),
+        })
+    });
+    terms.chain(penalties).collect()
 }
 
 /// The bounds of the experiment, then those that are declared.
 fn sides(problem: &Problem) -> Vec<Side> {
     let rows = problem.dcs.task.iter().flat_map(|task| &task.rows);
     let stated = rows.zip(&problem.mpcc.stated).filter_map(|(row, stated)| {
+        // Soft ones are terms of the objective, and a pair has no bound by which it moves.
+        if !matches!(row.holds, Holds::Strictly) {
+            return None;
+        }
         let blocks = stated.blocks.clone();
         let rows = blocks.flat_map(|block| problem.mpcc.rows_of(&problem.program, block));
         let bounded = Bounded {

@@ -12,7 +12,7 @@ use crate::expr::{Expr, Substitution};
 use crate::source::Span;
 use crate::system::values::limits::Allowed;
 
-pub use super::experiment::{At, Cost, Lengths, Shape, Term};
+pub use super::experiment::{At, Cost, Holds, Lengths, Norm, Penalty, Shape, Term};
 
 /// The problem of an `optimize`, in terms of a system.
 #[derive(Clone, Debug)]
@@ -98,6 +98,8 @@ pub struct TaskRow<'e> {
     pub upper: f64,
     /// When.
     pub at: At,
+    /// How.
+    pub holds: Holds<'e>,
     /// The row.
     pub span: Span,
 }
@@ -105,8 +107,12 @@ pub struct TaskRow<'e> {
 impl<'e> Task<'e> {
     /// Everything that contains variables of the system.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
-        let rows = self.rows.iter().map(|row| row.value);
-        [self.cost.value].into_iter().chain(rows)
+        [self.cost.value].into_iter().chain(self.in_rows())
+    }
+
+    /// What constraints contain.
+    pub fn in_rows(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        self.rows.iter().flat_map(TaskRow::exprs)
     }
 
     /// The same in other variables.
@@ -115,8 +121,16 @@ impl<'e> Task<'e> {
         task.cost = task.cost.map(&f);
         for row in &mut task.rows {
             row.value = f(row.value);
+            row.holds = row.holds.map(&f);
         }
         task
+    }
+}
+
+impl<'e> TaskRow<'e> {
+    /// Everything that contains variables of the system.
+    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + use<'e> {
+        [self.value].into_iter().chain(self.holds.exprs())
     }
 }
 
@@ -148,6 +162,9 @@ impl Task<'_> {
             let value = row.value;
             let (lower, upper) = (number(row.lower, "lower"), number(row.upper, "upper"));
             match (row.lower.is_finite(), row.upper.is_finite()) {
+                _ if let Holds::Against(other) = row.holds => {
+                    write!(f, "0 <= {value} perp {other} >= 0")?;
+                }
                 _ if row.lower == row.upper => {
                     write!(f, "{value} = {}", number(row.lower, "number"))?;
                 }
@@ -155,7 +172,13 @@ impl Task<'_> {
                 (true, false) => write!(f, "{value} >= {lower}")?,
                 _ => write!(f, "{value} <= {upper}")?,
             }
-            writeln!(f, " at {}", row.at.as_str())?;
+            write!(f, " at {}", row.at.as_str())?;
+            match row.holds {
+                Holds::Softly(Penalty { norm, weight }) => {
+                    writeln!(f, " soft {} weight {weight}", norm.word())?;
+                }
+                Holds::Strictly | Holds::Against(_) => writeln!(f)?,
+            }
         }
         Ok(())
     }

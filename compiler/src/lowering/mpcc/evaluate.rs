@@ -19,7 +19,7 @@ impl Evaluator {
     }
 
     /// Compiles those of some blocks.
-    fn of(mpcc: &Mpcc, blocks: &[Block]) -> Result<Self, CompileError> {
+    pub(super) fn of(mpcc: &Mpcc, blocks: &[Block]) -> Result<Self, CompileError> {
         let n = mpcc.n_variables();
         let free = (vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]);
         let mut rows = kernels::Program::builder(&free.0, &free.1, &vec![0.0; n]);

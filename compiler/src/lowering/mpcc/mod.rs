@@ -27,6 +27,7 @@ mod evaluate;
 mod flat;
 mod nl;
 mod program;
+mod slack;
 mod verify;
 
 use std::collections::BTreeMap;
@@ -37,6 +38,7 @@ pub use evaluate::Evaluator;
 pub use flat::{Flat, Row, Value};
 pub use nl::Ampl;
 pub use program::{Linearized, Others, Program};
+pub use slack::Slack;
 
 use crate::expr::{Expr, Exprs, Var};
 use crate::lowering::dcs;
@@ -68,12 +70,14 @@ pub struct Mpcc<'e> {
 }
 
 /// A constraint as rows, or as bounds of variables.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stated {
     /// Its blocks.
     pub blocks: Range<usize>,
     /// The variables that it bounds.
     pub variables: Vec<usize>,
+    /// By how much it may be missed, where it is soft.
+    pub slack: Option<Slack>,
 }
 
 /// Functions as they are printed: `f(x, z)` and its lines.

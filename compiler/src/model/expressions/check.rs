@@ -66,7 +66,7 @@ fn relation<'e>(
             Relation::LessEqual => value <= 0.0,
             Relation::Greater => value > 0.0,
             Relation::GreaterEqual => value >= 0.0,
-            Relation::Equal => value == 0.0,
+            Relation::Equal | Relation::Perp => value == 0.0,
         };
         if lowering.in_guard {
             let span = left.span.to(right.span);

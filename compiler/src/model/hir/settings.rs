@@ -60,8 +60,9 @@ impl<'r, 'f> Settings<'_, 'r, 'f> {
                     self.plot_items(items);
                 }
                 SettingKind::Method { options, .. } => self.worded().options(options),
-                SettingKind::SubjectTo { rows, .. } | SettingKind::Final(rows) => {
-                    self.resolver.rows(rows)
+                SettingKind::SubjectTo { rows, soft, .. } | SettingKind::Final { rows, soft } => {
+                    self.resolver.rows(rows);
+                    self.resolver.exprs(soft.iter().map(|soft| &soft.weight));
                 }
                 SettingKind::Initial { free, rows } => {
                     self.free(free);

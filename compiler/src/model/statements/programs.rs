@@ -196,6 +196,11 @@ fn constraints<'e>(
                 Relation::GreaterEqual | Relation::Greater => (pair[0] - pair[1], false),
                 Relation::LessEqual | Relation::Less => (pair[1] - pair[0], false),
                 Relation::Equal => (pair[0] - pair[1], true),
+                Relation::Perp => {
+                    let what = "a row is a complementarity, which stands in a model by itself";
+                    let what = what.to_owned();
+                    return lowering.error(DynamicsError::ProgramForm { what, span });
+                }
             };
             if !vars.iter().any(|&var| value.depends_on(var)) {
                 let what = "a row holds nothing that the program solves for".to_owned();

@@ -101,6 +101,10 @@ fn halves<'e>(
                 let what = "a row is an equation: a set has `>=` and `<=`".to_owned();
                 return lowering.error(DynamicsError::ProjectionForm { what, span });
             }
+            Relation::Perp => {
+                let what = "a row is a complementarity: a set has `>=` and `<=`".to_owned();
+                return lowering.error(DynamicsError::ProjectionForm { what, span });
+            }
         };
         if let Some(value) = c.as_constant() {
             return lowering.error(DynamicsError::ConstantComparison {

@@ -7,7 +7,8 @@ use crate::model::hir::Definition;
 use crate::model::statements::restitution;
 use crate::syntax::{
     Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, JumpWhen,
-    OutputWhen, Part, PlotItem, PlotKind, ProgramKind, RegionGuard, Row, SettingKind, Stmt,
+    OutputWhen, Part, PlotItem, PlotKind, ProgramKind, RegionGuard, Relation, Row, SettingKind,
+    Stmt,
 };
 
 /// Whether what statements and settings say fits.
@@ -101,6 +102,8 @@ impl<'f> Checker<'f, '_> {
         for row in rows {
             match row {
                 Row::For { rows, .. } => self.rows(rows),
+                // Members of a complementarity have units of their own.
+                Row::Relation { rest, .. } if rest.iter().any(|(op, _)| *op == Relation::Perp) => {}
                 Row::Relation { first, rest, .. } => {
                     let members = std::iter::once(first).chain(rest.iter().map(|(_, side)| side));
                     self.dims.agree("the sides of this row", members);

@@ -3,12 +3,14 @@
 //! States follow from them by a simulation from event to event, that of the model: elements, nodes and the branches of
 //! a program are not in it.
 
+use nsd_solver::integrate::tableau::Tableau;
+
 use super::solved;
 use crate::expr::{Evaluator, Var};
 use crate::limit::Limit;
 use crate::optimize::Problem;
 use crate::system::experiment::At;
-use crate::system::task::{Lengths, Shape};
+use crate::system::task::{Holds, Lengths, Norm, Penalty, Shape, TaskRow};
 use crate::system::{System, Valuation};
 
 /// Simulations are made as long as they take fewer steps than this, times the number of states.
@@ -54,6 +56,8 @@ pub(crate) struct Quantity {
 enum Asked<'e> {
     /// A function of states, controls and time.
     Value(Evaluator<'e>),
+    /// The smaller one of two, which is zero where they complement each other.
+    Smaller([Evaluator<'e>; 2]),
     /// Σ s_k of the lengths of control intervals as shares of T/N.
     Lengths,
 }
@@ -66,6 +70,8 @@ struct Row {
     upper: f64,
     /// The number of the instant, or none for the end of the horizon.
     at: Option<usize>,
+    /// The number of the penalty of a soft one, and what its place stands for: a share of its interval.
+    soft: Option<(usize, f64)>,
 }
 
 /// An instant at which something is asked.
@@ -82,6 +88,8 @@ struct Place {
 pub(crate) struct Values {
     /// J.
     pub cost: f64,
+    /// What of it violations of soft constraints cost.
+    pub penalty: f64,
     /// The values of the rows, in order.
     pub rows: Vec<f64>,
     /// States, then α, at the end.
@@ -103,6 +111,8 @@ pub(crate) struct Reduced<'r, 'e> {
     /// What constraints are about.
     asked: Vec<Asked<'e>>,
     rows: Vec<Row>,
+    /// How violations are measured, and their weights.
+    penalties: Vec<(Norm, Evaluator<'e>)>,
     /// The rows at each place.
     at_place: Vec<Vec<usize>>,
     /// When no more runs begin, and those that go on end.
@@ -150,6 +160,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
             places: Vec::new(),
             asked: Vec::new(),
             rows: Vec::new(),
+            penalties: Vec::new(),
             at_place: Vec::new(),
             limit: limit.clone(),
         };
@@ -164,8 +175,11 @@ impl<'r, 'e> Reduced<'r, 'e> {
             return;
         };
         let edges = self.problem.at(w).ends();
-        let mut ends: Vec<Place> = Vec::new();
-        let mut nodes: Vec<Place> = Vec::new();
+        // With the shares of their intervals that they stand for.
+        let mut ends: Vec<(Place, f64)> = Vec::new();
+        let mut nodes: Vec<(Place, f64)> = Vec::new();
+        let (family, n_nodes) = self.problem.task.discretization.scheme;
+        let tableau = Tableau::new(family, n_nodes).expect("the number of nodes has been checked");
         for (k, j) in layout.all_elements() {
             let before: f64 = (1..j).map(|j| w[layout.h(k, j)].max(0.0)).sum();
             let (h, length) = (w[layout.h(k, j)].max(0.0), edges[k] - edges[k - 1]);
@@ -173,19 +187,19 @@ impl<'r, 'e> Reduced<'r, 'e> {
                 k,
                 share: ((before + c * h) / length).min(1.0),
             };
-            nodes.extend(layout.points[1..=layout.nodes].iter().map(|&c| place(c)));
-            ends.push(place(1.0));
+            let points = layout.points[1..=layout.nodes].iter().zip(&tableau.weights);
+            nodes.extend(points.map(|(&c, weight)| (place(c), weight * h / length)));
+            ends.push((place(1.0), h / length));
         }
-        let interval = |k: usize| Place { k, share: 1.0 };
-        let start = Place { k: 1, share: 0.0 };
+        let interval = |k: usize| (Place { k, share: 1.0 }, 1.0);
+        let start = (Place { k: 1, share: 0.0 }, 0.0);
         // A clock in numerical time has no lengths of physical time.
         let is_frozen = self.problem.frozen.is_some();
         for row in &task.rows {
             let places = match row.at {
                 At::Start => vec![start],
                 At::End => {
-                    let value = Asked::Value(Evaluator::new(row.value));
-                    self.push(value, (row.lower, row.upper), [None]);
+                    self.push_row(row, [None]);
                     continue;
                 }
                 At::Intervals => (1..=layout.steps).map(interval).collect(),
@@ -193,26 +207,22 @@ impl<'r, 'e> Reduced<'r, 'e> {
                 At::Elements => ends.clone(),
                 At::Nodes => nodes.clone(),
             };
-            self.push(
-                Asked::Value(Evaluator::new(row.value)),
-                (row.lower, row.upper),
-                places.into_iter().map(Some),
-            );
+            self.push_row(row, places.into_iter().map(Some));
         }
         for bound in &task.bounds {
             let state = self.problem.system.states[bound.place].var;
-            let places: Vec<Place> = match is_frozen {
+            let places = match is_frozen {
                 true => (1..=layout.steps).map(interval).collect(),
                 false => nodes.clone(),
             };
             let places = places.into_iter().map(Some);
             let value = Asked::Value(Evaluator::new(state));
-            self.push(value, (bound.lower, bound.upper), places);
+            self.push(value, [bound.lower, bound.upper], None, places);
         }
         // Lengths that are chosen are shares of what they add up to.
         if task.lengths == Lengths::Free {
             let all = layout.steps as f64;
-            self.push(Asked::Lengths, (all, all), [None]);
+            self.push(Asked::Lengths, [all, all], None, [None]);
         }
         // Instants are met in order.
         let mut order: Vec<usize> = (0..self.places.len()).collect();
@@ -234,16 +244,39 @@ impl<'r, 'e> Reduced<'r, 'e> {
         }
     }
 
+    /// Asks for the value of a constraint of the task at places.
+    fn push_row(
+        &mut self,
+        row: &TaskRow<'e>,
+        places: impl IntoIterator<Item = Option<(Place, f64)>>,
+    ) {
+        let (value, bounds) = (Evaluator::new(row.value), [row.lower, row.upper]);
+        match row.holds {
+            Holds::Strictly => self.push(Asked::Value(value), bounds, None, places),
+            Holds::Softly(Penalty { norm, weight }) => {
+                let penalty = self.penalties.len();
+                self.penalties.push((norm, Evaluator::new(weight)));
+                self.push(Asked::Value(value), bounds, Some(penalty), places);
+            }
+            Holds::Against(other) => {
+                let both = Asked::Smaller([value, Evaluator::new(other)]);
+                self.push(both, [0.0, 0.0], None, places);
+            }
+        }
+    }
+
     /// Asks for a value at places; none is the end of the horizon.
     fn push(
         &mut self,
         value: Asked<'e>,
-        (lower, upper): (f64, f64),
-        places: impl IntoIterator<Item = Option<Place>>,
+        [lower, upper]: [f64; 2],
+        penalty: Option<usize>,
+        places: impl IntoIterator<Item = Option<(Place, f64)>>,
     ) {
         self.asked.push(value);
         for place in places {
-            let at = place.map(|place| {
+            let share = place.map_or(1.0, |(_, share)| share);
+            let at = place.map(|(place, _)| {
                 let known = self.places.iter().rposition(|known| *known == place);
                 known.unwrap_or_else(|| {
                     self.places.push(place);
@@ -255,6 +288,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
                 lower,
                 upper,
                 at,
+                soft: penalty.map(|penalty| (penalty, share)),
             });
         }
     }
@@ -266,13 +300,17 @@ impl<'r, 'e> Reduced<'r, 'e> {
 
     /// Whether anything but ranges constrains: lengths can be brought to their sum.
     pub fn is_constrained(&self) -> bool {
-        let is_row = |row: &Row| !matches!(self.asked[row.value], Asked::Lengths);
+        let is_row =
+            |row: &Row| row.soft.is_none() && !matches!(self.asked[row.value], Asked::Lengths);
         self.rows.iter().any(is_row)
     }
 
-    /// The bounds of the rows.
+    /// The bounds of the rows; soft ones have none.
     pub fn bounds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        self.rows.iter().map(|row| (row.lower, row.upper))
+        self.rows.iter().map(|row| match row.soft {
+            Some(_) => (f64::NEG_INFINITY, f64::INFINITY),
+            None => (row.lower, row.upper),
+        })
     }
 
     /// Whether what follows an event depends on more than the state at it: where something jumps, or a switch has memory.
@@ -329,7 +367,20 @@ impl<'r, 'e> Reduced<'r, 'e> {
         let mut rows = vec![f64::NAN; self.rows.len()];
         let value = |row: &Row, known: &Known| match &self.asked[row.value] {
             Asked::Value(value) => value.eval(&|var| known.value(var)),
+            Asked::Smaller(both) => {
+                let [a, b] = both.each_ref().map(|e| e.eval(&|var| known.value(var)));
+                // Not a number stays what it is.
+                if a <= b { a } else { b }
+            }
             Asked::Lengths => problem.at(w).shares().iter().flatten().sum(),
+        };
+        let mut penalty = 0.0;
+        let missed = |row: &Row, value: f64, length: f64, known: &Known| {
+            row.soft.map_or(0.0, |(penalty, share)| {
+                let (norm, weight) = &self.penalties[penalty];
+                let weight = weight.eval(&|var| known.value(var));
+                weight * share * length * norm.of(value, [row.lower, row.upper])
+            })
         };
         for (i, row) in self
             .rows
@@ -338,17 +389,22 @@ impl<'r, 'e> Reduced<'r, 'e> {
             .filter(|(_, row)| row.at.is_none())
         {
             rows[i] = value(row, &known);
+            penalty += missed(row, rows[i], 1.0, &known);
         }
         for (at, place) in self.places.iter().enumerate() {
             known.set(system, instants[at], &run.at[at]);
             known.decide(problem, w, place.k, place.share);
+            let length = ends[place.k] - ends[place.k - 1];
             for &i in &self.at_place[at] {
                 rows[i] = value(&self.rows[i], &known);
+                penalty += missed(&self.rows[i], rows[i], length, &known);
             }
         }
+        let cost = cost + penalty;
         let all_finite = cost.is_finite() && rows.iter().all(|value| value.is_finite());
         all_finite.then_some(Values {
             cost,
+            penalty,
             rows,
             end: run.end,
             steps: run.steps,

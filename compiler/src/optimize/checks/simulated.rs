@@ -2,6 +2,7 @@
 
 use nsd_solver::optimization::mpcc::Solution;
 
+use super::reduced::Reduced;
 use super::solved;
 use crate::limit::Limit;
 use crate::optimize::problem::{size_of_objective, size_of_state};
@@ -45,7 +46,7 @@ fn compare(
     let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
     let check = Check {
         terminal_error: solved::terminal_error(problem, w, x),
-        objective_error: cost(problem, x, w) - solution.objective,
+        objective_error: cost(problem, x, w) + penalty(problem, w, limit) - solution.objective,
     };
     Ok((check, size))
 }
@@ -139,6 +140,20 @@ fn disagrees(settings: &Settings, message: String) -> Warning {
         message,
         span: Some(settings.span),
     }
+}
+
+/// What violations of soft constraints cost; not finite where that is not known.
+fn penalty(problem: &Problem, w: &[f64], limit: &Limit) -> f64 {
+    if problem
+        .mpcc
+        .stated
+        .iter()
+        .all(|stated| stated.slack.is_none())
+    {
+        return 0.0;
+    }
+    let values = Reduced::new(problem, w, limit).and_then(|mut reduced| reduced.at(w));
+    values.map_or(f64::NAN, |values| values.penalty)
 }
 
 /// The cost for states, integrals among them, at the end.

@@ -136,6 +136,7 @@ pub(crate) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
             }
         }
     }
+    mpcc.slacken(&mut w);
     w
 }
 

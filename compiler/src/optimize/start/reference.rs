@@ -130,6 +130,7 @@ pub(crate) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit)
             state.initial = value;
         }
     }
+    problem.mpcc.slacken(w);
     true
 }
 
@@ -252,6 +253,7 @@ pub(crate) fn in_modes<'e>(problem: &Problem<'e>, run: &ReferenceRun<'e>, w: &mu
             }
         }
     }
+    problem.mpcc.slacken(w);
     true
 }
 

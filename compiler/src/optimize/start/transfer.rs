@@ -247,6 +247,7 @@ impl Problem<'_> {
             }
             started += element.length;
         }
+        self.mpcc.slacken(&mut w);
         Some(w)
     }
 

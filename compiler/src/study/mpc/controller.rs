@@ -123,8 +123,7 @@ pub(super) fn recedes(system: &System<'_>) -> Result<(), PrepareError> {
     };
     let rates = system.states.iter().map(|state| state.rate);
     let surfaces = system.switches.iter().map(|switch| switch.psi);
-    let rows = system.task.iter().flat_map(|task| &task.rows);
-    let rows = rows.map(|row| row.value);
+    let rows = system.task.iter().flat_map(|task| task.in_rows());
     let contacts = system.jumps.contacts.iter();
     let contacts = contacts.flat_map(|contact| contact.exprs());
     let costs = system.task.iter().map(|task| task.cost.value.diff(time));

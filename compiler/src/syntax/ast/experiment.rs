@@ -102,6 +102,15 @@ pub struct ExperimentSetting {
     pub span: Span,
 }
 
+/// `soft l1 weight 1e3`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Soft {
+    /// How violations are measured.
+    pub norm: Ident,
+    /// What they are multiplied by.
+    pub weight: Expr,
+}
+
 /// The settings of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SettingKind {
@@ -139,15 +148,22 @@ pub enum SettingKind {
     },
     /// `lower step, timefreezing;`
     Lower(Vec<Ident>),
-    /// `subject to { rows } at elements;`
+    /// `subject to { rows } at elements soft l1 weight 1e3;`
     SubjectTo {
         /// Constraints.
         rows: Vec<Row>,
         /// `nodes`, `elements` or `intervals`.
         at: Option<Ident>,
+        /// Where missing them costs.
+        soft: Option<Soft>,
     },
-    /// `final { q = [..]; }`
-    Final(Vec<Row>),
+    /// `final { q = [..]; } soft squared weight 10;`
+    Final {
+        /// Constraints.
+        rows: Vec<Row>,
+        /// Where missing them costs.
+        soft: Option<Soft>,
+    },
     /// `initial { x[1] free in [0, 1]; }`
     Initial {
         /// Freed states with their ranges.
@@ -220,7 +236,7 @@ impl SettingKind {
             SettingKind::Output { .. } => "output",
             SettingKind::Lower(_) => "lower",
             SettingKind::SubjectTo { .. } => "subject to",
-            SettingKind::Final(_) => "final",
+            SettingKind::Final { .. } => "final",
             SettingKind::Initial { .. } => "initial",
             SettingKind::Free(_) => "free",
             SettingKind::FreeIntervals(_) => "intervals",

@@ -327,7 +327,7 @@ pub enum Row {
         /// The row.
         span: Span,
     },
-    /// `a <= b <= c;`
+    /// `a <= b <= c;` or `0 <= a perp b >= 0;`
     Relation {
         /// First member.
         first: Expr,
@@ -353,6 +353,8 @@ pub enum Relation {
     GreaterEqual,
     /// `=`, in rows only
     Equal,
+    /// `perp`, in rows only
+    Perp,
 }
 
 /// `jump NAME when guard { v := -e*v; }`, or, with or without `jump NAME`, `every T offset t { u := -k*x; }`

@@ -71,8 +71,12 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
         Rule::subject_to => SettingKind::SubjectTo {
             rows: rows(reading, parts.one(Rule::rows)),
             at: parts.maybe(Rule::name).map(|name| reading.ident(name)),
+            soft: soft(reading, &mut parts),
         },
-        Rule::final_rows => SettingKind::Final(rows(reading, parts.one(Rule::rows))),
+        Rule::final_rows => SettingKind::Final {
+            rows: rows(reading, parts.one(Rule::rows)),
+            soft: soft(reading, &mut parts),
+        },
         Rule::initial => initial(reading, parts),
         Rule::free => {
             let build = |reading: &mut Reading, pair: Pair<Rule>| Some(free_path(reading, pair));
@@ -113,6 +117,14 @@ fn setting_kind(reading: &mut Reading, pair: Pair<Rule>) -> SettingKind {
         Rule::expect => SettingKind::Expect(expect(reading, parts)),
         rule => unreachable!("grammar: {rule:?} is no setting"),
     }
+}
+
+fn soft(reading: &mut Reading, parts: &mut Parts) -> Option<Soft> {
+    let mut parts = self::parts(parts.maybe(Rule::soft)?);
+    Some(Soft {
+        norm: reading.ident(parts.one(Rule::name)),
+        weight: behind(reading, &mut parts, Rule::weight)?,
+    })
 }
 
 fn guess(reading: &mut Reading, parts: Parts) -> SettingKind {

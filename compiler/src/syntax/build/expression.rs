@@ -265,6 +265,7 @@ pub(crate) fn relation(text: &str) -> Relation {
         "<=" => Relation::LessEqual,
         ">" => Relation::Greater,
         ">=" => Relation::GreaterEqual,
+        "perp" => Relation::Perp,
         _ => Relation::Equal,
     }
 }

@@ -61,13 +61,11 @@ impl Printer {
                 self.line(format!("output{space}{}{when};", list(paths)));
             }
             SettingKind::Lower(names) => self.line(format!("lower {};", list(names))),
-            SettingKind::SubjectTo { rows, at } => {
-                let at = at.as_ref().map(|at| format!(" at {at};"));
-                self.block("subject to", &at.unwrap_or_default(), |printer| {
-                    printer.rows(rows)
-                });
+            SettingKind::SubjectTo { rows, at, soft } => {
+                let at = at.as_ref().map(|at| format!(" at {at}"));
+                self.constraints("subject to", rows, at, soft);
             }
-            SettingKind::Final(rows) => self.block("final", "", |printer| printer.rows(rows)),
+            SettingKind::Final { rows, soft } => self.constraints("final", rows, None, soft),
             SettingKind::Initial { free, rows } => self.block("initial", "", |printer| {
                 for (path, range) in free {
                     printer.line(format!("{path} free{};", domain(range)));
@@ -97,6 +95,14 @@ impl Printer {
             SettingKind::Expect(expect) => self.line(format!("expect {};", expectation(expect))),
             SettingKind::Bad => self.bad(),
         }
+    }
+
+    fn constraints(&mut self, head: &str, rows: &[Row], at: Option<String>, soft: &Option<Soft>) {
+        let soft = soft.as_ref();
+        let soft = soft.map(|Soft { norm, weight }| format!(" soft {norm} weight {weight}"));
+        let words: Vec<String> = at.into_iter().chain(soft).collect();
+        let end = if words.is_empty() { "" } else { ";" };
+        self.block(head, &(words.concat() + end), |printer| printer.rows(rows));
     }
 
     fn sensitivity(&mut self, to: &[(Path, bool)], one_sided: bool) {

@@ -56,6 +56,7 @@ pub(super) fn relation(relation: Relation) -> &'static str {
         Relation::Greater => ">",
         Relation::GreaterEqual => ">=",
         Relation::Equal => "=",
+        Relation::Perp => "perp",
     }
 }
 

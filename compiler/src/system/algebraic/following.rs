@@ -97,7 +97,8 @@ pub fn reader(system: &System, following: &Following) -> Option<Span> {
     let bent = |k: &&Switch| holds(k.psi, &followed) && holds(k.psi, &alphas);
     let switch = system.switches.iter().find(bent);
     let row = task.rows.iter().find(|row| {
-        holds(row.value, &followed) && (row.at == At::Start || holds(row.value, &initial))
+        let holds = |vars: &[Var]| row.exprs().any(|e| holds(e, vars));
+        holds(&followed) && (row.at == At::Start || holds(&initial))
     });
     let switch = switch.map(|switch| switch.spans[0]);
     switch.or(row.map(|row| row.span))

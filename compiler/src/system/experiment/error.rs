@@ -220,6 +220,18 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// `perp` elsewhere than in `0 <= a perp b >= 0`.
+    #[error("this row is no complementarity: {why}")]
+    #[diagnostic(
+        code(E0535),
+        help("write `0 <= a perp b >= 0;`: both are never negative, and one of them is zero")
+    )]
+    NotAPair {
+        why: &'static str,
+        #[label("one `perp` between two expressions")]
+        span: Span,
+    },
+
     /// A guess that cannot be read.
     #[error("cannot start from `{name}`: {reason}")]
     #[diagnostic(

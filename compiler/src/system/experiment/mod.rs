@@ -38,8 +38,9 @@ pub use method::{
     Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions, options_of, words_of,
 };
 pub use optimize::{
-    At, ClosedLoop, Column, Cost, Discretization, Fit, Freed, Integral, Lengths, MpccOptions,
-    OPTIMIZER, Optimize, Row, Shape, Starts, Term, Tied, relaxation_word, steering_word,
+    At, ClosedLoop, Column, Cost, Discretization, Fit, Freed, Holds, Integral, Lengths,
+    MpccOptions, Norm, OPTIMIZER, Optimize, Penalty, Row, Shape, Starts, Term, Tied,
+    relaxation_word, steering_word,
 };
 pub use perturb::Perturbation;
 pub use plot::{Drawn, Figures, Plot, Sheet};

@@ -6,6 +6,7 @@ use super::contact::{Contact, Slip, refused};
 use super::{Meeting, Numbers, alpha, slope};
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::switches::affine::at;
+use crate::system::task::{At, Holds, TaskRow};
 use crate::system::verify::alphas_of;
 use crate::system::{Role, System, SystemError};
 
@@ -29,6 +30,12 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
             let what = "costs and constraints that contain forces of contacts".to_owned();
             return Err(refused(system, what, span.unwrap_or_default()));
         }
+    }
+    let mut rows = system.task.iter().flat_map(|task| &task.rows);
+    let is_along = |row: &&TaskRow| matches!(row.holds, Holds::Softly(_)) && row.at != At::End;
+    if let Some(row) = rows.find(is_along) {
+        let what = "soft constraints along the horizon, which would cost while time stands";
+        return Err(refused(system, what.to_owned(), row.span));
     }
     let jumping: Vec<Var> = (system.jumps.laws.iter())
         .flat_map(|law| law.resets.iter().map(|reset| reset.0))

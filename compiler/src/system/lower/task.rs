@@ -5,7 +5,7 @@ use super::translation::Translation;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::experiment::{Freed, Tied};
-use crate::system::task::{At, Free, Task, TaskRow};
+use crate::system::task::{At, Free, Holds, Task, TaskRow};
 use crate::system::values::limits::Allowed;
 use crate::system::{Contact, State};
 
@@ -45,6 +45,7 @@ pub(crate) fn lower<'e>(
         lower: row.lower,
         upper: row.upper,
         at: row.at,
+        holds: (row.holds).map(|value| translation.in_alphas(value, row.span)),
         span: row.span,
     });
     let mut rows: Vec<TaskRow<'e>> = rows.collect();
@@ -130,6 +131,7 @@ fn tied<'e>(
             lower: 0.0,
             upper: 0.0,
             at: At::Start,
+            holds: Holds::Strictly,
             span,
         });
     }
@@ -182,6 +184,7 @@ pub(crate) fn coefficient_rows<'e>(
                 true => At::Start,
                 false => At::Nodes,
             },
+            holds: Holds::Strictly,
             span,
         })
     });
@@ -204,6 +207,7 @@ fn algebraic_bounds<'e>(translation: &mut Translation<'_, 'e>) -> Vec<TaskRow<'e
                     lower,
                     upper,
                     at: At::Elements,
+                    holds: Holds::Strictly,
                     span: z.span,
                 });
             }

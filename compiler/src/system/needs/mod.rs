@@ -77,7 +77,8 @@ impl<'e> Needs<'e> {
             let bounded = bounded.filter(|state| state.domain.is_some());
             let bounded = bounded.flat_map(|state| state.vars.iter().copied());
             let integrals = task.integrals.iter().map(|integral| integral.value);
-            let rows = task.rows.iter().map(|row| row.value);
+            let rows = task.rows.iter();
+            let rows = rows.flat_map(|row| [row.value].into_iter().chain(row.holds.exprs()));
             for e in integrals
                 .chain(rows)
                 .chain([task.cost.value])

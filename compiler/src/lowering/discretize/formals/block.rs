@@ -5,6 +5,7 @@ use crate::lowering::mpcc::{Block, Kernel, Kind, Mpcc, Source, Span, n_places, p
 
 /// A block to whose formal arguments actual ones are bound. The first of several bindings of an argument counts, and
 /// what the kernel does not contain is dropped in the end.
+#[derive(Clone)]
 pub(crate) struct Builder<const N: usize> {
     name: &'static str,
     ranges: [Span; N],
@@ -53,6 +54,23 @@ impl<const N: usize> Builder<N> {
         let actual = self.places.iter().map(index).collect();
         self.variables.push((variable(formal), actual));
         self
+    }
+
+    /// The arguments `formals` are consecutive variables place by place, from this one on.
+    pub fn own(self, formals: &[Expr], first: usize) -> Self {
+        let ranges = self.ranges;
+        let number = move |place: [usize; N]| {
+            let indices = ranges.iter().zip(place);
+            indices.fold(0, |number, (range, index)| {
+                number * range.len() + index - range.first
+            })
+        };
+        self.vector(formals, |place| first + number(place) * formals.len())
+    }
+
+    /// The ranges of its places.
+    pub fn ranges(&self) -> &[Span; N] {
+        &self.ranges
     }
 
     /// Whether an argument is a variable at all places.

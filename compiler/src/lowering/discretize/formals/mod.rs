@@ -254,10 +254,10 @@ impl<'p, 'e> Formals<'p, 'e> {
     pub fn check<const N: usize>(
         &self,
         block: &Builder<N>,
-        value: Expr<'e>,
+        values: &[Expr<'e>],
         span: Span,
     ) -> Result<(), DiscretizeError> {
-        let occurring = variables_of(&[value]);
+        let occurring = variables_of(values);
         let z = self.dcs.algebraics.iter().map(|z| z.var);
         let mut missing = z.filter(|&z| occurring.contains(&variable(z)) && !block.is_bound(z));
         match missing.next() {

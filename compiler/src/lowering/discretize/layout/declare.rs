@@ -432,7 +432,7 @@ fn is_timed(dcs: &Dcs, occurring: &[Var]) -> bool {
     let Some(task) = dcs.task.as_ref().filter(|task| task.clock.is_none()) else {
         return false;
     };
-    let rows: Vec<Expr> = task.rows.iter().map(|row| row.value).collect();
+    let rows: Vec<Expr> = task.in_rows().collect();
     let in_rows = variables_of(&rows);
     let occurs = |e: Expr| {
         let var = variable(e);

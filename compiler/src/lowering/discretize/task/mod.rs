@@ -8,6 +8,7 @@ mod choices;
 mod conditions;
 mod points;
 pub(crate) mod quadrature;
+mod soft;
 mod starts;
 
 pub(crate) use choices::chosen;
@@ -42,7 +43,11 @@ pub(crate) fn state<'e>(
         integrals,
     };
     quadrature.state(mpcc);
-    let points = Points { formals, task };
+    let points = Points {
+        formals,
+        task,
+        weights: &tableau.weights,
+    };
     points.cost(mpcc)?;
     points.terms(&quadrature, mpcc)?;
     points.constraints(mpcc)?;

@@ -10,12 +10,14 @@ use crate::lowering::discretize::formals::Formals;
 use crate::lowering::discretize::formals::block::{Builder, variable};
 use crate::lowering::mpcc::{Block, Bounds, Kind, Mpcc, Source, Stated};
 use crate::source::Span;
-use crate::system::task::{At, Shape, Task, TaskRow};
+use crate::system::task::{At, Holds, Shape, Task, TaskRow};
 
 /// The cost and the constraints of a task.
 pub(crate) struct Points<'p, 'e> {
     pub formals: &'p Formals<'p, 'e>,
     pub task: &'p Task<'e>,
+    /// b_m.
+    pub weights: &'p [f64],
 }
 
 impl<'e> Points<'_, 'e> {
@@ -45,26 +47,29 @@ impl<'e> Points<'_, 'e> {
             return Ok(None);
         }
         let (text, span) = (value.to_string(), self.task.cost.span);
-        let (block, value) = self.at_end(value, span)?;
+        let (block, values) = self.at_end(&[value], span)?;
         let sources = vec![Source::Task(span)];
-        let block = block.finish(Kind::Objective, vec![value], sources, text);
+        let block = block.finish(Kind::Objective, values, sources, text);
         Ok(Some(block))
     }
 
     /// Constraints.
     pub fn constraints(&self, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
-        for row in &self.task.rows {
+        for (number, row) in self.task.rows.iter().enumerate() {
             let first = mpcc.blocks.len();
-            let variables = match row.lower < row.upper {
-                true => self.bound(row, mpcc),
-                false => None,
+            let is_bound = matches!(row.holds, Holds::Strictly) && row.lower < row.upper;
+            let variables = is_bound.then(|| self.bound(row, mpcc)).flatten();
+            let slack = match row.holds {
+                Holds::Softly(penalty) => Some(self.soften(number, penalty, mpcc)?),
+                Holds::Strictly | Holds::Against(_) => None,
             };
-            if variables.is_none() {
+            if variables.is_none() && slack.is_none() {
                 mpcc.blocks.extend(self.rows(row)?);
             }
             mpcc.stated.push(Stated {
                 blocks: first..mpcc.blocks.len(),
                 variables: variables.unwrap_or_default(),
+                slack,
             });
         }
         Ok(())
@@ -75,12 +80,12 @@ impl<'e> Points<'_, 'e> {
         Ok(match row.at {
             At::Start => vec![self.at_start("initial", row)?],
             At::End => {
-                let (block, value) = self.at_end(row.value, row.span)?;
-                vec![stated(block, value, row)]
+                let (block, values) = self.at_end(&members(row), row.span)?;
+                vec![stated(block, &values, row)]
             }
             At::Nodes | At::Elements | At::Intervals => {
                 let mut blocks = vec![self.along(row)?];
-                let occurring = variables_of(&[row.value]);
+                let occurring = variables_of(&members(row));
                 let mut freed = self
                     .task
                     .initial
@@ -163,37 +168,38 @@ impl<'e> Points<'_, 'e> {
         let (end, last) = (layout.end, layout.elements);
         let [k, j] = [layout.each_step(), layout.each_element()];
         let h = formals.dcs.exprs.variable("h");
-        let value = formals.timed(&[row.value], h)[0];
+        let values = formals.timed(&members(row), h);
         Ok(match row.at {
             At::Nodes => {
                 let block = Builder::new("path", [k, j, layout.each_node()]);
-                stated(formals.at(block, h, |node| node), value, row)
+                stated(formals.at(block, h, |node| node), &values, row)
             }
             At::Elements => {
                 let block = formals.at(Builder::new("path", [k, j]), h, |[k, j]| [k, j, end]);
-                formals.check(&block, row.value, row.span)?;
-                stated(block, value, row)
+                formals.check(&block, &values, row.span)?;
+                stated(block, &values, row)
             }
             _ => {
                 let block = formals.at(Builder::new("path", [k]), h, |[k]| [k, last, end]);
-                formals.check(&block, row.value, row.span)?;
-                stated(block, value, row)
+                formals.check(&block, &values, row.span)?;
+                stated(block, &values, row)
             }
         })
     }
 
     /// A value at t = T.
-    fn at_end(
+    pub(super) fn at_end(
         &self,
-        value: Expr<'e>,
+        values: &[Expr<'e>],
         span: Span,
-    ) -> Result<(Builder<0>, Expr<'e>), DiscretizeError> {
+    ) -> Result<(Builder<0>, Vec<Expr<'e>>), DiscretizeError> {
         let (formals, layout) = (self.formals, self.formals.layout);
         let place = [layout.steps, layout.elements, layout.end];
         let h = formals.dcs.exprs.variable("h");
         let block = formals.at(Builder::new("final", []), h, |[]| place);
-        formals.check(&block, value, span)?;
-        Ok((block, formals.at_end(value)))
+        formals.check(&block, values, span)?;
+        let values = values.iter().map(|&value| formals.at_end(value));
+        Ok((block, values.collect()))
     }
 
     /// A row at t = 0, before impulses.
@@ -207,14 +213,35 @@ impl<'e> Points<'_, 'e> {
         let block = Builder::new(name, []);
         let block = block.vector(&formals.states, |[]| formals.layout.before(1, 1));
         let block = formals.at(block, h, |[]| [1, 1, 0]);
-        formals.check(&block, row.value, row.span)?;
-        Ok(stated(block, formals.at_start(row.value), row))
+        let values = members(row);
+        formals.check(&block, &values, row.span)?;
+        let values: Vec<Expr> = (values.into_iter())
+            .map(|value| formals.at_start(value))
+            .collect();
+        Ok(stated(block, &values, row))
+    }
+}
+
+/// What is compared with bounds, or both members of a pair.
+fn members<'e>(row: &TaskRow<'e>) -> Vec<Expr<'e>> {
+    match row.holds {
+        Holds::Against(other) => vec![row.value, other],
+        Holds::Strictly | Holds::Softly(_) => vec![row.value],
     }
 }
 
 /// A row with what it is to be.
-fn stated<'e, const N: usize>(block: Builder<N>, value: Expr<'e>, row: &TaskRow<'e>) -> Block<'e> {
+pub(super) fn stated<'e, const N: usize>(
+    block: Builder<N>,
+    values: &[Expr<'e>],
+    row: &TaskRow<'e>,
+) -> Block<'e> {
     let sources = vec![Source::Task(row.span)];
+    if let Holds::Against(other) = row.holds {
+        let text = format!("0 <= {} perp {other} >= 0", row.value);
+        return block.finish(Kind::Pair, values.to_vec(), sources, text);
+    }
+    let value = values[0];
     let (text, finite) = (row.value, (row.lower.is_finite(), row.upper.is_finite()));
     match row.lower == row.upper {
         true => {

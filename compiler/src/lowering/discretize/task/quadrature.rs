@@ -30,7 +30,7 @@ pub(crate) fn split<'e>(dcs: &Dcs<'e>) -> (Dcs<'e>, Vec<Integral<'e>>) {
         return (reduced, Vec::new());
     };
     let first = dcs.states.len() - task.integrals;
-    let rows: Vec<Expr> = task.rows.iter().map(|row| row.value).collect();
+    let rows: Vec<Expr> = task.in_rows().collect();
     let in_rows = variables_of(&rows);
     let factor = |place: usize| {
         let var = variable(dcs.states[place].var);

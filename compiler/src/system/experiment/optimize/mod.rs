@@ -161,6 +161,79 @@ pub struct Integral<'e> {
     pub span: Span,
 }
 
+/// What becomes of a constraint.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Holds<'e> {
+    /// It holds.
+    #[default]
+    Strictly,
+    /// Missing it costs.
+    Softly(Penalty<'e>),
+    /// Its value is one member of 0 <= a ⟂ b >= 0, with this other one.
+    Against(Expr<'e>),
+}
+
+/// What violations of a soft constraint cost: at one instant their norm, along the horizon its integral.
+#[derive(Clone, Copy, Debug)]
+pub struct Penalty<'e> {
+    /// How they are measured.
+    pub norm: Norm,
+    /// Not negative, in parameters.
+    pub weight: Expr<'e>,
+}
+
+/// How a violation is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Norm {
+    /// By its size: with a weight above the multiplier of the constraint, it holds.
+    L1,
+    /// By its square.
+    Squared,
+}
+
+impl Norm {
+    /// All of them, with their words.
+    pub const ALL: [(&str, Norm); 2] = [("l1", Norm::L1), ("squared", Norm::Squared)];
+
+    /// The word of the language.
+    pub fn word(self) -> &'static str {
+        let known = Self::ALL.iter().find(|known| known.1 == self);
+        known.map_or("", |known| known.0)
+    }
+
+    /// Of lower <= value <= upper.
+    pub fn of(self, value: f64, [lower, upper]: [f64; 2]) -> f64 {
+        let violation = (lower - value).max(value - upper).max(0.0);
+        match self {
+            Norm::L1 => violation,
+            Norm::Squared => violation * violation,
+        }
+    }
+}
+
+impl<'e> Holds<'e> {
+    /// The expressions besides the value.
+    pub fn exprs(self) -> Option<Expr<'e>> {
+        match self {
+            Holds::Strictly => None,
+            Holds::Softly(penalty) => Some(penalty.weight),
+            Holds::Against(other) => Some(other),
+        }
+    }
+
+    /// The same in other variables.
+    pub fn map(self, f: impl FnOnce(Expr<'e>) -> Expr<'e>) -> Self {
+        match self {
+            Holds::Strictly => Holds::Strictly,
+            Holds::Softly(Penalty { norm, weight }) => Holds::Softly(Penalty {
+                norm,
+                weight: f(weight),
+            }),
+            Holds::Against(other) => Holds::Against(f(other)),
+        }
+    }
+}
+
 /// lower <= value <= upper at some instants.
 #[derive(Clone, Debug)]
 pub struct Row<'e> {
@@ -174,6 +247,8 @@ pub struct Row<'e> {
     pub upper: f64,
     /// When.
     pub at: At,
+    /// How.
+    pub holds: Holds<'e>,
     /// The row.
     pub span: Span,
 }

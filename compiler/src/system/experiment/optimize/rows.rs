@@ -2,20 +2,33 @@
 
 use super::super::error::ExperimentError;
 use super::super::reader::Reader;
-use super::{At, Row};
+use super::{At, Holds, Penalty, Row};
 use crate::expr::Expr;
 use crate::model::Comparison;
 use crate::syntax::Relation;
 
+/// A comparison of expressions of the model.
+pub(crate) struct Constraint<'e> {
+    /// When it holds.
+    pub at: At,
+    pub comparison: Comparison<'e>,
+    /// What missing it costs, where it is soft.
+    pub penalty: Option<Penalty<'e>>,
+}
+
 impl<'e> Reader<'_, 'e> {
     /// `a <= b <= c` as rows: what is known is a bound, and two bounds of one value are one row.
-    pub(crate) fn bounded(&mut self, comparisons: &[(At, Comparison<'e>)]) -> Vec<Row<'e>> {
+    pub(crate) fn bounded(&mut self, constraints: &[Constraint<'e>]) -> Vec<Row<'e>> {
         let mut rows: Vec<Row<'e>> = Vec::new();
-        for (at, comparison) in comparisons {
-            let first = rows.len();
+        for constraint in constraints {
+            let (first, comparison) = (rows.len(), &constraint.comparison);
+            if comparison.relations.contains(&Relation::Perp) {
+                rows.extend(self.pair(constraint));
+                continue;
+            }
             let pairs = comparison.members.windows(2).zip(&comparison.relations);
             for (pair, &relation) in pairs {
-                let Some(row) = self.row(pair[0], relation, pair[1], comparison, *at) else {
+                let Some(row) = self.row(pair[0], relation, pair[1], constraint) else {
                     continue;
                 };
                 let known = rows[first..]
@@ -45,8 +58,7 @@ impl<'e> Reader<'_, 'e> {
         left: Expr<'e>,
         relation: Relation,
         right: Expr<'e>,
-        comparison: &Comparison<'e>,
-        at: At,
+        constraint: &Constraint<'e>,
     ) -> Option<Row<'e>> {
         let number = |e: Expr<'e>| -> Option<f64> {
             if self.values.free.first_in(&[e]).is_some() {
@@ -54,11 +66,12 @@ impl<'e> Reader<'_, 'e> {
             }
             Some(self.values.numbers_of(self.model, &[e]).ok()?[0])
         };
+        let span = constraint.comparison.span;
         // left - right in [lower, upper]
         let (lower, upper) = match relation {
             Relation::Less | Relation::LessEqual => (f64::NEG_INFINITY, 0.0),
             Relation::Greater | Relation::GreaterEqual => (0.0, f64::INFINITY),
-            Relation::Equal => (0.0, 0.0),
+            Relation::Equal | Relation::Perp => (0.0, 0.0),
         };
         let row = |value, lower, upper| {
             Some(Row {
@@ -66,8 +79,9 @@ impl<'e> Reader<'_, 'e> {
                 value,
                 lower,
                 upper,
-                at,
-                span: comparison.span,
+                at: constraint.at,
+                holds: constraint.penalty.map_or(Holds::Strictly, Holds::Softly),
+                span,
             })
         };
         match (number(left), number(right)) {
@@ -79,11 +93,48 @@ impl<'e> Reader<'_, 'e> {
                 if !holds {
                     self.error(ExperimentError::NeverHolds {
                         why: format!("its sides are {left} and {right}, whatever is chosen"),
-                        span: comparison.span,
+                        span,
                     });
                 }
                 None
             }
         }
+    }
+
+    /// `0 <= a perp b >= 0`
+    fn pair(&mut self, constraint: &Constraint<'e>) -> Option<Row<'e>> {
+        let Constraint {
+            at,
+            comparison,
+            penalty,
+        } = constraint;
+        let Comparison {
+            members,
+            relations,
+            span,
+        } = comparison;
+        let is_zero = |e: &Expr<'e>| e.as_constant() == Some(0.0);
+        let why = match (&members[..], &relations[..]) {
+            (
+                [first, a, b, last],
+                [Relation::LessEqual, Relation::Perp, Relation::GreaterEqual],
+            ) if is_zero(first) && is_zero(last) => match penalty {
+                None => {
+                    return Some(Row {
+                        name: String::new(),
+                        value: *a,
+                        lower: 0.0,
+                        upper: f64::INFINITY,
+                        at: *at,
+                        holds: Holds::Against(*b),
+                        span: *span,
+                    });
+                }
+                Some(_) => "it cannot be soft",
+            },
+            _ => "its members are not between zeros",
+        };
+        self.error(ExperimentError::NotAPair { why, span: *span });
+        None
     }
 }

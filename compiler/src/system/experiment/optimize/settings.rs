@@ -10,7 +10,11 @@ use super::super::method::MethodKind;
 use super::super::reader::{Reader, out_of_range, unknown_choice};
 use super::free::freed;
 use super::goal::Words;
-use super::{At, Cost, Discretization, Freed, Lengths, MpccOptions, Optimize, Shape, Starts, Tied};
+use super::rows::Constraint;
+use super::{
+    At, Cost, Discretization, Freed, Lengths, MpccOptions, Norm, Optimize, Penalty, Shape, Starts,
+    Tied,
+};
 use crate::expr::{Expr, Var};
 use crate::model::{self, Comparison, Model};
 use crate::source::Span;
@@ -26,7 +30,7 @@ pub(crate) struct Draft<'m, 'e> {
     horizon: Option<(f64, f64)>,
     /// Nothing in it after a mistake.
     cost: Option<Option<Cost<'e>>>,
-    comparisons: Vec<(At, Comparison<'e>)>,
+    constraints: Vec<Constraint<'e>>,
     params: Vec<Freed>,
     initial: Vec<Freed>,
     guess: Vec<(Var, Expr<'e>)>,
@@ -100,7 +104,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             refines: None,
             horizon: None,
             cost: None,
-            comparisons: Vec::new(),
+            constraints: Vec::new(),
             params: Vec::new(),
             initial: Vec::new(),
             guess: Vec::new(),
@@ -130,21 +134,23 @@ impl<'m, 'e> Draft<'m, 'e> {
                 };
             }
             SettingKind::Value { name, value } => self.value(reader, name, value, span),
-            SettingKind::SubjectTo { rows, at } => {
+            SettingKind::SubjectTo { rows, at, soft } => {
                 let at = at
                     .as_ref()
                     .map_or(Some(At::Elements), |at| instants(reader, at));
                 if let Some(at) = at {
-                    self.rows(reader, rows, at);
+                    self.rows(reader, rows, at, soft.as_ref());
                 }
             }
-            SettingKind::Final(rows) => self.rows(reader, rows, At::End),
+            SettingKind::Final { rows, soft } => {
+                self.rows(reader, rows, At::End, soft.as_ref());
+            }
             SettingKind::Initial { free, rows } => {
                 for (path, domain) in free {
                     let freed = self.freed(reader, path, domain.as_ref(), true);
                     self.initial.extend(freed.into_iter().flatten());
                 }
-                self.rows(reader, rows, At::Start);
+                self.rows(reader, rows, At::Start, None);
             }
             SettingKind::Free(list) => {
                 for (path, domain) in list {
@@ -227,7 +233,11 @@ impl<'m, 'e> Draft<'m, 'e> {
             relations,
             span,
         };
-        self.comparisons.push((at, comparison));
+        self.constraints.push(Constraint {
+            at,
+            comparison,
+            penalty: None,
+        });
     }
 
     /// What is freed, within bounds; those that hold free parameters are constraints.
@@ -250,9 +260,21 @@ impl<'m, 'e> Draft<'m, 'e> {
         Some(freed.collect())
     }
 
-    fn rows(&mut self, reader: &mut Reader<'_, 'e>, rows: &[Row], at: At) {
+    fn rows(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        rows: &[Row],
+        at: At,
+        soft: Option<&syntax::Soft>,
+    ) {
+        let penalty = soft.map(|soft| reader.penalty(soft));
         let found = reader.comparisons(&self.words, rows, at);
-        self.comparisons.extend(found);
+        let found = found.into_iter().map(|(at, comparison)| Constraint {
+            at,
+            comparison,
+            penalty: penalty.flatten(),
+        });
+        self.constraints.extend(found);
     }
 
     fn value(
@@ -354,7 +376,7 @@ impl<'m, 'e> Draft<'m, 'e> {
         experiment: &syntax::Experiment,
     ) -> Option<Optimize<'e>> {
         self.ranges(reader);
-        let mut rows = reader.bounded(&self.comparisons);
+        let mut rows = reader.bounded(&self.constraints);
         for row in &mut rows {
             row.name = self.words.text(row.value);
         }
@@ -421,6 +443,21 @@ fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
 }
 
 impl<'e> Reader<'_, 'e> {
+    /// `soft l1 weight 1e3`
+    fn penalty(&mut self, soft: &syntax::Soft) -> Option<Penalty<'e>> {
+        let known = Norm::ALL.iter().find(|known| known.0 == soft.norm.name);
+        if known.is_none() {
+            let words = Norm::ALL.map(|known| known.0);
+            self.error(unknown_choice("norm of violations", &soft.norm, &words));
+        }
+        let fits = |weight: f64| weight >= 0.0 && weight.is_finite();
+        let (_, weight) = self.follows("the weight", &soft.weight, "0 or more", fits)?;
+        Some(Penalty {
+            norm: known?.1,
+            weight,
+        })
+    }
+
     /// `horizon 2*p;`: where p is free, T is, and T = 2 p is a constraint.
     pub(crate) fn horizon(
         &mut self,
